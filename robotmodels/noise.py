@@ -1,0 +1,37 @@
+"""Noise laws: how uncertain a measured FRF element is, given the FRF."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from robotmodels.arrays import Array, ComplexArray
+from robotmodels.errors import InvalidInput
+
+
+@dataclass(frozen=True)
+class RelativeNoise:
+    """Circular complex noise of a relative part and a floor, independent over elements.
+
+    var G_ij = (relative |G_ij|)^2 + (floor max_kl |G_kl|)^2 at each position and frequency.
+
+    Attributes
+    ----------
+    relative, floor : standard deviations, of the element and of the largest element [-].
+    """
+
+    relative: float = 0.03
+    floor: float = 0.01
+
+    def __post_init__(self) -> None:
+        for name in ("relative", "floor"):
+            value = getattr(self, name)
+            if not (np.isfinite(value) and value >= 0):
+                raise InvalidInput(f"noise.{name}: {value!r} is not a number >= 0")
+        if self.relative == 0 and self.floor == 0:
+            raise InvalidInput("noise: relative and floor are both zero; one must be positive")
+
+    def variance(self, response: ComplexArray) -> Array:
+        """Return the variances (Q, F, m, n) of `response` (Q, F, m, n)."""
+        magnitude = np.abs(response)
+        largest = magnitude.max(axis=(-2, -1), keepdims=True)
+        return np.asarray((self.relative * magnitude) ** 2 + (self.floor * largest) ** 2)
