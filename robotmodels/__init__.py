@@ -1,1 +1,34 @@
-"""..."""
+"""What the robot is: elastic models, their equilibria, FRFs and sensitivities."""
+
+from robotmodels.elastic import ElasticRobot
+from robotmodels.errors import (
+    IdentificationError,
+    InvalidInput,
+    NoEquilibrium,
+    NotIdentifiable,
+    SolverFailed,
+)
+from robotmodels.library import builtin_robots, load_robot
+from robotmodels.linear_model import LinearModel
+from robotmodels.noise import RelativeNoise
+from robotmodels.parameters import Parameters
+from robotmodels.response import frequency_response, linearize, sensitivity
+from robotmodels.spring_network import SpringNetwork
+
+__all__ = [
+    "ElasticRobot",
+    "IdentificationError",
+    "InvalidInput",
+    "LinearModel",
+    "NoEquilibrium",
+    "NotIdentifiable",
+    "Parameters",
+    "RelativeNoise",
+    "SolverFailed",
+    "SpringNetwork",
+    "builtin_robots",
+    "frequency_response",
+    "linearize",
+    "load_robot",
+    "sensitivity",
+]

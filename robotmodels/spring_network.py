@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from robotmodels.arrays import Array, ComplexArray
+from robotmodels.arrays import Array, ComplexArray, IntArray
 from robotmodels.linear_model import LinearModel
 from robotmodels.parameters import Parameters
 
@@ -35,7 +35,7 @@ class SpringNetwork:
     damping: Array
     stiffness: Array
     selector: Array
-    ends: Array
+    ends: IntArray
     spring_stiffness: Array
     spring_damping: Array
     exponents: Array
@@ -96,3 +96,35 @@ class SpringNetwork:
         )
         G = -(w[:, None, None] ** 2) * (self.selector.T @ X)
         return G, J
+
+
+@dataclass(frozen=True, eq=False)
+class Tangents:
+    """What the frozen equilibria leave out: derivatives of mass and stiffness by ln theta.
+
+    Attributes
+    ----------
+    mass, stiffness : (Q, p, d, d).
+    """
+
+    mass: Array
+    stiffness: Array
+
+    def sensitivity(self, omega: Array, receptance: ComplexArray) -> ComplexArray:
+        """Return the part of dG/d ln theta they add, (Q, F, n, n, p).
+
+        dG = omega^2 X^T (dK - omega^2 dM) X, with X (Q, F, d, n) the `receptance`.
+        """
+        w = np.asarray(omega, dtype=float)[:, None, None]
+
+        def through(derivative: Array) -> ComplexArray:
+            """X^T (derivative) X, (Q, F, n, n, p), one product of real matrices per position."""
+            q, f, d, n = receptance.shape
+            columns = receptance.transpose(0, 2, 1, 3).reshape(q, 1, d, f * n)
+            right = (derivative @ columns.real + 1j * (derivative @ columns.imag)).reshape(
+                q, -1, d, f, n
+            )
+            return np.asarray(np.einsum("qfdm,qpdfn->qfmnp", receptance, right, optimize=True))
+
+        stiff, inert = through(self.stiffness), through(self.mass)
+        return np.asarray(w[..., None] ** 2 * stiff - w[..., None] ** 4 * inert)

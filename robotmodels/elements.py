@@ -1,0 +1,146 @@
+"""The numbers of a robot file that can be parameters, and which of them are free."""
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from robotmodels.arrays import Array
+from robotmodels.errors import InvalidInput, nearest
+from robotmodels.parameters import Parameters
+from robotmodels.robot_file import Hardening, RobotFile
+from robotmodels.spring_laws import SpringLaws
+
+
+@dataclass(frozen=True, eq=False)
+class Elements:
+    """Stiffnesses, then dampings, of a robot file, and the free parameters behind them.
+
+    A free parameter scales every element tied to it, so tied elements keep their ratio.
+    """
+
+    file: RobotFile
+    prismatic: set[str]
+
+    @cached_property
+    def names(self) -> tuple[str, ...]:
+        """Names of all elements."""
+        stiffnesses: list[str] = []
+        for spring in self.file.springs:
+            if isinstance(spring.stiffness, Hardening):
+                stiffnesses += [f"{spring.name}.stiffness.low", f"{spring.name}.stiffness.high"]
+            else:
+                stiffnesses.append(f"{spring.name}.stiffness")
+        return (*stiffnesses, *(f"{s.name}.damping" for s in self.file.springs))
+
+    @cached_property
+    def values(self) -> Array:
+        """Values of all elements in the file."""
+        values: list[float] = []
+        for spring in self.file.springs:
+            if isinstance(spring.stiffness, Hardening):
+                values += [spring.stiffness.low, spring.stiffness.high]
+            else:
+                values.append(spring.stiffness)
+        return np.array([*values, *(s.damping for s in self.file.springs)])
+
+    @cached_property
+    def parameters(self) -> Parameters:
+        """The free parameters; a tied group has the name and value of its first member."""
+        heads = [int(np.argmax(column)) for column in self.ties.T]
+        return Parameters(
+            tuple(self.names[i] for i in heads),
+            self.values[heads],
+            tuple(self._unit(self.names[i]) for i in heads),
+        )
+
+    @cached_property
+    def ties(self) -> Array:
+        """Which free parameter scales which element, (elements, p) of zeros and ones."""
+        choice = self.file.parameters
+        for name in (*choice.fixed, *(n for group in choice.tied for n in group)):
+            if name not in self.names:
+                raise InvalidInput(
+                    f"parameters: {name!r} is not a parameter of this robot"
+                    f"{nearest(name, self.names)}"
+                )
+        head = {name: name for name in self.names}
+        for group in choice.tied:
+            for name in group:
+                if head[name] != name or name in choice.fixed:
+                    raise InvalidInput(f"parameters: {name!r} is tied twice, or tied and fixed")
+            head |= dict.fromkeys(group[1:], group[0])
+        free = [n for n in self.names if head[n] == n and n not in choice.fixed]
+        if not free:
+            raise InvalidInput("parameters: every parameter is fixed; at least one must be free")
+        return np.array([[float(head[name] == column) for column in free] for name in self.names])
+
+    def at(self, theta: Array) -> Array:
+        """Return all elements where the free parameters are `theta` (p,)."""
+        return np.asarray(self.values * np.exp(self.ties @ np.log(theta / self.parameters.values)))
+
+    def laws(self, theta: Array) -> SpringLaws:
+        """Return the springs' characteristics."""
+        elements = self.at(theta)
+        torque = [
+            s.stiffness.torque if isinstance(s.stiffness, Hardening) else np.inf
+            for s in self.file.springs
+        ]
+        return SpringLaws(elements[self._low], elements[self._high], np.array(torque))
+
+    def dampings(self, theta: Array) -> Array:
+        """Return the springs' dampings, (s,)."""
+        return self.at(theta)[self._damping]
+
+    def exponents(self, theta: Array, elongations: Array) -> Array:
+        """Return d ln(stiffnesses, dampings) / d ln theta, (Q, 2 s, p), at fixed torques.
+
+        A nonlinear spring's stiffness is its slope at the `elongations` (Q, s).
+        """
+        law = self.laws(theta)
+        slope = law(elongations)[1]
+
+        def change(elements: list[int], partial: tuple[Array, Array]) -> Array:
+            # At fixed torque the elongation gives way by -torque / slope.
+            torque, direct = partial
+            relative = (direct - law.stiffening(elongations) * torque / slope) / slope
+            return np.asarray(relative[..., None] * self.ties[elements])
+
+        by_stiffness = change(self._low, law.by_low(elongations)) + change(
+            self._high, law.by_high(elongations)
+        )
+        by_damping = np.broadcast_to(
+            self.ties[self._damping], (len(elongations), *self.ties[self._damping].shape)
+        )
+        return np.concatenate([by_stiffness, by_damping], axis=1)
+
+    def torque_derivatives(self, theta: Array, elongations: Array) -> Array:
+        """Return d (spring torques) / d ln theta at fixed elongations, (Q, s, p)."""
+        law = self.laws(theta)
+        by_low = law.by_low(elongations)[0][..., None] * self.ties[self._low]
+        by_high = law.by_high(elongations)[0][..., None] * self.ties[self._high]
+        return np.asarray(by_low + by_high)
+
+    def _unit(self, name: str) -> str:
+        spring = next(s for s in self.file.springs if name.startswith(f"{s.name}."))
+        linear = spring.axis == "drive" and spring.joint in self.prismatic
+        if name.endswith(".damping"):
+            return "N s/m" if linear else "N m s/rad"
+        return "N/m" if linear else "N m/rad"
+
+    @cached_property
+    def _low(self) -> list[int]:
+        return [self._place(s.name, "stiffness", "stiffness.low") for s in self.file.springs]
+
+    @cached_property
+    def _high(self) -> list[int]:
+        return [self._place(s.name, "stiffness", "stiffness.high") for s in self.file.springs]
+
+    @cached_property
+    def _damping(self) -> list[int]:
+        return [self._place(s.name, "damping") for s in self.file.springs]
+
+    def _place(self, spring: str, *endings: str) -> int:
+        return next(
+            self.names.index(f"{spring}.{e}") for e in endings if f"{spring}.{e}" in self.names
+        )

@@ -1,0 +1,108 @@
+"""Frequency responses and their sensitivities, position by position."""
+
+from typing import Protocol, runtime_checkable
+
+import numpy as np
+
+from robotmodels.arrays import Array, ComplexArray
+from robotmodels.errors import InvalidInput
+from robotmodels.linear_model import LinearModel
+from robotmodels.parameters import Parameters
+from robotmodels.spring_network import SpringNetwork, Tangents
+
+
+class Elastic(Protocol):
+    """Anything whose linear model depends on a position and on free parameters."""
+
+    @property
+    def parameters(self) -> Parameters:
+        """The free parameters."""
+
+    def network(self, positions: Array, parameters: Array | None = None) -> SpringNetwork:
+        """Return the spring network about the equilibria at `positions`."""
+
+
+@runtime_checkable
+class Sagging(Protocol):
+    """An elastic system whose equilibrium moves with its stiffnesses."""
+
+    def tangents(self, positions: Array, parameters: Array | None = None) -> Tangents:
+        """Return what the shift of the equilibrium adds."""
+
+
+def linearize(robot: Elastic, position: Array, parameters: Array | None = None) -> LinearModel:
+    """Return the linear model about the static equilibrium at `position`, (n,) or (Q, n).
+
+    Raises
+    ------
+    NoEquilibrium : if a spring is too weak for gravity.
+    InvalidInput : if the position is outside the joint limits.
+    """
+    position = np.asarray(position, dtype=float)
+    model = robot.network(np.atleast_2d(position), parameters).linear_model()
+    if position.ndim == 2:
+        return model
+    return LinearModel(model.mass[0], model.damping, model.stiffness[0], model.selector)
+
+
+def frequency_response(
+    robot: Elastic, positions: Array, omega: Array, parameters: Array | None = None
+) -> ComplexArray:
+    """Return G, (Q, F, n, n): motor torque [N m] to motor acceleration [rad/s^2].
+
+    Parameters
+    ----------
+    robot : a robot or another elastic system.
+    positions : (Q, n) [rad].
+    omega : (F,) positive [rad/s].
+    parameters : (p,) in the order of ``robot.parameters``; its own values by default.
+
+    Raises
+    ------
+    NoEquilibrium : if a spring is too weak for gravity.
+    InvalidInput : if a frequency is not positive or a position outside the joint limits.
+    """
+    return robot.network(positions, parameters).frequency_response(check_omega(omega))
+
+
+def sensitivity(
+    robot: Elastic,
+    positions: Array,
+    omega: Array,
+    parameters: Array | None = None,
+    *,
+    sag: bool = True,
+) -> tuple[ComplexArray, ComplexArray]:
+    """Return G, (Q, F, n, n), and J = dG/d ln theta, (Q, F, n, n, p).
+
+    With `sag` the derivatives are exact; without it the equilibria are held fixed, which is
+    faster and wrong by about the angle by which the springs give way (1e-3 or so).
+
+    Raises
+    ------
+    NoEquilibrium, InvalidInput : as `frequency_response`.
+    """
+    omega = check_omega(omega)
+    network = robot.network(positions, parameters)
+    G, J = network.sensitivity(omega)
+    if sag and isinstance(robot, Sagging):
+        receptance = network.linear_model().receptance(omega)
+        J = J + robot.tangents(positions, parameters).sensitivity(omega, receptance)
+    return G, J
+
+
+def check_omega(omega: Array) -> Array:
+    """Return angular frequencies as an array.
+
+    Raises
+    ------
+    InvalidInput : if there is none, or one is not positive and finite.
+    """
+    omega = np.atleast_1d(np.asarray(omega, dtype=float))
+    if omega.ndim != 1 or omega.size == 0:
+        raise InvalidInput(f"omega: shape {omega.shape} given; a non-empty (F,) array is needed")
+    wrong = ~(np.isfinite(omega) & (omega > 0))
+    if wrong.any():
+        i = int(np.argmax(wrong))
+        raise InvalidInput(f"omega[{i}]: {omega[i]:g} rad/s is not a positive frequency")
+    return omega

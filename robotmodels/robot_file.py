@@ -1,0 +1,145 @@
+"""The schema of a robot file: URDF, motors, springs, payload, choice of parameters."""
+
+from collections import Counter
+from pathlib import Path
+from typing import Annotated, Literal, Self
+
+from pydantic import BeforeValidator, Field, PositiveFloat, model_validator
+
+from robotmodels.files import Strict, read_yaml
+
+
+def _six_inertias(value: object) -> object:
+    """Expand three diagonal entries to xx, xy, xz, yy, yz, zz."""
+    if isinstance(value, list | tuple) and len(value) == 3:
+        xx, yy, zz = value
+        return (xx, 0.0, 0.0, yy, 0.0, zz)
+    return value
+
+
+Vector = tuple[float, float, float]
+Inertia = Annotated[
+    tuple[float, float, float, float, float, float],
+    BeforeValidator(_six_inertias),
+    Field(description="xx, yy, zz, or xx, xy, xz, yy, yz, zz [kg m^2]"),
+]
+
+
+class Motor(Strict):
+    """A motor; its values are on the motor shaft."""
+
+    name: str
+    joint: str
+    gear_ratio: float
+    inertia: PositiveFloat
+    viscous: float = Field(0.0, ge=0)
+    coulomb: float = Field(0.0, ge=0)
+
+    @model_validator(mode="after")
+    def _ratio_is_not_zero(self) -> Self:
+        if self.gear_ratio == 0:
+            raise ValueError(f"motor {self.name!r}: gear_ratio must not be zero")
+        return self
+
+
+class Hardening(Strict):
+    """A cubic spring: slope `low` at rest, `high` where its torque is `torque`."""
+
+    low: PositiveFloat
+    high: PositiveFloat
+    torque: PositiveFloat
+
+
+class Body(Strict):
+    """Mass [kg], centre of mass [m] in the link frame, inertia about it [kg m^2]."""
+
+    mass: float = Field(ge=0)
+    com: Vector
+    inertia: Inertia
+
+
+class Spring(Strict):
+    """A spring-damper pair on the arm side, at a joint or at a cut through a link."""
+
+    name: str
+    joint: str | None = None
+    link: str | None = None
+    at: Vector | None = None
+    axis: Literal["drive", "x", "y", "z"]
+    stiffness: PositiveFloat | Hardening
+    damping: PositiveFloat
+    distal: Body | None = None
+
+    @model_validator(mode="after")
+    def _joint_or_link(self) -> Self:
+        who = f"spring {self.name!r}"
+        if (self.joint is None) == (self.link is None):
+            raise ValueError(f"{who}: give either joint or link")
+        if self.joint is not None and self.at is not None:
+            raise ValueError(f"{who}: 'at' belongs to a cut through a link, not to a joint")
+        if self.joint is not None and self.distal is not None:
+            raise ValueError(f"{who}: 'distal' belongs to a cut through a link, not to a joint")
+        if self.link is not None and self.at is None:
+            raise ValueError(f"{who}: a cut through link {self.link!r} needs 'at', a point [m]")
+        if self.link is not None and self.axis == "drive":
+            raise ValueError(f"{who}: a cut has axes x, y, z; 'drive' belongs to a joint")
+        if self.axis != "drive" and isinstance(self.stiffness, Hardening):
+            raise ValueError(f"{who}: only a drive spring can be nonlinear")
+        return self
+
+
+class Choice(Strict):
+    """Which parameters are free; default: every stiffness, then every damping."""
+
+    fixed: list[str] = []
+    tied: list[list[str]] = []
+    extra: list[str] = []
+
+
+class Payload(Body):
+    """A rigid body fastened to a link."""
+
+    link: str
+
+
+class RobotFile(Strict):
+    """A robot file, ``schema: robot/1``."""
+
+    schema_: Literal["robot/1"] = Field(alias="schema")
+    name: str
+    source: str = ""
+    urdf: str
+    gravity: Vector = (0.0, 0.0, -9.81)
+    lock: dict[str, float] = {}
+    motors: list[Motor] = Field(min_length=1)
+    springs: list[Spring] = Field(min_length=1)
+    parameters: Choice = Choice()
+    payload: Payload | None = None
+
+    @model_validator(mode="after")
+    def _names_are_unique(self) -> Self:
+        names = Counter([m.name for m in self.motors] + [s.name for s in self.springs])
+        for name, count in names.items():
+            if count > 1:
+                raise ValueError(f"the name {name!r} is used {count} times; names are unique")
+        for joint, count in Counter(m.joint for m in self.motors).items():
+            if count > 1:
+                raise ValueError(f"joint {joint!r} has {count} motors; one at most")
+        for (place, axis), count in Counter((_place(s), s.axis) for s in self.springs).items():
+            if count > 1:
+                raise ValueError(f"{place} has {count} springs about axis {axis!r}; one at most")
+        return self
+
+
+def _place(spring: Spring) -> str:
+    return f"joint {spring.joint!r}" if spring.joint else f"link {spring.link!r} at {spring.at}"
+
+
+def read_robot_file(path: Path) -> RobotFile:
+    """Read a robot file.
+
+    Raises
+    ------
+    InvalidInput : naming the file and the key at fault.
+    """
+    return read_yaml(path, RobotFile)
