@@ -1,0 +1,142 @@
+"""Candidate positions: where the robot could be excited."""
+
+from collections.abc import Mapping, Sequence
+from typing import Any, Protocol
+
+import numpy as np
+
+from robotmodels.arrays import Array
+from robotmodels.errors import InvalidInput, nearest
+
+# The first joint often turns about the vertical and then changes nothing; the next two carry
+# the arm, so that they get a finer grid than the wrist.
+_USUAL_POINTS = (1, 6, 6, 4)
+
+
+class Jointed(Protocol):
+    """A robot with named driven joints that have limits."""
+
+    @property
+    def motor_joints(self) -> Sequence[str]:
+        """Names of the n driven joints."""
+        ...
+
+    @property
+    def position_limits(self) -> Array:
+        """Lowest and highest position of each, (n, 2)."""
+        ...
+
+
+def candidate_positions(
+    robot: Jointed,
+    per_joint: int | Sequence[int] | Mapping[str, int] | None = None,
+    limits: Sequence[Sequence[float]] | Mapping[str, Sequence[float]] | Array | None = None,
+) -> Array:
+    """Return a joint grid, (Q, n) [rad], or [m] for a prismatic joint; the last joint runs fastest.
+
+    Parameters
+    ----------
+    robot : gives the names and limits of its n driven joints.
+    per_joint : points per joint: one number for all, n numbers, or numbers by joint name (1 for
+        joints not named). One point lies in the middle of the range, more include both its ends.
+        Default: 1, 6, 6, and 4 for each further joint.
+    limits : (n, 2) ranges, or (low, high) by joint name, within the joints' own limits.
+
+    Raises
+    ------
+    InvalidInput : naming the joint, if it gets no point, an unknown name, a range outside its
+        limits, or has no finite limits and gets no range; or if a list has the wrong length.
+    """
+    joints = list(robot.motor_joints)
+    counts = _counts(per_joint, joints)
+    ranges = _ranges(limits, joints, np.asarray(robot.position_limits, dtype=float))
+    for joint, count, (low, high) in zip(joints, counts, ranges, strict=True):
+        if count > 1 and low == high:
+            raise InvalidInput(
+                f"limits of joint {joint!r}: low and high are both {low:g}, which leaves room "
+                f"for 1 point, not {count}"
+            )
+    axes = [
+        np.linspace(low, high, count) if count > 1 else np.array([(low + high) / 2])
+        for count, (low, high) in zip(counts, ranges, strict=True)
+    ]
+    return np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, len(joints))
+
+
+def _counts(
+    per_joint: int | Sequence[int] | Mapping[str, int] | None, joints: list[str]
+) -> list[int]:
+    """Return the number of grid points of each joint."""
+    counts: list[Any]
+    if per_joint is None:
+        counts = [_USUAL_POINTS[min(j, len(_USUAL_POINTS) - 1)] for j in range(len(joints))]
+    elif isinstance(per_joint, Mapping):
+        _check_names("per_joint", per_joint, joints)
+        counts = [per_joint.get(joint, 1) for joint in joints]
+    elif isinstance(per_joint, (int, np.integer)):
+        counts = [per_joint] * len(joints)
+    else:
+        counts = list(per_joint)
+        if len(counts) != len(joints):
+            raise InvalidInput(
+                f"per_joint: {len(counts)} numbers for {len(joints)} joints ({', '.join(joints)})"
+            )
+    for joint, count in zip(joints, counts, strict=True):
+        whole = isinstance(count, (int, np.integer)) and not isinstance(count, bool)
+        if not whole or count < 1:
+            raise InvalidInput(
+                f"per_joint of joint {joint!r}: {count!r} leaves the grid empty; "
+                "a whole number >= 1 is needed"
+            )
+    return [int(count) for count in counts]
+
+
+def _ranges(
+    limits: Sequence[Sequence[float]] | Mapping[str, Sequence[float]] | Array | None,
+    joints: list[str],
+    own: Array,
+) -> Array:
+    """Return the range of each joint, (n, 2), checked against its own limits."""
+    ranges = own.copy()
+    if isinstance(limits, Mapping):
+        _check_names("limits", limits, joints)
+        for joint, pair in limits.items():
+            ranges[joints.index(joint)] = _pair(joint, pair)
+    elif limits is not None:
+        if len(limits) != len(joints):
+            raise InvalidInput(
+                f"limits: {len(limits)} ranges for {len(joints)} joints ({', '.join(joints)})"
+            )
+        ranges[:] = [_pair(joint, pair) for joint, pair in zip(joints, limits, strict=True)]
+    for joint, (low, high), (lowest, highest) in zip(joints, ranges, own, strict=True):
+        if not np.isfinite([low, high]).all():
+            raise InvalidInput(
+                f"limits of joint {joint!r}: [{low:g}, {high:g}] is not a finite range; "
+                "give one with `limits`"
+            )
+        if low > high:
+            raise InvalidInput(f"limits of joint {joint!r}: low {low:g} is above high {high:g}")
+        # A limit typed with fewer digits than the robot file's is not outside it.
+        slack = 1e-9 * max(1.0, abs(low), abs(high))
+        if low < lowest - slack or high > highest + slack:
+            raise InvalidInput(
+                f"limits of joint {joint!r}: [{low:g}, {high:g}] reaches outside the joint's own "
+                f"[{lowest:g}, {highest:g}]"
+            )
+    return ranges
+
+
+def _pair(joint: str, pair: Sequence[float] | Array) -> Array:
+    array = np.asarray(pair, dtype=float)
+    if array.shape != (2,):
+        raise InvalidInput(f"limits of joint {joint!r}: {pair!r} is not a pair (low, high)")
+    return array
+
+
+def _check_names(argument: str, given: Mapping[str, object], joints: list[str]) -> None:
+    for name in given:
+        if name not in joints:
+            raise InvalidInput(
+                f"{argument}: {name!r} is not a driven joint{nearest(name, joints)}; "
+                f"there are {', '.join(joints)}"
+            )
