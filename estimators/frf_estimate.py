@@ -1,0 +1,217 @@
+"""Measured FRFs with their uncertainty, and simulated ones."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from robotmodels.arrays import Array, ComplexArray, IntArray, read_only
+from robotmodels.errors import InvalidInput
+from robotmodels.noise import RelativeNoise
+from robotmodels.response import Elastic, frequency_response
+
+
+def vec(matrices: NDArray[Any]) -> NDArray[Any]:
+    """Stack the columns of (..., m, n) matrices into (..., m n) vectors, as in [WM]."""
+    return np.swapaxes(matrices, -1, -2).reshape(*matrices.shape[:-2], -1)
+
+
+def unvec(vectors: NDArray[Any], rows: int) -> NDArray[Any]:
+    """Undo `vec`: (..., m n) vectors become (..., m, n) matrices with m = `rows`."""
+    return np.swapaxes(vectors.reshape(*vectors.shape[:-1], -1, rows), -1, -2)
+
+
+def is_full(per_line: NDArray[Any], shape: tuple[int, ...]) -> bool:
+    """Tell (Q, F, m n, m n) matrices from (Q, F, m, n) element-wise values for FRFs of `shape`.
+
+    Raises
+    ------
+    InvalidInput : if the array has neither shape.
+    """
+    mn = shape[-2] * shape[-1]
+    if per_line.shape == shape:
+        return False
+    if per_line.shape == (*shape[:2], mn, mn):
+        return True
+    raise InvalidInput(
+        f"an array of shape {per_line.shape} does not fit FRFs of shape {shape}: {shape} "
+        f"(one value per element) or {(*shape[:2], mn, mn)} (one matrix per line) is needed"
+    )
+
+
+def place(index: Sequence[int] | NDArray[np.intp], omega: Array | None = None) -> str:
+    """Name a place of a (Q, F, ...) array: position, frequency and, if given, element."""
+    q, f = int(index[0]), int(index[1])
+    line = f"frequency {f}" if omega is None else f"frequency {f} ({omega[f]:.6g} rad/s)"
+    element = f", element ({int(index[2])}, {int(index[3])})" if len(index) == 4 else ""
+    return f"position {q}, {line}{element} (counted from 0)"
+
+
+@dataclass(frozen=True, eq=False)
+class FrfEstimate:
+    """FRF estimates in Q positions at F frequencies, and how far to trust them.
+
+    Attributes
+    ----------
+    positions : (Q, n) [rad].
+    omega : (F,) [rad/s], positive.
+    response : (Q, F, m, n) complex, motor torque to motor acceleration [rad/s^2/(N m)].
+    covariance : of the circular complex errors of `response` as it stands (averages included):
+        (Q, F, m, n) variances of independent elements, or (Q, F, m n, m n) Hermitian, of vec(G)
+        with columns stacked.
+    repetitions : (Q,) experiments averaged in each position.
+    """
+
+    positions: Array
+    omega: Array
+    response: ComplexArray
+    covariance: Array | ComplexArray
+    repetitions: IntArray
+
+    def __post_init__(self) -> None:
+        positions = np.array(self.positions, dtype=float)
+        omega = np.array(self.omega, dtype=float)
+        response = np.array(self.response, dtype=complex)
+        _check_axes(positions, omega, response)
+        covariance = _checked_covariance(np.array(self.covariance), response.shape, omega)
+        repetitions = _checked_repetitions(self.repetitions, len(positions))
+        for name, array in (
+            ("positions", positions),
+            ("omega", omega),
+            ("response", response),
+            ("covariance", covariance),
+            ("repetitions", repetitions),
+        ):
+            object.__setattr__(self, name, read_only(array))
+
+    @property
+    def has_full_covariance(self) -> bool:
+        """Whether the covariance couples the elements of one FRF matrix."""
+        return is_full(self.covariance, self.response.shape)
+
+    @property
+    def variance(self) -> Array:
+        """The (Q, F, m, n) variances of the elements."""
+        if not self.has_full_covariance:
+            return np.asarray(self.covariance, dtype=float)
+        diagonal = np.diagonal(self.covariance, axis1=-2, axis2=-1).real
+        return np.asarray(unvec(diagonal, self.response.shape[-2]))
+
+    def subset(self, indices: Sequence[int] | IntArray) -> "FrfEstimate":
+        """Return the estimates in the positions `indices` only."""
+        i = np.asarray(indices, dtype=np.int64)
+        if i.ndim != 1 or not i.size or i.min() < 0 or i.max() >= len(self.positions):
+            raise InvalidInput(
+                f"subset: {i.tolist()} does not choose from positions 0 to "
+                f"{len(self.positions) - 1}"
+            )
+        return FrfEstimate(
+            self.positions[i],
+            self.omega,
+            self.response[i],
+            self.covariance[i],
+            self.repetitions[i],
+        )
+
+
+def simulate_frf(
+    model: Elastic,
+    positions: Array,
+    omega: Array,
+    noise: RelativeNoise,
+    rng: np.random.Generator,
+    repetitions: Sequence[int] | IntArray | None = None,
+) -> FrfEstimate:
+    """Return the model's FRFs with circular complex normal errors: the known-noise case.
+
+    The errors have the law's variance at the true FRF, divided by the repetitions, and that very
+    variance is stored as the covariance. A law evaluated at the noisy FRF instead would correlate
+    weights with errors.
+
+    Parameters
+    ----------
+    model : robot, or anything with its ``parameters`` and ``network``.
+    positions : (Q, n) [rad].
+    omega : (F,) [rad/s].
+    noise : law of one experiment.
+    rng : source of the errors.
+    repetitions : (Q,) experiments averaged in each position; one where None.
+    """
+    positions = np.asarray(positions, dtype=float)
+    count = _checked_repetitions(
+        np.ones(len(positions), dtype=np.int64) if repetitions is None else repetitions,
+        len(positions),
+    )
+    truth = np.asarray(frequency_response(model, positions, omega))
+    variance = noise.variance(truth) / count[:, None, None, None]
+    parts = rng.standard_normal((2, *truth.shape)) * np.sqrt(variance / 2)
+    response = truth + parts[0] + 1j * parts[1]
+    return FrfEstimate(positions, np.asarray(omega), response, variance, count)
+
+
+def _check_axes(positions: Array, omega: Array, response: ComplexArray) -> None:
+    if positions.ndim != 2 or omega.ndim != 1 or response.ndim != 4:
+        raise InvalidInput(
+            f"FRF estimate: positions {positions.shape}, omega {omega.shape} and response "
+            f"{response.shape}; (Q, n), (F,) and (Q, F, m, n) are needed"
+        )
+    if response.shape[:2] != (len(positions), len(omega)) or not response.size:
+        raise InvalidInput(
+            f"response: shape {response.shape} does not fit {len(positions)} positions and "
+            f"{len(omega)} frequencies"
+        )
+    if not np.isfinite(positions).all():
+        q, joint = np.argwhere(~np.isfinite(positions))[0]
+        raise InvalidInput(f"positions: position {q}, coordinate {joint} is not finite")
+    wrong = ~(np.isfinite(omega) & (omega > 0))
+    if wrong.any():
+        f = int(np.argmax(wrong))
+        raise InvalidInput(f"omega: frequency {f} is {omega[f]:g}, a positive number is needed")
+    broken = np.argwhere(~np.isfinite(response))
+    if broken.size:
+        raise InvalidInput(
+            f"response: {response[tuple(broken[0])]} at {place(broken[0], omega)} is not finite"
+        )
+
+
+def _checked_covariance(
+    covariance: NDArray[Any], shape: tuple[int, ...], omega: Array
+) -> Array | ComplexArray:
+    full = is_full(covariance, shape)
+    if not full and np.iscomplexobj(covariance):
+        raise InvalidInput("covariance: variances (Q, F, m, n) must be real numbers")
+    covariance = covariance.astype(complex if full else float)
+    diagonal = np.diagonal(covariance, axis1=-2, axis2=-1).real if full else covariance
+    elements = unvec(diagonal, shape[-2]) if full else diagonal
+    wrong = np.argwhere(~(np.isfinite(elements) & (elements > 0)))
+    if wrong.size:
+        raise InvalidInput(
+            f"covariance: the variance at {place(wrong[0], omega)} is "
+            f"{elements[tuple(wrong[0])]:g}, a positive number is needed"
+        )
+    if full:
+        size = np.sqrt(diagonal[..., :, None] * diagonal[..., None, :])
+        skew = np.abs(covariance - np.conj(np.swapaxes(covariance, -1, -2)))
+        bad = np.argwhere(~(skew <= 1e-9 * size).all(axis=(-2, -1)))
+        if bad.size:
+            raise InvalidInput(
+                f"covariance: the matrix at {place(bad[0], omega)} is not Hermitian and finite"
+            )
+    return covariance
+
+
+def _checked_repetitions(repetitions: Sequence[int] | IntArray, count: int) -> IntArray:
+    given = np.asarray(repetitions)
+    if given.shape != (count,) or not np.issubdtype(given.dtype, np.integer):
+        raise InvalidInput(
+            f"repetitions: {given.dtype} of shape {given.shape}; one whole number for each of "
+            f"{count} positions is needed"
+        )
+    if (given < 1).any():
+        q = int(np.argmax(given < 1))
+        raise InvalidInput(
+            f"repetitions: {given[q]} at position {q}; leave out positions that are not measured"
+        )
+    return given.astype(np.int64)
