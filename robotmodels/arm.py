@@ -56,7 +56,7 @@ class _Builder:
     def __init__(self, file: RobotFile, rigid: pin.Model) -> None:
         self.file = file
         self.rigid = rigid
-        self.motions = _motions(rigid)
+        self.motions = motions(rigid)
         self.model = pin.Model()
         self.model.name = file.name
         self.model.gravity.linear = np.array(file.gravity)
@@ -77,6 +77,8 @@ class _Builder:
         joints = list(self.rigid.names)[1:]
         if self.file.payload is not None:
             self._link(self.file.payload.link, "payload")
+        for sensor in self.file.accelerometers:
+            self._link(sensor.link, f"accelerometer {sensor.name!r}")
         for spring in self.file.springs:
             if spring.joint is not None and spring.joint not in joints:
                 what = f"spring {spring.name!r}: {spring.joint!r}"
@@ -95,9 +97,18 @@ class _Builder:
                 placement = segment.placement
             if new:
                 self.model.appendBodyToJoint(new, segment.inertia, placement.inverse())
+            self._add_sensors(segment, new, placement)
             for child in children:
                 if self._carrier(child) in segment.frames:
                     self._add_drive(child, new, placement)
+
+    def _add_sensors(self, segment: _Segment, joint: int, placement: pin.SE3) -> None:
+        for sensor in self.file.accelerometers:
+            link = self._link(sensor.link, f"accelerometer {sensor.name!r}")
+            if link in segment.frames:
+                at = self.rigid.frames[link].placement * pin.SE3(np.eye(3), np.array(sensor.at))
+                frame = pin.Frame(sensor.name, joint, placement.actInv(at), pin.OP_FRAME)
+                self.model.addFrame(frame)
 
     def _add_drive(self, old: int, parent: int, placement: pin.SE3) -> None:
         name = self.rigid.names[old]
@@ -202,7 +213,7 @@ class _Builder:
         return f"{body} (what remains of it after its cuts)"
 
 
-def _motions(rigid: pin.Model) -> Array:
+def motions(rigid: pin.Model) -> Array:
     """Return the unit twists of the joints in their own frames, (njoints - 1, 6), linear first."""
     data = rigid.createData()
     pin.computeJointJacobians(rigid, data, pin.neutral(rigid))

@@ -7,14 +7,17 @@ from pathlib import Path
 import numpy as np
 import pinocchio as pin
 
-from robotmodels.arm import Arm, build_arm
-from robotmodels.arrays import Array, IntArray
+from robotmodels.arm import Arm, build_arm, motions
+from robotmodels.arrays import Array
 from robotmodels.elements import Elements
-from robotmodels.equilibrium import Equilibrium, curvature, find_equilibrium
+from robotmodels.equilibrium import Equilibrium, find_equilibrium
 from robotmodels.errors import InvalidInput
+from robotmodels.layout import Layout
 from robotmodels.parameters import Parameters
 from robotmodels.robot_file import RobotFile
-from robotmodels.spring_network import SpringNetwork, Tangents
+from robotmodels.skeleton import Skeleton, skeleton
+from robotmodels.spring_network import SpringNetwork, incidence
+from robotmodels.tangents import Tangents, differentiate
 from robotmodels.urdf import locate, rigid_model, unknown_joint
 
 
@@ -23,7 +26,7 @@ class ElasticRobot:
     """A robot with lumped elasticity.
 
     Coordinates of its linear models are the arm's (drives and passive torsions, base to tool),
-    then the motors with an elastic drive, in motor order, on the arm side.
+    then the motors with an elastic drive, in motor order, on the arm side (see `Layout`).
 
     Attributes
     ----------
@@ -54,14 +57,26 @@ class ElasticRobot:
         return build_arm(self.file, self.rigid)
 
     @cached_property
+    def layout(self) -> Layout:
+        """Which coordinate belongs to which joint, motor and spring."""
+        return Layout(self.file, self.arm)
+
+    @cached_property
     def elements(self) -> Elements:
         """Every number that could be a parameter, and which are free."""
-        prismatic = {
+        prismatic = frozenset(
             name
-            for name, joint in zip(self.rigid.names, self.rigid.joints, strict=True)
-            if "Prismatic" in joint.shortname() or joint.shortname().startswith("JointModelP")
-        }
+            for name, motion in zip(list(self.rigid.names)[1:], motions(self.rigid), strict=True)
+            if not motion[3:].any()
+        )
         return Elements(self.file, prismatic)
+
+    def _layout(self, theta: Array) -> Layout:
+        """Return the layout whose arm has the payload and the cuts of `theta`."""
+        if not self.elements.extra_columns:
+            return self.layout
+        file = self.elements.file_at(theta)
+        return Layout(file, build_arm(file, self.rigid))
 
     @cached_property
     def parameters(self) -> Parameters:
@@ -78,11 +93,15 @@ class ElasticRobot:
         """Names of the driven joints, in motor order."""
         return tuple(m.joint for m in self.file.motors)
 
-    @cached_property
+    @property
+    def output_names(self) -> tuple[str, ...]:
+        """Names of the m outputs: motors, then accelerometers."""
+        return (*self.motor_names, *(a.name for a in self.file.accelerometers))
+
+    @property
     def coordinate_names(self) -> tuple[str, ...]:
         """Names of the d coordinates of the linear models."""
-        arm = sorted(self.arm.coordinate, key=self.arm.coordinate.__getitem__)
-        return (*arm, *(self.motor_names[i] for i in self._elastic_motors))
+        return self.layout.names
 
     @cached_property
     def position_limits(self) -> Array:
@@ -112,13 +131,14 @@ class ElasticRobot:
         InvalidInput : if a position is outside the joint limits, or an array has a wrong shape.
         """
         positions = self._check_positions(positions)
-        start = np.zeros((len(positions), self.arm.model.nv))
-        start[:, self._drives] = positions
-        rigid = [self._drives[i] for i, s in enumerate(self._drive_springs) if s is None]
-        free = np.setdiff1d(np.arange(self.arm.model.nv), rigid)
-        law = self.elements.laws(self.parameters.check(parameters))
+        theta = self.parameters.check(parameters)
+        layout = self._layout(theta)
+        start = np.zeros((len(positions), layout.arm_size))
+        start[:, layout.drives] = positions
         names = tuple(s.name for s in self.file.springs)
-        return find_equilibrium(self.arm, start, self._incidence, free, law, names)
+        return find_equilibrium(
+            layout.arm, start, layout.elongations, layout.held, self.elements.laws(theta), names
+        )
 
     def network(self, positions: Array, parameters: Array | None = None) -> SpringNetwork:
         """Return the spring network about the equilibria at `positions` (Q, n).
@@ -131,64 +151,61 @@ class ElasticRobot:
         return self._network(self.equilibrium(positions, theta), theta)
 
     def _network(self, at: Equilibrium, theta: Array) -> SpringNetwork:
-        d, n = self.arm.model.nv, len(self.file.motors)
-        total = d + len(self._elastic_motors)
-        mass = np.zeros((len(at.coordinates), total, total))
-        stiffness = np.zeros_like(mass)
-        data = self.arm.model.createData()
-        for i, q in enumerate(at.coordinates):
-            mass[i, :d, :d] = pin.crba(self.arm.model, data, q)
-            stiffness[i, :d, :d] = pin.computeGeneralizedGravityDerivatives(self.arm.model, data, q)
-        damping = np.zeros((total, total))
-        selector = np.zeros((total, n))
-        for j, motor in enumerate(self.file.motors):
-            c = self._motor_coordinates[j]
-            mass[:, c, c] += motor.inertia * motor.gear_ratio**2
-            damping[c, c] += motor.viscous * motor.gear_ratio**2
-            selector[c, j] = motor.gear_ratio
+        rest = skeleton(self._layout(theta), at.coordinates)
+        plain = self.file.output == "acceleration" and not self.file.accelerometers
+        plain = plain and rest.measurement.delay == 0 and bool(np.all(rest.measurement.gain == 1))
         return SpringNetwork(
-            mass=mass,
-            damping=damping,
-            stiffness=stiffness,
-            selector=selector,
-            ends=self._ends,
+            mass=rest.mass,
+            damping=rest.damping,
+            stiffness=rest.stiffness,
+            selector=rest.selector,
+            ends=self.layout.ends,
             spring_stiffness=at.slopes,
-            spring_damping=np.tile(self.elements.dampings(theta), (len(mass), 1)),
+            spring_damping=np.tile(self.elements.dampings(theta), (len(rest.mass), 1)),
             exponents=self.elements.exponents(theta, at.elongations),
             parameters=Parameters(self.parameters.names, theta, self.parameters.units),
+            measurement=None if plain else rest.measurement,
         )
 
-    def tangents(self, positions: Array, parameters: Array | None = None) -> Tangents:
-        """Return how the shift of the equilibrium with ln theta changes mass and stiffness.
+    def tangents(
+        self, positions: Array, parameters: Array | None = None, *, sag: bool = True
+    ) -> Tangents | None:
+        """Return what the network's own sensitivities leave out; None if that is nothing.
+
+        With `sag`, how the equilibrium's shift with ln theta changes everything; always, the
+        direct effect of parameters that are neither spring nor damper.
 
         Raises
         ------
         NoEquilibrium, InvalidInput : as `equilibrium`.
         """
+        extra = self.elements.extra_columns
+        if not sag and not extra:
+            return None
         theta = self.parameters.check(parameters)
         at = self.equilibrium(positions, theta)
-        network = self._network(at, theta)
-        d, total, p = self.arm.model.nv, network.mass.shape[-1], len(theta)
-        mass = np.zeros((len(at.coordinates), p, total, total))
-        stiffness = np.zeros_like(mass)
-        a = self._incidence
-        ends = network.incidence()
-        law = self.elements.laws(theta)
+        shift = np.zeros((*at.coordinates.shape, len(theta)))
+        if not sag:
+            return differentiate(self._skeleton, theta, at.coordinates, shift, extra)
+        fixed = differentiate(self._skeleton, theta, at.coordinates, shift, extra)
         load = self.elements.torque_derivatives(theta, at.elongations)  # (Q, s, p)
-        held = np.setdiff1d(np.arange(d), np.flatnonzero(a.any(axis=0)))
-        for i, q in enumerate(at.coordinates):
-            K = network.stiffness[i, :d, :d] + (a.T * at.slopes[i]) @ a
-            K[held], K[:, held] = 0.0, 0.0
-            K[held, held] = 1.0
-            shift = -np.linalg.solve(K, a.T @ load[i])  # dq / d ln theta, (d, p)
-            by_mass, by_gravity = curvature(self.arm.model, q)
-            mass[i, :, :d, :d] = np.einsum("kp,kij->pij", shift, by_mass)
-            stiffness[i, :, :d, :d] = np.einsum("kp,kij->pij", shift, by_gravity)
-            # The network's exponents hold each spring's torque; correct for its change.
-            slide = a @ shift + load[i] / at.slopes[i][:, None]
-            hardening = law.stiffening(at.elongations[i])[:, None] * slide
-            stiffness[i] += np.einsum("sp,si,sj->pij", hardening, ends, ends)
-        return Tangents(mass, stiffness)
+        a, arm, held = self.layout.elongations, self.layout.arm_size, self.layout.held
+        K = skeleton(self._layout(theta), at.coordinates).stiffness[:, :arm, :arm]
+        K = K + np.einsum("qs,si,sj->qij", at.slopes, a, a)
+        force = np.einsum("qsp,si->qip", load, a) + np.swapaxes(fixed.gravity, 1, 2)[:, :arm]
+        force[:, held] = K[:, held, :] = K[:, :, held] = 0.0
+        K[:, held, held] = 1.0
+        shift = -np.linalg.solve(K, force)
+        moved = [j for j in range(len(theta)) if j in extra or shift[..., j].any()]
+        tangents = differentiate(self._skeleton, theta, at.coordinates, shift, moved)
+        # The network's exponents hold each spring's torque; correct for its change.
+        slide = np.einsum("si,qip->qsp", a, shift) + load / at.slopes[..., None]
+        hardening = self.elements.laws(theta).stiffening(at.elongations)[..., None] * slide
+        ends = incidence(self.layout.ends, self.layout.size)
+        return tangents.stiffened(np.einsum("qsp,si,sj->qpij", hardening, ends, ends))
+
+    def _skeleton(self, theta: Array, coordinates: Array) -> Skeleton:
+        return skeleton(self._layout(theta), coordinates)
 
     def skeleton_points(self, position: Array) -> Array:
         """Return the joint origins from base to tool, (k, 3) [m], springs unloaded."""
@@ -234,41 +251,3 @@ class ElasticRobot:
                 f"its limits [{low[j]:.4g}, {high[j]:.4g}]"
             )
         return positions
-
-    @cached_property
-    def _drives(self) -> IntArray:
-        """Arm coordinate of each motor's joint."""
-        return np.array([self.arm.coordinate[j] for j in self.motor_joints])
-
-    @cached_property
-    def _drive_springs(self) -> list[int | None]:
-        """Index of each motor's drive spring; None where the drive is rigid."""
-        index = {s.joint: i for i, s in enumerate(self.file.springs) if s.axis == "drive"}
-        return [index.get(joint) for joint in self.motor_joints]
-
-    @cached_property
-    def _elastic_motors(self) -> list[int]:
-        return [i for i, spring in enumerate(self._drive_springs) if spring is not None]
-
-    @cached_property
-    def _motor_coordinates(self) -> list[int]:
-        """Coordinate of each motor: its own behind a spring, the joint's where it is rigid."""
-        own = {m: self.arm.model.nv + i for i, m in enumerate(self._elastic_motors)}
-        return [own.get(i, int(self._drives[i])) for i in range(len(self.file.motors))]
-
-    @cached_property
-    def _ends(self) -> IntArray:
-        """Coordinates that each spring joins, (s, 2); -1 is the ground."""
-        motor_of = {spring: motor for motor, spring in enumerate(self._drive_springs)}
-        ends = []
-        for i, spring in enumerate(self.file.springs):
-            name = spring.joint if spring.axis == "drive" else spring.name
-            motor = motor_of.get(i)
-            other = -1 if motor is None else self._motor_coordinates[motor]
-            ends.append((self.arm.coordinate[str(name)], other))
-        return np.array(ends)
-
-    @cached_property
-    def _incidence(self) -> Array:
-        """Elongation of each spring per arm coordinate, motors standing still, (s, d)."""
-        return np.eye(self.arm.model.nv)[self._ends[:, 0]]

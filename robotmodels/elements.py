@@ -7,6 +7,7 @@ import numpy as np
 
 from robotmodels.arrays import Array
 from robotmodels.errors import InvalidInput, nearest
+from robotmodels.extra import apply_extra, extra_elements
 from robotmodels.parameters import Parameters
 from robotmodels.robot_file import Hardening, RobotFile
 from robotmodels.spring_laws import SpringLaws
@@ -14,35 +15,59 @@ from robotmodels.spring_laws import SpringLaws
 
 @dataclass(frozen=True, eq=False)
 class Elements:
-    """Stiffnesses, then dampings, of a robot file, and the free parameters behind them.
+    """Stiffnesses, dampings, then the extras of a robot file, and the free parameters behind them.
 
     A free parameter scales every element tied to it, so tied elements keep their ratio.
     """
 
     file: RobotFile
-    prismatic: set[str]
+    prismatic: frozenset[str]
+
+    @cached_property
+    def _table(self) -> dict[str, tuple[float, str]]:
+        """Values and units of all elements, by name."""
+        stiffnesses: dict[str, tuple[float, str]] = {}
+        dampings: dict[str, tuple[float, str]] = {}
+        for spring in self.file.springs:
+            linear = spring.axis == "drive" and spring.joint in self.prismatic
+            unit = "N/m" if linear else "N m/rad"
+            k = spring.stiffness
+            if isinstance(k, Hardening):
+                stiffnesses[f"{spring.name}.stiffness.low"] = (k.low, unit)
+                stiffnesses[f"{spring.name}.stiffness.high"] = (k.high, unit)
+            else:
+                stiffnesses[f"{spring.name}.stiffness"] = (k, unit)
+            dampings[f"{spring.name}.damping"] = (
+                spring.damping,
+                "N s/m" if linear else "N m s/rad",
+            )
+        return stiffnesses | dampings | self._extra
+
+    @cached_property
+    def _extra(self) -> dict[str, tuple[float, str]]:
+        possible = extra_elements(self.file)
+        for name in self.file.parameters.extra:
+            if name not in possible:
+                raise InvalidInput(
+                    f"parameters.extra: {name!r} cannot be a parameter of this robot"
+                    f"{nearest(name, possible)}; there are {', '.join(possible)}"
+                )
+            if not possible[name][0] > 0:
+                raise InvalidInput(
+                    f"parameters.extra: {name} is {possible[name][0]:g} in the robot file; "
+                    "a free parameter needs a value other than zero"
+                )
+        return {name: possible[name] for name in self.file.parameters.extra}
 
     @cached_property
     def names(self) -> tuple[str, ...]:
         """Names of all elements."""
-        stiffnesses: list[str] = []
-        for spring in self.file.springs:
-            if isinstance(spring.stiffness, Hardening):
-                stiffnesses += [f"{spring.name}.stiffness.low", f"{spring.name}.stiffness.high"]
-            else:
-                stiffnesses.append(f"{spring.name}.stiffness")
-        return (*stiffnesses, *(f"{s.name}.damping" for s in self.file.springs))
+        return tuple(self._table)
 
     @cached_property
     def values(self) -> Array:
-        """Values of all elements in the file."""
-        values: list[float] = []
-        for spring in self.file.springs:
-            if isinstance(spring.stiffness, Hardening):
-                values += [spring.stiffness.low, spring.stiffness.high]
-            else:
-                values.append(spring.stiffness)
-        return np.array([*values, *(s.damping for s in self.file.springs)])
+        """Values of all elements in the file; negative ones (a centre of mass) without sign."""
+        return np.array([value for value, _ in self._table.values()])
 
     @cached_property
     def parameters(self) -> Parameters:
@@ -51,7 +76,7 @@ class Elements:
         return Parameters(
             tuple(self.names[i] for i in heads),
             self.values[heads],
-            tuple(self._unit(self.names[i]) for i in heads),
+            tuple(self._table[self.names[i]][1] for i in heads),
         )
 
     @cached_property
@@ -65,10 +90,12 @@ class Elements:
                     f"{nearest(name, self.names)}"
                 )
         head = {name: name for name in self.names}
+        tied: set[str] = set()
         for group in choice.tied:
             for name in group:
-                if head[name] != name or name in choice.fixed:
+                if name in tied or name in choice.fixed:
                     raise InvalidInput(f"parameters: {name!r} is tied twice, or tied and fixed")
+                tied.add(name)
             head |= dict.fromkeys(group[1:], group[0])
         free = [n for n in self.names if head[n] == n and n not in choice.fixed]
         if not free:
@@ -78,6 +105,19 @@ class Elements:
     def at(self, theta: Array) -> Array:
         """Return all elements where the free parameters are `theta` (p,)."""
         return np.asarray(self.values * np.exp(self.ties @ np.log(theta / self.parameters.values)))
+
+    def file_at(self, theta: Array) -> RobotFile:
+        """Return the robot file with the extra elements of `theta`."""
+        if not self._extra:
+            return self.file
+        elements = dict(zip(self.names, self.at(theta), strict=True))
+        return apply_extra(self.file, {name: elements[name] for name in self._extra})
+
+    @cached_property
+    def extra_columns(self) -> list[int]:
+        """Free parameters that scale something other than a spring or damper."""
+        springs = len(self.names) - len(self._extra)
+        return np.flatnonzero(self.ties[springs:].any(axis=0)).tolist()
 
     def laws(self, theta: Array) -> SpringLaws:
         """Return the springs' characteristics."""
@@ -120,13 +160,6 @@ class Elements:
         by_low = law.by_low(elongations)[0][..., None] * self.ties[self._low]
         by_high = law.by_high(elongations)[0][..., None] * self.ties[self._high]
         return np.asarray(by_low + by_high)
-
-    def _unit(self, name: str) -> str:
-        spring = next(s for s in self.file.springs if name.startswith(f"{s.name}."))
-        linear = spring.axis == "drive" and spring.joint in self.prismatic
-        if name.endswith(".damping"):
-            return "N s/m" if linear else "N m s/rad"
-        return "N/m" if linear else "N m/rad"
 
     @cached_property
     def _low(self) -> list[int]:

@@ -12,7 +12,7 @@ from robotmodels.errors import NoEquilibrium
 
 LARGEST_DEFLECTION = 0.5  # [rad] or [m]: beyond it a lumped spring is no model of elasticity
 
-# Elongations (s,) -> spring torques (s,) and their slopes (s,).
+# Elongations (Q, s) -> spring torques (Q, s) and their slopes (Q, s).
 SpringLaw = Callable[[Array], tuple[Array, Array]]
 
 
@@ -32,8 +32,27 @@ class Equilibrium:
     slopes: Array
 
 
+def gravity(arm: Arm, coordinates: Array) -> tuple[Array, Array]:
+    """Return gravity torques g, (Q, d), and dg/dq, (Q, d, d), at `coordinates` (Q, d)."""
+    data = arm.model.createData()
+    torques = np.empty(coordinates.shape)
+    slopes = np.empty((*coordinates.shape, coordinates.shape[1]))
+    for i, q in enumerate(coordinates):
+        torques[i] = pin.computeGeneralizedGravity(arm.model, data, q)
+        slopes[i] = pin.computeGeneralizedGravityDerivatives(arm.model, data, q)
+    return torques, slopes
+
+
+def mass_matrices(arm: Arm, coordinates: Array) -> Array:
+    """Return the mass matrices (Q, d, d) at `coordinates` (Q, d)."""
+    data = arm.model.createData()
+    return np.array([pin.crba(arm.model, data, q).copy() for q in coordinates]).reshape(
+        *coordinates.shape, coordinates.shape[1]
+    )
+
+
 def find_equilibrium(
-    arm: Arm, start: Array, springs: Array, free: IntArray, law: SpringLaw, names: tuple[str, ...]
+    arm: Arm, start: Array, springs: Array, held: IntArray, law: SpringLaw, names: tuple[str, ...]
 ) -> Equilibrium:
     """Find the coordinates at which springs and gravity balance, by Newton's method.
 
@@ -42,7 +61,7 @@ def find_equilibrium(
     arm : the elastic arm, d coordinates.
     start : (Q, d) coordinates with unloaded springs.
     springs : (s, d) elongation of each spring per coordinate.
-    free : coordinates that the springs hold; the others are held by rigid drives.
+    held : coordinates that rigid drives hold.
     law : torques and slopes of the springs.
     names : of the springs, for errors.
 
@@ -50,78 +69,63 @@ def find_equilibrium(
     ------
     NoEquilibrium : if a spring gives way, naming it, the position and its torque.
     """
-    data = arm.model.createData()
     q = np.array(start, dtype=float)
-    elongations = np.zeros((len(q), len(springs)))
-    slopes = np.zeros_like(elongations)
-    for i in range(len(q)):
-        q[i] = _newton(arm.model, data, q[i], springs, free, law, names)
-        elongations[i] = springs @ (q[i] - start[i])
-        slopes[i] = law(elongations[i])[1]
-    return Equilibrium(q, elongations, slopes)
-
-
-def _newton(
-    model: pin.Model,
-    data: pin.Data,
-    start: Array,
-    springs: Array,
-    free: IntArray,
-    law: SpringLaw,
-    names: tuple[str, ...],
-) -> Array:
-    a = springs[:, free]
-    q = start.copy()
+    moving = np.arange(len(q))  # positions whose Newton iteration has not ended
     for _ in range(30):
-        torques, slopes = law(springs @ (q - start))
-        residual = pin.computeGeneralizedGravity(model, data, q)[free] + a.T @ torques
-        gravity = pin.computeGeneralizedGravityDerivatives(model, data, q)[np.ix_(free, free)]
-        step = np.linalg.solve(gravity + (a.T * slopes) @ a, residual)
-        q[free] -= step
-        if np.abs(springs @ (q - start)).max(initial=0.0) > LARGEST_DEFLECTION:
-            break
-        if np.abs(step).max(initial=0.0) < 1e-13:
-            _check_stable(gravity + (a.T * slopes) @ a, a, names, start)
-            return q
-    elongations = np.abs(springs @ (q - start))
-    load = np.abs(np.linalg.pinv(a.T) @ pin.computeGeneralizedGravity(model, data, start)[free])
-    worst = int(np.argmax(elongations))
-    raise NoEquilibrium(
+        torques, slopes = law((q[moving] - start[moving]) @ springs.T)
+        load, by_q = gravity(arm, q[moving])
+        residual = load + torques @ springs
+        K = by_q + np.einsum("qs,si,sj->qij", slopes, springs, springs)
+        residual[:, held] = 0.0
+        K[:, held, :] = K[:, :, held] = 0.0
+        K[:, held, held] = 1.0
+        step = np.linalg.solve(K, residual[..., None])[..., 0]
+        q[moving] -= step
+        bent = np.abs((q[moving] - start[moving]) @ springs.T).max(axis=1, initial=0.0)
+        if (bent > LARGEST_DEFLECTION).any():
+            i = int(moving[np.argmax(bent)])
+            raise _gives_way(arm, start[i], (q[i] - start[i]) @ springs.T, springs, names)
+        done = np.abs(step).max(axis=1, initial=0.0) < 1e-12
+        _check_stable(K[done], springs, start[moving[done]], names)
+        moving = moving[~done]
+        if not len(moving):
+            elongations = (q - start) @ springs.T
+            return Equilibrium(q, elongations, law(elongations)[1])
+    i = int(moving[0])
+    raise _gives_way(arm, start[i], (q[i] - start[i]) @ springs.T, springs, names)
+
+
+def _gives_way(
+    arm: Arm, start: Array, elongations: Array, springs: Array, names: tuple[str, ...]
+) -> NoEquilibrium:
+    worst = int(np.argmax(np.abs(elongations)))
+    load = abs(springs[worst] @ gravity(arm, start[None])[0][0])
+    return NoEquilibrium(
         f"no static equilibrium at position {np.round(start, 3).tolist()}: "
-        f"spring {names[worst]!r} gives way under a gravity torque of {load[worst]:.4g} N m; "
+        f"spring {names[worst]!r} gives way under a gravity torque of {load:.4g} N m; "
         "it is too weak for the load"
     )
 
 
-def _check_stable(stiffness: Array, a: Array, names: tuple[str, ...], start: Array) -> None:
+def _check_stable(stiffness: Array, springs: Array, start: Array, names: tuple[str, ...]) -> None:
     values, vectors = np.linalg.eigh(stiffness)
-    if len(values) and values[0] <= 0:
-        worst = int(np.argmax(np.abs(a @ vectors[:, 0])))
+    for i in np.flatnonzero(values[:, 0] <= 0):
+        worst = int(np.argmax(np.abs(springs @ vectors[i, :, 0])))
         raise NoEquilibrium(
-            f"the equilibrium at position {np.round(start, 3).tolist()} is not stable: "
+            f"the equilibrium at position {np.round(start[i], 3).tolist()} is not stable: "
             f"gravity overcomes spring {names[worst]!r}, which is too weak for the load"
         )
 
 
-def curvature(model: pin.Model, coordinates: Array) -> tuple[Array, Array]:
-    """Return dM/dq_i and d(dg/dq)/dq_i, both (d, d, d) with i first, at one equilibrium.
+def curvature(arm: Arm, coordinates: Array) -> tuple[Array, Array]:
+    """Return dM/dq_i and d(dg/dq)/dq_i, both (d, d, d) with i first, at one equilibrium (d,).
 
     Central differences of Pinocchio's analytic mass matrix and gravity derivatives: the error,
     about 1e-9 of the result, is multiplied by deflections of 1e-3 where it is used.
     """
-    data = model.createData()
     step = 1e-4
-    mass, gravity = [], []
-    for unit in np.eye(model.nv):
-        plus, minus = coordinates + step * unit, coordinates - step * unit
-        mass.append(
-            (pin.crba(model, data, plus).copy() - pin.crba(model, data, minus)) / (2 * step)
-        )
-        gravity.append(
-            (
-                pin.computeGeneralizedGravityDerivatives(model, data, plus).copy()
-                - pin.computeGeneralizedGravityDerivatives(model, data, minus)
-            )
-            / (2 * step)
-        )
-    return np.array(mass), np.array(gravity)
+    shifts = step * np.eye(len(coordinates))
+    plus, minus = coordinates + shifts, coordinates - shifts
+    mass = (mass_matrices(arm, plus) - mass_matrices(arm, minus)) / (2 * step)
+    by_q = (gravity(arm, plus)[1] - gravity(arm, minus)[1]) / (2 * step)
+    return mass, by_q

@@ -6,6 +6,7 @@ import numpy as np
 
 from robotmodels.arrays import Array, ComplexArray, read_only
 from robotmodels.errors import InvalidInput
+from robotmodels.measurement import Measurement, motor_measurement
 
 
 @dataclass(frozen=True, eq=False)
@@ -18,15 +19,17 @@ class LinearModel:
     damping : (..., d, d) symmetric [N m s/rad].
     stiffness : (..., d, d) symmetric, gravity included [N m/rad].
     selector : (d, n) generalised force per motor torque; its transpose reads the motor angles [-].
+    measurement : what is measured; by default the motors' accelerations.
     """
 
     mass: Array
     damping: Array
     stiffness: Array
     selector: Array
+    measurement: Measurement | None = None
 
     def __post_init__(self) -> None:
-        d = self.selector.shape[0]
+        d = np.asarray(self.selector).shape[0]
         for name in ("mass", "damping", "stiffness", "selector"):
             array = np.asarray(getattr(self, name), dtype=float)
             if name != "selector" and array.shape[-2:] != (d, d):
@@ -41,13 +44,31 @@ class LinearModel:
         M, D, K = (np.expand_dims(a, -3) for a in (self.mass, self.damping, self.stiffness))
         return np.asarray(K - w**2 * M + 1j * w * D)
 
-    def receptance(self, omega: Array) -> ComplexArray:
-        """Return X = A^-1 S, (..., F, d, n): coordinates per motor torque [rad/(N m)]."""
+    def receptances(self, omega: Array) -> tuple[ComplexArray, ComplexArray]:
+        """Return X = A^-1 S gain, (..., F, d, n), and Z = A^-1 C^T, (..., F, d, m).
+
+        X holds the coordinates' answer to the torques [rad/(N m)], Z the outputs' answer to
+        forces on the coordinates; A is symmetric.
+        """
         A = self.dynamic_stiffness(omega)
-        S = np.broadcast_to(self.selector.astype(complex), (*A.shape[:-1], self.selector.shape[1]))
-        return np.asarray(np.linalg.solve(A, S))
+        C = np.swapaxes(self.measured.outputs(omega), -1, -2)
+        S = np.broadcast_to(self.selector * self.measured.gain, (*A.shape[:-1], self.inputs))
+        C = np.broadcast_to(C, (*A.shape[:-1], C.shape[-1]))
+        both = np.linalg.solve(A, np.concatenate([S, C], axis=-1))
+        return np.asarray(both[..., : self.inputs]), np.asarray(both[..., self.inputs :])
 
     def frequency_response(self, omega: Array) -> ComplexArray:
-        """Return G = -omega^2 S^T A^-1 S, (..., F, n, n), from motor torque to acceleration."""
-        w = np.asarray(omega, dtype=float)[:, None, None]
-        return np.asarray(-(w**2) * (self.selector.T @ self.receptance(omega)))
+        """Return G = C A^-1 S, (..., F, m, n); by default -omega^2 S^T A^-1 S."""
+        A = self.dynamic_stiffness(omega)
+        S = np.broadcast_to(self.selector * self.measured.gain, (*A.shape[:-1], self.inputs))
+        return np.asarray(self.measured.outputs(omega) @ np.linalg.solve(A, S + 0j))
+
+    @property
+    def inputs(self) -> int:
+        """Number n of motors."""
+        return int(self.selector.shape[1])
+
+    @property
+    def measured(self) -> Measurement:
+        """What is measured, the default filled in."""
+        return self.measurement or motor_measurement(self.selector)

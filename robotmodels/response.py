@@ -8,7 +8,8 @@ from robotmodels.arrays import Array, ComplexArray
 from robotmodels.errors import InvalidInput
 from robotmodels.linear_model import LinearModel
 from robotmodels.parameters import Parameters
-from robotmodels.spring_network import SpringNetwork, Tangents
+from robotmodels.spring_network import SpringNetwork
+from robotmodels.tangents import Tangents
 
 
 class Elastic(Protocol):
@@ -23,11 +24,13 @@ class Elastic(Protocol):
 
 
 @runtime_checkable
-class Sagging(Protocol):
-    """An elastic system whose equilibrium moves with its stiffnesses."""
+class BeyondSprings(Protocol):
+    """An elastic system whose parameters act through more than its springs."""
 
-    def tangents(self, positions: Array, parameters: Array | None = None) -> Tangents:
-        """Return what the shift of the equilibrium adds."""
+    def tangents(
+        self, positions: Array, parameters: Array | None = None, *, sag: bool = True
+    ) -> Tangents | None:
+        """Return what the network's sensitivities leave out."""
 
 
 def linearize(robot: Elastic, position: Array, parameters: Array | None = None) -> LinearModel:
@@ -42,13 +45,21 @@ def linearize(robot: Elastic, position: Array, parameters: Array | None = None) 
     model = robot.network(np.atleast_2d(position), parameters).linear_model()
     if position.ndim == 2:
         return model
-    return LinearModel(model.mass[0], model.damping, model.stiffness[0], model.selector)
+    return LinearModel(
+        model.mass[0],
+        model.damping[0],
+        model.stiffness[0],
+        model.selector,
+        None if model.measurement is None else model.measurement.at(0),
+    )
 
 
 def frequency_response(
     robot: Elastic, positions: Array, omega: Array, parameters: Array | None = None
 ) -> ComplexArray:
-    """Return G, (Q, F, n, n): motor torque [N m] to motor acceleration [rad/s^2].
+    """Return G, (Q, F, m, n): motor torque [N m] to motor acceleration [rad/s^2].
+
+    A robot file may ask for motor speed or angle instead, and add accelerometers [m/s^2].
 
     Parameters
     ----------
@@ -73,7 +84,7 @@ def sensitivity(
     *,
     sag: bool = True,
 ) -> tuple[ComplexArray, ComplexArray]:
-    """Return G, (Q, F, n, n), and J = dG/d ln theta, (Q, F, n, n, p).
+    """Return G, (Q, F, m, n), and J = dG/d ln theta, (Q, F, m, n, p).
 
     With `sag` the derivatives are exact; without it the equilibria are held fixed, which is
     faster and wrong by about the angle by which the springs give way (1e-3 or so).
@@ -85,9 +96,10 @@ def sensitivity(
     omega = check_omega(omega)
     network = robot.network(positions, parameters)
     G, J = network.sensitivity(omega)
-    if sag and isinstance(robot, Sagging):
-        receptance = network.linear_model().receptance(omega)
-        J = J + robot.tangents(positions, parameters).sensitivity(omega, receptance)
+    if isinstance(robot, BeyondSprings):
+        tangents = robot.tangents(positions, parameters, sag=sag)
+        if tangents is not None:
+            J = J + tangents.sensitivity(omega, network.linear_model())
     return G, J
 
 

@@ -34,6 +34,7 @@ class Motor(Strict):
     inertia: PositiveFloat
     viscous: float = Field(0.0, ge=0)
     coulomb: float = Field(0.0, ge=0)
+    torque_gain: PositiveFloat = 1.0
 
     @model_validator(mode="after")
     def _ratio_is_not_zero(self) -> Self:
@@ -102,6 +103,21 @@ class Payload(Body):
     link: str
 
 
+class Accelerometer(Strict):
+    """A sensor on a link: where it sits and along which axis it measures, in the link frame."""
+
+    name: str
+    link: str
+    at: Vector
+    direction: Vector
+
+    @model_validator(mode="after")
+    def _direction_is_not_zero(self) -> Self:
+        if not any(self.direction):
+            raise ValueError(f"accelerometer {self.name!r}: direction must not be zero")
+        return self
+
+
 class RobotFile(Strict):
     """A robot file, ``schema: robot/1``."""
 
@@ -115,10 +131,14 @@ class RobotFile(Strict):
     springs: list[Spring] = Field(min_length=1)
     parameters: Choice = Choice()
     payload: Payload | None = None
+    output: Literal["acceleration", "velocity", "position"] = "acceleration"
+    accelerometers: list[Accelerometer] = []
+    delay: float = Field(0.0, ge=0)
 
     @model_validator(mode="after")
     def _names_are_unique(self) -> Self:
-        names = Counter([m.name for m in self.motors] + [s.name for s in self.springs])
+        groups = (self.motors, self.springs, self.accelerometers)
+        names = Counter(item.name for group in groups for item in group)
         for name, count in names.items():
             if count > 1:
                 raise ValueError(f"the name {name!r} is used {count} times; names are unique")

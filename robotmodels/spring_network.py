@@ -11,6 +11,7 @@ import numpy as np
 
 from robotmodels.arrays import Array, ComplexArray, IntArray
 from robotmodels.linear_model import LinearModel
+from robotmodels.measurement import Measurement
 from robotmodels.parameters import Parameters
 
 
@@ -21,7 +22,8 @@ class SpringNetwork:
     Attributes
     ----------
     mass : (Q, d, d) [kg m^2].
-    damping, stiffness : (Q, d, d), what does not come from the springs.
+    damping : (d, d), and
+    stiffness : (Q, d, d), what does not come from the springs.
     selector : (d, n), as in `LinearModel`.
     ends : (s, 2) the two coordinates each spring joins; -1 is the ground (passive torsions).
     spring_stiffness, spring_damping : (Q, s) at `parameters.values`; a nonlinear spring's
@@ -29,6 +31,7 @@ class SpringNetwork:
     exponents : (Q, 2 s, p) derivative of ln(stiffnesses, dampings) with respect to ln theta:
         zeros and ones, except for nonlinear springs.
     parameters : the p free parameters at which the equilibria were found.
+    measurement : as in `LinearModel`, with leading axis Q; None for motor accelerations.
     """
 
     mass: Array
@@ -40,15 +43,11 @@ class SpringNetwork:
     spring_damping: Array
     exponents: Array
     parameters: Parameters
+    measurement: Measurement | None = None
 
     def incidence(self) -> Array:
         """Return a, (s, d): a spring's elongation is a @ q."""
-        a = np.zeros((len(self.ends), self.mass.shape[-1]))
-        for row, (first, second) in zip(a, self.ends, strict=True):
-            row[first] = 1.0
-            if second >= 0:
-                row[second] = -1.0
-        return a
+        return incidence(self.ends, self.mass.shape[-1])
 
     def springs(self, parameters: Array | None = None) -> tuple[Array, Array]:
         """Return the (Q, s) stiffnesses and dampings at `parameters`, equilibria held fixed."""
@@ -66,65 +65,45 @@ class SpringNetwork:
             damping=self.damping + np.einsum("qs,si,sj->qij", c, a, a),
             stiffness=self.stiffness + np.einsum("qs,si,sj->qij", k, a, a),
             selector=self.selector,
+            measurement=self.measurement,
         )
 
     def frequency_response(self, omega: Array, parameters: Array | None = None) -> ComplexArray:
-        """Return G, (Q, F, n, n)."""
+        """Return G, (Q, F, m, n)."""
         return self.linear_model(parameters).frequency_response(omega)
 
     def sensitivity(
         self, omega: Array, parameters: Array | None = None
     ) -> tuple[ComplexArray, ComplexArray]:
-        """Return G, (Q, F, n, n), and dG/d ln theta, (Q, F, n, n, p), equilibria held fixed.
+        """Return G, (Q, F, m, n), and dG/d ln theta, (Q, F, m, n, p), equilibria held fixed.
 
-        dG/d ln k = omega^2 k v v^T and dG/d ln c = j omega^3 c v v^T with v = X^T a.
+        dG/d ln k = -k (Z^T a)(X^T a)^T and dG/d ln c = -j omega c (Z^T a)(X^T a)^T.
         """
-        X = self.linear_model(parameters).receptance(omega)
+        model = self.linear_model(parameters)
+        X, Z = model.receptances(omega)
         k, c = self.springs(parameters)
-        v = np.einsum("si,qfin->qfsn", self.incidence(), X)
-        w = np.asarray(omega, dtype=float)
-        scale = np.concatenate(
+        a = self.incidence()
+        scale = np.stack(
             [
-                w[None, :, None] ** 2 * k[:, None, :],
-                1j * w[None, :, None] ** 3 * c[:, None, :],
+                np.broadcast_to(-k[:, None, :], (len(k), len(omega), len(a))),
+                -1j * np.asarray(omega)[None, :, None] * c[:, None, :],
             ],
-            axis=-1,
+            axis=2,
         )
-        twice = np.concatenate([v, v], axis=2)
-        J = np.einsum(
-            "qft,qftm,qftn,qtp->qfmnp", scale, twice, twice, self.exponents, optimize=True
-        )
-        G = -(w[:, None, None] ** 2) * (self.selector.T @ X)
-        return G, J
+        exponents = self.exponents.reshape(len(k), 2, len(a), -1)
+        weights = np.einsum("qfts,qtsp->qfsp", scale, exponents)
+        left, right = np.swapaxes(Z, -1, -2) @ a.T, np.swapaxes(X, -1, -2) @ a.T
+        products = left[..., :, None, :] * right[..., None, :, :]
+        J = products.reshape(*left.shape[:2], -1, len(a)) @ weights
+        G = np.swapaxes(Z, -1, -2) @ (model.selector * model.measured.gain)
+        return G, J.reshape(*G.shape, -1)
 
 
-@dataclass(frozen=True, eq=False)
-class Tangents:
-    """What the frozen equilibria leave out: derivatives of mass and stiffness by ln theta.
-
-    Attributes
-    ----------
-    mass, stiffness : (Q, p, d, d).
-    """
-
-    mass: Array
-    stiffness: Array
-
-    def sensitivity(self, omega: Array, receptance: ComplexArray) -> ComplexArray:
-        """Return the part of dG/d ln theta they add, (Q, F, n, n, p).
-
-        dG = omega^2 X^T (dK - omega^2 dM) X, with X (Q, F, d, n) the `receptance`.
-        """
-        w = np.asarray(omega, dtype=float)[:, None, None]
-
-        def through(derivative: Array) -> ComplexArray:
-            """X^T (derivative) X, (Q, F, n, n, p), one product of real matrices per position."""
-            q, f, d, n = receptance.shape
-            columns = receptance.transpose(0, 2, 1, 3).reshape(q, 1, d, f * n)
-            right = (derivative @ columns.real + 1j * (derivative @ columns.imag)).reshape(
-                q, -1, d, f, n
-            )
-            return np.asarray(np.einsum("qfdm,qpdfn->qfmnp", receptance, right, optimize=True))
-
-        stiff, inert = through(self.stiffness), through(self.mass)
-        return np.asarray(w[..., None] ** 2 * stiff - w[..., None] ** 4 * inert)
+def incidence(ends: IntArray, size: int) -> Array:
+    """Return a, (s, size), for springs between the coordinates `ends` (s, 2); -1 is the ground."""
+    a = np.zeros((len(ends), size))
+    for row, (first, second) in zip(a, ends, strict=True):
+        row[first] = 1.0
+        if second >= 0:
+            row[second] = -1.0
+    return a

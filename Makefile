@@ -1,0 +1,39 @@
+# Two commands: `make study` and `make test`. Both make .venv first.
+PYTHON ?= python3
+VENV := .venv
+BIN := $(VENV)/bin
+# Two worker processes at most share the machine: one thread of linear algebra in each.
+export OMP_NUM_THREADS ?= 1
+export OPENBLAS_NUM_THREADS ?= 1
+export MPLBACKEND ?= Agg
+
+.PHONY: study test slow lint bench clean
+
+study: $(VENV)/installed
+	$(BIN)/oed run studies/ur10.yaml
+
+test: lint
+	$(BIN)/pytest -m "not slow" --cov --cov-report=term:skip-covered
+
+lint: $(VENV)/installed
+	$(BIN)/ruff check
+	$(BIN)/ruff format --check
+	$(BIN)/mypy
+	$(BIN)/lint-imports
+
+slow: $(VENV)/installed
+	$(BIN)/pytest -m slow
+
+bench: $(VENV)/installed
+	$(BIN)/python benchmarks/linearisation.py
+
+clean:
+	rm -rf $(VENV) .bench out
+
+$(VENV)/installed: pyproject.toml
+	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || \
+	  { echo "Python 3.11 or newer is needed; set it with: make PYTHON=python3.12 ..."; exit 1; }
+	@echo "Making .venv and installing (about two minutes, once) ..."
+	@$(PYTHON) -m venv $(VENV)
+	@$(BIN)/pip install --quiet --editable '.[test]'
+	@touch $@
