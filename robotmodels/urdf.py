@@ -62,10 +62,31 @@ def rigid_model(path: Path, lock: dict[str, float]) -> pin.Model:
         # A continuous joint stores cosine and sine.
         value = [np.cos(angle), np.sin(angle)] if joint.nq == 2 else [angle]
         configuration[joint.idx_q : joint.idx_q + joint.nq] = value
+    whole = model
     model = pin.buildReducedModel(model, [model.getJointId(n) for n in lock], configuration)
+    for name in lock:
+        _mend_locked_frame(model, whole, name)
     for name, inertia in zip(list(model.names)[1:], list(model.inertias)[1:], strict=True):
         check_inertia(inertia, f"{path.name}: the body moved by joint {name!r}")
     return model
+
+
+def _mend_locked_frame(model: pin.Model, whole: pin.Model, name: str) -> None:
+    """Make the frame of a locked joint like that of a fixed one.
+
+    Pinocchio leaves it its own parent, and gives it the inertia of all that the joint moved,
+    bodies fixed to it included, which have frames of their own.
+    """
+    joint = whole.getJointId(name)
+    carrier = whole.frames[whole.getFrameId(name, pin.JOINT)].parentFrame
+    frame = model.frames[model.getFrameId(name, pin.FIXED_JOINT)]
+    frame.parentFrame = model.getFrameId(whole.frames[carrier].name, pin.BODY)
+    own = whole.inertias[joint].toDynamicParameters()
+    for other in whole.frames:
+        if other.type == pin.FIXED_JOINT and other.parentJoint == joint:
+            own = own - other.placement.act(other.inertia).toDynamicParameters()
+    massive = own[0] > 1e-12
+    frame.inertia = pin.Inertia.FromDynamicParameters(own) if massive else pin.Inertia.Zero()
 
 
 def unknown_joint(what: str, name: str, joints: list[str]) -> str:
