@@ -137,7 +137,7 @@ class ElasticRobot:
         start[:, layout.drives] = positions
         names = tuple(s.name for s in self.file.springs)
         return find_equilibrium(
-            layout.arm, start, layout.elongations, layout.held, self.elements.laws(theta), names
+            layout.arm, start, layout.sprung, layout.held, self.elements.laws(theta), names
         )
 
     def network(self, positions: Array, parameters: Array | None = None) -> SpringNetwork:
@@ -189,17 +189,18 @@ class ElasticRobot:
             return differentiate(self._skeleton, theta, at.coordinates, shift, extra)
         fixed = differentiate(self._skeleton, theta, at.coordinates, shift, extra)
         load = self.elements.torque_derivatives(theta, at.elongations)  # (Q, s, p)
-        a, arm, held = self.layout.elongations, self.layout.arm_size, self.layout.held
+        arm, sprung, held = self.layout.arm_size, self.layout.sprung, self.layout.held
         K = skeleton(self._layout(theta), at.coordinates).stiffness[:, :arm, :arm]
-        K = K + np.einsum("qs,si,sj->qij", at.slopes, a, a)
-        force = np.einsum("qsp,si->qip", load, a) + np.swapaxes(fixed.gravity, 1, 2)[:, :arm]
+        K[:, sprung, sprung] += at.slopes
+        force = np.swapaxes(fixed.gravity, 1, 2)[:, :arm].copy()
+        force[:, sprung] += load
         force[:, held] = K[:, held, :] = K[:, :, held] = 0.0
         K[:, held, held] = 1.0
-        shift = -np.linalg.solve(K, force)
+        shift = np.asarray(-np.linalg.solve(K, force))
         moved = [j for j in range(len(theta)) if j in extra or shift[..., j].any()]
         tangents = differentiate(self._skeleton, theta, at.coordinates, shift, moved)
         # The network's exponents hold each spring's torque; correct for its change.
-        slide = np.einsum("si,qip->qsp", a, shift) + load / at.slopes[..., None]
+        slide = shift[:, sprung] + load / at.slopes[..., None]
         hardening = self.elements.laws(theta).stiffening(at.elongations)[..., None] * slide
         ends = incidence(self.layout.ends, self.layout.size)
         return tangents.stiffened(np.einsum("qsp,si,sj->qpij", hardening, ends, ends))

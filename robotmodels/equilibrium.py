@@ -52,7 +52,7 @@ def mass_matrices(arm: Arm, coordinates: Array) -> Array:
 
 
 def find_equilibrium(
-    arm: Arm, start: Array, springs: Array, held: IntArray, law: SpringLaw, names: tuple[str, ...]
+    arm: Arm, start: Array, sprung: IntArray, held: IntArray, law: SpringLaw, names: tuple[str, ...]
 ) -> Equilibrium:
     """Find the coordinates at which springs and gravity balance, by Newton's method.
 
@@ -60,7 +60,7 @@ def find_equilibrium(
     ----------
     arm : the elastic arm, d coordinates.
     start : (Q, d) coordinates with unloaded springs.
-    springs : (s, d) elongation of each spring per coordinate.
+    sprung : (s,) the coordinate that each spring holds.
     held : coordinates that rigid drives hold.
     law : torques and slopes of the springs.
     names : of the springs, for errors.
@@ -72,34 +72,35 @@ def find_equilibrium(
     q = np.array(start, dtype=float)
     moving = np.arange(len(q))  # positions whose Newton iteration has not ended
     for _ in range(30):
-        torques, slopes = law((q[moving] - start[moving]) @ springs.T)
-        load, by_q = gravity(arm, q[moving])
-        residual = load + torques @ springs
-        K = by_q + np.einsum("qs,si,sj->qij", slopes, springs, springs)
+        torques, slopes = law((q - start)[np.ix_(moving, sprung)])
+        residual, K = gravity(arm, q[moving])
+        residual[:, sprung] += torques
+        K[:, sprung, sprung] += slopes
         residual[:, held] = 0.0
         K[:, held, :] = K[:, :, held] = 0.0
         K[:, held, held] = 1.0
         step = np.linalg.solve(K, residual[..., None])[..., 0]
         q[moving] -= step
-        bent = np.abs((q[moving] - start[moving]) @ springs.T).max(axis=1, initial=0.0)
+        bent = np.abs(q - start)[np.ix_(moving, sprung)].max(axis=1, initial=0.0)
         if (bent > LARGEST_DEFLECTION).any():
             i = int(moving[np.argmax(bent)])
-            raise _gives_way(arm, start[i], (q[i] - start[i]) @ springs.T, springs, names)
-        done = np.abs(step).max(axis=1, initial=0.0) < 1e-12
-        _check_stable(K[done], springs, start[moving[done]], names)
+            raise _gives_way(arm, start[i], q[i], sprung, names)
+        # The iteration converges quadratically: after such a step only rounding is left.
+        done = np.abs(step).max(axis=1, initial=0.0) < 1e-8
+        _check_stable(K[done], sprung, start[moving[done]], names)
         moving = moving[~done]
         if not len(moving):
-            elongations = (q - start) @ springs.T
+            elongations = (q - start)[:, sprung]
             return Equilibrium(q, elongations, law(elongations)[1])
     i = int(moving[0])
-    raise _gives_way(arm, start[i], (q[i] - start[i]) @ springs.T, springs, names)
+    raise _gives_way(arm, start[i], q[i], sprung, names)
 
 
 def _gives_way(
-    arm: Arm, start: Array, elongations: Array, springs: Array, names: tuple[str, ...]
+    arm: Arm, start: Array, bent: Array, sprung: IntArray, names: tuple[str, ...]
 ) -> NoEquilibrium:
-    worst = int(np.argmax(np.abs(elongations)))
-    load = abs(springs[worst] @ gravity(arm, start[None])[0][0])
+    worst = int(np.argmax(np.abs(bent - start)[sprung]))
+    load = abs(gravity(arm, start[None])[0][0, sprung[worst]])
     return NoEquilibrium(
         f"no static equilibrium at position {np.round(start, 3).tolist()}: "
         f"spring {names[worst]!r} gives way under a gravity torque of {load:.4g} N m; "
@@ -107,25 +108,14 @@ def _gives_way(
     )
 
 
-def _check_stable(stiffness: Array, springs: Array, start: Array, names: tuple[str, ...]) -> None:
-    values, vectors = np.linalg.eigh(stiffness)
-    for i in np.flatnonzero(values[:, 0] <= 0):
-        worst = int(np.argmax(np.abs(springs @ vectors[i, :, 0])))
+def _check_stable(stiffness: Array, sprung: IntArray, start: Array, names: tuple[str, ...]) -> None:
+    try:
+        np.linalg.cholesky(stiffness)
+    except np.linalg.LinAlgError:
+        values, vectors = np.linalg.eigh(stiffness)
+        i = int(np.argmin(values[:, 0]))
+        worst = int(np.argmax(np.abs(vectors[i, sprung, 0])))
         raise NoEquilibrium(
             f"the equilibrium at position {np.round(start[i], 3).tolist()} is not stable: "
             f"gravity overcomes spring {names[worst]!r}, which is too weak for the load"
-        )
-
-
-def curvature(arm: Arm, coordinates: Array) -> tuple[Array, Array]:
-    """Return dM/dq_i and d(dg/dq)/dq_i, both (d, d, d) with i first, at one equilibrium (d,).
-
-    Central differences of Pinocchio's analytic mass matrix and gravity derivatives: the error,
-    about 1e-9 of the result, is multiplied by deflections of 1e-3 where it is used.
-    """
-    step = 1e-4
-    shifts = step * np.eye(len(coordinates))
-    plus, minus = coordinates + shifts, coordinates - shifts
-    mass = (mass_matrices(arm, plus) - mass_matrices(arm, minus)) / (2 * step)
-    by_q = (gravity(arm, plus)[1] - gravity(arm, minus)[1]) / (2 * step)
-    return mass, by_q
+        ) from None

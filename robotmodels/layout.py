@@ -6,7 +6,7 @@ from functools import cached_property
 import numpy as np
 
 from robotmodels.arm import Arm
-from robotmodels.arrays import Array, IntArray
+from robotmodels.arrays import IntArray
 from robotmodels.robot_file import RobotFile
 
 
@@ -74,6 +74,6 @@ class Layout:
         return np.array(ends, dtype=np.int64)
 
     @cached_property
-    def elongations(self) -> Array:
-        """Elongation of each spring per arm coordinate, motors standing still, (s, d)."""
-        return np.asarray(np.eye(self.arm_size)[self.ends[:, 0]])
+    def sprung(self) -> IntArray:
+        """Arm coordinate that each spring holds, (s,)."""
+        return self.ends[:, 0]
