@@ -94,7 +94,7 @@ def test_the_shift_of_the_equilibrium_is_what_the_cheaper_mode_leaves_out():
     assert difference[hardening].max() < 0.5  # its slope follows its torque, which shifts
     assert difference[[n.endswith("damping") for n in names]].max() == 0
     # Turning about the vertical, joint 1 feels no gravity; joint 2 carries the arm.
-    assert difference[robot.parameters.index("d1.stiffness")] < 1e-12
+    assert difference[robot.parameters.index("d1.stiffness")] < 1e-9
     assert difference[robot.parameters.index("b1x.stiffness")] > 1e-4
 
 
