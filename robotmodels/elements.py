@@ -72,7 +72,7 @@ class Elements:
     @cached_property
     def parameters(self) -> Parameters:
         """The free parameters; a tied group has the name and value of its first member."""
-        heads = [int(np.argmax(column)) for column in self.ties.T]
+        heads = [self.names.index(name) for name in self._free]
         return Parameters(
             tuple(self.names[i] for i in heads),
             self.values[heads],
@@ -80,8 +80,8 @@ class Elements:
         )
 
     @cached_property
-    def ties(self) -> Array:
-        """Which free parameter scales which element, (elements, p) of zeros and ones."""
+    def _heads(self) -> dict[str, str]:
+        """The first member of the group of each element that is not fixed, by element."""
         choice = self.file.parameters
         for name in (*choice.fixed, *(n for group in choice.tied for n in group)):
             if name not in self.names:
@@ -97,10 +97,22 @@ class Elements:
                     raise InvalidInput(f"parameters: {name!r} is tied twice, or tied and fixed")
                 tied.add(name)
             head |= dict.fromkeys(group[1:], group[0])
-        free = [n for n in self.names if head[n] == n and n not in choice.fixed]
-        if not free:
+        heads = {element: h for element, h in head.items() if element not in choice.fixed}
+        if not heads:
             raise InvalidInput("parameters: every parameter is fixed; at least one must be free")
-        return np.array([[float(head[name] == column) for column in free] for name in self.names])
+        return heads
+
+    @cached_property
+    def _free(self) -> tuple[str, ...]:
+        """Names of the free parameters."""
+        return tuple(name for name in self.names if self._heads.get(name) == name)
+
+    @cached_property
+    def ties(self) -> Array:
+        """Which free parameter scales which element, (elements, p) of zeros and ones."""
+        return np.array(
+            [[float(self._heads.get(n) == free) for free in self._free] for n in self.names]
+        )
 
     def at(self, theta: Array) -> Array:
         """Return all elements where the free parameters are `theta` (p,)."""
