@@ -1,5 +1,6 @@
 """What the robot is: elastic models, their equilibria, FRFs and sensitivities."""
 
+from robotmodels.chains import CoupledChains
 from robotmodels.elastic import ElasticRobot
 from robotmodels.errors import (
     IdentificationError,
@@ -16,6 +17,7 @@ from robotmodels.response import frequency_response, linearize, sensitivity
 from robotmodels.spring_network import SpringNetwork
 
 __all__ = [
+    "CoupledChains",
     "ElasticRobot",
     "IdentificationError",
     "InvalidInput",
