@@ -177,7 +177,7 @@ class CoupledChains:
     def _last(self) -> IntArray:
         """Coordinates of the last masses, (M,)."""
         count, length = self.masses.shape
-        return np.arange(1, count + 1) * length - 1
+        return np.asarray(np.arange(1, count + 1) * length - 1)
 
     @cached_property
     def _ends(self) -> IntArray:
