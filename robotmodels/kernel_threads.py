@@ -1,0 +1,25 @@
+"""Share positions out over threads: compiled code that lets go of the interpreter."""
+
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+
+import numba
+
+WORTHWHILE = 200
+"""Fewest vectors of frequencies per thread; below that, starting it costs more than it saves."""
+
+
+def over_threads(run: Callable[[int, int], None], n_items: int, work_per_item: int) -> None:
+    """Call ``run(start, stop)`` on pieces of ``range(n_items)``, each in a thread of its own.
+
+    At most `numba.get_num_threads` at once; `work_per_item` counts vectors of frequencies to
+    solve at. The threads end with the call: a kept pool, or numba's own, would not survive in a
+    forked process.
+    """
+    threads = min(numba.get_num_threads(), n_items, n_items * work_per_item // WORTHWHILE)
+    if threads <= 1:
+        run(0, n_items)
+        return
+    edges = [n_items * i // threads for i in range(threads + 1)]
+    with ThreadPoolExecutor(threads) as pool:
+        list(pool.map(run, edges[:-1], edges[1:]))
