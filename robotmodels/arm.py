@@ -77,14 +77,18 @@ class _Builder:
         joints = list(self.rigid.names)[1:]
         if self.file.payload is not None:
             self._link(self.file.payload.link, "payload")
+            if self.file.payload.mass > 0:
+                check_inertia(_inertia(self.file.payload), "payload")
         for sensor in self.file.accelerometers:
             self._link(sensor.link, f"accelerometer {sensor.name!r}")
         for spring in self.file.springs:
             if spring.joint is not None and spring.joint not in joints:
                 what = f"spring {spring.name!r}: {spring.joint!r}"
-                raise InvalidInput(unknown_joint(what, spring.joint, joints))
-            if spring.name in joints:
-                raise InvalidInput(f"spring {spring.name!r} has the name of a joint of the URDF")
+                raise InvalidInput(unknown_joint(what, spring.joint, joints, self.file.lock))
+        for kind, items in (("spring", self.file.springs), ("motor", self.file.motors)):
+            for item in items:
+                if item.name in joints:
+                    raise InvalidInput(f"{kind} {item.name!r} has the name of a joint of the URDF")
 
     def _add_body(self, old: int, new: int) -> None:
         """Add the body of rigid joint `old` to the new joint `new`, then all that it carries."""
@@ -144,9 +148,9 @@ class _Builder:
         if payload is not None and (frame := self._link(payload.link, "payload")) in frames:
             carrier = next(p for p in reversed(parts) if frame in p.frames)
             carrier.inertia += self.rigid.frames[frame].placement.act(_inertia(payload))
-        for part in parts:
+        for i, part in enumerate(parts):
             if old or part.springs:
-                check_inertia(part.inertia, self._part_name(old, part))
+                check_inertia(part.inertia, self._part_name(old, parts, i))
         return parts
 
     def _cuts(self, old: int) -> list[list[Spring]]:
@@ -162,7 +166,14 @@ class _Builder:
 
     def _cut(self, near: _Segment, springs: list[Spring], old: int) -> _Segment:
         """Take the part beyond a cut off the segment `near` and return it."""
-        link = self._link(str(springs[0].link), f"spring {springs[0].name!r}")
+        who = f"spring {springs[0].name!r}"
+        link = self._link(str(springs[0].link), who)
+        if link not in near.frames:
+            raise InvalidInput(
+                f"{who}: link {springs[0].link!r} does not lie beyond the cut of spring "
+                f"{near.springs[0].name!r}; the cuts through one rigid body follow each other "
+                "outwards, in file order"
+            )
         frame = self.rigid.frames[link]
         beyond = {i for i in near.frames if self._descends(i, link)}
         distal = [s.distal for s in springs if s.distal is not None]
@@ -170,9 +181,11 @@ class _Builder:
             raise InvalidInput(f"spring {springs[1].name!r}: 'distal' is given twice for one cut")
         if not distal and old:
             raise InvalidInput(
-                f"spring {springs[0].name!r}: a cut through link {springs[0].link!r} needs "
+                f"{who}: a cut through link {springs[0].link!r} needs "
                 "'distal', the mass, com and inertia of the part beyond it"
             )
+        if distal:
+            check_inertia(_inertia(distal[0]), f"{who}: 'distal'")
         # Bodies fixed to the far end of the link lie beyond the cut; below an elastic
         # foundation (a cut through the root link) everything does.
         beyond_inertia = (
@@ -206,11 +219,13 @@ class _Builder:
             )
         return int(self.rigid.getFrameId(name, pin.BODY))
 
-    def _part_name(self, old: int, part: _Segment) -> str:
+    def _part_name(self, old: int, parts: list[_Segment], i: int) -> str:
         body = f"the body moved by joint {self.rigid.names[old]!r}" if old else "the root link"
-        if part.springs:
-            return f"spring {part.springs[0].name!r}: the part of {body} beyond the cut"
-        return f"{body} (what remains of it after its cuts)"
+        if i + 1 < len(parts):
+            return f"spring {parts[i + 1].springs[0].name!r}: what its cut leaves of {body}"
+        if parts[i].springs:
+            return f"spring {parts[i].springs[0].name!r}: the part of {body} beyond the cut"
+        return body
 
 
 def motions(rigid: pin.Model) -> Array:
@@ -219,7 +234,8 @@ def motions(rigid: pin.Model) -> Array:
     pin.computeJointJacobians(rigid, data, pin.neutral(rigid))
     return np.array(
         [
-            pin.getJointJacobian(rigid, data, i, pin.LOCAL)[:, rigid.joints[i].idx_v]
+            # Pinocchio returns a vector where there is but one joint.
+            pin.getJointJacobian(rigid, data, i, pin.LOCAL).reshape(6, -1)[:, rigid.joints[i].idx_v]
             for i in range(1, rigid.njoints)
         ]
     )

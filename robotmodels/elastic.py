@@ -226,7 +226,7 @@ class ElasticRobot:
         for motor in self.file.motors:
             if motor.joint not in joints:
                 what = f"motor {motor.name!r}: {motor.joint!r}"
-                raise InvalidInput(unknown_joint(what, motor.joint, joints))
+                raise InvalidInput(unknown_joint(what, motor.joint, joints, self.file.lock))
         held = {*self.motor_joints, *(s.joint for s in self.file.springs if s.axis == "drive")}
         loose = [j for j in joints if j not in held]
         if loose:

@@ -1,16 +1,16 @@
 """URDF files: where they are, whether they can be used, and their rigid Pinocchio model."""
 
 import importlib.metadata
-import xml.etree.ElementTree as ET
+from collections.abc import Iterable
 from pathlib import Path
 
 import numpy as np
 import pinocchio as pin
 
 from robotmodels.errors import InvalidInput, nearest
+from robotmodels.urdf_check import check_urdf
 
 _PACKAGE_PREFIX = "example-robot-data:"
-_SUPPORTED = ("revolute", "continuous", "prismatic", "fixed")
 
 
 def locate(urdf: str, beside: Path) -> Path:
@@ -50,15 +50,18 @@ def rigid_model(path: Path, lock: dict[str, float]) -> pin.Model:
     InvalidInput : if the file is malformed, has an unsupported joint type or unphysical inertias,
         or does not have a joint of `lock`.
     """
-    _check_xml(path)
-    model = pin.buildModelFromUrdf(str(path))
+    check_urdf(path)
+    try:
+        model = pin.buildModelFromUrdf(str(path))
+    except ValueError as error:
+        raise InvalidInput(f"{path}: not a valid URDF: {error}") from None
     joints = list(model.names)[1:]
-    for name in lock:
-        if name not in joints:
-            raise InvalidInput(unknown_joint(f"lock: {name!r}", name, joints))
     configuration = pin.neutral(model)
     for name, angle in lock.items():
+        if name not in joints:
+            raise InvalidInput(unknown_joint(f"lock: {name!r}", name, joints))
         joint = model.joints[model.getJointId(name)]
+        _check_locked(model, joint, name, angle)
         # A continuous joint stores cosine and sine.
         value = [np.cos(angle), np.sin(angle)] if joint.nq == 2 else [angle]
         configuration[joint.idx_q : joint.idx_q + joint.nq] = value
@@ -89,9 +92,20 @@ def _mend_locked_frame(model: pin.Model, whole: pin.Model, name: str) -> None:
     frame.inertia = pin.Inertia.FromDynamicParameters(own) if massive else pin.Inertia.Zero()
 
 
-def unknown_joint(what: str, name: str, joints: list[str]) -> str:
-    """Return the message for a joint that the URDF does not have, with those it has."""
-    return f"{what} is not a joint of the URDF{nearest(name, joints)}; it has {', '.join(joints)}"
+def _check_locked(model: pin.Model, joint: pin.JointModel, name: str, angle: float) -> None:
+    low, high = model.lowerPositionLimit[joint.idx_q], model.upperPositionLimit[joint.idx_q]
+    if joint.nq == 1 and not low - 1e-9 <= angle <= high + 1e-9:
+        raise InvalidInput(
+            f"lock: joint {name!r} at {angle:g} is outside its limits [{low:.4g}, {high:.4g}]"
+        )
+
+
+def unknown_joint(what: str, name: str, joints: list[str], locked: Iterable[str] = ()) -> str:
+    """Return the message for a joint that does not move, with those that do."""
+    if name in locked:
+        return f"{what} is held under 'lock'; a locked joint has neither motor nor springs"
+    known = ", ".join(joints) or "none"
+    return f"{what} is not a moving joint of the URDF{nearest(name, joints)}; there are {known}"
 
 
 def check_inertia(inertia: pin.Inertia, who: str) -> None:
@@ -112,18 +126,3 @@ def check_inertia(inertia: pin.Inertia, who: str) -> None:
             f"{who} is not physically consistent: its principal moments of inertia are {listed} "
             "kg m^2; each must be >= 0 and at most the sum of the other two"
         )
-
-
-def _check_xml(path: Path) -> None:
-    try:
-        root = ET.parse(path).getroot()
-    except ET.ParseError as error:
-        raise InvalidInput(f"{path}: not a well-formed URDF: {error}") from None
-    if root.tag != "robot":
-        raise InvalidInput(f"{path}: not a URDF: its root is <{root.tag}>, not <robot>")
-    for joint in root.findall("joint"):
-        if joint.get("type") not in _SUPPORTED:
-            raise InvalidInput(
-                f"{path}: joint {joint.get('name')!r} is {joint.get('type')!r}; "
-                f"only {', '.join(_SUPPORTED)} joints are supported"
-            )
