@@ -195,14 +195,12 @@ def _value(matrices: Array, counts: IntArray) -> float:
 
 def _largest_rank(matrices: Array) -> int:
     """Return the largest rank of one whitened candidate."""
-    p = matrices.shape[-1]
     first = matrices[np.argmax(np.trace(matrices, axis1=1, axis2=2))]
     # Usually one look is enough, and a thousand times cheaper than all.
     if not weak_directions(first).shape[1]:
-        return p
+        return len(first)
     eigenvalues = np.linalg.eigvalsh(matrices)
-    ranks = (eigenvalues > 1e-12 * eigenvalues[:, -1:]).sum(axis=1)
-    return int(ranks.max())
+    return int(np.max((eigenvalues > 1e-12 * eigenvalues[:, -1:]).sum(axis=1)))
 
 
 def _too_few(matrices: Array, n_experiments: int, largest_rank: int) -> str:

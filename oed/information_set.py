@@ -195,7 +195,7 @@ def information(
 
 def _chunk_information(robot: Model, omega: Array, noise: RelativeNoise, positions: Array) -> Array:
     # Imported when used: the kernel compiles on import, and a user's own matrices do not need it.
-    from robotmodels import kernel
+    import robotmodels.kernel as kernel
 
     return np.asarray(kernel.information(robot.network(positions), omega, noise))
 
@@ -219,7 +219,9 @@ def _check_values(positions: Array, matrices: Array) -> None:
     _refuse(~np.isfinite(positions).all(axis=1), "a position that is not finite")
     _refuse(~np.isfinite(matrices).all(axis=(1, 2)), "a matrix that is not finite")
     s = unit_diagonal_scaling(matrices)
-    s[s == 0] = 1.0
+    # What is zero but for rounding is judged against the largest entry.
+    least = np.where(s > 0, s, np.inf).min(axis=1, keepdims=True)
+    s = np.where(s > 0, s, np.where(np.isfinite(least), least, 1.0))
     scaled = s[:, :, None] * matrices * s[:, None, :]
     skew = np.abs(scaled - np.swapaxes(scaled, 1, 2)).max(axis=(1, 2))
     _refuse(skew > _SYMMETRY_TOLERANCE, "a matrix that is not symmetric")

@@ -1,0 +1,195 @@
+import time
+
+import cvxpy as cp
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from random_candidates import information_set, quadratic_regression, random_set
+
+import oed.relaxed
+from oed import optimal_design
+from oed.relaxed import distinct, whiten
+from robotmodels import InvalidInput, NotIdentifiable, SolverFailed
+
+SOLVERS = ["clarabel", "newton"]
+
+
+def plain_gap(weights, matrices):
+    M = np.tensordot(weights, matrices, axes=1)
+    return max(np.trace(np.linalg.solve(M, H)) for H in matrices) / len(M) - 1
+
+
+def monolithic_value(matrices):
+    """Return the largest log det by one convex problem over all candidates."""
+    w = cp.Variable(len(matrices), nonneg=True)
+    information = sum(w[i] * H for i, H in enumerate(matrices))
+    problem = cp.Problem(cp.Maximize(cp.log_det(information)), [cp.sum(w) == 1])
+    return problem.solve(solver=cp.CLARABEL)
+
+
+@settings(max_examples=15, deadline=None)
+@given(
+    seed=st.integers(0, 10**6),
+    p=st.integers(1, 4),
+    spare=st.integers(0, 12),
+    rank=st.integers(1, 4),
+    solver=st.sampled_from(SOLVERS),
+)
+def test_design_equals_one_convex_problem(seed, p, spare, rank, solver):
+    info = random_set(seed, p + spare, p, rank)
+    design = optimal_design(info, solver=solver)
+    reference = whiten(info.matrices, info.total)
+    shift = np.linalg.slogdet(info.total).logabsdet
+    assert design.value == pytest.approx(monolithic_value(reference) + shift, abs=1e-5)
+
+
+@settings(max_examples=40, deadline=None)
+@given(
+    seed=st.integers(0, 10**6),
+    p=st.integers(1, 8),
+    spare=st.integers(0, 100),
+    rank=st.integers(1, 8),
+)
+def test_certificate_by_plain_numpy(seed, p, spare, rank):
+    info = random_set(seed, p + spare, p, rank)
+    design = optimal_design(info, solver="newton")
+    assert plain_gap(design.weights, info.matrices) < 2e-6
+    assert design.gap <= 1e-6
+    assert design.weights.sum() == pytest.approx(1.0, abs=1e-12)
+    assert design.weights.min() == 0.0 or len(design.support) == len(info)
+    np.testing.assert_array_equal(design.support, np.flatnonzero(design.weights))
+    np.testing.assert_allclose(
+        design.information, np.tensordot(design.weights, info.matrices, axes=1)
+    )
+
+
+@pytest.mark.parametrize("solver", SOLVERS)
+def test_quadratic_regression_measures_ends_and_middle(solver):
+    points = np.linspace(-1, 1, 2001)
+    design = optimal_design(quadratic_regression(points), solver=solver, tolerance=1e-9)
+    np.testing.assert_allclose(points[design.support], [-1, 0, 1], atol=1e-12)
+    np.testing.assert_allclose(design.weights[design.support], 1 / 3, atol=1e-8)
+    # M = [[1, 0, 2/3], [0, 2/3, 0], [2/3, 0, 2/3]]
+    assert design.value == pytest.approx(np.log(4 / 27), abs=1e-8)
+    assert design.efficiency == pytest.approx(1.0, abs=1e-8)
+    assert design.criterion == "D"
+    assert design.solver == solver
+
+
+def test_duplicates_share_one_place():
+    info = random_set(5, 30, 4, 3)
+    rng = np.random.default_rng(0)
+    order = rng.permutation(np.repeat(np.arange(30), 5))
+    noisy = info.matrices[order] * (1 + 1e-14 * rng.standard_normal((150, 1, 1)))
+    single = optimal_design(info, solver="newton")
+    repeated = optimal_design(information_set(noisy), solver="newton")
+    assert len(repeated.support) == len(single.support)
+    by_original = np.bincount(order, repeated.weights, minlength=30)
+    np.testing.assert_allclose(by_original, single.weights, atol=1e-7)
+    firsts = [int(np.argmax(order == order[i])) for i in repeated.support]
+    assert list(repeated.support) == firsts
+
+
+def test_distinct_compares_matrices_not_projections():
+    base = np.zeros((4, 2, 2))
+    base[1, 0, 0] = base[3, 0, 0] = 1.0
+    base[2, 0, 0] = 1.0 + 1e-6
+    assert distinct(base).tolist() == [0, 1, 2]
+
+
+@pytest.mark.parametrize("solver", SOLVERS)
+@pytest.mark.parametrize("seed", range(3))
+def test_units_do_not_change_the_design(seed, solver):
+    info = random_set(seed, 60, 5, 3)
+    scale = 10.0 ** np.random.default_rng(seed).uniform(-6, 6, 5)
+    scaled = information_set(scale[:, None] * info.matrices * scale)
+    plain, other = optimal_design(info, solver=solver), optimal_design(scaled, solver=solver)
+    np.testing.assert_allclose(other.weights, plain.weights, atol=1e-6)
+    assert other.value == pytest.approx(plain.value + 2 * np.log(scale).sum(), abs=1e-6)
+
+
+def test_overall_scale_of_the_information_does_not_matter():
+    info = random_set(1, 40, 4, 2)
+    for factor in (1e-30, 1e30):
+        other = optimal_design(information_set(factor * info.matrices), solver="newton")
+        np.testing.assert_allclose(other.weights, optimal_design(info, solver="newton").weights)
+
+
+def test_largest_traces_alone_may_identify_nothing():
+    """The 2p candidates of largest trace all inform on one parameter only."""
+    strong = [np.diag([1e3 + i, 0, 0]) for i in range(50)]
+    weak = [np.diag([0, 1.0 + i, 0]) for i in range(3)] + [
+        np.diag([0, 0, 1.0 + i]) for i in range(3)
+    ]
+    design = optimal_design(information_set(strong + weak), solver="newton")
+    assert design.support.tolist() == [49, 52, 55]
+    np.testing.assert_allclose(design.weights[design.support], 1 / 3, atol=1e-8)
+
+
+def test_some_candidates_inform_on_nothing():
+    matrices = random_set(1, 20, 3, 2).matrices.copy()
+    matrices[::2] = 0.0
+    assert (optimal_design(information_set(matrices), solver="newton").support % 2 == 1).all()
+
+
+def test_single_candidate():
+    design = optimal_design(random_set(0, 1, 3, 3))
+    assert design.weights.tolist() == [1.0]
+    assert abs(design.gap) < 1e-9
+
+
+@pytest.mark.parametrize(("n_candidates", "solver"), [(2000, "clarabel"), (8000, "newton")])
+def test_thousands_of_candidates_take_seconds(n_candidates, solver):
+    info = random_set(7, n_candidates, 26, 30)
+    start = time.perf_counter()
+    design = optimal_design(info, solver=solver)
+    assert time.perf_counter() - start < 15.0
+    assert plain_gap(design.weights, info.matrices) <= 1e-6
+    assert design.rounds <= 6
+
+
+def test_not_identifiable_names_the_parameters():
+    J = np.random.default_rng(0).standard_normal((50, 4, 3))
+    J[:, 2] = 0.5 * J[:, 0]
+    info = information_set(J @ np.swapaxes(J, 1, 2))
+    with pytest.raises(NotIdentifiable, match="not identifiable: k0, k2; add positions") as caught:
+        optimal_design(info)
+    assert caught.value.names == ("k0", "k2")
+
+
+def test_unknown_choices():
+    info = random_set(0, 5, 2, 2)
+    with pytest.raises(InvalidInput, match=r"solver 'clarable' .*did you mean 'clarabel'"):
+        optimal_design(info, solver="clarable")
+    with pytest.raises(InvalidInput, match="criterion 'X' is not known"):
+        optimal_design(info, criterion="X")
+    for tolerance in (0.0, -1e-6, np.nan):
+        with pytest.raises(InvalidInput, match=r"tolerance: .* is not a number > 0"):
+            optimal_design(info, tolerance=tolerance)
+
+
+def test_a_gap_above_tolerance_is_an_error():
+    with pytest.raises(SolverFailed, match=r"certified gap is .* after 1 rounds, above the tol"):
+        optimal_design(random_set(7, 500, 12, 1), max_rounds=1, solver="newton")
+
+
+def test_a_solver_that_gives_up(monkeypatch):
+    def refuse(problem, **options):
+        raise cp.SolverError("no luck")
+
+    monkeypatch.setattr(cp.Problem, "solve", refuse)
+    with pytest.raises(SolverFailed, match=r"Clarabel failed .no luck.; try"):
+        optimal_design(random_set(0, 5, 2, 2))
+    monkeypatch.setattr(cp.Problem, "solve", lambda problem, **options: None)
+    with pytest.raises(SolverFailed, match="Clarabel ended None; try"):
+        optimal_design(random_set(0, 5, 2, 2))
+
+
+def test_least_squares_that_run_out_leave_the_verdict_to_the_certificate(monkeypatch):
+    def run_out(*_, **__):
+        raise RuntimeError("Maximum number of iterations reached.")
+
+    monkeypatch.setattr(oed.relaxed, "nnls", run_out)
+    with pytest.raises(SolverFailed, match="certified gap"):
+        optimal_design(random_set(0, 20, 4, 2), solver="newton")
