@@ -135,9 +135,17 @@ class ElasticRobot:
         layout = self._layout(theta)
         start = np.zeros((len(positions), layout.arm_size))
         start[:, layout.drives] = positions
-        names = tuple(s.name for s in self.file.springs)
         return find_equilibrium(
-            layout.arm, start, layout.sprung, layout.held, self.elements.laws(theta), names
+            layout.arm,
+            start,
+            layout.sprung,
+            layout.held,
+            self.elements.laws(theta),
+            springs=[
+                f"spring {s.name!r} of {f'joint {s.joint!r}' if s.joint else f'link {s.link!r}'}"
+                for s in self.file.springs
+            ],
+            places=lambda i: f"position {i}, {np.round(positions[i], 3).tolist()}",
         )
 
     def network(self, positions: Array, parameters: Array | None = None) -> SpringNetwork:
@@ -209,7 +217,13 @@ class ElasticRobot:
         return skeleton(self._layout(theta), coordinates)
 
     def skeleton_points(self, position: Array) -> Array:
-        """Return the joint origins from base to tool, (k, 3) [m], springs unloaded."""
+        """Return the joint origins from base to tool, (k, 3) [m], springs unloaded.
+
+        Raises
+        ------
+        InvalidInput : if the position (n,) has a wrong shape or is outside the joint limits.
+        """
+        (position,) = self._check_positions(np.asarray(position, dtype=float)[None])
         q = pin.neutral(self.rigid)
         for name, angle in zip(self.motor_joints, position, strict=True):
             joint = self.rigid.joints[self.rigid.getJointId(name)]

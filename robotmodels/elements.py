@@ -86,21 +86,28 @@ class Elements:
         for name in (*choice.fixed, *(n for group in choice.tied for n in group)):
             if name not in self.names:
                 raise InvalidInput(
-                    f"parameters: {name!r} is not a parameter of this robot"
-                    f"{nearest(name, self.names)}"
+                    f"parameters: {name!r} is not a parameter of this robot{self._suggestion(name)}"
                 )
         head = {name: name for name in self.names}
         tied: set[str] = set()
         for group in choice.tied:
             for name in group:
                 if name in tied or name in choice.fixed:
-                    raise InvalidInput(f"parameters: {name!r} is tied twice, or tied and fixed")
+                    also = "fixed too" if name in choice.fixed else "tied twice"
+                    raise InvalidInput(f"parameters.tied: {name!r} is {also}; choose one")
                 tied.add(name)
             head |= dict.fromkeys(group[1:], group[0])
         heads = {element: h for element, h in head.items() if element not in choice.fixed}
         if not heads:
             raise InvalidInput("parameters: every parameter is fixed; at least one must be free")
         return heads
+
+    def _suggestion(self, name: str) -> str:
+        """Say what `name` may stand for: entries below it, one spelt like it, or any."""
+        below = [known for known in self.names if known.startswith(f"{name}.")]
+        if below:
+            return f" (did you mean {' or '.join(map(repr, below))}?)"
+        return nearest(name, self.names) or f"; there are {', '.join(self.names)}"
 
     @cached_property
     def _free(self) -> tuple[str, ...]:

@@ -1,6 +1,6 @@
 """Static equilibrium: where gravity leaves an elastic arm whose motors stand still."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -52,7 +52,14 @@ def mass_matrices(arm: Arm, coordinates: Array) -> Array:
 
 
 def find_equilibrium(
-    arm: Arm, start: Array, sprung: IntArray, held: IntArray, law: SpringLaw, names: tuple[str, ...]
+    arm: Arm,
+    start: Array,
+    sprung: IntArray,
+    held: IntArray,
+    law: SpringLaw,
+    *,
+    springs: Sequence[str],
+    places: Callable[[int], str],
 ) -> Equilibrium:
     """Find the coordinates at which springs and gravity balance, by Newton's method.
 
@@ -63,7 +70,7 @@ def find_equilibrium(
     sprung : (s,) the coordinate that each spring holds.
     held : coordinates that rigid drives hold.
     law : torques and slopes of the springs.
-    names : of the springs, for errors.
+    springs, places : what errors call the springs, and each of the Q positions.
 
     Raises
     ------
@@ -84,31 +91,36 @@ def find_equilibrium(
         bent = np.abs(q - start)[np.ix_(moving, sprung)].max(axis=1, initial=0.0)
         if (bent > LARGEST_DEFLECTION).any():
             i = int(moving[np.argmax(bent)])
-            raise _gives_way(arm, start[i], q[i], sprung, names)
+            raise _gives_way(arm, start[i], q[i], sprung, springs, places(i))
         # The iteration converges quadratically: after such a step only rounding is left.
         done = np.abs(step).max(axis=1, initial=0.0) < 1e-8
-        _check_stable(K[done], sprung, start[moving[done]], names)
+        _check_stable(K[done], sprung, moving[done], springs, places)
         moving = moving[~done]
         if not len(moving):
             elongations = (q - start)[:, sprung]
             return Equilibrium(q, elongations, law(elongations)[1])
     i = int(moving[0])
-    raise _gives_way(arm, start[i], q[i], sprung, names)
+    raise _gives_way(arm, start[i], q[i], sprung, springs, places(i))
 
 
 def _gives_way(
-    arm: Arm, start: Array, bent: Array, sprung: IntArray, names: tuple[str, ...]
+    arm: Arm, start: Array, bent: Array, sprung: IntArray, springs: Sequence[str], place: str
 ) -> NoEquilibrium:
     worst = int(np.argmax(np.abs(bent - start)[sprung]))
     load = abs(gravity(arm, start[None])[0][0, sprung[worst]])
     return NoEquilibrium(
-        f"no static equilibrium at position {np.round(start, 3).tolist()}: "
-        f"spring {names[worst]!r} gives way under a gravity torque of {load:.4g} N m; "
-        "it is too weak for the load"
+        f"no static equilibrium at {place}: {springs[worst]} gives way under a gravity torque of "
+        f"{load:.4g} N m; it is too weak for the load"
     )
 
 
-def _check_stable(stiffness: Array, sprung: IntArray, start: Array, names: tuple[str, ...]) -> None:
+def _check_stable(
+    stiffness: Array,
+    sprung: IntArray,
+    at: IntArray,
+    springs: Sequence[str],
+    places: Callable[[int], str],
+) -> None:
     try:
         np.linalg.cholesky(stiffness)
     except np.linalg.LinAlgError:
@@ -116,6 +128,6 @@ def _check_stable(stiffness: Array, sprung: IntArray, start: Array, names: tuple
         i = int(np.argmin(values[:, 0]))
         worst = int(np.argmax(np.abs(vectors[i, sprung, 0])))
         raise NoEquilibrium(
-            f"the equilibrium at position {np.round(start[i], 3).tolist()} is not stable: "
-            f"gravity overcomes spring {names[worst]!r}, which is too weak for the load"
+            f"the equilibrium at {places(int(at[i]))} is not stable: gravity overcomes {springs[worst]}, "
+            "which is too weak for the load"
         ) from None

@@ -71,21 +71,83 @@ def parse(content: object, schema: type[_Section], source: str) -> _Section:
     except ValidationError as error:
         details = error.errors(include_url=False)
         # An unknown key usually explains a missing one (a typing error): say it first.
-        first = min(details, key=lambda e: e["type"] != "extra_forbidden")
-        raise InvalidInput(f"{source}: {_one_line(first, schema)}") from None
+        first = min(_meant(details), key=lambda e: e["type"] != "extra_forbidden")
+        raise InvalidInput(f"{source}: {_one_line(first, schema, content)}") from None
 
 
-def _one_line(error: Any, schema: type[BaseModel]) -> str:
+def _meant(details: list[Any]) -> list[Any]:
+    """Drop what is said about "a number" where a mapping was given instead, as it may be."""
+    mappings = {e["loc"][:-1] for e in details if isinstance(e["input"], dict) and _branch(e)}
+    kept = [e for e in details if not (_branch(e) and e["loc"][:-1] in mappings)]
+    # Likewise what is said about a mapping where a number was given.
+    numbers = {e["loc"][:-1] for e in kept if _branch(e)}
+    return [e for e in kept if _branch(e) or e["loc"][:-1] not in numbers] or details
+
+
+def _branch(error: Any) -> bool:
+    """Whether an error is about the number of "a number or a mapping"."""
+    return error["loc"][-1:] in (("float",), ("constrained-float",))
+
+
+def _one_line(error: Any, schema: type[BaseModel], content: dict[str, Any]) -> str:
     key = _dotted(error["loc"])
-    if error["type"] == "extra_forbidden":
+    found, kind = error["input"], error["type"]
+    if kind == "extra_forbidden":
         known = _known_keys(schema, error["loc"][:-1])
-        return f"unknown key {key!r}{nearest(str(error['loc'][-1]), known)}"
-    if error["type"] == "missing":
-        return f"missing key {key!r}"
-    message = error["msg"].removeprefix("Value error, ")
-    if error["type"] == "value_error" or isinstance(error["input"], dict | list):
-        return f"{key}: {message}" if key else message
-    return f"{key}: {message[0].lower()}{message[1:]}, found {error['input']!r}"
+        right = nearest(str(error["loc"][-1]), known) or f"; known are {', '.join(known)}"
+        return f"unknown key {key!r}{_owner(error, content)}{right}"
+    if kind == "missing" and isinstance(error["loc"][-1], int):
+        return f"{_dotted(error['loc'][:-1])}: too few numbers, found {list(found)}"
+    if kind == "missing":
+        return f"missing key {key!r}{_owner(error, content)}"
+    if kind == "value_error":
+        message = error["msg"].removeprefix("Value error, ")
+        return f"{key}: {message}" if key else str(message)
+    if kind in _PLAIN:
+        message = _PLAIN[kind].format(**error.get("ctx", {}))
+    else:
+        message = error["msg"][0].lower() + error["msg"][1:]
+    return f"{key}{_owner(error, content)}: {message}, found {_brief(found)}"
+
+
+# Python's words for what a YAML file holds, put plainly.
+_PLAIN = {
+    "too_short": "at least {min_length} is needed",
+    "too_long": "at most {max_length} are allowed",
+    "tuple_type": "a list is needed",
+    "list_type": "a list is needed",
+    "dict_type": "a mapping of keys to values is needed",
+    "model_type": "a mapping of keys to values is needed",
+    "float_type": "a number is needed",
+    "float_parsing": "a number is needed",
+    "int_type": "a whole number is needed",
+    "int_parsing": "a whole number is needed",
+    "int_from_float": "a whole number is needed",
+    "string_type": "text is needed",
+    "finite_number": "a finite number is needed",
+    "greater_than": "a number greater than {gt:g} is needed",
+    "greater_than_equal": "a number of at least {ge:g} is needed",
+    "less_than": "a number less than {lt:g} is needed",
+    "less_than_equal": "a number of at most {le:g} is needed",
+}
+
+
+def _brief(found: object) -> str:
+    text = repr(list(found) if isinstance(found, tuple) else found)
+    return text if len(text) <= 60 else f"{text[:57]}..."
+
+
+def _owner(error: Any, content: Any) -> str:
+    """Return `` of 'g1'`` for the innermost item with a name around the key at fault."""
+    owner = ""
+    for part in error["loc"][:-1]:
+        try:
+            content = content[part]
+        except (KeyError, IndexError, TypeError):
+            break
+        if isinstance(part, int) and isinstance(content, dict) and "name" in content:
+            owner = f" of {content['name']!r}"
+    return owner
 
 
 def _dotted(location: tuple[str | int, ...]) -> str:
@@ -93,9 +155,13 @@ def _dotted(location: tuple[str | int, ...]) -> str:
     for part in location:
         if isinstance(part, int):
             text += f"[{part}]"
-        elif not part[:1].isupper() and not part.startswith(("float", "list[", "tuple[")):
+        elif not part[:1].isupper() and not part.startswith(_TYPES):
             text += f".{part}" if text else part
     return text
+
+
+# What pydantic adds to the place of an error to tell the members of a union apart.
+_TYPES = ("float", "constrained-float", "list[", "tuple[")
 
 
 def _known_keys(schema: type[BaseModel], location: tuple[str | int, ...]) -> list[str]:

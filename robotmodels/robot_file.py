@@ -14,6 +14,8 @@ def _six_inertias(value: object) -> object:
     if isinstance(value, list | tuple) and len(value) == 3:
         xx, yy, zz = value
         return (xx, 0.0, 0.0, yy, 0.0, zz)
+    if isinstance(value, list | tuple) and len(value) != 6:
+        raise ValueError(f"3 or 6 numbers are needed (xx, yy, zz, or all six), found {len(value)}")
     return value
 
 
@@ -93,7 +95,7 @@ class Choice(Strict):
     """Which parameters are free; default: every stiffness, then every damping."""
 
     fixed: list[str] = []
-    tied: list[list[str]] = []
+    tied: list[Annotated[list[str], Field(min_length=2)]] = []
     extra: list[str] = []
 
 
