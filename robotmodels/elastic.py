@@ -15,7 +15,7 @@ from robotmodels.errors import InvalidInput
 from robotmodels.layout import Layout
 from robotmodels.parameters import Parameters
 from robotmodels.robot_file import RobotFile
-from robotmodels.skeleton import Skeleton, skeleton
+from robotmodels.skeleton import Skeleton, check_mass, skeleton
 from robotmodels.spring_network import SpringNetwork, incidence
 from robotmodels.tangents import Tangents, differentiate
 from robotmodels.urdf import locate, rigid_model, unknown_joint
@@ -39,7 +39,8 @@ class ElasticRobot:
 
     def __post_init__(self) -> None:
         self._check_joints()
-        _ = self.arm, self.parameters  # a robot that exists can be used
+        check_mass(self.layout)
+        _ = self.parameters  # a robot that exists can be used
 
     @property
     def name(self) -> str:

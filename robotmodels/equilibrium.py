@@ -128,6 +128,6 @@ def _check_stable(
         i = int(np.argmin(values[:, 0]))
         worst = int(np.argmax(np.abs(vectors[i, sprung, 0])))
         raise NoEquilibrium(
-            f"the equilibrium at {places(int(at[i]))} is not stable: gravity overcomes {springs[worst]}, "
-            "which is too weak for the load"
+            f"the equilibrium at {places(int(at[i]))} is not stable: gravity overcomes "
+            f"{springs[worst]}, which is too weak for the load"
         ) from None

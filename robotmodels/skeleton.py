@@ -7,6 +7,7 @@ import pinocchio as pin
 
 from robotmodels.arrays import Array
 from robotmodels.equilibrium import gravity, mass_matrices
+from robotmodels.errors import InvalidInput
 from robotmodels.layout import Layout
 from robotmodels.measurement import Measurement
 from robotmodels.robot_file import RobotFile
@@ -51,6 +52,28 @@ def skeleton(layout: Layout, coordinates: Array) -> Skeleton:
         selector[c, j] = motor.gear_ratio
     measurement = _measurement(layout, selector, coordinates)
     return Skeleton(mass, damping, stiffness, torques, selector, measurement)
+
+
+def check_mass(layout: Layout) -> None:
+    """Refuse a robot in which some motion moves no mass at all.
+
+    Raises
+    ------
+    InvalidInput : naming a joint or spring that this motion moves.
+    """
+    # No joint angle of a robot at rest in a generic position is a special one.
+    generic = 0.3 + np.sin(np.arange(layout.arm_size, dtype=float))
+    mass = mass_matrices(layout.arm, generic[None])[0]
+    for c, motor in zip(layout.motors, layout.file.motors, strict=True):
+        if c < layout.arm_size:
+            mass[c, c] += motor.inertia * motor.gear_ratio**2
+    scale = np.sqrt(np.maximum(np.diag(mass), np.finfo(float).tiny))
+    values, vectors = np.linalg.eigh(mass / np.outer(scale, scale))
+    if values[0] < 1e-12:
+        worst = layout.names[int(np.argmax(np.abs(vectors[:, 0])))]
+        raise InvalidInput(
+            f"a motion about {worst!r} moves no mass: the links beyond it need moments of inertia"
+        )
 
 
 def _measurement(layout: Layout, selector: Array, coordinates: Array) -> Measurement:
