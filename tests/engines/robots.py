@@ -193,3 +193,12 @@ PENDULUM = {
     ],
     "springs": [{"name": "g", "joint": "hinge", "axis": "drive", "stiffness": 5e3, "damping": 4.0}],
 }
+
+
+def with_spring(content: dict[str, Any], spring: str, **entries: Any) -> dict[str, Any]:
+    """Return a copy of `content` with entries of one spring replaced; None takes one out."""
+    copy = deepcopy(content)
+    (place,) = (i for i, s in enumerate(copy["springs"]) if s["name"] == spring)
+    merged = copy["springs"][place] | entries
+    copy["springs"][place] = {k: v for k, v in merged.items() if v is not None}
+    return copy
