@@ -6,7 +6,6 @@ from concurrent.futures import Executor
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -14,25 +13,11 @@ from numpy.typing import ArrayLike
 from robotmodels.arrays import Array, read_only
 from robotmodels.errors import InvalidInput
 from robotmodels.noise import RelativeNoise
-from robotmodels.parameters import Parameters
-from robotmodels.spring_network import SpringNetwork
+from robotmodels.response import Elastic, sensitivity
 
 # Rounding leaves a singular information matrix of unit diagonal with eigenvalues near 1e-15.
 _RANK_TOLERANCE = 1e-12
 _SYMMETRY_TOLERANCE = 1e-9
-
-
-class Model(Protocol):
-    """Anything that gives a spring network at its equilibria."""
-
-    @property
-    def parameters(self) -> Parameters:
-        """The free parameters."""
-        ...
-
-    def network(self, positions: Array, parameters: Array | None = None) -> SpringNetwork:
-        """Return the springs and their skeleton at the positions' equilibria."""
-        ...
 
 
 def unit_diagonal_scaling(matrices: Array) -> Array:
@@ -151,7 +136,7 @@ class InformationSet:
 
 
 def information(
-    robot: Model,
+    robot: Elastic,
     positions: Array,
     omega: Array,
     noise: RelativeNoise,
@@ -193,11 +178,19 @@ def information(
     return InformationSet(positions, np.concatenate(matrices), robot.parameters.names)
 
 
-def _chunk_information(robot: Model, omega: Array, noise: RelativeNoise, positions: Array) -> Array:
-    # Imported when used: the kernel compiles on import, and a user's own matrices do not need it.
+def _chunk_information(
+    robot: Elastic, omega: Array, noise: RelativeNoise, positions: Array
+) -> Array:
+    # Imported when used: a user's own matrices need neither.
     import robotmodels.kernel as kernel
+    from estimators.information import information as fisher_information
 
-    return np.asarray(kernel.information(robot.network(positions), omega, noise))
+    network = robot.network(positions)
+    if network.exponents.any(axis=(0, 1)).all():
+        return np.asarray(kernel.information(network, omega, noise))
+    # The kernel knows springs and dampers; masses, inertias and locations take the general way.
+    response, jacobian = sensitivity(robot, positions, omega, sag=False)
+    return fisher_information(jacobian, 1.0 / noise.variance(response))
 
 
 def _check_shapes(positions: Array, matrices: Array, names: tuple[str, ...]) -> None:

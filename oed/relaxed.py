@@ -37,7 +37,7 @@ class Design:
     information : (p, p) per experiment, sum_i w_i H_i.
     criterion, names : what was optimised, and for which parameters.
     rounds : active sets solved.
-    solver : of the problem on the active set.
+    solver : of the first active set; Newton steps do the rest.
     """
 
     weights: Array
@@ -71,8 +71,8 @@ def optimal_design(
     criterion : name of the criterion.
     tolerance : largest certified gap accepted.
     max_rounds : largest number of active sets.
-    solver : on the active set, "clarabel" (by cvxpy, then Newton steps) or "newton" (Newton
-        steps from equal shares, about a hundred times faster).
+    solver : of the first active set, "clarabel" (by cvxpy) or "newton" (Newton steps from equal
+        shares, about a hundred times faster). Newton steps polish and follow every active set.
 
     Raises
     ------
@@ -157,9 +157,9 @@ def _active_set(
     active = _first_active(matrices)
     weights = np.zeros(len(matrices))
     for done in range(1, max_rounds + 1):
-        start = weights[active] if weights.any() else np.full(len(active), 1 / len(active))
-        shares = _SOLVERS[solver](matrices[active], start)
-        shares = _newton(matrices[active], shares, 1e-2 * tolerance)
+        # Later sets differ little from the one before, which is the best start for them.
+        start = _SOLVERS[solver](matrices[active]) if done == 1 else weights[active]
+        shares = _newton(matrices[active], start, 1e-2 * tolerance)
         shares[shares < 0.1 * min(tolerance, 1e-6)] = 0.0
         weights = np.zeros(len(matrices))
         weights[active] = shares / shares.sum()
@@ -191,8 +191,8 @@ def _first_active(matrices: Array) -> IntArray:
     return np.asarray(active)
 
 
-def _clarabel(matrices: Array, start: Array) -> Array:
-    """Return shares by cvxpy and Clarabel; `start` is not used.
+def _clarabel(matrices: Array) -> Array:
+    """Return shares by cvxpy and Clarabel.
 
     Its answers stop at gaps of 1e-6 to 1e-5, and with tolerances of 1e-10 still at 1e-7 to 1e-6,
     so that Newton steps follow in any case. The primal problem takes half the dual's time.
@@ -247,9 +247,9 @@ def _newton(matrices: Array, weights: Array, tolerance: float, max_steps: int = 
     return weights
 
 
-def _as_given(matrices: Array, start: Array) -> Array:
-    """Return `start`: the Newton steps that follow do the work."""
-    return start
+def _equal_shares(matrices: Array) -> Array:
+    """Return equal shares: the Newton steps that follow do the work."""
+    return np.full(len(matrices), 1 / len(matrices))
 
 
-_SOLVERS: dict[str, Callable[[Array, Array], Array]] = {"clarabel": _clarabel, "newton": _as_given}
+_SOLVERS: dict[str, Callable[[Array], Array]] = {"clarabel": _clarabel, "newton": _equal_shares}

@@ -8,9 +8,16 @@ from hypothesis import given
 from hypothesis import strategies as st
 from random_candidates import information_set, random_set
 
-from oed import InformationSet, information
+from oed import InformationSet, candidate_positions, information
 from oed.information_set import unidentifiable, weak_directions
-from robotmodels import InvalidInput, Parameters, RelativeNoise, SpringNetwork
+from robotmodels import (
+    InvalidInput,
+    Parameters,
+    RelativeNoise,
+    SpringNetwork,
+    frequency_response,
+    load_robot,
+)
 
 OMEGA = 2 * np.pi * np.linspace(1.0, 8.0, 10)
 NAMES = ("k", "c")
@@ -69,6 +76,23 @@ def test_an_executor_serves_alike():
     with ThreadPoolExecutor(2) as executor:
         there = information(TwoMasses(), POSITIONS, OMEGA, NOISE, chunk=2, executor=executor)
     np.testing.assert_allclose(there.matrices, here.matrices, rtol=1e-13)
+
+
+def test_parameters_that_are_no_springs_inform_too():
+    """Motor inertias of a robot, by central differences; they do not move the equilibrium."""
+    robot = load_robot("manutec_r3_26")
+    inertias = [i for i, name in enumerate(robot.parameters.names) if name.endswith(".inertia")]
+    positions = candidate_positions(robot, 1) + np.array([[0.1], [0.3]])
+    matrices = information(robot, positions, OMEGA, NOISE).matrices
+    theta, h = robot.parameters.values, 1e-5
+    assert inertias
+    for i in inertias:
+        step = np.exp(h * (np.arange(len(theta)) == i))
+        difference = frequency_response(robot, positions, OMEGA, theta * step)
+        difference = difference - frequency_response(robot, positions, OMEGA, theta / step)
+        variance = NOISE.variance(frequency_response(robot, positions, OMEGA))
+        expected = 2 * (np.abs(difference / (2 * h)) ** 2 / variance).sum(axis=(1, 2, 3))
+        np.testing.assert_allclose(matrices[:, i, i], expected, rtol=1e-4)
 
 
 def test_information_refuses_empty_work():
