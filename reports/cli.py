@@ -1,0 +1,133 @@
+"""The command line: ``oed run STUDY.yaml`` and ``oed check ROBOT``."""
+
+import multiprocessing
+import os
+import signal
+import sys
+from collections.abc import Iterator
+from concurrent.futures import Executor, ProcessPoolExecutor
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from robotmodels.errors import IdentificationError, InvalidInput
+
+app = typer.Typer(
+    no_args_is_help=True,
+    pretty_exceptions_enable=False,
+    help="Optimal experiment design and uncertainty for elastic robots.",
+)
+
+
+@app.command()
+def run(
+    study: Annotated[Path, typer.Argument(help="Study file, such as studies/ur10.yaml.")],
+    workers: Annotated[
+        int, typer.Option(min=1, help="Processes for fits and sampling; 1 works in this one.")
+    ] = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else 1,
+) -> None:
+    """Compute a study and write its report: where to measure, what comes out, how certain it is.
+
+    Example: oed run studies/ur10.yaml
+    """
+    _one_thread_each()
+    # Imported here: `oed --help` need not wait for the numerics.
+    from oed.study import run_study
+    from oed.study_file import load_study
+    from oed.study_output import staged_folder, write_results
+    from reports.page import write_report
+    from reports.progress import progress_bars
+    from reports.summary import study_summary
+
+    content = load_study(study)
+    with (
+        staged_folder(content.output) as folder,
+        progress_bars() as progress,
+        _pool(workers) as executor,
+    ):
+        results = run_study(content, progress, chains=folder / "posterior.h5", executor=executor)
+        write_results(results, folder)
+        write_report(results, folder / "report.html", progress)
+    typer.echo(study_summary(results, content.output / "report.html"))
+
+
+@app.command()
+def check(
+    robot: Annotated[str, typer.Argument(help="A built-in robot, or the path of a robot file.")],
+    position: Annotated[
+        str | None,
+        typer.Option(help="Joint angles in degrees, such as 0,-90,90,0,45,0; default: mid-range."),
+    ] = None,
+) -> None:
+    """Show a robot's parameters, its coordinates and its resonances in a position.
+
+    Example: oed check ur10 --position 0,-90,90,0,45,0
+    """
+    import numpy as np
+
+    from reports.summary import robot_summary
+    from robotmodels import load_robot
+
+    model = load_robot(robot)
+    if position is None:
+        angles = model.position_limits.mean(axis=1)
+    else:
+        angles = np.radians(_numbers(position, len(model.motor_names)))
+    typer.echo(robot_summary(model, angles))
+
+
+def main() -> None:
+    """Run the command line; a user's mistake ends in one line and exit code 2."""
+    try:
+        app()
+    except IdentificationError as error:
+        sys.stderr.write(f"error: {error}\n")
+        sys.exit(2)
+
+
+def _numbers(words: str, count: int) -> list[float]:
+    try:
+        numbers = [float(word) for word in words.split(",")]
+    except ValueError:
+        raise InvalidInput(
+            f"--position: {words!r} is not a list of numbers such as 0,-90"
+        ) from None
+    if len(numbers) != count:
+        raise InvalidInput(
+            f"--position: {len(numbers)} angles given, one per motor ({count}) needed"
+        )
+    return numbers
+
+
+def _one_thread_each() -> None:
+    """Keep BLAS to one thread: the matrices are small and every core has a process."""
+    for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
+        os.environ.setdefault(name, "1")
+
+
+@contextmanager
+def _pool(workers: int) -> Iterator[Executor | None]:
+    if workers == 1:
+        yield None
+        return
+    context = multiprocessing.get_context("spawn")
+    pool = ProcessPoolExecutor(workers, mp_context=context, initializer=_die_quietly)
+    try:
+        yield pool
+    except BaseException:
+        for process in multiprocessing.active_children():
+            process.terminate()  # what they compute is not wanted any more
+        raise
+    finally:
+        pool.shutdown(cancel_futures=True)
+
+
+def _die_quietly() -> None:
+    """Let an interrupt end a worker without a traceback; the parent reports."""
+    signal.signal(signal.SIGINT, signal.SIG_DFL)
+
+
+if __name__ == "__main__":
+    main()

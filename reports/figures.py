@@ -1,0 +1,73 @@
+"""Figures of the design, the frequency responses and the fits; each returns its drawing."""
+
+from collections.abc import Callable, Mapping, Sequence
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.ticker import FuncFormatter, MaxNLocator, NullFormatter
+
+from reports.svg import Palette
+from reports.text import fixed, significant
+from robotmodels.arrays import Array, IntArray
+
+Drawing = Callable[[Palette], Figure]
+
+
+def sensitivity_function(sensitivity: Array, support: IntArray) -> Drawing:
+    """Return the candidates' sensitivity in falling order, those of the design marked.
+
+    sensitivity : (Q,) tr(M^-1 H_i)/p; at the optimum none exceeds 1 and used ones reach it.
+    """
+
+    def draw(palette: Palette) -> Figure:
+        figure, axes = _single(palette, 7.0, 2.6)
+        order = np.argsort(-sensitivity, kind="stable")
+        rank = np.empty(len(order))
+        rank[order] = np.arange(1, len(order) + 1)
+        axes.axhline(1.0, color=palette.muted, lw=0.8, dashes=(4, 3))
+        axes.plot(rank[order], sensitivity[order], color=palette.accent, lw=1.4)
+        axes.plot(rank[support], sensitivity[support], "o", color=palette.second, ms=4)
+        axes.set(xlim=(0.8, len(order) * 1.05), xscale="log", ylim=(0, None))
+        axes.set_xlabel("candidate position, best first")
+        axes.set_ylabel("sensitivity, 1 at the optimum")
+        axes.xaxis.set_major_formatter(FuncFormatter(lambda x, _: fixed(x, 0)))
+        axes.xaxis.set_minor_formatter(NullFormatter())
+        return figure
+
+    return draw
+
+
+def costs_over_starts(costs: Mapping[str, Sequence[float]], best: Mapping[str, float]) -> Drawing:
+    """Return each residual's costs over its best one, a dot per start."""
+
+    def draw(palette: Palette) -> Figure:
+        figure, axes = _single(palette, 7.0, 0.9 + 0.42 * len(costs))
+        highest = 1.0
+        for row, (residual, values) in enumerate(costs.items()):
+            ratio = np.asarray(values) / best[residual]
+            highest = max(highest, ratio.max())
+            shift = np.linspace(-0.18, 0.18, len(ratio)) if len(ratio) > 1 else np.zeros(len(ratio))
+            axes.plot(ratio, row + shift, "o", color=palette.accent, ms=5, alpha=0.75, mew=0)
+        axes.axvline(1.0, color=palette.muted, lw=0.8, dashes=(4, 3))
+        axes.set(ylim=(len(costs) - 0.5, -0.5), xscale="log")
+        axes.set_yticks(range(len(costs)), [r.replace("_", " ").upper() for r in costs])
+        axes.tick_params(axis="y", length=0)
+        axes.set_xlim(0.97, max(1.05 * highest, 1.2))
+        if highest < 8:
+            axes.xaxis.set_major_locator(MaxNLocator(6))
+        axes.xaxis.set_major_formatter(FuncFormatter(lambda x, _: significant(x, 2)))
+        axes.xaxis.set_minor_formatter(NullFormatter())
+        axes.set_xlabel("cost over the best cost of that residual")
+        axes.spines["left"].set_visible(False)
+        return figure
+
+    return draw
+
+
+def _single(palette: Palette, width: float, height: float) -> tuple[Figure, Axes]:
+    figure = Figure(figsize=(width, height), layout="constrained")
+    axes = figure.add_subplot()
+    axes.grid(True, axis="both")
+    axes.set_axisbelow(True)
+    return figure, axes

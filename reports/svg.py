@@ -1,0 +1,139 @@
+"""Matplotlib figures as small inline SVGs that take the page's colours and typeface."""
+
+import base64
+import io
+import re
+from collections.abc import Callable
+from dataclasses import dataclass, fields
+from html import escape
+from typing import Any
+
+import matplotlib as mpl
+from markupsafe import Markup
+from matplotlib.figure import Figure
+
+
+@dataclass(frozen=True)
+class Palette:
+    """The colours a figure may use."""
+
+    ink: str
+    muted: str
+    rule: str
+    accent: str
+    second: str
+
+
+LIGHT = Palette(ink="#1c2126", muted="#5d666f", rule="#d9dde1", accent="#1d5c92", second="#b3541e")
+"""The page's colours in the light, for pictures of points."""
+
+STAND_IN = Palette(*(f"#01020{i}" for i in range(3, 8)))
+"""Colours that matplotlib draws with and the page replaces by its own, light or dark."""
+
+LARGEST_SVG = 300_000
+"""Bytes above which a figure is embedded as a picture of points instead."""
+
+
+def inline(draw: Callable[[Palette], Figure], name: str, alt: str) -> Markup:
+    """Return a figure as inline SVG, or as PNG where the SVG would be large.
+
+    Parameters
+    ----------
+    draw : draws the figure in the colours given.
+    name : prefixes every identifier inside, so that figures can share a page.
+    alt : says what is to be seen.
+    """
+    with mpl.rc_context(_style(STAND_IN)):
+        buffer = io.StringIO()
+        figure = draw(STAND_IN)
+        figure.savefig(buffer, format="svg", metadata={"Date": None, "Creator": None})
+    svg = _compact(buffer.getvalue(), name, alt)
+    if len(svg.encode()) > LARGEST_SVG:
+        return _picture(draw, alt)
+    for field in fields(Palette):
+        svg = svg.replace(getattr(STAND_IN, field.name), f"var(--{field.name})")
+    return Markup(svg)
+
+
+def _picture(draw: Callable[[Palette], Figure], alt: str) -> Markup:
+    """Return a figure as PNG on a light card, readable on a dark page too."""
+    with mpl.rc_context(_style(LIGHT)):
+        buffer = io.BytesIO()
+        draw(LIGHT).savefig(
+            buffer, format="png", dpi=150, facecolor="white", metadata={"Software": None}
+        )
+    data = base64.b64encode(buffer.getvalue()).decode()
+    return Markup(f'<img class="card" alt="{escape(alt)}" src="data:image/png;base64,{data}">')
+
+
+def _style(palette: Palette) -> Any:
+    style: dict[str, Any] = {
+        "svg.fonttype": "none",
+        "svg.hashsalt": "oed",
+        "text.parse_math": False,
+        "axes.formatter.use_mathtext": False,
+        "font.size": 9,
+        "legend.fontsize": 8.5,
+        "legend.frameon": False,
+        "axes.titlesize": 9,
+        "axes.labelsize": 9,
+        "axes.linewidth": 0.6,
+        "axes.spines.top": False,
+        "axes.spines.right": False,
+        "axes.titlecolor": palette.ink,
+        "axes.edgecolor": palette.muted,
+        "axes.labelcolor": palette.muted,
+        "text.color": palette.ink,
+        "grid.color": palette.rule,
+        "grid.linewidth": 0.5,
+    }
+    for axis in ("xtick", "ytick"):
+        style |= {f"{axis}.color": palette.muted, f"{axis}.labelsize": 8}
+        style |= {f"{axis}.major.width": 0.6, f"{axis}.major.size": 3}
+        style |= {f"{axis}.minor.width": 0.4, f"{axis}.minor.size": 1.6}
+    return style | dict.fromkeys(
+        ("figure.facecolor", "axes.facecolor", "savefig.facecolor"), "none"
+    )
+
+
+def _compact(svg: str, name: str, alt: str) -> str:
+    svg = svg[svg.index("<svg") :]
+    svg = re.sub(r"<metadata>.*?</metadata>|<!--.*?-->", "", svg, flags=re.S)
+    svg = re.sub(r"font: ([\d.]+)px [^;\"]*", r"font-size: \1px", svg)
+    svg = re.sub(r'\bid="([^"]+)"', rf'id="{name}-\1"', svg)
+    svg = re.sub(r"url\(#([^)]+)\)", rf"url(#{name}-\1)", svg)
+    svg = re.sub(r'xlink:href="#([^"]+)"', rf'href="#{name}-\1"', svg)
+    svg = re.sub(r' id="[^"]*-(?:figure|axes|patch|line2d|text|x?y?tick|matplotlib)[^"]*"', "", svg)
+    svg = re.sub(r'( d="|points=")([^"]*)"', lambda m: f'{m[1]}{_short_path(m[2])}"', svg)
+    svg = re.sub(r'\b(x|y|x1|x2|y1|y2)="(-?\d+\.\d+)"', _round_attribute, svg)
+    svg = re.sub(r"\s*\n\s*", "\n", svg)
+    width, height = re.findall(r'(?:width|height)="([\d.]+)pt"', svg)[:2]
+    head = (
+        f'<svg viewBox="0 0 {width} {height}" role="img" aria-label="{escape(alt)}" '
+        f'style="max-width: {float(width) * 4 / 3:.0f}px">'
+    )
+    return head + svg[svg.index(">") + 1 :]
+
+
+def _short_path(d: str) -> str:
+    """Return path data with one decimal; straight runs as steps from point to point."""
+    out: list[str] = []
+    x = y = 0
+    for command, arguments in re.findall(r"([MLCQz])([^MLCQz]*)", d):
+        numbers = [round(10 * float(a)) for a in arguments.split()]
+        if command == "L":
+            out.append(f"l{_tenth(numbers[0] - x)} {_tenth(numbers[1] - y)}")
+        else:
+            out.append(command + " ".join(_tenth(n) for n in numbers))
+        if len(numbers) >= 2:
+            x, y = numbers[-2:]
+        # After z the next command is M in matplotlib's output, so the point needs no reset.
+    return "".join(out)
+
+
+def _tenth(number: int) -> str:
+    return f"{number / 10:g}"
+
+
+def _round_attribute(match: re.Match[str]) -> str:
+    return f'{match[1]}="{float(match[2]):.2f}"'

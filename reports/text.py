@@ -1,0 +1,99 @@
+"""Numbers and units as people read them: sensible digits, engineering prefixes, Hz and degrees."""
+
+import math
+
+import numpy as np
+
+from robotmodels.arrays import Array
+
+THIN = "\u202f"  # narrow no-break space
+MINUS = "\u2212"
+_SUPERSCRIPT = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
+_PREFIXES = ((1e9, "G"), (1e6, "M"), (1e3, "k"))
+
+
+def fixed(value: float, decimals: int) -> str:
+    """Return a number with so many decimals, thousands apart and a true minus sign."""
+    text = f"{value:,.{max(decimals, 0)}f}".replace(",", THIN)
+    return text.replace("-", MINUS)
+
+
+def significant(value: float, digits: int = 3) -> str:
+    """Return a number with so many significant digits, in powers of ten where that is shorter."""
+    if not math.isfinite(value):
+        return "–"
+    if value == 0:
+        return "0"
+    exponent = math.floor(math.log10(abs(float(f"{value:.{digits - 1}e}"))))
+    if -4 <= exponent < 6:
+        return fixed(value, digits - 1 - exponent)
+    mantissa = fixed(value / 10.0**exponent, digits - 1)
+    return f"{mantissa}{THIN}×{THIN}10{str(exponent).translate(_SUPERSCRIPT)}"
+
+
+def count(number: int) -> str:
+    """Return a whole number with its thousands apart."""
+    return fixed(number, 0)
+
+
+def plural(number: int, noun: str) -> str:
+    """Return ``1 position`` or ``13 positions``."""
+    return f"{count(number)} {noun}{'' if number == 1 else 's'}"
+
+
+def percent(fraction: float) -> str:
+    """Return a fraction as a percentage of two significant digits."""
+    return f"{significant(100 * fraction, 2)}{THIN}%"
+
+
+def efficiency(fraction: float) -> str:
+    """Return an efficiency as a percentage, never rounded up: it is a certified lower bound."""
+    return f"{fixed(math.floor(1e4 * fraction) / 100, 2)}{THIN}%"
+
+
+def pretty_unit(unit: str) -> str:
+    """Return ``kg m²`` for ``kg m^2``."""
+    return unit.replace("^2", "²").replace("^3", "³")
+
+
+def scaled_unit(value: float, unit: str) -> tuple[float, str]:
+    """Return the factor and the unit in which `value` reads best, ``kN m/rad`` for 4e4 N m/rad."""
+    if unit.startswith("N"):
+        for factor, prefix in _PREFIXES:
+            if abs(value) >= factor:
+                return factor, prefix + pretty_unit(unit)
+    return 1.0, pretty_unit(unit)
+
+
+def decimals_for(std: float) -> int:
+    """Return the decimals that show two significant digits of a standard deviation."""
+    if not (math.isfinite(std) and std > 0):
+        return 3
+    return max(1 - math.floor(math.log10(float(f"{std:.1e}"))), 0)
+
+
+def hertz(omega: float) -> str:
+    """Return an angular frequency [rad/s] in Hz."""
+    return f"{significant(omega / (2 * math.pi), 3)}{THIN}Hz"
+
+
+def degrees(position: Array) -> list[str]:
+    """Return angles [rad] in whole degrees."""
+    return [fixed(float(np.round(a)) + 0.0, 0) + "°" for a in np.degrees(position)]
+
+
+def duration(seconds: float) -> str:
+    """Return a time as ``0.4 s``, ``12 s`` or ``3 min 5 s``."""
+    if seconds < 10:
+        return f"{seconds:.1f}{THIN}s"
+    whole = round(seconds)
+    if whole < 60:
+        return f"{whole}{THIN}s"
+    return f"{whole // 60}{THIN}min {whole % 60}{THIN}s"
+
+
+def listed(words: list[str]) -> str:
+    """Return ``a, b and c``."""
+    if len(words) < 2:
+        return "".join(words)
+    return f"{', '.join(words[:-1])} and {words[-1]}"
