@@ -146,7 +146,8 @@ def sandwich(bread: Array, meat: Array, names: tuple[str, ...]) -> Array:
     """
     remedy = "add positions or frequencies, free fewer parameters, or fix one of them"
     size = np.sqrt(np.diag(bread))
-    blind = ~(size > 0)
+    # Sensitivities that are zero but for rounding stay zero.
+    blind = ~(size > 16 * np.finfo(float).eps * size.max())
     if blind.any():
         raise NotIdentifiable(tuple(n for n, b in zip(names, blind, strict=True) if b), remedy)
     values, vectors = np.linalg.eigh(bread / np.outer(size, size))

@@ -2,20 +2,19 @@
 
 from collections.abc import Callable, Sequence
 from concurrent.futures import Executor
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import partial
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from estimators.cost import Problem, stated
 from estimators.frf_estimate import FrfEstimate
-from estimators.residuals import Residual, find_residual
-from estimators.weights import chosen_weights, square_root, used_elements, whiten
 from robotmodels.arrays import Array, ComplexArray, read_only
-from robotmodels.errors import IdentificationError, InvalidInput, SolverFailed
+from robotmodels.errors import IdentificationError, InvalidInput
 from robotmodels.parameters import Parameters
-from robotmodels.response import Elastic, sensitivity
+from robotmodels.response import Elastic
 
 START_FAILED = -1
 
@@ -66,49 +65,6 @@ class Fit:
         for name, value, unit, start in zip(p.names, p.values, p.units, self.start, strict=True):
             lines.append(f"  {name:<{width}}  {value:12.6g} {unit:<10} start x {value / start:.4g}")
         return "\n".join(lines)
-
-
-@dataclass(frozen=True, eq=False)
-class Problem:
-    """A cost to minimise over x = ln(theta/reference), checked and whitened once for all starts."""
-
-    model: Elastic
-    estimate: FrfEstimate
-    kind: Residual
-    weights: Array | ComplexArray
-    bounds: Array
-    root: Array | ComplexArray = field(init=False)
-    used: NDArray[np.bool_] = field(init=False)
-
-    def __post_init__(self) -> None:
-        shape = self.estimate.response.shape
-        used = used_elements(self.weights, shape)
-        object.__setattr__(self, "used", used)
-        object.__setattr__(self, "root", square_root(self.weights, shape))
-        parameters = self.model.parameters
-        data = int(used.sum()) * (1 if self.kind.real else 2)
-        if data < len(parameters):
-            raise InvalidInput(
-                f"fit: {len(parameters)} parameters but only {data} real data carry weight; "
-                "add positions or frequencies, or free fewer parameters"
-            )
-        # A measured zero would spoil every start alike: better said before the first.
-        self.kind.error(self.estimate.response, np.ones(shape, dtype=complex), used)
-
-    def evaluate(self, values: Array) -> tuple[Array, Array]:
-        """Return the whitened residuals (r,) and their Jacobian (r, p) at parameter `values`."""
-        G, J = sensitivity(
-            self.model, self.estimate.positions, self.estimate.omega, values, sag=True
-        )
-        error = whiten(self.root, self.kind.error(self.estimate.response, G, self.used))
-        slope = whiten(self.root, self.kind.jacobian(G, J, self.used))
-        p = slope.shape[-1]
-        if not (np.isfinite(error).all() and np.isfinite(slope).all()):
-            raise SolverFailed("the model's FRF or its sensitivity is not finite")
-        if self.kind.real:
-            return error.ravel(), slope.reshape(-1, p)
-        stacked = np.concatenate([error.real.ravel(), error.imag.ravel()])
-        return stacked, np.concatenate([slope.real.reshape(-1, p), slope.imag.reshape(-1, p)])
 
 
 class _Search:
@@ -174,8 +130,8 @@ def fit(
         than parameters, or a logarithm of zero.
     IdentificationError : if the model has no FRF at the start.
     """
-    problem = _problem(model, estimate, residual, weights, bounds)
-    return _search(problem, _checked_start(problem, start), max_evaluations, tolerance)
+    problem = stated(model, estimate, residual, weights, bounds)
+    return _search(problem, problem.checked_start(start), max_evaluations, tolerance)
 
 
 def multistart(
@@ -200,8 +156,8 @@ def multistart(
     executor : runs the searches; in sequence where None.
     progress : called with the number of finished searches and their total.
     """
-    problem = _problem(model, estimate, residual, weights, bounds)
-    points = [_checked_start(problem, np.asarray(start, dtype=float)) for start in starts]
+    problem = stated(model, estimate, residual, weights, bounds)
+    points = [problem.checked_start(np.asarray(start, dtype=float)) for start in starts]
     if not points:
         raise InvalidInput("multistart: no starts were given")
     one = partial(_search_or_reason, problem, max_evaluations=max_evaluations, tolerance=tolerance)
@@ -221,42 +177,6 @@ def perturbed_starts(
         raise InvalidInput(f"perturbed_starts: n = {n}, decades = {decades}; at least 1 and 0")
     exponents = rng.uniform(-decades, decades, (n, len(parameters)))
     return np.asarray(parameters.values * 10.0**exponents)
-
-
-def _problem(
-    model: Elastic,
-    estimate: FrfEstimate,
-    residual: str,
-    weights: str | NDArray[Any],
-    bounds: tuple[float, float],
-) -> Problem:
-    kind = find_residual(residual)
-    chosen: Array | ComplexArray = chosen_weights(weights, estimate, kind)
-    chosen.flags.writeable = False
-    low, high = bounds
-    if not 0 < low < high < np.inf:
-        raise InvalidInput(f"bounds: {bounds} are not factors 0 < low < high")
-    return Problem(
-        model=model,
-        estimate=estimate,
-        kind=kind,
-        weights=chosen,
-        bounds=read_only(np.outer([low, high], model.parameters.values)),
-    )
-
-
-def _checked_start(problem: Problem, start: Array | None) -> Array:
-    parameters = problem.model.parameters
-    values = np.array(parameters.check(start))
-    low, high = problem.bounds
-    outside = (values < low) | (values > high)
-    if outside.any():
-        i = int(np.argmax(outside))
-        raise InvalidInput(
-            f"start: {parameters.names[i]} = {values[i]:g} lies outside its bounds "
-            f"[{low[i]:g}, {high[i]:g}]; move it or widen the bounds"
-        )
-    return values
 
 
 def _search(problem: Problem, start: Array, max_evaluations: int, tolerance: float) -> Fit:

@@ -3,90 +3,24 @@
 import hashlib
 from collections.abc import Callable
 from concurrent.futures import Executor
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from estimators.covariance import SINGULAR, Uncertainty, covariance, sandwich_parts
 from estimators.ensemble import Store, autocorrelation_time, run_ensembles
 from estimators.least_squares import Fit
-from estimators.residuals import Residual, find_residual
-from estimators.weights import square_root, used_elements, whiten
-from robotmodels.arrays import Array, ComplexArray, IntArray, read_only
-from robotmodels.errors import InvalidInput, SolverFailed
-from robotmodels.linear_model import LinearModel
-from robotmodels.spring_network import SpringNetwork
+from estimators.log_posterior import log_posterior
+from robotmodels.arrays import Array, IntArray, read_only
+from robotmodels.errors import InvalidInput
 
 # Vehtari et al. (2021), section 4: R-hat below 1.01 and an effective sample size above 400.
 R_HAT = 1.01
 ESS = 400.0
 # Chains shorter than this many autocorrelation times do not tell their autocorrelation time.
 TIMES = 20.0
-# Matrix entries solved in one call when small systems are evaluated for many walkers.
-BATCH = 2**20
-
-
-@dataclass(frozen=True, eq=False)
-class FixedEquilibria:
-    """Logarithm of the posterior of ln theta, equilibria held fixed at the fit.
-
-    log p = -scale V inside the bounds, flat prior in ln theta. Holding the equilibria fixed leaves
-    out the change of gravity sag within the posterior, which is of the order of the sag angle
-    times the relative width.
-
-    Attributes
-    ----------
-    network : at the fitted parameters.
-    omega, measured, weights, kind : as in the fit.
-    scale : factor of the cost.
-    bounds : (2, p) of ln theta.
-    """
-
-    network: SpringNetwork
-    omega: Array
-    measured: ComplexArray
-    weights: Array | ComplexArray
-    kind: Residual
-    scale: float
-    bounds: Array
-    root: Array | ComplexArray = field(init=False)
-    used: NDArray[np.bool_] = field(init=False)
-
-    def __post_init__(self) -> None:
-        shape = self.measured.shape
-        object.__setattr__(self, "root", square_root(self.weights, shape))
-        object.__setattr__(self, "used", used_elements(self.weights, shape))
-
-    def __call__(self, ln_theta: Array) -> Array:
-        """Return log p (W,), up to a constant, at `ln_theta` (W, p)."""
-        ln_theta = np.atleast_2d(ln_theta)
-        inside = ((ln_theta >= self.bounds[0]) & (ln_theta <= self.bounds[1])).all(axis=1)
-        result = np.full(len(ln_theta), -np.inf)
-        if inside.any():
-            cost = self.costs(np.exp(ln_theta[inside]))
-            result[inside] = np.where(np.isfinite(cost), -self.scale * cost, -np.inf)
-        return result
-
-    def costs(self, parameters: Array) -> Array:
-        """Return the fit's cost V (W,) at `parameters` (W, p) [SI]."""
-        result = np.empty(len(parameters))
-        q, d = self.network.mass.shape[:2]
-        together = max(1, BATCH // (q * len(self.omega) * d**2))
-        for first in range(0, len(parameters), together):
-            models = [self.network.linear_model(t) for t in parameters[first : first + together]]
-            batch = LinearModel(
-                mass=self.network.mass,
-                damping=np.stack([model.damping for model in models]),
-                stiffness=np.stack([model.stiffness for model in models]),
-                selector=self.network.selector,
-            )
-            for i, G in enumerate(batch.frequency_response(self.omega), first):
-                error = whiten(self.root, self.kind.error(self.measured, G, self.used))
-                result[i] = np.sum(np.abs(error) ** 2)
-        return result
 
 
 @dataclass(frozen=True, eq=False)
@@ -201,30 +135,6 @@ def sample_posterior(
         target, starts, seeds, steps // thin, thin, store, progress, executor
     )
     return judged(fit.parameters.names, chains, thin, float(acceptance.mean()), scale)
-
-
-def log_posterior(fit: Fit, scale: float) -> FixedEquilibria:
-    """Return the function that is sampled.
-
-    Raises
-    ------
-    SolverFailed : if the cost with fixed equilibria is not the fit's own at the fit.
-    """
-    theta = fit.parameters.values
-    kind = find_residual(fit.residual)
-    target = FixedEquilibria(
-        network=fit.model.network(fit.estimate.positions, theta),
-        omega=fit.estimate.omega,
-        measured=fit.estimate.response,
-        weights=fit.weights,
-        kind=kind,
-        scale=scale,
-        bounds=read_only(np.log(fit.bounds)),
-    )
-    cost = target.costs(theta[None])[0]
-    if not np.isclose(cost, fit.cost, rtol=1e-6):
-        raise SolverFailed(f"posterior: the cost at the fit is {cost:g}, the fit's {fit.cost:g}")
-    return target
 
 
 def judged(

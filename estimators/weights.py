@@ -145,6 +145,13 @@ def square_root(weights: Array | ComplexArray, shape: tuple[int, ...]) -> Array 
     return np.asarray(root[..., :, None] * np.conj(np.swapaxes(vectors, -1, -2)))
 
 
+def weighted_squares(root: Array | ComplexArray, error: Array | ComplexArray) -> Array:
+    """Return sum |S error|^2, (...), of residuals (..., Q, F, m, n): the cost V of each."""
+    full = is_full(root, error.shape[-4:])
+    white = root @ vec(error)[..., None] if full else root * error
+    return np.asarray(np.sum(white.real**2 + white.imag**2, axis=(-4, -3, -2, -1)))
+
+
 def whiten(root: Array | ComplexArray, values: NDArray[Any]) -> NDArray[Any]:
     """Return S times residuals (Q, F, m, n), or times Jacobians (Q, F, m, n, p), as (Q, F, mn, .).
 

@@ -1,0 +1,229 @@
+import pickle
+from concurrent.futures import ThreadPoolExecutor
+
+import numpy as np
+import pytest
+from mass_springs import OMEGA, POSITIONS, MassSprings
+from test_frf_estimate import full_covariance
+
+from estimators import (
+    FrfEstimate,
+    fit,
+    multistart,
+    optimal_weights,
+    perturbed_starts,
+    simulate_frf,
+    user_weights,
+)
+from robotmodels import (
+    InvalidInput,
+    NoEquilibrium,
+    RelativeNoise,
+    SpringNetwork,
+    frequency_response,
+    sensitivity,
+)
+
+MODEL = MassSprings()
+TRUTH = MODEL.parameters.values
+
+
+def exact(covariance=None):
+    response = frequency_response(MODEL, POSITIONS, OMEGA)
+    if covariance is None:
+        covariance = RelativeNoise().variance(response)
+    return FrfEstimate(POSITIONS, OMEGA, response, covariance, np.ones(3, dtype=int))
+
+
+def noisy(seed=0, noise=RelativeNoise(0.03, 0.01)):  # noqa: B008
+    return simulate_frf(MODEL, POSITIONS, OMEGA, noise, np.random.default_rng(seed))
+
+
+@pytest.mark.parametrize("weights", ["user", "optimal"])
+@pytest.mark.parametrize("residual", ["nls", "lls", "lls_magnitude"])
+def test_exact_data_give_exact_parameters(residual, weights):
+    start = TRUTH * [1.2, 0.8, 1.2, 0.7, 1.4, 1.3]
+    found = fit(MODEL, exact(), residual, weights, start=start)
+    assert found.converged
+    assert np.abs(np.log(found.parameters.values / TRUTH)).max() < 1e-6
+    assert found.cost < 1e-8
+    assert (found.start == start).all()
+
+
+@pytest.mark.parametrize("residual", ["nls", "lls", "lls_magnitude"])
+def test_exact_data_with_a_full_covariance(residual):
+    estimate = exact(full_covariance((3, 23, 2, 2)))
+    found = fit(MODEL, estimate, residual, "optimal", start=TRUTH * 1.2)
+    assert found.converged
+    assert np.abs(np.log(found.parameters.values / TRUTH)).max() < 1e-6
+
+
+@pytest.mark.parametrize("residual", ["nls", "lls"])
+def test_the_cost_is_wm_4b_and_stationary(residual):
+    estimate = noisy()
+    found = fit(MODEL, estimate, residual, "optimal")
+    weights = optimal_weights(estimate, residual)
+
+    def cost(ln_theta):
+        G = frequency_response(MODEL, POSITIONS, OMEGA, np.exp(ln_theta))
+        error = estimate.response - G if residual == "nls" else np.log(estimate.response / G)
+        return np.sum(weights * np.abs(error) ** 2)
+
+    x = np.log(found.parameters.values)
+    assert np.isclose(cost(x), found.cost)
+    for i in range(6):
+        step = np.eye(6)[i] * 1e-4
+        assert cost(x + step) > found.cost
+        assert cost(x - step) > found.cost
+
+
+def test_one_evaluation_serves_residual_and_jacobian(monkeypatch):
+    calls = []
+
+    def counted(*args, **kwargs):
+        calls.append(1)
+        return sensitivity(*args, **kwargs)
+
+    monkeypatch.setattr("estimators.cost.sensitivity", counted)
+    found = fit(MODEL, noisy())
+    assert found.evaluations == len(calls)
+    assert len(calls) < 15
+
+
+def test_elements_without_weight_may_be_zero():
+    estimate = exact()
+    response = estimate.response.copy()
+    response[1, 4, 0, 1] = 0
+    broken = FrfEstimate(POSITIONS, OMEGA, response, estimate.covariance, estimate.repetitions)
+    with pytest.raises(InvalidInput, match=r"measured FRF.*position 1, frequency 4"):
+        fit(MODEL, broken, "lls", "user")
+    weights = user_weights(broken)
+    weights[1, 4, 0, 1] = 0
+    found = fit(MODEL, broken, "lls", weights, start=TRUTH * 1.1)
+    assert np.allclose(found.parameters.values, TRUTH)
+
+
+def test_a_bound_that_stops_the_search_is_told():
+    found = fit(MODEL, exact(), start=TRUTH * 1.5, bounds=(1.2, 2.0))
+    assert "at a bound: k1" in found.message
+    assert (found.parameters.values >= 1.2 * TRUTH).all()
+
+
+def test_running_out_of_evaluations_is_not_convergence():
+    found = fit(MODEL, exact(), start=TRUTH * 1.5, max_evaluations=2)
+    assert not found.converged
+    assert found.status == 0
+    assert "NOT converged" in str(found)
+
+
+def test_the_report_names_parameters_and_units():
+    text = str(fit(MODEL, noisy()))
+    assert "lls fit: converged" in text
+    assert "c12" in text
+    assert "N m s/rad" in text
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ({"residual": "log"}, "residual 'log' is none of"),
+        ({"weights": "use"}, "did you mean 'user'"),
+        ({"bounds": (2.0, 1.0)}, "bounds: .* are not factors"),
+        ({"start": TRUTH * 1e4}, r"start: k1 = 9e\+06 lies outside its bounds"),
+        ({"start": TRUTH[:3]}, r"\(6,\) is needed"),
+        ({"weights": np.zeros((3, 23, 2, 2))}, "6 parameters but only 0 real data"),
+    ],
+)
+def test_faults_are_named(arguments, message):
+    with pytest.raises(InvalidInput, match=message):
+        fit(MODEL, exact(), **arguments)
+
+
+def test_magnitudes_count_once_as_data():
+    weights = np.zeros((3, 23, 2, 2))
+    weights[0, :3, 0, 0] = 1
+    with pytest.raises(InvalidInput, match="only 3 real data"):
+        fit(MODEL, exact(), "lls_magnitude", weights)
+    weights[0, 3:6, 0, 0] = 1
+    fit(MODEL, exact(), "lls_magnitude", weights)
+
+
+def test_perturbed_starts_span_the_decades():
+    starts = perturbed_starts(MODEL.parameters, 500, 1.0, np.random.default_rng(0))
+    exponents = np.log10(starts / TRUTH)
+    assert starts.shape == (500, 6)
+    assert np.abs(exponents).max() <= 1
+    assert np.isclose(exponents.std(), 1 / np.sqrt(3), rtol=0.05)
+    again = perturbed_starts(MODEL.parameters, 500, 1.0, np.random.default_rng(0))
+    assert (starts == again).all()
+    for n, decades in ((0, 1.0), (1, -1.0), (1, np.nan)):
+        with pytest.raises(InvalidInput, match="perturbed_starts"):
+            perturbed_starts(MODEL.parameters, n, decades, np.random.default_rng(0))
+
+
+def test_multistart_sorts_and_keeps_failures_with_their_reason():
+    model = MassSprings(weakest=500.0)
+    starts = TRUTH * np.array([[1.3] * 6, [0.5] + [1.0] * 5, [1.0] * 6])
+    told = []
+    fits = multistart(
+        model,
+        noisy(),
+        starts,
+        "nls",
+        "optimal",
+        progress=lambda done, total: told.append((done, total)),
+    )
+    assert [found.cost for found in fits] == sorted(found.cost for found in fits)
+    assert [found.converged for found in fits] == [True, True, False]
+    assert np.isclose(fits[0].cost, fits[1].cost)
+    assert fits[2].status == -1
+    assert "k1 = 450 is below 500" in fits[2].message
+    assert np.isinf(fits[2].cost)
+    assert told == [(1, 3), (2, 3), (3, 3)]
+    with pytest.raises(NoEquilibrium):
+        fit(model, noisy(), start=starts[1])
+
+
+def test_a_trial_step_without_equilibrium_shortens_the_step():
+    refused = []
+
+    class Weak(MassSprings):
+        def network(self, positions, parameters=None):
+            try:
+                return super().network(positions, parameters)
+            except NoEquilibrium:
+                refused.append(parameters)
+                raise
+
+    found = fit(Weak(weakest=899.9), exact(), "nls", "user", start=TRUTH * 1.3)
+    assert refused
+    assert found.converged
+    assert np.allclose(found.parameters.values, TRUTH, rtol=1e-3)
+
+
+class Broken(MassSprings):
+    def network(self, positions, parameters=None):
+        network = super().network(positions, parameters)
+        return SpringNetwork(**(vars(network) | {"mass": np.full_like(network.mass, np.nan)}))
+
+
+def test_an_frf_that_is_not_finite_is_a_failed_start():
+    (found,) = multistart(Broken(), exact(), [TRUTH], "nls")
+    assert not found.converged
+    assert "not finite" in found.message
+
+
+def test_an_executor_changes_nothing():
+    starts = perturbed_starts(MODEL.parameters, 4, 0.2, np.random.default_rng(1))
+    estimate = noisy()
+    alone = multistart(MODEL, estimate, starts)
+    with ThreadPoolExecutor(2) as executor:
+        together = multistart(MODEL, estimate, starts, executor=executor)
+    for a, b in zip(alone, together, strict=True):
+        assert (a.parameters.values == b.parameters.values).all()
+    pickle.loads(pickle.dumps(alone[0]))
+
+
+def test_multistart_needs_a_start():
+    with pytest.raises(InvalidInput, match="no starts"):
+        multistart(MODEL, exact(), [])

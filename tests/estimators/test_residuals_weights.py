@@ -1,0 +1,184 @@
+import numpy as np
+import pytest
+from mass_springs import OMEGA, POSITIONS, MassSprings
+from test_frf_estimate import full_covariance
+
+from estimators import FrfEstimate, lls, lls_magnitude, optimal_weights, simulate_frf, user_weights
+from estimators.residuals import RESIDUALS, find_residual
+from estimators.weights import chosen_weights, square_root, used_elements, whiten
+from robotmodels import InvalidInput, RelativeNoise, frequency_response, sensitivity
+
+
+@pytest.fixture(scope="module")
+def estimate():
+    return simulate_frf(
+        MassSprings(), POSITIONS, OMEGA, RelativeNoise(0.03, 0.01), np.random.default_rng(0)
+    )
+
+
+def with_covariance(estimate, covariance):
+    return FrfEstimate(
+        estimate.positions, estimate.omega, estimate.response, covariance, estimate.repetitions
+    )
+
+
+@pytest.mark.parametrize("name", RESIDUALS)
+def test_jacobians_equal_central_differences(name, estimate):
+    model, kind = MassSprings(), find_residual(name)
+    G, J = sensitivity(model, POSITIONS, OMEGA)
+    h = 1e-6
+    for i in range(len(model.parameters)):
+        ends = []
+        for sign in (1, -1):
+            theta = model.parameters.values.copy()
+            theta[i] *= np.exp(sign * h)
+            at = frequency_response(model, POSITIONS, OMEGA, theta)
+            ends.append(kind.error(estimate.response, at))
+        difference = (ends[0] - ends[1]) / (2 * h)
+        # Phases that wrap between the two ends jump by 2 pi: none does here.
+        assert np.abs(difference).max() < 1e3
+        slope = kind.jacobian(G, J)[..., i]
+        assert np.abs(slope - difference).max() < 1e-7 * np.abs(slope).max()
+
+
+def test_log_residual_keeps_the_phase_within_pi():
+    measured, modelled = np.exp(1j * np.array([3.0])), np.exp(-1j * np.array([3.0]))
+    assert np.isclose(lls(measured, modelled)[0].imag, 6 - 2 * np.pi)
+    assert lls_magnitude(measured, 2 * modelled)[0] == pytest.approx(-np.log(2))
+
+
+@pytest.mark.parametrize("value", [0, np.nan, np.inf])
+@pytest.mark.parametrize("side", ["measured", "modelled"])
+def test_no_logarithm_names_the_place(side, value):
+    g = {"measured": np.ones((2, 3, 2, 2)) * 1j, "modelled": np.ones((2, 3, 2, 2)) * 1j}
+    g[side][1, 2, 0, 1] = value
+    with pytest.raises(InvalidInput, match=rf"{side} FRF.*position 1, frequency 2, element \(0, 1"):
+        lls(g["measured"], g["modelled"])
+
+
+def test_elements_without_weight_take_no_logarithm():
+    kind = find_residual("lls")
+    g = np.ones((1, 1, 2, 2), dtype=complex)
+    zero = g.copy()
+    zero[0, 0, 0, 1] = 0
+    used = zero != 0
+    assert (kind.error(zero, g, used) == 0).all()
+    assert (kind.jacobian(zero, np.ones((1, 1, 2, 2, 3)), used)[0, 0, 0, 1] == 0).all()
+
+
+def test_unknown_residual_is_named():
+    with pytest.raises(InvalidInput, match=r"'llsm' is none of nls, lls, lls_magnitude"):
+        find_residual("llsm")
+    assert find_residual(RESIDUALS["nls"]) is RESIDUALS["nls"]
+
+
+def test_user_weights_are_constant_low_off_the_diagonal_and_zero_below_a_frequency(estimate):
+    w = user_weights(estimate, diagonal=2.0, off_diagonal=0.3, from_omega=OMEGA[5])
+    assert (w[:, :5] == 0).all()
+    assert (w[:, 5:] == [[2.0, 0.3], [0.3, 2.0]]).all()
+
+
+def test_user_weights_leave_out_noisy_elements(estimate):
+    noisy = estimate.variance.copy()
+    noisy[1, 4, 0, 1] = 0.5 * np.abs(estimate.response[1, 4, 0, 1]) ** 2
+    w = user_weights(with_covariance(estimate, noisy), minimum_snr=np.sqrt(10))
+    assert w[1, 4, 0, 1] == 0
+    assert (w == 0).sum() == 1
+
+
+@pytest.mark.parametrize("name", ["diagonal", "off_diagonal", "from_omega", "minimum_snr"])
+@pytest.mark.parametrize("value", [-1.0, np.nan])
+def test_user_weights_refuse_negative_numbers(estimate, name, value):
+    with pytest.raises(InvalidInput, match=rf"weights\.{name}"):
+        user_weights(estimate, **{name: value})
+
+
+def test_optimal_weights_are_wm_6_and_wm_8(estimate):
+    g, variance = estimate.response, estimate.variance
+    assert np.allclose(optimal_weights(estimate, "nls"), 1 / variance)
+    for name in ("lls", "lls_magnitude"):
+        assert np.allclose(optimal_weights(estimate, name), np.abs(g) ** 2 / variance)
+    assert np.allclose(optimal_weights(estimate, "lls", 2 * g), 4 * np.abs(g) ** 2 / variance)
+
+
+def test_full_optimal_weights_are_wm_6_and_wm_8(estimate):
+    covariance = full_covariance(estimate.response.shape)
+    correlated = with_covariance(estimate, covariance)
+    assert np.allclose(optimal_weights(correlated, "nls"), np.linalg.inv(covariance))
+    vector = estimate.response[1, 3].flatten(order="F")
+    inverse = np.linalg.inv(np.diag(vector))
+    relative = inverse @ covariance[1, 3] @ inverse.conj().T
+    assert np.allclose(optimal_weights(correlated, "lls")[1, 3], np.linalg.inv(relative))
+    real = optimal_weights(correlated, "lls_magnitude")[1, 3]
+    assert np.allclose(real, np.linalg.inv(relative.real))
+
+
+def test_optimal_weights_of_a_measured_zero():
+    one = np.ones((1, 1, 1, 2))
+    g = np.array([[[[0.0, 2.0]]]], dtype=complex)
+    estimate = FrfEstimate(np.zeros((1, 2)), np.ones(1), g, one, np.ones(1, dtype=int))
+    assert optimal_weights(estimate, "lls").tolist() == [[[[0.0, 4.0]]]]
+    assert (optimal_weights(estimate, "nls") == 1).all()
+
+
+def test_a_covariance_that_is_not_positive_definite_is_named(estimate):
+    covariance = full_covariance(estimate.response.shape)
+    few = np.ones((4, 2))  # the sample covariance of two blocks
+    covariance[2, 6] = few @ few.T
+    with pytest.raises(InvalidInput, match=r"position 2, frequency 6 .*not positive definite"):
+        optimal_weights(with_covariance(estimate, covariance), "nls")
+
+
+def test_whitening_squares_to_the_weighted_sum(estimate):
+    shape = estimate.response.shape
+    weights = full_covariance(shape, seed=5)
+    error = estimate.response
+    white = whiten(square_root(weights, shape), error)
+    vector = error[2, 7].flatten(order="F")
+    assert np.isclose(
+        np.sum(np.abs(white[2, 7]) ** 2), (vector.conj() @ weights[2, 7] @ vector).real
+    )
+    diagonal = np.abs(error)
+    white = whiten(square_root(diagonal, shape), error)
+    assert np.isclose(np.sum(np.abs(white) ** 2), np.sum(diagonal * np.abs(error) ** 2))
+
+
+def test_chosen_weights_take_names_and_arrays(estimate):
+    lls_kind, magnitude = find_residual("lls"), find_residual("lls_magnitude")
+    assert (chosen_weights("user", estimate, lls_kind) == user_weights(estimate)).all()
+    full = full_covariance(estimate.response.shape)
+    assert (chosen_weights(full, estimate, lls_kind) == full).all()
+    assert (chosen_weights(full, estimate, magnitude) == full.real).all()
+    full[0, 0] = np.diag([1, 0, 2, 3])
+    assert (used_elements(full, estimate.response.shape)[0, 0] == [[1, 1], [0, 1]]).all()
+
+
+def _weights(kind):
+    full = full_covariance((3, 23, 2, 2))
+    element = np.ones((3, 23, 2, 2))
+    if kind == "negative":
+        element[1, 2, 0, 1] = -1
+        return element
+    if kind == "complex":
+        return element * 1j
+    if kind == "skew":
+        full[1, 2, 0, 1] += 1
+    if kind == "indefinite":
+        full[1, 2] = np.diag([1, 1, 1, -1])
+    return {"shape": element[:, :5], "name": "optmal"}.get(kind, full)
+
+
+@pytest.mark.parametrize(
+    ("kind", "message"),
+    [
+        ("negative", r"weights: -1 at position 1, frequency 2 .*\(0, 1\)"),
+        ("complex", "must be a real number"),
+        ("skew", "position 1, frequency 2 .*not Hermitian"),
+        ("indefinite", "position 1, frequency 2 .*not positive semidefinite"),
+        ("shape", "does not fit FRFs of shape"),
+        ("name", "did you mean 'optimal'"),
+    ],
+)
+def test_wrong_weights_are_named(estimate, kind, message):
+    with pytest.raises(InvalidInput, match=message):
+        chosen_weights(_weights(kind), estimate, find_residual("nls"))
