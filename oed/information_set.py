@@ -186,9 +186,10 @@ def _chunk_information(
     from estimators.information import information as fisher_information
 
     network = robot.network(positions)
-    if network.exponents.any(axis=(0, 1)).all():
+    only_springs = bool(network.exponents.any(axis=(0, 1)).all())
+    if only_springs and network.measurement is None:
         return np.asarray(kernel.information(network, omega, noise))
-    # The kernel knows springs and dampers; masses, inertias and locations take the general way.
+    # The kernel knows springs, dampers and motor accelerations; the rest takes the general way.
     response, jacobian = sensitivity(robot, positions, omega, sag=False)
     return fisher_information(jacobian, 1.0 / noise.variance(response))
 

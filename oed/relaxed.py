@@ -37,7 +37,7 @@ class Design:
     information : (p, p) per experiment, sum_i w_i H_i.
     criterion, names : what was optimised, and for which parameters.
     rounds : active sets solved.
-    solver : of the first active set; Newton steps do the rest.
+    solver : of the active sets; Newton steps polish its answers.
     """
 
     weights: Array
@@ -71,8 +71,8 @@ def optimal_design(
     criterion : name of the criterion.
     tolerance : largest certified gap accepted.
     max_rounds : largest number of active sets.
-    solver : of the first active set, "clarabel" (by cvxpy) or "newton" (Newton steps from equal
-        shares, about a hundred times faster). Newton steps polish and follow every active set.
+    solver : of the active sets, "clarabel" (by cvxpy) or "newton" (about a hundred times
+        faster). Newton steps polish Clarabel's answers.
 
     Raises
     ------
@@ -157,8 +157,7 @@ def _active_set(
     active = _first_active(matrices)
     weights = np.zeros(len(matrices))
     for done in range(1, max_rounds + 1):
-        # Later sets differ little from the one before, which is the best start for them.
-        start = _SOLVERS[solver](matrices[active]) if done == 1 else weights[active]
+        start = _SOLVERS[solver](matrices[active], weights[active])
         shares = _newton(matrices[active], start, 1e-2 * tolerance)
         shares[shares < 0.1 * min(tolerance, 1e-6)] = 0.0
         weights = np.zeros(len(matrices))
@@ -191,8 +190,8 @@ def _first_active(matrices: Array) -> IntArray:
     return np.asarray(active)
 
 
-def _clarabel(matrices: Array) -> Array:
-    """Return shares by cvxpy and Clarabel.
+def _clarabel(matrices: Array, _: Array) -> Array:
+    """Return shares by cvxpy and Clarabel, which cannot make use of a start.
 
     Its answers stop at gaps of 1e-6 to 1e-5, and with tolerances of 1e-10 still at 1e-7 to 1e-6,
     so that Newton steps follow in any case. The primal problem takes half the dual's time.
@@ -247,9 +246,12 @@ def _newton(matrices: Array, weights: Array, tolerance: float, max_steps: int = 
     return weights
 
 
-def _equal_shares(matrices: Array) -> Array:
-    """Return equal shares: the Newton steps that follow do the work."""
-    return np.full(len(matrices), 1 / len(matrices))
+def _warm_start(matrices: Array, weights: Array) -> Array:
+    """Return the last round's shares, equal ones in the first: the Newton steps do the work."""
+    return weights if weights.any() else np.full(len(matrices), 1 / len(matrices))
 
 
-_SOLVERS: dict[str, Callable[[Array], Array]] = {"clarabel": _clarabel, "newton": _equal_shares}
+_SOLVERS: dict[str, Callable[[Array, Array], Array]] = {
+    "clarabel": _clarabel,
+    "newton": _warm_start,
+}
