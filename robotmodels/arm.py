@@ -123,7 +123,7 @@ class _Builder:
             if abs(_AXES[spring.axis] @ drive_axis) > 1e-6:
                 raise InvalidInput(
                     f"spring {spring.name!r}: axis {spring.axis!r} is not orthogonal to the drive "
-                    f"axis {np.round(drive_axis, 3).tolist()} of joint {name!r}"
+                    f"axis {(np.round(drive_axis, 3) + 0.0).tolist()} of joint {name!r}"
                 )
             parent = self._add_joint(parent, _REVOLUTE[spring.axis](), at, spring.name)
             at = pin.SE3.Identity()

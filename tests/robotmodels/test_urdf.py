@@ -1,0 +1,161 @@
+"""URDF files that cannot be used, each refused in one line that names what is at fault."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from robots import CRANE, HERE, PANDA, PENDULUM, WALL, built, changed
+
+from robotmodels import InvalidInput, load_robot
+from robotmodels.elastic import ElasticRobot
+from robotmodels.robot_file import RobotFile
+from robotmodels.urdf import locate, rigid_model
+
+LAMP = 'ixx="0.02" ixy="0" ixz="0" iyy="0.03" iyz="0" izz="0.03"'
+LOOP = '<joint name="l" type="fixed"><parent link="hand"/><child link="floor"/></joint>'
+SECOND = '<joint name="l" type="fixed"><parent link="floor"/><child link="hand"/></joint>'
+
+
+def refusal(content: dict, folder: Path = HERE) -> str:
+    """Return the one line with which a robot is refused."""
+    with pytest.raises(InvalidInput) as error:
+        ElasticRobot(RobotFile.model_validate(content), folder)
+    assert "\n" not in str(error.value)
+    return str(error.value)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ("</robot>", "", "edited.urdf: not a well-formed URDF: no element found: line 127"),
+        ('type="continuous"', 'type="floating"', "joint 'turn' is 'floating'; only revolute, cont"),
+        ('type="continuous"', 'type="planar"', "joint 'turn' is 'planar'; only revolute"),
+        ('type="continuous"', "", "joint 'turn' has no type"),
+        ('<parent link="floor"/>', "", "joint 'turn' has no <parent>"),
+        (
+            'k="floor"/>',
+            'k="flor"/>',
+            "joint 'turn': its parent 'flor' is not a link (did you mean",
+        ),
+        (
+            '<link name="floor">',
+            '<link name="o"/><link name="floor">',
+            "without a parent: o, floor;",
+        ),
+        ('<link name="floor">', LOOP + '<link name="floor">', "link 'floor' is its own ancestor"),
+        ('<link name="floor">', SECOND + '<link name="floor">', "link 'hand' has two parents"),
+        ('joint name="slide"', 'joint name="turn"', "joint 'turn' is there 2 times"),
+        ('link name="lamp"', 'link name="hand"', "link 'hand' is there 2 times"),
+        ('<limit effort="100" lower="-2" upper="2.5" velocity="3"/>', "", "'lean' has no <limit>"),
+        ('lower="-2"', 'lower="3"', "joint 'lean': its lower limit 3 is above its upper one, 2.5"),
+        ('lower="-2"', 'lower="low"', "joint 'lean': <limit> has lower='low'; a number is needed"),
+        ('"0 3 4"', '"0 0 0"', "joint 'lean': its axis is zero"),
+        ('"0 3 4"', '"0 3"', "joint 'lean': <axis> has xyz='0 3'; 3 numbers are needed"),
+        ('rpy="-0.4 0 1.5"', 'rpy="-0.4 0 x"', "joint 'lean': <origin> has rpy='-0.4 0 x'"),
+        ('<mass value="8"/>', '<mass value="eight"/>', "link 'boom': <mass> has value='eight'"),
+        ('<mass value="8"/>', '<mass value="nan"/>', "link 'boom': <mass> has value='nan'"),
+        ('<mass value="8"/>', "", "link 'boom': its <inertial> needs <mass> and <inertia>"),
+        ('<mass value="1.5"/>', '<mass value="-1.5"/>', "link 'bracket' has mass -1.5 kg"),
+        ('<mass value="3"/>', '<mass value="0"/>', "body moved by joint 'nod' has mass 0 kg; a po"),
+        (
+            LAMP,
+            LAMP.replace("0.03", "0.3", 1),
+            "joint 'nod' is not physically consistent: its prin",
+        ),
+        (
+            LAMP,
+            LAMP.replace('"0.02"', '"-1"'),
+            "joint 'nod' is not physically consistent: its prin",
+        ),
+        (LAMP, LAMP.replace('ixx="0.02"', ""), "link 'lamp': <inertia> has ixx=''; a number"),
+    ],
+)
+def test_mistakes_are_named(tmp_path: Path, old: str, new: str, message: str) -> None:
+    text = (HERE / "crane.urdf").read_text()
+    assert old in text
+    (tmp_path / "edited.urdf").write_text(text.replace(old, new, 1))
+    line = refusal(changed(CRANE, urdf="edited.urdf"), tmp_path)
+    assert message in line
+    assert "edited.urdf" in line
+
+
+def test_zero_inertias_are_refused_where_a_motion_moves_no_mass(tmp_path: Path) -> None:
+    text = (HERE / "pendulum.urdf").read_text()
+    point = text.replace('ixx="0.01"', 'ixx="0"').replace('"0.2"', '"0"')
+    (tmp_path / "point.urdf").write_text(point)
+    # A point mass beside the hinge is fine ...
+    robot = ElasticRobot(RobotFile.model_validate(changed(PENDULUM, urdf="point.urdf")), tmp_path)
+    mass = robot.network(np.zeros((1, 1))).mass[0]
+    assert mass[0, 0] == pytest.approx(1.0, rel=1e-12)
+    # ... one on its axis is not.
+    (tmp_path / "point.urdf").write_text(point.replace('xyz="0.5 0 0"', 'xyz="0 0.5 0"'))
+    line = refusal(changed(PENDULUM, urdf="point.urdf"), tmp_path)
+    assert line.startswith("a motion about 'hinge' moves no mass")
+
+
+def test_another_kind_of_xml_is_refused(tmp_path: Path) -> None:
+    (tmp_path / "world.urdf").write_text("<sdf><world/></sdf>")
+    line = refusal(changed(CRANE, urdf="world.urdf"), tmp_path)
+    assert "world.urdf: not a URDF: its root is <sdf>, not <robot>" in line
+
+
+def test_a_robot_without_moving_joints_is_refused(tmp_path: Path) -> None:
+    text = (HERE / "pendulum.urdf").read_text().replace("revolute", "fixed")
+    (tmp_path / "still.urdf").write_text(text)
+    line = refusal(changed(PENDULUM, urdf="still.urdf"), tmp_path)
+    assert line == "motor 'm': 'hinge' is not a moving joint of the URDF; there are none"
+
+
+def test_a_missing_file_is_named(tmp_path: Path) -> None:
+    line = refusal(changed(CRANE, urdf="nowhere/crane.urdf"), tmp_path)
+    assert line == f"urdf: {tmp_path}/nowhere/crane.urdf: no such file"
+    line = refusal(changed(CRANE, urdf="example-robot-data:ur_description/urdf/ur11_robot.urdf"))
+    assert "no such file in example-robot-data (did you mean 'ur_description/urdf/ur1" in line
+
+
+@pytest.mark.parametrize(
+    ("content", "lock", "message"),
+    [
+        (
+            CRANE,
+            {"flop": 0.1},
+            "lock: 'flop' is not a moving joint of the URDF (did you mean 'flap'",
+        ),
+        (CRANE, {"boom_bracket": 0.1}, "lock: 'boom_bracket' is not a moving joint"),
+        (CRANE, {"flap": 1.5}, "lock: joint 'flap' at 1.5 is outside its limits [-1, 1]"),
+        (WALL, {"elbow_joint": 0.1}, "motor 'm3': 'elbow_joint' is held under 'lock'"),
+        (
+            PANDA,
+            {},
+            "joints without motor or drive spring: panda_finger_joint1, panda_finger_joint2",
+        ),
+    ],
+)
+def test_locks_that_cannot_be(content: dict, lock: dict[str, float], message: str) -> None:
+    assert message in refusal(changed(content, lock=lock))
+
+
+def test_meshes_may_be_absent() -> None:
+    assert "package://nowhere" in (HERE / "crane.urdf").read_text()
+    assert built(CRANE).name == "crane"
+
+
+def test_a_continuous_joint_can_be_locked_at_any_angle() -> None:
+    path = locate("crane.urdf", HERE)
+    placements = [
+        rigid_model(path, {"turn": angle, "flap": 0.0}).jointPlacements[1].homogeneous
+        for angle in (4.0, 4.0 - 2 * np.pi)
+    ]
+    np.testing.assert_allclose(placements[0], placements[1], atol=1e-12)
+
+
+def test_the_robot_file_is_named_too(tmp_path: Path) -> None:
+    path = tmp_path / "robot.yaml"
+    path.write_text(
+        "schema: robot/1\nname: a\nurdf: b.urdf\n"
+        "motors: [{name: m, joint: j, gear_ratio: 1, inertia: 1}]\n"
+        "springs: [{name: s, joint: j, axis: drive, stiffness: 1, damping: 1}]\n"
+    )
+    with pytest.raises(InvalidInput) as error:
+        load_robot(path)
+    assert str(error.value) == f"{path}: urdf: {tmp_path}/b.urdf: no such file"
