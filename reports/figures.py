@@ -56,7 +56,7 @@ def costs_over_starts(costs: Mapping[str, Sequence[float]], best: Mapping[str, f
         axes.set_xlim(0.97, max(1.05 * highest, 1.2))
         if highest < 8:
             axes.xaxis.set_major_locator(MaxNLocator(6))
-        axes.xaxis.set_major_formatter(FuncFormatter(lambda x, _: significant(x, 2)))
+        axes.xaxis.set_major_formatter(FuncFormatter(lambda x, _: significant(x, 3)))
         axes.xaxis.set_minor_formatter(NullFormatter())
         axes.set_xlabel("cost over the best cost of that residual")
         axes.spines["left"].set_visible(False)

@@ -70,21 +70,23 @@ def response_panels(
             magnitude = np.abs(measured[:, i, j])
             lower = np.maximum(scales.up(np.maximum(magnitude - std[:, i, j], 0)), -0.1)
             upper = scales.up(magnitude + std[:, i, j])
-            axes.fill_between(
+            band = axes.fill_between(
                 x,
                 corner[1] + lower,
                 corner[1] + upper,
                 color=palette.accent,
                 alpha=0.28,
                 lw=0,
-                clip_path=frame,
             )
-            for values, colour, width in (
-                (magnitude, palette.accent, 0.7),
-                (np.abs(fitted[:, i, j]), palette.second, 1.1),
-            ):
-                y = corner[1] + np.maximum(scales.up(values), -0.3)
-                axes.plot(x, y, color=colour, lw=width, clip_path=frame)
+            curves = [
+                axes.plot(x, corner[1] + np.maximum(scales.up(values), -0.3), color=c, lw=width)[0]
+                for values, c, width in (
+                    (magnitude, palette.accent, 0.7),
+                    (np.abs(fitted[:, i, j]), palette.second, 1.1),
+                )
+            ]
+            for artist in (band, *curves):
+                artist.set_clip_path(frame)
         _labels(axes, rows, columns, motors, scales, palette)
         return figure
 

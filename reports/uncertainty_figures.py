@@ -112,7 +112,7 @@ def corner_plot(names: Sequence[str], draws: Array, covariance: Array, truth: Ar
             contour_kwargs={"colors": [palette.accent], "linewidths": 1.1},
             hist_kwargs={"lw": 1.1},
             max_n_ticks=3,
-            labelpad=0.12,
+            labelpad=-0.05,
             label_kwargs={"fontsize": 8},
         )
         grid: Any = np.array(figure.axes).reshape(k, k)
@@ -126,9 +126,10 @@ def corner_plot(names: Sequence[str], draws: Array, covariance: Array, truth: Ar
                 for radius in _ELLIPSE_RADII:
                     x, y = radius * _ellipse(covariance[np.ix_([j, i], [j, i])])
                     axes.plot(x, y, color=palette.second, lw=1.0)
-            axes.tick_params(labelsize=7, length=2)
-            for axis in (axes.xaxis, axes.yaxis):
-                axis.set_major_formatter(FuncFormatter(lambda v, _: significant(v, 3)))
+            axes.tick_params(labelsize=7, length=2, labelrotation=0)
+            outer = ([axes.xaxis] if i == k - 1 else []) + ([axes.yaxis] if j == 0 < i else [])
+            for axis in outer:
+                axis.set_major_formatter(FuncFormatter(lambda v, _: significant(v, 2)))
             for spine in axes.spines.values():
                 spine.set_color(palette.rule)
         return figure
