@@ -14,12 +14,10 @@ from pathlib import Path
 
 import mujoco
 import numpy as np
-from scipy.spatial.transform import Rotation
-from urdf_tree import Inertial, Joint, Tree, read_tree
+from mujoco_build import compiled
+from urdf_tree import read_tree
 
-from robotmodels.robot_file import Body, Hardening, RobotFile, Spring
-
-UNIT = {"x": (1.0, 0.0, 0.0), "y": (0.0, 1.0, 0.0), "z": (0.0, 0.0, 1.0)}
+from robotmodels.robot_file import Hardening, RobotFile
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,7 +30,7 @@ class MujocoArm:
     @cached_property
     def model(self) -> mujoco.MjModel:
         """The compiled model; its joints are the drives, the torsions and the elastic motors."""
-        return _Builder(self.file, read_tree(self.urdf)).compile()
+        return compiled(self.file, read_tree(self.urdf))
 
     @cached_property
     def data(self) -> mujoco.MjData:
@@ -93,7 +91,8 @@ class MujocoArm:
         for row, spring in zip(a, self.file.springs, strict=True):
             if spring.axis == "drive":
                 row[self.names.index(spring.joint)] = 1.0
-                row[self.names.index(motor[spring.joint])] = -1.0
+                if spring.joint in motor:
+                    row[self.names.index(motor[spring.joint])] = -1.0
             else:
                 row[self.names.index(spring.name)] = 1.0
         return a
@@ -174,106 +173,43 @@ class MujocoArm:
         *,
         sag: bool = True,
     ) -> np.ndarray:
-        """Return G, (Q, F, n, n): motor torque to motor acceleration, by dense solves."""
+        """Return G, (Q, F, m, n): motor torque to motor and sensor accelerations, dense solves."""
         response = []
         for position in positions:
             M, D, K, S = self.linear_model(position, factors or {}, sag=sag)
-            receptances = [np.linalg.solve(K - w**2 * M + 1j * w * D, S) for w in omega]
-            response.append([-(w**2) * S.T @ X for w, X in zip(omega, receptances, strict=True)])
+            tilt, acceleration = self._sensors(position, factors or {})
+            rows = []
+            for w in omega:
+                X = np.linalg.solve(K - w**2 * M + 1j * w * D, S)
+                outputs = [-(w**2) * S.T @ X, (tilt - w**2 * acceleration) @ X]
+                rows.append(np.exp(-1j * w * self.file.delay) * np.concatenate(outputs))
+            response.append(rows)
         return np.array(response)
 
+    def _sensors(
+        self, position: np.ndarray, factors: dict[str, float]
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Return what a tilt and an acceleration add to the accelerometers, by coordinate."""
+        if not self.file.accelerometers:
+            return np.zeros((2, 0, self.model.nv))
+        q, h = self.equilibrium(position, factors), 1e-5
+        still = np.zeros_like(q)
+        tilt = [
+            (self._readings(q + h * e, still) - self._readings(q - h * e, still)) / (2 * h)
+            for e in np.eye(len(q))
+        ]
+        rest = self._readings(q, still)
+        acceleration = [self._readings(q, e) - rest for e in np.eye(len(q))]
+        return np.array(tilt).T, np.array(acceleration).T
 
-class _Builder:
-    def __init__(self, file: RobotFile, tree: Tree) -> None:
-        self.file = file
-        self.tree = tree
-        self.spec = mujoco.MjSpec()
-        self.spec.compiler.degree = False
-        self.spec.compiler.fusestatic = False
-        self.spec.option.gravity = file.gravity
-        self.elastic = {s.joint for s in file.springs if s.axis == "drive"}
-
-    def compile(self) -> mujoco.MjModel:
-        self._add_link(self.tree.root, self.spec.worldbody.add_body(name="root"))
-        for motor in self.file.motors:
-            if motor.joint in self.elastic:
-                ball = Inertial(1.0, np.zeros(3), motor.inertia * motor.gear_ratio**2 * np.eye(3))
-                body = self.spec.worldbody.add_body(name=f"motor {motor.name}")
-                _set_inertia(body, ball)
-                body.add_joint(name=motor.name, type=mujoco.mjtJoint.mjJNT_HINGE, axis=UNIT["z"])
-        return self.spec.compile()
-
-    def _add_link(self, link: str, body: mujoco.MjsBody) -> None:
-        """Fill `body` with the URDF link, its cuts and all that it carries."""
-        inertial = self.tree.inertials[link]
-        frame = np.zeros(3)  # origin of the link frame, seen from the body
-        for point, springs in self._cuts(link).items():
-            distal = next((_from_body(s.distal) for s in springs if s.distal), inertial)
-            rest = None if distal is inertial else inertial.minus(distal)
-            _set_inertia(body, _shift(rest, frame))
-            at = np.array(point)
-            body = body.add_body(name=f"{link} beyond {point}", pos=frame + at)
-            for spring in springs:
-                _add_hinge(body, spring.name, UNIT[spring.axis])
-            inertial, frame = distal, -at
-        _set_inertia(body, _shift(inertial, frame))
-        payload = self.file.payload
-        if payload is not None and payload.link == link:
-            _set_inertia(body.add_body(name="payload", pos=frame), _from_body(payload))
-        for joint in self.tree.joints[link]:
-            self._add_joint(joint, body, frame)
-
-    def _add_joint(self, joint: Joint, parent: mujoco.MjsBody, frame: np.ndarray) -> None:
-        position, rotation = joint.position, joint.rotation
-        held = joint.name in self.file.lock
-        if held and joint.kind == "prismatic":
-            position = position + rotation.apply(self.file.lock[joint.name] * joint.axis)
-        elif held:
-            rotation = rotation * Rotation.from_rotvec(self.file.lock[joint.name] * joint.axis)
-        quaternion = rotation.as_quat(scalar_first=True)
-        body = parent.add_body(name=joint.child, pos=frame + position, quat=quaternion)
-        if joint.kind != "fixed" and not held:
-            for spring in self.file.springs:
-                if spring.joint == joint.name and spring.axis != "drive":
-                    _add_hinge(body, spring.name, UNIT[spring.axis])
-            self._add_drive(joint, body)
-        self._add_link(joint.child, body)
-
-    def _add_drive(self, joint: Joint, body: mujoco.MjsBody) -> None:
-        kind = "SLIDE" if joint.kind == "prismatic" else "HINGE"
-        drive = body.add_joint(
-            name=joint.name, type=getattr(mujoco.mjtJoint, f"mjJNT_{kind}"), axis=joint.axis
-        )
-        for motor in self.file.motors:
-            if motor.joint == joint.name and joint.name not in self.elastic:
-                drive.armature = motor.inertia * motor.gear_ratio**2
-
-    def _cuts(self, link: str) -> dict[tuple[float, float, float], list[Spring]]:
-        cuts: dict[tuple[float, float, float], list[Spring]] = {}
-        for spring in self.file.springs:
-            if spring.link == link:
-                cuts.setdefault(spring.at, []).append(spring)
-        return cuts
-
-
-def _add_hinge(body: mujoco.MjsBody, name: str, axis: tuple[float, float, float]) -> None:
-    body.add_joint(name=name, type=mujoco.mjtJoint.mjJNT_HINGE, axis=axis)
-
-
-def _from_body(body: Body) -> Inertial:
-    xx, xy, xz, yy, yz, zz = body.inertia
-    inertia = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
-    return Inertial(body.mass, np.array(body.com), inertia)
-
-
-def _shift(inertial: Inertial | None, by: np.ndarray) -> Inertial | None:
-    return inertial and Inertial(inertial.mass, inertial.com + by, inertial.inertia)
-
-
-def _set_inertia(body: mujoco.MjsBody, inertial: Inertial | None) -> None:
-    body.explicitinertial = True
-    if inertial is None or inertial.mass == 0:
-        return
-    I = inertial.inertia  # noqa: E741
-    body.mass, body.ipos = inertial.mass, inertial.com
-    body.fullinertia = [I[0, 0], I[1, 1], I[2, 2], I[0, 1], I[0, 2], I[1, 2]]
+    def _readings(self, q: np.ndarray, acceleration: np.ndarray) -> np.ndarray:
+        """Return what the accelerometers read at rest with given joint accelerations."""
+        self._at(q)
+        mujoco.mj_comVel(self.model, self.data)
+        self.data.qacc[:] = acceleration
+        mujoco.mj_rnePostConstraint(self.model, self.data)
+        mujoco.mj_sensorAcc(self.model, self.data)
+        readings = self.data.sensordata.reshape(-1, 3)
+        directions = np.array([a.direction for a in self.file.accelerometers])
+        directions = directions / np.linalg.norm(directions, axis=1, keepdims=True)
+        return np.einsum("ij,ij->i", readings, directions)

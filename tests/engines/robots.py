@@ -183,6 +183,21 @@ parameters:
   tied: [[fx.stiffness, fy.stiffness], [dw.damping, dl.stiffness.high]]
 """)
 
+# Accelerometers before and beyond cuts, a delay, parameters that are neither spring nor damper.
+SENSED = changed(
+    SPLIT,
+    accelerometers=[
+        {"name": "tip", "link": "wrist_3_link", "at": [0.1, 0.0, 0.05], "direction": [0, 1, 1]},
+        {"name": "elbow", "link": "forearm_link", "at": [0.0, 0.05, 0.5], "direction": [-1, 0, 2]},
+        {"name": "foot", "link": "base_link", "at": [0.0, 0.1, 0.1], "direction": [1, 0, 0]},
+    ],
+    delay=2e-4,
+    parameters={
+        "fixed": ["fx.damping", "fy.damping"],
+        "extra": ["m2.inertia", "m3.viscous", "payload.mass", "payload.com.z", "a3y.at", "delay"],
+    },
+)
+
 # One arm, one gear, level at position 0: everything about it has a closed form.
 PENDULUM = {
     "schema": "robot/1",

@@ -1,5 +1,6 @@
 """The elastic robot against MuJoCo, which shares no code with it but the robot file's schema."""
 
+from copy import deepcopy
 from dataclasses import dataclass
 from functools import cache
 from typing import Any
@@ -7,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 from mujoco_arm import MujocoArm
-from robots import CRANE, PANDA, SPLIT, WALL, built
+from robots import CRANE, PANDA, SENSED, SPLIT, WALL, built
 
 from robotmodels import ElasticRobot, frequency_response, load_robot, sensitivity
 from robotmodels.equilibrium import gravity
@@ -58,13 +59,15 @@ def relative(found: np.ndarray, expected: np.ndarray, axes: tuple[int, ...]) -> 
     return float((np.abs(found - expected) / np.where(scale > 0, scale, 1.0)).max())
 
 
-def expected_sensitivity(c: Case) -> np.ndarray:
+@cache
+def expected_sensitivity(name: str) -> np.ndarray:
     """Return dG/d ln theta by central differences of the judge's responses."""
+    c = case(name)
     step = 1e-4
     groups = {group[0]: group for group in c.robot.file.parameters.tied}
     columns = []
-    for name in c.robot.parameters.names:
-        tied = groups.get(name, [name])
+    for parameter in c.robot.parameters.names:
+        tied = groups.get(parameter, [parameter])
         plus, minus = (
             c.judge.frequency_response(c.positions, OMEGA, dict.fromkeys(tied, np.exp(h)))
             for h in (step, -step)
@@ -118,14 +121,14 @@ def test_frequency_responses(name: str) -> None:
 def test_exact_sensitivities(name: str) -> None:
     c = case(name)
     found = sensitivity(c.robot, c.positions, OMEGA)[1]
-    assert relative(found, expected_sensitivity(c), (1, 2, 3)) < 1e-4
+    assert relative(found, expected_sensitivity(name), (1, 2, 3)) < 1e-4
 
 
 def test_sensitivities_without_sag_are_not_exact() -> None:
     """A negative control: the tolerance above would notice."""
     c = case("split")
     found = sensitivity(c.robot, c.positions, OMEGA, sag=False)[1]
-    assert relative(found, expected_sensitivity(c), (1, 2, 3)) > 1e-3
+    assert relative(found, expected_sensitivity("split"), (1, 2, 3)) > 1e-3
 
 
 def test_responses_without_sag_are_not_exact() -> None:
@@ -155,3 +158,48 @@ def test_the_order_of_torsions_matters(
     swapped = MujocoArm(RobotFile.model_validate(content | {"springs": springs}), c.judge.urdf)
     found = frequency_response(c.robot, c.positions, OMEGA)
     assert relative(found, swapped.frequency_response(c.positions, OMEGA), (2, 3)) > 1e-5
+
+
+def scaled(content: dict[str, Any], name: str, factor: float) -> dict[str, Any]:
+    """Return `content` with one of its extra parameters multiplied."""
+    copy = deepcopy(content)
+    owner, _, rest = name.partition(".")
+    if name == "delay":
+        copy["delay"] *= factor
+    elif owner == "payload" and rest == "com.z":
+        copy["payload"]["com"][2] *= factor
+    elif owner == "payload":
+        copy["payload"][rest] *= factor
+    elif rest == "at":
+        for spring in copy["springs"]:
+            if spring["name"] in ("a3x", "a3y"):  # one cut
+                spring["at"] = [x * factor for x in spring["at"]]
+    else:
+        (motor,) = (m for m in copy["motors"] if m["name"] == owner)
+        motor[rest] *= factor
+    return copy
+
+
+def test_accelerometers_and_parameters_beyond_springs() -> None:
+    robot = built(SENSED)
+    judge = judge_of(robot)
+    positions = case("split").positions[:2]
+    G, J = sensitivity(robot, positions, OMEGA)
+    assert G.shape[2:] == (6 + 3, 6)
+    expected = judge.frequency_response(positions, OMEGA)
+    assert relative(G, expected, (3,)) < 1e-6  # row by row: the foot moves little
+    step = 1e-4
+    for name in SENSED["parameters"]["extra"]:
+        files = (RobotFile.model_validate(scaled(SENSED, name, np.exp(h))) for h in (step, -step))
+        plus, minus = (MujocoArm(f, judge.urdf).frequency_response(positions, OMEGA) for f in files)
+        column = J[..., robot.parameters.index(name)]
+        assert relative(column, (plus - minus) / (2 * step), (1, 2, 3)) < 1e-4, name
+
+
+def test_a_joint_without_motor_on_its_drive_spring() -> None:
+    """A spring between two links that no motor acts on."""
+    motors = [m for m in WALL["motors"] if m["joint"] != "wrist_2_joint"]
+    robot = built(WALL | {"motors": motors})
+    positions = case("wall").positions[:, [0, 1, 2, 4]]
+    expected = judge_of(robot).frequency_response(positions, OMEGA)
+    assert relative(frequency_response(robot, positions, OMEGA), expected, (2, 3)) < 1e-6
