@@ -8,20 +8,23 @@ factorised without pivoting (`kernel_solve`), and positions are shared out over 
 import numpy as np
 
 from robotmodels.arrays import Array, ComplexArray
-from robotmodels.kernel_cells import CostKernel, Residual, positive_frequencies, skeleton, writable
-from robotmodels.kernel_information import informations, sums
+from robotmodels.kernel_cells import CostKernel, Residual, positive_frequencies
+from robotmodels.kernel_information import informations
 from robotmodels.kernel_layout import layout
-from robotmodels.kernel_solve import responses, structure, work
+from robotmodels.kernel_solve import responses
 from robotmodels.kernel_threads import over_threads
+from robotmodels.kernel_work import network_tables, workspace
 from robotmodels.noise import RelativeNoise
-from robotmodels.simd import LANES, aligned
+from robotmodels.simd import LANES, address, aligned
 from robotmodels.spring_network import SpringNetwork
 
 __all__ = ["CostKernel", "costs", "frequency_response", "information"]
 
 
 def frequency_response(network: SpringNetwork, omega: Array) -> ComplexArray:
-    """Return G, (Q, F, n, n), from motor torque to motor acceleration, at `omega` [rad/s].
+    """Return G, (Q, F, m, n), at `omega` [rad/s]; as a rule from motor torque to acceleration.
+
+    Other outputs, and motors that act on several coordinates, take the way of the reference.
 
     Raises
     ------
@@ -34,10 +37,11 @@ def frequency_response(network: SpringNetwork, omega: Array) -> ComplexArray:
     n = len(plan.motors)
     out = np.empty((len(network.mass), w.size, n, n), dtype=complex)
     vectors, _ = _padded(w)
-    arrays, compiled_plan = skeleton(network), structure(plan)
+    tables = network_tables(network)
 
     def run(start: int, stop: int) -> None:
-        responses(arrays, compiled_plan, vectors, work(plan), start, stop, out)
+        space = workspace(plan, network, tables)
+        responses(space.at, address(vectors), w.size, start, stop, address(out.view(float)))
 
     over_threads(run, len(out), work_per_item=vectors.size // LANES)
     return out
@@ -60,24 +64,13 @@ def information(network: SpringNetwork, omega: Array, noise: RelativeNoise) -> A
     p = len(network.parameters)
     out = np.empty((len(network.mass), p, p))
     vectors, mask = _padded(w)
-    arrays, compiled_plan = skeleton(network), structure(plan)
-    exponents = writable(network.exponents)
-    law = (float(noise.relative), float(noise.floor))
+    tables = network_tables(network)
 
     def run(start: int, stop: int) -> None:
-        informations(
-            arrays,
-            compiled_plan,
-            exponents,
-            vectors,
-            mask,
-            law,
-            work(plan),
-            sums(plan, p),
-            start,
-            stop,
-            out,
-        )
+        space = workspace(plan, network, tables)
+        frequencies = address(vectors), address(mask), w.size
+        law = float(noise.relative), float(noise.floor)
+        informations(space.at, *frequencies, *law, start, stop, address(out))
 
     over_threads(run, len(out), work_per_item=2 * vectors.size // LANES)
     return out
@@ -106,7 +99,7 @@ def _padded(omega: Array) -> tuple[Array, Array]:
 
 
 def _reference_information(network: SpringNetwork, omega: Array, noise: RelativeNoise) -> Array:
-    """Return the information by plain numpy: a motor that acts on several coordinates at once."""
+    """Return the information by plain numpy: what the kernel does not know."""
     G, J = network.sensitivity(omega)
     weights = 1.0 / noise.variance(G)
     return np.asarray(

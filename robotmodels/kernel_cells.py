@@ -8,9 +8,9 @@ from robotmodels.arrays import Array, ComplexArray
 from robotmodels.errors import InvalidInput, nearest
 from robotmodels.kernel_cost import Cells, cell_costs, parted, vectors
 from robotmodels.kernel_layout import Layout, layout, reduced
-from robotmodels.kernel_solve import Skeleton, structure, work
 from robotmodels.kernel_threads import over_threads
-from robotmodels.simd import LANES
+from robotmodels.kernel_work import contiguous, network_tables, workspace
+from robotmodels.simd import LANES, address
 from robotmodels.spring_network import SpringNetwork
 
 Residual = Literal["nls", "lls"]
@@ -26,8 +26,8 @@ class CostKernel:
     ----------
     network : Q positions, the nominal parameters.
     omega : (F,) [rad/s].
-    measured : (Q, F, n, n) FRFs.
-    weights : (Q, F, n, n) inverse variances; zero leaves an element out.
+    measured : (Q, F, m, n) FRFs.
+    weights : (Q, F, m, n) inverse variances; zero leaves an element out.
     residual : "nls" or "lls".
 
     Raises
@@ -52,6 +52,7 @@ class CostKernel:
             return
         self._plan = reduced(full)
         self._coupled = bool(np.any(self._plan.needed[:, 2] >= 0))
+        self._tables = network_tables(network)
         self._cells, self._constant = self._prepare(full, self._plan)
 
     def __call__(self, parameters: Array) -> Array:
@@ -69,29 +70,35 @@ class CostKernel:
         if self._plan is None:
             return np.array([self._reference(row) for row in theta])
         stiffness, damping = self._springs(theta)
-        plan, arrays = self._plan, skeleton(self.network)
+        plan, tables = self._plan, self._tables
         blocks = -(-self._omega.size // LANES)
-        options = blocks, self._coupled, self.residual == "lls"
+        options = len(self.network.mass), blocks, self._coupled, self.residual == "lls"
+        cells = Cells(*(address(a) for a in self._cells))
         pieces: list[Array] = []
 
         def run(start: int, stop: int) -> None:
             out = np.zeros(len(theta))
+            space = workspace(plan, self.network, tables)
             cell_costs(
-                arrays,
-                stiffness,
-                damping,
-                structure(plan),
-                self._cells,
-                work(plan),
+                space.at,
+                cells,
+                address(stiffness),
+                address(damping),
+                len(theta),
                 options,
                 start,
                 stop,
-                out,
+                address(out),
             )
             pieces.append(out)
 
         over_threads(run, blocks * len(self.network.mass), work_per_item=len(theta))
         return np.asarray(self._constant + np.sum(pieces, axis=0))
+
+    def __reduce__(self) -> tuple[type, tuple[object, ...]]:
+        # Copies of aligned buffers would not be aligned: another process prepares its own.
+        made_of = self.network, self._omega, self._measured, self._weights, self.residual
+        return CostKernel, made_of
 
     def _springs(self, theta: Array) -> tuple[Array, Array]:
         """Return stiffnesses and dampings, (W, Q, s)."""
@@ -101,11 +108,12 @@ class CostKernel:
         steps = np.log(theta / self.network.parameters.values)
         factors = np.exp(np.einsum("qtp,wp->wqt", exponents, steps, optimize=True))
         return (
-            np.ascontiguousarray(self.network.spring_stiffness * factors[..., :s]),
-            np.ascontiguousarray(self.network.spring_damping * factors[..., s:]),
+            contiguous(self.network.spring_stiffness * factors[..., :s]),
+            contiguous(self.network.spring_damping * factors[..., s:]),
         )
 
-    def _prepare(self, full: Layout, plan: Layout) -> tuple[Cells, float]:
+    def _prepare(self, full: Layout, plan: Layout) -> tuple[list[Array], float]:
+        """Return the arrays of `Cells`, and the cost no model can undo."""
         blocks = -(-self._omega.size // LANES)
         A = _remaining_matrix(self.network, self._omega, full, plan)
         size = A.shape[-1]
@@ -116,12 +124,12 @@ class CostKernel:
         packed = vectors(targets, blocks).reshape(len(A), blocks, -1, targets.shape[-1], LANES)
         packed[..., _WEIGHTS[self.residual], :] *= inside.reshape(blocks, 1, 1, LANES)
         return (
-            Cells(
+            [
                 vectors(w[..., None], blocks),
                 vectors(parted(A[..., *np.tril_indices(size)]), blocks),
                 vectors(off, blocks),
                 packed.reshape(-1),
-            ),
+            ],
             constant,
         )
 
@@ -145,7 +153,7 @@ class CostKernel:
         return np.stack(parts, axis=-1), float(np.sum(constant))
 
     def _reference(self, theta: Array) -> float:
-        """Return the cost by plain numpy: a motor that acts on several coordinates at once."""
+        """Return the cost by plain numpy: what the kernel does not know."""
         G = self.network.frequency_response(self._omega, theta)
         apart = self._measured - G if self.residual == "nls" else np.log(self._measured / G)
         return float(np.sum(self._weights * np.abs(apart) ** 2))
@@ -163,8 +171,9 @@ def _checked(
         raise InvalidInput(
             f"residual: {residual!r} is not one of {', '.join(known)}{nearest(residual, known)}"
         )
-    n = network.selector.shape[1]
-    shape = (len(network.mass), omega.size, n, n)
+    n, sensors = network.selector.shape[1], network.measurement
+    outputs = n if sensors is None else sensors.position.shape[-2]
+    shape = (len(network.mass), omega.size, outputs, n)
     measured, weights = np.asarray(measured, dtype=complex), np.asarray(weights, dtype=float)
     for name, array in (("measured", measured), ("weights", weights)):
         if array.shape != shape:
@@ -189,23 +198,6 @@ def positive_frequencies(omega: Array) -> Array:
     return w
 
 
-def writable(array: Array) -> Array:
-    """Return a contiguous array numba may take for a writable one: one compilation for all."""
-    return np.require(array, dtype=np.float64, requirements=["C", "W"])
-
-
-def skeleton(network: SpringNetwork) -> Skeleton:
-    """Return the arrays of `network` as numba takes them."""
-    arrays = (
-        network.mass,
-        network.damping,
-        network.stiffness,
-        network.spring_stiffness,
-        network.spring_damping,
-    )
-    return Skeleton(*(writable(a) for a in arrays))
-
-
 def _remaining_matrix(
     network: SpringNetwork, omega: Array, full: Layout, plan: Layout
 ) -> ComplexArray:
@@ -222,13 +214,13 @@ def _remaining_matrix(
         if j >= 0:
             a[full.order[j]] = -1.0
         stiffness += network.spring_stiffness[:, s, None, None] * np.outer(a, a)
-        damping += network.spring_damping[:, s, None, None] * np.outer(a, a)
+        damping = damping + network.spring_damping[:, s, None, None] * np.outer(a, a)
     rows = full.order[full.pad :]
     w = omega[:, None, None]
     A = (
         stiffness[:, None, rows[:, None], rows]
         - w**2 * mass[:, None, rows[:, None], rows]
-        + 1j * w * damping[:, None, rows[:, None], rows]
+        + 1j * w * np.broadcast_to(damping, mass.shape)[:, None, rows[:, None], rows]
     )
     cut = full.first - full.pad
     if cut:

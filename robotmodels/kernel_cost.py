@@ -6,54 +6,48 @@ FRF are merged where that is exact. Then, at each position and eight frequencies
 matrix that is left stays in the cache while one set of parameters after the other uses it.
 """
 
-# mypy: allow-untyped-decorators, allow-untyped-defs, allow-untyped-calls (numba has no types)
+# numba compiles what follows and infers its types:
+# mypy: allow-untyped-decorators, allow-untyped-defs, allow-untyped-calls
 
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
 from robotmodels.arrays import Array, ComplexArray
-from robotmodels.kernel_layout import BLOCK, Layout
+from robotmodels.kernel_factor import back_substitute, compiled, entry, factor, solve_lane, square
 from robotmodels.kernel_log import angle, half_log, wrap
-from robotmodels.kernel_solve import (
-    Skeleton,
-    back_substitute,
-    factor,
-    motor_response,
-    motor_terms,
-    solve_lane,
-    square,
-)
+from robotmodels.kernel_solve import motor_response, motor_terms, pack_motors
 from robotmodels.simd import (
     LANES,
     aligned,
     any_negative,
     fma,
+    integer,
     lane_sum,
     load,
     load_complex,
-    maximum,
     pack,
+    put,
+    scalar,
     splat,
     store,
 )
 
 
 class Cells(NamedTuple):
-    """What a cell (a position and eight frequencies) keeps, in vectors.
+    """Addresses of what the cells (a position and eight frequencies each) keep, in vectors.
 
     omega : (cells,) frequencies.
     matrix : (cells, entries of the triangle) what is left of A without free springs.
     off : (cells, size) largest off-diagonal magnitude of its rows.
-    targets : (cells, elements, 2) NLS: the merged measured motor response and its weight, three
-        vectors; LLS: merged ln magnitude and weight, then the two angles and their weights.
+    targets : NLS: (cells, elements, 3) the merged measured motor response and its weight;
+        LLS: (cells, elements, 6) merged ln magnitude and weight, then two angles and weights.
     """
 
-    omega: Array
-    matrix: Array
-    off: Array
-    targets: Array
+    omega: int
+    matrix: int
+    off: int
+    targets: int
 
 
 def vectors(values: Array, blocks: int) -> Array:
@@ -74,10 +68,10 @@ def parted(values: ComplexArray) -> Array:
     return np.stack([values.real, values.imag], axis=-1)
 
 
-@njit
-def place_springs(network, plan, cells, work, q, cell, coupled):
+@compiled
+def place_springs(work, cells, cell, coupled, stiffness, damping):
     """Put the cell's matrix and the free springs where the factorisation looks for them."""
-    size = len(plan.order)
+    size = work.size
     w = load(cells.omega, cell)
     start = cell * size * (size + 1)
     for i in range(size):
@@ -86,63 +80,61 @@ def place_springs(network, plan, cells, work, q, cell, coupled):
     if coupled:
         for e in range(size * (size + 1)):
             store(work.matrix, e, load(cells.matrix, start + e))
-    for s, i, j in plan.needed:
+    for e in range(work.m):
+        s = integer(work.needed, 3 * e)
+        i, j = integer(work.needed, 3 * e + 1), integer(work.needed, 3 * e + 2)
         if j == -2:
             continue
-        spring = pack(
-            splat(network.spring_stiffness[q, s]), w * splat(network.spring_damping[q, s])
-        )
+        spring = pack(splat(scalar(stiffness, s)), w * splat(scalar(damping, s)))
         store(work.diagonal, 2 * i, load_complex(work.diagonal, 2 * i) + spring)
         if j >= 0:
             store(work.diagonal, 2 * j, load_complex(work.diagonal, 2 * j) + spring)
-            high, low = max(i, j), min(i, j)
-            e = high * (high + 1) + 2 * low
-            store(work.matrix, e, load_complex(work.matrix, e) - spring)
-            for r in (i, j):
-                store(work.off, r, load(work.off, r) + spring.real + spring.imag)
-    motor_terms(network, plan, work, q, w)
+            place = max(i, j) * (max(i, j) + 1) + 2 * min(i, j)
+            store(work.matrix, place, load_complex(work.matrix, place) - spring)
+            store(work.off, i, load(work.off, i) + spring.real + spring.imag)
+            store(work.off, j, load(work.off, j) + spring.real + spring.imag)
+    motor_terms(work, w, stiffness, damping)
 
 
-@njit
-def solve_cell(network, plan, cells, work, q, cell, coupled):
+@compiled
+def solve_cell(work, cells, cell, coupled, stiffness, damping):
     """Write the driven rows of A^-1."""
-    size, n = len(plan.order), len(plan.motors)
-    entries = size * (size + 1) * LANES
-    place_springs(network, plan, cells, work, q, cell, coupled)
-    source = work.matrix if coupled else cells.matrix[cell * entries : (cell + 1) * entries]
-    worst = factor(source, size, plan.pad, work)
-    back_substitute(size, size - n, n, work)
+    size, driven = work.size, work.size - work.n
+    place_springs(work, cells, cell, coupled, stiffness, damping)
+    source = work.matrix if coupled else cells.matrix + 8 * LANES * cell * size * (size + 1)
+    worst = factor(work, source)
+    back_substitute(work, driven)
     if any_negative(worst):
         store(work.worst, 0, worst)
-        place_springs(network, plan, cells, work, q, cell, coupled)
+        place_springs(work, cells, cell, coupled, stiffness, damping)
         for lane in range(LANES):
-            if work.worst[lane] < 0.0:
-                solve_lane(source, size, size - n, n, work, lane)
+            if scalar(work.worst, lane) < 0.0:
+                solve_lane(work, source, driven, lane)
 
 
-@njit
-def nls(plan, cells, work, cell):
+@compiled
+def nls(work, cells, cell):
     """Return the weighted squares of the difference, merged elements."""
-    n = len(plan.motors)
+    n = work.n
     total = splat(0.0)
     t = 3 * cell * (n * (n + 1) // 2)
     for i in range(n):
         for j in range(i, n):
-            apart = motor_response(plan, work, i, j) - load_complex(cells.targets, t)
+            apart = motor_response(work, i, j) - load_complex(cells.targets, t)
             total = fma(square(apart), load(cells.targets, t + 2), total)
             t += 3
     return total
 
 
-@njit
-def lls(plan, cells, work, cell):
+@compiled
+def lls(work, cells, cell):
     """Return the weighted squares of the log ratio; angles differ by less than half a turn."""
-    n = len(plan.motors)
+    n = work.n
     total = splat(0.0)
     t = 6 * cell * (n * (n + 1) // 2)
     for i in range(n):
         for j in range(i, n):
-            x = motor_response(plan, work, i, j)
+            x = motor_response(work, i, j)
             apart = half_log(square(x)) - load(cells.targets, t)
             total = fma(apart * apart, load(cells.targets, t + 1), total)
             phase = angle(x)
@@ -155,26 +147,18 @@ def lls(plan, cells, work, cell):
     return total
 
 
-@njit(cache=True, nogil=True)
-def cell_costs(network, stiffness, damping, plan, cells, work, options, start, stop, out):
-    """Add the costs of cells `start` to `stop` to `out`, (W,).
+@entry
+def cell_costs(work, cells, stiffness, damping, walkers, options, start, stop, out):
+    """Add the costs of cells `start` to `stop` to the (W,) doubles at `out`.
 
-    `stiffness` and `damping` are (W, Q, s); `options` are the cells per position, whether a free
-    spring joins two rows, and whether residuals are logarithmic.
+    `stiffness` and `damping` are the addresses of (W, Q, s); `options` are Q, the cells per
+    position, whether a free spring joins two rows, and whether residuals are logarithmic.
     """
-    blocks, coupled, logarithmic = options
+    positions, blocks, coupled, logarithmic = options
     for cell in range(start, stop):
-        q = cell // blocks
-        for walker in range(len(out)):
-            at = Skeleton(
-                network.mass,
-                network.damping,
-                network.stiffness,
-                stiffness[walker],
-                damping[walker],
-            )
-            solve_cell(at, plan, cells, work, q, cell, coupled)
-            if logarithmic:
-                out[walker] += lane_sum(lls(plan, cells, work, cell))
-            else:
-                out[walker] += lane_sum(nls(plan, cells, work, cell))
+        pack_motors(work, cell // blocks)
+        for walker in range(walkers):
+            springs = 8 * work.s * (walker * positions + cell // blocks)
+            solve_cell(work, cells, cell, coupled, stiffness + springs, damping + springs)
+            squares = lls(work, cells, cell) if logarithmic else nls(work, cells, cell)
+            put(out, walker, scalar(out, walker) + lane_sum(squares))

@@ -5,115 +5,75 @@ j w c_s/k_s times that. So with P_st the weighted product of v_s v_s^T and v_t v
 frequency of Re P, w Im P and w^2 Re P hold every spring and damper entry.
 """
 
-# mypy: allow-untyped-decorators, allow-untyped-defs, allow-untyped-calls (numba has no types)
+# numba compiles what follows and infers its types:
+# mypy: allow-untyped-decorators, allow-untyped-defs, allow-untyped-calls
 
-from typing import NamedTuple
-
-import numpy as np
-from numba import njit
-
-from robotmodels.arrays import Array
-from robotmodels.kernel_layout import BLOCK, Layout
-from robotmodels.kernel_solve import bound_rows, motor_response, pack_position, solve, square
+from robotmodels.kernel_factor import compiled, entry, inlined, square
+from robotmodels.kernel_solve import motor_response, pack_position, solve
 from robotmodels.simd import (
     LANES,
-    aligned,
     fma,
     fma_conjugate,
+    integer,
     lane_sum,
     load,
     load_complex,
     maximum,
     pack,
+    put,
+    scalar,
     splat,
     store,
 )
 
 
-class Sums(NamedTuple):
-    """What one thread accumulates in; vectors but for the last two.
-
-    elongation : (m, n) v, of the needed springs.
-    products : (m, elements) v_i v_j for i <= j.
-    weights : (elements,) w^4 over the variance, twice that off the diagonal.
-    panel : (3, elements) weighted products of three springs.
-    sums : (pairs, 3) of springs s >= t: Re P, w Im P, w^2 Re P.
-    block : (2 m, 2 m) information on ln k and ln c.
-    half : (2 m, p) `block` times the exponents.
-    """
-
-    elongation: Array
-    products: Array
-    weights: Array
-    panel: Array
-    sums: Array
-    block: Array
-    half: Array
-
-
-def sums(plan: Layout, n_parameters: int) -> Sums:
-    """Return buffers for one thread."""
-    n, m = len(plan.motors), len(plan.needed)
-    elements = n * (n + 1) // 2
-    return Sums(
-        elongation=aligned(2 * m * n),
-        products=aligned(2 * m * elements),
-        weights=aligned(elements),
-        panel=aligned(2 * BLOCK * elements),
-        sums=aligned(3 * m * (m + 1) // 2),
-        block=np.zeros((2 * m, 2 * m)),
-        half=np.zeros((2 * m, n_parameters)),
-    )
-
-
-@njit
-def weigh(plan, work, out, relative, floor, mask):
+@compiled
+def weigh(work, relative, floor, mask):
     """Write w^4 over the noise law's variance of each element of G, in which w^4 cancels."""
-    n = len(plan.motors)
+    n = work.n
     largest = splat(0.0)
     e = 0
     for i in range(n):
         for j in range(i, n):
-            size = square(motor_response(plan, work, i, j))
+            size = square(motor_response(work, i, j))
             largest = maximum(size, largest)
-            store(out.weights, e, size)
+            store(work.weights, e, size)
             e += 1
     largest = largest * splat(floor * floor)
     e = 0
     for i in range(n):
         for j in range(i, n):
-            variance = fma(load(out.weights, e), splat(relative * relative), largest)
+            variance = fma(load(work.weights, e), splat(relative * relative), largest)
             share = mask if i == j else mask + mask
-            store(out.weights, e, share / variance)
+            store(work.weights, e, share / variance)
             e += 1
 
 
-@njit
-def elongate(plan, work, out):
+@compiled
+def elongate(work):
     """Write v = X^T a of every needed spring and the products v_i v_j."""
-    n, size, e = len(plan.motors), len(plan.order), 0
-    wide = 2 * BLOCK * ((n + BLOCK - 1) // BLOCK)
-    Y, v = work.receptance, out.elongation
-    for s in range(len(plan.needed)):
-        a, b = plan.needed[s, 1], plan.needed[s, 2]
+    n, driven, e = work.n, work.size - work.n, 0
+    Y, v, wide = work.receptance, work.elongation, work.wide
+    for s in range(work.m):
+        a, b = integer(work.needed, 3 * s + 1), integer(work.needed, 3 * s + 2)
         for j in range(n):
             y = load_complex(Y, a * wide + 2 * j)
             if b >= 0:
                 y = y - load_complex(Y, b * wide + 2 * j)
             if b == -2:
-                y = y * load_complex(work.wind, 6 * (a - (size - n)) + 2)
+                y = y * load_complex(work.wind, 6 * (a - driven) + 2)
             y = y * load_complex(work.wind, 6 * j)
-            if b == -2 and a == size - n + j:
+            if b == -2 and a == driven + j:
                 y = y - load_complex(work.wind, 6 * j + 4)
             store(v, 2 * (s * n + j), y)
         for i in range(n):
             x = load_complex(v, 2 * (s * n + i))
             for j in range(i, n):
-                store(out.products, 2 * e, x * load_complex(v, 2 * (s * n + j)))
+                store(work.products, 2 * e, x * load_complex(v, 2 * (s * n + j)))
                 e += 1
 
 
-@njit
+@inlined
 def accumulate(total, s, t, product, w):
     """Add a pair's product to its three sums."""
     place = 3 * (s * (s + 1) // 2 + t)
@@ -123,52 +83,24 @@ def accumulate(total, s, t, product, w):
     store(total, place + 2, fma(slope, w, load(total, place + 2)))
 
 
-@njit
-def multiply(m, elements, out, w):
+@compiled
+def multiply(work, elements, w):
     """Add this vector of frequencies to the sums."""
-    products, panel, total = out.products, out.panel, out.sums
+    products, panel, total = work.products, work.weighted, work.sums
     zero = pack(splat(0.0), splat(0.0))
+    m = work.m
     whole = m - m % 3
     for t in range(0, whole, 3):
         f0 = 2 * t * elements
         f1, f2 = f0 + 2 * elements, f0 + 4 * elements
         for e in range(elements):
-            weight = load(out.weights, e)
+            weight = load(work.weights, e)
             store(panel, 6 * e, load_complex(products, f0 + 2 * e) * weight)
             store(panel, 6 * e + 2, load_complex(products, f1 + 2 * e) * weight)
             store(panel, 6 * e + 4, load_complex(products, f2 + 2 * e) * weight)
-        multiply_diagonal(t, elements, out, w)
+        multiply_diagonal(work, t, elements, w)
         for s in range(t + 3, whole, 3):
-            g0 = 2 * s * elements
-            g1, g2 = g0 + 2 * elements, g0 + 4 * elements
-            x00, x01, x02 = zero, zero, zero
-            x10, x11, x12 = zero, zero, zero
-            x20, x21, x22 = zero, zero, zero
-            for e in range(elements):
-                p0 = load_complex(panel, 6 * e)
-                p1 = load_complex(panel, 6 * e + 2)
-                p2 = load_complex(panel, 6 * e + 4)
-                a = load_complex(products, g0 + 2 * e)
-                x00 = fma_conjugate(a, p0, x00)
-                x01 = fma_conjugate(a, p1, x01)
-                x02 = fma_conjugate(a, p2, x02)
-                a = load_complex(products, g1 + 2 * e)
-                x10 = fma_conjugate(a, p0, x10)
-                x11 = fma_conjugate(a, p1, x11)
-                x12 = fma_conjugate(a, p2, x12)
-                a = load_complex(products, g2 + 2 * e)
-                x20 = fma_conjugate(a, p0, x20)
-                x21 = fma_conjugate(a, p1, x21)
-                x22 = fma_conjugate(a, p2, x22)
-            accumulate(total, s, t, x00, w)
-            accumulate(total, s, t + 1, x01, w)
-            accumulate(total, s, t + 2, x02, w)
-            accumulate(total, s + 1, t, x10, w)
-            accumulate(total, s + 1, t + 1, x11, w)
-            accumulate(total, s + 1, t + 2, x12, w)
-            accumulate(total, s + 2, t, x20, w)
-            accumulate(total, s + 2, t + 1, x21, w)
-            accumulate(total, s + 2, t + 2, x22, w)
+            multiply_block(work, s, t, elements, w)
         for s in range(whole, m):
             x00, x01, x02 = zero, zero, zero
             for e in range(elements):
@@ -183,15 +115,52 @@ def multiply(m, elements, out, w):
         for t in range(whole, s + 1):
             x00 = zero
             for e in range(elements):
-                b = load_complex(products, 2 * (t * elements + e)) * load(out.weights, e)
+                b = load_complex(products, 2 * (t * elements + e)) * load(work.weights, e)
                 x00 = fma_conjugate(load_complex(products, 2 * (s * elements + e)), b, x00)
             accumulate(total, s, t, x00, w)
 
 
-@njit
-def multiply_diagonal(t, elements, out, w):
+@inlined
+def multiply_block(work, s, t, elements, w):
+    """Add the products of three springs with three others, whose panel is ready."""
+    products, panel, total = work.products, work.weighted, work.sums
+    zero = pack(splat(0.0), splat(0.0))
+    g0 = 2 * s * elements
+    g1, g2 = g0 + 2 * elements, g0 + 4 * elements
+    x00, x01, x02 = zero, zero, zero
+    x10, x11, x12 = zero, zero, zero
+    x20, x21, x22 = zero, zero, zero
+    for e in range(elements):
+        p0 = load_complex(panel, 6 * e)
+        p1 = load_complex(panel, 6 * e + 2)
+        p2 = load_complex(panel, 6 * e + 4)
+        a = load_complex(products, g0 + 2 * e)
+        x00 = fma_conjugate(a, p0, x00)
+        x01 = fma_conjugate(a, p1, x01)
+        x02 = fma_conjugate(a, p2, x02)
+        a = load_complex(products, g1 + 2 * e)
+        x10 = fma_conjugate(a, p0, x10)
+        x11 = fma_conjugate(a, p1, x11)
+        x12 = fma_conjugate(a, p2, x12)
+        a = load_complex(products, g2 + 2 * e)
+        x20 = fma_conjugate(a, p0, x20)
+        x21 = fma_conjugate(a, p1, x21)
+        x22 = fma_conjugate(a, p2, x22)
+    accumulate(total, s, t, x00, w)
+    accumulate(total, s, t + 1, x01, w)
+    accumulate(total, s, t + 2, x02, w)
+    accumulate(total, s + 1, t, x10, w)
+    accumulate(total, s + 1, t + 1, x11, w)
+    accumulate(total, s + 1, t + 2, x12, w)
+    accumulate(total, s + 2, t, x20, w)
+    accumulate(total, s + 2, t + 1, x21, w)
+    accumulate(total, s + 2, t + 2, x22, w)
+
+
+@inlined
+def multiply_diagonal(work, t, elements, w):
     """Add the products of three springs among themselves, their panel being ready."""
-    products, panel, total = out.products, out.panel, out.sums
+    products, panel, total = work.products, work.weighted, work.sums
     zero = splat(0.0)
     x00, x11, x22 = zero, zero, zero
     x10, x20, x21 = pack(zero, zero), pack(zero, zero), pack(zero, zero)
@@ -214,53 +183,73 @@ def multiply_diagonal(t, elements, out, w):
     accumulate(total, t + 2, t + 1, x21, w)
 
 
-@njit
-def finish(network, plan, exponents, out, q, information):
-    """Turn the sums of position `q` into its (p, p) information."""
-    m, block, half = len(plan.needed), out.block, out.half
+@compiled
+def finish(work, q, information):
+    """Turn the sums of position `q` into its (p, p) information at that address."""
+    m, p, block = work.m, work.p, work.block
+    stiffness = work.spring_stiffness + 8 * q * work.s
+    damping = work.spring_damping + 8 * q * work.s
     for i in range(m):
-        s = plan.needed[i, 0]
-        k, c = network.spring_stiffness[q, s], network.spring_damping[q, s]
+        s = integer(work.needed, 3 * i)
+        k, c = scalar(stiffness, s), scalar(damping, s)
         for j in range(i + 1):
-            t = plan.needed[j, 0]
-            kt, ct = network.spring_stiffness[q, t], network.spring_damping[q, t]
+            t = integer(work.needed, 3 * j)
             place = 3 * (i * (i + 1) // 2 + j)
-            slope = 2.0 * lane_sum(load(out.sums, place + 1))
-            block[i, j] = block[j, i] = 2.0 * k * kt * lane_sum(load(out.sums, place))
-            block[m + i, m + j] = 2.0 * c * ct * lane_sum(load(out.sums, place + 2))
-            block[m + j, m + i] = block[m + i, m + j]
-            block[i, m + j] = block[m + j, i] = -k * ct * slope
+            slope = 2.0 * lane_sum(load(work.sums, place + 1))
+            springs = 2.0 * k * scalar(stiffness, t) * lane_sum(load(work.sums, place))
+            dampers = 2.0 * c * scalar(damping, t) * lane_sum(load(work.sums, place + 2))
+            put_pair(block, 2 * m, i, j, springs)
+            put_pair(block, 2 * m, m + i, m + j, dampers)
+            put_pair(block, 2 * m, i, m + j, -k * scalar(damping, t) * slope)
             if i != j:
-                block[j, m + i] = block[m + i, j] = kt * c * slope
-    half[:] = 0.0
-    information[:] = 0.0
+                put_pair(block, 2 * m, j, m + i, scalar(stiffness, t) * c * slope)
+    for e in range(2 * m * p):
+        put(work.half, e, 0.0)
+    for e in range(p * p):
+        put(information, e, 0.0)
     for i in range(2 * m):
-        row = plan.needed[i % m, 0] + (0 if i < m else exponents.shape[0] // 2)
-        for a in range(exponents.shape[1]):
-            x = exponents[row, a]
+        row = exponent_row(work, q, i)
+        for a in range(p):
+            x = scalar(row, a)
             if x != 0.0:
                 for j in range(2 * m):
-                    half[j, a] += block[j, i] * x
+                    old = scalar(work.half, j * p + a)
+                    put(work.half, j * p + a, old + scalar(block, j * 2 * m + i) * x)
     for i in range(2 * m):
-        row = plan.needed[i % m, 0] + (0 if i < m else exponents.shape[0] // 2)
-        for a in range(exponents.shape[1]):
-            x = exponents[row, a]
+        row = exponent_row(work, q, i)
+        for a in range(p):
+            x = scalar(row, a)
             if x != 0.0:
-                information[a] += x * half[i]
+                for b in range(p):
+                    old = scalar(information, a * p + b)
+                    put(information, a * p + b, old + x * scalar(work.half, i * p + b))
 
 
-@njit(cache=True, nogil=True)
-def informations(network, plan, exponents, omega, mask, noise, work, out, start, stop, information):
-    """Write the (p, p) information of positions `start` to `stop`."""
-    n, m = len(plan.motors), len(plan.needed)
+@inlined
+def put_pair(matrix, width, i, j, x):
+    """Write a symmetric entry."""
+    put(matrix, i * width + j, x)
+    put(matrix, j * width + i, x)
+
+
+@inlined
+def exponent_row(work, q, i):
+    """Return the address of the exponents of needed stiffness `i`, or damping `i - m`."""
+    spring = integer(work.needed, 3 * (i % work.m)) + (0 if i < work.m else work.s)
+    return work.exponents + 8 * work.p * (2 * q * work.s + spring)
+
+
+@entry
+def informations(work, omega, mask, frequencies, relative, floor, start, stop, out):
+    """Write the (p, p) information of positions `start` to `stop` to the address `out`."""
     for q in range(start, stop):
-        pack_position(network, plan, work, q)
-        bound_rows(work.packed, work.bounds, len(plan.order))
-        out.sums[:] = 0.0
-        for b in range(len(omega) // LANES):
+        pack_position(work, q)
+        for place in range(3 * work.m * (work.m + 1) // 2):
+            store(work.sums, place, splat(0.0))
+        for b in range(-(-frequencies // LANES)):
             w = load(omega, b)
-            solve(network, plan, work, q, w)
-            weigh(plan, work, out, noise[0], noise[1], load(mask, b))
-            elongate(plan, work, out)
-            multiply(m, n * (n + 1) // 2, out, w)
-        finish(network, plan, exponents[q], out, q, information[q])
+            solve(work, q, w)
+            weigh(work, relative, floor, load(mask, b))
+            elongate(work)
+            multiply(work, work.n * (work.n + 1) // 2, w)
+        finish(work, q, out + 8 * q * work.p * work.p)

@@ -51,12 +51,15 @@ def needed_springs(network: SpringNetwork) -> IntArray:
 
 
 def layout(network: SpringNetwork) -> Layout | None:
-    """Return the layout of `network`; None where a motor acts on several coordinates at once."""
+    """Return the layout of `network`; None where the kernel does not know it.
+
+    It knows motors that act on one coordinate each, and their accelerations as outputs.
+    """
     S, ends = np.asarray(network.selector), np.asarray(network.ends)
     n = S.shape[1]
-    if np.any(np.count_nonzero(S, axis=0) != 1):
+    if network.measurement is not None or np.any(np.count_nonzero(S, axis=0) != 1):
         return None
-    acted = S.argmax(axis=0) if np.all(S >= 0) else np.abs(S).argmax(axis=0)
+    acted = np.abs(S).argmax(axis=0)
     if len(set(acted)) < n:
         return None
     motors = _eliminated(network, acted)
@@ -129,6 +132,6 @@ def _eliminated(network: SpringNetwork, acted: IntArray) -> IntArray:
 def _alone(network: SpringNetwork, coordinate: int) -> bool:
     """Return whether nothing but springs couples `coordinate` to the others."""
     return not any(
-        np.any(np.delete(matrix[:, coordinate], coordinate, axis=-1))
+        np.any(np.delete(matrix[..., coordinate, :], coordinate, axis=-1))
         for matrix in (network.mass, network.damping, network.stiffness)
     )

@@ -1,14 +1,15 @@
 """Logarithm of a complex vector: ln|z| and the angle of z, to a few units in the last place."""
 
-# mypy: allow-untyped-decorators, allow-untyped-defs, allow-untyped-calls (numba has no types)
+# numba compiles what follows and infers its types:
+# mypy: allow-untyped-decorators, allow-untyped-defs, allow-untyped-calls
 
 from collections.abc import Callable
 
 import numpy as np
-from numba import njit
 from numpy.polynomial import Chebyshev, Polynomial
 
 from robotmodels.arrays import Array
+from robotmodels.kernel_factor import inlined
 from robotmodels.simd import fma, maximum, minimum, pack, splat, split_exponent, where_greater
 
 _LN2 = float(np.log(2.0))
@@ -33,7 +34,7 @@ _ATAN = _polynomial(_series(np.arctan), _EIGHTH**2, 12)
 _ATANH = _polynomial(_series(np.arctanh), 0.02944, 8)
 
 
-@njit
+@inlined
 def _horner(coefficients, z):
     total = splat(coefficients[0])
     for i in range(1, len(coefficients)):
@@ -41,7 +42,7 @@ def _horner(coefficients, z):
     return total
 
 
-@njit
+@inlined
 def half_log(a):
     """Return ln(a)/2 for positive a."""
     parts = split_exponent(a)
@@ -50,7 +51,7 @@ def half_log(a):
     return fma(parts.real, splat(0.5 * _LN2), s * _horner(_ATANH, s * s))
 
 
-@njit
+@inlined
 def angle(z):
     """Return the angle of z in [-pi, pi]."""
     zero = splat(0.0)
@@ -66,14 +67,14 @@ def angle(z):
     return where_greater(zero, z.imag, zero - a, a)
 
 
-@njit
+@inlined
 def wrap(a):
     """Return the angle `a` less whole turns, in [-pi, pi]."""
     turns = fma(a, splat(0.5 / _PI), splat(_ROUND)) - splat(_ROUND)
     return fma(turns, splat(-2.0 * _PI), a)
 
 
-@njit
+@inlined
 def log(z):
     """Return the principal logarithm of z."""
     return pack(half_log(fma(z.real, z.real, z.imag * z.imag)), angle(z))

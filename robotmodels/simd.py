@@ -5,29 +5,30 @@ such a place. Here the vector is explicit: one lane is one frequency, real and i
 vectors of their own, and every operation is one LLVM instruction or a few. A processor without
 512-bit registers gets the same program in halves or quarters, from LLVM.
 
-`Reals` and `Complexes` know + - * /, and comparison is left to `minimum` and `maximum`. Buffers
-are one-dimensional float64 arrays from `aligned`; place ``i`` of a buffer is its ``i``-th vector,
-and a complex vector takes two places. None of this checks bounds.
+`Reals` and `Complexes` know + - * /, and comparison is left to `minimum` and `maximum`. Memory
+is addressed: `load` and `store` take the integer address of an array from `aligned` and a place,
+counted in vectors; a complex vector takes two places. An address costs nothing to hand around,
+where numba counts references to arrays, one atomic operation each. Whoever takes an address
+keeps the array. None of this checks bounds.
 """
 
-# mypy: allow-untyped-decorators, allow-subclassing-any, allow-untyped-defs, allow-untyped-calls
-# (numba and llvmlite come without types)
+# numba's extension interface comes without types:
+# mypy: allow-untyped-decorators, allow-subclassing-any
+# mypy: allow-untyped-defs, allow-incomplete-defs, allow-untyped-calls
 
 import operator
+from typing import Any
 
 import numpy as np
 from llvmlite import ir
+from numba import extending
 from numba.core import cgutils, types
 from numba.core.typing.templates import ConcreteTemplate, infer_global, signature
-from numba.extending import (
-    intrinsic,
-    lower_builtin,
-    make_attribute_wrapper,
-    models,
-    register_model,
-)
+from numba.extending import lower_builtin, make_attribute_wrapper, models, register_model
 
-from robotmodels.arrays import Array
+from robotmodels.arrays import Array, IntArray
+
+intrinsic: Any = extending.intrinsic
 
 LANES = 8
 _BYTES = 8 * LANES
@@ -105,7 +106,7 @@ def _define(function, emit, result, *arguments) -> None:
     _CASES.setdefault(function, []).append(signature(result, *arguments))
 
 
-_CASES: dict[object, list[object]] = {}
+_CASES: dict[Any, list[object]] = {}
 
 
 def _product(context, builder, a, b):
@@ -147,13 +148,21 @@ for _operator, _signatures in _CASES.items():
     infer_global(_operator)(type("_Template", (ConcreteTemplate,), {"cases": _signatures}))
 
 
-def _pointer(context, builder, array_type, array, place):
-    """Return the address of vector `place` of a buffer."""
-    data = context.make_array(array_type)(context, builder, array).data
-    return builder.bitcast(
-        builder.gep(data, [builder.mul(place, ir.Constant(place.type, LANES))]),
-        _VECTOR.as_pointer(),
-    )
+def address(array: Array | IntArray) -> int:
+    """Return where the data of a contiguous array begin.
+
+    Raises
+    ------
+    ValueError : if the array is not contiguous.
+    """
+    if not array.flags.c_contiguous:
+        raise ValueError("only a contiguous array can be used by its address")
+    return int(array.ctypes.data)
+
+
+def _pointer(builder, element, start, place):
+    """Return a pointer to element `place` behind the address `start`."""
+    return builder.gep(builder.inttoptr(start, element.as_pointer()), [place])
 
 
 def _next(builder, pointer):
@@ -161,34 +170,34 @@ def _next(builder, pointer):
 
 
 @intrinsic
-def load(typingctx, buffer, place):
+def load(typingctx, start, place):
     """Return the real vector at `place`."""
 
     def codegen(context, builder, sig, args):
-        return builder.load(_pointer(context, builder, sig.args[0], *args), align=_BYTES)
+        return builder.load(_pointer(builder, _VECTOR, *args), align=_BYTES)
 
-    return Reals(buffer, types.intp), codegen
+    return Reals(types.intp, types.intp), codegen
 
 
 @intrinsic
-def load_complex(typingctx, buffer, place):
+def load_complex(typingctx, start, place):
     """Return the complex vector at `place` and the next."""
 
     def codegen(context, builder, sig, args):
-        pointer = _pointer(context, builder, sig.args[0], *args)
+        pointer = _pointer(builder, _VECTOR, *args)
         real = builder.load(pointer, align=_BYTES)
         imag = builder.load(_next(builder, pointer), align=_BYTES)
         return _complex(context, builder, real, imag)
 
-    return Complexes(buffer, types.intp), codegen
+    return Complexes(types.intp, types.intp), codegen
 
 
 @intrinsic
-def store(typingctx, buffer, place, value):
+def store(typingctx, start, place, value):
     """Write a real vector to `place`, or a complex one to `place` and the next."""
 
     def codegen(context, builder, sig, args):
-        pointer = _pointer(context, builder, sig.args[0], *args[:2])
+        pointer = _pointer(builder, _VECTOR, *args[:2])
         if sig.args[2] == Reals:
             builder.store(args[2], pointer, align=_BYTES)
         else:
@@ -197,7 +206,38 @@ def store(typingctx, buffer, place, value):
             builder.store(imag, _next(builder, pointer), align=_BYTES)
         return context.get_dummy_value()
 
-    return types.void(buffer, types.intp, value), codegen
+    return types.void(types.intp, types.intp, value), codegen
+
+
+@intrinsic
+def scalar(typingctx, start, place):
+    """Return the double at `place`, counted in doubles."""
+
+    def codegen(context, builder, sig, args):
+        return builder.load(_pointer(builder, ir.DoubleType(), *args))
+
+    return types.float64(types.intp, types.intp), codegen
+
+
+@intrinsic
+def integer(typingctx, start, place):
+    """Return the integer at `place`, counted in integers of 64 bits."""
+
+    def codegen(context, builder, sig, args):
+        return builder.load(_pointer(builder, ir.IntType(64), *args))
+
+    return types.int64(types.intp, types.intp), codegen
+
+
+@intrinsic
+def put(typingctx, start, place, value):
+    """Write a double to `place`, counted in doubles."""
+
+    def codegen(context, builder, sig, args):
+        builder.store(args[2], _pointer(builder, ir.DoubleType(), *args[:2]))
+        return context.get_dummy_value()
+
+    return types.void(types.intp, types.intp, types.float64), codegen
 
 
 @intrinsic

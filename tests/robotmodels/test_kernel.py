@@ -1,0 +1,432 @@
+"""The kernel against plain numpy, and against 60-digit arithmetic where numpy is no judge."""
+
+import os
+import pickle
+import subprocess
+import sys
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import replace
+from decimal import Decimal, localcontext
+
+import numba
+import numpy as np
+import pytest
+
+from robotmodels import kernel
+from robotmodels.errors import InvalidInput
+from robotmodels.kernel_layout import layout
+from robotmodels.measurement import Measurement
+from robotmodels.noise import RelativeNoise
+from robotmodels.parameters import Parameters
+from robotmodels.spring_network import SpringNetwork
+
+NOISE = RelativeNoise()
+OMEGA = 2 * np.pi * np.linspace(2, 80, 21)
+
+
+def _parameters(stiffness, damping):
+    values = np.concatenate([stiffness, damping])
+    names = [f"k{i}" for i in range(len(stiffness))] + [f"c{i}" for i in range(len(damping))]
+    return Parameters(tuple(names), values, ("",) * len(values))
+
+
+def _exponents(n_positions, n_springs, free):
+    rows = [*free, *(n_springs + np.asarray(free))]
+    one = np.zeros((2 * n_springs, len(rows)))
+    one[rows, range(len(rows))] = 1.0
+    return np.tile(one, (n_positions, 1, 1))
+
+
+def robot(rng, n_positions=3, n=6, n_torsions=12, n_free_torsions=7, damping=1.5e-3, scale=1.0):
+    """Return a network like an arm's: random inertia, gears with motors, torsions to ground."""
+    arm = n + n_torsions
+    d = arm + n
+    drives = np.sort(rng.choice(arm, n, replace=False))
+    torsions = np.setdiff1d(np.arange(arm), drives)
+    size = np.exp(rng.normal(0, 0.7, arm))
+    mass, friction, gravity = (np.zeros((n_positions, d, d)) for _ in range(3))
+    A, B = rng.normal(size=(2, n_positions, arm, arm)) / np.sqrt(arm)
+    mass[:, :arm, :arm] = (A @ A.swapaxes(1, 2) + 0.3 * np.eye(arm)) * np.outer(size, size)
+    gravity[:, :arm, :arm] = 100 * (B + B.swapaxes(1, 2)) * np.outer(size, size)
+    motor = np.arange(arm, d)
+    mass[:, motor, motor] = rng.uniform(0.3, 4, n)
+    friction[:, motor, motor] = rng.uniform(2, 20, n)
+    selector = np.zeros((d, n))
+    selector[motor, range(n)] = rng.uniform(30, 120, n)
+    ends = [(a, m) for a, m in zip(drives, motor, strict=True)] + [(t, -1) for t in torsions]
+    k = 1e4 * size[[*drives, *torsions]] ** 2 * rng.uniform(0.5, 4, arm) * scale
+    c = damping * k
+    free = range(n + n_free_torsions)
+    return SpringNetwork(
+        mass,
+        friction,
+        gravity,
+        selector,
+        np.array(ends),
+        np.tile(k, (n_positions, 1)),
+        np.tile(c, (n_positions, 1)),
+        _exponents(n_positions, len(ends), free),
+        _parameters(k[free], c[free]),
+    )
+
+
+def chain(rng, driven=(0, 3)):
+    """Return two coupled chains of masses, springs between coordinates, some driven directly."""
+    mass = np.diag(rng.uniform(1, 3, 6))
+    mass[2, 5] = mass[5, 2] = 0.3
+    ends = np.array([(0, 1), (1, 2), (3, 4), (4, 5)])
+    k, c = rng.uniform(1e3, 5e3, 4), rng.uniform(1, 3, 4)
+    selector = np.zeros((6, len(driven)))
+    selector[driven, range(len(driven))] = 1.0
+    friction = np.diag([0.5, 0, 0, 0.5, 0, 0])
+    return SpringNetwork(
+        np.stack([mass, 1.5 * mass]),
+        np.stack([friction] * 2),
+        np.zeros((2, 6, 6)),
+        selector,
+        ends,
+        np.tile(k, (2, 1)),
+        np.tile(c, (2, 1)),
+        _exponents(2, 4, range(4)),
+        _parameters(k, c),
+    )
+
+
+def nonlinear(rng):
+    """Return a robot whose first spring depends on two parameters, differently per position."""
+    network = robot(rng, n=3, n_torsions=4, n_free_torsions=2)
+    exponents = network.exponents.copy()
+    exponents[:, 0, 1] = rng.uniform(0, 1, 3)
+    exponents[:, 0, 0] = 1 - exponents[:, 0, 1]
+    return replace(network, exponents=exponents)
+
+
+def unusual(rng):
+    """Return a chain with one motor acting on two masses at once."""
+    network = chain(rng)
+    selector = network.selector.copy()
+    selector[1, 0] = 0.5
+    return replace(network, selector=selector)
+
+
+def shared_damping(rng):
+    """Return a robot whose bearing friction is given once for all positions."""
+    network = robot(rng, n=3, n_torsions=4, n_free_torsions=2)
+    return replace(network, damping=network.damping[0])
+
+
+def other_outputs(rng):
+    """Return a chain of which motor speeds and a mass's acceleration are measured."""
+    network = chain(rng)
+    still = np.zeros((2, 3, 6))
+    speed, acceleration = still.copy(), still.copy()
+    speed[:, :2] = network.selector.T
+    acceleration[:, 2, 4] = 1.0
+    return replace(
+        network, measurement=Measurement(still, speed, acceleration, np.array([1.0, 1.1]), 1e-3)
+    )
+
+
+NETWORKS = {
+    "ur10-like": robot,
+    "rigid drives": lambda rng: chain(rng, driven=(1, 4)),
+    "chains": chain,
+    "chains, one motor in the middle": lambda rng: chain(rng, driven=(1,)),
+    "neighbouring motors": lambda rng: chain(rng, driven=(0, 1)),
+    "one motor, no torsion": lambda rng: robot(rng, n=1, n_torsions=0, n_free_torsions=0),
+    "all torsions free": lambda rng: robot(rng, n=2, n_torsions=5, n_free_torsions=5),
+    "nonlinear spring": nonlinear,
+    "friction shared by positions": shared_damping,
+    "other outputs": other_outputs,
+    "motor on two coordinates": unusual,
+}
+
+
+@pytest.fixture(params=NETWORKS, name="network")
+def _network(request):
+    return NETWORKS[request.param](np.random.default_rng(7))
+
+
+def _information(network, omega):
+    if not omega.size or not len(network.mass):
+        return np.zeros((len(network.mass), *[len(network.parameters)] * 2))
+    G, J = network.sensitivity(omega)
+    return 2 * np.einsum("qfmnp,qfmn,qfmnr->qpr", J.conj(), 1 / NOISE.variance(G), J).real
+
+
+def _error(found, expected):
+    """Return the largest error beside the diagonal, (.., p, p), or the largest element."""
+    if np.iscomplexobj(expected):
+        return np.max(np.abs(found - expected) / np.abs(expected).max((-2, -1), keepdims=True))
+    size = np.sqrt(np.einsum("qii->qi", expected))
+    return np.max(np.abs(found - expected) / size[:, :, None] / size[:, None, :])
+
+
+def test_frequency_responses_agree_with_direct_solves(network):
+    found = kernel.frequency_response(network, OMEGA)
+    assert _error(found, network.frequency_response(OMEGA)) < 1e-11
+
+
+def test_information_agrees_with_the_sum_over_sensitivities(network):
+    found = kernel.information(network, OMEGA, NOISE)
+    assert _error(found, _information(network, OMEGA)) < 1e-11
+
+
+@pytest.mark.parametrize("residual", ["nls", "lls"])
+def test_costs_agree_with_their_definition(network, residual):
+    rng = np.random.default_rng(3)
+    theta = network.parameters.values * np.exp(0.3 * rng.normal(size=(5, len(network.parameters))))
+    G = network.frequency_response(OMEGA)
+    measured = G * (1 + 0.5 * rng.normal(size=G.shape) + 0.5j * rng.normal(size=G.shape))
+    weights = rng.uniform(0, 1, G.shape) / NOISE.variance(G)
+    weights[0, 2, 0, 0] = 0.0
+    evaluate = kernel.CostKernel(network, OMEGA, measured, weights, residual)
+    found = evaluate(theta)
+    np.testing.assert_array_equal(pickle.loads(pickle.dumps(evaluate))(theta), found)
+    for cost, row in zip(found, theta, strict=True):
+        model = network.frequency_response(OMEGA, row)
+        apart = measured - model if residual == "nls" else np.log(measured / model)
+        assert cost == pytest.approx(np.sum(weights * np.abs(apart) ** 2), rel=1e-11)
+
+
+def test_an_element_of_weight_zero_may_be_missing():
+    network = robot(np.random.default_rng(0))
+    measured = network.frequency_response(OMEGA)
+    weights = np.ones(measured.shape)
+    measured[1, 3, 2, 4] = np.nan
+    weights[1, 3, 2, 4] = 0.0
+    for residual in ("nls", "lls"):
+        theta = network.parameters.values[None]
+        cost = kernel.costs(network, OMEGA, measured, weights, theta, residual)
+        assert cost == pytest.approx(0.0, abs=1e-18)
+
+
+def _exact(network, omega, position=0):
+    """Return G (n, n) and J (n, n, p) of one frequency from arithmetic with 60 digits."""
+    with localcontext(prec=60):
+        w, d = Decimal(float(omega)), network.mass.shape[-1]
+        M, D, K, a, S, k, c = (
+            _decimals(array)
+            for array in (
+                network.mass[position],
+                network.damping[position],
+                network.stiffness[position],
+                network.incidence(),
+                network.selector,
+                network.spring_stiffness[position],
+                network.spring_damping[position],
+            )
+        )
+        real = K + (a.T * k) @ a - w * w * M
+        imag = w * (D + (a.T * c) @ a)
+        A = np.block([[real, -imag], [imag, real]])
+        X = _solve(A, np.concatenate([S, 0 * S]))
+        X = X[:d], X[d:]
+        G = [-w * w * (S.T @ x) for x in X]
+        vr, vi = (a @ x for x in X)
+        outer = [
+            _outer(vr, vr) - _outer(vi, vi),
+            _outer(vr, vi) + _outer(vi, vr),
+        ]
+        springs = [w * w * k * part for part in outer]
+        dampers = [-(w**3) * c * outer[1], w**3 * c * outer[0]]
+        G, springs, dampers = (_complex(x) for x in (G, springs, dampers))
+    return G, np.concatenate([springs, dampers], axis=-1) @ network.exponents[position]
+
+
+def _outer(u, v):
+    """Return u_si v_sj, (i, j, s)."""
+    return (u[:, :, None] * v[:, None, :]).transpose(1, 2, 0)
+
+
+def _decimals(array):
+    return np.vectorize(Decimal, otypes=[object])(array)
+
+
+def _complex(parts):
+    return parts[0].astype(float) + 1j * parts[1].astype(float)
+
+
+def _solve(A, B):
+    """Return A^-1 B of arrays of decimals by Gauss elimination with pivoting."""
+    T, n = np.concatenate([A, B], axis=1), len(A)
+    for i in range(n):
+        best = i + int(np.argmax(np.abs(T[i:, i])))
+        T[[i, best]] = T[[best, i]]
+        T[i] = T[i] / T[i, i]
+        others = np.arange(n) != i
+        T[others] = T[others] - np.outer(T[others, i], T[i])
+    return T[:, n:]
+
+
+def _small(rng, **changes):
+    return robot(rng, n_positions=1, n=3, n_torsions=5, n_free_torsions=3, **changes)
+
+
+def _equal_modes(rng):
+    """Return three equal robots of one motor and one torsion: every mode is triple."""
+    network = robot(rng, n_positions=1, n=3, n_torsions=3, n_free_torsions=3)
+    mass = np.eye(9)
+    mass[network.ends[:3, 0], network.ends[3:, 0]] = 0.3
+    mass[network.ends[3:, 0], network.ends[:3, 0]] = 0.3
+    same = np.ones_like(network.spring_stiffness)
+    return replace(
+        network,
+        mass=mass[None],
+        stiffness=np.zeros((1, 9, 9)),
+        spring_stiffness=1e4 * same,
+        spring_damping=10 * same,
+    )
+
+
+def _uneven(rng):
+    network = _small(rng)
+    factors = 10.0 ** rng.choice([-6, 0, 6], (2, 1, len(network.ends)))
+    return replace(
+        network,
+        spring_stiffness=network.spring_stiffness * factors[0],
+        spring_damping=network.spring_damping * factors[1],
+    )
+
+
+def _on_a_resonance_of_a_leading_block(rng):
+    """Return a nearly undamped network and the resonances of its leading blocks."""
+    network = _small(rng, damping=1.5e-12)
+    network = replace(network, damping=1e-9 * network.damping)
+    plan = layout(network)
+    rows = plan.order[plan.pad :]
+    a = network.incidence()
+    K = network.stiffness[0] + (a.T * network.spring_stiffness[0]) @ a
+    omega = []
+    for size in range(1, len(rows)):
+        block = np.ix_(rows[:size], rows[:size])
+        values = np.linalg.eigvals(np.linalg.solve(network.mass[0][block], K[block])).real
+        omega.extend(np.sqrt(values[values > 0]))
+    return network, np.array(omega)
+
+
+HARD = {
+    "0.01 Hz to 1 kHz": (_small, np.geomspace(0.01, 1e3, 16)),
+    "overdamped": (lambda rng: _small(rng, damping=15.0), np.geomspace(0.1, 100, 8)),
+    "equal modes": (_equal_modes, np.array([1.0, 10, 15.9154943, 20, 50, 100])),
+    "k and c times 1e+-6": (_uneven, np.geomspace(0.1, 500, 12)),
+}
+
+
+@pytest.mark.parametrize("case", HARD)
+def test_hard_cases_agree_with_sixty_digits(case):
+    make, hertz = HARD[case]
+    network = make(np.random.default_rng(11))
+    _check_against_exact(network, 2 * np.pi * hertz)
+
+
+def test_a_nearly_undamped_network_on_resonances_of_leading_blocks():
+    network, omega = _on_a_resonance_of_a_leading_block(np.random.default_rng(5))
+    _check_against_exact(network, omega[::3])
+
+
+def _check_against_exact(network, omega):
+    exact = [_exact(network, w) for w in omega]
+    G = np.stack([g for g, _ in exact])[None]
+    assert _error(kernel.frequency_response(network, omega), G) < 1e-9
+    for i, (_, J) in enumerate(exact):
+        scaled = J / np.sqrt(NOISE.variance(G)[0, i])[..., None]
+        flat = scaled.reshape(-1, J.shape[-1])
+        expected = 2 * (flat.conj().T @ flat).real[None]
+        found = kernel.information(network, omega[i : i + 1], NOISE)
+        assert _error(found, expected) < 1e-9
+
+
+def test_without_the_guard_the_same_case_is_wrong():
+    """Negative control: the case is hard only for elimination without pivoting."""
+    network, omega = _on_a_resonance_of_a_leading_block(np.random.default_rng(5))
+    w = omega[0]
+    plan = layout(network)
+    a = network.incidence()
+    K = network.stiffness[0] + (a.T * network.spring_stiffness[0]) @ a
+    C = network.damping[0] + (a.T * network.spring_damping[0]) @ a
+    order = [*plan.order[plan.pad :], *plan.motors[:, 0]]
+    A = (K - w**2 * network.mass[0] + 1j * w * C)[np.ix_(order, order)]
+    assert abs(A[0, 0]) < 1e-7 * np.abs(A[0]).max()
+
+
+@pytest.mark.parametrize("frequencies", [0, 1, 7, 8, 9])
+@pytest.mark.parametrize("positions", [0, 1, 2])
+def test_any_number_of_positions_and_frequencies(positions, frequencies):
+    full = robot(np.random.default_rng(2), n_positions=2, n=2, n_torsions=2, n_free_torsions=1)
+    network = _part(full, slice(positions))
+    omega = OMEGA[:frequencies]
+    G = kernel.frequency_response(network, omega)
+    assert G.shape == (positions, frequencies, 2, 2)
+    np.testing.assert_allclose(G, network.frequency_response(omega), rtol=1e-10)
+    information = kernel.information(network, omega, NOISE)
+    np.testing.assert_allclose(information, _information(network, omega), rtol=1e-8, atol=1e-12)
+    theta = 1.1 * network.parameters.values[None]
+    cost = kernel.costs(network, omega, G, np.ones(G.shape), theta)
+    expected = np.sum(np.abs(G - network.frequency_response(omega, theta[0])) ** 2)
+    np.testing.assert_allclose(cost, [expected], rtol=1e-9)
+
+
+def _part(network, positions):
+    fields = ("mass", "damping", "stiffness", "spring_stiffness", "spring_damping", "exponents")
+    return replace(network, **{f: getattr(network, f)[positions] for f in fields})
+
+
+def test_threads_change_nothing():
+    network = robot(np.random.default_rng(4), n_positions=90)
+    before = numba.get_num_threads()
+    results = []
+    for threads in (1, numba.config.NUMBA_NUM_THREADS):
+        numba.set_num_threads(threads)
+        results.append(kernel.information(network, OMEGA, NOISE))
+    numba.set_num_threads(before)
+    np.testing.assert_array_equal(*results)
+
+
+def _job(network):
+    return kernel.information(network, OMEGA, NOISE)
+
+
+@pytest.mark.filterwarnings("ignore:This process:DeprecationWarning")
+def test_forked_processes_can_use_the_kernel():
+    network = robot(np.random.default_rng(4), n_positions=90)
+    with ProcessPoolExecutor(1) as pool:
+        np.testing.assert_array_equal(pool.submit(_job, network).result(60), _job(network))
+
+
+def test_a_plain_processor_without_a_cache_computes_the_same(tmp_path):
+    network = robot(np.random.default_rng(6), n_positions=1)
+    (tmp_path / "network").write_bytes(pickle.dumps((network, OMEGA, NOISE)))
+    program = (
+        "import pickle, numpy; from robotmodels import kernel;"
+        f"arguments = pickle.load(open({str(tmp_path / 'network')!r}, 'rb'));"
+        f"numpy.save({str(tmp_path / 'out.npy')!r}, kernel.information(*arguments))"
+    )
+    environment = os.environ | {
+        "NUMBA_CPU_NAME": "generic",
+        "NUMBA_CPU_FEATURES": "",
+        "NUMBA_CACHE_DIR": str(tmp_path / "cache"),
+    }
+    subprocess.run([sys.executable, "-c", program], check=True, env=environment)
+    found = np.load(tmp_path / "out.npy")
+    assert _error(found, kernel.information(network, OMEGA, NOISE)) < 1e-12
+
+
+def test_wrong_arguments_are_named():
+    network = robot(np.random.default_rng(0), n_positions=1)
+    G = network.frequency_response(OMEGA)
+    with pytest.raises(InvalidInput, match="omega: 0; a list of positive frequencies"):
+        kernel.frequency_response(network, np.array([1.0, 0.0]))
+    with pytest.raises(InvalidInput, match=r"omega: shape \(1, 2\)"):
+        kernel.information(network, np.array([[1.0, 2.0]]), NOISE)
+    with pytest.raises(InvalidInput, match=r"measured: shape \(1, 21, 6\)"):
+        kernel.CostKernel(network, OMEGA, G[..., 0], np.ones(G.shape))
+    with pytest.raises(InvalidInput, match="weights: a weight is negative"):
+        kernel.CostKernel(network, OMEGA, G, -np.ones(G.shape))
+    with pytest.raises(InvalidInput, match=r"'lss' is not one of nls, lls \(did you mean"):
+        kernel.CostKernel(network, OMEGA, G, np.ones(G.shape), "lss")
+    cost = kernel.CostKernel(network, OMEGA, G, np.ones(G.shape))
+    with pytest.raises(InvalidInput, match="parameter k1: -1 is not a positive number"):
+        cost(np.where(np.arange(26) == 1, -1.0, 1.0)[None])
+    with pytest.raises(InvalidInput, match=r"\(26,\) is needed"):
+        cost(np.ones((2, 25)))

@@ -1,0 +1,91 @@
+"""Vector operations against numpy, lane by lane."""
+
+import numpy as np
+import pytest
+from numba import njit
+
+from robotmodels import kernel_log, simd
+
+
+@njit
+def _arithmetic(x, y, out):
+    a, b = simd.load_complex(x, 0), simd.load_complex(y, 0)
+    c, d = simd.load_complex(x, 2), simd.load(y, 2)
+    simd.store(out, 0, a + b)
+    simd.store(out, 2, a - b)
+    simd.store(out, 4, a * b)
+    simd.store(out, 6, a * d)
+    simd.store(out, 8, simd.fma(a, b, c))
+    simd.store(out, 10, simd.fma(a, d, c))
+    simd.store(out, 12, simd.fma_conjugate(a, b, c))
+    simd.store(out, 14, simd.pack(simd.fma(a.real, d, c.real), a.imag / d))
+    simd.store(out, 16, simd.pack(simd.minimum(a.real, d), simd.maximum(a.real, d)))
+    simd.store(out, 18, simd.pack(simd.splat(2.5), simd.where_greater(a.real, d, d, a.imag)))
+    simd.store(out, 20, kernel_log.log(a))
+    simd.store(out, 22, simd.split_exponent(d * d))
+    simd.put(out, 24 * simd.LANES, simd.scalar(x, 3) + simd.lane_sum(d))
+    return simd.any_negative(d)
+
+
+def _numbers(places, rng):
+    buffer = simd.aligned(places)
+    buffer[:] = rng.normal(size=buffer.size)
+    return buffer
+
+
+def _complex(buffer, place):
+    lanes = buffer.reshape(-1, simd.LANES)
+    return lanes[place] + 1j * lanes[place + 1]
+
+
+def test_operations_agree_with_numpy_in_every_lane():
+    rng = np.random.default_rng(1)
+    x, y, out = _numbers(4, rng), _numbers(3, rng), simd.aligned(25)
+    negative = _arithmetic(*(simd.address(array) for array in (x, y, out)))
+    a, c, b = _complex(x, 0), _complex(x, 2), _complex(y, 0)
+    d = y[2 * simd.LANES :]
+    exponent = np.floor(np.log2(d * d / np.sqrt(0.5)))
+    expected = [
+        a + b,
+        a - b,
+        a * b,
+        a * d,
+        a * b + c,
+        a * d + c,
+        a.conj() * b + c,
+        a.real * d + c.real + 1j * a.imag / d,
+        np.minimum(a.real, d) + 1j * np.maximum(a.real, d),
+        2.5 + 1j * np.where(a.real > d, d, a.imag),
+        np.log(a),
+        exponent + 1j * d * d / 2**exponent,
+    ]
+    for place, value in enumerate(expected):
+        np.testing.assert_allclose(_complex(out, 2 * place), value, rtol=1e-14, atol=1e-15)
+    assert out[24 * simd.LANES] == pytest.approx(x[3] + d.sum())
+    assert negative
+    y[2 * simd.LANES :] = 1.0
+    assert not _arithmetic(*(simd.address(array) for array in (x, y, out)))
+
+
+def test_logarithm_is_accurate_over_all_magnitudes_and_angles():
+    rng = np.random.default_rng(2)
+    out = simd.aligned(25)
+    y = _numbers(3, rng)
+    for scale in (1e-140, 1e-5, 1.0, 1e5, 1e140):
+        for _ in range(50):
+            x = _numbers(4, rng)
+            x[: 2 * simd.LANES] *= scale * 10 ** rng.uniform(-4, 4, 2 * simd.LANES)
+            _arithmetic(*(simd.address(array) for array in (x, y, out)))
+            np.testing.assert_allclose(
+                _complex(out, 20).imag, np.angle(_complex(x, 0)), rtol=4e-15, atol=0
+            )
+            np.testing.assert_allclose(
+                _complex(out, 20).real, np.log(np.abs(_complex(x, 0))), rtol=4e-15, atol=4e-16
+            )
+
+
+def test_buffers_are_aligned_and_only_contiguous_arrays_have_an_address():
+    for places in range(1, 9):
+        assert simd.address(simd.aligned(places)) % 64 == 0
+    with pytest.raises(ValueError, match="contiguous"):
+        simd.address(np.zeros((4, 4))[:, ::2])
