@@ -8,7 +8,7 @@ import numpy as np
 import pinocchio as pin
 
 from robotmodels.errors import InvalidInput, nearest
-from robotmodels.urdf_check import check_urdf
+from robotmodels.urdf_check import checked_urdf
 
 _PACKAGE_PREFIX = "example-robot-data:"
 
@@ -50,9 +50,9 @@ def rigid_model(path: Path, lock: dict[str, float]) -> pin.Model:
     InvalidInput : if the file is malformed, has an unsupported joint type or unphysical inertias,
         or does not have a joint of `lock`.
     """
-    check_urdf(path)
+    xml = checked_urdf(path)
     try:
-        model = pin.buildModelFromUrdf(str(path))
+        model = pin.buildModelFromXML(xml)
     except ValueError as error:
         raise InvalidInput(f"{path}: not a valid URDF: {error}") from None
     joints = list(model.names)[1:]

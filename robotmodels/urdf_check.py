@@ -1,4 +1,4 @@
-"""Mistakes in a URDF, found before Pinocchio's parser skips them or prints them to the console."""
+"""What of a URDF matters, and mistakes in it that a parser would skip or print to the console."""
 
 import math
 import xml.etree.ElementTree as ET
@@ -10,8 +10,8 @@ from robotmodels.errors import InvalidInput, nearest
 _SUPPORTED = ("revolute", "continuous", "prismatic", "fixed")
 
 
-def check_urdf(path: Path) -> None:
-    """Refuse a URDF that is malformed, is no tree, or has joints or numbers that cannot be used.
+def checked_urdf(path: Path) -> str:
+    """Return the links and joints of a URDF as XML, without what is drawn, collides or drives.
 
     Raises
     ------
@@ -31,11 +31,34 @@ def check_urdf(path: Path) -> None:
             _check_link(link)
     except InvalidInput as error:
         raise InvalidInput(f"{path}: {error}") from None
+    return ET.tostring(_bare(robot), encoding="unicode")
+
+
+def _bare(robot: ET.Element) -> ET.Element:
+    bare = ET.Element("robot", name=robot.get("name", "robot"))
+    for link in robot.findall("link"):
+        element = ET.SubElement(bare, "link", name=str(link.get("name")))
+        element.extend(link.findall("inertial"))
+    for joint in robot.findall("joint"):
+        names = {"name": str(joint.get("name")), "type": str(joint.get("type"))}
+        element = ET.SubElement(bare, "joint", names)
+        for part in ("origin", "parent", "child", "axis"):
+            element.extend(joint.findall(part))
+        for limit in joint.findall("limit"):
+            bounds = {key: limit.get(key, "0") for key in ("lower", "upper")}
+            # The parser insists on effort and velocity, which nothing here needs.
+            ET.SubElement(element, "limit", bounds | {"effort": "0", "velocity": "0"})
+    return bare
 
 
 def _check_tree(robot: ET.Element) -> None:
     links = [str(link.get("name")) for link in robot.findall("link")]
     joints = robot.findall("joint")
+    if not links:
+        raise InvalidInput("it has no <link>")
+    for element in (*robot.findall("link"), *joints):
+        if not element.get("name"):
+            raise InvalidInput(f"a <{element.tag}> has no name")
     for kind, names in (("link", links), ("joint", [str(j.get("name")) for j in joints])):
         for name, count in Counter(names).items():
             if count > 1:

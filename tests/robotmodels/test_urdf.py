@@ -31,6 +31,8 @@ def refusal(content: dict, folder: Path = HERE) -> str:
         ('type="continuous"', 'type="floating"', "joint 'turn' is 'floating'; only revolute, cont"),
         ('type="continuous"', 'type="planar"', "joint 'turn' is 'planar'; only revolute"),
         ('type="continuous"', "", "joint 'turn' has no type"),
+        ('joint name="turn"', "joint", "a <joint> has no name"),
+        ('link name="lamp"', "link", "a <link> has no name"),
         ('<parent link="floor"/>', "", "joint 'turn' has no <parent>"),
         (
             'k="floor"/>',
@@ -138,6 +140,32 @@ def test_locks_that_cannot_be(content: dict, lock: dict[str, float], message: st
 def test_meshes_may_be_absent() -> None:
     assert "package://nowhere" in (HERE / "crane.urdf").read_text()
     assert built(CRANE).name == "crane"
+
+
+def test_whatever_is_drawn_or_drives_a_joint_does_not_matter(tmp_path: Path) -> None:
+    """Neither unnamed materials nor limits without effort, which parsers of URDFs refuse."""
+    text = (HERE / "crane.urdf").read_text()
+    text = text.replace("<visual>", "<visual><material/>").replace(' effort="100"', "")
+    (tmp_path / "bare.urdf").write_text(text.replace(' velocity="3"', ""))
+    robot = ElasticRobot(RobotFile.model_validate(changed(CRANE, urdf="bare.urdf")), tmp_path)
+    positions = np.full((1, 5), 0.1)
+    np.testing.assert_array_equal(
+        robot.network(positions).mass, built(CRANE).network(positions).mass
+    )
+
+
+def test_what_only_the_parser_minds_is_still_one_line(monkeypatch: pytest.MonkeyPatch) -> None:
+    def refuse(xml: str) -> None:
+        raise ValueError("no reason")
+
+    monkeypatch.setattr("pinocchio.buildModelFromXML", refuse)
+    assert refusal(CRANE).endswith("crane.urdf: not a valid URDF: no reason")
+
+
+def test_an_empty_robot_is_refused(tmp_path: Path) -> None:
+    (tmp_path / "empty.urdf").write_text("<robot/>")
+    line = refusal(changed(CRANE, urdf="empty.urdf"), tmp_path)
+    assert line.endswith("empty.urdf: it has no <link>")
 
 
 def test_a_continuous_joint_can_be_locked_at_any_angle() -> None:
