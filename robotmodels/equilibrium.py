@@ -86,7 +86,11 @@ def find_equilibrium(
         residual[:, held] = 0.0
         K[:, held, :] = K[:, :, held] = 0.0
         K[:, held, held] = 1.0
-        step = np.linalg.solve(K, residual[..., None])[..., 0]
+        try:
+            step = np.linalg.solve(K, residual[..., None])[..., 0]
+        except np.linalg.LinAlgError:
+            _check_stable(K, sprung, moving, springs, places)
+            raise
         q[moving] -= step
         bent = np.abs(q - start)[np.ix_(moving, sprung)].max(axis=1, initial=0.0)
         if (bent > LARGEST_DEFLECTION).any():
