@@ -31,7 +31,7 @@ SMALL_PIVOT = 1e-4
 """A pivot smaller than this share of its row's largest entry: solve with pivoting."""
 
 # Only `entry` functions are called from Python; the wrappers of the others would be compiled too.
-_INNER = {"error_model": "numpy", "no_cpython_wrapper": True, "no_cfunc_wrapper": True}
+_INNER: dict[str, Any] = {"error_model": "numpy", "no_cpython_wrapper": True, "no_cfunc_wrapper": True}
 inlined: Any = njit(**_INNER, forceinline=True)
 compiled: Any = njit(**_INNER)
 entry: Any = njit(error_model="numpy", cache=True, nogil=True)
