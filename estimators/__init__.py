@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 from estimators.covariance import Uncertainty, covariance
 from estimators.frf_estimate import FrfEstimate, simulate_frf
 from estimators.information import information
-from estimators.least_squares import Fit, fit, multistart, perturbed_starts
+from estimators.least_squares import Fit, fit, multistart, perturbed_starts, reweighted
 from estimators.residuals import lls, lls_magnitude, nls
 from estimators.weights import optimal_weights, user_weights
 
@@ -32,6 +32,7 @@ __all__ = [
     "nls",
     "optimal_weights",
     "perturbed_starts",
+    "reweighted",
     "sample_posterior",
     "simulate_frf",
     "user_weights",

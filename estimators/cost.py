@@ -27,6 +27,7 @@ class Problem:
     used: NDArray[np.bool_] = field(init=False)
 
     def __post_init__(self) -> None:
+        self.weights.flags.writeable = False
         shape = self.estimate.response.shape
         used = used_elements(self.weights, shape)
         object.__setattr__(self, "used", used)
@@ -91,7 +92,6 @@ def stated(
     """
     kind = find_residual(residual)
     chosen: Array | ComplexArray = chosen_weights(weights, estimate, kind)
-    chosen.flags.writeable = False
     low, high = bounds
     if not 0 < low < high < np.inf:
         raise InvalidInput(f"bounds: {bounds} are not factors 0 < low < high")

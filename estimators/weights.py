@@ -11,6 +11,9 @@ from robotmodels.arrays import Array, ComplexArray
 from robotmodels.errors import InvalidInput, nearest
 
 KINDS = ("user", "optimal")
+# 10 dB, above which the bias of a log residual is negligible ([WM] 5.1, after Pintelon and
+# Schoukens 2001, p. 207).
+MINIMUM_SNR = float(np.sqrt(10.0))
 
 
 def user_weights(
@@ -18,7 +21,7 @@ def user_weights(
     diagonal: float = 1.0,
     off_diagonal: float = 0.1,
     from_omega: float = 0.0,
-    minimum_snr: float = 0.0,
+    minimum_snr: float = MINIMUM_SNR,
 ) -> Array:
     """Return [WM]'s rough weights (Q, F, m, n): constant per element, zero where FRFs are poor.
 
@@ -26,8 +29,7 @@ def user_weights(
     ----------
     diagonal, off_diagonal : weights of the elements on and off the diagonal.
     from_omega : weights below this frequency [rad/s] are zero.
-    minimum_snr : weights are zero where |G| is below this many of its standard deviations. The
-        bias of a log residual is negligible above sqrt(10) (10 dB, [WM] 5.1).
+    minimum_snr : weights are zero where |G| is below this many of its standard deviations.
     """
     for name, value in (
         ("diagonal", diagonal),
@@ -39,13 +41,20 @@ def user_weights(
             raise InvalidInput(f"weights.{name}: {value!r} is not a number >= 0")
     m, n = estimate.response.shape[-2:]
     element = np.where(np.eye(m, n, dtype=bool), diagonal, off_diagonal)
-    good = np.abs(estimate.response) >= minimum_snr * np.sqrt(estimate.variance)
-    good &= (estimate.omega >= from_omega)[:, None, None]
+    good = clear(estimate, minimum_snr) & (estimate.omega >= from_omega)[:, None, None]
     return np.asarray(np.where(good, element, 0.0))
 
 
+def clear(estimate: FrfEstimate, minimum_snr: float) -> NDArray[np.bool_]:
+    """Return which elements (Q, F, m, n) are at least so many of their standard deviations."""
+    return np.asarray(np.abs(estimate.response) >= minimum_snr * np.sqrt(estimate.variance))
+
+
 def optimal_weights(
-    estimate: FrfEstimate, residual: str | Residual, response: ComplexArray | None = None
+    estimate: FrfEstimate,
+    residual: str | Residual,
+    response: ComplexArray | None = None,
+    minimum_snr: float = 0.0,
 ) -> Array | ComplexArray:
     """Return the weights of least covariance: [WM] (6) for nls, (8) for log residuals.
 
@@ -54,7 +63,8 @@ def optimal_weights(
     residual : whose noise is to be whitened, "nls", "lls" or "lls_magnitude".
     response : (Q, F, m, n) at which (8) is evaluated. None takes the measured FRF as [WM] do; its
         errors then correlate with the weights, a bias of the order of the relative variance. The
-        FRF of a previous fit avoids it.
+        FRF of a previous fit avoids it, see `estimators.reweighted`.
+    minimum_snr : elements below so many of their standard deviations are left out.
 
     Returns
     -------
@@ -66,11 +76,16 @@ def optimal_weights(
     """
     kind = find_residual(residual)
     at = estimate.response if response is None else np.asarray(response)
-    noise = kind.noise(estimate.covariance, at, used=at != 0)
+    used = clear(estimate, minimum_snr)
+    if kind.relative:
+        used &= at != 0  # an infinite relative error
+    noise = kind.noise(estimate.covariance, at, used)
     if not estimate.has_full_covariance:
-        # A relative error of an FRF that is zero is infinite, its weight zero.
-        weights = 1.0 / noise
-        return np.asarray(np.where(at != 0, weights, 0.0) if kind.relative else weights)
+        return np.asarray(np.where(used, 1.0 / noise, 0.0))
+    # Elements left out must not correlate with the others either.
+    kept = vec(used)
+    pairs = kept[..., :, None] & kept[..., None, :]
+    noise = np.where(pairs, noise, np.eye(kept.shape[-1]))
     size = np.sqrt(np.diagonal(noise, axis1=-2, axis2=-1).real)
     outer = size[..., :, None] * size[..., None, :]
     smallest = np.linalg.eigvalsh(noise / outer)[..., 0]
@@ -81,13 +96,16 @@ def optimal_weights(
             f"average over more than {size.shape[-1]} blocks, or keep its diagonal only"
         )
     inverse = np.linalg.inv(noise / outer) / outer
-    return np.asarray((inverse + np.conj(np.swapaxes(inverse, -1, -2))) / 2)
+    inverse = (inverse + np.conj(np.swapaxes(inverse, -1, -2))) / 2
+    return np.asarray(np.where(pairs, inverse, 0.0))
 
 
 def chosen_weights(
     weights: str | NDArray[Any], estimate: FrfEstimate, kind: Residual
 ) -> Array | ComplexArray:
     """Return the weights a fit was asked for, by name or as an array, checked.
+
+    Named weights leave out elements below 10 dB where a logarithm is taken.
 
     Raises
     ------
@@ -99,7 +117,10 @@ def chosen_weights(
                 f"weights {weights!r} are none of {', '.join(KINDS)}, nor an array"
                 f"{nearest(weights, KINDS)}"
             )
-        return user_weights(estimate) if weights == "user" else optimal_weights(estimate, kind)
+        minimum_snr = MINIMUM_SNR if kind.relative else 0.0
+        if weights == "user":
+            return user_weights(estimate, minimum_snr=minimum_snr)
+        return optimal_weights(estimate, kind, minimum_snr=minimum_snr)
     array = np.asarray(weights)
     if not is_full(array, estimate.response.shape):
         if np.iscomplexobj(array):

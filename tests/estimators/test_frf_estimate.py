@@ -25,7 +25,7 @@ def full_covariance(shape, seed=1):
     q, f, m, n = shape
     rng = np.random.default_rng(seed)
     a = rng.standard_normal((q, f, m * n, m * n)) + 1j * rng.standard_normal((q, f, m * n, m * n))
-    return a @ np.conj(np.swapaxes(a, -1, -2)) + np.eye(m * n)
+    return 1e-8 * (a @ np.conj(np.swapaxes(a, -1, -2)) + np.eye(m * n))
 
 
 def test_vec_stacks_columns():

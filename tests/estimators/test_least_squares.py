@@ -8,10 +8,12 @@ from test_frf_estimate import full_covariance
 
 from estimators import (
     FrfEstimate,
+    covariance,
     fit,
     multistart,
     optimal_weights,
     perturbed_starts,
+    reweighted,
     simulate_frf,
     user_weights,
 )
@@ -96,9 +98,9 @@ def test_elements_without_weight_may_be_zero():
     response[1, 4, 0, 1] = 0
     broken = FrfEstimate(POSITIONS, OMEGA, response, estimate.covariance, estimate.repetitions)
     with pytest.raises(InvalidInput, match=r"measured FRF.*position 1, frequency 4"):
-        fit(MODEL, broken, "lls", "user")
+        fit(MODEL, broken, "lls", np.ones(response.shape))
     weights = user_weights(broken)
-    weights[1, 4, 0, 1] = 0
+    assert weights[1, 4, 0, 1] == 0
     found = fit(MODEL, broken, "lls", weights, start=TRUTH * 1.1)
     assert np.allclose(found.parameters.values, TRUTH)
 
@@ -146,6 +148,22 @@ def test_magnitudes_count_once_as_data():
         fit(MODEL, exact(), "lls_magnitude", weights)
     weights[0, 3:6, 0, 0] = 1
     fit(MODEL, exact(), "lls_magnitude", weights)
+
+
+def test_reweighting_at_the_model_removes_the_bias_of_noisy_log_residuals():
+    """At 1/4 relative noise, log fits weighted at the measured FRF drift from the truth."""
+    rng, before, after = np.random.default_rng(0), [], []
+    for _ in range(40):
+        estimate = simulate_frf(MODEL, POSITIONS, OMEGA, RelativeNoise(0.25, 0.0), rng)
+        first = fit(MODEL, estimate, "lls", optimal_weights(estimate, "lls"))
+        second = reweighted(first, rounds=1)
+        G = frequency_response(MODEL, POSITIONS, OMEGA, first.parameters.values)
+        assert np.allclose(second.weights, np.abs(G) ** 2 / estimate.variance)
+        for fits, found in ((before, first), (after, second)):
+            std = np.sqrt(np.diag(covariance(found).covariance))
+            fits.append(np.log(found.parameters.values / TRUTH) / std)
+    bias = [np.sum(np.mean(z, axis=0) ** 2) * len(z) for z in (before, after)]
+    assert bias[0] > 2 * bias[1]
 
 
 def test_perturbed_starts_span_the_decades():

@@ -113,6 +113,30 @@ def test_full_optimal_weights_are_wm_6_and_wm_8(estimate):
     assert np.allclose(real, np.linalg.inv(relative.real))
 
 
+def test_elements_left_out_do_not_correlate_with_the_others(estimate):
+    covariance = full_covariance(estimate.response.shape)
+    covariance[1, 3, 2] *= 1e6  # element (0, 1) drowns
+    covariance[1, 3, :, 2] *= 1e6
+    weights = optimal_weights(with_covariance(estimate, covariance), "nls", minimum_snr=3.0)
+    kept = np.ix_([0, 1, 3], [0, 1, 3])
+    assert (weights[1, 3, 2] == 0).all()
+    assert (weights[1, 3, :, 2] == 0).all()
+    assert np.allclose(weights[1, 3][kept], np.linalg.inv(covariance[1, 3][kept]))
+    assert np.allclose(weights[0], np.linalg.inv(covariance[0]))
+
+
+@pytest.mark.parametrize("name", ["user", "optimal"])
+def test_named_weights_leave_out_what_is_below_10_db_where_a_logarithm_is_taken(estimate, name):
+    noisy = estimate.variance.copy()
+    noisy[1, 4, 0, 1] = 0.11 * np.abs(estimate.response[1, 4, 0, 1]) ** 2
+    noisy[1, 5, 0, 1] = 0.09 * np.abs(estimate.response[1, 5, 0, 1]) ** 2
+    given = with_covariance(estimate, noisy)
+    weights = chosen_weights(name, given, find_residual("lls"))
+    assert weights[1, 4, 0, 1] == 0
+    assert weights[1, 5, 0, 1] > 0
+    assert (chosen_weights(name, given, find_residual("nls")) > 0).all()
+
+
 def test_optimal_weights_of_a_measured_zero():
     one = np.ones((1, 1, 1, 2))
     g = np.array([[[[0.0, 2.0]]]], dtype=complex)
