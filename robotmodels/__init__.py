@@ -11,6 +11,13 @@ from robotmodels.errors import (
 )
 from robotmodels.library import builtin_robots, load_robot
 from robotmodels.linear_model import LinearModel
+from robotmodels.modes import (
+    anti_resonances,
+    clamped,
+    damped_modes,
+    resonances,
+    rigid_modes,
+)
 from robotmodels.noise import RelativeNoise
 from robotmodels.parameters import Parameters
 from robotmodels.response import frequency_response, linearize, sensitivity
@@ -28,9 +35,14 @@ __all__ = [
     "RelativeNoise",
     "SolverFailed",
     "SpringNetwork",
+    "anti_resonances",
     "builtin_robots",
+    "clamped",
+    "damped_modes",
     "frequency_response",
     "linearize",
     "load_robot",
+    "resonances",
+    "rigid_modes",
     "sensitivity",
 ]

@@ -13,6 +13,10 @@ from robotmodels.measurement import Measurement, motor_measurement
 class LinearModel:
     """M q'' + D q' + K q = S u about one equilibrium, or about many (leading axes).
 
+    Its `resonances`, `rigid_modes`, `anti_resonances`, damping ratios (`damped_modes`) and the
+    model with a motor held still (`clamped`) are functions of `robotmodels.modes`, all of them
+    exported by `robotmodels`.
+
     Attributes
     ----------
     mass : (..., d, d) symmetric, arm side [kg m^2].

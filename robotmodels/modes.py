@@ -14,7 +14,7 @@ from functools import cached_property
 import numpy as np
 
 from robotmodels.arrays import Array, ComplexArray
-from robotmodels.errors import InvalidInput
+from robotmodels.errors import InvalidInput, SolverFailed
 from robotmodels.linear_model import LinearModel
 
 
@@ -44,9 +44,11 @@ class DampedModes:
     Attributes
     ----------
     poles : (k,) with imaginary part >= 0 [rad/s].
+    shapes : (d, k) mode shapes of unit length in the mass matrix, in the model's coordinates.
     """
 
     poles: ComplexArray
+    shapes: ComplexArray
 
     @cached_property
     def frequencies(self) -> Array:
@@ -128,8 +130,12 @@ def anti_resonances(model: LinearModel, motor: int) -> Array:
 def damped_modes(model: LinearModel, rigid: int | None = None) -> DampedModes:
     """Return the flexible modes with their damping: det(s^2 M + s D + K) = 0.
 
-    The 2 n slowest poles are taken as the rigid ones (gravity and bearing friction move them off
-    zero, by far less than any spring does unless a mode is overdamped many times over).
+    Known limit: the 2 n slowest poles are taken as the rigid ones. Gravity and bearing friction
+    move these off zero, as a rule by far less than any spring does. But one pole of an overdamped
+    mode tends to zero as its damping grows; once slower than a rigid pole (damping / stiffness of
+    a tenth of a second and more) it is taken for one, and the rigid one is returned in its place.
+    Where this would part a conjugate pair it is an error; where it swaps real poles, or two of
+    them with a pair, it is not noticed. Poles of an ordinary damping ratio are never concerned.
 
     Parameters
     ----------
@@ -139,6 +145,7 @@ def damped_modes(model: LinearModel, rigid: int | None = None) -> DampedModes:
     Raises
     ------
     InvalidInput : if the model has leading axes, or its mass matrix is not positive definite.
+    SolverFailed : if the number of rigid modes would part a conjugate pair.
     """
     if model.mass.ndim != 2:
         raise InvalidInput(
@@ -148,9 +155,25 @@ def damped_modes(model: LinearModel, rigid: int | None = None) -> DampedModes:
     root = _inverse_root(model.mass)
     stiffness, damping = (root.T @ a @ root for a in (model.stiffness, model.damping))
     d = len(stiffness)
-    poles = np.linalg.eigvals(np.block([[np.zeros((d, d)), np.eye(d)], [-stiffness, -damping]]))
-    poles = poles[np.argsort(np.abs(poles), kind="stable")][2 * _rigid_count(model, rigid) :]
-    return DampedModes(np.asarray(poles[poles.imag >= 0], dtype=complex))
+    first_order = np.block([[np.zeros((d, d)), np.eye(d)], [-stiffness, -damping]])
+    poles, vectors = (a.astype(complex) for a in np.linalg.eig(first_order))
+    slow = 2 * _rigid_count(model, rigid)
+    order = np.argsort(np.abs(poles), kind="stable")
+    _check_pairs(poles[order], slow)
+    kept = [i for i in order[slow:] if poles[i].imag >= 0]
+    shapes = vectors[:d, kept]
+    return DampedModes(poles[kept], root @ (shapes / np.linalg.norm(shapes, axis=0)))
+
+
+def _check_pairs(poles: ComplexArray, slow: int) -> None:
+    """Refuse to part a conjugate pair; each must lie among the `slow` first poles or behind."""
+    if np.count_nonzero(poles[:slow].imag > 0) != np.count_nonzero(poles[:slow].imag < 0):
+        pole = poles[slow]
+        raise SolverFailed(
+            f"damped_modes: {slow // 2} rigid modes would part the pair of poles at "
+            f"{pole.real:.4g} +- {abs(pole.imag):.4g}j rad/s: a mode is so overdamped that one of "
+            "its poles is slower than a rigid one; lower its damping or use resonances"
+        )
 
 
 def _undamped(model: LinearModel) -> Modes:

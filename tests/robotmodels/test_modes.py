@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 import robotmodels
-from robotmodels import InvalidInput, LinearModel
+from robotmodels import InvalidInput, LinearModel, SolverFailed
 from robotmodels.modes import anti_resonances, clamped, damped_modes, resonances, rigid_modes
 
 J, L, K, C = 0.5, 2.0, 800.0, 0.6
@@ -187,3 +187,30 @@ def test_damped_modes_of_many_positions(ur10: LinearModel) -> None:
 def test_impossible_number_of_rigid_modes(rigid: int) -> None:
     with pytest.raises(InvalidInput, match=f"{rigid} rigid modes of 2 coordinates"):
         resonances(two_masses(), rigid)
+
+
+def test_damped_shapes_solve_the_damped_eigenproblem_with_unit_length(ur10: LinearModel) -> None:
+    model = one(ur10, 1)
+    modes = damped_modes(model)
+    for s, shape in zip(modes.poles, modes.shapes.T, strict=True):
+        terms = [s**2 * model.mass @ shape, s * model.damping @ shape, model.stiffness @ shape]
+        assert np.abs(sum(terms)).max() < 1e-8 * max(np.abs(t).max() for t in terms)
+        assert shape.conj() @ model.mass @ shape == pytest.approx(1.0)
+
+
+def overdamped_arm(damping: float) -> LinearModel:
+    """A motor swinging at 5 rad/s beside a load whose slow pole is at stiffness / damping."""
+    return LinearModel(
+        np.diag([1.0, 1.0]), np.diag([0.1, damping]), np.diag([25.0, 100.0]), np.eye(2)[:, :1]
+    )
+
+
+def test_an_overdamped_mode_that_leaves_the_rigid_pair_together_is_found() -> None:
+    damped = damped_modes(overdamped_arm(damping=24.0))  # roots of s^2 + 24 s + 100
+    expected = np.roots([1.0, 24.0, 100.0])
+    assert np.sort(damped.poles.real) == pytest.approx(np.sort(expected))
+
+
+def test_no_conjugate_pair_is_parted() -> None:
+    with pytest.raises(SolverFailed, match=r"1 rigid modes would part .* -0\.05 \+- 5j rad/s"):
+        damped_modes(overdamped_arm(damping=200.0))  # one pole at about -0.5
