@@ -5,7 +5,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 from matplotlib.ticker import MaxNLocator
@@ -113,8 +112,9 @@ def _panel(axes: Axes, corner: tuple[float, float], scales: _Scales, palette: Pa
     x = x0 + scales.across(scales.frequency_ticks())
     y = y0 + (scales.level_ticks() - scales.low) / (scales.high - scales.low)
     y = y[(y >= y0 - 1e-9) & (y <= y0 + 1 + 1e-9)]
-    grid = [[(v, y0), (v, y0 + 1)] for v in x] + [[(x0, v), (x0 + 1, v)] for v in y]
-    axes.add_collection(LineCollection(grid, colors=palette.rule, linewidths=0.5), autolim=False)
+    lines = [[(v, y0), (v, y0 + 1)] for v in x] + [[(x0, v), (x0 + 1, v)] for v in y]
+    broken = np.concatenate([np.array([*line, (np.nan, np.nan)]) for line in lines])
+    axes.plot(*broken.T, color=palette.rule, lw=0.5)  # one path for all is short
     axes.plot([x0, x0, x0 + 1], [y0 + 1, y0, y0], color=palette.muted, lw=0.6)
     return Rectangle(corner, 1, 1, transform=axes.transData)
 

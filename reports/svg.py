@@ -122,17 +122,19 @@ def _short_path(d: str) -> str:
     for command, arguments in re.findall(r"([MLCQz])([^MLCQz]*)", d):
         numbers = [round(10 * float(a)) for a in arguments.split()]
         if command == "L":
-            out.append(f"l{_tenth(numbers[0] - x)} {_tenth(numbers[1] - y)}")
+            out.append("l" + _tenths(numbers[0] - x, numbers[1] - y))
         else:
-            out.append(command + " ".join(_tenth(n) for n in numbers))
+            out.append(command + _tenths(*numbers))
         if len(numbers) >= 2:
             x, y = numbers[-2:]
         # After z the next command is M in matplotlib's output, so the point needs no reset.
     return "".join(out)
 
 
-def _tenth(number: int) -> str:
-    return f"{number / 10:g}"
+def _tenths(*numbers: int) -> str:
+    """Return tenths as short as SVG allows: no leading zero, no space before a minus."""
+    text = " ".join(f"{number / 10:g}" for number in numbers)
+    return re.sub(r"(^|[ -])0\.", r"\1.", text).replace(" -", "-")
 
 
 def _round_attribute(match: re.Match[str]) -> str:

@@ -107,7 +107,7 @@ def position_rows(results: StudyResults) -> list[PositionRow]:
         PositionRow(
             number=number,
             angles=text.degrees(results.information.positions[i]),
-            weight=text.fixed(float(results.design.weights[i]), 4),
+            weight=text.fixed(w, 4) if (w := float(results.design.weights[i])) else "–",
             repetitions=int(results.exact.repetitions[i]),
         )
         for number, i in enumerate(results.used, start=1)

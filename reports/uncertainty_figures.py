@@ -10,7 +10,7 @@ from matplotlib.ticker import FuncFormatter, MaxNLocator
 
 from reports.figures import Drawing
 from reports.svg import Palette
-from reports.text import significant
+from reports.text import MINUS
 from robotmodels.arrays import Array
 
 _ELLIPSE_RADII = (1.0, 2.0)
@@ -129,7 +129,7 @@ def corner_plot(names: Sequence[str], draws: Array, covariance: Array, truth: Ar
             axes.tick_params(labelsize=7, length=2, labelrotation=0)
             outer = ([axes.xaxis] if i == k - 1 else []) + ([axes.yaxis] if j == 0 < i else [])
             for axis in outer:
-                axis.set_major_formatter(FuncFormatter(lambda v, _: significant(v, 2)))
+                axis.set_major_formatter(FuncFormatter(lambda v, _: f"{v:g}".replace("-", MINUS)))
             for spine in axes.spines.values():
                 spine.set_color(palette.rule)
         return figure

@@ -25,7 +25,7 @@ def vertices(path):
     """Follow M and relative l commands."""
     out, here = [], np.zeros(2)
     for command, numbers in re.findall(r"([Ml])([^MlzLCQ]*)", path):
-        step = np.array([float(n) for n in numbers.split()])
+        step = np.array([float(n) for n in re.findall(r"-?[\d.]+", numbers)])
         here = step if command == "M" else here + step
         out.append(here)
     return np.array(out)
