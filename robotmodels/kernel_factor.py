@@ -14,6 +14,7 @@ from numba import njit
 
 from robotmodels.kernel_layout import BLOCK
 from robotmodels.simd import (
+    BYTES,
     LANES,
     fma,
     load,
@@ -31,7 +32,11 @@ SMALL_PIVOT = 1e-4
 """A pivot smaller than this share of its row's largest entry: solve with pivoting."""
 
 # Only `entry` functions are called from Python; the wrappers of the others would be compiled too.
-_INNER: dict[str, Any] = {"error_model": "numpy", "no_cpython_wrapper": True, "no_cfunc_wrapper": True}
+_INNER: dict[str, Any] = {
+    "error_model": "numpy",
+    "no_cpython_wrapper": True,
+    "no_cfunc_wrapper": True,
+}
 inlined: Any = njit(**_INNER, forceinline=True)
 compiled: Any = njit(**_INNER)
 entry: Any = njit(error_model="numpy", cache=True, nogil=True)
@@ -62,23 +67,30 @@ def factor(work, source):
     """Factorise the matrix at `source`, its diagonal at `work.diagonal`; return the guard.
 
     In blocks of three columns from left to right; `work.matrix` (which may be `source`) gets L D,
-    `work.inverse` -1/D. A lane of the guard below zero marks a small pivot.
+    `work.inverse` -1/D. A lane of the guard below zero marks a small pivot. The next diagonal
+    block is factorised, one long chain with three divisions, as early as it can be: the
+    rows further down do not wait for it.
     """
-    worst = splat(1.0)
-    for b in range(0, work.size, 3):
-        worst, l10, l20, l21 = factor_diagonal(work, source, b, worst)
-        for i in range(b + 3, work.size, 3):
-            factor_below(work, source, i, b, l10, l20, l21)
+    size = work.size
+    here, there = work.panel, work.panel + BYTES * 6 * size
+    worst, l10, l20, l21 = factor_diagonal(work, source, here, 0, splat(1.0))
+    for b in range(3, size, 3):
+        factor_below(work, source, here, b, b - 3, l10, l20, l21)
+        worst, m10, m20, m21 = factor_diagonal(work, source, there, b, worst)
+        for i in range(b + 3, size, 3):
+            factor_below(work, source, here, i, b - 3, l10, l20, l21)
+        l10, l20, l21 = m10, m20, m21
+        here, there = there, here
     return worst
 
 
 @inlined
-def factor_diagonal(work, source, b, worst):
+def factor_diagonal(work, source, panel, b, worst):
     """Factorise the diagonal block at row `b` and prepare its panel; return what rows below need.
 
     Entries of L are negative here, as in the panel.
     """
-    out, panel = work.matrix, work.panel
+    out = work.matrix
     r0 = b * (b + 1)
     r1 = r0 + 2 * (b + 1)
     r2 = r1 + 2 * (b + 2)
@@ -119,9 +131,9 @@ def factor_diagonal(work, source, b, worst):
 
 
 @inlined
-def factor_below(work, source, i, b, l10, l20, l21):
+def factor_below(work, source, panel, i, b, l10, l20, l21):
     """Compute the block of L D at rows `i` and columns `b`, three of each."""
-    out, panel = work.matrix, work.panel
+    out = work.matrix
     r0 = i * (i + 1)
     r1 = r0 + 2 * (i + 1)
     r2 = r1 + 2 * (i + 2)
@@ -168,7 +180,8 @@ def back_substitute(work, first):
         scale = load_complex(work.inverse, 2 * i)
         for c in range(max(own, 0) // BLOCK * 2 * BLOCK, wide, 2 * BLOCK):
             y0, y1, y2 = zero, zero, zero
-            for k in range(i + 1, size):
+            # The row just finished comes last: nothing waits for it until then.
+            for k in range(size - 1, i, -1):
                 a = load_complex(matrix, k * (k + 1) + 2 * i)
                 y0 = fma(a, load_complex(Y, k * wide + c), y0)
                 y1 = fma(a, load_complex(Y, k * wide + c + 2), y1)

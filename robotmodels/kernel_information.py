@@ -11,6 +11,7 @@ frequency of Re P, w Im P and w^2 Re P hold every spring and damper entry.
 from robotmodels.kernel_factor import compiled, entry, inlined, square
 from robotmodels.kernel_solve import motor_response, pack_position, solve
 from robotmodels.simd import (
+    BYTES,
     LANES,
     fma,
     fma_conjugate,
@@ -29,158 +30,130 @@ from robotmodels.simd import (
 
 @compiled
 def weigh(work, relative, floor, mask):
-    """Write w^4 over the noise law's variance of each element of G, in which w^4 cancels."""
-    n = work.n
+    """Write w^4 over the noise law's variance of each element of G, in which w^4 cancels.
+
+    Element i, j > i counts for its mirror image too; i, j < i is never read.
+    """
+    n, wide = work.n, work.wide // 2
     largest = splat(0.0)
-    e = 0
     for i in range(n):
         for j in range(i, n):
             size = square(motor_response(work, i, j))
             largest = maximum(size, largest)
-            store(work.weights, e, size)
-            e += 1
+            store(work.weights, i * wide + j, size)
     largest = largest * splat(floor * floor)
-    e = 0
     for i in range(n):
         for j in range(i, n):
-            variance = fma(load(work.weights, e), splat(relative * relative), largest)
+            variance = fma(load(work.weights, i * wide + j), splat(relative * relative), largest)
             share = mask if i == j else mask + mask
-            store(work.weights, e, share / variance)
-            e += 1
+            store(work.weights, i * wide + j, share / variance)
 
 
 @compiled
 def elongate(work):
-    """Write v = X^T a of every needed spring and the products v_i v_j."""
-    n, driven, e = work.n, work.size - work.n, 0
-    Y, v, wide = work.receptance, work.elongation, work.wide
+    """Write v = X^T a of every needed spring."""
+    driven, wide = work.size - work.n, work.wide
     for s in range(work.m):
         a, b = integer(work.needed, 3 * s + 1), integer(work.needed, 3 * s + 2)
-        for j in range(n):
-            y = load_complex(Y, a * wide + 2 * j)
+        first, second, out = a * wide, b * wide, s * wide
+        for j in range(0, 2 * work.n, 2):
+            y = load_complex(work.receptance, first + j)
             if b >= 0:
-                y = y - load_complex(Y, b * wide + 2 * j)
-            if b == -2:
-                y = y * load_complex(work.wind, 6 * (a - driven) + 2)
-            y = y * load_complex(work.wind, 6 * j)
-            if b == -2 and a == driven + j:
-                y = y - load_complex(work.wind, 6 * j + 4)
-            store(v, 2 * (s * n + j), y)
-        for i in range(n):
-            x = load_complex(v, 2 * (s * n + i))
-            for j in range(i, n):
-                store(work.products, 2 * e, x * load_complex(v, 2 * (s * n + j)))
-                e += 1
+                y = y - load_complex(work.receptance, second + j)
+            store(work.elongation, out + j, y * load_complex(work.wind, 3 * j))
+        if b == -2:
+            slip = load_complex(work.wind, 6 * (a - driven) + 2)
+            for j in range(0, 2 * work.n, 2):
+                store(work.elongation, out + j, load_complex(work.elongation, out + j) * slip)
+            own = out + 2 * (a - driven)
+            gone = load_complex(work.wind, 6 * (a - driven) + 4)
+            store(work.elongation, own, load_complex(work.elongation, own) - gone)
 
 
 @inlined
-def accumulate(total, s, t, product, w):
-    """Add a pair's product to its three sums."""
-    place = 3 * (s * (s + 1) // 2 + t)
-    slope = product.real * w
-    store(total, place, load(total, place) + product.real)
-    store(total, place + 1, fma(product.imag, w, load(total, place + 1)))
-    store(total, place + 2, fma(slope, w, load(total, place + 2)))
+def mix(work, s, t):
+    """Write conj(v_s) v_t and conj(v_s) v_(t + 1)."""
+    wide, v = work.wide, work.elongation
+    zero = pack(splat(0.0), splat(0.0))
+    for j in range(0, wide, 2):
+        x = load_complex(v, s * wide + j)
+        store(work.mixed, 2 * j, fma_conjugate(x, load_complex(v, t * wide + j), zero))
+        store(work.mixed, 2 * j + 2, fma_conjugate(x, load_complex(v, (t + 1) * wide + j), zero))
+
+
+@inlined
+def products(work):
+    """Return P_st and P_s(t + 1), the weighted products of v_s v_s^T with two others, from `mix`.
+
+    sum_ij W_ij conj(v_si v_sj) v_ti v_tj is a quadratic form in conj(v_s) v_t: the rank-one
+    matrices themselves are never formed, and all that is read stays in the fastest cache. Two at
+    a time keep both multipliers busy.
+    """
+    mixed, columns = work.mixed, work.wide // 2
+    zero = pack(splat(0.0), splat(0.0))
+    p, q = zero, zero
+    for a in range(0, columns, 3):
+        x0, y0 = load_complex(mixed, 4 * a), load_complex(mixed, 4 * a + 2)
+        x1, y1 = load_complex(mixed, 4 * a + 4), load_complex(mixed, 4 * a + 6)
+        x2, y2 = load_complex(mixed, 4 * a + 8), load_complex(mixed, 4 * a + 10)
+        w0 = work.weights + BYTES * a * columns
+        w1 = w0 + BYTES * columns
+        w2 = w1 + BYTES * columns
+        w = load(w0, a)
+        u0, r0 = x0 * w, y0 * w
+        w = load(w0, a + 1)
+        u0, r0 = fma(x1, w, u0), fma(y1, w, r0)
+        w = load(w0, a + 2)
+        u0, r0 = fma(x2, w, u0), fma(y2, w, r0)
+        w = load(w1, a + 1)
+        u1, r1 = x1 * w, y1 * w
+        w = load(w1, a + 2)
+        u1, r1 = fma(x2, w, u1), fma(y2, w, r1)
+        w = load(w2, a + 2)
+        u2, r2 = x2 * w, y2 * w
+        for b in range(a + 3, columns):
+            x, y = load_complex(mixed, 4 * b), load_complex(mixed, 4 * b + 2)
+            w = load(w0, b)
+            u0, r0 = fma(x, w, u0), fma(y, w, r0)
+            w = load(w1, b)
+            u1, r1 = fma(x, w, u1), fma(y, w, r1)
+            w = load(w2, b)
+            u2, r2 = fma(x, w, u2), fma(y, w, r2)
+        p, q = fma(x0, u0, p), fma(y0, r0, q)
+        p, q = fma(x1, u1, p), fma(y1, r1, q)
+        p, q = fma(x2, u2, p), fma(y2, r2, q)
+    return p, q
 
 
 @compiled
-def multiply(work, elements, w):
-    """Add this vector of frequencies to the sums."""
-    products, panel, total = work.products, work.weighted, work.sums
-    zero = pack(splat(0.0), splat(0.0))
-    m = work.m
-    whole = m - m % 3
-    for t in range(0, whole, 3):
-        f0 = 2 * t * elements
-        f1, f2 = f0 + 2 * elements, f0 + 4 * elements
-        for e in range(elements):
-            weight = load(work.weights, e)
-            store(panel, 6 * e, load_complex(products, f0 + 2 * e) * weight)
-            store(panel, 6 * e + 2, load_complex(products, f1 + 2 * e) * weight)
-            store(panel, 6 * e + 4, load_complex(products, f2 + 2 * e) * weight)
-        multiply_diagonal(work, t, elements, w)
-        for s in range(t + 3, whole, 3):
-            multiply_block(work, s, t, elements, w)
-        for s in range(whole, m):
-            x00, x01, x02 = zero, zero, zero
-            for e in range(elements):
-                a = load_complex(products, 2 * (s * elements + e))
-                x00 = fma_conjugate(a, load_complex(panel, 6 * e), x00)
-                x01 = fma_conjugate(a, load_complex(panel, 6 * e + 2), x01)
-                x02 = fma_conjugate(a, load_complex(panel, 6 * e + 4), x02)
-            accumulate(total, s, t, x00, w)
-            accumulate(total, s, t + 1, x01, w)
-            accumulate(total, s, t + 2, x02, w)
-    for s in range(whole, m):
-        for t in range(whole, s + 1):
-            x00 = zero
-            for e in range(elements):
-                b = load_complex(products, 2 * (t * elements + e)) * load(work.weights, e)
-                x00 = fma_conjugate(load_complex(products, 2 * (s * elements + e)), b, x00)
-            accumulate(total, s, t, x00, w)
+def accumulate(work, w):
+    """Add the products of all pairs of springs at the frequencies `w` to their three sums.
+
+    Rows of the triangle are filled up to even lengths; what is one too many is never read.
+    """
+    place = work.sums
+    for s in range(work.m):
+        for t in range(0, s + 1, 2):
+            mix(work, s, t)
+            p, q = products(work)
+            add(place, p, w)
+            add(place + 3 * BYTES, q, w)
+            place += 6 * BYTES
 
 
 @inlined
-def multiply_block(work, s, t, elements, w):
-    """Add the products of three springs with three others, whose panel is ready."""
-    products, panel, total = work.products, work.weighted, work.sums
-    zero = pack(splat(0.0), splat(0.0))
-    g0 = 2 * s * elements
-    g1, g2 = g0 + 2 * elements, g0 + 4 * elements
-    x00, x01, x02 = zero, zero, zero
-    x10, x11, x12 = zero, zero, zero
-    x20, x21, x22 = zero, zero, zero
-    for e in range(elements):
-        p0 = load_complex(panel, 6 * e)
-        p1 = load_complex(panel, 6 * e + 2)
-        p2 = load_complex(panel, 6 * e + 4)
-        a = load_complex(products, g0 + 2 * e)
-        x00 = fma_conjugate(a, p0, x00)
-        x01 = fma_conjugate(a, p1, x01)
-        x02 = fma_conjugate(a, p2, x02)
-        a = load_complex(products, g1 + 2 * e)
-        x10 = fma_conjugate(a, p0, x10)
-        x11 = fma_conjugate(a, p1, x11)
-        x12 = fma_conjugate(a, p2, x12)
-        a = load_complex(products, g2 + 2 * e)
-        x20 = fma_conjugate(a, p0, x20)
-        x21 = fma_conjugate(a, p1, x21)
-        x22 = fma_conjugate(a, p2, x22)
-    accumulate(total, s, t, x00, w)
-    accumulate(total, s, t + 1, x01, w)
-    accumulate(total, s, t + 2, x02, w)
-    accumulate(total, s + 1, t, x10, w)
-    accumulate(total, s + 1, t + 1, x11, w)
-    accumulate(total, s + 1, t + 2, x12, w)
-    accumulate(total, s + 2, t, x20, w)
-    accumulate(total, s + 2, t + 1, x21, w)
-    accumulate(total, s + 2, t + 2, x22, w)
+def add(place, p, w):
+    """Add a product to its three sums."""
+    slope = p.real * w
+    store(place, 0, load(place, 0) + p.real)
+    store(place, 1, fma(p.imag, w, load(place, 1)))
+    store(place, 2, fma(slope, w, load(place, 2)))
 
 
 @inlined
-def multiply_diagonal(work, t, elements, w):
-    """Add the products of three springs among themselves, their panel being ready."""
-    products, panel, total = work.products, work.weighted, work.sums
-    zero = splat(0.0)
-    x00, x11, x22 = zero, zero, zero
-    x10, x20, x21 = pack(zero, zero), pack(zero, zero), pack(zero, zero)
-    for e in range(elements):
-        p0, p1 = load_complex(panel, 6 * e), load_complex(panel, 6 * e + 2)
-        p2 = load_complex(panel, 6 * e + 4)
-        a0 = load_complex(products, 2 * (t * elements + e))
-        a1 = load_complex(products, 2 * ((t + 1) * elements + e))
-        a2 = load_complex(products, 2 * ((t + 2) * elements + e))
-        x00 = fma(a0.imag, p0.imag, fma(a0.real, p0.real, x00))
-        x11 = fma(a1.imag, p1.imag, fma(a1.real, p1.real, x11))
-        x22 = fma(a2.imag, p2.imag, fma(a2.real, p2.real, x22))
-        x10, x20 = fma_conjugate(a1, p0, x10), fma_conjugate(a2, p0, x20)
-        x21 = fma_conjugate(a2, p1, x21)
-    accumulate(total, t, t, pack(x00, zero), w)
-    accumulate(total, t + 1, t + 1, pack(x11, zero), w)
-    accumulate(total, t + 2, t + 2, pack(x22, zero), w)
-    accumulate(total, t + 1, t, x10, w)
-    accumulate(total, t + 2, t, x20, w)
-    accumulate(total, t + 2, t + 1, x21, w)
+def row_start(s):
+    """Return how many pairs come before row `s` of the triangle, rows of even length."""
+    return 2 * ((s + 1) // 2) * ((s + 2) // 2)
 
 
 @compiled
@@ -194,7 +167,7 @@ def finish(work, q, information):
         k, c = scalar(stiffness, s), scalar(damping, s)
         for j in range(i + 1):
             t = integer(work.needed, 3 * j)
-            place = 3 * (i * (i + 1) // 2 + j)
+            place = 3 * (row_start(i) + j)
             slope = 2.0 * lane_sum(load(work.sums, place + 1))
             springs = 2.0 * k * scalar(stiffness, t) * lane_sum(load(work.sums, place))
             dampers = 2.0 * c * scalar(damping, t) * lane_sum(load(work.sums, place + 2))
@@ -244,12 +217,12 @@ def informations(work, omega, mask, frequencies, relative, floor, start, stop, o
     """Write the (p, p) information of positions `start` to `stop` to the address `out`."""
     for q in range(start, stop):
         pack_position(work, q)
-        for place in range(3 * work.m * (work.m + 1) // 2):
+        for place in range(3 * row_start(work.m)):
             store(work.sums, place, splat(0.0))
         for b in range(-(-frequencies // LANES)):
             w = load(omega, b)
             solve(work, q, w)
             weigh(work, relative, floor, load(mask, b))
             elongate(work)
-            multiply(work, work.n * (work.n + 1) // 2, w)
+            accumulate(work, w)
         finish(work, q, out + 8 * q * work.p * work.p)

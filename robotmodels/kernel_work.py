@@ -31,15 +31,14 @@ class Work(NamedTuple):
         diagonal : (size,) A's.
         off : (size,) largest off-diagonal magnitude of each row.
         inverse : (size,) -1/D.
-        panel : (size, 3) columns of -L.
+        panel : (2, size, 3) columns of -L, of this block and of the next.
         receptance : (size, columns) rows of A^-1, columns of the driven coordinates.
         wind : (n, 3) of each motor, gear * rho; 1 - rho; gear/z (see `motor_terms`).
         worst : the guard.
-        elongation : (m, n) v, of the needed springs.
-        products : (m, elements) v_i v_j for i <= j.
-        weights : (elements,) w^4 over the variance, twice that off the diagonal.
-        weighted : (elements, 3) weighted products of three springs.
-        sums : (pairs, 3) of springs s >= t: Re P, w Im P, w^2 Re P.
+        elongation : (m + 1, columns) v, of the needed springs.
+        mixed : (columns, 2) conj(v_s) v_t of two pairs of springs.
+        weights : (columns, columns) w^4 over the variance, twice that off the diagonal.
+        sums : (pairs, 3) of springs s >= t, rows filled up to even length: Re P, w Im P, w^2 Re P.
     """
 
     d: int
@@ -78,9 +77,8 @@ class Work(NamedTuple):
     wind: int
     worst: int
     elongation: int
-    products: int
+    mixed: int
     weights: int
-    weighted: int
     sums: int
 
 
@@ -116,7 +114,7 @@ def workspace(plan: Layout, network: SpringNetwork, tables: Sequence[Array]) -> 
     """Return the memory of one thread."""
     size, n, m = len(plan.order), len(plan.motors), len(plan.needed)
     p = len(network.parameters)
-    triangle, elements = size * (size + 1) // 2, n * (n + 1) // 2
+    triangle = size * (size + 1) // 2
     columns = -(-n // BLOCK) * BLOCK
     integers = [np.ascontiguousarray(t) for t in (plan.order, plan.motors)]
     integers += [np.ascontiguousarray(t) for t in (plan.inner, plan.needed)]
@@ -130,15 +128,14 @@ def workspace(plan: Layout, network: SpringNetwork, tables: Sequence[Array]) -> 
             2 * size,
             size,
             2 * size,
-            2 * BLOCK * size,
+            4 * BLOCK * size,
             2 * size * columns,
             6 * n,
             1,
-            2 * m * n,
-            2 * m * elements,
-            elements,
-            2 * BLOCK * elements,
-            3 * m * (m + 1) // 2,
+            2 * (m + 1) * columns,
+            4 * columns,
+            columns * columns,
+            6 * ((m + 1) // 2) * ((m + 2) // 2),
         )
     ]
     pointed: list[Array | IntArray] = [

@@ -31,14 +31,14 @@ from robotmodels.arrays import Array, IntArray
 intrinsic: Any = extending.intrinsic
 
 LANES = 8
-_BYTES = 8 * LANES
+BYTES = 8 * LANES
 _VECTOR = ir.VectorType(ir.DoubleType(), LANES)
 
 
 def aligned(places: int) -> Array:
     """Return a zeroed buffer of `places` vectors that starts at a multiple of 64 bytes."""
     raw = np.zeros(places * LANES + LANES)
-    start = (-raw.ctypes.data % _BYTES) // 8
+    start = (-raw.ctypes.data % BYTES) // 8
     return raw[start : start + places * LANES]
 
 
@@ -174,7 +174,7 @@ def load(typingctx, start, place):
     """Return the real vector at `place`."""
 
     def codegen(context, builder, sig, args):
-        return builder.load(_pointer(builder, _VECTOR, *args), align=_BYTES)
+        return builder.load(_pointer(builder, _VECTOR, *args), align=BYTES)
 
     return Reals(types.intp, types.intp), codegen
 
@@ -185,8 +185,8 @@ def load_complex(typingctx, start, place):
 
     def codegen(context, builder, sig, args):
         pointer = _pointer(builder, _VECTOR, *args)
-        real = builder.load(pointer, align=_BYTES)
-        imag = builder.load(_next(builder, pointer), align=_BYTES)
+        real = builder.load(pointer, align=BYTES)
+        imag = builder.load(_next(builder, pointer), align=BYTES)
         return _complex(context, builder, real, imag)
 
     return Complexes(types.intp, types.intp), codegen
@@ -199,11 +199,11 @@ def store(typingctx, start, place, value):
     def codegen(context, builder, sig, args):
         pointer = _pointer(builder, _VECTOR, *args[:2])
         if sig.args[2] == Reals:
-            builder.store(args[2], pointer, align=_BYTES)
+            builder.store(args[2], pointer, align=BYTES)
         else:
             real, imag = _parts(context, builder, args[2])
-            builder.store(real, pointer, align=_BYTES)
-            builder.store(imag, _next(builder, pointer), align=_BYTES)
+            builder.store(real, pointer, align=BYTES)
+            builder.store(imag, _next(builder, pointer), align=BYTES)
         return context.get_dummy_value()
 
     return types.void(types.intp, types.intp, value), codegen
