@@ -12,7 +12,7 @@ from typing import Annotated
 
 import typer
 
-from robotmodels.errors import IdentificationError, InvalidInput
+from robotmodels.errors import IdentificationError
 
 app = typer.Typer(
     no_args_is_help=True,
@@ -58,24 +58,29 @@ def check(
     robot: Annotated[str, typer.Argument(help="A built-in robot, or the path of a robot file.")],
     position: Annotated[
         str | None,
-        typer.Option(help="Joint angles in degrees, such as 0,-90,90,0,45,0; default: mid-range."),
+        typer.Option(
+            help="One per motor, in degrees (m if prismatic): 0,-90,90,0,45,0; default: mid-range."
+        ),
     ] = None,
+    band: Annotated[str, typer.Option(help="Frequencies of interest, LOW,HIGH in Hz.")] = "2,80",
+    as_json: Annotated[
+        bool, typer.Option("--json", help="Print it as JSON, in SI units (rad, rad/s).")
+    ] = False,
 ) -> None:
-    """Show a robot's parameters, its coordinates and its resonances in a position.
+    """Show a robot: its bodies, motors, springs, equilibrium and modes, and what looks wrong.
 
     Example: oed check ur10 --position 0,-90,90,0,45,0
     """
-    import numpy as np
-
-    from reports.summary import robot_summary
+    from reports.check_options import read_band, read_position
+    from reports.robot_summary import robot_json, robot_summary
     from robotmodels import load_robot
+    from robotmodels.diagnosis import diagnose
+    from robotmodels.suspicions import suspicions
 
     model = load_robot(robot)
-    if position is None:
-        angles = model.position_limits.mean(axis=1)
-    else:
-        angles = np.radians(_numbers(position, len(model.motor_names)))
-    typer.echo(robot_summary(model, angles))
+    diagnosis = diagnose(model, read_position(model, position), read_band(band))
+    show = robot_json if as_json else robot_summary
+    typer.echo(show(diagnosis, suspicions(diagnosis), model.file))
 
 
 def main() -> None:
@@ -85,20 +90,6 @@ def main() -> None:
     except IdentificationError as error:
         sys.stderr.write(f"error: {error}\n")
         sys.exit(2)
-
-
-def _numbers(words: str, count: int) -> list[float]:
-    try:
-        numbers = [float(word) for word in words.split(",")]
-    except ValueError:
-        raise InvalidInput(
-            f"--position: {words!r} is not a list of numbers such as 0,-90"
-        ) from None
-    if len(numbers) != count:
-        raise InvalidInput(
-            f"--position: {len(numbers)} angles given, one per motor ({count}) needed"
-        )
-    return numbers
 
 
 def _one_thread_each() -> None:

@@ -5,10 +5,7 @@ from pathlib import Path
 import numpy as np
 
 from oed.study import StudyResults
-from reports import tables, text
-from robotmodels import ElasticRobot, linearize
-from robotmodels.arrays import Array
-from robotmodels.modes import resonances
+from reports import tables
 
 
 def study_summary(results: StudyResults, report: Path) -> str:
@@ -53,24 +50,3 @@ def study_summary(results: StudyResults, report: Path) -> str:
     if not r.fit.converged:
         lines.insert(3, ("", f"NOT converged: {r.fit.message}"))
     return "\n".join([f"{r.robot.name}", *(f"  {key:<8}{value}" for key, value in lines)])
-
-
-def robot_summary(robot: ElasticRobot, position: Array) -> str:
-    """Return a robot's parameters, coordinates and resonances at `position` (n,) [rad]."""
-    rows = tables.nominal_rows(robot.parameters)
-    width = max(len(name) for name, _, _ in rows)
-    flexible = resonances(linearize(robot, position)).frequencies / (2 * np.pi)
-    place = ", ".join(f"{a:.4g}" for a in np.degrees(position))
-    lines = [
-        f"{robot.name}: {len(robot.motor_names)} motors, "
-        f"{len(robot.coordinate_names)} coordinates, {len(rows)} free parameters",
-        *(
-            f"  {name:<{width}}  {value.replace(text.THIN, ' '):>8} {unit}"
-            for name, value, unit in rows
-        ),
-        "coordinates, base to tool, then motors",
-        f"  {', '.join(robot.coordinate_names)}",
-        f"resonances [Hz] at [{place}] degrees",
-        f"  {', '.join(f'{hertz:.4g}' for hertz in flexible)}",
-    ]
-    return "\n".join(lines)

@@ -1,0 +1,65 @@
+"""What ``oed check`` is told: a position and a band, as words on the command line."""
+
+import numpy as np
+
+from reports import text
+from reports.columns import plain
+from robotmodels import ElasticRobot
+from robotmodels.arrays import Array
+from robotmodels.errors import InvalidInput
+
+
+def read_position(robot: ElasticRobot, words: str | None) -> Array:
+    """Return a position (n,) [rad or m] from degrees (m at a prismatic joint), or mid-range.
+
+    Raises
+    ------
+    InvalidInput : if a word is not a number, there is not one per motor, or a joint is outside
+        its limits.
+    """
+    limits = robot.position_limits
+    if words is None:
+        return np.asarray(limits.mean(axis=1))
+    given = _numbers("--position", words, "0,-90")
+    joints = robot.motor_joints
+    if len(given) != len(joints):
+        raise InvalidInput(
+            f"--position: {len(given)} given, {len(joints)} needed, one per motor: "
+            f"{', '.join(joints)}"
+        )
+    units = [("m", 1.0) if j in robot.elements.prismatic else ("°", np.pi / 180) for j in joints]
+    for value, joint, (low, high), (unit, factor) in zip(given, joints, limits, units, strict=True):
+        if not low - 1e-9 <= value * factor <= high + 1e-9:
+            least, most = (plain(text.significant(x / factor, 4)) for x in (low, high))
+            raise InvalidInput(
+                f"--position: joint {joint!r} at {value:g}{unit.replace('m', ' m')} is outside "
+                f"its limits, {least} to {most}{unit.replace('m', ' m')}"
+            )
+    return np.array([value * factor for value, (_, factor) in zip(given, units, strict=True)])
+
+
+def read_band(words: str) -> tuple[float, float]:
+    """Return the lowest and highest angular frequency [rad/s] from ``LOW,HIGH`` in Hz.
+
+    Raises
+    ------
+    InvalidInput : if these are not two rising positive numbers.
+    """
+    given = _numbers("--band", words, "2,80")
+    if len(given) != 2:
+        raise InvalidInput(f"--band: {len(given)} given, two are needed: LOW,HIGH in Hz")
+    low, high = given
+    if not 0 < low < high < np.inf:
+        raise InvalidInput(
+            f"--band: {low:g} to {high:g} Hz; two positive frequencies are needed, the lower first"
+        )
+    return 2 * np.pi * low, 2 * np.pi * high
+
+
+def _numbers(option: str, words: str, example: str) -> list[float]:
+    try:
+        return [float(word) for word in words.split(",")]
+    except ValueError:
+        raise InvalidInput(
+            f"{option}: {words!r} is not a list of numbers such as {example}"
+        ) from None

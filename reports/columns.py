@@ -1,0 +1,65 @@
+"""Aligned columns and wrapped lines for a terminal, in characters any font has."""
+
+import textwrap
+from collections.abc import Iterable, Sequence
+from itertools import zip_longest
+
+from reports import text
+
+WIDTH = 96
+
+
+def decimals(value: float) -> str:
+    """Return three decimals, zero without a sign."""
+    return f"{value + 0.0:.3f}".replace("-0.000", "0.000")
+
+
+def number(value: float, digits: int = 3) -> str:
+    """Return so many significant digits."""
+    return plain(text.significant(value, digits))
+
+
+def vector(values: Iterable[float], places: int | None = None) -> str:
+    """Return the values in a row, with so many decimals or as they are."""
+    if places is None:
+        return ", ".join(f"{v:g}" for v in values)
+    return ", ".join(f"{round(v, places) + 0.0:.{places}f}" for v in values)
+
+
+def plural(count: int, noun: str) -> str:
+    """Return ``1 motor`` or ``6 motors``."""
+    return plain(text.plural(count, noun))
+
+
+def plain(words: str) -> str:
+    """Return what a terminal shows in any font: plain spaces and hyphens."""
+    return words.replace(text.THIN, " ").replace(text.MINUS, "-")
+
+
+def table(header: Sequence[str], rows: Sequence[Sequence[str]], right: Sequence[int]) -> list[str]:
+    """Return aligned lines, two spaces between columns; the columns `right` end flush."""
+    titles = [*zip_longest(*(title.split("\n") for title in header), fillvalue="")]
+    lines = [*titles, *(("  " + row[0], *row[1:]) for row in rows)]
+    widths = [max(len(line[c]) for line in lines) for c in range(len(header))]
+    shown = [c for c, width in enumerate(widths) if width]
+    return [
+        "  ".join(f"{line[c]:{'>' if c in right else '<'}{widths[c]}}" for c in shown).rstrip()
+        for line in lines
+    ]
+
+
+def wrapped(words: str) -> list[str]:
+    """Return `words` wrapped and indented."""
+    return hung("  ", words)
+
+
+def hung(first: str, words: str, indent: int = 4) -> list[str]:
+    """Return `words` after `first`, wrapped, further lines indented."""
+    return textwrap.wrap(
+        words,
+        WIDTH,
+        initial_indent=first,
+        subsequent_indent=" " * indent,
+        break_long_words=False,
+        break_on_hyphens=False,
+    )
