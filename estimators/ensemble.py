@@ -117,16 +117,17 @@ class Store:
                 if _group(ensemble) not in file:
                     return None
                 group = file[_group(ensemble)]
+                done = int(group.attrs["iteration"])
+                if not done:
+                    return None
                 if group.attrs.get("fingerprint") != self.fingerprint:
                     raise InvalidInput(
                         f"{self.path}: holds chains of another fit, seed or sampler setting; "
                         "remove the file or name another"
                     )
-                if not group.attrs["iteration"]:
-                    return None
                 return Block(
-                    group["chain"][:],
-                    group["log_prob"][:],
+                    group["chain"][:done],
+                    group["log_prob"][:done],
                     group["accepted"][:].astype(np.int64),
                     tuple(group.attrs[f"random_state_{i}"] for i in range(5)),
                 )
@@ -136,15 +137,18 @@ class Store:
     def append(self, ensemble: int, block: Block) -> None:
         """Add a block; the file is opened once, so that an interruption leaves whole blocks."""
         snapshots, walkers, p = block.chain.shape
-        if self.load(ensemble) is None:
-            emcee.backends.HDFBackend(str(self.path), name=_group(ensemble)).reset(walkers, p)
         with h5py.File(self.path, "a") as file:
-            group = file[_group(ensemble)]
+            name = _group(ensemble)
+            fresh = name not in file or not file[name].attrs["iteration"]
+        if fresh:
+            emcee.backends.HDFBackend(str(self.path), name=name).reset(walkers, p)
+        with h5py.File(self.path, "a") as file:
+            group = file[name]
             group.attrs["fingerprint"] = self.fingerprint
             total = int(group.attrs["iteration"]) + snapshots
-            for name, values in (("chain", block.chain), ("log_prob", block.log_probability)):
-                group[name].resize(total, axis=0)
-                group[name][total - snapshots :] = values
+            for key, values in (("chain", block.chain), ("log_prob", block.log_probability)):
+                group[key].resize(total, axis=0)
+                group[key][total - snapshots :] = values
             group["accepted"][:] += block.accepted
             for i, value in enumerate(block.random_state):
                 group.attrs[f"random_state_{i}"] = value
@@ -198,17 +202,23 @@ def run_ensembles(
     return chains, moved / np.array(done)
 
 
-def autocorrelation_time(chains: Array, tolerance: float) -> tuple[Array, bool]:
-    """Return integrated times (p,) in snapshots of chains (E, T, W, p), and whether to trust them.
+def autocorrelation_time(chains: Array) -> Array:
+    """Return integrated autocorrelation times (p,) in snapshots of chains (E, T, W, p).
 
-    They are trusted where the chains are at least `tolerance` times as long.
+    Sokal's window of five times, as in emcee, but about the mean of all walkers in all ensembles:
+    about each walker's own mean, short chains seem to forget far too soon.
     """
     e, t, w, p = chains.shape
-    series = np.moveaxis(chains, 0, 1).reshape(t, e * w, p)
-    try:
-        return np.asarray(emcee.autocorr.integrated_time(series, tol=tolerance)), True
-    except emcee.autocorr.AutocorrError as error:
-        return np.asarray(error.tau), False
+    times = np.empty(p)
+    for i in range(p):
+        series = np.moveaxis(chains[..., i], 1, -1).reshape(e * w, t)
+        spectrum = np.fft.rfft(series - series.mean(), n=2 * t, axis=-1)
+        products = np.fft.irfft(np.abs(spectrum) ** 2, n=2 * t, axis=-1)[:, :t].mean(axis=0)
+        correlation = products / np.arange(t, 0, -1)
+        growing = 2 * np.cumsum(correlation / correlation[0]) - 1
+        outside = np.arange(t) >= 5 * growing
+        times[i] = growing[int(np.argmax(outside)) if outside.any() else t - 1]
+    return np.maximum(times, 1.0)
 
 
 def _group(ensemble: int) -> str:

@@ -50,6 +50,8 @@ class FixedEquilibria:
     used: NDArray[np.bool_] = field(init=False)
 
     def __post_init__(self) -> None:
+        # The same layout, hence the same rounding, as in a process that got it pickled.
+        object.__setattr__(self, "measured", np.ascontiguousarray(self.measured))
         shape = self.measured.shape
         object.__setattr__(self, "root", square_root(self.weights, shape))
         object.__setattr__(self, "used", used_elements(self.weights, shape))

@@ -163,7 +163,7 @@ def square_root(weights: Array | ComplexArray, shape: tuple[int, ...]) -> Array 
         return np.asarray(np.sqrt(weights))
     values, vectors = np.linalg.eigh(weights)
     root = np.sqrt(np.clip(values, 0.0, None))
-    return np.asarray(root[..., :, None] * np.conj(np.swapaxes(vectors, -1, -2)))
+    return np.ascontiguousarray(root[..., :, None] * np.conj(np.swapaxes(vectors, -1, -2)))
 
 
 def weighted_squares(root: Array | ComplexArray, error: Array | ComplexArray) -> Array:

@@ -1,3 +1,4 @@
+import pickle
 from concurrent.futures import ThreadPoolExecutor
 
 import emcee
@@ -8,7 +9,7 @@ from test_frf_estimate import full_covariance
 from test_least_squares import MODEL, exact
 
 from estimators import covariance, fit, sample_posterior, simulate_frf
-from estimators.ensemble import SnookerMove, run_ensembles
+from estimators.ensemble import SnookerMove, autocorrelation_time, run_ensembles
 from estimators.log_posterior import log_posterior
 from estimators.posterior import judged
 from robotmodels import InvalidInput, RelativeNoise, SolverFailed
@@ -16,7 +17,7 @@ from robotmodels import InvalidInput, RelativeNoise, SolverFailed
 P = 5
 
 
-def sampled_variance(move, seed=0, steps=1000, walkers=20):
+def sampled_variance(move, seed=0, steps=700, walkers=20):
     """Variance that a move gives to N(0, I); its truth is 1."""
     state = np.random.RandomState(seed)
     sampler = emcee.EnsembleSampler(
@@ -28,7 +29,7 @@ def sampled_variance(move, seed=0, steps=1000, walkers=20):
 
 
 def test_the_snooker_move_keeps_the_normal_and_the_stock_one_does_not():
-    assert abs(sampled_variance(SnookerMove()) - 1) < 0.06
+    assert abs(sampled_variance(SnookerMove()) - 1) < 0.1
     assert sampled_variance(emcee.moves.DESnookerMove()) < 0.85
 
 
@@ -58,16 +59,21 @@ class Normal:
 NAMES = ("a", "b", "c", "d")
 
 
-def run(target, steps=800, seed=0, starts=None, **arguments):
+def run(target, steps=600, seed=0, starts=None, **arguments):
     rng = np.random.default_rng(seed)
-    starts = target.starts(4, 16, rng) if starts is None else starts
+    starts = target.starts(2, 32, rng) if starts is None else starts
     seeds = rng.integers(2**32, size=len(starts))
     return run_ensembles(target, starts, seeds, steps // 5, 5, **arguments)
 
 
-def test_a_normal_posterior_is_found():
+@pytest.fixture(scope="module")
+def normal_chains():
+    return run(Normal())
+
+
+def test_a_normal_posterior_is_found(normal_chains):
     target = Normal()
-    chains, acceptance = run(target)
+    chains, acceptance = normal_chains
     posterior = judged(NAMES, chains, 5, acceptance.mean(), 1.0)
     assert posterior.converged, posterior.message
     truth = target.root @ target.root.T
@@ -78,23 +84,33 @@ def test_a_normal_posterior_is_found():
     assert 0.2 < posterior.acceptance < 0.6
     # Effective sizes are honest within a factor: ensemble means scatter as they say.
     white = np.linalg.solve(target.root, (posterior.chains.mean(axis=(1, 2)) - target.mean).T)
-    scatter = np.mean(white**2) * posterior.ess.mean() / 4
-    assert 0.3 < scatter < 3.0
+    scatter = np.mean(white**2) * posterior.ess.mean() / 2
+    assert 0.2 < scatter < 3.0
     ends = np.log(posterior.interval(0.95))
     assert np.allclose((ends[:, 1] - ends[:, 0]) / (2 * 1.96 * std), 1, atol=0.06)
 
 
 def test_short_chains_do_not_claim_convergence():
-    chains, _ = run(Normal(), steps=150)
+    chains, _ = run(Normal(), steps=75)
     posterior = judged(NAMES, chains, 5, 0.3, 1.0)
     assert not posterior.converged
-    assert "fewer than 20 autocorrelation times" in posterior.message
+    assert "fewer than 10 autocorrelation times" in posterior.message
     assert "run about" in posterior.message
     assert "not converged" in str(posterior)
 
 
-def test_ensembles_that_disagree_do_not_claim_convergence():
-    chains, _ = run(Normal())
+def test_autocorrelation_times_of_an_autoregression_are_known():
+    """x' = a x + noise has the time (1 + a)/(1 - a), in short chains too."""
+    rng, a = np.random.default_rng(0), 0.8
+    x = np.empty((4, 80, 200, 1))
+    x[:, 0] = rng.standard_normal((4, 200, 1))
+    for t in range(1, 80):
+        x[:, t] = a * x[:, t - 1] + np.sqrt(1 - a**2) * rng.standard_normal((4, 200, 1))
+    assert autocorrelation_time(x)[0] == pytest.approx(9.0, rel=0.1)
+
+
+def test_ensembles_that_disagree_do_not_claim_convergence(normal_chains):
+    chains, _ = normal_chains
     shifted = chains.copy()
     shifted[0, ..., 2] += 2 * chains[..., 2].std()
     posterior = judged(NAMES, shifted, 5, 0.3, 1.0)
@@ -104,11 +120,11 @@ def test_ensembles_that_disagree_do_not_claim_convergence():
 
 
 def test_ensembles_are_reproducible_and_independent_of_the_executor():
-    first, _ = run(Normal(), steps=200)
-    second, _ = run(Normal(), steps=200)
+    first, _ = run(Normal(), steps=100)
+    second, _ = run(Normal(), steps=100)
     with ThreadPoolExecutor(2) as executor:
-        third, _ = run(Normal(), steps=200, executor=executor)
-    other, _ = run(Normal(), steps=200, seed=1)
+        third, _ = run(Normal(), steps=100, executor=executor)
+    other, _ = run(Normal(), steps=100, seed=1)
     assert (first == second).all()
     assert (first == third).all()
     assert (first != other).all()
@@ -132,8 +148,9 @@ def test_the_posterior_is_as_wide_as_theorem_1(found):
     posterior = sample_posterior(
         found,
         rng=np.random.default_rng(0),
-        walkers=16,
-        steps=800,
+        ensembles=2,
+        walkers=24,
+        steps=550,
         progress=lambda done, total: told.append((done, total)),
     )
     assert posterior.converged, posterior.message
@@ -141,7 +158,7 @@ def test_the_posterior_is_as_wide_as_theorem_1(found):
     ratio = covariance(found).std / posterior.uncertainty().std
     assert (ratio > 0.9).all()
     assert (ratio < 1.1).all()
-    assert told[-1] == (3200, 3200)
+    assert told[-1] == (1100, 1100)
     assert "converged" in str(posterior)
     assert "k12" in str(posterior)
 
@@ -159,6 +176,7 @@ def test_log_posterior_is_minus_the_cost_inside_the_bounds(residual, weights):
     assert value[0] == pytest.approx(0.0, abs=1e-6)
     assert value[1] == pytest.approx(-0.5 * moved.cost)
     assert value[2] == -np.inf
+    assert (pickle.loads(pickle.dumps(target))(x) == value).all()
 
 
 def test_scaled_weights_do_not_change_the_posterior(found):
@@ -189,6 +207,8 @@ def test_an_interrupted_run_goes_on_as_if_nothing_had_happened(found, tmp_path):
 
     whole = sample(None)
     path = tmp_path / "chains.h5"
+    # Interrupted before the first block, too.
+    emcee.backends.HDFBackend(str(path), name="ensemble_1").reset(16, 6)
     with pytest.raises(KeyboardInterrupt):
         sample(path, stop)
     partial = emcee.backends.HDFBackend(str(path), name="ensemble_0")
