@@ -11,11 +11,12 @@ from robotmodels.arrays import Array, ComplexArray
 from robotmodels.kernel_cells import CostKernel, Residual, positive_frequencies
 from robotmodels.kernel_information import informations
 from robotmodels.kernel_layout import layout
+from robotmodels.kernel_memory import address, aligned
 from robotmodels.kernel_solve import responses
 from robotmodels.kernel_threads import over_threads
 from robotmodels.kernel_work import network_tables, workspace
 from robotmodels.noise import RelativeNoise
-from robotmodels.simd import LANES, address, aligned
+from robotmodels.simd import LANES
 from robotmodels.spring_network import SpringNetwork
 
 __all__ = ["CostKernel", "costs", "frequency_response", "information"]

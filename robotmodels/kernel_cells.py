@@ -8,9 +8,10 @@ from robotmodels.arrays import Array, ComplexArray
 from robotmodels.errors import InvalidInput, nearest
 from robotmodels.kernel_cost import Cells, cell_costs, parted, vectors
 from robotmodels.kernel_layout import Layout, layout, reduced
+from robotmodels.kernel_memory import address
 from robotmodels.kernel_threads import over_threads
 from robotmodels.kernel_work import contiguous, network_tables, workspace
-from robotmodels.simd import LANES, address
+from robotmodels.simd import LANES
 from robotmodels.spring_network import SpringNetwork
 
 Residual = Literal["nls", "lls"]

@@ -7,26 +7,16 @@ stored by row; entry i, j is the complex vector at place i (i + 1) + 2 j.
 # numba compiles what follows and infers its types:
 # mypy: allow-untyped-decorators, allow-untyped-defs, allow-untyped-calls
 
+from hashlib import sha256
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numba import njit
 
 from robotmodels.kernel_layout import BLOCK
-from robotmodels.simd import (
-    BYTES,
-    LANES,
-    fma,
-    load,
-    load_complex,
-    maximum,
-    minimum,
-    pack,
-    put,
-    scalar,
-    splat,
-    store,
-)
+from robotmodels.kernel_memory import load, load_complex, put, scalar, store
+from robotmodels.simd import BYTES, LANES, fma, maximum, minimum, pack, splat
 
 SMALL_PIVOT = 1e-4
 """A pivot smaller than this share of its row's largest entry: solve with pivoting."""
@@ -40,6 +30,19 @@ _INNER: dict[str, Any] = {
 inlined: Any = njit(**_INNER, forceinline=True)
 compiled: Any = njit(**_INNER)
 entry: Any = njit(error_model="numpy", cache=True, nogil=True)
+
+
+def _sources() -> str:
+    folder = Path(__file__).parent
+    digest = sha256()
+    for file in sorted([*folder.glob("kernel_*.py"), folder / "simd.py"]):
+        digest.update(file.read_bytes())
+    return digest.hexdigest()
+
+
+SOURCES = _sources()
+"""numba looks for changes in the file of a cached function only; closing over this, an `entry`
+function is compiled again when any file of the kernel has changed."""
 
 
 @inlined

@@ -8,7 +8,7 @@ import numpy as np
 
 from robotmodels.arrays import Array, IntArray
 from robotmodels.kernel_layout import BLOCK, Layout
-from robotmodels.simd import address, aligned
+from robotmodels.kernel_memory import address, aligned
 from robotmodels.spring_network import SpringNetwork
 
 

@@ -5,11 +5,8 @@ such a place. Here the vector is explicit: one lane is one frequency, real and i
 vectors of their own, and every operation is one LLVM instruction or a few. A processor without
 512-bit registers gets the same program in halves or quarters, from LLVM.
 
-`Reals` and `Complexes` know + - * /, and comparison is left to `minimum` and `maximum`. Memory
-is addressed: `load` and `store` take the integer address of an array from `aligned` and a place,
-counted in vectors; a complex vector takes two places. An address costs nothing to hand around,
-where numba counts references to arrays, one atomic operation each. Whoever takes an address
-keeps the array. None of this checks bounds.
+`Reals` and `Complexes` know + - * /, and comparison is left to `minimum` and `maximum`. They
+are read from memory and written to it by `kernel_memory`.
 """
 
 # numba's extension interface comes without types:
@@ -19,27 +16,17 @@ keeps the array. None of this checks bounds.
 import operator
 from typing import Any
 
-import numpy as np
 from llvmlite import ir
 from numba import extending
 from numba.core import cgutils, types
 from numba.core.typing.templates import ConcreteTemplate, infer_global, signature
 from numba.extending import lower_builtin, make_attribute_wrapper, models, register_model
 
-from robotmodels.arrays import Array, IntArray
-
 intrinsic: Any = extending.intrinsic
 
 LANES = 8
 BYTES = 8 * LANES
-_VECTOR = ir.VectorType(ir.DoubleType(), LANES)
-
-
-def aligned(places: int) -> Array:
-    """Return a zeroed buffer of `places` vectors that starts at a multiple of 64 bytes."""
-    raw = np.zeros(places * LANES + LANES)
-    start = (-raw.ctypes.data % BYTES) // 8
-    return raw[start : start + places * LANES]
+VECTOR = ir.VectorType(ir.DoubleType(), LANES)
 
 
 class RealsType(types.Type):
@@ -62,7 +49,7 @@ Reals, Complexes = RealsType(), ComplexesType()
 @register_model(RealsType)
 class _RealsModel(models.PrimitiveModel):
     def __init__(self, manager, fe_type) -> None:
-        super().__init__(manager, fe_type, _VECTOR)
+        super().__init__(manager, fe_type, VECTOR)
 
 
 @register_model(ComplexesType)
@@ -79,18 +66,20 @@ def _fma(builder, a, b, c):
     """Emit a b + c, fused where the processor can."""
     function = cgutils.get_or_insert_function(
         builder.module,
-        ir.FunctionType(_VECTOR, [_VECTOR] * 3),
+        ir.FunctionType(VECTOR, [VECTOR] * 3),
         f"llvm.fmuladd.v{LANES}f64",
     )
     return builder.call(function, [a, b, c])
 
 
-def _parts(context, builder, value):
+def parts_of(context, builder, value):
+    """Emit the real and the imaginary vector of a complex one."""
     z = cgutils.create_struct_proxy(Complexes)(context, builder, value=value)
     return z.real, z.imag
 
 
-def _complex(context, builder, real, imag):
+def complex_of(context, builder, real, imag):
+    """Emit the complex vector of two real ones."""
     z = cgutils.create_struct_proxy(Complexes)(context, builder)
     z.real, z.imag = real, imag
     return z._getvalue()
@@ -110,23 +99,25 @@ _CASES: dict[Any, list[object]] = {}
 
 
 def _product(context, builder, a, b):
-    (ar, ai), (br, bi) = _parts(context, builder, a), _parts(context, builder, b)
+    (ar, ai), (br, bi) = parts_of(context, builder, a), parts_of(context, builder, b)
     real = _fma(builder, builder.fneg(ai), bi, builder.fmul(ar, br))
-    return _complex(context, builder, real, _fma(builder, ai, br, builder.fmul(ar, bi)))
+    return complex_of(context, builder, real, _fma(builder, ai, br, builder.fmul(ar, bi)))
 
 
 def _each_part(emit):
     """Return the complex form of a real operation that acts on both parts alike."""
 
     def both(context, builder, a, b):
-        pairs = zip(_parts(context, builder, a), _parts(context, builder, b), strict=True)
-        return _complex(context, builder, *(emit(builder, x, y) for x, y in pairs))
+        pairs = zip(parts_of(context, builder, a), parts_of(context, builder, b), strict=True)
+        return complex_of(context, builder, *(emit(builder, x, y) for x, y in pairs))
 
     return both
 
 
 def _scaled(context, builder, a, b):
-    return _complex(context, builder, *(builder.fmul(x, b) for x in _parts(context, builder, a)))
+    return complex_of(
+        context, builder, *(builder.fmul(x, b) for x in parts_of(context, builder, a))
+    )
 
 
 for _operator, _name in (
@@ -148,108 +139,16 @@ for _operator, _signatures in _CASES.items():
     infer_global(_operator)(type("_Template", (ConcreteTemplate,), {"cases": _signatures}))
 
 
-def address(array: Array | IntArray) -> int:
-    """Return where the data of a contiguous array begin.
-
-    Raises
-    ------
-    ValueError : if the array is not contiguous.
-    """
-    if not array.flags.c_contiguous:
-        raise ValueError("only a contiguous array can be used by its address")
-    return int(array.ctypes.data)
-
-
-def _pointer(builder, element, start, place):
-    """Return a pointer to element `place` behind the address `start`."""
-    return builder.gep(builder.inttoptr(start, element.as_pointer()), [place])
-
-
-def _next(builder, pointer):
-    return builder.gep(pointer, [ir.Constant(ir.IntType(64), 1)])
-
-
-@intrinsic
-def load(typingctx, start, place):
-    """Return the real vector at `place`."""
-
-    def codegen(context, builder, sig, args):
-        return builder.load(_pointer(builder, _VECTOR, *args), align=BYTES)
-
-    return Reals(types.intp, types.intp), codegen
-
-
-@intrinsic
-def load_complex(typingctx, start, place):
-    """Return the complex vector at `place` and the next."""
-
-    def codegen(context, builder, sig, args):
-        pointer = _pointer(builder, _VECTOR, *args)
-        real = builder.load(pointer, align=BYTES)
-        imag = builder.load(_next(builder, pointer), align=BYTES)
-        return _complex(context, builder, real, imag)
-
-    return Complexes(types.intp, types.intp), codegen
-
-
-@intrinsic
-def store(typingctx, start, place, value):
-    """Write a real vector to `place`, or a complex one to `place` and the next."""
-
-    def codegen(context, builder, sig, args):
-        pointer = _pointer(builder, _VECTOR, *args[:2])
-        if sig.args[2] == Reals:
-            builder.store(args[2], pointer, align=BYTES)
-        else:
-            real, imag = _parts(context, builder, args[2])
-            builder.store(real, pointer, align=BYTES)
-            builder.store(imag, _next(builder, pointer), align=BYTES)
-        return context.get_dummy_value()
-
-    return types.void(types.intp, types.intp, value), codegen
-
-
-@intrinsic
-def scalar(typingctx, start, place):
-    """Return the double at `place`, counted in doubles."""
-
-    def codegen(context, builder, sig, args):
-        return builder.load(_pointer(builder, ir.DoubleType(), *args))
-
-    return types.float64(types.intp, types.intp), codegen
-
-
-@intrinsic
-def integer(typingctx, start, place):
-    """Return the integer at `place`, counted in integers of 64 bits."""
-
-    def codegen(context, builder, sig, args):
-        return builder.load(_pointer(builder, ir.IntType(64), *args))
-
-    return types.int64(types.intp, types.intp), codegen
-
-
-@intrinsic
-def put(typingctx, start, place, value):
-    """Write a double to `place`, counted in doubles."""
-
-    def codegen(context, builder, sig, args):
-        builder.store(args[2], _pointer(builder, ir.DoubleType(), *args[:2]))
-        return context.get_dummy_value()
-
-    return types.void(types.intp, types.intp, types.float64), codegen
-
-
 @intrinsic
 def splat(typingctx, x):
     """Return a real vector with `x` in every lane."""
 
     def codegen(context, builder, sig, args):
         lane = builder.insert_element(
-            ir.Constant(_VECTOR, ir.Undefined), args[0], ir.Constant(ir.IntType(32), 0)
+            ir.Constant(VECTOR, ir.Undefined), args[0], ir.Constant(ir.IntType(32), 0)
         )
         mask = ir.Constant(ir.VectorType(ir.IntType(32), LANES), [0] * LANES)
-        return builder.shuffle_vector(lane, ir.Constant(_VECTOR, ir.Undefined), mask)
+        return builder.shuffle_vector(lane, ir.Constant(VECTOR, ir.Undefined), mask)
 
     return Reals(types.float64), codegen
 
@@ -259,7 +158,7 @@ def pack(typingctx, real, imag):
     """Return the complex vector of two real ones."""
 
     def codegen(context, builder, sig, args):
-        return _complex(context, builder, *args)
+        return complex_of(context, builder, *args)
 
     return Complexes(Reals, Reals), codegen
 
@@ -275,14 +174,14 @@ def fma(typingctx, a, b, c):
         return Reals(Reals, Reals, Reals), real
 
     def codegen(context, builder, sig, args):
-        (ar, ai), (cr, ci) = (_parts(context, builder, args[i]) for i in (0, 2))
+        (ar, ai), (cr, ci) = (parts_of(context, builder, args[i]) for i in (0, 2))
         if b == Reals:
             parts = _fma(builder, ar, args[1], cr), _fma(builder, ai, args[1], ci)
         else:
-            br, bi = _parts(context, builder, args[1])
+            br, bi = parts_of(context, builder, args[1])
             cr, ci = _fma(builder, ar, br, cr), _fma(builder, ar, bi, ci)
             parts = _fma(builder, builder.fneg(ai), bi, cr), _fma(builder, ai, br, ci)
-        return _complex(context, builder, *parts)
+        return complex_of(context, builder, *parts)
 
     return Complexes(Complexes, b, Complexes), codegen
 
@@ -292,9 +191,9 @@ def fma_conjugate(typingctx, a, b, c):
     """Return conj(a) b + c for complex vectors."""
 
     def codegen(context, builder, sig, args):
-        (ar, ai), (br, bi), (cr, ci) = (_parts(context, builder, x) for x in args)
+        (ar, ai), (br, bi), (cr, ci) = (parts_of(context, builder, x) for x in args)
         cr, ci = _fma(builder, ar, br, cr), _fma(builder, ar, bi, ci)
-        return _complex(
+        return complex_of(
             context,
             builder,
             _fma(builder, ai, bi, cr),
@@ -342,7 +241,7 @@ def any_negative(typingctx, a):
     """Return whether a lane is below zero."""
 
     def codegen(context, builder, sig, args):
-        zero = ir.Constant(_VECTOR, [0.0] * LANES)
+        zero = ir.Constant(VECTOR, [0.0] * LANES)
         bits = builder.bitcast(builder.fcmp_ordered("<", args[0], zero), ir.IntType(LANES))
         return builder.icmp_unsigned("!=", bits, ir.Constant(ir.IntType(LANES), 0))
 
@@ -373,11 +272,11 @@ def split_exponent(typingctx, a):
         shifted = builder.sub(bits, constant(0x3FE6A09E667F3BCD))
         exponent = builder.ashr(shifted, constant(52))
         fraction = builder.sub(bits, builder.shl(exponent, constant(52)))
-        return _complex(
+        return complex_of(
             context,
             builder,
-            builder.sitofp(exponent, _VECTOR),
-            builder.bitcast(fraction, _VECTOR),
+            builder.sitofp(exponent, VECTOR),
+            builder.bitcast(fraction, VECTOR),
         )
 
     return Complexes(Reals), codegen

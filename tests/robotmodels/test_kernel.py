@@ -12,7 +12,7 @@ import numba
 import numpy as np
 import pytest
 
-from robotmodels import kernel
+from robotmodels import kernel, kernel_cost, kernel_factor, kernel_information, kernel_solve
 from robotmodels.errors import InvalidInput
 from robotmodels.kernel_layout import layout
 from robotmodels.measurement import Measurement
@@ -430,3 +430,13 @@ def test_wrong_arguments_are_named():
         cost(np.where(np.arange(26) == 1, -1.0, 1.0)[None])
     with pytest.raises(InvalidInput, match=r"\(26,\) is needed"):
         cost(np.ones((2, 25)))
+
+
+@pytest.mark.parametrize(
+    "function",
+    [kernel_solve.responses, kernel_information.informations, kernel_cost.cell_costs],
+)
+def test_a_change_in_any_source_file_changes_the_key_of_the_cache(function):
+    # numba's key holds the values a function closes over, and the date of its own file only.
+    closed_over = [cell.cell_contents for cell in function.py_func.__closure__]
+    assert closed_over == [kernel_factor.SOURCES]
