@@ -6,7 +6,6 @@ import numpy as np
 
 from oed.study import Multistart, StudyResults
 from reports import text
-from robotmodels.parameters import Parameters
 
 
 @dataclass(frozen=True)
@@ -87,17 +86,6 @@ def parameter_rows(results: StudyResults) -> list[ParameterRow]:
                 kind=kind_of(name),
             )
         )
-    return rows
-
-
-def nominal_rows(parameters: Parameters) -> list[tuple[str, str, str]]:
-    """Return name, value and unit of a robot's own parameters."""
-    rows = []
-    for name, value, unit in zip(
-        parameters.names, parameters.values, parameters.units, strict=True
-    ):
-        factor, pretty = text.scaled_unit(value, unit)
-        rows.append((name, text.significant(value / factor, 4), pretty))
     return rows
 
 

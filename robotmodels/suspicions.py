@@ -46,7 +46,7 @@ def outside_the_band(d: Diagnosis) -> Iterator[Suspicion]:
             yield Suspicion(
                 f"mode {side} the band",
                 (),
-                f"{beyond.sum()} of {len(hertz)} resonances lie {side} {edge:.3g} Hz ({which})",
+                f"{beyond.sum()} of {len(hertz)} resonances, at {which}, {side} {edge:.3g} Hz",
             )
 
 
@@ -122,8 +122,8 @@ def large_gyration(d: Diagnosis) -> Iterator[Suspicion]:
             yield Suspicion(
                 "inertia",
                 (b.name,),
-                f"{b.name}: its radius of gyration, {b.radius_of_gyration:.2g} m, exceeds its "
-                f"reach, {b.extent:.2g} m (to the next joints, or twice to its centre of mass)",
+                f"{b.name}: its radius of gyration is {b.radius_of_gyration:.2g} m, more than the "
+                f"body's length, {b.extent:.2g} m",
             )
 
 
