@@ -21,7 +21,7 @@ BLOCK = 20
 
 
 class SnookerMove(emcee.moves.RedBlueMove):  # type: ignore[misc]  # emcee has no types
-    """Snooker update of ter Braak and Vrugt (2008), eq. 4.
+    """Snooker update of ter Braak and Vrugt (2008).
 
     x' = x + gamma (P z1 - P z2) with P the orthogonal projection onto the line through x and z,
     accepted with the factor (|x' - z| / |x - z|)^(p - 1). emcee 3.1.6's own divides the direction

@@ -16,7 +16,7 @@ from estimators.log_posterior import log_posterior
 from robotmodels.arrays import Array, IntArray, read_only
 from robotmodels.errors import InvalidInput
 
-# Vehtari et al. (2021), section 4: R-hat below 1.01 and an effective sample size above 400.
+# Vehtari et al. (2021): R-hat below 1.01 and an effective sample size above 400.
 R_HAT = 1.01
 ESS = 400.0
 # Chains shorter than this many autocorrelation times do not tell their autocorrelation time.
@@ -100,7 +100,7 @@ def sample_posterior(
 
     For nls with optimal weights that is the exact likelihood. The scale makes the posterior as
     wide as Theorem 1 on average: p / tr(bread^-1 meat), one for optimal weights (the magnitude
-    adjustment of Pauli, Racugno and Ventura 2011, eq. 8). With other weights single parameters'
+    adjustment of Pauli, Racugno and Ventura 2011). With other weights single parameters'
     widths may still differ from Theorem 1's.
 
     Parameters
@@ -116,13 +116,16 @@ def sample_posterior(
 
     Raises
     ------
-    InvalidInput : for too few ensembles, walkers or steps, or a backend of another fit or seed.
+    InvalidInput : for too few ensembles, walkers or steps, a scale that is not positive, or a
+        backend of another fit or seed.
     NotIdentifiable : if the information at the fit is singular.
     """
     p = len(fit.parameters)
     _check_sizes(p, ensembles, walkers, steps, thin)
     width = covariance(fit)
     scale = _scale(fit) if scale is None else float(scale)
+    if not (np.isfinite(scale) and scale > 0):
+        raise InvalidInput(f"scale: {scale:g} is not a positive number")
     target = log_posterior(fit, scale)
     seeds = rng.integers(2**32, size=ensembles, dtype=np.int64)
     starts = np.stack(

@@ -239,6 +239,7 @@ def test_a_backend_of_another_run_is_refused(found, tmp_path):
         ({"walkers": 10}, "10 are too few for 6 parameters; at least 12"),
         ({"steps": 10}, "fewer than 10 snapshots"),
         ({"thin": 0}, "fewer than 10 snapshots"),
+        ({"scale": 0.0}, "scale: 0 is not a positive"),
     ],
 )
 def test_settings_that_cannot_work_are_named(found, arguments, message):
