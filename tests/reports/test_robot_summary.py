@@ -1,6 +1,7 @@
 """What ``oed check`` prints: readable, complete, the same as JSON, one line for a mistake."""
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -80,6 +81,18 @@ def test_outputs_only_where_they_are_not_the_default() -> None:
     file = built(SENSED).file.model_copy(update={"output": "velocity"})
     speed = shown(ElasticRobot(file, built(SENSED).folder))
     assert "velocity of every motor [rad/s]" in speed
+
+
+def test_torque_gains_and_modes_that_cannot_be_told_apart() -> None:
+    robot = built(CRANE)
+    motors = [m.model_copy(update={"torque_gain": 1.1}) for m in robot.file.motors[:1]]
+    file = robot.file.model_copy(update={"motors": [*motors, *robot.file.motors[1:]]})
+    diagnosis = diagnose(robot, robot.position_limits.mean(axis=1))
+    failed = replace(diagnosis, modes=(), overdamped=(), modes_failed="too damped")
+    text = robot_summary(failed, suspicions(failed), file)
+    assert "torque gains other than 1: mw 1.10" in text
+    assert "undamped: 6.6" in text
+    assert "overdamped mode: too damped" in text
 
 
 def test_json_is_the_diagnosis_in_si_units() -> None:
