@@ -157,6 +157,13 @@ class Elements:
         A nonlinear spring's stiffness is its slope at the `elongations` (Q, s).
         """
         law = self.laws(theta)
+        count = len(elongations)
+        by_damping = np.broadcast_to(
+            self.ties[self._damping], (count, *self.ties[self._damping].shape)
+        )
+        if law.linear:  # alike at every elongation
+            both = np.concatenate([self.ties[self._low], self.ties[self._damping]])
+            return np.broadcast_to(both, (count, *both.shape))
         slope = law(elongations)[1]
 
         def change(elements: list[int], partial: tuple[Array, Array]) -> Array:
@@ -167,9 +174,6 @@ class Elements:
 
         by_stiffness = change(self._low, law.by_low(elongations)) + change(
             self._high, law.by_high(elongations)
-        )
-        by_damping = np.broadcast_to(
-            self.ties[self._damping], (len(elongations), *self.ties[self._damping].shape)
         )
         return np.concatenate([by_stiffness, by_damping], axis=1)
 

@@ -38,17 +38,27 @@ def gravity(arm: Arm, coordinates: Array) -> tuple[Array, Array]:
     torques = np.empty(coordinates.shape)
     slopes = np.empty((*coordinates.shape, coordinates.shape[1]))
     for i, q in enumerate(coordinates):
-        torques[i] = pin.computeGeneralizedGravity(arm.model, data, q)
         slopes[i] = pin.computeGeneralizedGravityDerivatives(arm.model, data, q)
+        torques[i] = data.g  # a by-product
     return torques, slopes
+
+
+def gravity_torques(arm: Arm, coordinates: Array) -> Array:
+    """Return gravity torques g, (Q, d), at `coordinates` (Q, d)."""
+    data = arm.model.createData()
+    torques = np.empty(coordinates.shape)
+    for i, q in enumerate(coordinates):
+        torques[i] = pin.computeGeneralizedGravity(arm.model, data, q)
+    return torques
 
 
 def mass_matrices(arm: Arm, coordinates: Array) -> Array:
     """Return the mass matrices (Q, d, d) at `coordinates` (Q, d)."""
     data = arm.model.createData()
-    return np.array([pin.crba(arm.model, data, q).copy() for q in coordinates]).reshape(
-        *coordinates.shape, coordinates.shape[1]
-    )
+    mass = np.empty((*coordinates.shape, coordinates.shape[1]))
+    for i, q in enumerate(coordinates):
+        mass[i] = pin.crba(arm.model, data, q)
+    return mass
 
 
 def find_equilibrium(
@@ -76,7 +86,7 @@ def find_equilibrium(
     ------
     NoEquilibrium : if a spring gives way, naming it, the position and its torque.
     """
-    q = np.array(start, dtype=float)
+    q = _first_guess(arm, start, sprung, law)
     moving = np.arange(len(q))  # positions whose Newton iteration has not ended
     for _ in range(30):
         torques, slopes = law((q - start)[np.ix_(moving, sprung)])
@@ -96,8 +106,8 @@ def find_equilibrium(
         if (bent > LARGEST_DEFLECTION).any():
             i = int(moving[np.argmax(bent)])
             raise _gives_way(arm, start[i], q[i], sprung, springs, places(i))
-        # The iteration converges quadratically: after such a step only rounding is left.
-        done = np.abs(step).max(axis=1, initial=0.0) < 1e-8
+        # Newton's error is at most about the square of its last step: only rounding is left.
+        done = np.abs(step).max(axis=1, initial=0.0) < 1e-6
         _check_stable(K[done], sprung, moving[done], springs, places)
         moving = moving[~done]
         if not len(moving):
@@ -107,11 +117,26 @@ def find_equilibrium(
     raise _gives_way(arm, start[i], q[i], sprung, springs, places(i))
 
 
+def _first_guess(arm: Arm, start: Array, sprung: IntArray, law: SpringLaw) -> Array:
+    """Return coordinates near the equilibrium by two cheap steps: each spring carries its load.
+
+    A step leaves gravity's stiffness over the spring's, about a hundredth, of the error.
+    """
+    q = np.array(start, dtype=float)
+    stiffness = law(np.zeros((1, len(sprung))))[1]
+    for _ in range(2):
+        deflection = -gravity_torques(arm, q)[:, sprung] / stiffness
+        # Where a spring is weak, Newton does better from the unloaded coordinates.
+        deflection[np.abs(deflection).max(axis=1, initial=0.0) > 0.1 * LARGEST_DEFLECTION] = 0.0
+        q[:, sprung] = start[:, sprung] + deflection
+    return q
+
+
 def _gives_way(
     arm: Arm, start: Array, bent: Array, sprung: IntArray, springs: Sequence[str], place: str
 ) -> NoEquilibrium:
     worst = int(np.argmax(np.abs(bent - start)[sprung]))
-    load = abs(gravity(arm, start[None])[0][0, sprung[worst]])
+    load = abs(gravity_torques(arm, start[None])[0, sprung[worst]])
     return NoEquilibrium(
         f"no static equilibrium at {place}: {springs[worst]} gives way under a gravity torque of "
         f"{load:.4g} N m; it is too weak for the load"

@@ -80,9 +80,12 @@ def _measurement(layout: Layout, selector: Array, coordinates: Array) -> Measure
     """Return the rows of the motors, then those of the accelerometers."""
     file: RobotFile = layout.file
     n, sensors = len(file.motors), len(file.accelerometers)
-    rows = np.zeros((3, len(coordinates), n + sensors, layout.size))
+    # Motors are read alike everywhere: one copy serves all positions where there are no sensors.
+    rows = np.zeros((3, len(coordinates) if sensors else 1, n + sensors, layout.size))
     rows[_ORDER[file.output], :, :n] = selector.T
-    if sensors:
+    if not sensors:
+        rows = np.broadcast_to(rows, (3, len(coordinates), n, layout.size))
+    else:
         rows[0, :, n:, : layout.arm_size], rows[2, :, n:, : layout.arm_size] = _accelerometers(
             layout, coordinates
         )

@@ -2,6 +2,8 @@
 
 from dataclasses import dataclass
 
+import numpy as np
+
 from robotmodels.arrays import Array
 
 
@@ -20,6 +22,11 @@ class SpringLaws:
     low: Array
     high: Array
     torque: Array
+
+    @property
+    def linear(self) -> bool:
+        """Whether no spring hardens."""
+        return not np.isfinite(self.torque).any()
 
     @property
     def kappa(self) -> Array:
