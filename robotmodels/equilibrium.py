@@ -107,7 +107,7 @@ def find_equilibrium(
             i = int(moving[np.argmax(bent)])
             raise _gives_way(arm, start[i], q[i], sprung, springs, places(i))
         # Newton's error is at most about the square of its last step: only rounding is left.
-        done = np.abs(step).max(axis=1, initial=0.0) < 1e-6
+        done = np.abs(step).max(axis=1, initial=0.0) < 1e-8
         _check_stable(K[done], sprung, moving[done], springs, places)
         moving = moving[~done]
         if not len(moving):
@@ -118,13 +118,13 @@ def find_equilibrium(
 
 
 def _first_guess(arm: Arm, start: Array, sprung: IntArray, law: SpringLaw) -> Array:
-    """Return coordinates near the equilibrium by two cheap steps: each spring carries its load.
+    """Return coordinates near the equilibrium by three cheap steps: each spring carries its load.
 
     A step leaves gravity's stiffness over the spring's, about a hundredth, of the error.
     """
     q = np.array(start, dtype=float)
     stiffness = law(np.zeros((1, len(sprung))))[1]
-    for _ in range(2):
+    for _ in range(3):
         deflection = -gravity_torques(arm, q)[:, sprung] / stiffness
         # Where a spring is weak, Newton does better from the unloaded coordinates.
         deflection[np.abs(deflection).max(axis=1, initial=0.0) > 0.1 * LARGEST_DEFLECTION] = 0.0
