@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from robotmodels.arrays import Array, ComplexArray
+from robotmodels.arrays import Array, ComplexArray, IntArray
 from robotmodels.linear_model import LinearModel
 from robotmodels.skeleton import Skeleton
 
@@ -47,19 +47,30 @@ class Tangents:
         """
         w = np.asarray(omega, dtype=float)[:, None, None, None]
         X, Z = model.receptances(omega)
-        # Each term is a product of real derivatives (no frequency) with complex columns.
-        J = -_between(Z, self.stiffness, X) + w**2 * _between(Z, self.mass, X)
-        if self.damping.any():
-            J = J - 1j * w * _between(Z, self.damping, X)
         late = np.exp(-1j * w * model.measured.delay)
-        if self.position.any():
-            J = J + late * _times(self.position, X)
-        if self.acceleration.any():
-            J = J - late * w**2 * _times(self.acceleration, X)
+        J = np.zeros((*Z.shape[:2], Z.shape[-1], X.shape[-1], len(self.delay)), dtype=complex)
+        moved = self._columns(self.mass, self.damping, self.stiffness)
+        if len(moved):
+            force = _times(self.stiffness[:, moved], X) - w**2 * _times(self.mass[:, moved], X)
+            if self.damping.any():
+                force += 1j * w * _times(self.damping[:, moved], X)
+            q, f, d, n, p = force.shape
+            answer = np.swapaxes(Z, -1, -2) @ force.reshape(q, f, d, n * p)
+            J[..., moved] -= answer.reshape(q, f, -1, n, p)
+        seen = self._columns(self.position, self.acceleration)
+        if len(seen):
+            change = _times(self.position[:, seen], X) - w**2 * _times(
+                self.acceleration[:, seen], X
+            )
+            J[..., seen] += late * change
         if self.ln_gain.any() or self.delay.any():
             G = model.frequency_response(omega)[..., None]
-            J = J + G * (self.ln_gain.T - 1j * w * self.delay)
-        return np.asarray(J)
+            J += G * (self.ln_gain.T - 1j * w * self.delay)
+        return J
+
+    def _columns(self, *derivatives: Array) -> IntArray:
+        """Return the parameters by which any of the derivatives is not zero."""
+        return np.flatnonzero(sum(a.any(axis=(0, 2, 3)) for a in derivatives))
 
 
 def differentiate(
@@ -120,14 +131,8 @@ def _arrays(rest: Skeleton) -> dict[str, Array]:
 def _times(derivative: Array, columns: ComplexArray) -> ComplexArray:
     """Return derivative (Q, p, m, d) times columns (Q, F, d, n), as (Q, F, m, n, p)."""
     q, f, d, n = columns.shape
-    flat = columns.transpose(0, 2, 1, 3).reshape(q, 1, d, f * n)
-    product = derivative @ flat.real + 1j * (derivative @ flat.imag)
-    return np.asarray(product.reshape(q, -1, derivative.shape[-2], f, n).transpose(0, 3, 2, 4, 1))
-
-
-def _between(left: ComplexArray, derivative: Array, right: ComplexArray) -> ComplexArray:
-    """Return left^T (derivative) right, (Q, F, m, n, p)."""
-    inner = _times(derivative, right)  # (Q, F, d, n, p)
-    q, f, d, n, p = inner.shape
-    product = np.swapaxes(left, -1, -2) @ inner.reshape(q, f, d, n * p)
-    return np.asarray(product.reshape(q, f, -1, n, p))
+    p, m = derivative.shape[1:3]
+    # One real product: real and imaginary parts lie side by side.
+    flat = np.ascontiguousarray(columns.transpose(0, 2, 1, 3)).view(float).reshape(q, d, -1)
+    product = (derivative.reshape(q, p * m, d) @ flat).view(complex)
+    return np.ascontiguousarray(product.reshape(q, p, m, f, n).transpose(0, 3, 2, 4, 1))
