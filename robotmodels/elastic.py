@@ -15,6 +15,7 @@ from robotmodels.errors import InvalidInput
 from robotmodels.layout import Layout
 from robotmodels.parameters import Parameters
 from robotmodels.robot_file import RobotFile
+from robotmodels.segments import check_bodies
 from robotmodels.skeleton import Skeleton, check_mass, skeleton
 from robotmodels.spring_network import SpringNetwork, incidence
 from robotmodels.tangents import Tangents, differentiate
@@ -39,6 +40,7 @@ class ElasticRobot:
 
     def __post_init__(self) -> None:
         self._check_joints()
+        check_bodies(self.file, self.rigid)
         check_mass(self.layout)
         _ = self.parameters  # a robot that exists can be used
 

@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pinocchio as pin
 
+from robotmodels.arrays import Array
 from robotmodels.errors import InvalidInput, nearest
 from robotmodels.urdf_check import checked_urdf
 
@@ -113,12 +114,22 @@ def check_inertia(inertia: pin.Inertia, who: str) -> None:
 
     Raises
     ------
+    InvalidInput : as `check_moments`.
+    """
+    check_moments(float(inertia.mass), inertia.inertia, who)
+
+
+def check_moments(mass: float, inertia: Array, who: str) -> None:
+    """Refuse a mass [kg] and an inertia about its centre (3, 3) [kg m^2] that no body can have.
+
+    Raises
+    ------
     InvalidInput : if the mass is not positive, or the principal moments of inertia are negative
         or break the triangle inequality.
     """
-    if not inertia.mass > 0:
-        raise InvalidInput(f"{who} has mass {inertia.mass:g} kg; a positive mass is needed")
-    moments = np.linalg.eigvalsh(inertia.inertia)
+    if not mass > 0:
+        raise InvalidInput(f"{who} has mass {mass:g} kg; a positive mass is needed")
+    moments = np.linalg.eigvalsh(inertia)
     # Published inertias are rounded: allow the triangle inequality one part in a hundred.
     if moments[0] < -1e-9 * moments[2] or moments[0] + moments[1] < 0.99 * moments[2]:
         listed = ", ".join(f"{m:.3g}" for m in moments)

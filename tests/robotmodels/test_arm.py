@@ -125,11 +125,11 @@ def test_a_motor_cannot_have_the_name_of_a_joint() -> None:
     [
         (
             {"mass": 5.0},
-            "'a3y': what its cut leaves of the body moved by joint 'elbow_joint' has mass",
+            "spring 'a3y': what its cut leaves of link 'forearm_link' has mass",
         ),
         (
             {"com": [0.0, 0.5, 0.4]},
-            "'a3y': what its cut leaves of the body moved by joint 'elbow_jo",
+            "spring 'a3y': what its cut leaves of link 'forearm_link' is not phys",
         ),
         ({"inertia": [0.03, 0.1, 0.007]}, "spring 'a3y': 'distal' is not physically consistent"),
         ({"mass": 0.0}, "spring 'a3y': 'distal' has mass 0 kg; a positive mass is needed"),
