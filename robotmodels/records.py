@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from robotmodels.arrays import Array, IntArray, read_only
 from robotmodels.errors import InvalidInput
@@ -247,12 +248,13 @@ def _check_values(r: Records) -> None:
     _refuse(~np.isfinite(r.positions), "positions", ("position", "motor"))
     axes = ("position", "block", "experiment", "period", "sample", "motor")
     _refuse(~np.isfinite(r.reference), "reference", axes)
-    whole = np.isnan(r.torque).all((3, 4, 5)) & np.isnan(r.angle).all((3, 4, 5))
+    torque, angle = (np.isnan(s).all(axis=(3, 4, 5)) for s in (r.torque, r.angle))
+    whole = np.asarray(torque & angle)
     for name in ("torque", "angle"):
         _refuse(~np.isfinite(getattr(r, name)) & ~whole[..., None, None, None], name, axes)
 
 
-def _refuse(wrong: Array, name: str, axes: tuple[str, ...]) -> None:
+def _refuse(wrong: NDArray[np.bool_], name: str, axes: tuple[str, ...]) -> None:
     if wrong.any():
         index = np.argwhere(wrong)[0]
         place = ", ".join(f"{axis} {i}" for axis, i in zip(axes, index, strict=True))
