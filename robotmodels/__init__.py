@@ -4,6 +4,7 @@ from robotmodels.chains import CoupledChains
 from robotmodels.elastic import ElasticRobot
 from robotmodels.errors import (
     IdentificationError,
+    IdentificationWarning,
     InvalidInput,
     NoEquilibrium,
     NotIdentifiable,
@@ -27,6 +28,7 @@ __all__ = [
     "CoupledChains",
     "ElasticRobot",
     "IdentificationError",
+    "IdentificationWarning",
     "InvalidInput",
     "LinearModel",
     "NoEquilibrium",

@@ -8,6 +8,10 @@ class IdentificationError(Exception):
     """Root of every error this package raises for a reason a user can mend."""
 
 
+class IdentificationWarning(UserWarning):
+    """Something in the data that a user should know of, though an answer can be given."""
+
+
 class InvalidInput(IdentificationError):
     """A file, key, name or number that cannot be used."""
 
