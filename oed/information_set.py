@@ -146,6 +146,9 @@ def information(
 ) -> InformationSet:
     """Return the information of one experiment in each position, equilibria held fixed.
 
+    For the built-in robots the latter changes no standard deviation by more than 0.15 % (15 random
+    positions, 2 to 80 Hz); see `robotmodels.sensitivity` for what it leaves out.
+
     Parameters
     ----------
     robot : a model with `parameters` and `network(positions)`.

@@ -8,7 +8,7 @@ import numpy as np
 import pinocchio as pin
 
 from robotmodels.arm import Arm, build_arm, motions
-from robotmodels.arrays import Array
+from robotmodels.arrays import Array, real_numbers
 from robotmodels.elements import Elements
 from robotmodels.equilibrium import Equilibrium, find_equilibrium
 from robotmodels.errors import InvalidInput
@@ -20,6 +20,7 @@ from robotmodels.skeleton import Skeleton, check_mass, skeleton
 from robotmodels.spring_network import SpringNetwork, incidence
 from robotmodels.tangents import Tangents, differentiate
 from robotmodels.urdf import locate, rigid_model, unknown_joint
+from robotmodels.urdf_check import mimics
 
 
 @dataclass(frozen=True, eq=False)
@@ -226,7 +227,7 @@ class ElasticRobot:
         ------
         InvalidInput : if the position (n,) has a wrong shape or is outside the joint limits.
         """
-        (position,) = self._check_positions(np.asarray(position, dtype=float)[None])
+        (position,) = self._check_positions(real_numbers(position, "position")[None])
         q = pin.neutral(self.rigid)
         for name, angle in zip(self.motor_joints, position, strict=True):
             joint = self.rigid.joints[self.rigid.getJointId(name)]
@@ -251,9 +252,15 @@ class ElasticRobot:
                 f"joints without motor or drive spring: {', '.join(loose)}; "
                 "give each a motor or hold it under 'lock'"
             )
+        for joint, leader in mimics(locate(self.file.urdf, self.folder)).items():
+            if joint in joints:
+                raise InvalidInput(
+                    f"joint {joint!r} mimics {leader!r}; coupled joints are not supported, "
+                    "hold it under 'lock'"
+                )
 
     def _check_positions(self, positions: Array) -> Array:
-        positions = np.asarray(positions, dtype=float)
+        positions = real_numbers(positions, "positions")
         n = len(self.file.motors)
         if positions.ndim != 2 or positions.shape[1] != n:
             raise InvalidInput(

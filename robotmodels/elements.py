@@ -57,6 +57,15 @@ class Elements:
                     f"parameters.extra: {name} is {possible[name][0]:g} in the robot file; "
                     "a free parameter needs a value other than zero"
                 )
+        cuts: dict[object, str] = {}
+        for spring in self.file.springs:
+            name = f"{spring.name}.at"
+            if name in self.file.parameters.extra:
+                other = cuts.setdefault((spring.link, spring.at), name)
+                if other != name:
+                    raise InvalidInput(
+                        f"parameters.extra: {other} and {name} are the place of one cut; name one"
+                    )
         return {name: possible[name] for name in self.file.parameters.extra}
 
     @cached_property

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from robotmodels.arrays import Array, read_only
+from robotmodels.arrays import Array, read_only, real_numbers
 from robotmodels.errors import InvalidInput, nearest
 
 
@@ -24,7 +24,7 @@ class Parameters:
     units: tuple[str, ...]
 
     def __post_init__(self) -> None:
-        values = np.array(self.values, dtype=float)
+        values = real_numbers(self.values, "parameters")
         if len({len(self.names), len(self.units), values.size}) != 1:
             raise InvalidInput(
                 f"parameters: {len(self.names)} names, {values.size} values and "
@@ -53,11 +53,11 @@ class Parameters:
 
         Raises
         ------
-        InvalidInput : if the size is wrong or an entry is not positive and finite.
+        InvalidInput : if the size is wrong or an entry is not a positive, finite number.
         """
         if values is None:
             return self.values
-        values = np.asarray(values, dtype=float)
+        values = real_numbers(values, "parameters")
         if values.shape != (len(self.names),):
             raise InvalidInput(
                 f"parameters: an array of shape {values.shape} was given, "

@@ -4,7 +4,7 @@ from typing import Protocol, runtime_checkable
 
 import numpy as np
 
-from robotmodels.arrays import Array, ComplexArray
+from robotmodels.arrays import Array, ComplexArray, real_numbers
 from robotmodels.errors import InvalidInput
 from robotmodels.linear_model import LinearModel
 from robotmodels.parameters import Parameters
@@ -41,7 +41,7 @@ def linearize(robot: Elastic, position: Array, parameters: Array | None = None) 
     NoEquilibrium : if a spring is too weak for gravity.
     InvalidInput : if the position is outside the joint limits.
     """
-    position = np.asarray(position, dtype=float)
+    position = real_numbers(position, "position")
     model = robot.network(np.atleast_2d(position), parameters).linear_model()
     if position.ndim == 2:
         return model
@@ -87,7 +87,9 @@ def sensitivity(
     """Return G, (Q, F, m, n), and J = dG/d ln theta, (Q, F, m, n, p).
 
     With `sag` the derivatives are exact; without it the equilibria are held fixed, which is
-    faster and wrong by about the angle by which the springs give way (1e-3 or so).
+    faster. For the built-in robots (15 random positions, 2 to 80 Hz) that changes no derivative
+    by more than 2 % of the parameter's largest, and standard deviations by less than 0.15 %; for
+    a hardening gear under load it may change a derivative by half, as its slope follows its load.
 
     Raises
     ------
@@ -110,7 +112,7 @@ def check_omega(omega: Array) -> Array:
     ------
     InvalidInput : if there is none, or one is not positive and finite.
     """
-    omega = np.atleast_1d(np.asarray(omega, dtype=float))
+    omega = np.atleast_1d(real_numbers(omega, "omega"))
     if omega.ndim != 1 or omega.size == 0:
         raise InvalidInput(f"omega: shape {omega.shape} given; a non-empty (F,) array is needed")
     wrong = ~(np.isfinite(omega) & (omega > 0))

@@ -4,7 +4,7 @@ from collections import Counter
 from pathlib import Path
 from typing import Annotated, Literal, Self
 
-from pydantic import BeforeValidator, Field, PositiveFloat, model_validator
+from pydantic import AfterValidator, BeforeValidator, Field, PositiveFloat, model_validator
 
 from robotmodels.files import Strict, read_yaml
 
@@ -19,6 +19,19 @@ def _six_inertias(value: object) -> object:
     return value
 
 
+def _plain_name(name: str) -> str:
+    if not name.strip() or "." in name or name in _RESERVED:
+        # A parameter is called by a name, a point and an entry.
+        raise ValueError(
+            f"{name!r} cannot be a name: one without points is needed, "
+            f"other than {' and '.join(map(repr, _RESERVED))}"
+        )
+    return name
+
+
+_RESERVED = ("payload", "universe")  # the latter is Pinocchio's word for the ground
+
+Name = Annotated[str, AfterValidator(_plain_name)]
 Vector = tuple[float, float, float]
 Inertia = Annotated[
     tuple[float, float, float, float, float, float],
@@ -30,7 +43,7 @@ Inertia = Annotated[
 class Motor(Strict):
     """A motor; its values are on the motor shaft."""
 
-    name: str
+    name: Name
     joint: str
     gear_ratio: float
     inertia: PositiveFloat
@@ -64,7 +77,7 @@ class Body(Strict):
 class Spring(Strict):
     """A spring-damper pair on the arm side, at a joint or at a cut through a link."""
 
-    name: str
+    name: Name
     joint: str | None = None
     link: str | None = None
     at: Vector | None = None
@@ -106,9 +119,12 @@ class Payload(Body):
 
 
 class Accelerometer(Strict):
-    """A sensor on a link: where it sits and along which axis it measures, in the link frame."""
+    """A sensor on a link: where it sits and along which axis it measures, in the link frame.
 
-    name: str
+    Like a payload, it moves with the part beyond the last cut through its link.
+    """
+
+    name: Name
     link: str
     at: Vector
     direction: Vector

@@ -197,9 +197,10 @@ def _check_place(rigid: pin.Model, spring: Spring) -> None:
     margin = _MARGIN * float(np.linalg.norm(high - low))
     at = np.array(spring.at)
     if np.any(at < low - margin) or np.any(at > high + margin):
+        box = " to ".join(str(np.round(corner, 3).tolist()) for corner in (low, high))
         raise InvalidInput(
-            f"spring {spring.name!r}: its cut at {list(spring.at or ())} lies outside link {spring.link!r}, "
-            f"which reaches from {np.round(low, 3).tolist()} to {np.round(high, 3).tolist()} m"
+            f"spring {spring.name!r}: its cut at {list(spring.at or ())} lies outside link "
+            f"{spring.link!r}, which reaches from {box} m"
         )
 
 

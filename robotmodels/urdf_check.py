@@ -23,6 +23,8 @@ def checked_urdf(path: Path) -> str:
         raise InvalidInput(f"{path}: not a well-formed URDF: {error}") from None
     if robot.tag != "robot":
         raise InvalidInput(f"{path}: not a URDF: its root is <{robot.tag}>, not <robot>")
+    if any("xacro" in element.tag for element in robot.iter() if isinstance(element.tag, str)):
+        raise InvalidInput(f"{path}: has xacro macros; a URDF in which they are expanded is needed")
     try:
         _check_tree(robot)
         for joint in robot.findall("joint"):
@@ -32,6 +34,13 @@ def checked_urdf(path: Path) -> str:
     except InvalidInput as error:
         raise InvalidInput(f"{path}: {error}") from None
     return ET.tostring(_bare(robot), encoding="unicode")
+
+
+def mimics(path: Path) -> dict[str, str]:
+    """Return which joints of a URDF follow which others (``<mimic>``)."""
+    joints = ET.parse(path).getroot().findall("joint")
+    found = ((str(j.get("name")), j.find("mimic")) for j in joints)
+    return {name: str(mimic.get("joint")) for name, mimic in found if mimic is not None}
 
 
 def _bare(robot: ET.Element) -> ET.Element:

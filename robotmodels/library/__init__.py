@@ -29,6 +29,8 @@ def load_robot(name: str | Path) -> ElasticRobot:
             f"robot {str(name)!r} is neither a built-in robot{nearest(str(name), known)} "
             f"nor the path of a robot file; built in are {', '.join(known)}"
         )
+    if path.suffix in (".urdf", ".xacro"):
+        raise InvalidInput(f"{path} is a URDF; a robot file (YAML) is needed, which names it")
     try:
         return ElasticRobot(read_robot_file(path), path.parent)
     except InvalidInput as error:

@@ -78,6 +78,11 @@ def test_limits_follow_the_motors_and_a_continuous_joint_has_a_turn() -> None:
             r"position 1: joint 'slide' at 0\.5 is outside its limits \[-0\.2, 0\.4\]",
         ),
         ([[0, 4, 0, 0, 0]], r"joint 'turn' at 4 is outside"),
+        ([["a"] * 5], r"positions: an array of real numbers is needed, found \[\['a', 'a'"),
+        (
+            [[0, 0], [0]],
+            r"positions: an array of real numbers is needed, found \[\[0, 0\], \[0\]\]",
+        ),
         (np.full((1, 5), np.nan), r"position 0: joint 'wrist' at nan is outside"),
     ],
 )

@@ -75,6 +75,23 @@ def test_every_parameter_acts_on_the_frf(robot: ElasticRobot) -> None:
     assert effect.min() > 1e-5, robot.parameters.names[int(effect.argmin())]
 
 
+def test_holding_the_equilibria_changes_as_little_as_documented(robot: ElasticRobot) -> None:
+    """The figures of `sensitivity` and of `oed.information`."""
+    omega = HZ * np.geomspace(2, 80, 40)
+    positions = random_positions(robot, 15)
+    G, exact = robotmodels.sensitivity(robot, positions, omega)
+    fixed = robotmodels.sensitivity(robot, positions, omega, sag=False)[1]
+    axes = (0, 1, 2, 3)
+    assert (np.abs(exact - fixed).max(axes) < 0.02 * np.abs(exact).max(axes)).all()
+    weight = 1 / np.sqrt(robotmodels.RelativeNoise().variance(G))[..., None]
+    std = []
+    for J in (exact, fixed):
+        whitened = (weight * J).reshape(-1, J.shape[-1])
+        information = 2 * (whitened.conj().T @ whitened).real
+        std.append(np.sqrt(np.diag(np.linalg.inv(information))))
+    np.testing.assert_allclose(std[1], std[0], rtol=1.5e-3)
+
+
 def test_manutec_r3_modes_lie_between_19_1_and_50_9_hz() -> None:
     robot = robotmodels.load_robot("manutec_r3")
     poses = [[-60, 20, 90, 0, -110, 0], [0] * 6, [0, 45, 60, 0, 30, 0]]

@@ -136,6 +136,7 @@ def test_no_positions_give_no_responses() -> None:
         ([-3.0], r"omega\[0\]: -3 rad/s is not a positive"),
         ([np.nan], r"omega\[0\]: nan"),
         ([], r"omega: shape \(0,\) given"),
+        ([1 + 2j], r"omega: an array of real numbers is needed, found \[\(1\+2j\)\]"),
         ([[1.0]], r"omega: shape \(1, 1\) given; a non-empty \(F,\) array"),
     ],
 )

@@ -93,6 +93,30 @@ def payload(**entries: object) -> dict:
             motor(viscous=-1),
             "motors[2].viscous of 'm3': a number of at least 0 is needed, found -1",
         ),
+        (
+            motor(name="payload"),
+            "motors[2].name: 'payload' cannot be a name: one without points is needed, other than "
+            "'payload' and 'universe'",
+        ),
+        (
+            with_spring(SPLIT, "d4", name="d.4"),
+            "springs[3].name: 'd.4' cannot be a name: one without points is needed, other than "
+            "'payload' and 'universe'",
+        ),
+        (
+            with_spring(SPLIT, "d4", name=" "),
+            "springs[3].name: ' ' cannot be a name: one without points is needed, other than "
+            "'payload' and 'universe'",
+        ),
+        (
+            changed(
+                SPLIT,
+                accelerometers=[
+                    {"name": "a", "link": "tool0", "at": [0, 0, 0], "direction": [0, 0, 0]}
+                ],
+            ),
+            "accelerometers[0]: accelerometer 'a': direction must not be zero",
+        ),
         (motor(joint="shoulder_pan_joint"), "joint 'shoulder_pan_joint' has 2 motors; one at most"),
         (motor(name="m1"), "the name 'm1' is used 2 times; names are unique"),
         (motor(name="d1"), "the name 'd1' is used 2 times; names are unique"),
@@ -185,6 +209,10 @@ def test_mistakes_in_keys_and_values(path: Path, content: dict, line: str) -> No
         ({"tied": [["d4.damping"]]}, "parameters.tied[0]: at least 2 is needed, found ['d4.da"),
         ({"tied": [[]]}, "parameters.tied[0]: at least 2 is needed, found []"),
         ({"tied": ["d4.damping"]}, "parameters.tied[0]: a list is needed, found 'd4.damping'"),
+        (
+            {"extra": ["a3y.at", "c3z.at", "a3x.at"]},
+            "parameters.extra: a3y.at and a3x.at are the place of one cut; name one",
+        ),
         ({"fix": []}, "unknown key 'parameters.fix' (did you mean 'fixed'?)"),
     ],
 )
@@ -205,6 +233,7 @@ def test_a_robot_needs_a_free_parameter(path: Path) -> None:
         ("schema: robot/1\nname: [a\nurdf: b\n", "line 3: not valid YAML: expected ',' or ']'"),
         ("schema: robot/1\nmotors:\n\t- a\n", "line 3: not valid YAML: found character '\\t'"),
         ("schema: robot/1\nname: a\nname: b\n", "line 3: not valid YAML: key 'name' is given twi"),
+        ("name: a\x00b\n", "not valid YAML: unacceptable character #x0000"),
         ("", "a mapping of keys to values is needed, found nothing"),
         ("- a\n", "a mapping of keys to values is needed, found list"),
     ],
@@ -222,6 +251,10 @@ def test_a_robot_that_is_not_there(tmp_path: Path) -> None:
         InvalidInput, match=r"neither a built-in robot \(did you mean 'ur10'\?\) nor"
     ):
         load_robot("ur1O")
+    with pytest.raises(
+        InvalidInput, match=r"crane\.urdf is a URDF; a robot file \(YAML\) is needed"
+    ):
+        load_robot(HERE / "crane.urdf")
     (tmp_path / "latin.yaml").write_bytes(b"name: M\xfcller\n")
     with pytest.raises(InvalidInput, match=r"latin\.yaml: cannot be read"):
         load_robot(tmp_path / "latin.yaml")

@@ -95,6 +95,28 @@ def test_zero_inertias_are_refused_where_a_motion_moves_no_mass(tmp_path: Path) 
     assert line.startswith("a motion about 'hinge' moves no mass")
 
 
+def test_macros_must_be_expanded(tmp_path: Path) -> None:
+    (tmp_path / "arm.urdf").write_text(
+        '<robot xmlns:xacro="http://www.ros.org/wiki/xacro"><xacro:include filename="a"/></robot>'
+    )
+    line = refusal(changed(CRANE, urdf="arm.urdf"), tmp_path)
+    assert line.endswith("arm.urdf: has xacro macros; a URDF in which they are expanded is needed")
+
+
+def test_a_joint_that_mimics_another_must_be_locked(tmp_path: Path) -> None:
+    text = (HERE / "crane.urdf").read_text()
+    coupled = text.replace('"nod" type="revolute">', '"nod" type="revolute"><mimic joint="lean"/>')
+    (tmp_path / "coupled.urdf").write_text(coupled)
+    content = changed(CRANE, urdf="coupled.urdf")
+    line = refusal(content, tmp_path)
+    assert line == (
+        "joint 'nod' mimics 'lean'; coupled joints are not supported, hold it under 'lock'"
+    )
+    content["motors"] = [m for m in content["motors"] if m["joint"] != "nod"]
+    content["lock"] = {"flap": 0.4, "nod": 0.1}
+    assert ElasticRobot(RobotFile.model_validate(content), tmp_path)
+
+
 def test_another_kind_of_xml_is_refused(tmp_path: Path) -> None:
     (tmp_path / "world.urdf").write_text("<sdf><world/></sdf>")
     line = refusal(changed(CRANE, urdf="world.urdf"), tmp_path)
