@@ -223,6 +223,8 @@ class ElasticRobot:
     def skeleton_points(self, position: Array) -> Array:
         """Return the joint origins from base to tool, (k, 3) [m], springs unloaded.
 
+        Where branches move, those of the longest chain; the tool is the last frame of its end.
+
         Raises
         ------
         InvalidInput : if the position (n,) has a wrong shape or is outside the joint limits.
@@ -235,8 +237,9 @@ class ElasticRobot:
             q[joint.idx_q : joint.idx_q + joint.nq] = value
         data = self.rigid.createData()
         pin.framesForwardKinematics(self.rigid, data, q)
-        tool = self.rigid.nframes - 1
-        origins = [np.zeros(3), *(data.oMi[i].translation for i in range(1, self.rigid.njoints))]
+        chain = max(map(list, self.rigid.supports), key=len)  # from the ground, joint 0
+        tool = max(i for i, f in enumerate(self.rigid.frames) if f.parentJoint == chain[-1])
+        origins = [data.oMi[joint].translation for joint in chain]
         return np.array([*origins, data.oMf[tool].translation])
 
     def _check_joints(self) -> None:

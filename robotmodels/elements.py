@@ -136,8 +136,6 @@ class Elements:
 
     def file_at(self, theta: Array) -> RobotFile:
         """Return the robot file with the extra elements of `theta`."""
-        if not self._extra:
-            return self.file
         elements = dict(zip(self.names, self.at(theta), strict=True))
         return apply_extra(self.file, {name: elements[name] for name in self._extra})
 

@@ -1,8 +1,11 @@
 """The robot as its users see it: names, units, limits, positions, skeleton."""
 
+from pathlib import Path
+
 import numpy as np
+import pinocchio as pin
 import pytest
-from robots import CRANE, PANDA, PENDULUM, SPLIT, WALL, built, changed
+from robots import CRANE, HERE, PANDA, PENDULUM, SPLIT, WALL, built, changed
 
 from robotmodels import InvalidInput, frequency_response, linearize
 
@@ -101,6 +104,25 @@ def test_skeleton_points_run_from_base_to_tool() -> None:
     assert not points[0].any()
     with pytest.raises(InvalidInput, match=r"\(Q, 5\) is needed"):
         built(WALL).skeleton_points(np.zeros(4))
+
+
+def test_skeleton_points_leave_other_branches_out(tmp_path: Path) -> None:
+    """Whether they move (the lamp) or are locked and come last in the file (the plate)."""
+    points = built(CRANE).skeleton_points(np.zeros(5))
+    origins = built(CRANE).rigid
+    names = ["turn", "slide", "lean", "wrist"]
+    assert len(points) == 1 + len(names) + 1
+    data = origins.createData()
+    pin.forwardKinematics(origins, data, pin.neutral(origins))
+    for point, name in zip(points[1:-1], names, strict=True):
+        np.testing.assert_allclose(point, data.oMi[origins.getJointId(name)].translation)
+    np.testing.assert_allclose(points[-1], points[-2])  # the hand
+    text = (HERE / "crane.urdf").read_text().replace('"lamp"', '"zz"').replace('"nod"', '"zz_nod"')
+    (tmp_path / "renamed.urdf").write_text(text)
+    motors = [m for m in CRANE["motors"] if m["joint"] != "nod"]
+    lock = CRANE["lock"] | {"zz_nod": 1.0}
+    renamed = changed(CRANE, urdf=str(tmp_path / "renamed.urdf"), motors=motors, lock=lock)
+    np.testing.assert_allclose(built(renamed).skeleton_points(np.zeros(4)), points, atol=1e-12)
 
 
 def test_an_undriven_joint_can_rest_on_its_drive_spring() -> None:
