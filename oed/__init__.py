@@ -9,32 +9,77 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from oed.candidates import candidate_positions
     from oed.certificate import efficiency_bound, optimality_gap
+    from oed.crest import crest_factor, reduced_crest
     from oed.exact import ExactDesign, exact_design
     from oed.information_set import InformationSet, information
+    from oed.moves import Move, MoveLimits, move
+    from oed.multisine import Multisine, band_multisine, fourier_matrix, random_phases
+    from oed.peaks import Peaks, predicted_peaks
+    from oed.plan import ExperimentPlan, experiment_plan
+    from oed.plan_export import export_csv, export_mat
     from oed.relaxed import Design, optimal_design
+    from oed.scaling import Binding, Limits, Scaling, scale
 
 _HOMES = {
+    "Binding": "scaling",
     "Design": "relaxed",
     "ExactDesign": "exact",
+    "ExperimentPlan": "plan",
     "InformationSet": "information_set",
+    "Limits": "scaling",
+    "Move": "moves",
+    "MoveLimits": "moves",
+    "Multisine": "multisine",
+    "Peaks": "peaks",
+    "Scaling": "scaling",
+    "band_multisine": "multisine",
     "candidate_positions": "candidates",
+    "crest_factor": "crest",
     "efficiency_bound": "certificate",
     "exact_design": "exact",
+    "experiment_plan": "plan",
+    "export_csv": "plan_export",
+    "export_mat": "plan_export",
+    "fourier_matrix": "multisine",
     "information": "information_set",
+    "move": "moves",
     "optimal_design": "relaxed",
     "optimality_gap": "certificate",
+    "predicted_peaks": "peaks",
+    "random_phases": "multisine",
+    "reduced_crest": "crest",
+    "scale": "scaling",
 }
 
 __all__ = [
+    "Binding",
     "Design",
     "ExactDesign",
+    "ExperimentPlan",
     "InformationSet",
+    "Limits",
+    "Move",
+    "MoveLimits",
+    "Multisine",
+    "Peaks",
+    "Scaling",
+    "band_multisine",
     "candidate_positions",
+    "crest_factor",
     "efficiency_bound",
     "exact_design",
+    "experiment_plan",
+    "export_csv",
+    "export_mat",
+    "fourier_matrix",
     "information",
+    "move",
     "optimal_design",
     "optimality_gap",
+    "predicted_peaks",
+    "random_phases",
+    "reduced_crest",
+    "scale",
 ]
 
 

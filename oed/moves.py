@@ -1,0 +1,147 @@
+"""Moves between positions: straight lines in joint space, at rest at both ends, within limits."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from robotmodels.arrays import Array, read_only
+from robotmodels.errors import InvalidInput
+
+# Largest slope and curvature of the quintic 10 t^3 - 15 t^4 + 6 t^5 on [0, 1].
+_PEAK_SPEED = 15 / 8
+_PEAK_ACCELERATION = 10 / np.sqrt(3)
+# A limit typed with fewer digits than the robot file's is not met wrongly.
+_SLACK = 1e-9
+
+
+@dataclass(frozen=True, eq=False)
+class MoveLimits:
+    """What moves must respect, on the arm side [rad, rad/s, rad/s^2] or [m, ...].
+
+    Attributes
+    ----------
+    motors : names of the n motors.
+    positions : (n, 2) lowest and highest position.
+    speed, acceleration : (n,) largest magnitudes; a number serves all motors.
+
+    Raises
+    ------
+    InvalidInput : naming the motor whose limit is not finite, not positive, or upside down.
+    """
+
+    motors: tuple[str, ...]
+    positions: Array
+    speed: Array
+    acceleration: Array
+
+    def __post_init__(self) -> None:
+        motors = tuple(self.motors)
+        n = len(motors)
+        object.__setattr__(self, "motors", motors)
+        positions = np.array(self.positions, dtype=float)
+        if positions.shape != (n, 2):
+            raise InvalidInput(
+                f"positions of the moves' limits: shape {positions.shape}; ({n}, 2) is needed"
+            )
+        for name, (low, high) in zip(motors, positions, strict=True):
+            if not (np.isfinite([low, high]).all() and low <= high):
+                raise InvalidInput(
+                    f"motor {name!r}: position limits [{low:g}, {high:g}] are no finite range"
+                )
+        object.__setattr__(self, "positions", read_only(positions))
+        for key in ("speed", "acceleration"):
+            given = np.asarray(getattr(self, key), dtype=float)
+            if given.shape not in ((), (n,)):
+                raise InvalidInput(f"{key} of moves: shape {given.shape}; ({n},) is needed")
+            values = np.array(np.broadcast_to(given, (n,)))
+            for name, value in zip(motors, values, strict=True):
+                if not (np.isfinite(value) and value > 0):
+                    raise InvalidInput(f"motor {name!r}: {key} of moves {value:g} is not positive")
+            object.__setattr__(self, key, read_only(values))
+
+    def check(self, positions: Array, what: str = "position") -> Array:
+        """Return `positions` (Q, n) if they lie within the limits.
+
+        Raises
+        ------
+        InvalidInput : naming the first position and motor outside; or for a wrong shape.
+        """
+        positions = np.array(positions, dtype=float)
+        n = len(self.motors)
+        if positions.ndim != 2 or positions.shape[1] != n or not len(positions):
+            raise InvalidInput(
+                f"{what}s: shape {positions.shape} given; (Q, {n}) is needed, one column per motor"
+            )
+        low, high = self.positions.T
+        outside = ~((positions >= low - _SLACK) & (positions <= high + _SLACK))
+        if outside.any():
+            i, j = np.argwhere(outside)[0]
+            raise InvalidInput(
+                f"{what} {i}: motor {self.motors[j]!r} at {positions[i, j]:.4g} is outside its "
+                f"limits [{low[j]:.4g}, {high[j]:.4g}]"
+            )
+        return positions
+
+
+@dataclass(frozen=True, eq=False)
+class Move:
+    """A sampled move; sample k is at k sample_time, the next one after the last is the goal.
+
+    Attributes
+    ----------
+    positions : (K, n) [rad].
+    speeds : (K, n) [rad/s].
+    sample_time : [s].
+    """
+
+    positions: Array
+    speeds: Array
+    sample_time: float
+
+    def __len__(self) -> int:
+        return len(self.positions)
+
+    @property
+    def duration(self) -> float:
+        """Time from leaving to arriving [s]."""
+        return len(self) * self.sample_time
+
+
+def move(
+    start: Sequence[float] | Array,
+    goal: Sequence[float] | Array,
+    limits: MoveLimits,
+    sample_time: float,
+) -> Move:
+    """Return the fastest quintic from `start` to `goal`, (n,) each; all motors arrive together.
+
+    The path is a straight line between positions within the limits and so within them too.
+    Nothing is known of obstacles: check the path before a robot takes it.
+
+    Raises
+    ------
+    InvalidInput : if an end lies outside the limits, or the sample time is not positive.
+    """
+    if not (np.isfinite(sample_time) and sample_time > 0):
+        raise InvalidInput(f"sample_time: {sample_time!r} s is not a positive time")
+    ends = [
+        limits.check(np.atleast_2d(e), what)[0] for e, what in ((start, "start"), (goal, "goal"))
+    ]
+    step = ends[1] - ends[0]
+    count = _samples(step, limits, sample_time)
+    t = (np.arange(count) / max(count, 1))[:, None]
+    path = t**3 * (10 + t * (6 * t - 15))
+    slope = 30 * t**2 * (1 - t) ** 2 / (max(count, 1) * sample_time)
+    return Move(read_only(ends[0] + path * step), read_only(slope * step), sample_time)
+
+
+def _samples(step: ArrayLike, limits: MoveLimits, sample_time: float) -> int:
+    """Return the least number of samples in which no limit is exceeded."""
+    distance = np.abs(np.asarray(step))
+    times = np.maximum(
+        _PEAK_SPEED * distance / limits.speed,
+        np.sqrt(_PEAK_ACCELERATION * distance / limits.acceleration),
+    )
+    return int(np.ceil(times.max() / sample_time))
