@@ -80,7 +80,9 @@ class ElasticRobot:
         if not self.elements.extra_columns:
             return self.layout
         file = self.elements.file_at(theta)
-        return Layout(file, build_arm(file, self.rigid))
+        moved = any(a.at != b.at for a, b in zip(file.springs, self.file.springs, strict=True))
+        same = file.payload == self.file.payload and not moved
+        return Layout(file, self.arm if same else build_arm(file, self.rigid))
 
     @cached_property
     def parameters(self) -> Parameters:
