@@ -203,3 +203,45 @@ def test_a_joint_without_motor_on_its_drive_spring() -> None:
     positions = case("wall").positions[:, [0, 1, 2, 4]]
     expected = judge_of(robot).frequency_response(positions, OMEGA)
     assert relative(frequency_response(robot, positions, OMEGA), expected, (2, 3)) < 1e-6
+
+
+def without_drives(*springs: str) -> dict[str, Any]:
+    """Return the crane with some of its drives rigid."""
+    return CRANE | {"springs": [s for s in CRANE["springs"] if s["name"] not in springs]}
+
+
+def without_joints(*joints: str, **lock: float) -> dict[str, Any]:
+    """Return the crane with some of its joints locked."""
+    motors = [m for m in CRANE["motors"] if m["joint"] not in joints]
+    springs = [s for s in CRANE["springs"] if s.get("joint") not in joints]
+    return CRANE | {"motors": motors, "springs": springs, "lock": CRANE["lock"] | lock}
+
+
+VARIANTS: dict[str, dict[str, Any]] = {
+    "rigid drives under bearing torsions, one prismatic, one continuous": without_drives(
+        "dt", "ds"
+    ),
+    "every ratio of the other sign": CRANE
+    | {"motors": [m | {"gear_ratio": -m["gear_ratio"]} for m in CRANE["motors"]]},
+    "a spring without motor on a prismatic joint": CRANE
+    | {"motors": [m for m in CRANE["motors"] if m["joint"] != "slide"]},
+    "the other branch locked": without_joints("nod", nod=1.2),
+    "a continuous and a prismatic joint locked": without_joints("turn", "slide", turn=5, slide=0.3),
+}
+
+
+@pytest.mark.parametrize("variant", VARIANTS)
+def test_odd_robots(variant: str) -> None:
+    robot = built(VARIANTS[variant] | {"parameters": {"fixed": ["fz.damping"]}})
+    judge = judge_of(robot)
+    positions = np.random.default_rng(5).uniform(
+        *robot.position_limits.T, (3, len(robot.motor_names))
+    )
+    G, J = sensitivity(robot, positions, OMEGA)
+    assert relative(G, judge.frequency_response(positions, OMEGA), (2, 3)) < 1e-6
+    for name in ("fx.stiffness", "dw.damping"):
+        plus, minus = (
+            judge.frequency_response(positions, OMEGA, {name: np.exp(h)}) for h in (1e-4, -1e-4)
+        )
+        column = J[..., robot.parameters.index(name)]
+        assert relative(column, (plus - minus) / 2e-4, (1, 2, 3)) < 1e-4, name
