@@ -1,0 +1,230 @@
+import re
+from dataclasses import replace
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from two_axes import CONTROLLER, RATIOS, N, T, TwoAxes, plan, steady_state
+
+import robotmodels
+from oed import Limits, band_multisine, experiment_plan, predicted_peaks, scale
+from robotmodels import InvalidInput
+from robotmodels.controller import default_controller
+
+AXES = TwoAxes()
+NOTHING_HELD = np.zeros((2, 2))
+HELD = np.array([[0.4, -0.1], [-0.2, 0.3]])
+LIMITS = Limits(
+    torque=np.array([1.5, 0.9]),
+    speed=np.array([40.0, 30.0]),
+    positions=np.array([[-1.5, 1.5], [-2.0, 2.0]]),
+)
+
+
+def simulated(measured):
+    """Return lowest and highest torque, speed, position (V, 3, n, 2) sample by sample."""
+    swing = []
+    for visit, position in enumerate(measured.visited):
+        runs = [
+            steady_state(position, reference)
+            for block in measured.reference(visit)
+            for reference in block
+        ]
+        torque, speed, angle = (np.concatenate(parts) for parts in zip(*runs, strict=True))
+        signals = (torque, speed, angle / RATIOS)
+        swing.append([np.stack([s.min(axis=0), s.max(axis=0)], axis=-1) for s in signals])
+    return np.array(swing)
+
+
+def test_peaks_are_those_of_a_simulation_sample_by_sample():
+    measured = plan(repetitions=(1, 1))
+    predicted = predicted_peaks(measured, AXES, CONTROLLER, NOTHING_HELD)
+    expected = simulated(measured)
+    np.testing.assert_allclose(predicted.swing, expected, rtol=4e-3)
+    # The comparison can tell: one sample of delay in the loop shows.
+    late = predicted_peaks(measured, AXES, Late(), NOTHING_HELD)
+    assert np.abs(late.swing / expected - 1).max() > 8e-3
+
+
+class Late:
+    """The controller, a sample late."""
+
+    sample_time = T
+    prefilter = staticmethod(CONTROLLER.prefilter)
+
+    @staticmethod
+    def feedback(omega):
+        return CONTROLLER.feedback(omega) * np.exp(-1j * omega * T)[:, None]
+
+
+def test_scaled_plan_meets_one_limit_and_stays_inside_the_others():
+    scaling = scale(plan(), AXES, CONTROLLER, LIMITS, holding=HELD)
+    peaks = scaling.peaks
+    again = predicted_peaks(scaling.plan, AXES, CONTROLLER, HELD)
+    np.testing.assert_allclose(again.swing, peaks.swing, rtol=1e-12)
+    ends = peaks.rest[..., None] + peaks.swing
+    used = np.abs(ends[:, :2]).max(axis=-1) / np.stack([LIMITS.torque, LIMITS.speed])
+    assert used.max() == pytest.approx(1)
+    assert (ends[:, 2, :, 0] > LIMITS.positions[:, 0]).all()
+    assert (ends[:, 2, :, 1] < LIMITS.positions[:, 1]).all()
+    visit, k, motor = np.unravel_index(used.argmax(), used.shape)
+    binding = scaling.binding
+    assert (binding.visit, binding.motor) == (visit, ("m1", "m2")[motor])
+    assert binding.quantity == ("torque", "speed")[k]
+    assert binding.position == scaling.plan.visits[visit]
+    assert abs(binding.limit) == (LIMITS.torque, LIMITS.speed)[k][motor]
+    assert binding.factor == pytest.approx(1)
+    assert [b.visit for b in scaling.bindings] == [0, 1, 2]
+    np.testing.assert_array_equal(scaling.plan.scale, scaling.plan.scale[0])
+
+
+@pytest.mark.parametrize(
+    ("limits", "expected"),
+    [
+        (Limits(torque=np.array([1e3, 0.31])), "torque of motor 'm2' in position 1 .* 0.31 N m"),
+        (Limits(speed=np.array([1e-3, 1e3])), "speed of motor 'm1' in position . .*0.001 rad/s"),
+        (
+            Limits(positions=np.array([[-1.0001, 1.5], [-2, 2]])),
+            "position of motor 'm1' in position 1 meets its limit -1 rad",
+        ),
+    ],
+)
+def test_the_binding_limit_is_told(limits, expected):
+    binding = scale(plan(), AXES, CONTROLLER, limits, holding=HELD).binding
+    assert re.search(expected, str(binding))
+
+
+def test_torque_limit_counts_holding_torque_with_its_sign():
+    measured = plan(positions=np.array([[0.3, 0.1]]), repetitions=None, blocks=1)
+    limits = Limits(torque=np.array([1.0, 50.0]))
+    swing = predicted_peaks(measured, AXES, CONTROLLER, np.zeros((1, 2))).swing[0, 0, 0]
+    for held in (-0.6, 0.6):
+        scaling = scale(measured, AXES, CONTROLLER, limits, holding=np.array([[held, 0.0]]))
+        expected = min((1 - held) / swing[1], (1 + held) / -swing[0])
+        assert scaling.plan.scale[0] == pytest.approx(expected)
+        assert scaling.binding.limit == np.sign(held)
+
+
+def test_a_margin_is_kept():
+    full = scale(plan(), AXES, CONTROLLER, LIMITS, holding=HELD).plan.scale
+    less = scale(plan(), AXES, CONTROLLER, LIMITS, holding=HELD, margin=0.25).plan.scale
+    np.testing.assert_allclose(less, 0.75 * full)
+
+
+def test_a_factor_per_visit_fills_the_limits_in_each():
+    scaling = scale(plan(), AXES, CONTROLLER, LIMITS, holding=HELD, per_visit=True)
+    ends = np.abs(scaling.peaks.rest[..., None] + scaling.peaks.swing)[:, :2].max(axis=-1)
+    used = ends / np.stack([LIMITS.torque, LIMITS.speed])
+    np.testing.assert_allclose(used.max(axis=(1, 2)), 1)
+    assert len(set(scaling.plan.scale)) == 3
+    assert all(b.factor == pytest.approx(1) for b in scaling.bindings)
+
+
+def test_balancing_lets_every_motor_work():
+    sine = plan().multisine
+    lame = replace(plan(), multisine=sine.with_amplitudes([[1.0, 1e-3]]))
+    assert lame.multisine.amplitudes.shape == sine.amplitudes.shape
+    plain = scale(lame, AXES, CONTROLLER, LIMITS, holding=HELD)
+    fair = scale(lame, AXES, CONTROLLER, LIMITS, holding=HELD, balance=True)
+
+    def share(scaling):
+        peaks = scaling.peaks.largest[:, :2] / np.stack([LIMITS.torque, LIMITS.speed])
+        return peaks.max(axis=(0, 1))
+
+    assert share(plain).min() < 0.6
+    assert share(fair).min() > 0.6
+    assert share(fair).max() == pytest.approx(1)
+    # What the inputs looked like before has no say.
+    other = scale(plan(), AXES, CONTROLLER, LIMITS, holding=HELD, balance=True)
+    np.testing.assert_allclose(
+        other.plan.reference(1), fair.plan.reference(1), rtol=1e-9, atol=1e-12
+    )
+
+
+def test_a_real_robot_holds_itself_against_gravity():
+    robot = robotmodels.load_robot("manutec_r3")
+    controller = default_controller(robot, 5e-4)
+    sine = band_multisine(2000, 5e-4, (10.0, 380.0), inputs=6)
+    keywords = {"blocks": 1, "periods": 1, "speed": 1.0, "acceleration": 2.0}
+    rng = np.random.default_rng(3)
+    positions = np.array([[0.0, 0.4, 0.9, 0.1, 0.3, 0.0], [0.2, 1.2, -0.5, 0.0, 0.5, 0.1]])
+    measured = experiment_plan(robot, positions, sine, rng=rng, **keywords)
+    limits = Limits(torque=np.full(6, 9.0), positions=robot.position_limits)
+    scaling = scale(measured, robot, controller, limits)
+    # Holding torques are the slope of the potential energy; the stiff gears hardly sag.
+    arm, data = robot.arm.model, robot.arm.model.createData()
+    ratios = np.array([m.gear_ratio for m in robot.file.motors])
+    for rest, q in zip(scaling.peaks.rest, positions, strict=True):
+        energy = [
+            [pin.computePotentialEnergy(arm, data, q + sign * step) for sign in (1, -1)]
+            for step in 1e-6 * np.eye(6)
+        ]
+        slope = -np.diff(energy)[:, 0] / 2e-6
+        np.testing.assert_allclose(rest[0], slope / ratios, rtol=1e-2, atol=1e-3)
+        assert np.abs(rest[0]).max() > 1
+    assert np.abs(scaling.peaks.largest[:, 0]).max() == pytest.approx(9.0)
+    heavy = int(np.abs(scaling.peaks.rest[1, 0]).argmax())
+    weak = replace(limits, torque=np.where(np.arange(6) == heavy, 0.2, 9.0))
+    alone = rf"limits.torque: position .: motor 'm{heavy + 1}' needs .* N m to hold the arm alone"
+    with pytest.raises(InvalidInput, match=alone):
+        scale(measured, robot, controller, weak)
+
+
+@pytest.mark.parametrize(
+    ("limits", "message"),
+    [
+        (Limits(), "limits: none given"),
+        (Limits(torque=np.ones(3)), r"limits.torque: shape \(3,\); \(2,\) is needed"),
+        (Limits(speed=np.array([1.0, 0.0])), "limits.speed of motor 'm2': 0; a positive number"),
+        (Limits(torque=np.array([np.nan, 1])), "limits.torque of motor 'm1': nan"),
+        (
+            Limits(positions=np.array([[1.0, -1.0], [0, 1]])),
+            r"limits.positions of motor 'm1': \[1, -1\]; low < high",
+        ),
+        (
+            Limits(torque=np.array([1, 0.2])),
+            "limits.torque: position 1: motor 'm2' needs 0.3 N m to hold the arm alone, "
+            "which leaves nothing of its limit 0.2 N m",
+        ),
+        (
+            Limits(positions=np.array([[-1.0, 1.0], [-2, 2]])),
+            r"limits.positions: position 1: motor 'm1' at -1 is not inside its limits \[-1, 1\]",
+        ),
+    ],
+)
+def test_impossible_limits_name_position_motor_and_quantity(limits, message):
+    with pytest.raises(InvalidInput, match=message) as caught:
+        scale(plan(), AXES, CONTROLLER, limits, holding=HELD)
+    assert "\n" not in str(caught.value)
+
+
+def test_what_does_not_fit_is_refused():
+    measured = plan()
+    with pytest.raises(InvalidInput, match=r"margin: 1\.0; a number from 0 to below 1"):
+        scale(measured, AXES, CONTROLLER, LIMITS, margin=1.0, holding=HELD)
+    with pytest.raises(InvalidInput, match=r"holding: shape \(2,\); \(2, 2\) is needed"):
+        scale(measured, AXES, CONTROLLER, LIMITS, holding=np.zeros(2))
+    with pytest.raises(InvalidInput, match="holding: the torques that hold the arm"):
+        scale(measured, AXES, CONTROLLER, LIMITS)
+    slow = replace(CONTROLLER, sample_time=2 * T)
+    with pytest.raises(InvalidInput, match=r"sample time 0.002 s, the plan's signals have 0.001"):
+        scale(measured, AXES, slow, LIMITS, holding=HELD)
+    robot = robotmodels.load_robot("moberg_axis1")
+    sine = band_multisine(N, T, (10.0, 100.0), inputs=1)
+    other = experiment_plan(
+        robot,
+        np.zeros((1, 1)),
+        sine,
+        blocks=1,
+        periods=1,
+        speed=1.0,
+        acceleration=1.0,
+        rng=np.random.default_rng(0),
+    )
+    with pytest.raises(InvalidInput, match="robot: 2 motors; the plan has 1"):
+        scale(other, Wide(), CONTROLLER, Limits(torque=np.ones(1)), holding=np.zeros((1, 1)))
+
+
+class Wide(TwoAxes):
+    def network(self, positions, parameters=None):
+        return super().network(np.zeros((len(positions), 2)))
