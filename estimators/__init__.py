@@ -8,34 +8,67 @@ from typing import TYPE_CHECKING, Any
 
 # Functions that share their module's name must be bound here: importing the module later would
 # otherwise put the module in their place.
+from estimators.compare import Comparison, Loop, compare_methods, designed_loop, measured_loop
 from estimators.covariance import Uncertainty, covariance
+from estimators.distortion import Distortion, distortion
+from estimators.exchange import (
+    read_distortion,
+    read_frf,
+    read_records,
+    write_distortion,
+    write_frf,
+    write_records,
+)
 from estimators.frf_estimate import FrfEstimate, simulate_frf
 from estimators.information import information
 from estimators.least_squares import Fit, fit, multistart, perturbed_starts, reweighted
+from estimators.local_model import local_frf
+from estimators.nonparametric import estimate_frf
 from estimators.residuals import lls, lls_magnitude, nls
+from estimators.rigid_limit import RigidLimit, check_rigid_limit
+from estimators.stationarity import Settling, settling
 from estimators.weights import optimal_weights, user_weights
 
 if TYPE_CHECKING:
     from estimators.posterior import Posterior, sample_posterior
 
 __all__ = [
+    "Comparison",
+    "Distortion",
     "Fit",
     "FrfEstimate",
+    "Loop",
     "Posterior",
+    "RigidLimit",
+    "Settling",
     "Uncertainty",
+    "check_rigid_limit",
+    "compare_methods",
     "covariance",
+    "designed_loop",
+    "distortion",
+    "estimate_frf",
     "fit",
     "information",
     "lls",
     "lls_magnitude",
+    "local_frf",
+    "measured_loop",
     "multistart",
     "nls",
     "optimal_weights",
     "perturbed_starts",
+    "read_distortion",
+    "read_frf",
+    "read_records",
     "reweighted",
     "sample_posterior",
+    "settling",
     "simulate_frf",
     "user_weights",
+    "write_distortion",
+    "write_frf",
+    "write_records",
 ]
 
 _LATER = {
