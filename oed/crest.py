@@ -16,8 +16,8 @@ from oed.multisine import Multisine
 from robotmodels.arrays import Array
 from robotmodels.errors import InvalidInput
 
-# Points per period of the highest line, at which peaks are seen to about a percent.
-_POINTS = 16
+# Points per period of the highest line; clipping sees peaks to a few percent, which is enough.
+_POINTS = 10
 # Clipping at this part of the peak, rising to 1, is slow enough not to get stuck.
 _FIRST_CLIP, _LAST_CLIP = 0.75, 0.98
 
@@ -29,7 +29,7 @@ def crest_factor(signal: Array, axis: int = -2) -> Array:
 
 
 def reduced_crest(grid: Multisine, phases: Array, iterations: int = 200) -> Array:
-    """Return phases, (B, F, n), near `phases` with lower peaks; never with higher ones.
+    """Return phases, (B, F, n), near `phases` with lower peaks over all experiments.
 
     Parameters
     ----------

@@ -189,8 +189,7 @@ def _chunk_information(
     from estimators.information import information as fisher_information
 
     network = robot.network(positions)
-    only_springs = bool(network.exponents.any(axis=(0, 1)).all())
-    if only_springs and network.measurement is None:
+    if network.only_springs and network.measurement is None:
         return np.asarray(kernel.information(network, omega, noise))
     # The kernel knows springs, dampers and motor accelerations; the rest takes the general way.
     response, jacobian = sensitivity(robot, positions, omega, sag=False)

@@ -108,13 +108,16 @@ class ClosedLoop:
         ratios = model.selector[np.abs(model.selector).argmax(axis=0), np.arange(n)]
         return cls(torque, hold[:, None, None] * angle @ torque, ratios, rest)
 
-    def swing(self, plan: ExperimentPlan, amplitudes: Array) -> Array:
-        """Return lowest and highest deviations, (V, 3, n, 2), with amplitudes (F, n) >= 0."""
+    def swing(self, plan: ExperimentPlan, amplitudes: Array, blocks: int | None = None) -> Array:
+        """Return lowest and highest deviations, (V, 3, n, 2), with amplitudes (F, n) >= 0.
+
+        Only the first `blocks` blocks count; all of them by default.
+        """
         sine = plan.multisine
         share = amplitudes / sine.amplitudes
         swings = []
         for visit, q in enumerate(plan.visits):
-            R = plan.scale[visit] * share[..., None] * sine.spectrum(plan.phases[visit])
+            R = plan.scale[visit] * share[..., None] * sine.spectrum(plan.phases[visit, :blocks])
             swings.append(self._swing(sine, R, self.torque[q], self.angle[q]))
         return np.array(swings)
 

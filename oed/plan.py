@@ -1,7 +1,7 @@
 """The experiment plan: where the robot goes, and what it is told there."""
 
 import os
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Protocol
 
@@ -130,11 +130,15 @@ class ExperimentPlan:
         """Return one period of the signals of a visit, (B, E, N, n) [rad/s, motor shaft]."""
         return np.asarray(self.scale[visit] * self.multisine.reference(self.phases[visit]))
 
+    @property
+    def signals(self) -> Array:
+        """The references of all visits, (V, B, E, N, n) [rad/s, motor shaft]; it may be large."""
+        return np.array([self.reference(visit) for visit in range(len(self.phases))])
+
     def move_to(self, visit: int) -> Move:
         """Return the move that leads to a visit; without samples where the robot is there."""
-        before = self.start if visit == 0 else self.visited[visit - 1]
-        if before is None:
-            raise AssertionError("the start is set on construction")
+        first = self.positions[0] if self.start is None else self.start
+        before = first if visit == 0 else self.visited[visit - 1]
         return move(before, self.visited[visit], self.moves, self.multisine.sample_time)
 
     @property
@@ -181,6 +185,7 @@ def experiment_plan(
     repetitions: Sequence[int] | IntArray | None = None,
     crest_iterations: int = 0,
     start: Sequence[float] | Array | None = None,
+    progress: Callable[[int, int], object] | None = None,
 ) -> ExperimentPlan:
     """Draw the phases of a plan; the same `rng` gives the same plan.
 
@@ -197,6 +202,7 @@ def experiment_plan(
     crest_iterations : how often to clip in order to lower crest factors (200 does most of it);
         0 leaves the phases as drawn.
     start : (n,) where the robot is beforehand [rad].
+    progress : called with the number of visits done and their total.
 
     Raises
     ------
@@ -208,9 +214,11 @@ def experiment_plan(
     counts = np.ones(len(positions), dtype=np.int64) if repetitions is None else repetitions
     visits = int(_checked_repetitions(counts, len(positions)).sum())
     phases = []
-    for _ in range(visits):
+    for visit in range(visits):
         drawn = random_phases(multisine, blocks, rng=rng)
         phases.append(reduced_crest(multisine, drawn, crest_iterations))
+        if progress is not None:
+            progress(visit + 1, visits)
     return ExperimentPlan(
         robot=robot.name,
         positions=positions,

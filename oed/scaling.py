@@ -183,7 +183,8 @@ def _balanced(plan: ExperimentPlan, loop: ClosedLoop, room: Array) -> Experiment
     factors = []
     for motor in range(len(plan.motors)):
         alone = np.where(np.arange(len(plan.motors)) == motor, amplitudes, 0.0)
-        factors.append(_allowed(loop.swing(plan, alone), room).min())
+        # One block shows how the inputs compare; the common factor then heeds all of them.
+        factors.append(_allowed(loop.swing(plan, alone, blocks=1), room).min())
     return replace(plan, multisine=plan.multisine.with_amplitudes(amplitudes * np.array(factors)))
 
 
