@@ -1,4 +1,4 @@
-"""The function that is sampled: a fit's cost, fast, with equilibria held fixed."""
+"""The function that is sampled: a fit's cost, fast where only springs and dampers are free."""
 
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -12,8 +12,9 @@ from estimators.least_squares import Fit
 from estimators.residuals import Residual, find_residual
 from estimators.weights import square_root, used_elements, weighted_squares
 from robotmodels.arrays import Array, ComplexArray, read_only
-from robotmodels.errors import SolverFailed
+from robotmodels.errors import IdentificationError, SolverFailed
 from robotmodels.linear_model import LinearModel
+from robotmodels.response import Elastic
 from robotmodels.spring_network import SpringNetwork
 
 if TYPE_CHECKING:
@@ -24,21 +25,25 @@ BATCH = 2**20
 
 
 @dataclass(frozen=True, eq=False)
-class FixedEquilibria:
-    """Logarithm of the posterior of ln theta, equilibria held fixed at the fit.
+class LogPosterior:
+    """Logarithm of the posterior of ln theta: -scale V inside the bounds, flat prior in ln theta.
 
-    log p = -scale V inside the bounds, flat prior in ln theta. Holding the equilibria fixed leaves
-    out the change of gravity sag within the posterior, which is of the order of the sag angle
-    times the relative width.
+    Where every parameter is a spring or a damper, equilibria are held fixed at the fit. That
+    leaves out the change of gravity sag within the posterior, which is of the order of the sag
+    angle times the relative width. Masses, locations and what else a parameter may be change the
+    skeleton: then the robot is linearised anew for every walker, a hundred times slower.
 
     Attributes
     ----------
+    model, positions : of the fit.
     network : at the fitted parameters.
     omega, measured, weights, kind : as in the fit.
     scale : factor of the cost.
     bounds : (2, p) of ln theta.
     """
 
+    model: Elastic
+    positions: Array
     network: SpringNetwork
     omega: Array
     measured: ComplexArray
@@ -70,6 +75,8 @@ class FixedEquilibria:
         """Return the fit's cost V (W,) at `parameters` (W, p) [SI]."""
         if self.kernel is not None:
             return self.kernel(parameters)
+        if not self.network.only_springs:
+            return np.array([self._cost_anew(theta) for theta in parameters])
         result = np.empty(len(parameters))
         q, d = self.network.mass.shape[:2]
         together = max(1, BATCH // (q * len(self.omega) * d**2))
@@ -80,16 +87,30 @@ class FixedEquilibria:
                 damping=np.stack([model.damping for model in models]),
                 stiffness=np.stack([model.stiffness for model in models]),
                 selector=self.network.selector,
+                measurement=self.network.measurement,
             )
             G = batch.frequency_response(self.omega)
             error = self.kind.error(self.measured, G, self.used)
             result[first : first + len(models)] = weighted_squares(self.root, error)
         return result
 
+    def _cost_anew(self, theta: Array) -> float:
+        """Return V with the equilibria and the skeleton of theta; infinite where there are none."""
+        from robotmodels import kernel
+
+        try:
+            network = self.model.network(self.positions, theta)
+        except IdentificationError:
+            return np.inf
+        G = kernel.frequency_response(network, self.omega)
+        return float(weighted_squares(self.root, self.kind.error(self.measured, G, self.used)))
+
     @cached_property
     def kernel(self) -> "CostKernel | None":
-        """The compiled cost; None for full weights and magnitudes, which it does not know."""
+        """The compiled cost; None for full weights, magnitudes, and more than springs."""
         if self.kind.real or is_full(self.weights, self.measured.shape):
+            return None
+        if not self.network.only_springs:
             return None
         from robotmodels.kernel import CostKernel
 
@@ -102,16 +123,18 @@ class FixedEquilibria:
         return {name: value for name, value in self.__dict__.items() if name != "kernel"}
 
 
-def log_posterior(fit: Fit, scale: float) -> FixedEquilibria:
+def log_posterior(fit: Fit, scale: float) -> LogPosterior:
     """Return the function that is sampled.
 
     Raises
     ------
-    SolverFailed : if the cost with fixed equilibria is not the fit's own at the fit.
+    SolverFailed : if the cost is not the fit's own at the fit.
     """
     theta = fit.parameters.values
     kind = find_residual(fit.residual)
-    target = FixedEquilibria(
+    target = LogPosterior(
+        model=fit.model,
+        positions=fit.estimate.positions,
         network=fit.model.network(fit.estimate.positions, theta),
         omega=fit.estimate.omega,
         measured=fit.estimate.response,

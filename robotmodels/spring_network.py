@@ -45,6 +45,11 @@ class SpringNetwork:
     parameters: Parameters
     measurement: Measurement | None = None
 
+    @property
+    def only_springs(self) -> bool:
+        """Whether every free parameter acts through springs and dampers alone."""
+        return bool(self.exponents.any(axis=(0, 1)).all())
+
     def incidence(self) -> Array:
         """Return a, (s, d): a spring's elongation is a @ q."""
         return incidence(self.ends, self.mass.shape[-1])
