@@ -9,11 +9,9 @@ import pinocchio as pin
 from robotmodels.arm import Arm
 from robotmodels.arrays import Array, IntArray
 from robotmodels.errors import NoEquilibrium
+from robotmodels.spring_laws import SpringLaws
 
 LARGEST_DEFLECTION = 0.5  # [rad] or [m]: beyond it a lumped spring is no model of elasticity
-
-# Elongations (Q, s) -> spring torques (Q, s) and their slopes (Q, s).
-SpringLaw = Callable[[Array], tuple[Array, Array]]
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,7 +64,7 @@ def find_equilibrium(
     start: Array,
     sprung: IntArray,
     held: IntArray,
-    law: SpringLaw,
+    law: SpringLaws,
     *,
     springs: Sequence[str],
     places: Callable[[int], str],
@@ -79,7 +77,7 @@ def find_equilibrium(
     start : (Q, d) coordinates with unloaded springs.
     sprung : (s,) the coordinate that each spring holds.
     held : coordinates that rigid drives hold.
-    law : torques and slopes of the springs.
+    law : of the springs.
     springs, places : what errors call the springs, and each of the Q positions.
 
     Raises
@@ -98,7 +96,7 @@ def find_equilibrium(
         K[:, held, held] = 1.0
         try:
             step = np.linalg.solve(K, residual[..., None])[..., 0]
-        except np.linalg.LinAlgError:
+        except np.linalg.LinAlgError:  # singular, hence not stable either
             _check_stable(K, sprung, moving, springs, places)
             raise
         q[moving] -= step
@@ -117,17 +115,16 @@ def find_equilibrium(
     raise _gives_way(arm, start[i], q[i], sprung, springs, places(i))
 
 
-def _first_guess(arm: Arm, start: Array, sprung: IntArray, law: SpringLaw) -> Array:
+def _first_guess(arm: Arm, start: Array, sprung: IntArray, law: SpringLaws) -> Array:
     """Return coordinates near the equilibrium by three cheap steps: each spring carries its load.
 
     A step leaves gravity's stiffness over the spring's, about a hundredth, of the error.
     """
     q = np.array(start, dtype=float)
-    stiffness = law(np.zeros((1, len(sprung))))[1]
     for _ in range(3):
-        deflection = -gravity_torques(arm, q)[:, sprung] / stiffness
+        deflection = law.elongations(-gravity_torques(arm, q)[:, sprung])
         # Where a spring is weak, Newton does better from the unloaded coordinates.
-        deflection[np.abs(deflection).max(axis=1, initial=0.0) > 0.1 * LARGEST_DEFLECTION] = 0.0
+        deflection[np.abs(deflection).max(axis=1, initial=0.0) > LARGEST_DEFLECTION] = 0.0
         q[:, sprung] = start[:, sprung] + deflection
     return q
 

@@ -39,6 +39,19 @@ class SpringLaws:
         square = elongations**2
         return (self.low + self.kappa * square) * elongations, self.low + 3 * self.kappa * square
 
+    def elongations(self, torques: Array) -> Array:
+        """Return the elongations at `torques` (..., s); of a softening spring to first order.
+
+        The torque of a hardening spring is convex: Newton's method from above converges.
+        """
+        load, kappa = np.abs(torques), np.maximum(self.kappa, 0.0)
+        cubic = np.full(load.shape, np.inf)
+        np.cbrt(np.divide(load, kappa, where=kappa > 0, out=cubic), out=cubic)
+        d = np.minimum(load / self.low, cubic)
+        for _ in range(8 if kappa.any() else 0):
+            d = d - ((self.low + kappa * d**2) * d - load) / (self.low + 3 * kappa * d**2)
+        return np.asarray(np.copysign(d, torques))
+
     def stiffening(self, elongations: Array) -> Array:
         """Return d slope / d elongation."""
         k: Array = 6 * self.kappa * elongations

@@ -97,3 +97,13 @@ def test_an_upright_pendulum_on_a_strong_spring_is_stable() -> None:
     strong = built(with_spring(PENDULUM, "g", stiffness=1.1 * GRAVITY_TORQUE))
     stiffness = linearize(strong, np.array([np.pi / 2])).stiffness
     assert stiffness[0, 0] == pytest.approx(0.1 * GRAVITY_TORQUE)
+
+
+@pytest.mark.parametrize("angle", [0.0, 0.7, 1.4])
+def test_a_gear_with_a_soft_start_carries_its_load(angle: float) -> None:
+    stiffness = {"low": 20.0, "high": 1e4, "torque": 5.0}
+    robot = built(with_spring(PENDULUM, "g", stiffness=stiffness))
+    at = robot.equilibrium(np.array([[angle]]))
+    torque = robot.elements.laws(robot.parameters.values)(at.elongations)[0]
+    load = GRAVITY_TORQUE * np.cos(angle + at.elongations)
+    np.testing.assert_allclose(torque, -load, atol=1e-9)

@@ -47,3 +47,11 @@ def test_derivatives_by_its_parameters(end: str) -> None:
     plus, minus = (law(**{end: value * np.exp(s)})(x) for s in (h, -h))
     for found, up, down in zip(getattr(law(), f"by_{end}")(x), plus, minus, strict=True):
         np.testing.assert_allclose(found, (up - down) / (2 * h), rtol=1e-6, atol=1e-6)
+
+
+def test_elongations_invert_the_torque():
+    law = SpringLaws(
+        np.array([20.0, 500.0, 3e4]), np.array([1e4, 2000.0, 3e4]), np.array([5.0, 15.0, np.inf])
+    )
+    torques = np.array([[0.0, 0.0, 0.0], [0.3, -7.0, 250.0], [-40.0, 90.0, -1e3]])
+    np.testing.assert_allclose(law(law.elongations(torques))[0], torques, rtol=1e-10, atol=1e-12)
