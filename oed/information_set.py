@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 
 from robotmodels.arrays import Array, read_only
 from robotmodels.errors import InvalidInput
-from robotmodels.noise import RelativeNoise
+from robotmodels.noise import LoopNoise, RelativeNoise
 from robotmodels.response import Elastic, sensitivity
 
 # Rounding leaves a singular information matrix of unit diagonal with eigenvalues near 1e-15.
@@ -139,7 +139,7 @@ def information(
     robot: Elastic,
     positions: Array,
     omega: Array,
-    noise: RelativeNoise,
+    noise: RelativeNoise | LoopNoise,
     chunk: int = 64,
     executor: Executor | None = None,
     progress: Callable[[int, int], object] | None = None,
@@ -154,7 +154,7 @@ def information(
     robot : a model with `parameters` and `network(positions)`.
     positions : (Q, n) [rad].
     omega : (F,) [rad/s].
-    noise : the noise law of the FRF estimates.
+    noise : the noise law of the FRF estimates; a `ClosedLoopNoise` knows the experiment.
     chunk : positions per call of the kernel, which bounds the memory.
     executor : computes chunks in parallel; None computes here.
     progress : called with the number of positions done and their total.
@@ -182,18 +182,22 @@ def information(
 
 
 def _chunk_information(
-    robot: Elastic, omega: Array, noise: RelativeNoise, positions: Array
+    robot: Elastic, omega: Array, noise: RelativeNoise | LoopNoise, positions: Array
 ) -> Array:
     # Imported when used: a user's own matrices need neither.
     import robotmodels.kernel as kernel
     from estimators.information import information as fisher_information
 
     network = robot.network(positions)
-    if network.only_springs and network.measurement is None:
+    plain = network.only_springs and network.measurement is None
+    if plain and isinstance(noise, RelativeNoise):
         return np.asarray(kernel.information(network, omega, noise))
-    # The kernel knows springs, dampers and motor accelerations; the rest takes the general way.
+    # The kernel knows springs, dampers, motor accelerations and independent elements; the rest
+    # takes the general way.
     response, jacobian = sensitivity(robot, positions, omega, sag=False)
-    return fisher_information(jacobian, 1.0 / noise.variance(response))
+    if isinstance(noise, RelativeNoise):
+        return fisher_information(jacobian, 1.0 / noise.variance(response))
+    return fisher_information(jacobian, noise.weights(network, omega))
 
 
 def _check_shapes(positions: Array, matrices: Array, names: tuple[str, ...]) -> None:

@@ -1,6 +1,8 @@
 """What the robot is: elastic models, their equilibria, FRFs and sensitivities."""
 
 from robotmodels.chains import CoupledChains
+from robotmodels.closed_loop import ClosedLoopNoise
+from robotmodels.controller import Controller, default_controller
 from robotmodels.elastic import ElasticRobot
 from robotmodels.errors import (
     IdentificationError,
@@ -21,19 +23,25 @@ from robotmodels.modes import (
 )
 from robotmodels.noise import RelativeNoise
 from robotmodels.parameters import Parameters
+from robotmodels.plant import Imperfections, simulate
+from robotmodels.records import Records, iterate_records, save_records
 from robotmodels.response import frequency_response, linearize, sensitivity
 from robotmodels.spring_network import SpringNetwork
 
 __all__ = [
+    "ClosedLoopNoise",
+    "Controller",
     "CoupledChains",
     "ElasticRobot",
     "IdentificationError",
     "IdentificationWarning",
+    "Imperfections",
     "InvalidInput",
     "LinearModel",
     "NoEquilibrium",
     "NotIdentifiable",
     "Parameters",
+    "Records",
     "RelativeNoise",
     "SolverFailed",
     "SpringNetwork",
@@ -41,10 +49,14 @@ __all__ = [
     "builtin_robots",
     "clamped",
     "damped_modes",
+    "default_controller",
     "frequency_response",
+    "iterate_records",
     "linearize",
     "load_robot",
     "resonances",
     "rigid_modes",
+    "save_records",
     "sensitivity",
+    "simulate",
 ]

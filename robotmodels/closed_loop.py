@@ -178,7 +178,7 @@ class ClosedLoopNoise:
         _check_power(power, w)
         G = hold_response(w, T)[:, None, None] * model.frequency_response(w)
         # E|DFT|^2 of white noise is N times its variance.
-        unseen = (G * self.torque_noise**2) @ np.conj(np.swapaxes(G, -1, -2))
+        unseen = (G * np.square(np.asarray(self.torque_noise))) @ np.conj(np.swapaxes(G, -1, -2))
         seen = w[:, None, None] ** 4 * np.diag(np.asarray(self.angle_noise) ** 2)
         return power, np.asarray(self.samples / self.averages * (unseen + seen))
 
@@ -190,7 +190,7 @@ class ClosedLoopNoise:
         InvalidInput, NotIdentifiable : as `factors`.
         """
         power, output = self.factors(network, omega)
-        return _kron(np.linalg.inv(power), output)
+        return _kron(np.asarray(np.linalg.inv(power)), output)
 
     def weights(self, network: SpringNetwork, omega: Array) -> ComplexArray:
         """Return the inverses of `covariance`, exactly: power ⊗ Λ_v^-1.
@@ -200,7 +200,7 @@ class ClosedLoopNoise:
         InvalidInput, NotIdentifiable : as `factors`.
         """
         power, output = self.factors(network, omega)
-        return _kron(power, np.linalg.inv(output))
+        return _kron(power, np.asarray(np.linalg.inv(output)))
 
 
 def _kron(left: ComplexArray, right: ComplexArray) -> ComplexArray:

@@ -1,11 +1,20 @@
 """Noise laws: how uncertain a measured FRF element is, given the FRF."""
 
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 
 from robotmodels.arrays import Array, ComplexArray
 from robotmodels.errors import InvalidInput
+from robotmodels.spring_network import SpringNetwork
+
+
+class LoopNoise(Protocol):
+    """A noise law that depends on the experiment, such as `ClosedLoopNoise`."""
+
+    def weights(self, network: SpringNetwork, omega: Array) -> ComplexArray:
+        """Return the inverse covariances of vec(Ĝ), (Q, F, m n, m n), in each position."""
 
 
 @dataclass(frozen=True)

@@ -2,25 +2,21 @@
 
 from collections.abc import Callable, Iterator
 from concurrent.futures import Executor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import product
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from robotmodels.arrays import Array, IntArray
 from robotmodels.controller import Controller
 from robotmodels.elastic import ElasticRobot
-from robotmodels.errors import InvalidInput, SolverFailed
-from robotmodels.plant_loop import Drives, Engine, Law, Sensing, run
-from robotmodels.plant_mujoco import PlantModel, addresses, build_plant, register_mujoco
-from robotmodels.plant_rest import fastest_pole, find_rest, linearise_gears, open_gears
+from robotmodels.errors import InvalidInput
 from robotmodels.records import Records
-from robotmodels.urdf import locate
 
-# Runge and Kutta's method is stable for damped poles within 2.6 / step.
-_LARGEST_STEP = 2.2
+if TYPE_CHECKING:
+    from robotmodels.plant_block import Block
 
 
 @dataclass(frozen=True)
@@ -74,21 +70,6 @@ class Imperfections:
 IDEAL = Imperfections(friction=0.0, nonlinear_gears=False)
 
 
-@dataclass(frozen=True, eq=False)
-class _Block:
-    """One block of experiments in one position: a piece of work for an executor."""
-
-    robot: ElasticRobot
-    position: Array
-    signals: Array  # (E, N, n)
-    controller: Controller
-    imperfections: Imperfections
-    rng: np.random.Generator
-    transient: int
-    periods: int
-    where: str
-
-
 def simulate(
     robot: ElasticRobot,
     positions: Array,
@@ -127,47 +108,72 @@ def simulate(
     NoEquilibrium : if the springs cannot carry the robot's weight in a position.
     SolverFailed : if a closed loop is unstable, naming position, block and experiment.
     """
-    positions = robot._check_positions(positions)
+    # Imported when used: MuJoCo and numba take a second, and most sessions simulate nothing.
+    from robotmodels.plant_block import Block
+
+    positions = np.asarray(positions, dtype=float)
+    robot.equilibrium(positions)  # refuses positions at which nothing can be simulated
     signals = _check_signals(robot, positions, signals, controller)
     if periods < 1 or transient < 0:
         raise InvalidInput(f"periods: {periods} measured, {transient} dropped; at least 1 and 0")
-    detection = np.array([], dtype=np.int64) if detection is None else detection
-    Q, B = len(positions), signals.shape[1]
-    seeds = rng.spawn(Q * B)
+    for name in ("backlash", "angle_noise", "torque_disturbance", "torque_limit"):
+        imperfections.per_motor(name, positions.shape[1])
+    places = list(product(range(len(positions)), range(signals.shape[1])))
     blocks = [
-        _Block(
+        Block(
             robot,
             positions[i],
             signals[i, b],
             controller,
             imperfections,
-            seeds[i * B + b],
+            seed,
             transient,
             periods,
             f"position {i}, block {b}",
         )
-        for i, b in product(range(Q), range(B))
+        for (i, b), seed in zip(places, rng.spawn(len(places)), strict=True)
     ]
-    done: list[tuple[Array, Array, Array]] = []
-    results = map(_run_block, blocks) if executor is None else executor.map(_run_block, blocks)
+    empty = Records(
+        positions=positions[:1],
+        sample_time=controller.sample_time,
+        reference=signals[:1, :, :, None],
+        torque=signals[:1, :, :, None],
+        angle=signals[:1, :, :, None],
+        lines=lines,
+        detection=np.array([], dtype=np.int64) if detection is None else detection,
+        saturated=np.zeros((1, *signals.shape[1:3], 1, signals.shape[-1]), dtype=bool),
+    )
+    return _positions(blocks, empty, executor, progress)
+
+
+def _positions(
+    blocks: "list[Block]",
+    empty: Records,
+    executor: Executor | None,
+    progress: Callable[[int, int], object] | None,
+) -> Iterator[Records]:
+    """Run the blocks; yield a position's records, shaped after `empty`, when it is complete."""
+    from robotmodels.plant_block import run_block
+
+    per_position = empty.torque.shape[1]
+    done: list[tuple[Array, Array, NDArray[np.bool_]]] = []
+    results = map(run_block, blocks) if executor is None else executor.map(run_block, blocks)
     for count, result in enumerate(results, start=1):
         done.append(result)
         if progress is not None:
-            progress(count, Q * B)
-        if len(done) == B:
-            i = count // B - 1
+            progress(count, len(blocks))
+        if len(done) == per_position:
             torque, angle, limited = (np.stack(part)[None] for part in zip(*done, strict=True))
-            done = []
-            yield Records(
-                positions=positions[i : i + 1],
-                sample_time=controller.sample_time,
-                reference=signals[i : i + 1, :, :, None],
+            mine = blocks[count - per_position : count]
+            yield replace(
+                empty,
+                positions=mine[0].position[None],
+                reference=np.stack([block.signals for block in mine])[None, :, :, None],
                 torque=torque,
                 angle=angle,
-                lines=lines,
-                detection=detection,
                 saturated=np.asarray(limited.any(axis=4)),
             )
+            done = []
 
 
 def _check_signals(
@@ -187,69 +193,3 @@ def _check_signals(
     if len(controller.speed_gain) != n:
         raise InvalidInput(f"controller: {len(controller.speed_gain)} motors, the robot has {n}")
     return np.broadcast_to(signals, (len(positions), *signals.shape[1:]))
-
-
-def _run_block(block: _Block) -> tuple[Array, Array, Array]:
-    """Return torque, angle and limited, (E, P, N, n), of one block."""
-    register_mujoco()
-    robot, controller, flaws = block.robot, block.controller, block.imperfections
-    plant = build_plant(robot.file, locate(robot.file.urdf, robot.folder))
-    rest, hold = find_rest(plant, robot, block.position, block.where)
-    if not flaws.nonlinear_gears:
-        linearise_gears(plant, rest)
-    poles = fastest_pole(plant, robot.file, rest)
-    substeps = int(np.ceil(controller.sample_time * poles / _LARGEST_STEP)) or 1
-    n = len(hold)
-    rest = open_gears(plant, rest, flaws.per_motor("backlash", n))
-    engine, drives = _engine(plant), _drives(plant, robot, rest, flaws)
-    law = Law(
-        np.array(controller.speed_gain),
-        1 / np.array(controller.integral_time),
-        np.array(controller.position_gain),
-        np.array(controller.filter_pole),
-        hold / drives.gain,
-    )
-    _, N, _ = block.signals.shape
-    total = (block.transient + block.periods) * N
-    kept = (block.periods, N, n)
-    results: list[Any] = []
-    for e, signal in enumerate(block.signals):
-        engine.qpos[:], engine.qvel[:], engine.applied[:] = rest, 0.0, 0.0
-        errors, disturbance = (
-            block.rng.normal(size=(total, n)) * flaws.per_motor(name, n)
-            for name in ("angle_noise", "torque_disturbance")
-        )
-        reference = np.tile(signal, (block.transient + block.periods, 1))
-        sensing = Sensing(robot.file.delay / controller.sample_time, flaws.quantisation, errors)
-        *traces, good = run(
-            engine, drives, law, sensing, reference, disturbance, controller.sample_time, substeps
-        )
-        if good < total:
-            raise SolverFailed(
-                f"{block.where}, experiment {e}: the simulation diverged after "
-                f"{good * controller.sample_time:.3g} s; smaller controller gains, or a shorter "
-                "sample time, are needed"
-            )
-        results.append([trace[block.transient * N :].reshape(kept) for trace in traces])
-    torque, angle, limited = (np.stack(part) for part in zip(*results, strict=True))
-    return torque, angle, limited
-
-
-def _engine(plant: PlantModel) -> Engine:
-    data = plant.data
-    return Engine(*addresses(plant), data.qpos, data.qvel, data.qfrc_applied, data.qacc_smooth)
-
-
-def _drives(plant: PlantModel, robot: ElasticRobot, rest: Array, flaws: Imperfections) -> Drives:
-    motors = robot.file.motors
-    n = len(motors)
-    unit = np.zeros((len(rest), n))
-    unit[plant.motors, np.arange(n)] = 1.0
-    return Drives(
-        np.asarray(plant.motors, dtype=np.int64),
-        np.array([m.gear_ratio for m in motors]),
-        np.array([m.torque_gain for m in motors]),
-        flaws.per_motor("torque_limit", n),
-        flaws.friction * np.array([m.coulomb for m in motors]),
-        np.asarray(np.linalg.solve(plant.mass(rest), unit)),
-    )

@@ -22,6 +22,7 @@ _mj_tendon: Any = types.ExternalFunction("mj_tendon", _signature)
 _mj_fwdVelocity: Any = types.ExternalFunction("mj_fwdVelocity", _signature)  # noqa: N816
 _mj_fwdAcceleration: Any = types.ExternalFunction("mj_fwdAcceleration", _signature)  # noqa: N816
 
+_FARTHEST = 1.0  # from its start, beyond which a motor is not under control [rad or m, arm side]
 _SWEEPS = 50  # of Gauss and Seidel over motors that friction couples (rigid drives)
 
 
@@ -99,7 +100,8 @@ def run(
             c = drives.coordinate[j]
             true_angle[k, j] = drives.ratio[j] * engine.qpos[c]
             true_speed[k, j] = drives.ratio[j] * engine.qvel[c]
-            if not np.isfinite(true_speed[k, j]):
+            # Written so that NaN ends it too.
+            if not abs(true_angle[k, j] - start[j]) < _FARTHEST * abs(drives.ratio[j]):
                 return torque, angle, limited, k
             y = _delayed(true_angle, true_speed, k, j, sensing.delay, sample_time, start[j])
             y += sensing.errors[k, j]

@@ -1,6 +1,7 @@
 """An elastic robot in MuJoCo, made from the robot file and the URDF alone.
 
-An independent judge of `robotmodels`: it shares the schema of the robot file and nothing else.
+An independent judge of `robotmodels`: it shares the schema of the robot file and the builder of
+the simulated plant, and nothing else.
 Rigid-body terms come from MuJoCo, everything else from a few plain formulas:
 
 - motors behind a drive spring are balls on their own hinges beside the arm,
@@ -14,9 +15,9 @@ from pathlib import Path
 
 import mujoco
 import numpy as np
-from mujoco_build import compiled
-from urdf_tree import read_tree
 
+from robotmodels.plant_mujoco import PlantBuilder
+from robotmodels.plant_urdf import read_tree
 from robotmodels.robot_file import Hardening, RobotFile
 
 
@@ -30,7 +31,7 @@ class MujocoArm:
     @cached_property
     def model(self) -> mujoco.MjModel:
         """The compiled model; its joints are the drives, the torsions and the elastic motors."""
-        return compiled(self.file, read_tree(self.urdf))
+        return PlantBuilder(self.file, read_tree(self.urdf), fuse=False).compile()
 
     @cached_property
     def data(self) -> mujoco.MjData:
