@@ -4,14 +4,16 @@ Beside the holding torque and the position itself all predicted peaks are propor
 amplitude, so that the largest amplitude is a quotient, not a search.
 """
 
-from collections.abc import Sequence
+import itertools
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from oed.peaks import ClosedLoop, Peaks, SampledController
+from oed.peaks import Peaks, PlannedLoop
 from oed.plan import ExperimentPlan
 from robotmodels.arrays import Array, read_only
+from robotmodels.controller import Controller
 from robotmodels.errors import InvalidInput
 from robotmodels.response import Elastic
 
@@ -86,15 +88,19 @@ class Scaling:
 def scale(
     plan: ExperimentPlan,
     robot: Elastic,
-    controller: SampledController,
+    controller: Controller,
     limits: Limits,
     *,
     balance: bool = False,
     per_visit: bool = False,
     margin: float = 0.0,
     holding: Array | None = None,
+    progress: Callable[[int, int], object] | None = None,
 ) -> Scaling:
     """Return the plan with the largest amplitudes that the limits allow in every visit.
+
+    The peaks are those of the linear model from the first sample on; what friction, backlash and
+    noise add is not in them, leave a margin for it.
 
     Parameters
     ----------
@@ -104,6 +110,7 @@ def scale(
     per_visit : one factor for each visit instead of one for all.
     margin : part of each limit, between rest and limit, to stay away from it [-].
     holding : (Q, n) motor torques that hold the arm [N m]; by default the robot's.
+    progress : called with the number of simulated visits and their total.
 
     Raises
     ------
@@ -115,11 +122,13 @@ def scale(
     if not 0 <= margin < 1:
         raise InvalidInput(f"margin: {margin!r}; a number from 0 to below 1 is needed")
     bounds = _bounds(limits, plan.motors)
-    loop = ClosedLoop.of(plan, robot, controller, holding)
+    loop = PlannedLoop.of(plan, robot, controller, holding)
     room = (1 - margin) * _room(plan, loop.rest, bounds)
+    passes = 1 + len(plan.motors) if balance else 1
+    done = _counter(passes * len(plan.visits), progress)
     if balance:
-        plan = _balanced(plan, loop, room)
-    swing = loop.swing(plan, plan.multisine.amplitudes)
+        plan = _balanced(plan, loop, room, done)
+    swing = loop.swing(plan, plan.multisine.amplitudes, done=done)
     allowed = _allowed(swing, room)  # (V, 3, n, 2)
     each = allowed.reshape(len(allowed), -1).min(axis=1)
     factors = each if per_visit else np.full(len(each), each.min())
@@ -177,14 +186,26 @@ def _allowed(swing: Array, room: Array) -> Array:
     return np.asarray(room / reach)
 
 
-def _balanced(plan: ExperimentPlan, loop: ClosedLoop, room: Array) -> ExperimentPlan:
+def _counter(
+    total: int, progress: Callable[[int, int], object] | None
+) -> Callable[[], object] | None:
+    """Return a function that counts its calls and reports each."""
+    if progress is None:
+        return None
+    count = itertools.count(1)
+    return lambda: progress(next(count), total)
+
+
+def _balanced(
+    plan: ExperimentPlan, loop: PlannedLoop, room: Array, done: Callable[[], object] | None
+) -> ExperimentPlan:
     """Return the plan with each input's amplitudes such that it would meet a limit if alone."""
     amplitudes = plan.multisine.amplitudes
     factors = []
     for motor in range(len(plan.motors)):
         alone = np.where(np.arange(len(plan.motors)) == motor, amplitudes, 0.0)
         # One block shows how the inputs compare; the common factor then heeds all of them.
-        factors.append(_allowed(loop.swing(plan, alone, blocks=1), room).min())
+        factors.append(_allowed(loop.swing(plan, alone, blocks=1, done=done), room).min())
     return replace(plan, multisine=plan.multisine.with_amplitudes(amplitudes * np.array(factors)))
 
 

@@ -49,6 +49,7 @@ def test_reference_is_scaled():
     assert measured.reference(0).shape == (2, 2, N, 2)
     np.testing.assert_allclose(louder.reference(2), 3 * measured.reference(2))
     np.testing.assert_allclose(louder.rescaled(2.0).scale, [2, 4, 6])
+    np.testing.assert_array_equal(louder.signals[2], louder.reference(2))
 
 
 def test_crest_factors_are_lowered_on_request():

@@ -4,12 +4,15 @@ from dataclasses import replace
 import numpy as np
 import pinocchio as pin
 import pytest
-from two_axes import CONTROLLER, RATIOS, N, T, TwoAxes, plan, steady_state
+from two_axes import CONTROLLER, RATIOS, N, T, TwoAxes, plan, run
 
 import robotmodels
 from oed import Limits, band_multisine, experiment_plan, predicted_peaks, scale
-from robotmodels import InvalidInput
-from robotmodels.controller import default_controller
+from oed.peaks import PlannedLoop
+from oed.start import sampled_loop
+from robotmodels import InvalidInput, LinearModel
+from robotmodels.controller import Controller, default_controller
+from robotmodels.measurement import Measurement
 
 AXES = TwoAxes()
 NOTHING_HELD = np.zeros((2, 2))
@@ -21,40 +24,90 @@ LIMITS = Limits(
 )
 
 
-def simulated(measured):
-    """Return lowest and highest torque, speed, position (V, 3, n, 2) sample by sample."""
-    swing = []
-    for visit, position in enumerate(measured.visited):
-        runs = [
-            steady_state(position, reference)
-            for block in measured.reference(visit)
-            for reference in block
-        ]
-        torque, speed, angle = (np.concatenate(parts) for parts in zip(*runs, strict=True))
-        signals = (torque, speed, angle / RATIOS)
-        swing.append([np.stack([s.min(axis=0), s.max(axis=0)], axis=-1) for s in signals])
-    return np.array(swing)
+def extremes(runs):
+    """Return lowest and highest torque, speed, position (3, n, 2) of several runs."""
+    torque, speed, angle = (np.concatenate(parts) for parts in zip(*runs, strict=True))
+    signals = (torque, speed, angle / RATIOS)
+    return np.array([np.stack([s.min(axis=0), s.max(axis=0)], axis=-1) for s in signals])
 
 
 def test_peaks_are_those_of_a_simulation_sample_by_sample():
-    measured = plan(repetitions=(1, 1))
+    measured = plan(repetitions=None)
+    loop = PlannedLoop.of(measured, AXES, CONTROLLER, NOTHING_HELD)
+    other = replace(CONTROLLER, speed_gain=1.1 * CONTROLLER.speed_gain)
+    wrong = PlannedLoop.of(measured, AXES, other, NOTHING_HELD)
+    expected = []
+    for visit, position in enumerate(measured.visited):
+        runs = [
+            run(position, reference) for block in measured.reference(visit) for reference in block
+        ]
+        R = measured.multisine.spectrum(measured.phases[visit])
+        settled = extremes([[s[-len(s) // 6 :] for s in each] for each in runs])
+        np.testing.assert_allclose(loop.steady(measured, visit, R), settled, rtol=4e-3)
+        assert np.abs(wrong.steady(measured, visit, R) / settled - 1).max() > 0.02
+        start = extremes([[s[: len(s) // 2] for s in each] for each in runs])  # 3 of 6 periods
+        np.testing.assert_allclose(loop.start(measured, visit, R), start, rtol=4e-3)
+        assert np.abs(wrong.start(measured, visit, R) / start - 1).max() > 0.02
+        assert np.abs(start).max() > np.abs(settled).max()  # the transient counts
+        expected.append(extremes(runs))
     predicted = predicted_peaks(measured, AXES, CONTROLLER, NOTHING_HELD)
-    expected = simulated(measured)
     np.testing.assert_allclose(predicted.swing, expected, rtol=4e-3)
-    # The comparison can tell: one sample of delay in the loop shows.
-    late = predicted_peaks(measured, AXES, Late(), NOTHING_HELD)
-    assert np.abs(late.swing / expected - 1).max() > 8e-3
 
 
-class Late:
-    """The controller, a sample late."""
+def test_the_start_knows_the_speed_filter_and_a_delay():
+    """Against the controller's equations and the plant, written out for one motor."""
+    inertia, viscous, late = 0.02, 0.05, 3
+    model = LinearModel(
+        np.array([[inertia]]),
+        np.array([[viscous]]),
+        np.zeros((1, 1)),
+        np.array([[1.0]]),
+        Measurement(np.zeros((1, 1)), np.zeros((1, 1)), np.eye(1), np.array([0.5]), late * T),
+    )
+    controller = Controller([0.4], [0.3], [3.0], T, [4e-3])
+    reference = np.random.default_rng(5).standard_normal((1, 400, 1))
+    decay = np.exp(-viscous / inertia * T)
+    angle = speed = w = i = last = 0.0
+    angles, torques = [0.0] * late, []
+    for r in reference[0, :, 0]:
+        angles.append(angle)
+        seen = angles[-1 - late]
+        a = np.exp(-T / 4e-3)
+        w = a * w + (1 - a) * (seen - last) / T
+        last = seen
+        e = r - 3.0 * seen - w
+        i += T * e / 0.3
+        u = 0.4 * (e + i)
+        torques.append(u)
+        final = 0.5 * u / viscous  # the speed to which the held torque leads
+        angle += final * T + (speed - final) * (1 - decay) * inertia / viscous
+        speed = final + (speed - final) * decay
+    swing = sampled_loop(model, controller, "here").swing(reference)
+    np.testing.assert_allclose(swing[0, 0], [min(torques), max(torques)], rtol=1e-9)
+    np.testing.assert_allclose(swing[2, 0], [min(angles), max(angles)], rtol=1e-9, atol=1e-12)
 
-    sample_time = T
-    prefilter = staticmethod(CONTROLLER.prefilter)
 
-    @staticmethod
-    def feedback(omega):
-        return CONTROLLER.feedback(omega) * np.exp(-1j * omega * T)[:, None]
+def test_progress_counts_visits_of_all_passes():
+    seen = []
+    scale(
+        plan(),
+        AXES,
+        CONTROLLER,
+        LIMITS,
+        balance=True,
+        holding=HELD,
+        progress=lambda *counts: seen.append(counts),
+    )
+    assert seen == [(k, 9) for k in range(1, 10)]
+    drawn = []
+    plan(progress=lambda *counts: drawn.append(counts))
+    assert drawn == [(1, 3), (2, 3), (3, 3)]
+
+
+def test_an_unstable_loop_is_named():
+    hasty = replace(CONTROLLER, speed_gain=40 * CONTROLLER.speed_gain)
+    with pytest.raises(InvalidInput, match="controller: its loop is unstable in position 0"):
+        scale(plan(), AXES, hasty, LIMITS, holding=HELD)
 
 
 def test_scaled_plan_meets_one_limit_and_stays_inside_the_others():

@@ -61,8 +61,8 @@ def plan(seed=1, **keywords):
     return experiment_plan(ROBOT, **{**usual, **keywords})
 
 
-def steady_state(position, reference, fine=4, periods=6):
-    """Return torque (N, 2) at samples and speed, angle (N fine, 2) of the last period.
+def run(position, reference, fine=4, periods=6):
+    """Return torque (K, 2) at samples and speed, angle (K fine, 2) from rest on.
 
     The held torque makes each sample exact: e^{A T} of the first-order system.
     """
@@ -87,4 +87,4 @@ def steady_state(position, reference, fine=4, periods=6):
             speeds.append(S.T @ state[d:])
             angles.append(S.T @ state[:d])
             state = step[: 2 * d] @ np.concatenate([state, u])
-    return np.array(torques)[-N:], np.array(speeds)[-N * fine :], np.array(angles)[-N * fine :]
+    return np.array(torques), np.array(speeds), np.array(angles)
