@@ -10,6 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from estimators.local_model import interpolated
 from estimators.nonparametric import (
     Transient,
     diagonal,
@@ -84,8 +85,8 @@ def distortion(
 ) -> Distortion:
     """Return noise and distortion levels of the FRFs that `estimate_frf` finds.
 
-    Between excited lines the FRF is interpolated linearly; as the torque is small there, so is
-    the error that this makes, except at resonances much narrower than the lines' distance.
+    Between excited lines the FRF is interpolated, see `estimators.local_model.interpolated`; as
+    the torque is small there, so is the error that this makes.
 
     Parameters
     ----------
@@ -162,13 +163,3 @@ def _between(name: str, found: Spectra, omega: Array, response: ComplexArray) ->
         f"{name}_noise": np.sqrt(noise),
         f"{name}_raw": _rms(found),
     }
-
-
-def interpolated(at: Array, omega: Array, response: ComplexArray) -> ComplexArray:
-    """Interpolate (F, m, n) FRFs linearly at other frequencies; the ends' values hold beyond."""
-    if len(omega) == 1:
-        return np.asarray(np.broadcast_to(response, (len(at), *response.shape[1:])))
-    right = np.clip(np.searchsorted(omega, at), 1, len(omega) - 1)
-    step = np.clip((at - omega[right - 1]) / (omega[right] - omega[right - 1]), 0.0, 1.0)
-    weight = step[:, None, None]
-    return np.asarray((1 - weight) * response[right - 1] + weight * response[right])

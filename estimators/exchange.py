@@ -14,7 +14,7 @@ from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import fields
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -25,6 +25,7 @@ from robotmodels.errors import InvalidInput
 from robotmodels.noise import RelativeNoise
 from robotmodels.records import Records
 
+_T = TypeVar("_T")
 PathLike = str | os.PathLike[str]
 FRF_SCHEMA, RECORDS_SCHEMA, DISTORTION_SCHEMA = "frf/1", "records/1", "distortion/1"
 # MATLAB drops trailing axes of length one, and has no vectors.
@@ -155,7 +156,7 @@ def _kind(path: PathLike, known: Mapping[str, Any]) -> str:
     return suffix
 
 
-def _read(path: PathLike, readers: Mapping[str, Callable[[Path], Any]]) -> Any:
+def _read(path: PathLike, readers: Mapping[str, Callable[[Path], _T]]) -> _T:
     read = readers[_kind(path, readers)]
     if not Path(path).is_file():
         raise InvalidInput(f"{path}: no such file")

@@ -138,7 +138,7 @@ def read_records(path: Path) -> Records:
         angle=signals["angle"],
         lines=np.array(comments["lines"], dtype=np.int64),
         detection=np.array(comments["detection"], dtype=np.int64),
-        saturated=signals["saturated"].any(axis=4),
+        saturated=signals["saturated"].max(axis=4),
     )
 
 

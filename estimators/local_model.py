@@ -26,6 +26,9 @@ from robotmodels.arrays import Array, ComplexArray
 from robotmodels.errors import InvalidInput
 from robotmodels.records import Records
 
+_AROUND = 6
+_WILD = 10.0
+
 
 def local_frf(
     records: Records | Iterable[Records],
@@ -128,7 +131,7 @@ def _all_lines(
         step = omega[window] - omega[k]
         step = step / np.abs(step).max() if width > 1 else step
         try:
-            response, error = _one_line(outputs[window], inputs[window], step, order, denominator)
+            response, error = one_line(outputs[window], inputs[window], step, order, denominator)
         except np.linalg.LinAlgError:
             raise InvalidInput(
                 f"{who}: the torques around {omega[k] / (2 * np.pi):.6g} Hz do not determine the "
@@ -139,7 +142,7 @@ def _all_lines(
     return np.array(responses), np.array(covariances)
 
 
-def _one_line(
+def one_line(
     outputs: ComplexArray, inputs: ComplexArray, step: Array, order: int, denominator: int
 ) -> tuple[ComplexArray, ComplexArray]:
     """Return G (m, n) where step = 0, and its covariance, from (W, m, E) and (W, n, E).
@@ -182,3 +185,32 @@ def _inverse(regressors: ComplexArray) -> tuple[ComplexArray, ComplexArray]:
 def _columns(matrices: ComplexArray) -> ComplexArray:
     """Put (W, c, E) matrices side by side, (c, W E)."""
     return np.asarray(np.moveaxis(matrices, 0, 1).reshape(matrices.shape[1], -1))
+
+
+def interpolated(at: Array, omega: Array, response: ComplexArray) -> ComplexArray:
+    """Return (F, m, n) FRFs at other frequencies between `omega`, by local ratios of order two.
+
+    Six lines around each determine numerators and common denominator; a resonance narrower than
+    the lines' distance is followed where a straight line would miss it. Fewer lines, or a pole
+    that noise puts by chance next to the frequency, leave linear interpolation.
+    """
+    if len(omega) == 1:
+        return np.asarray(np.broadcast_to(response, (len(at), *response.shape[1:])))
+    right = np.clip(np.searchsorted(omega, at), 1, len(omega) - 1)
+    step = np.clip((at - omega[right - 1]) / (omega[right] - omega[right - 1]), 0.0, 1.0)
+    weight = step[:, None, None]
+    found = (1 - weight) * response[right - 1] + weight * response[right]
+    if len(omega) < _AROUND:
+        return np.asarray(found)
+    unit = np.broadcast_to(np.eye(response.shape[2]) + 0j, (_AROUND, *[response.shape[2]] * 2))
+    for k, frequency in enumerate(at):
+        start = int(np.clip(right[k] - _AROUND // 2, 0, len(omega) - _AROUND))
+        window = slice(start, start + _AROUND)
+        apart = (omega[window] - frequency) / np.abs(omega[window] - frequency).max()
+        try:
+            better, _ = one_line(response[window], unit, apart, 2, 2)
+        except np.linalg.LinAlgError:
+            continue
+        if np.abs(better).max() < _WILD * np.abs(response[window]).max():
+            found[k] = better
+    return np.asarray(found)

@@ -165,7 +165,8 @@ def above_rounding(covariance: ComplexArray, response: ComplexArray) -> ComplexA
 
 def structured(covariance: ComplexArray, structure: str, outputs: int) -> Array | ComplexArray:
     """Return covariances "full", (F, m n, m n), as they are, or their "diagonal", (F, m, n)."""
-    return covariance if structure == "full" else diagonal(covariance, outputs)
+    single = covariance.shape[-1] == 1  # a matrix of one element is a variance
+    return covariance if structure == "full" and not single else diagonal(covariance, outputs)
 
 
 def diagonal(covariance: ComplexArray, outputs: int) -> Array:

@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 
 import numpy as np
-from scipy import stats
+from scipy.special import ndtr
 
 from estimators.spectra import Spectra
 from robotmodels.arrays import Array, ComplexArray
@@ -13,6 +13,7 @@ from robotmodels.errors import InvalidInput
 LEVEL = 1e-4
 # Deviations below this part of the signal are left alone, however significant.
 NEGLIGIBLE = 1e-4
+_ROUNDING = 1e-13
 _DEGREES = 12  # pool neighbouring lines until a variance rests on at least so many
 
 
@@ -24,7 +25,8 @@ class Settling:
     ----------
     first : the first period that agrees with the later ones; those before it are to be dropped.
     p_values : (P - 2,) chance of a period differing from the later ones by as much as it does.
-    deviations : (P - 2,) rms difference from the mean of the later ones, relative to it [-].
+    deviations : (P - 2,) difference from the mean of the later ones relative to it, rms over
+        lines, of the signal that differs most [-].
     """
 
     first: int
@@ -68,29 +70,38 @@ def _compare(period: ComplexArray, later: ComplexArray, found: Spectra) -> tuple
     """Return the chance of a difference so large, and its size, of (B, F, c, E) spectra."""
     K = later.shape[1]
     mean = later.mean(axis=1)
-    apart = np.abs(period - mean) ** 2 / (1 + 1 / K)
-    scatter = (np.abs(later - mean[:, None]) ** 2).sum(axis=1) / (K - 1)
     # Channels differ in size and unit, lines in noise: sums over experiments only.
-    ratio, numerator, denominator = _ratios(
-        apart.sum(axis=(0, 3)), scatter.sum(axis=(0, 3)), int(found.present.sum()), K
-    )
-    centre = denominator / (denominator - 2)
-    spread = stats.f(numerator, denominator).std()
-    score = (ratio.mean() - centre) / (spread / np.sqrt(ratio.size))
-    size = np.sum(np.abs(mean) ** 2, axis=(0, 1, 3))
-    change = np.sum(np.abs(period - mean) ** 2, axis=(0, 1, 3))
-    relative = float(np.sqrt(np.max(change / np.where(size > 0, size, 1.0))))
-    return float(stats.norm.sf(score)), relative
+    apart = (np.abs(period - mean) ** 2).sum(axis=(0, 3))
+    scatter = (np.abs(later - mean[:, None]) ** 2).sum(axis=(0, 1, 4)) / (K - 1)
+    size = (np.abs(mean) ** 2).sum(axis=(0, 3))
+    # Line by line: a transient is slow, and would drown in the acceleration at high frequencies.
+    parts = np.divide(apart, size, out=np.zeros_like(apart), where=size > 0)
+    relative = float(np.sqrt(parts.mean(axis=0).max()))
+    experiments = int(found.present.sum())
+    ratio, degrees = _ratios(apart / (1 + 1 / K), scatter, size, (experiments, K))
+    if not ratio.size:
+        return 1.0, relative
+    below = max(degrees * (K - 1), 5)
+    centre = below / (below - 2)
+    spread = centre * np.sqrt(2 * (degrees + below - 2) / (degrees * (below - 4)))
+    # Feedback makes the channels' errors dependent: only lines count as independent.
+    score = (ratio.mean() - centre) / (spread / np.sqrt(len(ratio)))
+    return float(ndtr(-score)), relative
 
 
-def _ratios(apart: Array, scatter: Array, experiments: int, later: int) -> tuple[Array, int, int]:
-    """Return F ratios (groups of lines, channels) and their degrees of freedom."""
+def _ratios(apart: Array, scatter: Array, size: Array, count: tuple[int, int]) -> tuple[Array, int]:
+    """Return F ratios (groups of lines, channels) and the degrees of freedom of what is above.
+
+    Channels that do not change at all, such as torques in open loop, are left out.
+    """
+    experiments, later = count
+    rounding = _ROUNDING**2 * size
+    moving = ((apart > rounding) | (scatter > rounding)).any(axis=0)
+    apart, scatter, rounding = (a[:, moving] for a in (apart, scatter, rounding))
     lines = len(apart)
     group = min(lines, int(np.ceil(_DEGREES / (2 * experiments * (later - 1)))))
     starts = np.arange(0, lines - group + 1, group)
-    above, below = (np.add.reduceat(a[: starts[-1] + group], starts) for a in (apart, scatter))
-    ratio = np.divide(above, below, out=np.ones_like(above), where=below > 0)
     # Without any scatter among the later periods a difference is beyond doubt.
-    ratio = np.where((below == 0) & (above > 0), np.inf, ratio)
-    degrees = 2 * experiments * group
-    return ratio, degrees, max(degrees * (later - 1), 5)
+    scatter = np.maximum(scatter, rounding)
+    above, below = (np.add.reduceat(a[: starts[-1] + group], starts) for a in (apart, scatter))
+    return np.asarray(above / np.where(below > 0, below, 1.0)), 2 * experiments * group

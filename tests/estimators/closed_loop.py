@@ -1,0 +1,127 @@
+"""A 2 x 2 closed loop at a single line, as spectra, and an elastic pair of motors as samples."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from robotmodels.records import Records
+
+RESPONSE = np.array([[1 + 0.3j, 0.3 - 0.2j], [0.25 + 0.1j, 0.6 - 0.5j]])
+FEEDBACK = np.diag([1.5, 2.0]) * np.exp(-0.6j)
+FOURIER = np.array([[1, 1], [1, -1]])
+
+
+def references(shape, rng):
+    """Random phases for each block, times the Fourier matrix: (..., 2, 2)."""
+    phases = np.exp(2j * np.pi * rng.random((*shape, 2)))
+    return phases[..., :, None] * FOURIER
+
+
+def circular(shape, rng):
+    return (rng.standard_normal(shape) + 1j * rng.standard_normal(shape)) / np.sqrt(2)
+
+
+def loop_spectra(runs, std, rng, blocks=10, periods=1):
+    """Y, U, R (runs, blocks, periods, 2, 2) with noise V of `std` on the output."""
+    R = references((runs, blocks), rng)[:, :, None]
+    V = std * circular((runs, blocks, periods, 2, 2), rng)
+    U = np.linalg.solve(np.eye(2) + FEEDBACK @ RESPONSE, FEEDBACK @ (R - V))
+    return RESPONSE @ U + V, U, np.broadcast_to(R, U.shape)
+
+
+SAMPLES, SAMPLE_TIME = 500, 2e-3  # lines 1 Hz apart
+LINES = np.array([k for k in range(3, 80, 2) if k % 10 != 5])
+DETECTION = np.arange(5, 80, 10)
+_MASS = np.array(
+    [[0.5, 0.0, 0.0, 0.0], [0.0, 0.4, 0.0, 0.0], [0.0, 0.0, 1.0, 0.3], [0.0, 0.0, 0.3, 0.8]]
+)
+_STIFFNESS = np.array(
+    [
+        [9e3, 0.0, -9e3, 0.0],
+        [0.0, 1.5e4, 0.0, -1.5e4],
+        [-9e3, 0, 1.3e4, -4e3],
+        [0, -1.5e4, -4e3, 1.9e4],
+    ]
+)
+_DAMPING = 2e-3 * _STIFFNESS + np.diag([3.0, 3.0, 0.0, 0.0])
+
+
+def truth(omega):
+    """Torque to acceleration of the motors, (F, 2, 2)."""
+    w = np.asarray(omega)[:, None, None]
+    A = _STIFFNESS - w**2 * _MASS + 1j * w * _DAMPING
+    return (-(w**2) * np.linalg.inv(A))[:, :2, :2]
+
+
+@dataclass(frozen=True)
+class Bench:
+    """What is done to the elastic pair; every field is independent of the others."""
+
+    blocks: int = 4
+    experiments: int = 2
+    periods: int = 3
+    noise: float = 0.0  # rad, white, on the angle and through the feedback
+    transient: float = 0.0  # part of the signal, decaying by 1/e every 0.3 periods
+    cubic: float = 0.0  # odd distortion of the acceleration
+    square: float = 0.0  # even distortion
+    delay: float = 0.0  # s
+    hold: bool = True
+    seed: int = 0
+    feedback: float = 0.0  # torque per (minus) angle
+
+
+def bench_records(setup=Bench()):
+    """Sample one position of a closed loop whose noise travels through a proportional feedback.
+
+    Multisines over LINES; the torque is commanded at the samples, its continuous-time
+    coefficients follow from the hold, the angle is sampled from the continuous response.
+    """
+    rng = np.random.default_rng(setup.seed)
+    omega = 2 * np.pi * LINES / (SAMPLES * SAMPLE_TIME)
+    G = truth(omega)
+    held = hold_factor(omega) if setup.hold else np.ones(len(omega))
+    plant = held[:, None, None] * G / -(omega**2)[:, None, None]
+    plant = plant * np.exp(-1j * omega * setup.delay)[:, None, None]
+    shape = (setup.blocks, setup.experiments, setup.periods, SAMPLES, 2)
+    R = np.moveaxis(references((setup.blocks, len(omega)), rng), 1, -1)  # (B, n, E, F)
+    R = np.moveaxis(R, 1, -1)[:, : setup.experiments]  # (B, E, F, n)
+    noise = setup.noise * rng.standard_normal(shape)
+    V = np.fft.rfft(noise, axis=3)[:, :, :, LINES] / SAMPLES
+    closing = np.linalg.inv(np.eye(2) + setup.feedback * plant)
+    U = np.einsum("fij,bepfj->bepfi", closing, R[:, :, None] - setup.feedback * V)
+    torque = samples(U)
+    clean = samples(
+        np.einsum("fij,fjk,bepfk->bepfi", plant, closing, np.broadcast_to(R[:, :, None], U.shape))
+    )
+    fed = samples(np.einsum("fij,fjk,bepfk->bepfi", plant, -setup.feedback * closing, V))
+    size = clean.std()
+    angle = clean + fed + noise
+    angle = angle + size * (setup.cubic * (clean / size) ** 3 + setup.square * (clean / size) ** 2)
+    time = np.arange(setup.periods * SAMPLES).reshape(setup.periods, SAMPLES, 1) / SAMPLES
+    angle = angle + setup.transient * size * np.exp(-time / 0.3)
+    reference = samples(R[:, :, None])
+    return Records(
+        positions=np.array([[0.1, -0.2]]),
+        sample_time=SAMPLE_TIME,
+        reference=reference[None],
+        torque=torque[None],
+        angle=angle[None],
+        lines=LINES,
+        detection=DETECTION,
+        saturated=np.zeros((1, *shape[:3], 2), dtype=bool),
+    )
+
+
+def samples(coefficients):
+    """Sample signals with Fourier coefficients (..., F, n) at LINES, (..., N, n)."""
+    spectrum = np.zeros(
+        (*coefficients.shape[:-2], SAMPLES // 2 + 1, coefficients.shape[-1]), complex
+    )
+    spectrum[..., LINES, :] = coefficients * SAMPLES
+    return np.fft.irfft(spectrum, SAMPLES, axis=-2)
+
+
+def hold_factor(omega):
+    """The mean of e^{-j omega t} over a sample: what a held sample contributes."""
+    T = SAMPLE_TIME
+    return (1 - np.exp(-1j * omega * T)) / (1j * omega * T)
