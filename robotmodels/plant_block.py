@@ -13,11 +13,8 @@ from robotmodels.errors import SolverFailed
 from robotmodels.plant import Imperfections
 from robotmodels.plant_loop import Drives, Engine, Law, Sensing, run
 from robotmodels.plant_mujoco import PlantModel, addresses, build_plant, register_mujoco
-from robotmodels.plant_rest import fastest_pole, find_rest, linearise_gears, open_gears
+from robotmodels.plant_rest import find_rest, linearise_gears, open_gears, substeps
 from robotmodels.urdf import locate
-
-# Runge and Kutta's method is stable for damped poles within 2.6 / step.
-_LARGEST_STEP = 2.2
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,8 +55,7 @@ def run_block(block: Block) -> tuple[Array, Array, NDArray[np.bool_]]:
     rest, hold = find_rest(plant, robot, block.position, block.where)
     if not flaws.nonlinear_gears:
         linearise_gears(plant, rest)
-    poles = fastest_pole(plant, robot.file, rest)
-    substeps = int(np.ceil(controller.sample_time * poles / _LARGEST_STEP)) or 1
+    steps = substeps(plant, robot.file, rest, controller.sample_time)
     n = len(hold)
     rest = open_gears(plant, rest, flaws.per_motor("backlash", n))
     engine, drives = _engine(plant), _drives(plant, robot, rest, flaws)
@@ -83,7 +79,7 @@ def run_block(block: Block) -> tuple[Array, Array, NDArray[np.bool_]]:
         reference = np.tile(signal, (block.transient + block.periods, 1))
         sensing = Sensing(robot.file.delay / controller.sample_time, flaws.quantisation, errors)
         *traces, good = run(
-            engine, drives, law, sensing, reference, disturbance, controller.sample_time, substeps
+            engine, drives, law, sensing, reference, disturbance, controller.sample_time, steps
         )
         if good < total:
             raise SolverFailed(

@@ -22,6 +22,27 @@ _mj_tendon: Any = types.ExternalFunction("mj_tendon", _signature)
 _mj_fwdVelocity: Any = types.ExternalFunction("mj_fwdVelocity", _signature)  # noqa: N816
 _mj_fwdAcceleration: Any = types.ExternalFunction("mj_fwdAcceleration", _signature)  # noqa: N816
 
+# Carpenter and Kennedy (1994): five stages of fourth order in two registers, stable for real poles
+# to 4.6 and imaginary ones to 3.3 / step (the classical four stages: 2.8).
+_A = np.array(
+    [
+        0.0,
+        -567301805773 / 1357537059087,
+        -2404267990393 / 2016746695238,
+        -3550918686646 / 2091501179385,
+        -1275806237668 / 842570457699,
+    ]
+)
+_B = np.array(
+    [
+        1432997174477 / 9575080441755,
+        5161836677717 / 13612068292357,
+        1720146321549 / 2090206949498,
+        3134564353537 / 4481467310338,
+        2277821191437 / 14882151754819,
+    ]
+)
+STABILITY = (1 / 200, 1 / 24, 1 / 6, 1 / 2, 1.0, 1.0)  # polynomial in pole times step
 _FARTHEST = 1.0  # from its start, beyond which a motor is not under control [rad or m, arm side]
 _SWEEPS = 50  # of Gauss and Seidel over motors that friction couples (rigid drives)
 
@@ -94,7 +115,7 @@ def run(
     start = drives.ratio * engine.qpos[drives.coordinate]
     last, speed, integral = start.copy(), np.zeros(n), np.zeros(n)
     impulses = np.zeros(n)
-    work = np.empty((6, len(engine.qpos)))
+    work = np.zeros((3, len(engine.qpos)))
     for k in range(T):
         for j in range(n):
             c = drives.coordinate[j]
@@ -148,7 +169,7 @@ def _advance(
 ) -> None:
     """Advance by one sample: geometry in its middle, Runge-Kutta steps, friction after each."""
     q, v = engine.qpos, engine.qvel
-    q0, v0, slope_q, slope_v = work[0], work[1], work[2], work[3]
+    q0, slope_q, slope_v = work[0], work[1], work[2]
     d = len(q)
     h = duration / substeps
     for i in range(d):
@@ -158,24 +179,16 @@ def _advance(
     for i in range(d):
         q[i] = q0[i]
     for _ in range(substeps):
-        for i in range(d):
-            q0[i], v0[i] = q[i], v[i]
-            slope_q[i] = slope_v[i] = 0.0
-        for stage in range(4):
+        for stage in range(len(_A)):
             _mj_tendon(engine.model, engine.data)
             _mj_fwdVelocity(engine.model, engine.data)
             _mj_fwdAcceleration(engine.model, engine.data)
-            weight = 1.0 / 6.0 if stage in (0, 3) else 1.0 / 3.0
-            ahead = h if stage == 2 else 0.5 * h
             for i in range(d):
-                a = engine.acceleration[i]
-                slope_q[i] += weight * v[i]
-                slope_v[i] += weight * a
-                q[i] = q0[i] + ahead * v[i]
-                v[i] = v0[i] + ahead * a
-        for i in range(d):
-            q[i] = q0[i] + h * slope_q[i]
-            v[i] = v0[i] + h * slope_v[i]
+                slope_q[i] = _A[stage] * slope_q[i] + h * v[i]
+                slope_v[i] = _A[stage] * slope_v[i] + h * engine.acceleration[i]
+            for i in range(d):
+                q[i] += _B[stage] * slope_q[i]
+                v[i] += _B[stage] * slope_v[i]
         _rub(engine, drives, impulses, h)
 
 

@@ -2,11 +2,14 @@
 
 import numpy as np
 
-from robotmodels.arrays import Array
+from robotmodels.arrays import Array, ComplexArray
 from robotmodels.elastic import ElasticRobot
 from robotmodels.errors import NoEquilibrium
+from robotmodels.plant_loop import STABILITY
 from robotmodels.plant_mujoco import PlantModel
 from robotmodels.robot_file import Hardening, RobotFile
+
+_SAFETY = 1.15  # of poles, for positions nearby
 
 
 def find_rest(
@@ -69,8 +72,17 @@ def open_gears(plant: PlantModel, rest: Array, gaps: Array) -> Array:
     return rest
 
 
-def fastest_pole(plant: PlantModel, file: RobotFile, rest: Array) -> float:
-    """Return the largest magnitude of a pole [rad/s], hardening springs at their hardest."""
+def substeps(plant: PlantModel, file: RobotFile, rest: Array, sample_time: float) -> int:
+    """Return the least number of steps per sample with which the integration is stable."""
+    poles = _SAFETY * _poles(plant, file, rest) * sample_time
+    count = 1
+    while (np.abs(np.polyval(STABILITY, poles / count)) > 1 + 1e-9).any():
+        count += 1
+    return count
+
+
+def _poles(plant: PlantModel, file: RobotFile, rest: Array) -> ComplexArray:
+    """Return the poles, gravity left out, hardening springs at their hardest [rad/s]."""
     d = plant.model.nv
     damping, stiffness = np.zeros((2, d, d))
     motor_of = {m.joint: m.name for m in file.motors}
@@ -86,4 +98,6 @@ def fastest_pole(plant: PlantModel, file: RobotFile, rest: Array) -> float:
         damping[c, c] += motor.viscous * motor.gear_ratio**2
     both = np.linalg.solve(plant.mass(rest), np.hstack([stiffness, damping]))
     companion = np.block([[np.zeros((d, d)), np.eye(d)], [-both]])
-    return float(np.abs(np.linalg.eigvals(companion)).max())
+    poles = np.linalg.eigvals(companion)
+    # Rigid modes are at zero but for rounding, which may put them to the right of it.
+    return np.where(poles.real > 0, 1j * poles.imag, poles)
