@@ -218,12 +218,13 @@ def _write_mat(path: Path, contents: Mapping[str, Any], schema: str) -> None:
 
 def _read_mat(path: Path, axes: Mapping[str, int], schema: str) -> dict[str, Any]:
     from scipy.io import loadmat
+    from scipy.io.matlab import MatReadError
 
     try:
         found = loadmat(path, appendmat=False)
     except NotImplementedError:
         raise InvalidInput("a MATLAB 7.3 file; save it with -v7, or as HDF5") from None
-    except (ValueError, OSError) as error:
+    except (ValueError, OSError, MatReadError) as error:
         raise InvalidInput(f"not a MATLAB file ({error})") from None
     _check_schema("".join(np.ravel(found.get("schema", ""))[:1]), schema)
     _check_names(found, axes)

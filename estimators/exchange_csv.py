@@ -155,6 +155,7 @@ def _load(
 ) -> tuple[dict[str, Any], list[str], Array]:
     """Return the comments, the names of the columns and the table."""
     comments: dict[str, Any] = {}
+    names: list[str] = []
     try:
         with path.open(encoding="utf-8") as file:
             for line in file:
@@ -163,13 +164,14 @@ def _load(
                     break
                 key, _, value = line[1:].partition(":")
                 comments[key.strip()] = json.loads(value)
-            else:
-                raise InvalidInput("no table")
-            table = np.loadtxt(file, delimiter=",", ndmin=2, comments=None)
-    except (ValueError, UnicodeDecodeError) as error:
-        raise InvalidInput(
-            f"not a table of numbers below comments '# key: JSON': {error}"
-        ) from None
+            rows = [row for row in file if row.strip()]
+        table = (
+            np.loadtxt(rows, delimiter=",", ndmin=2, comments=None) if rows else np.empty((0, 0))
+        )
+    except ValueError as error:  # JSON's, numpy's and the decoder's errors are of this kind
+        raise InvalidInput(f"no table of numbers below comments '# key: JSON': {error}") from None
+    if not table.size:
+        raise InvalidInput("no table of numbers below comments '# key: JSON'")
     if comments.get("schema") != schema:
         raise InvalidInput(f"'schema' is {comments.get('schema')!r}; {schema!r} is needed")
     for key in needed:

@@ -10,6 +10,9 @@ Responses, variances, positions and repetitions keep every bit, frequencies all 
 the conversion to Hz. Of full covariances the diagonal is kept: UFF has no place for the rest.
 """
 
+import warnings
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -126,7 +129,8 @@ def _write_sets(path: Path, sets: list[dict[str, Any]]) -> None:
         with path.open("wb") as file:
             for one in sets:
                 single.unlink(missing_ok=True)
-                pyuff.UFF(str(single)).write_sets(one, mode="add")
+                with _files_left_open():
+                    pyuff.UFF(str(single)).write_sets(one, mode="add")
                 content = single.read_bytes()
                 numbers = 3 if np.iscomplexobj(one["data"]) else 2
                 count = b"%12d" % (8 * numbers * len(one["data"]))
@@ -140,10 +144,19 @@ def _read_sets(path: Path) -> list[dict[str, Any]]:
     import pyuff
 
     try:
-        found = pyuff.UFF(str(path)).read_sets()
+        with _files_left_open():
+            found = pyuff.UFF(str(path)).read_sets()
     except Exception as error:  # pyuff raises nothing more particular
         raise InvalidInput(f"not a universal file that pyuff can read ({error})") from None
     return found if isinstance(found, list) else [found]
+
+
+@contextmanager
+def _files_left_open() -> Iterator[None]:
+    """Accept that pyuff leaves its files to be closed when it is done with them."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", ResourceWarning)
+        yield
 
 
 def _version(one: dict[str, Any]) -> int:

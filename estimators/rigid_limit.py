@@ -86,8 +86,11 @@ def rigid_response(network: SpringNetwork, omega: Array) -> ComplexArray:
     rank = int((values > 1e-9 * values.max(initial=1.0)).sum())
     T = vectors[rank:].T
     w = omega[:, None, None]
-    mass, stiffness = (np.expand_dims(T.T @ a @ T, 1) for a in (network.mass, network.stiffness))
-    A = stiffness - w**2 * mass + 1j * w * (T.T @ network.damping @ T)
+    M, D, K = (
+        np.expand_dims(np.broadcast_to(T.T @ a @ T, (len(network.mass), *[T.shape[1]] * 2)), 1)
+        for a in (network.mass, network.damping, network.stiffness)
+    )
+    A = K - w**2 * M + 1j * w * D
     S = T.T @ network.selector + 0j
     return np.asarray(
         -(w**2) * (S.T @ np.linalg.solve(A, np.broadcast_to(S, (*A.shape[:2], *S.shape))))
@@ -153,7 +156,7 @@ def _judge_couplings(
     scores = np.einsum("si,ij,sj->s", signs, agree, signs)
     best = signs[int(np.argmax(scores))]
     # Weak couplings drown in noise and friction; what the best pattern gains must be clear.
-    if np.sqrt((scores.max() - agree.sum()) / near[..., 0].size) < _CLEAR:
+    if not scores.max() - agree.sum() > _CLEAR**2 * near[..., 0].size:
         return []
     turned = np.flatnonzero(best < 0)
     if 2 * len(turned) > n:

@@ -1,0 +1,112 @@
+import warnings
+
+import numpy as np
+import pytest
+from mass_springs import MassSprings
+
+from estimators import FrfEstimate, check_rigid_limit, simulate_frf
+from estimators.rigid_limit import rigid_response
+from robotmodels import IdentificationWarning, InvalidInput, RelativeNoise, load_robot
+
+OMEGA = 2 * np.pi * np.linspace(2, 60, 30)
+
+
+@pytest.fixture(scope="module", params=["ur10", "manutec_r3"])
+def case(request):
+    robot = load_robot(request.param)
+    rng = np.random.default_rng(0)
+    positions = rng.uniform(-1, 1, (4, len(robot.motor_names)))
+    return robot, simulate_frf(robot, positions, OMEGA, RelativeNoise(0.1, 0.02), rng)
+
+
+def with_response(estimate, response):
+    return FrfEstimate(
+        estimate.positions, estimate.omega, response, estimate.covariance, estimate.repetitions
+    )
+
+
+def messages(case, change):
+    robot, estimate = case
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        found = check_rigid_limit(with_response(estimate, change(estimate.response)), robot)
+    said = [str(w.message) for w in caught if w.category is IdentificationWarning]
+    assert tuple(said) == found.messages
+    return said
+
+
+def turned(motor):
+    sign = np.ones(6)
+    sign[motor] = -1
+    return sign
+
+
+def test_right_data_pass_in_silence(case):
+    assert messages(case, lambda G: G) == []
+
+
+@pytest.mark.parametrize(
+    ("change", "expected"),
+    [
+        (lambda G: -G, "motors 0, 1, 2, 3, 4, 5 .*wrong sign"),
+        (lambda G: turned(1)[:, None] * G, r"motor 1 \(counted from 0\): .*wrong sign; turn"),
+        (lambda G: turned(1) * G, r"motor 1 \(counted from 0\): .*wrong sign; turn"),
+        (lambda G: turned(1)[:, None] * G * turned(1), "motor 1 .*couplings .* wrong sign"),
+        (lambda G: G * 180 / np.pi, "times the rigid .*degrees for radians"),
+        (lambda G: G * np.pi / 180, "times the rigid .*degrees for radians"),
+        (lambda G: G / (2 * np.pi), "times the rigid .*revolutions for radians"),
+        (lambda G: G * 1e3, "milli-units"),
+        (lambda G: G / (1j * OMEGA[:, None, None]), "phase is more than 60 degrees off"),
+    ],
+)
+def test_mistakes_are_named(case, change, expected):
+    import re
+
+    assert any(re.search(expected, text) for text in messages(case, change))
+
+
+def test_a_gear_ratio_is_recognised(case):
+    gears = np.abs(case[0].network(case[1].positions).selector).max(axis=0)
+    said = messages(case, lambda G: G / gears[:, None])
+    assert any("a gear ratio" in text and "gear ratio squared" not in text for text in said)
+
+
+def test_motors_that_are_coupled_to_nothing_prove_nothing():
+    model = MassSprings()
+    positions = np.array([[0.0], [1.0]])
+    omega = 2 * np.pi * np.linspace(0.5, 3, 6)
+    noise = RelativeNoise(0.02, 0.01)
+    estimate = simulate_frf(model, positions, omega, noise, np.random.default_rng(1))
+    diagonal = with_response(estimate, estimate.response * np.eye(2))
+    assert check_rigid_limit(diagonal, model).messages == ()
+    swapped = with_response(estimate, turned(1)[:2, None] * estimate.response * turned(1)[:2])
+    with pytest.warns(IdentificationWarning, match=r"motor 0 .*\(or all the others\): couplings"):
+        check_rigid_limit(swapped, model)
+
+
+def test_the_rigid_response_is_the_limit_of_stiff_springs():
+    model = MassSprings()
+    positions = np.array([[0.0], [1.0]])
+    stiff = model.parameters.values.copy()
+    stiff[:3] *= 1e9
+    omega = np.array([1.0, 10.0])
+    rigid = rigid_response(model.network(positions), omega)
+    assert np.allclose(rigid, model.network(positions, stiff).frequency_response(omega), rtol=1e-4)
+
+
+def test_another_robot_is_refused():
+    _, estimate = (
+        None,
+        simulate_frf(
+            MassSprings(), np.array([[0.0]]), OMEGA, RelativeNoise(), np.random.default_rng(1)
+        ),
+    )
+    wide = FrfEstimate(
+        estimate.positions,
+        estimate.omega,
+        estimate.response[:, :, :, :1],
+        estimate.covariance[:, :, :, :1],
+        estimate.repetitions,
+    )
+    with pytest.raises(InvalidInput, match="FRFs of 2 outputs and 1 motors against a model of 2"):
+        check_rigid_limit(wide, MassSprings())
