@@ -1,4 +1,4 @@
-"""The command line: ``oed run STUDY.yaml`` and ``oed check ROBOT``."""
+"""The command line: ``oed run``, ``oed simulate`` and ``oed check``."""
 
 import multiprocessing
 import os
@@ -14,6 +14,8 @@ import typer
 
 from robotmodels.errors import IdentificationError
 
+_WORKERS = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else 1
+
 app = typer.Typer(
     no_args_is_help=True,
     pretty_exceptions_enable=False,
@@ -26,7 +28,7 @@ def run(
     study: Annotated[Path, typer.Argument(help="Study file, such as studies/ur10.yaml.")],
     workers: Annotated[
         int, typer.Option(min=1, help="Processes for fits and sampling; 1 works in this one.")
-    ] = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else 1,
+    ] = _WORKERS,
 ) -> None:
     """Compute a study and write its report: where to measure, what comes out, how certain it is.
 
@@ -51,6 +53,37 @@ def run(
         write_results(results, folder)
         write_report(results, folder / "report.html", progress)
     typer.echo(study_summary(results, content.output / "report.html"))
+
+
+@app.command()
+def simulate(
+    experiment: Annotated[
+        Path, typer.Argument(help="Experiment file, such as studies/manutec_r3_experiment.yaml.")
+    ],
+    workers: Annotated[
+        int, typer.Option(min=1, help="Processes for the simulation; 1 works in this one.")
+    ] = _WORKERS,
+) -> None:
+    """Plan an experiment inside its limits and simulate it: multisines, closed loop, records.
+
+    Example: oed simulate studies/manutec_r3_experiment.yaml
+    """
+    _one_thread_each()
+    from oed.experiment import prepare, run_experiment
+    from oed.experiment_file import load_experiment
+    from oed.study_output import staged_folder
+    from reports.experiment_summary import experiment_summary
+    from reports.progress import progress_bars
+
+    content = load_experiment(experiment)
+    with (
+        staged_folder(content.output) as folder,
+        progress_bars() as progress,
+        _pool(workers) as executor,
+    ):
+        prepared = prepare(content, progress)
+        outcome = run_experiment(prepared, folder, progress, executor)
+    typer.echo(experiment_summary(prepared, outcome, content.output))
 
 
 @app.command()

@@ -1,0 +1,66 @@
+"""What ``oed simulate`` says at the end: the plan, what limits it, what the simulation met."""
+
+from pathlib import Path
+
+import numpy as np
+
+from oed.experiment import Outcome, Prepared
+from reports.columns import number, plain, plural, table
+from reports.text import duration
+
+
+def experiment_summary(prepared: Prepared, outcome: Outcome, folder: Path) -> str:
+    """Return the summary of a simulated experiment, one screen."""
+    plan, lines = prepared.plan, prepared.plan.multisine.lines
+    period = plan.multisine.period
+    visits = len(plan.visits)
+    repeated = f" in {plural(visits, 'visit')}" if visits > len(plan.positions) else ""
+    left_out = len(plan.multisine.detection)
+    detection = f", {plural(left_out, 'detection line')}" if left_out else ""
+    entries = [
+        (
+            "plan",
+            f"{plural(len(plan.positions), 'position')}{repeated}, "
+            f"{plural(plan.blocks, 'block')} of {plural(plan.multisine.inputs, 'experiment')}, "
+            f"{plan.transient_periods} + {plan.periods} periods of {period:g} s",
+        ),
+        ("", f"{plain(duration(plan.duration))} on a robot, moves included"),
+        (
+            "lines",
+            f"{plural(len(lines), 'line')} from {lines[0] / period:g} to "
+            f"{lines[-1] / period:g} Hz{detection}",
+        ),
+        ("limit", str(prepared.scaling.binding)),
+    ]
+    met = outcome.saturated > 0
+    if met.any():
+        worst = int(np.argmax(outcome.saturated))
+        entries.append(
+            (
+                "torque",
+                f"WARNING: {plural(int(met.sum()), 'motor')} met the torque limit, "
+                f"{plan.motors[worst]!r} in {100 * outcome.saturated[worst]:.2g} % of the "
+                "experiments",
+            )
+        )
+    entries.append(("time", f"simulated in {plain(duration(outcome.seconds))}"))
+    entries += [("written", str(folder / name)) for name in ("plan.yaml", "plan.h5", "records.h5")]
+    rows = [
+        (name, *(number(float(v)) for v in values))
+        for name, *values in zip(
+            plan.motors,
+            outcome.predicted_torque,
+            outcome.peak_torque,
+            outcome.predicted_speed,
+            outcome.peak_speed,
+            strict=True,
+        )
+    ]
+    header = (
+        "peaks",
+        *("torque\npredicted", "N m\nmet", "speed\npredicted", "rad/s\nmet"),
+    )
+    peaks = table(header, rows, right=(1, 2, 3, 4))
+    return "\n".join(
+        [prepared.robot.name, *(f"  {key:<9}{value}" for key, value in entries), *peaks]
+    )
