@@ -3,11 +3,9 @@
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
-from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
-import jinja2
 import numpy as np
 from markupsafe import Markup
 
@@ -16,6 +14,7 @@ from oed.criteria import criterion, sensitivities
 from oed.study import Progress, StudyResults
 from reports import figures, response_panels, robot_pictures, tables, text, uncertainty_figures
 from reports.svg import inline
+from reports.template import filled
 from robotmodels.arrays import Array, ComplexArray
 
 CORNER_PARAMETERS = 6
@@ -38,17 +37,7 @@ def write_report(results: StudyResults, path: Path, progress: Progress | None = 
 
 def render(results: StudyResults, progress: Progress | None = None) -> str:
     """Return the report of a study as HTML."""
-    environment = jinja2.Environment(
-        loader=jinja2.PackageLoader("reports", "templates"),
-        autoescape=True,
-        undefined=jinja2.StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-    )
-    style = files("reports.templates").joinpath("report.css").read_text(encoding="utf-8")
-    template = environment.get_template("report.html.j2")
-    page = Page(results, progress)
-    return template.render(page=page, results=results, text=text, style=Markup(style))
+    return filled("report.html.j2", page=Page(results, progress), results=results)
 
 
 @dataclass(frozen=True, eq=False)
@@ -167,7 +156,7 @@ class Page:
             f"frequency responses in position {row.number}"
         )
         drawing = response_panels.response_panels(
-            r.omega, measured, std, fitted, r.robot.motor_names
+            r.omega, measured, std, fitted, r.robot.motor_names, outputs=r.robot.output_names
         )
         caption = f"{', '.join(row.angles)}; {text.plural(row.repetitions, 'experiment')}"
         return Picture(row.number, caption, inline(drawing, f"frf{row.number}", alt))

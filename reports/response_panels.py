@@ -13,6 +13,7 @@ from reports.svg import Palette
 from reports.text import fixed
 from robotmodels.arrays import Array, ComplexArray
 
+_DEEPEST = 160.0  # of a panel [dB]
 _GAP_X, _GAP_Y = 0.09, 0.12  # between panels, in panel widths and heights
 
 
@@ -32,6 +33,11 @@ class _Scales:
         level = 20 * np.log10(np.maximum(magnitude, 1e-300))
         return np.asarray((level - self.low) / (self.high - self.low))
 
+    def line(self, magnitude: Array) -> Array:
+        """Return heights of a curve: kept near the panel, with gaps where there is no value."""
+        known = np.where(magnitude > 0, magnitude, np.nan)
+        return np.asarray(np.where(magnitude > 0, np.maximum(self.up(known), -0.3), np.nan))
+
     def frequency_ticks(self) -> Array:
         """Return 1, 2, 5, 10, ... Hz, or fewer where they would crowd."""
         first, last = self.frequency[[0, -1]]
@@ -48,16 +54,22 @@ def response_panels(
     omega: Array,
     measured: ComplexArray,
     std: Array,
-    fitted: ComplexArray,
+    fitted: ComplexArray | None,
     motors: Sequence[str],
+    noise: Array | None = None,
+    distortion: Array | None = None,
+    outputs: Sequence[str] | None = None,
 ) -> Callable[[Palette], Figure]:
     """Return a drawing of an FRF, (F, m, n): measured with its band `std`, and fitted.
 
+    `noise` and `distortion`, (F, m, n), are parts of `std`, drawn as levels below; where one is
+    zero or not a number there is a gap. `outputs` names the rows, which are motors by default.
+
     One pair of axes holds all panels: drawing them as axes of their own takes ten times as long.
     """
-    level = 20 * np.log10(np.maximum(np.abs(measured), 1e-300))
-    low, high = 10 * np.floor(np.percentile(level, 0.5) / 10), 10 * np.ceil((level.max() + 1) / 10)
-    scales = _Scales(omega / (2 * np.pi), float(low), float(high))
+    below = [part for part in (noise, distortion) if part is not None]
+    low, high = _level_range(np.abs(measured), below)
+    scales = _Scales(omega / (2 * np.pi), low, high)
 
     def draw(palette: Palette) -> Figure:
         rows, columns = measured.shape[1:]
@@ -77,19 +89,35 @@ def response_panels(
                 alpha=0.28,
                 lw=0,
             )
+            shown = [
+                (noise, palette.muted, 0.6),
+                (distortion, palette.ink, 0.6),
+                (np.abs(measured), palette.accent, 0.7),
+                (None if fitted is None else np.abs(fitted), palette.second, 1.1),
+            ]
             curves = [
-                axes.plot(x, corner[1] + np.maximum(scales.up(values), -0.3), color=c, lw=width)[0]
-                for values, c, width in (
-                    (magnitude, palette.accent, 0.7),
-                    (np.abs(fitted[:, i, j]), palette.second, 1.1),
-                )
+                axes.plot(x, corner[1] + scales.line(values[:, i, j]), color=c, lw=width)[0]
+                for values, c, width in shown
+                if values is not None
             ]
             for artist in (band, *curves):
                 artist.set_clip_path(frame)
-        _labels(axes, rows, columns, motors, scales, palette)
+        _labels(axes, motors if outputs is None else outputs, motors, scales, palette)
         return figure
 
     return draw
+
+
+def _level_range(magnitude: Array, below: Sequence[Array]) -> tuple[float, float]:
+    """Return the lowest and highest level to show [dB], whole tens."""
+    level = 20 * np.log10(np.maximum(magnitude, 1e-300))
+    low, high = float(np.percentile(level, 0.5)), float(level.max())
+    for part in below:
+        positive = part[part > 0]
+        if positive.size:
+            low = min(low, float(20 * np.log10(np.percentile(positive, 5))))
+    low = max(low, high - _DEEPEST)
+    return 10 * float(np.floor(low / 10)), 10 * float(np.ceil((high + 1) / 10))
 
 
 def _canvas(rows: int, columns: int) -> tuple[Figure, Axes]:
@@ -121,12 +149,12 @@ def _panel(axes: Axes, corner: tuple[float, float], scales: _Scales, palette: Pa
 
 def _labels(
     axes: Axes,
-    rows: int,
-    columns: int,
+    outputs: Sequence[str],
     motors: Sequence[str],
     scales: _Scales,
     palette: Palette,
 ) -> None:
+    rows, columns = len(outputs), len(motors)
     bottom = -rows - (rows - 1) * _GAP_Y
     for j in range(columns):
         left = j * (1 + _GAP_X)
@@ -145,7 +173,7 @@ def _labels(
             )
     for i in range(rows):
         low = -i * (1 + _GAP_Y) - 1
-        axes.text(-0.36, low + 0.5, f"to {motors[i]}", ha="center", va="center", rotation=90)
+        axes.text(-0.36, low + 0.5, f"to {outputs[i]}", ha="center", va="center", rotation=90)
         for tick in scales.level_ticks():
             y = (tick - scales.low) / (scales.high - scales.low)
             if -1e-9 <= y <= 1 + 1e-9:
