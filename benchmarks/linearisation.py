@@ -31,6 +31,7 @@ PEERS = ("numpy", "jax", "control")
 PACKAGES = ("numpy", "scipy", "jax", "control")
 FREQUENCIES = 100
 POSITIONS = 200
+WHOLE_POSITIONS = 500
 REPEATS = 7
 DGEMM = """
 import numpy, time
@@ -46,12 +47,16 @@ def hertz(n: int) -> Array:
     return 2 * np.pi * np.linspace(2.0, 80.0, n)
 
 
+def positions(robot: robotmodels.ElasticRobot, n_positions: int) -> Array:
+    """Return random positions, (Q, n) [rad]."""
+    low, high = np.clip(robot.position_limits, -2.0, 2.0).T
+    return np.random.default_rng(1).uniform(low, high, (n_positions, len(low)))
+
+
 def network(n_positions: int) -> SpringNetwork:
     """Return the UR10's network at random positions."""
     robot = robotmodels.load_robot("ur10")
-    low, high = np.clip(robot.position_limits, -2.0, 2.0).T
-    rng = np.random.default_rng(1)
-    return robot.network(rng.uniform(low, high, (n_positions, len(low))))
+    return robot.network(positions(robot, n_positions))
 
 
 def best(run: Callable[[], object]) -> float:
@@ -115,6 +120,19 @@ def kernel_times(net: SpringNetwork, noise: RelativeNoise) -> dict[str, Any]:
     numba.set_num_threads(available)
     result["cost_evaluations_per_second"] = cost_rate(part(net, 15), w, noise)
     return result
+
+
+def whole_times(noise: RelativeNoise) -> dict[str, float]:
+    """Return seconds per position, on all threads, from joint angles on.
+
+    "network": equilibria under gravity, mass matrices and gravity's stiffness, by Pinocchio;
+    "network and information": these and the kernel.
+    """
+    robot = robotmodels.load_robot("ur10")
+    q, w = positions(robot, WHOLE_POSITIONS), hertz(FREQUENCIES)
+    first = best(lambda: robot.network(q))
+    both = best(lambda: kernel.information(robot.network(q), w, noise))
+    return {"network": first / len(q), "network and information": both / len(q)}
 
 
 def cost_rate(net: SpringNetwork, omega: Array, noise: RelativeNoise) -> dict[str, float]:
@@ -200,13 +218,16 @@ def report(results: dict[str, Any]) -> None:
     own, rate = results["kernel"], results["machine"]["matrix_product_flops_per_thread"]
     fastest = min(own["per_position"].values())
     print(f"\n{results['machine']['processor']}, load {results['machine']['load_average']:.1f}")
-    print("\nway                    ms/position   kernel is faster   difference")
+    print("\nway                     ms/position   kernel is faster   difference")
     for threads, seconds in own["per_position"].items():
-        print(f"kernel, {threads} thread(s)   {1e3 * seconds:14.4f}")
+        print(f"kernel, {threads} thread(s)      {1e3 * seconds:12.4f}")
+    for name, seconds in results["whole"].items():
+        print(f"{name:25s}{1e3 * seconds:12.4f}")
     for peer, found in results["peers"].items():
         ratio = found["per_position"] / fastest
         milliseconds = 1e3 * found["per_position"]
-        print(f"{peer:20s}{milliseconds:14.3f}{ratio:17.0f} x{found['difference']:14.1e}")
+        print(f"{peer:25s}{milliseconds:12.4f}{ratio:17.0f} x{found['difference']:14.1e}")
+    print("network: by Pinocchio, from joint angles; the kernel and peers are given the network")
     print(f"\nkernel {own['flops_per_second'] / 1e9:.1f} Gflop/s per thread", end=", ")
     print(f"matrix product {rate / 1e9:.1f} Gflop/s: {own['flops_per_second'] / rate:.2f} of it")
     print(f"first call {own['first_call']:.2f} s (compiling, or reading the cache)")
@@ -224,6 +245,7 @@ def main() -> None:
     own["flops_per_second"] = flops(net, FREQUENCIES) / own["per_position"][1]
     own["growth_positions"] = growth(own["by_positions"])
     own["growth_frequencies"] = growth(own["by_frequencies"])
+    results["whole"] = whole_times(noise)
     results["peers"] = peer_times(net, kernel.information(net, hertz(FREQUENCIES), noise))
     target = HERE / "results" / "linearisation.json"
     target.parent.mkdir(exist_ok=True)
