@@ -5,7 +5,6 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Literal
 
 import numpy as np
 
@@ -23,8 +22,6 @@ from robotmodels.records import Records
 
 Progress = Callable[[str, int, int], None]
 """Called with the stage's name, the steps done and the steps in all (0: not known yet)."""
-
-Covariance = Literal["total", "noise"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,7 +63,7 @@ def measured_frf(
     path: Path,
     method: str = "ari",
     *,
-    covariance: Covariance = "total",
+    covariance: str = "total",
     delay: float = 0.0,
     robot: str | None = None,
     compare: bool = False,

@@ -1,4 +1,4 @@
-"""The command line: ``oed run``, ``oed simulate`` and ``oed check``."""
+"""The command line: ``oed run``, ``oed simulate``, ``oed frf`` and ``oed check``."""
 
 import multiprocessing
 import os
@@ -84,6 +84,54 @@ def simulate(
         prepared = prepare(content, progress)
         outcome = run_experiment(prepared, folder, progress, executor)
     typer.echo(experiment_summary(prepared, outcome, content.output))
+
+
+@app.command()
+def frf(
+    records: Annotated[Path, typer.Argument(help="Records: .h5, .mat or .csv.")],
+    method: Annotated[str, typer.Option(help="ari, har, log, h1 or jio.")] = "ari",
+    delay: Annotated[float, typer.Option(help="Of the angles after the torques [s].")] = 0.0,
+    covariance: Annotated[
+        str, typer.Option(help="total (from blocks) or noise (from periods, misses distortion).")
+    ] = "total",
+    robot: Annotated[
+        str | None, typer.Option(help="Robot (name or file) whose linear model is shown beside.")
+    ] = None,
+    compare: Annotated[
+        bool, typer.Option("--compare", help="Rank the methods by simulating the measured loop.")
+    ] = False,
+    output: Annotated[
+        Path | None, typer.Option("-o", "--output", help="Folder; by default that of the records.")
+    ] = None,
+) -> None:
+    """Estimate frequency responses from records, with covariance, noise and distortion.
+
+    Example: oed frf out/manutec_r3_experiment/records.h5 --robot manutec_r3
+    """
+    _one_thread_each()
+    from estimators.exchange import write_frf
+    from oed.measured_frf import measured_frf
+    from oed.study_output import staged_folder
+    from reports.frf_page import frf_summary, write_frf_page
+    from reports.progress import progress_bars
+
+    target = (records.parent if output is None else output).resolve()
+    with progress_bars() as progress:
+        found = measured_frf(
+            records,
+            method,
+            covariance=covariance,
+            delay=delay,
+            robot=robot,
+            compare=compare,
+            progress=progress,
+        )
+        with staged_folder(target) as folder:
+            write_frf(folder / "frf.h5", found.estimate)
+            write_frf_page(found, records, folder / "frf.html", progress)
+    for warning in found.warnings:
+        typer.echo(f"warning: {warning}", err=True)
+    typer.echo(frf_summary(found, [target / "frf.h5", target / "frf.html"]))
 
 
 @app.command()

@@ -10,7 +10,10 @@ from reports.text import duration
 
 
 def experiment_summary(prepared: Prepared, outcome: Outcome, folder: Path) -> str:
-    """Return the summary of a simulated experiment, one screen."""
+    """Return the summary of a simulated experiment, one screen.
+
+    Predicted peaks include the start of each experiment, met ones the measured periods only.
+    """
     plan, lines = prepared.plan, prepared.plan.multisine.lines
     period = plan.multisine.period
     visits = len(plan.visits)
