@@ -32,7 +32,7 @@ class Distortion:
     ----------
     positions : (Q, n) [rad].
     omega : (F,) excited lines [rad/s].
-    noise : (Q, F, m, n) variances of the FRF by noise, from periods.
+    noise : (Q, F, m, n) variances of the FRF by noise, from what periods do not repeat.
     total : (Q, F, m, n) by noise and distortion, from blocks; NaN where there is one block.
     blocks : (Q,) blocks averaged.
     output : (Q, F, m) rms acceleration at the excited lines, over blocks and experiments.
@@ -112,7 +112,7 @@ def distortion(
         lines = detection_lines(part)
         first = part.torque.shape[3] - found.periods
         for name, k in zip(("odd", "even"), lines, strict=True):
-            between = spectra(part, 0, k, hold, delay).from_period(first)
+            between = spectra(part, 0, k, hold, delay, first)
             row |= _between(name, between, found.omega, response)
         rows.append(row | {"blocks": np.array(len(found.present))})
         positions.append(part.positions[0])
@@ -152,12 +152,12 @@ def _rms(found: Spectra) -> Array:
 
 
 def _between(name: str, found: Spectra, omega: Array, response: ComplexArray) -> dict[str, Array]:
-    count, P = int(found.present.sum()), found.periods
-    error = found.output - interpolated(found.omega, omega, response) @ found.input
-    mean = error.mean(axis=1, keepdims=True)
-    scatter = np.abs(error - mean) ** 2
-    noise = scatter.sum(axis=(0, 1, 4)) / (P * (P - 1) * count)
-    power = (np.abs(mean[:, 0]) ** 2).sum(axis=(0, 3)) / count
+    count = int(found.present.sum())
+    G = interpolated(found.omega, omega, response)
+    error = (found.output - G @ found.input).mean(axis=1)
+    power = (np.abs(error) ** 2).sum(axis=(0, 3)) / count
+    alone = found.noise_output - G @ found.noise_input
+    noise = (np.abs(alone) ** 2).mean(axis=1).sum(axis=(0, 3)) / count
     return {
         name: np.sqrt(power),
         f"{name}_noise": np.sqrt(noise),

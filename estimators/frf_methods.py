@@ -124,30 +124,34 @@ def _adjoint(matrices: ComplexArray) -> ComplexArray:
     return np.asarray(np.conj(np.swapaxes(matrices, -1, -2)))
 
 
-def noise_covariance(
-    method: str,
-    estimate: ComplexArray,
-    output: ComplexArray,
-    input: ComplexArray,
-    reference: ComplexArray,
-) -> ComplexArray:
-    """Return the covariance (..., m n, m n) that repetition over periods explains.
-
-    The errors V = Y - G U of different experiments are independent; the scatter of V over the
-    periods of experiment e gives the covariance C_e of its mean, and the estimate's is
-    sum (w_e w_e^H) kron C_e over all experiments of all blocks (see `experiment_weights`).
+def error_power(estimate: ComplexArray, output: ComplexArray, input: ComplexArray) -> ComplexArray:
+    """Return the covariance (..., B, E, m, m) of an experiment's V = Y - G U, from its noise.
 
     Parameters
     ----------
-    estimate : (..., m, n).
-    output, input : (..., B, P, m, E) and (..., B, P, n, E), P >= 2 periods.
-    reference : (..., B, P, n, E).
+    estimate : (..., m, n) G.
+    output, input : (..., B, J, m, E) and (..., B, J, n, E) without signal, see `Spectra`.
     """
-    P = input.shape[-3]
     error = output - estimate[..., None, None, :, :] @ input
-    error = error - error.mean(axis=-3, keepdims=True)
-    scatter = np.einsum("...bpie,...bpje->...beij", error, np.conj(error)) / (P * (P - 1))
-    weights = experiment_weights(method, input.mean(axis=-3), reference.mean(axis=-3))
-    products = np.einsum("...bek,...bel,...beij->...kilj", weights, np.conj(weights), scatter)
-    mn = estimate.shape[-1] * estimate.shape[-2]
+    power = np.einsum("...bjie,...bjke->...beik", error, np.conj(error))
+    return np.asarray(power / input.shape[_BLOCKS])
+
+
+def noise_covariance(
+    method: str, power: ComplexArray, input: ComplexArray, reference: ComplexArray
+) -> ComplexArray:
+    """Return the estimate's covariance (..., m n, m n) by noise alone.
+
+    Errors V = Y - G U of different experiments are independent; those of experiment e, with
+    covariance C_e, give the estimate sum (w_e w_e^H) kron C_e over all experiments of all blocks
+    (see `experiment_weights`).
+
+    Parameters
+    ----------
+    power : (..., B, E, m, m) the experiments' C_e, see `error_power`.
+    input, reference : (..., B, n, E) averaged over the periods.
+    """
+    weights = experiment_weights(method, input, reference)
+    products = np.einsum("...bek,...bel,...beij->...kilj", weights, np.conj(weights), power)
+    mn = input.shape[-2] * power.shape[-1]
     return np.asarray(products.reshape(*products.shape[:-4], mn, mn))

@@ -17,8 +17,8 @@ from estimators.nonparametric import (
     above_rounding,
     check_choice,
     each_position,
+    first_period,
     structured,
-    without_transient,
 )
 from estimators.record_checks import check_periods, check_records
 from estimators.spectra import spectra
@@ -72,7 +72,8 @@ def local_frf(
         check_records(part, 0, who)
         found = spectra(part, hold=hold, delay=delay)
         check_periods(found, who)
-        found = without_transient(found, transient, who)
+        first = first_period(found, transient, who)
+        found = spectra(part, hold=hold, delay=delay, first=first) if first else found
         Y, U, _ = found.averaged()
         used = found.present.reshape(-1)
         Y, U = (np.concatenate(list(a), axis=-1)[..., used] for a in (Y, U))

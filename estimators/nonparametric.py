@@ -7,7 +7,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from estimators.frf_estimate import FrfEstimate, unvec
-from estimators.frf_methods import SUMMING, find_method, jackknife, noise_covariance
+from estimators.frf_methods import (
+    SUMMING,
+    error_power,
+    find_method,
+    jackknife,
+    noise_covariance,
+)
 from estimators.record_checks import check_condition, check_periods, check_records, warn
 from estimators.spectra import Spectra, spectra
 from estimators.stationarity import settling
@@ -40,8 +46,8 @@ def estimate_frf(
     records : experiments, or any iterable of them, e.g. `robotmodels.records.iterate_records`;
         one position at a time is held in memory.
     method : "ari", "har", "log", "h1" or "jio"; `estimators.compare_methods` helps to choose.
-    covariance : "total", over blocks, or "noise", over periods, which misses the distortions by
-        nonlinearities and is all that one block can give.
+    covariance : "total", over blocks, or "noise", from what does not repeat from period to period,
+        which misses the distortions by nonlinearities and is all that one block can give.
     structure : "full" matrices of vec(G), of rank B - 1 at most for the total one, or their
         "diagonal".
     hold : whether the torque is held over a sample.
@@ -120,8 +126,9 @@ def usable_spectra(
         )
     if method == "jio" and not found.reference.any():
         raise InvalidInput(f"{who}: jio needs the reference, which is zero; use another method")
+    first = first_period(found, transient, who)
+    found = spectra(records, hold=hold, delay=delay, first=first) if first else found
     found = _without_missing(found, method, who)
-    found = without_transient(found, transient, who)
     _check_inputs(found, method, records.lines.astype(float), who)
     return found
 
@@ -148,8 +155,8 @@ def with_covariance(
         if P < 2:
             raise InvalidInput(f"{who}: one period; a noise covariance needs at least 2")
         response = find_method(method)(Y, U, R)
-        every = (np.moveaxis(a, 2, 0) for a in (found.output, found.input, found.reference))
-        error = noise_covariance(method, response, *every)
+        noise = (np.moveaxis(a, 2, 0) for a in (found.noise_output, found.noise_input))
+        error = noise_covariance(method, error_power(response, *noise), U, R)
     return response, above_rounding(error, response)
 
 
@@ -174,10 +181,10 @@ def diagonal(covariance: ComplexArray, outputs: int) -> Array:
     return np.asarray(unvec(np.diagonal(covariance, axis1=-2, axis2=-1).real, outputs))
 
 
-def without_transient(found: Spectra, transient: Transient, who: str) -> Spectra:
-    """Return the spectra without the first periods: so many, or those not settled ("auto")."""
+def first_period(found: Spectra, transient: Transient, who: str) -> int:
+    """Return how many periods to drop: so many, or those not settled ("auto"), with a warning."""
     if transient != "auto":
-        return found.from_period(transient)
+        return transient
     judged = settling(found)
     if judged.first:
         warn(
@@ -186,7 +193,7 @@ def without_transient(found: Spectra, transient: Transient, who: str) -> Spectra
         )
     if not judged.settled:
         warn(f"{who}: no period agrees with the later ones; the experiments never settled")
-    return found.from_period(judged.first)
+    return judged.first
 
 
 def _without_missing(found: Spectra, method: str, who: str) -> Spectra:

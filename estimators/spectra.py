@@ -10,6 +10,9 @@ from robotmodels.arrays import Array, ComplexArray, IntArray
 from robotmodels.errors import InvalidInput
 from robotmodels.records import Records
 
+# Neighbours on either side of a line that show its noise, at most.
+_REACH = 4
+
 
 @dataclass(frozen=True, eq=False)
 class Spectra:
@@ -24,6 +27,9 @@ class Spectra:
     reference : (B, P, F, n, E) speed reference [rad/s].
     input : (B, P, F, n, E) torque as the motors saw it, the hold included [N m].
     output : (B, P, F, m, E) motor acceleration [rad/s^2].
+    noise_input, noise_output : (B, J, F, ., E) at J frequencies around each line where no periodic
+        signal is: bins of the whole record between those of its period; J = 0 for one period. They
+        are scaled as averages over the periods are, so that their power is the averages' noise.
     present : (B, E) whether an experiment was measured.
     """
 
@@ -31,6 +37,8 @@ class Spectra:
     reference: ComplexArray
     input: ComplexArray
     output: ComplexArray
+    noise_input: ComplexArray
+    noise_output: ComplexArray
     present: NDArray[np.bool_]
 
     @property
@@ -54,22 +62,9 @@ class Spectra:
             self.reference[which],
             self.input[which],
             self.output[which],
+            self.noise_input[which],
+            self.noise_output[which],
             self.present[which],
-        )
-
-    def from_period(self, first: int) -> "Spectra":
-        """Return the spectra without the periods before `first`."""
-        if not 0 <= first < self.periods:
-            raise InvalidInput(
-                f"transient: {first} of {self.periods} periods cannot be dropped; give 0 to "
-                f"{self.periods - 1}"
-            )
-        return Spectra(
-            self.omega,
-            self.reference[:, first:],
-            self.input[:, first:],
-            self.output[:, first:],
-            self.present,
         )
 
 
@@ -79,6 +74,7 @@ def spectra(
     lines: IntArray | None = None,
     hold: bool = True,
     delay: float = 0.0,
+    first: int = 0,
 ) -> Spectra:
     """Return the spectra in position `index` at `lines` (the excited ones by default).
 
@@ -90,24 +86,72 @@ def spectra(
     ----------
     hold : whether the torque was held over each sample; otherwise it is taken as sampled.
     delay : time by which the measured angle lags the torque, e.g. a filter's or a bus's [s].
+    first : periods before this one are dropped.
     """
     if not np.isfinite(delay):
         raise InvalidInput(f"delay: {delay!r} s is not a number")
+    periods = records.torque.shape[3]
+    if not 0 <= first < periods:
+        raise InvalidInput(
+            f"transient: {first} of {periods} periods cannot be dropped; give 0 to {periods - 1}"
+        )
+    P, T = periods - first, records.sample_time
     k = records.lines if lines is None else np.asarray(lines, dtype=np.int64)
-    omega = np.asarray(2 * np.pi * k / (records.samples * records.sample_time), dtype=float)
-    half = omega * records.sample_time / 2
-    held = np.sinc(half / np.pi) * np.exp(-1j * half) if hold else np.ones(len(k))
+    unit = float(2 * np.pi / (records.samples * T))
     present = ~records.missing[index]
-    torque = _lines(records.torque[index], k, present) * held[:, None, None]
-    twice = -(omega**2) * np.exp(1j * omega * delay)
-    angle = _lines(records.angle[index], k, present) * twice[:, None, None]
-    reference = _lines(records.reference[index], k, present)
-    reference = np.broadcast_to(reference, torque.shape)
-    return Spectra(omega, reference, torque, angle, present)
+    torque, angle = (
+        np.where(present[:, :, None, None, None], signal[index][:, :, first:], 0.0)
+        for signal in (records.torque, records.angle)
+    )
+    reference = np.where(present[:, :, None, None, None], records.reference[index], 0.0)
+    reference = reference[:, :, first:] if reference.shape[2] > 1 else reference
+    omega = np.asarray(unit * k, dtype=float)
+    at = _transfer(omega, T, hold, delay)
+    u, y, r = (_lines(signal, k) for signal in (torque, angle, reference))
+    noise_u, noise_y = (_between(signal, k) for signal in (torque, angle))
+    near = _transfer(unit * _neighbours(k, P) / P, T, hold, delay)
+    return Spectra(
+        omega=omega,
+        reference=np.broadcast_to(r, u.shape),
+        input=u * at[0][:, None, None],
+        output=y * at[1][:, None, None],
+        noise_input=noise_u * near[0][..., None, None],
+        noise_output=noise_y * near[1][..., None, None],
+        present=present,
+    )
 
 
-def _lines(signal: Array, lines: IntArray, present: NDArray[np.bool_]) -> ComplexArray:
-    """Return the coefficients (B, P, F, n, E) of samples (B, E, P, N, n), zero where missing."""
-    samples = np.where(present[:, :, None, None, None], signal, 0.0)
-    transform = np.fft.rfft(samples, axis=3)[:, :, :, lines] / signal.shape[3]
+def _transfer(
+    omega: Array, sample_time: float, hold: bool, delay: float
+) -> tuple[ComplexArray, ComplexArray]:
+    """Return what turns coefficients of torque samples and of angles into U and Y."""
+    half = omega * sample_time / 2
+    held = np.sinc(half / np.pi) * np.exp(-1j * half) if hold else np.ones(omega.shape, complex)
+    return np.asarray(held), np.asarray(-(omega**2) * np.exp(1j * omega * delay))
+
+
+def _neighbours(lines: IntArray, periods: int) -> IntArray:
+    """Return the bins (J, F) of the whole record nearest to the lines' own on either side."""
+    reach = min(max(1, (periods - 1) // 2), _REACH) if periods > 1 else 0
+    away = np.array([j for i in range(1, reach + 1) for j in (-i, i)], dtype=np.int64)
+    return np.asarray(periods * lines + away[:, None])
+
+
+def _lines(signal: Array, lines: IntArray) -> ComplexArray:
+    """Return the coefficients (B, P, F, c, E) of samples (B, E, P, N, c), period by period."""
+    transform = np.fft.rfft(signal, axis=3)[:, :, :, lines] / signal.shape[3]
+    return np.asarray(transform.transpose(0, 2, 3, 4, 1))
+
+
+def _between(signal: Array, lines: IntArray) -> ComplexArray:
+    """Return the coefficients (B, J, F, c, E) of all periods in one, at the lines' neighbours.
+
+    Noise that lasts from one period into the next makes their errors dependent, so the scatter
+    over periods would mistake the uncertainty of their mean, most of all for free motors, whose
+    angles random torques set adrift. One transform of all periods keeps no such error.
+    """
+    B, E, P, N, c = signal.shape
+    whole = signal.reshape(B, E, P * N, c)
+    bins = _neighbours(lines, P)
+    transform = np.fft.rfft(whole, axis=2)[:, :, bins] / (P * N)
     return np.asarray(transform.transpose(0, 2, 3, 4, 1))

@@ -21,9 +21,9 @@ def circular(shape, rng):
     return (rng.standard_normal(shape) + 1j * rng.standard_normal(shape)) / np.sqrt(2)
 
 
-def loop_spectra(runs, std, rng, blocks=10, periods=1):
+def loop_spectra(runs, std, rng, blocks=10, periods=1, signal=1.0):
     """Y, U, R (runs, blocks, periods, 2, 2) with noise V of `std` on the output."""
-    R = references((runs, blocks), rng)[:, :, None]
+    R = signal * references((runs, blocks), rng)[:, :, None]
     V = std * circular((runs, blocks, periods, 2, 2), rng)
     U = np.linalg.solve(np.eye(2) + FEEDBACK @ RESPONSE, FEEDBACK @ (R - V))
     return RESPONSE @ U + V, U, np.broadcast_to(R, U.shape)
@@ -86,16 +86,16 @@ def bench_records(setup=Bench()):
     R = np.moveaxis(references((setup.blocks, len(omega)), rng), 1, -1)  # (B, n, E, F)
     R = np.moveaxis(R, 1, -1)[:, : setup.experiments]  # (B, E, F, n)
     noise = setup.noise * rng.standard_normal(shape)
-    V = np.fft.rfft(noise, axis=3)[:, :, :, LINES] / SAMPLES
     closing = np.linalg.inv(np.eye(2) + setup.feedback * plant)
-    U = np.einsum("fij,bepfj->bepfi", closing, R[:, :, None] - setup.feedback * V)
-    torque = samples(U)
-    clean = samples(
-        np.einsum("fij,fjk,bepfk->bepfi", plant, closing, np.broadcast_to(R[:, :, None], U.shape))
+    U = np.einsum(
+        "fij,bepfj->bepfi", closing, np.broadcast_to(R[:, :, None], (*shape[:3], *R.shape[2:]))
     )
-    fed = samples(np.einsum("fij,fjk,bepfk->bepfi", plant, -setup.feedback * closing, V))
+    torque = samples(U)
+    clean = samples(np.einsum("fij,bepfj->bepfi", plant, U))
     size = clean.std()
-    angle = clean + fed + noise
+    by_noise = answer_to_noise(setup, noise)
+    torque = torque + by_noise[0]
+    angle = clean + by_noise[1] + noise
     angle = angle + size * (setup.cubic * (clean / size) ** 3 + setup.square * (clean / size) ** 2)
     time = np.arange(setup.periods * SAMPLES).reshape(setup.periods, SAMPLES, 1) / SAMPLES
     angle = angle + setup.transient * size * np.exp(-time / 0.3)
@@ -110,6 +110,22 @@ def bench_records(setup=Bench()):
         detection=DETECTION,
         saturated=np.zeros((1, *shape[:3], 2), dtype=bool),
     )
+
+
+def answer_to_noise(setup, noise):
+    """Torque and angle that the feedback makes of noise, over all periods without a seam."""
+    B, E, P, N, n = noise.shape
+    V = np.fft.rfft(noise.reshape(B, E, P * N, n), axis=2)
+    omega = 2 * np.pi * np.arange(1, V.shape[2]) / (P * N * SAMPLE_TIME)
+    held = hold_factor(omega) if setup.hold else np.ones(len(omega))
+    late = np.exp(-1j * omega * setup.delay)
+    plant = (held * late / -(omega**2))[:, None, None] * truth(omega)
+    closing = np.linalg.inv(np.eye(2) + setup.feedback * plant)
+    U = np.zeros_like(V)
+    Y = np.zeros_like(V)
+    U[:, :, 1:] = np.einsum("fij,befj->befi", -setup.feedback * closing, V[:, :, 1:])
+    Y[:, :, 1:] = np.einsum("fij,befj->befi", plant, U[:, :, 1:])
+    return [np.fft.irfft(a, P * N, axis=2).reshape(noise.shape) for a in (U, Y)]
 
 
 def samples(coefficients):

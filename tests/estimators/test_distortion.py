@@ -7,7 +7,9 @@ from closed_loop import DETECTION, LINES, Bench, bench_records, truth
 from estimators import distortion, estimate_frf
 from estimators.distortion import detection_lines
 from estimators.local_model import interpolated
-from robotmodels import InvalidInput
+from robotmodels import InvalidInput, load_robot
+from robotmodels.controller import default_controller
+from robotmodels.plant import Imperfections, simulate
 from robotmodels.records import Records
 
 HERTZ = 2 * np.pi
@@ -111,3 +113,46 @@ def test_interpolation_follows_resonances():
     assert np.allclose(interpolated(np.array([1.5, 3.0]), few, line)[:, 0, 0], [1.5 + 3j, 3 + 6j])
     assert np.allclose(interpolated(np.array([0.5, 9.0]), few, line)[:, 0, 0], line[[0, 2], 0, 0])
     assert interpolated(np.array([0.5, 9.0]), few[:1], line[:1]).shape == (2, 1, 1)
+
+
+def manutec(imperfections, amplitude, transient):
+    """Four blocks on an elastic robot under its own controller, sample by sample."""
+    robot = load_robot("manutec_r3")
+    rng = np.random.default_rng(0)
+    samples, n = 1000, len(robot.motor_names)
+    odd = np.arange(3, 50, 2)
+    detection = odd[2::4]
+    lines = np.setdiff1d(odd, detection)
+    fourier = np.exp(2j * np.pi * np.outer(np.arange(n), np.arange(n)) / n)
+    phases = np.exp(2j * np.pi * rng.random((4, len(lines), n)))
+    spectrum = np.zeros((4, n, samples // 2 + 1, n), complex)
+    spectrum[:, :, lines] = np.einsum("bfi,ie->befi", phases, fourier) * samples / 2 * amplitude
+    records = simulate(
+        robot,
+        np.array([[0.0, 0.5, -0.8, 0.0, 0.6, 0.0]]),
+        np.fft.irfft(spectrum, samples, axis=2),
+        default_controller(robot, 1e-3),
+        lines=lines,
+        detection=detection,
+        imperfections=imperfections,
+        rng=rng,
+        periods=2,
+        transient=transient,
+    )
+    return distortion(records)
+
+
+def test_a_linear_robot_in_closed_loop_shows_noise_only():
+    """Its free motors drift; the scatter over two periods would claim twice the noise."""
+    d = manutec(Imperfections(friction=0.0, nonlinear_gears=False, angle_noise=1e-4), 0.5, 3)
+    assert np.median(d.total / d.noise) == pytest.approx(1, abs=0.35)
+    assert power_ratio(d.odd, d.odd_noise) == pytest.approx(1, abs=0.3)
+    assert power_ratio(d.even, d.even_noise) == pytest.approx(1, abs=0.3)
+
+
+def test_coulomb_friction_exceeds_the_noise_and_the_odd_lines_say_so():
+    d = manutec(Imperfections(friction=1.0, nonlinear_gears=False, angle_noise=1e-4), 4.0, 1)
+    assert np.median(d.total / d.noise) > 10
+    assert power_ratio(d.odd, d.odd_noise) > 30
+    # Friction is odd: it shows at odd lines above all.
+    assert np.mean(d.odd_level**2) > 5 * np.mean(d.even_level**2)

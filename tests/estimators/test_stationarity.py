@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 from closed_loop import Bench, bench_records
 
-from estimators.nonparametric import without_transient
+from estimators.nonparametric import first_period
 from estimators.spectra import spectra
 from estimators.stationarity import settling
 from robotmodels import IdentificationWarning, InvalidInput
@@ -59,7 +59,7 @@ def test_records_that_never_settle_are_warned_of():
         pytest.warns(IdentificationWarning, match="the first 3 of 5 periods dropped"),
         pytest.warns(IdentificationWarning, match="here: no period agrees with the later ones"),
     ):
-        assert without_transient(found, "auto", "here").periods == 2
+        assert first_period(found, "auto", "here") == 3
 
 
 def test_two_periods_tell_nothing():
