@@ -252,7 +252,9 @@ def _scaled(
     )
     if choice.swing is None:
         return scaling
-    return within_swing(scaling, (1 - choice.margin) * per_motor("swing", choice.swing, motors))
+    return within_swing(
+        scaling, (1 - choice.margin) * per_motor("limits.swing", choice.swing, motors)
+    )
 
 
 def within_swing(scaling: Scaling, swing: Array) -> Scaling:

@@ -1,0 +1,136 @@
+"""From an experiment file to records, from records to FRFs and their page: files alone."""
+
+import numpy as np
+import pytest
+from conftest import oed
+
+import robotmodels
+from estimators import read_frf, read_records, write_records
+
+EXPERIMENT = """\
+schema: experiment/1
+robot: moberg_axis1
+positions: [[0.3]]
+multisine: {band: [1.0, 40.0], sample_time: 0.002, period: 1.0, detection: 4}
+blocks: 3
+periods: 2
+limits: {speed: 5.0}
+imperfections: {angle_noise: 1.0e-7, friction: 0, nonlinear_gears: false}
+seed: 3
+output: results/axis
+"""
+
+
+def write(folder, text=EXPERIMENT):
+    path = folder / "experiment.yaml"
+    path.write_text(text, encoding="utf-8")
+    return path
+
+
+@pytest.fixture(scope="module")
+def simulated(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("experiment")
+    code, out, err = oed("simulate", write(folder), "--workers", 1)
+    assert (code, err) == (0, "")
+    return folder / "results" / "axis", out
+
+
+@pytest.fixture(scope="module")
+def estimated(simulated):
+    folder, _ = simulated
+    code, out, err = oed("frf", folder / "records.h5", "--robot", "moberg_axis1", "--compare")
+    assert (code, err) == (0, "")
+    return folder, out
+
+
+def test_simulate_writes_plan_and_records(simulated):
+    folder, out = simulated
+    assert {"plan.yaml", "plan.h5", "records.h5"} <= {p.name for p in folder.iterdir()}
+    assert "1 position, 3 blocks of 1 experiment, 1 + 2 periods of 1 s" in out
+    assert "speed of motor 'm1' in position 0 meets its limit" in out
+    assert str(folder / "records.h5") in out
+    assert len(out.splitlines()) < 20
+
+
+def test_estimates_are_the_linear_models(estimated):
+    folder, out = estimated
+    assert sorted(p.name for p in folder.iterdir()) == sorted(
+        ["frf.h5", "frf.html", "plan.h5", "plan.yaml", "records.h5"]
+    )
+    estimate = read_frf(folder / "frf.h5")
+    robot = robotmodels.load_robot("moberg_axis1")
+    G = robotmodels.frequency_response(robot, estimate.positions, estimate.omega)
+    assert np.abs(estimate.response / G - 1).max() < 0.01
+    assert "methods on this loop, best first" in out
+    assert str(folder / "frf.html") in out
+    assert "var(--second)" in (folder / "frf.html").read_text(encoding="utf-8")
+
+
+@pytest.mark.parametrize("ending", [".mat", ".csv"])
+def test_other_formats_give_the_same_frfs(estimated, ending, tmp_path):
+    folder, _ = estimated
+    path = tmp_path / f"records{ending}"
+    write_records(path, read_records(folder / "records.h5"))
+    code, _, err = oed("frf", path, "-o", tmp_path / "there")
+    assert (code, err) == (0, "")
+    mine, other = read_frf(tmp_path / "there" / "frf.h5"), read_frf(folder / "frf.h5")
+    assert np.abs(mine.response / other.response - 1).max() < 1e-12
+
+
+def refused(folder, words, *command):
+    before = sorted(folder.rglob("*"))
+    code, out, err = oed(*command)
+    assert (code, out) == (2, "")
+    assert err.startswith("error: ")
+    assert len(err.splitlines()) == 1
+    for word in words:
+        assert word in err, err
+    assert sorted(folder.rglob("*")) == before
+
+
+@pytest.mark.parametrize(
+    ("right", "wrong", "words"),
+    [
+        ("blocks: 3", "blcks: 3", ["experiment.yaml", "'blcks'", "'blocks'"]),
+        ("blocks: 3", "blocks: [3", ["experiment.yaml", "not valid YAML"]),
+        ("robot: moberg_axis1", "robot: moberg_axis2", ["'moberg_axis1'"]),
+        ("[[0.3]]", "[[0.3, 0.4]]", ["positions", "2 angles", "m1"]),
+        ("[[0.3]]", "[[300.0]]", ["position 0"]),
+        ("positions: [[0.3]]", "design: none.json", ["none.json", "no such file"]),
+        ("period: 1.0", "period: 0.01", ["band"]),
+        ("output: results/axis", "output: experiment.yaml", ["output", "folder"]),
+    ],
+)
+def test_mistakes_in_the_experiment(tmp_path, right, wrong, words):
+    assert right in EXPERIMENT
+    path = write(tmp_path, EXPERIMENT.replace(right, wrong))
+    refused(tmp_path, words, "simulate", path, "--workers", 1)
+
+
+def test_unstable_controller_writes_nothing(tmp_path):
+    gains = "controller: {speed_gain: 50.0, integral_time: 0.05, position_gain: 5.0}\nseed: 3"
+    path = write(tmp_path, EXPERIMENT.replace("seed: 3", gains))
+    refused(tmp_path, ["unstable"], "simulate", path, "--workers", 1)
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        (("--method", "arj"), ["'arj'", "ari"]),
+        (("--covariance", "totl"), ["'totl'", "'total'"]),
+        (("--robot", "ur10"), ["1 motors", "'ur10' has 6"]),
+        (("--robot", "ur11"), ["'ur11'", "'ur10'"]),
+    ],
+)
+def test_mistakes_with_frf(simulated, options, words, tmp_path):
+    folder, _ = simulated
+    refused(tmp_path, words, "frf", folder / "records.h5", *options, "-o", tmp_path / "there")
+
+
+def test_files_that_are_no_records(tmp_path):
+    path = write(tmp_path)
+    refused(tmp_path, ["none.h5", "no such file"], "frf", tmp_path / "none.h5")
+    refused(tmp_path, ["experiment.yaml", "'.yaml'", ".h5, .mat, .csv"], "frf", path)
+    text = tmp_path / "text.h5"
+    text.write_text("not HDF5", encoding="utf-8")
+    refused(tmp_path, ["text.h5", "not an HDF5 file"], "frf", text)
