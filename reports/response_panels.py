@@ -100,6 +100,9 @@ def response_panels(
                 for values, c, width in shown
                 if values is not None
             ]
+            if distortion is not None:
+                lone = corner[1] + _lone(scales.line(distortion[:, i, j]))
+                curves += axes.plot(x, lone, ".", color=palette.ink, ms=1.6, mew=0)
             for artist in (band, *curves):
                 artist.set_clip_path(frame)
         _labels(axes, motors if outputs is None else outputs, motors, scales, palette)
@@ -120,10 +123,17 @@ def _level_range(magnitude: Array, below: Sequence[Array]) -> tuple[float, float
     return 10 * float(np.floor(low / 10)), 10 * float(np.ceil((high + 1) / 10))
 
 
+def _lone(heights: Array) -> Array:
+    """Return the points with a gap on either side, of which a line shows nothing."""
+    gap = np.concatenate([[True], np.isnan(heights), [True]])
+    return np.asarray(np.where(gap[:-2] & gap[2:], heights, np.nan))
+
+
 def _canvas(rows: int, columns: int) -> tuple[Figure, Axes]:
     """Return a figure whose data coordinates are panels, with margins for labels [inch]."""
-    width, height = (1.5, 1.17) if columns > 2 else (2.7, 2.0)
-    left, right, bottom, top = 0.68, 0.05, 0.5, 0.28
+    width, height = (1.5, 1.17) if columns > 2 else (2.7, 2.0) if columns == 2 else (4.6, 2.4)
+    # Labels keep their distance in panel heights.
+    left, right, bottom, top = max(0.68, 0.45 * width), 0.05, 0.43 * height, 0.24 * height
     across = columns + (columns - 1) * _GAP_X
     down = rows + (rows - 1) * _GAP_Y
     figure = Figure(figsize=(left + across * width + right, bottom + down * height + top))

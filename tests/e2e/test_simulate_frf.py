@@ -14,6 +14,7 @@ positions: [[0.3]]
 multisine: {band: [1.0, 40.0], sample_time: 0.002, period: 1.0, detection: 4}
 blocks: 3
 periods: 2
+transient_periods: 3
 limits: {speed: 5.0}
 imperfections: {angle_noise: 1.0e-7, friction: 0, nonlinear_gears: false}
 seed: 3
@@ -46,7 +47,7 @@ def estimated(simulated):
 def test_simulate_writes_plan_and_records(simulated):
     folder, out = simulated
     assert {"plan.yaml", "plan.h5", "records.h5"} <= {p.name for p in folder.iterdir()}
-    assert "1 position, 3 blocks of 1 experiment, 1 + 2 periods of 1 s" in out
+    assert "1 position, 3 blocks of 1 experiment, 3 + 2 periods of 1 s" in out
     assert "speed of motor 'm1' in position 0 meets its limit" in out
     assert str(folder / "records.h5") in out
     assert len(out.splitlines()) < 20
