@@ -91,6 +91,10 @@ def closed_loop(network: SpringNetwork, omega: Array, controller: Controller) ->
 class ClosedLoopNoise:
     """The noise law of FRFs measured under feedback: motor torque to motor acceleration.
 
+    Noise is at the angles' measurement. What it makes the arm do through the controller is not
+    periodic and leaks into the lines: negligible where a period is many times the loop's time
+    constants. Unseen torques leak more than they add in place, and have no such law.
+
     Attributes
     ----------
     controller : in whose loop the experiments are.
@@ -99,12 +103,11 @@ class ClosedLoopNoise:
         experiments of a block [rad/s].
     samples : N per period.
     angle_noise : (n,) standard deviation of white noise on the sampled motor angles [rad].
-    torque_noise : (n,) of white noise on the held torques that the records do not show [N m].
     averages : number of periods times blocks that the estimate is the mean of.
 
     Raises
     ------
-    InvalidInput : if shapes do not fit, a deviation is negative or nothing is noisy.
+    InvalidInput : if shapes do not fit, or a deviation is not positive.
     """
 
     controller: Controller
@@ -112,7 +115,6 @@ class ClosedLoopNoise:
     reference: ComplexArray
     samples: int
     angle_noise: Array
-    torque_noise: Array | None = None
     averages: int = 1
 
     def __post_init__(self) -> None:
@@ -130,18 +132,12 @@ class ClosedLoopNoise:
             )
         if self.samples < 1 or self.averages < 1:
             raise InvalidInput(f"samples {self.samples} and averages {self.averages} must be >= 1")
-        given = {"angle_noise": self.angle_noise, "torque_noise": self.torque_noise}
-        deviations = {
-            k: np.zeros(n) if v is None else np.asarray(v, float) for k, v in given.items()
-        }
-        for name, value in deviations.items():
-            if value.shape not in ((), (n,)) or not (np.isfinite(value) & (value >= 0)).all():
-                raise InvalidInput(
-                    f"{name}: {value.tolist()} must be {n} numbers >= 0, one per motor"
-                )
-            object.__setattr__(self, name, read_only(np.array(np.broadcast_to(value, (n,)))))
-        if not (deviations["angle_noise"] > 0).all():
-            raise InvalidInput("angle_noise: every motor's angle must have some noise")
+        noise = np.asarray(self.angle_noise, dtype=float)
+        if noise.shape not in ((), (n,)) or not (np.isfinite(noise) & (noise > 0)).all():
+            raise InvalidInput(
+                f"angle_noise: {noise.tolist()} must be {n} positive numbers, one per motor"
+            )
+        object.__setattr__(self, "angle_noise", read_only(np.array(np.broadcast_to(noise, (n,)))))
         object.__setattr__(self, "omega", read_only(omega))
         object.__setattr__(self, "reference", read_only(reference))
 
@@ -176,11 +172,10 @@ class ClosedLoopNoise:
         )
         power = np.swapaxes(torque @ np.conj(np.swapaxes(torque, -1, -2)), -1, -2)
         _check_power(power, w)
-        G = hold_response(w, T)[:, None, None] * model.frequency_response(w)
         # E|DFT|^2 of white noise is N times its variance.
-        unseen = (G * np.square(np.asarray(self.torque_noise))) @ np.conj(np.swapaxes(G, -1, -2))
-        seen = w[:, None, None] ** 4 * np.diag(np.asarray(self.angle_noise) ** 2)
-        return power, np.asarray(self.samples / self.averages * (unseen + seen))
+        variance = self.samples / self.averages * np.square(self.angle_noise)
+        output = w[:, None, None] ** 4 * np.diag(variance)
+        return power, np.asarray(np.broadcast_to(output, power.shape))
 
     def covariance(self, network: SpringNetwork, omega: Array) -> ComplexArray:
         """Return the covariances of vec(Ĝ), (Q, F, n n, n n), columns stacked.
@@ -214,7 +209,7 @@ def _check_power(power: ComplexArray, omega: Array) -> None:
     if not (condition < _LARGEST_CONDITION).all():
         q, f = np.argwhere(~(condition < _LARGEST_CONDITION))[0]
         raise NotIdentifiable(
-            (f"FRF at {omega[f] / (2 * np.pi):.4g} Hz in position {q}",),
+            (f"the FRF at {omega[f] / (2 * np.pi):.4g} Hz in position {q}",),
             f"the experiments do not excite all motors there (condition {condition[q, f]:.2g}); "
             "give each motor its own signal",
         )

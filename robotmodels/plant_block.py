@@ -76,7 +76,8 @@ def run_block(block: Block) -> tuple[Array, Array, NDArray[np.bool_]]:
             block.rng.normal(size=(total, n)) * flaws.per_motor(name, n)
             for name in ("angle_noise", "torque_disturbance")
         )
-        reference = np.tile(signal, (block.transient + block.periods, 1))
+        # In one memory layout always: another would be compiled anew.
+        reference = np.ascontiguousarray(np.tile(signal, (block.transient + block.periods, 1)))
         sensing = Sensing(robot.file.delay / controller.sample_time, flaws.quantisation, errors)
         *traces, good = run(
             engine, drives, law, sensing, reference, disturbance, controller.sample_time, steps

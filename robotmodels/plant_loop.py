@@ -4,8 +4,8 @@ MuJoCo gives accelerations; time steps are taken here, for two reasons. What dep
 robot's shape (mass matrix, gravity's lever arms) moves by a millionth within a sample and is
 computed once, in the middle of it, which is as accurate as a second-order method; springs, dampers
 and velocity terms, which are stiff, are integrated by the classical Runge-Kutta method. That takes
-less than half the time of `mj_step` at the same step. And Coulomb friction is an impulse that can
-stop a motor and hold it, exact in stiction, where smooth approximations creep.
+less than half the time of `mj_step` at the same step. And Coulomb friction stops a motor and
+holds it, where smooth approximations creep.
 """
 
 from typing import Any, NamedTuple
@@ -194,7 +194,11 @@ def _advance(
 
 @njit(nogil=True, cache=True)
 def _rub(engine: Engine, drives: Drives, impulses: Array, h: float) -> None:
-    """Brake the motors by Coulomb friction: stop each one if the impulse at hand can do it."""
+    """Brake the motors by Coulomb friction: stop each one if the impulse at hand can do it.
+
+    The impulse is that of a force that was constant over the step h, so it moves the motors too:
+    one that rests and is pushed by less than its friction stays where it is.
+    """
     n = len(impulses)
     for sweep in range(_SWEEPS):
         change = 0.0
@@ -209,6 +213,8 @@ def _rub(engine: Engine, drives: Drives, impulses: Array, h: float) -> None:
             given = impulses[j] - before
             change = max(change, abs(given) / bound)
             for i in range(len(engine.qvel)):
-                engine.qvel[i] += drives.mobility[i, j] * given
+                change_of_speed = drives.mobility[i, j] * given
+                engine.qvel[i] += change_of_speed
+                engine.qpos[i] += 0.5 * h * change_of_speed
         if change < 1e-9:
             break

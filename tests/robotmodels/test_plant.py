@@ -1,0 +1,456 @@
+from concurrent.futures import Executor, ThreadPoolExecutor
+from dataclasses import replace
+from typing import Any
+
+import mujoco
+import numpy as np
+import pytest
+from robots import PENDULUM, SPLIT, built, changed
+
+import robotmodels
+from robotmodels import (
+    Controller,
+    ElasticRobot,
+    Imperfections,
+    InvalidInput,
+    NoEquilibrium,
+    Records,
+    SolverFailed,
+    default_controller,
+    simulate,
+)
+from robotmodels.plant import IDEAL
+from robotmodels.plant_mujoco import build_plant
+from robotmodels.plant_rest import find_rest
+from robotmodels.urdf import locate
+
+T = 5e-4
+UR10_POSITION = np.array([[0.3, -1.0, 1.0, 0.5, 0.7, 0.2]])
+
+
+def multisines(n: int, samples: int, lines: np.ndarray, amplitude: float) -> np.ndarray:
+    """Return one block of orthogonal random-phase multisines, (1, n, samples, n)."""
+    phases = np.exp(2j * np.pi * np.random.default_rng(5).random((n, len(lines))))
+    order = np.arange(n)
+    turns = np.exp(2j * np.pi * np.outer(order, order) / n)  # (motor, experiment)
+    spectrum = np.zeros((n, n, samples // 2 + 1), dtype=complex)
+    spectrum[:, :, lines] = turns.T[:, :, None] * phases * amplitude * samples / 2
+    return np.swapaxes(np.fft.irfft(spectrum, n=samples), 1, 2)[None]
+
+
+def odd_lines(samples: int, low: float = 2.0, high: float = 60.0) -> np.ndarray:
+    lines = np.arange(1, samples // 2, 2)
+    hertz = lines / (samples * T)
+    return lines[(hertz >= low) & (hertz <= high)]
+
+
+def records_of(
+    robot: ElasticRobot,
+    position: np.ndarray,
+    *,
+    samples: int = 4000,
+    amplitude: float = 1e-3,
+    transient: int = 2,
+    seed: int = 0,
+    **options: Any,
+) -> Records:
+    lines = options.pop("lines", odd_lines(samples))
+    signals = multisines(len(robot.motor_names), samples, lines, amplitude)
+    (records,) = simulate(
+        robot,
+        np.atleast_2d(position),
+        signals[:, : options.pop("experiments", None)],
+        options.pop("controller", None) or default_controller(robot, T),
+        lines=lines,
+        rng=np.random.default_rng(seed),
+        transient=transient,
+        **{"periods": 1} | options,
+    )
+    return records
+
+
+def frf(records: Records, *, hold: bool = True) -> np.ndarray:
+    """Return Y U^-1 of the only block and last period, (F, n, n), torque to acceleration."""
+    w = records.omega
+    Y, U = (
+        np.fft.fft(signal[0, 0, :, -1], axis=1)[:, records.lines].transpose(1, 2, 0)
+        for signal in (records.angle, records.torque)
+    )
+    half = w * T / 2
+    held = np.sinc(half / np.pi) * np.exp(-1j * half) if hold else np.ones_like(w)
+    return -((w**2) / held)[:, None, None] * (Y @ np.linalg.inv(U))
+
+
+def errors(found: np.ndarray, expected: np.ndarray) -> tuple[float, float]:
+    """Return the largest errors of magnitude [-] and phase [deg] of any element."""
+    ratio = found / expected
+    return float(np.abs(np.abs(ratio) - 1).max()), float(np.degrees(np.abs(np.angle(ratio))).max())
+
+
+def pendulum(**motor: float) -> ElasticRobot:
+    return built(changed(PENDULUM, motors=[PENDULUM["motors"][0] | motor]))
+
+
+# Without imperfections
+
+
+@pytest.fixture(scope="module")
+def ur10_records() -> Records:
+    return records_of(robotmodels.load_robot("ur10"), UR10_POSITION)
+
+
+def test_small_motions_have_the_linear_models_frf(ur10_records: Records) -> None:
+    expected = robotmodels.frequency_response(
+        robotmodels.load_robot("ur10"), UR10_POSITION, ur10_records.omega
+    )[0]
+    magnitude, phase = errors(frf(ur10_records), expected)
+    assert magnitude < 2e-4
+    assert phase < 0.01
+
+
+def test_the_hold_matters(ur10_records: Records) -> None:
+    """A negative control."""
+    expected = robotmodels.frequency_response(
+        robotmodels.load_robot("ur10"), UR10_POSITION, ur10_records.omega
+    )[0]
+    assert errors(frf(ur10_records, hold=False), expected)[1] > 5.0
+
+
+def test_records_obey_the_controllers_law(ur10_records: Records) -> None:
+    r = ur10_records
+    c = default_controller(robotmodels.load_robot("ur10"), T)
+    U, Y, R = (
+        np.fft.fft(s[0, 0, :, -1], axis=1)[:, r.lines] for s in (r.torque, r.angle, r.reference)
+    )
+    expected = c.prefilter(r.omega) * R - c.feedback(r.omega) * Y
+    assert np.abs(U - expected).max() < 1e-5 * np.abs(U).max()
+
+
+@pytest.mark.parametrize("nonlinear", [False, True])
+def test_cuts_foundations_and_hardening_gears(nonlinear: bool) -> None:
+    """Small motions about gravity's torque see the tangent, whether gears harden or not."""
+    robot = built(SPLIT)
+    flaws = replace(IDEAL, nonlinear_gears=nonlinear)
+    r = records_of(robot, UR10_POSITION, samples=2000, imperfections=flaws, amplitude=1e-4)
+    expected = robotmodels.frequency_response(robot, UR10_POSITION, r.omega)[0]
+    scale = np.abs(expected).max(axis=(1, 2), keepdims=True)
+    assert (np.abs(frf(r) - expected) / scale).max() < 2e-4
+
+
+def test_rest_is_the_robots_equilibrium() -> None:
+    robot = built(SPLIT)
+    plant = build_plant(robot.file, locate(robot.file.urdf, robot.folder))
+    rest, hold = find_rest(plant, robot, UR10_POSITION[0], "")
+    found = dict(zip(plant.names, rest, strict=True))
+    expected = robot.equilibrium(UR10_POSITION).coordinates[0]
+    for name, value in zip(robot.coordinate_names, expected, strict=False):
+        assert abs(found[name] - value) < 1e-9
+    level = pendulum()
+    plant = build_plant(level.file, locate(level.file.urdf, level.folder))
+    _, torque = find_rest(plant, level, np.zeros(1), "")
+    body = level.rigid.inertias[1]
+    sag = level.equilibrium(np.zeros((1, 1))).coordinates[0, 0]
+    assert abs(torque[0]) == pytest.approx(9.81 * body.mass * body.lever[0] * np.cos(sag) / 50)
+    assert hold.shape == (6,)
+
+
+def test_a_delay_and_a_torque_gain() -> None:
+    robot = built(
+        changed(PENDULUM, delay=7.3e-4, motors=[PENDULUM["motors"][0] | {"torque_gain": 1.3}])
+    )
+    r = records_of(robot, np.zeros(1), samples=2000)
+    expected = robotmodels.frequency_response(robot, np.zeros((1, 1)), r.omega)[0]
+    magnitude, phase = errors(frf(r), expected)
+    assert magnitude < 2e-4
+    assert phase < 0.01
+
+
+@pytest.mark.parametrize(("amplitude", "tolerance"), [(6.0, 1e-4), (60.0, 1e-3)])
+def test_large_motions_follow_mujocos_own_steps(amplitude: float, tolerance: float) -> None:
+    """The recorded torques, replayed through mj_step in small steps.
+
+    Geometry is held over a sample, so velocity terms err in proportion to the amplitude squared.
+    """
+    robot = robotmodels.load_robot("manutec_r3_26")
+    flaws = replace(IDEAL, nonlinear_gears=True)
+    position = np.array([0.3, -0.5, 0.8, 0.5, 0.7, 0.2])
+    r = records_of(
+        robot,
+        position,
+        samples=500,
+        amplitude=amplitude,
+        transient=0,
+        imperfections=flaws,
+        experiments=1,
+    )
+    plant = build_plant(robot.file, locate(robot.file.urdf, robot.folder))
+    model, data = plant.model, plant.data
+    data.qpos[:], _ = find_rest(plant, robot, position, "")
+    data.qvel[:] = 0.0
+    model.opt.integrator, model.opt.timestep = mujoco.mjtIntegrator.mjINT_RK4, T / 4
+    ratio = np.array([m.gear_ratio for m in robot.file.motors])
+    angles = []
+    for u in r.torque[0, 0, 0, 0]:
+        angles.append(ratio * data.qpos[plant.motors])
+        data.qfrc_applied[plant.motors] = ratio * u
+        mujoco.mj_step(model, data, 4)
+    moved = np.abs(np.array(angles) - angles[0]).max()
+    assert moved > 0.05 * amplitude  # [rad] of a motor
+    assert np.abs(r.angle[0, 0, 0, 0] - angles).max() < tolerance * moved
+
+
+# Imperfections
+
+
+def test_friction_holds_a_motor_that_pushes_too_little() -> None:
+    robot = pendulum(coulomb=0.2)
+    stuck = records_of(robot, np.zeros(1), samples=500, imperfections=Imperfections())
+    assert np.abs(stuck.torque - stuck.torque.mean()).max() < 0.2
+    assert np.ptp(stuck.angle) < 1e-9
+    free = records_of(robot, np.zeros(1), samples=500, imperfections=Imperfections(friction=0.0))
+    assert np.ptp(free.angle) > 1e-5
+
+
+def test_friction_opposes_motion_with_its_torque() -> None:
+    robot = pendulum(coulomb=0.2)
+    r = records_of(
+        robot, np.zeros(1), amplitude=20.0, lines=np.array([3]), imperfections=Imperfections()
+    )
+    torque, angle = r.torque[0, 0, 0, 0, :, 0], r.angle[0, 0, 0, 0, :, 0]
+    # Over a period all work goes into friction: Coulomb's, viscous, a little in the gear.
+    moved = np.roll(angle, -1) - angle
+    work = torque @ moved - 2e-3 * moved @ moved / T
+    assert np.abs(moved).sum() > 1.0
+    assert work / np.abs(moved).sum() == pytest.approx(0.2, rel=0.01)
+
+
+def test_friction_of_coupled_rigid_drives() -> None:
+    """All six motors of the r3 stick, three of them coupled through the wrist's inertia."""
+    robot = robotmodels.load_robot("manutec_r3")
+    stuck, free = (
+        records_of(robot, np.zeros(6), samples=400, imperfections=f, experiments=1)
+        for f in (Imperfections(), IDEAL)
+    )
+    assert (np.ptp(stuck.angle, axis=4) < 1e-2 * np.ptp(free.angle, axis=4)).all()
+    assert np.ptp(stuck.angle, axis=4).max() < 1e-6
+
+
+def test_a_motor_within_its_backlash_feels_the_gears_damper_alone() -> None:
+    robot = robotmodels.load_robot("moberg_axis1")
+    # Without gravity the gear hangs at a flank; a thousandth of its stiffness stands for none.
+    flaws = replace(IDEAL, backlash=0.1)
+    r = records_of(robot, np.zeros(1), imperfections=flaws, amplitude=1e-3)
+    slack = robot.parameters.values.copy()
+    slack[robot.parameters.index("g1.stiffness.low")] *= 1e-6
+    expected = robotmodels.frequency_response(robot, np.zeros((1, 1)), r.omega, slack)[0]
+    assert errors(frf(r), expected)[0] < 1e-3
+    tight = robotmodels.frequency_response(robot, np.zeros((1, 1)), r.omega)[0]
+    assert errors(frf(r), tight)[0] > 0.1
+
+
+def test_backlash_under_load_is_crossed_by_large_motions_only() -> None:
+    flaws = replace(IDEAL, backlash=2e-4)
+    robot = pendulum()
+    hanging = np.array([1.5])  # nearly: gravity presses the flanks together, but lightly
+    small, large = (
+        records_of(robot, hanging, samples=2000, imperfections=flaws, amplitude=a)
+        for a in (1e-4, 1.0)
+    )
+    expected = robotmodels.frequency_response(robot, hanging[None], small.omega)[0]
+    assert errors(frf(small), expected)[0] < 2e-4
+    assert errors(frf(large), expected)[0] > 1e-2
+
+
+def test_hardening_gears_are_stiffer_in_large_motions() -> None:
+    robot = robotmodels.load_robot("moberg_axis1")
+    flaws = replace(IDEAL, nonlinear_gears=True)
+    ideal, hard = (
+        records_of(robot, np.zeros(1), samples=2000, imperfections=f, amplitude=1.0)
+        for f in (IDEAL, flaws)
+    )
+    assert errors(frf(hard), frf(ideal))[0] > 0.1
+    small = records_of(robot, np.zeros(1), samples=2000, imperfections=flaws, amplitude=1e-3)
+    assert errors(frf(small), frf(ideal))[0] < 1e-3
+
+
+def test_encoders_have_steps_and_noise_inside_the_loop() -> None:
+    robot = pendulum()
+    clean = records_of(robot, np.zeros(1), samples=500)
+    step = 2 * np.pi / 4096
+    coarse = records_of(
+        robot, np.zeros(1), samples=500, imperfections=replace(IDEAL, quantisation=step)
+    )
+    np.testing.assert_allclose(coarse.angle / step, np.round(coarse.angle / step), atol=1e-9)
+    noisy = records_of(
+        robot, np.zeros(1), samples=500, periods=8, imperfections=replace(IDEAL, angle_noise=1e-4)
+    )
+    assert np.std(noisy.angle - clean.angle) == pytest.approx(1e-4, rel=0.1)
+    for flawed in (coarse, noisy):
+        assert np.std(flawed.torque - clean.torque) > 1e-3  # the controller saw it
+
+
+def test_a_disturbance_moves_the_motor_unseen() -> None:
+    robot = pendulum()
+    clean = records_of(robot, np.zeros(1), samples=500)
+    pushed = records_of(
+        robot, np.zeros(1), samples=500, imperfections=replace(IDEAL, torque_disturbance=0.1)
+    )
+    assert np.std(pushed.angle - clean.angle) > 1e-4
+
+
+def test_torque_limits_are_kept_and_told() -> None:
+    robot = robotmodels.load_robot("ur5")
+    free = records_of(robot, np.zeros(6), samples=500, amplitude=0.3, experiments=1)
+    assert not free.saturated.any()
+    largest = np.abs(free.torque).max(axis=(0, 1, 2, 3, 4))
+    limit = 5.0 * largest
+    limit[2] = largest[2] - 0.1 * np.std(free.torque[..., 2])  # holds the weight still
+    flaws = replace(IDEAL, torque_limit=limit)
+    r = records_of(
+        robot, np.zeros(6), samples=500, amplitude=0.3, experiments=1, imperfections=flaws
+    )
+    assert r.saturated[0, 0, 0, 0].tolist() == [False, False, True, False, False, False]
+    assert np.abs(r.torque[..., 2]).max() == limit[2]
+
+
+# Structure
+
+
+def test_records_say_what_was_done() -> None:
+    robot = pendulum()
+    lines = np.array([1, 5])
+    signals = np.random.default_rng(0).normal(size=(3, 2, 100, 1)) * 1e-3
+    calls: list[tuple[int, int]] = []
+    parts = list(
+        simulate(
+            robot,
+            np.array([[0.0], [0.4]]),
+            signals,
+            default_controller(robot, T),
+            lines=lines,
+            detection=np.array([3]),
+            rng=np.random.default_rng(0),
+            periods=2,
+            transient=0,
+            progress=lambda done, total: calls.append((done, total)),
+        )
+    )
+    assert calls == [(i, 6) for i in range(1, 7)]
+    r = Records.join(parts)
+    assert r.torque.shape == (2, 3, 2, 2, 100, 1)
+    assert r.saturated.shape == (2, 3, 2, 2, 1)
+    np.testing.assert_array_equal(r.positions, [[0.0], [0.4]])
+    np.testing.assert_array_equal(r.reference[1, :, :, 0], signals)
+    assert (r.lines.tolist(), r.detection.tolist(), r.sample_time) == ([1, 5], [3], T)
+    start = r.angle[:, :, :, 0, 0, 0]
+    np.testing.assert_allclose(start, np.array([0.0, 20.0])[:, None, None] * np.ones((2, 3, 2)))
+
+
+def test_the_transient_dies_out() -> None:
+    robot = pendulum()
+    r = records_of(robot, np.zeros(1), samples=1000, transient=3, periods=2)
+    first, second = r.angle[0, 0, 0, :, :, 0]
+    assert 0 < np.abs(first - second).max() < 1e-3 * np.ptp(first)
+
+
+def seeded(seed: int, executor: Executor | None = None) -> Records:
+    robot = pendulum(coulomb=0.01)
+    flaws = Imperfections(angle_noise=1e-5, torque_disturbance=1e-3)
+    signals = np.random.default_rng(0).normal(size=(2, 2, 100, 1))
+    return Records.join(
+        list(
+            simulate(
+                robot,
+                np.array([[0.0], [0.4]]),
+                signals,
+                default_controller(robot, T),
+                lines=np.array([1]),
+                imperfections=flaws,
+                rng=np.random.default_rng(seed),
+                executor=executor,
+            )
+        )
+    )
+
+
+def test_a_seed_gives_the_same_records_in_parallel_or_not() -> None:
+    alone = seeded(1)
+    with ThreadPoolExecutor(2) as pool:
+        together = seeded(1, pool)
+    np.testing.assert_array_equal(alone.angle, together.angle)
+    np.testing.assert_array_equal(alone.torque, together.torque)
+    assert not np.array_equal(alone.angle, seeded(2).angle)
+    assert not np.array_equal(alone.angle[0, 0], alone.angle[0, 1])
+
+
+# Mistakes
+
+
+def run(robot: ElasticRobot, signals: np.ndarray, **options: Any) -> None:
+    n = len(robot.motor_names)
+    arguments = {
+        "positions": np.zeros((1, n)),
+        "controller": default_controller(robot, T),
+        "lines": np.array([1]),
+        "rng": np.random.default_rng(0),
+    }
+    arguments |= options
+    positions, controller = arguments.pop("positions"), arguments.pop("controller")
+    list(simulate(robot, positions, signals, controller, **arguments))
+
+
+@pytest.mark.parametrize(
+    ("signals", "options", "message"),
+    [
+        (np.zeros((2, 100, 1)), {}, "signals: shape"),
+        (np.zeros((1, 1, 100, 2)), {}, "signals: shape"),
+        (np.zeros((2, 1, 1, 100, 1)), {}, "each of the 1 positions"),
+        (np.full((1, 1, 100, 1), np.nan), {}, "signals: not all values are finite"),
+        (np.zeros((1, 1, 100, 1)), {"periods": 0}, "periods: 0 measured"),
+        (np.zeros((1, 1, 100, 1)), {"lines": np.array([50])}, "lines"),
+        (np.zeros((1, 1, 100, 1)), {"positions": np.full((1, 1), 99.0)}, "outside its limits"),
+        (
+            np.zeros((1, 1, 100, 1)),
+            {"imperfections": Imperfections(backlash=[0.1, 0.1])},
+            "backlash has 2 values",
+        ),
+        (
+            np.zeros((1, 1, 100, 1)),
+            {"controller": Controller(np.ones(2), np.ones(2), np.ones(2), T)},
+            "controller: 2 motors, the robot has 1",
+        ),
+    ],
+)
+def test_what_does_not_fit_is_refused(
+    signals: np.ndarray, options: dict[str, Any], message: str
+) -> None:
+    with pytest.raises(InvalidInput, match=message):
+        run(pendulum(), signals, **options)
+
+
+@pytest.mark.parametrize(
+    ("flaw", "message"),
+    [
+        ({"friction": -1.0}, "friction -1.0"),
+        ({"angle_noise": np.nan}, "angle_noise nan"),
+        ({"torque_limit": [1.0, 0.0]}, r"torque_limit \[1.0, 0.0\] is not positive"),
+    ],
+)
+def test_impossible_imperfections(flaw: dict[str, Any], message: str) -> None:
+    with pytest.raises(InvalidInput, match=message):
+        Imperfections(**flaw)
+
+
+def test_an_unstable_loop_is_told() -> None:
+    robot = pendulum()
+    c = default_controller(robot, T)
+    wild = replace(c, speed_gain=100 * c.speed_gain)
+    signals = np.full((1, 1, 100, 1), 1e-3)
+    with pytest.raises(SolverFailed, match=r"position 0, block 0, experiment 0: .* after"):
+        run(robot, signals, controller=wild, periods=20)
+
+
+def test_a_robot_that_cannot_stand() -> None:
+    soft = changed(PENDULUM, springs=[PENDULUM["springs"][0] | {"stiffness": 10.0}])
+    with pytest.raises(NoEquilibrium):
+        run(built(soft), np.zeros((1, 1, 100, 1)))
