@@ -18,7 +18,7 @@ from estimators.rigid_limit import check_rigid_limit
 from robotmodels import ElasticRobot, frequency_response, load_robot
 from robotmodels.arrays import ComplexArray
 from robotmodels.errors import IdentificationWarning, InvalidInput
-from robotmodels.records import Records
+from robotmodels.records import Records, iterate_records
 
 Progress = Callable[[str, int, int], None]
 """Called with the stage's name, the steps done and the steps in all (0: not known yet)."""
@@ -30,7 +30,8 @@ class MeasuredFrf:
 
     Attributes
     ----------
-    records : what they come from.
+    first : records of the first position; the others have its shape.
+    missing : experiments that the records of all positions lack.
     method, covariance, delay : how they were estimated; the delay in s.
     estimate : FRFs with their covariance.
     distortion : noise and distortion apart; None where there is one measured period only.
@@ -40,7 +41,8 @@ class MeasuredFrf:
     warnings : what a user should know of the data, each said once.
     """
 
-    records: Records
+    first: Records
+    missing: int
     method: str
     covariance: str
     delay: float
@@ -91,17 +93,16 @@ def measured_frf(
     elastic = None if robot is None else load_robot(robot)
     with _collected() as said:
         report = _silent if progress is None else progress
-        report("reading", 0, 0)
-        records = read_records(path)
-        report("reading", 1, 1)
-        _check_robot(records, elastic, path)
         report("FRFs", 0, 0)
-        estimate = estimate_frf(records, method, covariance=covariance, delay=delay)
+        source = _Source(path)
+        _check_robot(source.first, elastic, path)
+        estimate = estimate_frf(source, method, covariance=covariance, delay=delay)
+        missing = source.missing
         report("FRFs", 1, 1)
         apart = None
-        if records.torque.shape[3] > 1:
+        if source.first.torque.shape[3] > 1:
             report("distortion", 0, 0)
-            apart = distortion(records, method, delay=delay)
+            apart = distortion(source, method, delay=delay)
             report("distortion", 1, 1)
         else:
             warnings.warn(
@@ -121,11 +122,12 @@ def measured_frf(
         ranking = None
         if compare:
             report("comparison", 0, 0)
-            loop = measured_loop(records, 0, delay=delay)
+            loop = measured_loop(source.first, 0, delay=delay)
             ranking = compare_methods(loop, runs, rng=np.random.default_rng(0))
             report("comparison", 1, 1)
     return MeasuredFrf(
-        records,
+        source.first,
+        missing,
         method,
         covariance,
         delay,
@@ -152,6 +154,27 @@ def _collected() -> Iterator[list[str]]:
             )
         elif str(warning.message) not in said:
             said.append(str(warning.message))
+
+
+class _Source:
+    """Records that can be read again and again; HDF5 files one position at a time."""
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self.lazy = path.suffix.lower() in (".h5", ".hdf5")
+        self.read: list[Records] = [] if self.lazy else [read_records(path)]
+        self.missing = 0
+        found = next(iter(iterate_records(path)), None) if self.lazy else self.read[0].at(0)
+        if found is None:
+            raise InvalidInput(f"{path}: no records in it; at least one position is needed")
+        self.first = found
+
+    def __iter__(self) -> Iterator[Records]:
+        """Yield records and count the experiments that are missing."""
+        self.missing = 0
+        for part in iterate_records(self.path) if self.lazy else self.read:
+            self.missing += int(part.missing.sum())
+            yield part
 
 
 def _silent(stage: str, done: int, total: int) -> None:

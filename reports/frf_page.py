@@ -78,7 +78,7 @@ class FrfPage:
     @cached_property
     def facts(self) -> dict[str, str]:
         """Numbers that appear in sentences."""
-        r, e = self.found.records, self.found.estimate
+        r, e = self.found.first, self.found.estimate
         blocks, experiments, periods = r.torque.shape[1:4]
         return {
             "positions": text.plural(len(e.positions), "position"),
@@ -91,7 +91,7 @@ class FrfPage:
             "high": text.hertz(e.omega[-1]),
             "std": text.percent(float(np.median(relative_std(self.found)))),
             "excess": _ratio(excess(self.found)),
-            "missing": text.count(int(r.missing.sum())),
+            "missing": text.plural(self.found.missing, "experiment"),
         }
 
     @property
@@ -205,7 +205,7 @@ def method_rows(comparison: Comparison) -> list[MethodRow]:
 
 def frf_summary(found: MeasuredFrf, files: list[Path]) -> str:
     """Return the summary of estimated FRFs, one screen."""
-    e, r = found.estimate, found.records
+    e, r = found.estimate, found.first
     blocks, experiments, periods = r.torque.shape[1:4]
     medians = relative_std(found)
     lines = [

@@ -1,6 +1,7 @@
 """The page of measured FRFs, from records whose linear part and distortion are known."""
 
 import re
+from dataclasses import replace
 from html.parser import HTMLParser
 
 import numpy as np
@@ -162,6 +163,19 @@ def test_robot_with_other_motors_is_refused(tmp_path):
     records().save(tmp_path / "bench.h5")
     with pytest.raises(InvalidInput, match=r"bench\.h5: 2 motors; .*'moberg_axis1' has 1: m1"):
         measured_frf(tmp_path / "bench.h5", robot="moberg_axis1")
+
+
+def test_missing_experiments_are_counted(tmp_path):
+    whole = records(positions=2)
+    torque, angle = whole.torque.copy(), whole.angle.copy()
+    torque[1, 2, 0] = angle[1, 2, 0] = np.nan
+    replace(whole, torque=torque, angle=angle).save(tmp_path / "bench.h5")
+    found = measured_frf(tmp_path / "bench.h5")
+    text, _ = shown(found, tmp_path)
+    assert found.missing == 1
+    assert "1 experiments are missing" not in text
+    assert "1 experiment missing" in text
+    assert any("blocks [2]" in warning for warning in found.warnings)
 
 
 def test_endless_delay_is_refused(tmp_path):
