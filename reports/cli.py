@@ -90,7 +90,7 @@ def simulate(
 def frf(
     records: Annotated[Path, typer.Argument(help="Records: .h5, .mat or .csv.")],
     method: Annotated[str, typer.Option(help="ari, har, log, h1 or jio.")] = "ari",
-    delay: Annotated[float, typer.Option(help="Of the angles after the torques [s].")] = 0.0,
+    delay: Annotated[float, typer.Option(help="Of the angles after the torques, in seconds.")] = 0.0,
     covariance: Annotated[
         str, typer.Option(help="total (from blocks) or noise (from periods, misses distortion).")
     ] = "total",
