@@ -67,6 +67,7 @@ def measured_frf(
     *,
     covariance: str = "total",
     delay: float = 0.0,
+    hold: bool = True,
     robot: str | None = None,
     compare: bool = False,
     runs: int = 200,
@@ -77,7 +78,7 @@ def measured_frf(
     Parameters
     ----------
     path : records as HDF5, MATLAB or CSV file.
-    method, covariance, delay : as in `estimators.estimate_frf`.
+    method, covariance, delay, hold : as in `estimators.estimate_frf`.
     robot : name or file of the robot that was measured.
     compare : whether to compare the methods on the loop of the first position, by simulation.
     runs : simulated campaigns of the comparison; their seed is fixed.
@@ -96,13 +97,13 @@ def measured_frf(
         report("FRFs", 0, 0)
         source = _Source(path)
         _check_robot(source.first, elastic, path)
-        estimate = estimate_frf(source, method, covariance=covariance, delay=delay)
+        estimate = estimate_frf(source, method, covariance=covariance, delay=delay, hold=hold)
         missing = source.missing
         report("FRFs", 1, 1)
         apart = None
         if source.first.torque.shape[3] > 1:
             report("distortion", 0, 0)
-            apart = distortion(source, method, delay=delay)
+            apart = distortion(source, method, delay=delay, hold=hold)
             report("distortion", 1, 1)
         else:
             warnings.warn(
@@ -122,7 +123,7 @@ def measured_frf(
         ranking = None
         if compare:
             report("comparison", 0, 0)
-            loop = measured_loop(source.first, 0, delay=delay)
+            loop = measured_loop(source.first, 0, delay=delay, hold=hold)
             ranking = compare_methods(loop, runs, rng=np.random.default_rng(0))
             report("comparison", 1, 1)
     return MeasuredFrf(

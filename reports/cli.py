@@ -90,7 +90,11 @@ def simulate(
 def frf(
     records: Annotated[Path, typer.Argument(help="Records: .h5, .mat or .csv.")],
     method: Annotated[str, typer.Option(help="ari, har, log, h1 or jio.")] = "ari",
-    delay: Annotated[float, typer.Option(help="Of the angles after the torques, in seconds.")] = 0.0,
+    delay: Annotated[float, typer.Option(help="Of the angles after the torques, in s.")] = 0.0,
+    hold: Annotated[
+        bool,
+        typer.Option("--hold/--no-hold", help="Commanded torques are held, measured ones not."),
+    ] = True,
     covariance: Annotated[
         str, typer.Option(help="total (from blocks) or noise (from periods, misses distortion).")
     ] = "total",
@@ -122,6 +126,7 @@ def frf(
             method,
             covariance=covariance,
             delay=delay,
+            hold=hold,
             robot=robot,
             compare=compare,
             progress=progress,

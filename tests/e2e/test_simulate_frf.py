@@ -78,6 +78,15 @@ def test_other_formats_give_the_same_frfs(estimated, ending, tmp_path):
     assert np.abs(mine.response / other.response - 1).max() < 1e-12
 
 
+def test_measured_torques_are_not_held(estimated, tmp_path):
+    folder, _ = estimated
+    assert oed("frf", folder / "records.h5", "--no-hold", "-o", tmp_path)[0] == 0
+    held, free = read_frf(folder / "frf.h5"), read_frf(tmp_path / "frf.h5")
+    half = held.omega * 0.002 / 2  # the hold's response is sinc(half) exp(-j half)
+    expected = np.sin(half) / half * np.exp(-1j * half)
+    assert (free.response / held.response)[0, :, 0, 0] == pytest.approx(expected, rel=1e-9)
+
+
 def refused(folder, words, *command):
     before = sorted(folder.rglob("*"))
     code, out, err = oed(*command)
