@@ -26,6 +26,7 @@ slow: $(VENV)/installed
 
 bench: $(VENV)/installed
 	$(BIN)/python benchmarks/linearisation.py
+	$(BIN)/python benchmarks/plant.py
 
 clean:
 	rm -rf $(VENV) .bench out
