@@ -32,7 +32,8 @@ class RigidLimit:
 
     Attributes
     ----------
-    ratio : (n,) measured over rigid diagonal elements, median over positions and lowest lines.
+    ratio : (n,) measured over rigid diagonal elements, median over positions and lowest lines;
+        not a number for motors that are not judged.
     messages : one line for each thing that looks wrong.
     """
 
@@ -43,8 +44,8 @@ class RigidLimit:
 def check_rigid_limit(estimate: FrfEstimate, model: Elastic) -> RigidLimit:
     """Warn of signs and units that the rigid robot contradicts.
 
-    Only elements at the lowest three lines count, and only below the lowest anti-resonance, where
-    the model has one above them; otherwise the lowest line alone is looked at.
+    Only the lowest three lines count, and only where the model's own springs do not yet yield: a
+    motor whose lowest lines lie near or above an anti-resonance is not judged.
 
     Parameters
     ----------
@@ -65,7 +66,6 @@ def check_rigid_limit(estimate: FrfEstimate, model: Elastic) -> RigidLimit:
     rigid = rigid_response(network, estimate.omega[lines])
     elastic = network.frequency_response(estimate.omega[lines])
     near = np.abs(np.log(np.abs(_diagonal(elastic) / _diagonal(rigid)))) < np.log(PLAUSIBLE) / 2
-    near[:, 0] = True
     measured = estimate.response[:, lines]
     ratios = np.where(near, _diagonal(measured) / _diagonal(rigid), np.nan)
     ratio = np.array([_median(ratios[..., i]) for i in range(n)])
@@ -102,6 +102,8 @@ def _judge(ratio: ComplexArray, network: SpringNetwork) -> list[str]:
     gears = np.abs(network.selector).max(axis=0)
     said: dict[str, list[int]] = {}
     for i, value in enumerate(ratio):
+        if not np.isfinite(value):
+            continue
         angle = abs(float(np.angle(value, deg=True)))
         if angle > 120:
             text = "the FRF has the wrong sign; turn the torque's or the angle's"
@@ -184,4 +186,4 @@ def _diagonal(matrices: ComplexArray) -> ComplexArray:
 
 def _median(values: ComplexArray) -> complex:
     kept = values[np.isfinite(values)]
-    return complex(np.median(kept.real), np.median(kept.imag))
+    return complex(np.median(kept.real), np.median(kept.imag)) if kept.size else complex(np.nan)

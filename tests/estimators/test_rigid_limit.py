@@ -6,7 +6,13 @@ from mass_springs import MassSprings
 
 from estimators import FrfEstimate, check_rigid_limit, simulate_frf
 from estimators.rigid_limit import rigid_response
-from robotmodels import IdentificationWarning, InvalidInput, RelativeNoise, load_robot
+from robotmodels import (
+    IdentificationWarning,
+    InvalidInput,
+    RelativeNoise,
+    frequency_response,
+    load_robot,
+)
 
 OMEGA = 2 * np.pi * np.linspace(2, 60, 30)
 
@@ -110,3 +116,14 @@ def test_another_robot_is_refused():
     )
     with pytest.raises(InvalidInput, match="FRFs of 2 outputs and 1 motors against a model of 2"):
         check_rigid_limit(wide, MassSprings())
+
+
+def test_a_band_that_starts_above_the_anti_resonance_is_not_judged():
+    robot = load_robot("moberg_axis1")
+    positions = np.zeros((1, 1))
+    omega = 2 * np.pi * np.arange(6.0, 30.0, 2.0)
+    G = frequency_response(robot, positions, omega)
+    estimate = FrfEstimate(positions, omega, G, np.abs(G) ** 2 * 1e-6, np.ones(1, dtype=int))
+    limit = check_rigid_limit(estimate, robot)
+    assert limit.messages == ()
+    assert np.isnan(limit.ratio).all()
