@@ -6,6 +6,7 @@ import signal
 import sys
 from collections.abc import Iterator
 from concurrent.futures import Executor, ProcessPoolExecutor
+from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Annotated
@@ -171,11 +172,25 @@ def check(
 
 def main() -> None:
     """Run the command line; a user's mistake ends in one line and exit code 2."""
+    for name in ("SIGTERM", "SIGHUP"):
+        number = getattr(signal, name, None)
+        if number is not None and signal.getsignal(number) == signal.SIG_DFL:  # not under nohup
+            signal.signal(number, _end)
     try:
         app()
     except IdentificationError as error:
         sys.stderr.write(f"error: {error}\n")
         sys.exit(2)
+    except BrokenProcessPool:
+        sys.stderr.write(
+            "error: a worker process was killed, perhaps for want of memory; try --workers 1\n"
+        )
+        sys.exit(1)
+
+
+def _end(number: int, _: object) -> None:
+    """End as at an error, so that what is half-written is taken away."""
+    sys.exit(128 + number)
 
 
 def _one_thread_each() -> None:

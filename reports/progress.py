@@ -38,6 +38,8 @@ def progress_bars() -> Iterator[Report | None]:
         def report(stage: str, done: int, total: int) -> None:
             if stage not in tasks:
                 tasks[stage] = bars.add_task(stage, total=None)
+            elif bars.tasks[tasks[stage]].finished:
+                return  # it counted its own steps
             # A total of zero announces a stage whose length is not known: the bar pulses.
             bars.update(tasks[stage], completed=done, total=total or None)
 
