@@ -22,7 +22,9 @@ from estimators import (
     Uncertainty,
     covariance,
     fit,
+    multistart,
     perturbed_starts,
+    reweighted,
     sample_posterior,
     simulate_frf,
 )
@@ -33,38 +35,36 @@ from oed.relaxed import Design, optimal_design
 from oed.study_file import Study
 from robotmodels import ElasticRobot, load_robot
 from robotmodels.arrays import Array, IntArray
-from robotmodels.errors import IdentificationError, SolverFailed
+from robotmodels.errors import SolverFailed
 
 Progress = Callable[[str, int, int], None]
 """Called with the stage's name, the steps done and the steps in all (0: not known yet)."""
 
-_SAME_COST = 0.01
-"""Costs this close are one minimum: with optimal weights, 0.5 is one standard deviation."""
+_SAME_COST = 1e-6
+"""Costs this close, relatively, are one minimum."""
 
 _PACKAGES = ("elastic-robot-oed", "numpy", "scipy", "pin", "cvxpy", "clarabel", "emcee", "numba")
 
 
 @dataclass(frozen=True, eq=False)
-class Multistart:
-    """Fits of one residual with optimal weights, best first.
+class Search:
+    """The fits of one residual.
 
     Attributes
     ----------
-    fits : one per start that ended with an answer.
-    starts : the number of the start, from 0, that each came from.
-    failures : start number and reason, where a fit ended without an answer.
+    runs : one fit per start, the least cost first.
+    weights : "optimal" or "user", the weights of `runs`.
+    result : the best run; log residuals then once more with optimal weights at its own FRF.
     """
 
-    fits: tuple[Fit, ...]
-    starts: tuple[int, ...]
-    failures: tuple[tuple[int, str], ...] = ()
+    runs: tuple[Fit, ...]
+    weights: str
+    result: Fit
 
     def reached(self, best: float | None = None) -> int:
         """Return how many starts ended at the cost `best`, by default the best of these."""
-        if not self.fits:
-            return 0
-        best = self.fits[0].cost if best is None else best
-        return sum(f.cost - best < _SAME_COST for f in self.fits)
+        best = self.runs[0].cost if best is None else best
+        return sum(run.cost <= best * (1 + _SAME_COST) for run in self.runs)
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,7 +78,7 @@ class StudyResults:
     information, design, exact : candidates, relaxed optimum, integer plan.
     estimate : the simulated FRFs at the plan's positions.
     starts : (starts, p) perturbed start values in SI units.
-    fits : a `Multistart` per residual.
+    searches : the fits of each residual.
     fit : NLS with optimal weights (the exact likelihood of the simulated noise), best of all.
     fit_origin : where the search for `fit` began, for people.
     theorem1, posterior : its uncertainty, two ways.
@@ -94,7 +94,7 @@ class StudyResults:
     exact: ExactDesign
     estimate: FrfEstimate
     starts: Array
-    fits: dict[str, Multistart]
+    searches: dict[str, Search]
     fit: Fit
     fit_origin: str
     theorem1: Uncertainty
@@ -165,10 +165,10 @@ def run_study(
         )
     with _stage("fit", seconds, progress):
         starts = perturbed_starts(robot.parameters, study.fit.starts, study.fit.decades, start_rng)
-        fits = fit_from_all(
+        searches = search_all(
             robot, estimate, study.fit.residuals, starts, executor, _report(progress, "fit")
         )
-        best, origin = best_likelihood(robot, estimate, fits)
+        best, origin = best_likelihood(robot, estimate, searches, starts)
     with _stage("uncertainty", seconds, progress):
         theorem1 = covariance(best)
     with _stage("posterior", seconds, progress):
@@ -191,7 +191,7 @@ def run_study(
         exact=exact,
         estimate=estimate,
         starts=starts,
-        fits=fits,
+        searches=searches,
         fit=best,
         fit_origin=origin,
         theorem1=theorem1,
@@ -201,82 +201,66 @@ def run_study(
     )
 
 
-def fit_from(robot: ElasticRobot, estimate: FrfEstimate, task: tuple[str, Array]) -> Fit | str:
-    """Fit a residual with optimal weights from a start; return why not where it fails.
-
-    Log residuals first walk with user weights: [WM] section 7 finds that optimal weights, small
-    at resonances, fail from far starts where user weights do not.
-    """
-    residual, start = task
-    try:
-        if residual.startswith("lls"):
-            start = fit(robot, estimate, residual, "user", start=start).parameters.values
-        return fit(robot, estimate, residual, "optimal", start=start)
-    except IdentificationError as error:
-        return str(error)
-
-
-def fit_from_all(
+def search_all(
     robot: ElasticRobot,
     estimate: FrfEstimate,
     residuals: tuple[str, ...],
     starts: Array,
     executor: Executor | None = None,
     progress: Callable[[int, int], None] | None = None,
-) -> dict[str, Multistart]:
-    """Fit every residual from every start, the same for all, so that they can be compared."""
-    tasks = [(residual, start) for residual in residuals for start in starts]
-    work = partial(fit_from, robot, estimate)
-    outcomes: list[Fit | str] = []
-    for outcome in executor.map(work, tasks) if executor else map(work, tasks):
-        outcomes.append(outcome)
-        if progress is not None:
-            progress(len(outcomes), len(tasks))
-    per_residual = np.arange(len(tasks)).reshape(len(residuals), len(starts))
-    return {
-        residual: _ranked([outcomes[i] for i in rows])
-        for residual, rows in zip(residuals, per_residual, strict=True)
-    }
+) -> dict[str, Search]:
+    """Fit every residual from every start, (N, p) SI, the same for all so that they compare.
 
+    Log residuals start with user weights: [WM] section 7 finds that optimal weights, small at
+    resonances, fail from far starts where user weights do not.
 
-def _ranked(outcomes: list[Fit | str]) -> Multistart:
-    fits = [(i, f) for i, f in enumerate(outcomes) if isinstance(f, Fit)]
-    fits.sort(key=lambda pair: pair[1].cost)
-    return Multistart(
-        fits=tuple(f for _, f in fits),
-        starts=tuple(i for i, _ in fits),
-        failures=tuple((i, f) for i, f in enumerate(outcomes) if isinstance(f, str)),
-    )
+    Raises
+    ------
+    SolverFailed : if no start of a residual led to an answer.
+    """
+    searches = {}
+    for i, residual in enumerate(residuals):
+        weights = "optimal" if residual == "nls" else "user"
+        runs = multistart(
+            robot,
+            estimate,
+            starts,
+            residual,
+            weights,
+            executor=executor,
+            progress=_part(progress, i, len(residuals)),
+        )
+        if not np.isfinite(runs[0].cost):
+            raise SolverFailed(f"fit: no {residual} start led to an answer; {runs[0].message}")
+        result = runs[0] if residual == "nls" else reweighted(runs[0])
+        searches[residual] = Search(runs, weights, result)
+    return searches
 
 
 def best_likelihood(
-    robot: ElasticRobot, estimate: FrfEstimate, fits: dict[str, Multistart]
+    robot: ElasticRobot, estimate: FrfEstimate, searches: dict[str, Search], starts: Array
 ) -> tuple[Fit, str]:
     """Return the best NLS fit with optimal weights, and where its search began.
 
     That cost is the exact likelihood of circular complex noise of known covariance. Besides the
-    perturbed starts it is tried from the best fit of every other residual.
-
-    Raises
-    ------
-    SolverFailed : if no fit ended with an answer.
+    perturbed starts it is tried from the result of every other residual.
     """
-    found = [
-        (f, f"perturbed start {start + 1}")
-        for name, runs in fits.items()
-        if name == "nls"
-        for f, start in zip(runs.fits[:1], runs.starts, strict=False)
-    ]
-    for name, runs in fits.items():
-        if name != "nls" and runs.fits:
-            refined = fit_from(robot, estimate, ("nls", runs.fits[0].parameters.values))
-            if isinstance(refined, Fit):
-                found.append((refined, f"the best {name.upper()} fit"))
-    if not found:
-        reasons = [why for runs in fits.values() for _, why in runs.failures]
-        raise SolverFailed(f"fit: no start led to an answer; the first failure was: {reasons[0]}")
+    found = []
+    if "nls" in searches:
+        result = searches["nls"].result
+        found.append((result, f"perturbed start {start_number(starts, result) + 1}"))
+    for residual, search in searches.items():
+        if residual != "nls":
+            values = search.result.parameters.values
+            refined = fit(robot, estimate, "nls", "optimal", start=values)
+            found.append((refined, f"the {residual.replace('_', ' ').upper()} fit"))
     best = min(f.cost for f, _ in found)
-    return next((f, origin) for f, origin in found if f.cost - best < _SAME_COST)
+    return next((f, origin) for f, origin in found if f.cost <= best * (1 + _SAME_COST))
+
+
+def start_number(starts: Array, run: Fit) -> int:
+    """Return which of the starts (N, p), from 0, a run came from."""
+    return int(np.argmin(np.abs(np.log(starts / run.start)).max(axis=1)))
 
 
 @contextmanager
@@ -292,3 +276,13 @@ def _stage(name: str, seconds: dict[str, float], progress: Progress | None) -> I
 
 def _report(progress: Progress | None, stage: str) -> Callable[[int, int], None] | None:
     return None if progress is None else partial(progress, stage)
+
+
+def _part(
+    progress: Callable[[int, int], None] | None, part: int, parts: int
+) -> Callable[[int, int], None] | None:
+    """Return the progress of one of several parts of equal length as that of the whole."""
+    if progress is None:
+        return None
+    whole = progress
+    return lambda done, total: whole(part * total + done, parts * total)

@@ -14,6 +14,9 @@ from robotmodels.noise import RelativeNoise
 
 Residual = Literal["nls", "lls", "lls_magnitude"]
 
+MOST_CANDIDATES = 250_000
+"""Their matrices stay in memory: 1.4 GB at 26 parameters."""
+
 
 class Frequencies(Strict):
     """The frequency grid [Hz], ends included."""
@@ -53,10 +56,17 @@ class Noise(Strict):
 
 
 class Candidates(Strict):
-    """A joint grid: points per joint (one where not named) and narrower limits [rad]."""
+    """A joint grid: points per joint (one where not named) and narrower limits [rad; m]."""
 
     per_joint: dict[str, PositiveInt] = Field(min_length=1)
     limits: dict[str, tuple[float, float]] = {}
+
+    @model_validator(mode="after")
+    def _not_too_many(self) -> Self:
+        number = math.prod(self.per_joint.values())
+        if number > MOST_CANDIDATES:
+            raise ValueError(f"per_joint: {number} positions; at most {MOST_CANDIDATES} fit")
+        return self
 
 
 class DesignChoice(Strict):
@@ -71,7 +81,7 @@ class FitChoice(Strict):
     """Residuals to fit, each from the same starts, perturbed by 10^U(-decades, decades)."""
 
     residuals: Annotated[tuple[Residual, ...], Field(min_length=1)] = ("lls", "nls")
-    decades: NonNegativeFloat = 0.3
+    decades: Annotated[float, Field(ge=0, lt=3)] = 0.3  # fits seek within three decades
     starts: PositiveInt = 4
 
     @model_validator(mode="after")

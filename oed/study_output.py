@@ -11,8 +11,10 @@ files depends on the clock or on where they lie: the same seed gives the same fi
     ``motors``], ``weight``, ``repetitions``.
 ``fit.json``
     ``parameters``: name, unit, ``truth``, ``estimate``; ``residual``, ``weights``, ``cost``,
-    ``origin`` of the chosen fit; ``starts``: per residual, the runs with ``start`` number and
-    ``values``, ``cost``, ``converged``, ``evaluations``, ``message``, best first.
+    ``origin`` of the chosen fit; ``residuals``: what each residual came to: ``estimate``,
+    ``cost``, ``converged``; ``starts``: per residual, the runs with ``start`` number and
+    ``values``, ``weights``, ``cost`` (null where the search could not begin), ``converged``,
+    ``evaluations``, ``message``, best first.
 ``uncertainty.json``
     ``theorem1`` and ``emcee``: relative ``std`` and ``correlation``; ``convergence``: ``r_hat``,
     ``ess``, ``autocorrelation_time`` [steps], ``acceptance``, ``converged``, ``message``;
@@ -33,7 +35,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from oed.study import Multistart, StudyResults
+from oed.study import Search, StudyResults, start_number
 from robotmodels.arrays import Array
 from robotmodels.errors import InvalidInput
 
@@ -124,29 +126,33 @@ def fit_document(results: StudyResults) -> dict[str, Any]:
             {"name": name, "unit": unit, "truth": float(truth), "estimate": float(estimate)}
             for name, unit, truth, estimate in rows
         ],
+        "residuals": {
+            residual: {
+                "estimate": _numbers(search.result.parameters.values),
+                "cost": float(search.result.cost),
+                "converged": search.result.converged,
+            }
+            for residual, search in results.searches.items()
+        },
         "starts": {
-            residual: _runs(runs, results.starts) for residual, runs in results.fits.items()
+            residual: _runs(search, results.starts) for residual, search in results.searches.items()
         },
     }
 
 
-def _runs(runs: Multistart, starts: Array) -> list[dict[str, Any]]:
-    ended = [
+def _runs(search: Search, starts: Array) -> list[dict[str, Any]]:
+    return [
         {
-            "start": start,
-            "values": _numbers(starts[start]),
-            "cost": float(run.cost),
-            "converged": bool(run.converged),
-            "evaluations": int(run.evaluations),
+            "start": start_number(starts, run),
+            "values": _numbers(run.start),
+            "weights": search.weights,
+            "cost": float(run.cost) if np.isfinite(run.cost) else None,
+            "converged": run.converged,
+            "evaluations": run.evaluations,
             "message": run.message,
         }
-        for run, start in zip(runs.fits, runs.starts, strict=True)
+        for run in search.runs
     ]
-    failed = [
-        {"start": start, "values": _numbers(starts[start]), "converged": False, "message": why}
-        for start, why in runs.failures
-    ]
-    return ended + failed
 
 
 def uncertainty_document(results: StudyResults) -> dict[str, Any]:

@@ -8,7 +8,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, MaxNLocator, NullFormatter
 
 from reports.svg import Palette
-from reports.text import fixed, significant
+from reports.text import fixed, residual_label, significant
 from robotmodels.arrays import Array, IntArray
 
 Drawing = Callable[[Palette], Figure]
@@ -51,7 +51,7 @@ def costs_over_starts(costs: Mapping[str, Sequence[float]], best: Mapping[str, f
             axes.plot(ratio, row + shift, "o", color=palette.accent, ms=5, alpha=0.75, mew=0)
         axes.axvline(1.0, color=palette.muted, lw=0.8, dashes=(4, 3))
         axes.set(ylim=(len(costs) - 0.5, -0.5), xscale="log")
-        axes.set_yticks(range(len(costs)), [r.replace("_", " ").upper() for r in costs])
+        axes.set_yticks(range(len(costs)), [residual_label(r) for r in costs])
         axes.tick_params(axis="y", length=0)
         axes.set_xlim(0.97, max(1.05 * highest, 1.2))
         if highest < 8:

@@ -10,6 +10,7 @@ import numpy as np
 from markupsafe import Markup
 
 import robotmodels
+from estimators.posterior import ESS, R_HAT, TIMES
 from oed.criteria import criterion, sensitivities
 from oed.study import Progress, StudyResults
 from reports import figures, response_panels, robot_pictures, tables, text, uncertainty_figures
@@ -66,6 +67,9 @@ class Page:
             "r_hat": text.fixed(float(np.max(r.posterior.r_hat)), 3),
             "ess": text.count(round(float(np.min(r.posterior.ess)))),
             "tau": text.significant(float(np.max(r.posterior.autocorrelation_time)), 2),
+            "r_hat_limit": text.fixed(R_HAT, 2),
+            "ess_limit": text.count(int(ESS)),
+            "tau_limit": text.count(int(TIMES)),
             "acceptance": text.percent(float(np.mean(r.posterior.acceptance))),
             "ratio_low": text.fixed(float(ratio.min()), 2),
             "ratio_high": text.fixed(float(ratio.max()), 2),
@@ -73,7 +77,6 @@ class Page:
             "seconds": text.duration(sum(r.seconds.values())),
             "low": text.hertz(r.omega[0]),
             "high": text.hertz(r.omega[-1]),
-            "n_data": text.count(2 * r.estimate.response.size),
             "expected_cost": text.count(r.estimate.response.size - len(r.truth) // 2),
         }
 
@@ -84,6 +87,11 @@ class Page:
         for row in tables.parameter_rows(self.results):
             groups.setdefault(row.kind, []).append(row)
         return groups
+
+    @property
+    def motor_rows(self) -> list[tables.MotorRow]:
+        """Rows of the table of motors."""
+        return tables.motor_rows(self.results)
 
     @property
     def position_rows(self) -> list[tables.PositionRow]:
@@ -104,6 +112,19 @@ class Page:
     def reached(self) -> list[tuple[str, int, int]]:
         """How many starts of each residual reached its best cost."""
         return tables.reached(self.results)
+
+    @property
+    def distances(self) -> list[tuple[str, str]]:
+        """How far the estimates of other residuals lie."""
+        return tables.distances(self.results)
+
+    @property
+    def strongest_correlation(self) -> tuple[str, str, str]:
+        """Two parameters, and their correlation."""
+        t = self.results.theorem1
+        size = np.abs(np.triu(t.correlation, 1))
+        i, j = np.unravel_index(np.argmax(size), size.shape)
+        return t.names[i], t.names[j], text.fixed(float(t.correlation[i, j]), 2)
 
     @property
     def robot_pictures(self) -> list[Picture]:
@@ -165,7 +186,10 @@ class Page:
     def costs_figure(self) -> Markup:
         """Costs over starts."""
         r = self.results
-        costs = {name: [f.cost for f in runs.fits] for name, runs in r.fits.items() if runs.fits}
+        costs = {
+            name: [run.cost for run in search.runs if np.isfinite(run.cost)]
+            for name, search in r.searches.items()
+        }
         best = {name: tables.best_cost(r, name) for name in costs}
         alt = "Final cost of every fit over the best cost of its residual, a dot per start"
         return inline(figures.costs_over_starts(costs, best), "costs", alt)

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from oed.study import Multistart, StudyResults
+from oed.study import StudyResults, start_number
 from reports import text
 
 
@@ -32,6 +32,17 @@ class PositionRow:
     angles: list[str]
     weight: str
     repetitions: int
+
+
+@dataclass(frozen=True)
+class MotorRow:
+    """A motor, its joint's limits, and where the candidates put it."""
+
+    name: str
+    joint: str
+    limits: tuple[str, str]
+    candidates: tuple[str, str]
+    points: int
 
 
 @dataclass(frozen=True)
@@ -89,12 +100,35 @@ def parameter_rows(results: StudyResults) -> list[ParameterRow]:
     return rows
 
 
+def prismatic(results: StudyResults) -> list[bool]:
+    """Return whether each motor's joint is prismatic."""
+    robot = results.robot
+    return [joint in robot.elements.prismatic for joint in robot.motor_joints]
+
+
+def motor_rows(results: StudyResults) -> list[MotorRow]:
+    """Return the table of motors: limits of the joints, and range of the candidates."""
+    robot, positions, straight = results.robot, results.information.positions, prismatic(results)
+    limits = [text.places(side, straight) for side in robot.position_limits.T]
+    ends = [text.places(side, straight) for side in (positions.min(axis=0), positions.max(axis=0))]
+    return [
+        MotorRow(
+            name=name,
+            joint=joint,
+            limits=(limits[0][i], limits[1][i]),
+            candidates=(ends[0][i], ends[1][i]),
+            points=len(np.unique(positions[:, i])),
+        )
+        for i, (name, joint) in enumerate(zip(robot.motor_names, robot.motor_joints, strict=True))
+    ]
+
+
 def position_rows(results: StudyResults) -> list[PositionRow]:
     """Return the table of the plan's positions."""
     return [
         PositionRow(
             number=number,
-            angles=text.degrees(results.information.positions[i]),
+            angles=text.places(results.information.positions[i], prismatic(results)),
             weight=text.fixed(w, 4) if (w := float(results.design.weights[i])) else "–",
             repetitions=int(results.exact.repetitions[i]),
         )
@@ -124,38 +158,44 @@ def convergence_rows(results: StudyResults) -> list[ConvergenceRow]:
 
 def run_rows(results: StudyResults) -> list[RunRow]:
     """Return every fit from every start, in the order of residuals and costs."""
-    rows = []
-    for residual, runs in results.fits.items():
-        best = best_cost(results, residual)
-        label = residual.replace("_", " ").upper()
-        rows += [
-            RunRow(
-                residual=label,
-                start=start + 1,
-                cost=text.significant(run.cost, 6),
-                ratio=text.fixed(run.cost / best, 4),
-                evaluations=text.count(run.evaluations),
-                ending="converged" if run.converged else run.message,
-            )
-            for run, start in zip(runs.fits, runs.starts, strict=True)
-        ]
-        rows += [RunRow(label, start + 1, "–", "–", "–", why) for start, why in runs.failures]
-    return rows
+    return [
+        RunRow(
+            residual=text.residual_label(residual),
+            start=start_number(results.starts, run) + 1,
+            cost=text.significant(run.cost, 6),
+            ratio=text.significant(run.cost / best_cost(results, residual), 5),
+            evaluations=text.count(run.evaluations),
+            ending="converged" if run.converged else run.message,
+        )
+        for residual, search in results.searches.items()
+        for run in search.runs
+    ]
 
 
 def best_cost(results: StudyResults, residual: str) -> float:
     """Return the best cost known of a residual; for NLS, the chosen fit's where it is lower."""
-    costs = [run.cost for run in results.fits[residual].fits]
-    if residual == results.fit.residual:
-        costs.append(results.fit.cost)
-    return float(min(costs, default=float("nan")))
+    best = results.searches[residual].runs[0].cost
+    return min(best, results.fit.cost) if residual == results.fit.residual else best
 
 
 def reached(results: StudyResults) -> list[tuple[str, int, int]]:
     """Return, per residual, how many starts ended at its best cost, and of how many."""
+    return [
+        (
+            text.residual_label(residual),
+            search.reached(best_cost(results, residual)),
+            len(search.runs),
+        )
+        for residual, search in results.searches.items()
+    ]
 
-    def of(residual: str, runs: Multistart) -> tuple[str, int, int]:
-        label = residual.replace("_", " ").upper()
-        return label, runs.reached(best_cost(results, residual)), len(results.starts)
 
-    return [of(residual, runs) for residual, runs in results.fits.items()]
+def distances(results: StudyResults) -> list[tuple[str, str]]:
+    """Return, per residual but NLS, how far its estimate lies at most, in standard deviations."""
+    chosen = results.fit.parameters.values
+    rows = []
+    for residual, search in results.searches.items():
+        if residual != results.fit.residual:
+            away = np.abs(np.log(search.result.parameters.values / chosen)) / results.theorem1.std
+            rows.append((text.residual_label(residual), text.fixed(float(away.max()), 1)))
+    return rows

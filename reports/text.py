@@ -1,6 +1,7 @@
 """Numbers and units as people read them: sensible digits, engineering prefixes, Hz and degrees."""
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -82,6 +83,14 @@ def degrees(position: Array) -> list[str]:
     return [fixed(float(np.round(a)) + 0.0, 0) + "°" for a in np.degrees(position)]
 
 
+def places(position: Array, prismatic: Sequence[bool]) -> list[str]:
+    """Return a position's angles [rad] in whole degrees, and of prismatic joints the way [m]."""
+    return [
+        f"{fixed(float(way), 3)}{THIN}m" if straight else degree
+        for way, straight, degree in zip(position, prismatic, degrees(position), strict=True)
+    ]
+
+
 def duration(seconds: float) -> str:
     """Return a time as ``0.4 s``, ``12 s`` or ``3 min 5 s``."""
     if seconds < 10:
@@ -97,3 +106,8 @@ def listed(words: list[str]) -> str:
     if len(words) < 2:
         return "".join(words)
     return f"{', '.join(words[:-1])} and {words[-1]}"
+
+
+def residual_label(residual: str) -> str:
+    """Return ``LLS MAGNITUDE`` for ``lls_magnitude``."""
+    return residual.replace("_", " ").upper()

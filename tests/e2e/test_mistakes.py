@@ -1,5 +1,11 @@
 """A user's mistake: one clear line, exit code 2, nothing half-written."""
 
+import signal
+import subprocess
+import sys
+import time
+from concurrent.futures.process import BrokenProcessPool
+
 import pytest
 from conftest import ROBOT, STUDY, oed, write_study
 
@@ -19,6 +25,8 @@ STUDY_MISTAKES = {
     "missing key": ("high: 60.0, ", "", ["missing key 'frequencies.high'"]),
     "wrong type": ("relative: 0.03", "relative: much", ["noise.relative", "'much'"]),
     "empty grid": ("elbow_joint: 5}", "elbow_joint: 0}", ["per_joint.elbow_joint", "0"]),
+    "huge grid": ("elbow_joint: 5}", "elbow_joint: 500000}", ["2000000 positions", "250000"]),
+    "far starts": ("decades: 0.2", "decades: 5", ["fit.decades", "less than 3", "5"]),
     "no frequency": ("count: 12", "count: 0", ["frequencies.count", "0"]),
     "falling frequencies": ("high: 60.0", "high: 2.0", ["frequencies", "above low"]),
     "unknown joint": ("elbow_joint: 5}", "elbow: 5}", ["'elbow'", "'elbow_joint'"]),
@@ -89,6 +97,30 @@ def test_interrupted_run_leaves_nothing(tmp_path, monkeypatch):
     code, out, _ = oed("run", path, "--workers", 1)
     assert (code, out) == (130, "")
     assert {p.name for p in tmp_path.iterdir()} == {"study.yaml", "robot.yaml"}
+
+
+@pytest.mark.parametrize("workers", [1, 2])
+def test_terminated_run_leaves_nothing(workers, tmp_path):
+    path = write_study(tmp_path, STUDY.replace("steps: 400", "steps: 1000000"))
+    command = [sys.executable, "-m", "reports.cli", "run", str(path), "--workers", str(workers)]
+    run = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+    deadline = time.monotonic() + 60
+    while not list(tmp_path.rglob("posterior.h5")) and time.monotonic() < deadline:
+        time.sleep(0.1)
+    run.terminate()
+    assert run.wait(60) == 128 + signal.SIGTERM
+    assert {p.name for p in tmp_path.iterdir()} == {"study.yaml", "robot.yaml"}
+
+
+def test_killed_worker_is_one_line(tmp_path, monkeypatch):
+    def killed(*args, **kwargs):
+        raise BrokenProcessPool
+
+    monkeypatch.setattr("oed.study.run_study", killed)
+    code, out, err = oed("run", write_study(tmp_path), "--workers", 1)
+    assert (code, out) == (1, "")
+    assert err.startswith("error: a worker process was killed")
+    assert len(err.splitlines()) == 1
 
 
 def test_unknown_option_and_command_end_with_2():

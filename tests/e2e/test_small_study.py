@@ -91,6 +91,7 @@ def test_every_start_of_every_residual_is_on_record(small_study):
     assert set(runs) == {"lls", "nls"}
     for of_residual in runs.values():
         assert sorted(run["start"] for run in of_residual) == [0, 1]
+        assert all(run["converged"] for run in of_residual)
         costs = [run["cost"] for run in of_residual]
         assert costs == sorted(costs)
     values = {run["start"]: run["values"] for run in runs["lls"]}
@@ -98,6 +99,15 @@ def test_every_start_of_every_residual_is_on_record(small_study):
     ratio = np.log10(np.array(list(values.values())) / [4.0e4, 2.5e4, 60.0, 37.5])
     assert np.abs(ratio).max() <= 0.2
     assert np.abs(ratio).max() > 0.02
+
+
+def test_log_fit_agrees_with_the_likelihood(small_study):
+    folder, _ = small_study
+    fit, uncertainty = read(folder, "fit"), read(folder, "uncertainty")
+    nls, lls = (fit["residuals"][name]["estimate"] for name in ("nls", "lls"))
+    assert nls == pytest.approx([row["estimate"] for row in fit["parameters"]], rel=1e-4)
+    apart = np.log(np.divide(lls, nls)) / uncertainty["theorem1"]["std"]
+    assert np.abs(apart).max() < 2
 
 
 def test_theorem_1_and_emcee_agree(small_study):
