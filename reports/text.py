@@ -15,7 +15,7 @@ _PREFIXES = ((1e9, "G"), (1e6, "M"), (1e3, "k"))
 
 def fixed(value: float, decimals: int) -> str:
     """Return a number with so many decimals, thousands apart and a true minus sign."""
-    text = f"{value:,.{max(decimals, 0)}f}".replace(",", THIN)
+    text = f"{value:z,.{max(decimals, 0)}f}".replace(",", THIN)
     return text.replace("-", MINUS)
 
 
@@ -80,7 +80,7 @@ def hertz(omega: float) -> str:
 
 def degrees(position: Array) -> list[str]:
     """Return angles [rad] in whole degrees."""
-    return [fixed(float(np.round(a)) + 0.0, 0) + "°" for a in np.degrees(position)]
+    return [fixed(float(a), 0) + "°" for a in np.degrees(position)]
 
 
 def places(position: Array, prismatic: Sequence[bool]) -> list[str]:

@@ -32,6 +32,16 @@ def test_decimals_show_two_digits_of_the_standard_deviation(std, decimals):
     assert len(f"{std:.{text.decimals_for(std)}f}".replace(".", "").lstrip("0")) == 2
 
 
+def test_no_minus_sign_before_zero():
+    assert text.fixed(-0.04, 1) == "0.0"
+    assert text.degrees(np.radians([-0.3])) == ["0°"]
+
+
+def test_positions_of_prismatic_joints_are_in_metres():
+    shown = text.places(np.array([-0.25, np.pi / 2]), [True, False])
+    assert [plain(words) for words in shown] == [f"{text.MINUS}0.250 m", "90°"]
+
+
 def test_engineering_units():
     assert text.scaled_unit(4e4, "N m/rad") == (1e3, "kN m/rad")
     assert text.scaled_unit(3.8e6, "N m/rad") == (1e6, "MN m/rad")
