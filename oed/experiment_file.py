@@ -57,6 +57,7 @@ from typing import Annotated, Any, Literal, Self
 import numpy as np
 from pydantic import Field, NonNegativeFloat, PositiveFloat, PositiveInt, model_validator
 
+from oed.file_paths import output_folder, robot_reference
 from robotmodels.arrays import Array, IntArray
 from robotmodels.errors import InvalidInput
 from robotmodels.files import Strict, read_yaml
@@ -190,16 +191,12 @@ def load_experiment(path: str | Path) -> Experiment:
     """
     path = Path(path)
     experiment = read_yaml(path, Experiment)
-    folder = path.resolve().parent
-    output = folder / experiment.output.expanduser()
-    if output.exists() and not output.is_dir():
-        raise InvalidInput(f"{path}: output: {output} is a file; a folder is needed")
-    robot, design = experiment.robot, experiment.design
-    if robot.endswith((".yaml", ".yml")) or "/" in robot:  # a file, not a built-in name
-        robot = str((folder / Path(robot).expanduser()).resolve())
-    if design is not None:
-        design = (folder / design.expanduser()).resolve()
-    changed = {"output": output.resolve(), "robot": robot, "design": design}
+    design = experiment.design
+    changed = {
+        "output": output_folder(path, experiment.output),
+        "robot": robot_reference(path, experiment.robot),
+        "design": design and (path.resolve().parent / design.expanduser()).resolve(),
+    }
     return experiment.model_copy(update=changed)
 
 

@@ -7,8 +7,8 @@ from typing import Annotated, Literal, Self
 import numpy as np
 from pydantic import Field, NonNegativeFloat, PositiveFloat, PositiveInt, model_validator
 
+from oed.file_paths import output_folder, robot_reference
 from robotmodels.arrays import Array
-from robotmodels.errors import InvalidInput
 from robotmodels.files import Strict, read_yaml
 from robotmodels.noise import RelativeNoise
 
@@ -123,11 +123,8 @@ def load_study(path: str | Path) -> Study:
     """
     path = Path(path)
     study = read_yaml(path, Study)
-    folder = path.resolve().parent
-    output = folder / study.output.expanduser()
-    if output.exists() and not output.is_dir():
-        raise InvalidInput(f"{path}: output: {output} is a file; a folder is needed")
-    robot = study.robot
-    if robot.endswith((".yaml", ".yml")) or "/" in robot:  # a file, not a built-in name
-        robot = str((folder / Path(robot).expanduser()).resolve())
-    return study.model_copy(update={"output": output.resolve(), "robot": robot})
+    changed = {
+        "output": output_folder(path, study.output),
+        "robot": robot_reference(path, study.robot),
+    }
+    return study.model_copy(update=changed)
