@@ -165,9 +165,6 @@ class Elements:
         """
         law = self.laws(theta)
         count = len(elongations)
-        by_damping = np.broadcast_to(
-            self.ties[self._damping], (count, *self.ties[self._damping].shape)
-        )
         if law.linear:  # alike at every elongation
             both = np.concatenate([self.ties[self._low], self.ties[self._damping]])
             return np.broadcast_to(both, (count, *both.shape))
@@ -181,6 +178,9 @@ class Elements:
 
         by_stiffness = change(self._low, law.by_low(elongations)) + change(
             self._high, law.by_high(elongations)
+        )
+        by_damping = np.broadcast_to(
+            self.ties[self._damping], (count, *self.ties[self._damping].shape)
         )
         return np.concatenate([by_stiffness, by_damping], axis=1)
 
