@@ -1,12 +1,15 @@
 """What ``oed simulate`` says at the end: the plan, what limits it, what the simulation met."""
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from oed.experiment import Outcome, Prepared
 from reports.columns import number, plain, plural, table
 from reports.text import duration
+
+_FILES = ("plan.yaml", "plan.h5", "records.h5")
 
 
 def experiment_summary(prepared: Prepared, outcome: Outcome, folder: Path) -> str:
@@ -47,7 +50,7 @@ def experiment_summary(prepared: Prepared, outcome: Outcome, folder: Path) -> st
             )
         )
     entries.append(("time", f"simulated in {plain(duration(outcome.seconds))}"))
-    entries += [("written", str(folder / name)) for name in ("plan.yaml", "plan.h5", "records.h5")]
+    entries += [("written", str(folder / name)) for name in _FILES]
     rows = [
         (name, *(number(float(v)) for v in values))
         for name, *values in zip(
@@ -67,3 +70,30 @@ def experiment_summary(prepared: Prepared, outcome: Outcome, folder: Path) -> st
     return "\n".join(
         [prepared.robot.name, *(f"  {key:<9}{value}" for key, value in entries), *peaks]
     )
+
+
+def experiment_json(prepared: Prepared, outcome: Outcome, folder: Path) -> dict[str, Any]:
+    """Return the summary for scripts: N m, rad/s and s; parts of the experiments that saturated."""
+    plan = prepared.plan
+    return {
+        "robot": prepared.robot.name,
+        "positions": len(plan.positions),
+        "visits": len(plan.visits),
+        "blocks": plan.blocks,
+        "experiments": plan.multisine.inputs,
+        "periods": plan.periods,
+        "duration": float(plan.duration),
+        "limit": str(prepared.scaling.binding),
+        "motors": {
+            motor: {
+                "predicted_torque": float(outcome.predicted_torque[i]),
+                "torque": float(outcome.peak_torque[i]),
+                "predicted_speed": float(outcome.predicted_speed[i]),
+                "speed": float(outcome.peak_speed[i]),
+                "saturated": float(outcome.saturated[i]),
+            }
+            for i, motor in enumerate(plan.motors)
+        },
+        "seconds": outcome.seconds,
+        "files": [str(folder / name) for name in _FILES],
+    }

@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from markupsafe import Markup
@@ -231,6 +232,31 @@ def frf_summary(found: MeasuredFrf, files: list[Path]) -> str:
     if found.comparison is not None:
         shown += _ranking(found.comparison)
     return "\n".join([found.robot.name if found.robot else "frequency responses", *shown])
+
+
+def frf_json(found: MeasuredFrf, files: list[Path]) -> dict[str, Any]:
+    """Return the summary for scripts; frequencies in rad/s."""
+    e, ratio = found.estimate, excess(found)
+    ranking = {}
+    if found.comparison is not None:
+        ranking = dict(
+            zip(found.comparison.methods, map(float, found.comparison.scores), strict=True)
+        )
+    return {
+        "robot": found.robot.name if found.robot else None,
+        "method": found.method,
+        "positions": len(e.positions),
+        "missing_experiments": found.missing,
+        "outputs": e.response.shape[2],
+        "inputs": e.response.shape[3],
+        "lines": len(e.omega),
+        "band": [float(e.omega[0]), float(e.omega[-1])],
+        "relative_std": float(np.median(relative_std(found))),
+        "variance_over_noise": ratio if np.isfinite(ratio) else None,
+        "relative_error": ranking,
+        "warnings": list(found.warnings),
+        "files": [str(path) for path in files],
+    }
 
 
 def _ranking(comparison: Comparison) -> list[str]:

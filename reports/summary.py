@@ -1,6 +1,7 @@
 """What the command line says at the end: one screen, plain characters."""
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -50,3 +51,22 @@ def study_summary(results: StudyResults, report: Path) -> str:
     if not r.fit.converged:
         lines.insert(3, ("", f"NOT converged: {r.fit.message}"))
     return "\n".join([f"{r.robot.name}", *(f"  {key:<8}{value}" for key, value in lines)])
+
+
+def study_json(results: StudyResults, report: Path) -> dict[str, Any]:
+    """Return the summary for scripts, in SI units; the files beside the report say more."""
+    r, posterior = results, results.posterior
+    return {
+        "robot": r.robot.name,
+        "seed": r.study.seed,
+        "candidates": len(r.information.positions),
+        "positions": len(r.used),
+        "experiments": int(r.exact.repetitions.sum()),
+        "gap": float(r.design.gap),
+        "efficiency": float(r.exact.efficiency),
+        "cost": float(r.fit.cost),
+        "converged": {"fit": r.fit.converged, "posterior": posterior.converged},
+        "relative_std": dict(zip(r.theorem1.names, r.theorem1.std.tolist(), strict=True)),
+        "seconds": r.seconds,
+        "report": str(report),
+    }

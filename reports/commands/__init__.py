@@ -1,0 +1,13 @@
+"""One module per command; each has a ``register(app)`` that adds it to the command line."""
+
+import typer
+
+from reports.commands import check, frf, run, schema, simulate
+
+_IN_ORDER = (check, run, simulate, frf, schema)
+
+
+def register_all(app: typer.Typer) -> None:
+    """Add every command to `app`, in the order in which help lists them."""
+    for command in _IN_ORDER:
+        command.register(app)

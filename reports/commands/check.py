@@ -1,0 +1,44 @@
+"""``oed check``: what a robot file means."""
+
+from typing import Annotated
+
+import typer
+
+from reports.commands.options import AsJson, robot_names
+
+
+def register(app: typer.Typer) -> None:
+    """Add the command."""
+    app.command()(check)
+
+
+def check(
+    robot: Annotated[
+        str,
+        typer.Argument(
+            help="A built-in robot, or the path of a robot file.", autocompletion=robot_names
+        ),
+    ],
+    position: Annotated[
+        str | None,
+        typer.Option(
+            help="One per motor, in degrees (m if prismatic): 0,-90,90,0,45,0; default: mid-range."
+        ),
+    ] = None,
+    band: Annotated[str, typer.Option(help="Frequencies of interest, LOW,HIGH in Hz.")] = "2,80",
+    as_json: AsJson = False,
+) -> None:
+    """Show a robot: its bodies, motors, springs, equilibrium and modes, and what looks wrong.
+
+    Example: oed check ur10 --position 0,-90,90,0,45,0
+    """
+    from reports.check_options import read_band, read_position
+    from reports.robot_summary import robot_json, robot_summary
+    from robotmodels import load_robot
+    from robotmodels.diagnosis import diagnose
+    from robotmodels.suspicions import suspicions
+
+    model = load_robot(robot)
+    diagnosis = diagnose(model, read_position(model, position), read_band(band))
+    show = robot_json if as_json else robot_summary
+    typer.echo(show(diagnosis, suspicions(diagnosis), model.file))

@@ -1,0 +1,72 @@
+"""``oed frf``: frequency responses from records."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from reports.commands.options import AsJson, robot_names, say
+from reports.workers import one_thread_each
+
+
+def register(app: typer.Typer) -> None:
+    """Add the command."""
+    app.command()(frf)
+
+
+def frf(
+    records: Annotated[Path, typer.Argument(help="Records: .h5, .mat or .csv.")],
+    method: Annotated[str, typer.Option(help="ari, har, log, h1 or jio.")] = "ari",
+    delay: Annotated[float, typer.Option(help="Of the angles after the torques, in s.")] = 0.0,
+    hold: Annotated[
+        bool,
+        typer.Option("--hold/--no-hold", help="Commanded torques are held, measured ones not."),
+    ] = True,
+    covariance: Annotated[
+        str, typer.Option(help="total (from blocks) or noise (from periods, misses distortion).")
+    ] = "total",
+    robot: Annotated[
+        str | None,
+        typer.Option(
+            help="Robot (name or file) whose linear model is shown beside.",
+            autocompletion=robot_names,
+        ),
+    ] = None,
+    compare: Annotated[
+        bool, typer.Option("--compare", help="Rank the methods by simulating the measured loop.")
+    ] = False,
+    output: Annotated[
+        Path | None, typer.Option("-o", "--output", help="Folder; by default that of the records.")
+    ] = None,
+    as_json: AsJson = False,
+) -> None:
+    """Estimate frequency responses from records, with covariance, noise and distortion.
+
+    Example: oed frf out/manutec_r3_experiment/records.h5 --robot manutec_r3
+    """
+    one_thread_each()
+    from estimators.exchange import write_frf
+    from oed.measured_frf import measured_frf
+    from oed.study_output import staged_folder
+    from reports.frf_page import frf_json, frf_summary, write_frf_page
+    from reports.progress import progress_bars
+
+    target = (records.parent if output is None else output).resolve()
+    with progress_bars() as progress:
+        found = measured_frf(
+            records,
+            method,
+            covariance=covariance,
+            delay=delay,
+            hold=hold,
+            robot=robot,
+            compare=compare,
+            progress=progress,
+        )
+        with staged_folder(target) as folder:
+            write_frf(folder / "frf.h5", found.estimate)
+            write_frf_page(found, records, folder / "frf.html", progress)
+    for warning in found.warnings:
+        typer.echo(f"warning: {warning}", err=True)
+    files = [target / "frf.h5", target / "frf.html"]
+    say(lambda: frf_summary(found, files), lambda: frf_json(found, files), as_json)

@@ -1,0 +1,33 @@
+"""Options that several commands share, and how a command ends: with text or with JSON."""
+
+import json
+from collections.abc import Callable
+from typing import Annotated, Any
+
+import typer
+
+from reports.workers import available_cores
+
+Workers = Annotated[
+    int,
+    typer.Option(min=1, help="Processes that share the work; 1 works in this one."),
+]
+AsJson = Annotated[
+    bool,
+    typer.Option("--json", help="Print the summary as JSON, in SI units, for scripts."),
+]
+WORKERS = available_cores()
+
+
+def say(text: Callable[[], str], document: Callable[[], Any], as_json: bool) -> None:
+    """Print the summary for people, or the one for scripts."""
+    typer.echo(
+        json.dumps(document(), indent=1, ensure_ascii=False, allow_nan=False) if as_json else text()
+    )
+
+
+def robot_names(incomplete: str) -> list[str]:
+    """Return built-in robots for the shell to complete."""
+    from robotmodels import builtin_robots
+
+    return [name for name in builtin_robots() if name.startswith(incomplete)]

@@ -1,0 +1,45 @@
+"""``oed run``: a whole study."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from reports.commands.options import WORKERS, AsJson, Workers, say
+from reports.workers import one_thread_each, process_pool
+
+
+def register(app: typer.Typer) -> None:
+    """Add the command."""
+    app.command()(run)
+
+
+def run(
+    study: Annotated[Path, typer.Argument(help="Study file, such as studies/ur10.yaml.")],
+    workers: Workers = WORKERS,
+    as_json: AsJson = False,
+) -> None:
+    """Compute a study and write its report: where to measure, what comes out, how certain it is.
+
+    Example: oed run studies/ur10.yaml
+    """
+    one_thread_each()
+    # Imported here: `oed --help` need not wait for the numerics.
+    from oed.study import run_study
+    from oed.study_file import load_study
+    from oed.study_output import staged_folder, write_results
+    from reports.page import write_report
+    from reports.progress import progress_bars
+    from reports.summary import study_json, study_summary
+
+    content = load_study(study)
+    with (
+        staged_folder(content.output) as folder,
+        progress_bars() as progress,
+        process_pool(workers) as executor,
+    ):
+        results = run_study(content, progress, chains=folder / "posterior.h5", executor=executor)
+        write_results(results, folder)
+        write_report(results, folder / "report.html", progress)
+    report = content.output / "report.html"
+    say(lambda: study_summary(results, report), lambda: study_json(results, report), as_json)

@@ -1,0 +1,47 @@
+"""``oed simulate``: plan an experiment and simulate it."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from reports.commands.options import WORKERS, AsJson, Workers, say
+from reports.workers import one_thread_each, process_pool
+
+
+def register(app: typer.Typer) -> None:
+    """Add the command."""
+    app.command()(simulate)
+
+
+def simulate(
+    experiment: Annotated[
+        Path, typer.Argument(help="Experiment file, such as studies/manutec_r3_experiment.yaml.")
+    ],
+    workers: Workers = WORKERS,
+    as_json: AsJson = False,
+) -> None:
+    """Plan an experiment inside its limits and simulate it: multisines, closed loop, records.
+
+    Example: oed simulate studies/manutec_r3_experiment.yaml
+    """
+    one_thread_each()
+    from oed.experiment import prepare, run_experiment
+    from oed.experiment_file import load_experiment
+    from oed.study_output import staged_folder
+    from reports.experiment_summary import experiment_json, experiment_summary
+    from reports.progress import progress_bars
+
+    content = load_experiment(experiment)
+    with (
+        staged_folder(content.output) as folder,
+        progress_bars() as progress,
+        process_pool(workers) as executor,
+    ):
+        prepared = prepare(content, progress)
+        outcome = run_experiment(prepared, folder, progress, executor)
+    say(
+        lambda: experiment_summary(prepared, outcome, content.output),
+        lambda: experiment_json(prepared, outcome, content.output),
+        as_json,
+    )
