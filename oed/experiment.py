@@ -1,25 +1,21 @@
-"""From an experiment file to records: plan, amplitudes inside limits, simulation."""
+"""From an experiment file to a plan whose amplitudes lie inside limits."""
 
-import time
-from collections.abc import Callable, Iterator
-from concurrent.futures import Executor
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import partial
-from pathlib import Path
 
 import numpy as np
 
-from oed.experiment_file import Experiment, per_motor, planned_positions
+from oed.experiment_file import Experiment, Shaking, per_motor, planned_positions
 from oed.multisine import Multisine, band_multisine
 from oed.peaks import Peaks
 from oed.plan import ExperimentPlan, experiment_plan
 from oed.scaling import Binding, Limits, Scaling, scale
 from robotmodels import ElasticRobot, load_robot
-from robotmodels.arrays import Array, read_only
+from robotmodels.arrays import Array, IntArray, read_only
 from robotmodels.controller import Controller, default_controller
 from robotmodels.errors import InvalidInput
-from robotmodels.plant import Imperfections, simulate
-from robotmodels.records import Records, save_records
+from robotmodels.plant import Imperfections
 
 Progress = Callable[[str, int, int], None]
 """Called with the stage's name, the steps done and the steps in all (0: not known yet)."""
@@ -42,15 +38,13 @@ class Prepared:
 
     Attributes
     ----------
-    experiment : its file.
-    robot : the robot.
+    robot : the robot that the plan was made for.
     controller : that moves it.
     scaling : the plan inside its limits, predicted peaks, and the limit that each visit meets.
     imperfections : of the simulated robot.
     rng : what is left of the seed's random numbers, for the simulation.
     """
 
-    experiment: Experiment
     robot: ElasticRobot
     controller: Controller
     scaling: Scaling
@@ -63,26 +57,6 @@ class Prepared:
         return self.scaling.plan
 
 
-@dataclass(frozen=True, eq=False)
-class Outcome:
-    """What the simulation met.
-
-    Attributes
-    ----------
-    peak_torque, peak_speed : (n,) largest magnitudes over all records, motor shaft [N m, rad/s].
-    predicted_torque, predicted_speed : (n,) by the linear model.
-    saturated : (n,) part of the experiments in which the torque met its limit.
-    seconds : that the simulation took.
-    """
-
-    peak_torque: Array
-    peak_speed: Array
-    predicted_torque: Array
-    predicted_speed: Array
-    saturated: Array
-    seconds: float
-
-
 def prepare(experiment: Experiment, progress: Progress | None = None) -> Prepared:
     """Draw the plan of an experiment and scale it; the same seed gives the same plan.
 
@@ -92,100 +66,54 @@ def prepare(experiment: Experiment, progress: Progress | None = None) -> Prepare
     NoEquilibrium : if the springs cannot carry the robot's weight in a position.
     """
     robot = load_robot(experiment.robot)
-    motors = tuple(robot.motor_names)
     positions, repetitions = planned_positions(experiment, robot.name)
+    rng = np.random.default_rng(experiment.seed)
+    return prepare_in(experiment, robot, positions, repetitions, rng, progress)
+
+
+def prepare_in(
+    shaking: Shaking,
+    robot: ElasticRobot,
+    positions: Array,
+    repetitions: IntArray,
+    rng: np.random.Generator,
+    progress: Progress | None = None,
+) -> Prepared:
+    """Draw a plan for positions (Q, n) and repetitions (Q,) and scale it.
+
+    Raises
+    ------
+    InvalidInput, NoEquilibrium : as `prepare`.
+    """
+    motors = tuple(robot.motor_names)
     if positions.shape[1] != len(motors):
         raise InvalidInput(
             f"positions: {positions.shape[1]} angles each; {len(motors)} are needed, one per motor "
             f"({', '.join(motors)})"
         )
-    rng = np.random.default_rng(experiment.seed)
-    moves = experiment.moves
+    moves = shaking.moves
     plan = experiment_plan(
         robot,
         positions,
-        _multisine(experiment, len(motors), rng),
-        blocks=experiment.blocks,
-        periods=experiment.periods,
-        transient_periods=experiment.transient_periods,
+        _multisine(shaking, len(motors), rng),
+        blocks=shaking.blocks,
+        periods=shaking.periods,
+        transient_periods=shaking.transient_periods,
         speed=per_motor("moves.speed", moves.speed, motors),
         acceleration=per_motor("moves.acceleration", moves.acceleration, motors),
         rng=rng,
         repetitions=repetitions,
-        crest_iterations=experiment.multisine.crest_iterations,
+        crest_iterations=shaking.multisine.crest_iterations,
         progress=None if progress is None else partial(progress, "plan"),
     )
-    controller = _controller(experiment, robot)
-    imperfections = _imperfections(experiment, motors)
-    scaling = _scaled(experiment, plan, robot, controller, progress)
-    return Prepared(experiment, robot, controller, scaling, imperfections, rng)
+    controller = _controller(shaking, robot)
+    imperfections = _imperfections(shaking, motors)
+    scaling = _scaled(shaking, plan, robot, controller, progress)
+    return Prepared(robot, controller, scaling, imperfections, rng)
 
 
-def run_experiment(
-    prepared: Prepared,
-    folder: Path,
-    progress: Progress | None = None,
-    executor: Executor | None = None,
-) -> Outcome:
-    """Write plan.yaml and plan.h5, simulate, and write records.h5 into `folder`.
-
-    The records have one entry per visit, in the plan's order: a position that is visited twice
-    appears twice, each time with phases of its own.
-
-    Raises
-    ------
-    InvalidInput, SolverFailed : as `robotmodels.plant.simulate`.
-    """
-    plan = prepared.plan
-    plan.save(folder / "plan.yaml")
-    begun = time.perf_counter()
-    parts = simulate(
-        prepared.robot,
-        plan.visited,
-        plan.signals,
-        prepared.controller,
-        lines=plan.multisine.lines,
-        detection=plan.multisine.detection,
-        imperfections=prepared.imperfections,
-        rng=prepared.rng,
-        periods=plan.periods,
-        transient=plan.transient_periods,
-        executor=executor,
-        progress=None if progress is None else partial(progress, "simulation"),
-    )
-    seen = _Seen(len(plan.motors))
-    save_records(folder / "records.h5", seen.watch(parts))
-    largest = prepared.scaling.peaks.largest.max(axis=0)
-    return Outcome(
-        peak_torque=seen.torque,
-        peak_speed=seen.speed,
-        predicted_torque=largest[0],
-        predicted_speed=largest[1],
-        saturated=seen.limited / max(seen.experiments, 1),
-        seconds=time.perf_counter() - begun,
-    )
-
-
-class _Seen:
-    """Peaks of records that pass by on their way to the file."""
-
-    def __init__(self, motors: int) -> None:
-        self.torque, self.speed, self.limited = np.zeros((3, motors))
-        self.experiments = 0
-
-    def watch(self, parts: Iterator[Records]) -> Iterator[Records]:
-        for part in parts:
-            speed = np.diff(part.angle, axis=4) / part.sample_time
-            self.torque = np.maximum(self.torque, np.abs(part.torque).max(axis=(0, 1, 2, 3, 4)))
-            self.speed = np.maximum(self.speed, np.abs(speed).max(axis=(0, 1, 2, 3, 4)))
-            met = part.saturated.any(axis=3)
-            self.limited = self.limited + met.sum(axis=(0, 1, 2))
-            self.experiments += int(np.prod(met.shape[:3]))
-            yield part
-
-
-def _multisine(experiment: Experiment, motors: int, rng: np.random.Generator) -> Multisine:
-    choice = experiment.multisine
+def _multisine(shaking: Shaking, motors: int, rng: np.random.Generator) -> Multisine:
+    choice = shaking.multisine
     low, high = choice.band
     middle = 2 * np.pi * np.sqrt(low * high)
     return band_multisine(
@@ -202,8 +130,8 @@ def _multisine(experiment: Experiment, motors: int, rng: np.random.Generator) ->
     )
 
 
-def _controller(experiment: Experiment, robot: ElasticRobot) -> Controller:
-    choice, sample_time = experiment.controller, experiment.multisine.sample_time
+def _controller(shaking: Shaking, robot: ElasticRobot) -> Controller:
+    choice, sample_time = shaking.controller, shaking.multisine.sample_time
     if choice is None:
         return default_controller(robot, sample_time)
     gains = {
@@ -213,8 +141,8 @@ def _controller(experiment: Experiment, robot: ElasticRobot) -> Controller:
     return Controller(sample_time=sample_time, **gains)
 
 
-def _imperfections(experiment: Experiment, motors: tuple[str, ...]) -> Imperfections:
-    choice = experiment.imperfections
+def _imperfections(shaking: Shaking, motors: tuple[str, ...]) -> Imperfections:
+    choice = shaking.imperfections
     lists = {
         name: per_motor(f"imperfections.{name}", value, motors)
         for name in ("backlash", "angle_noise", "torque_disturbance", "torque_limit")
@@ -229,13 +157,13 @@ def _imperfections(experiment: Experiment, motors: tuple[str, ...]) -> Imperfect
 
 
 def _scaled(
-    experiment: Experiment,
+    shaking: Shaking,
     plan: ExperimentPlan,
     robot: ElasticRobot,
     controller: Controller,
     progress: Progress | None,
 ) -> Scaling:
-    choice, motors = experiment.limits, plan.motors
+    choice, motors = shaking.limits, plan.motors
     given = {
         name: per_motor(f"limits.{name}", value, motors)
         for name in ("torque", "speed")

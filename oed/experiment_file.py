@@ -149,14 +149,9 @@ class ImperfectionChoice(Strict):
     nonlinear_gears: bool = True
 
 
-class Experiment(Strict):
-    """An experiment file, ``schema: experiment/1``; its paths are relative to the file."""
+class Shaking(Strict):
+    """How a robot is shaken in its positions: the keys that a study's ``experiment`` has too."""
 
-    schema_: Literal["experiment/1"] = Field(alias="schema")
-    robot: str
-    positions: Annotated[list[list[float]], Field(min_length=1)] | None = None
-    repetitions: list[PositiveInt] | None = None
-    design: Path | None = None
     multisine: MultisineChoice
     blocks: PositiveInt = 4
     periods: PositiveInt = 2
@@ -165,6 +160,16 @@ class Experiment(Strict):
     moves: MoveChoice = MoveChoice()
     controller: ControllerChoice | None = None
     imperfections: ImperfectionChoice = ImperfectionChoice()
+
+
+class Experiment(Shaking):
+    """An experiment file, ``schema: experiment/1``; its paths are relative to the file."""
+
+    schema_: Literal["experiment/1"] = Field(alias="schema")
+    robot: str
+    positions: Annotated[list[list[float]], Field(min_length=1)] | None = None
+    repetitions: list[PositiveInt] | None = None
+    design: Path | None = None
     seed: Annotated[int, Field(ge=0)] = 1
     output: Path
 

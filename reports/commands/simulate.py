@@ -26,8 +26,9 @@ def simulate(
     Example: oed simulate studies/manutec_r3_experiment.yaml
     """
     one_thread_each()
-    from oed.experiment import prepare, run_experiment
+    from oed.experiment import prepare
     from oed.experiment_file import load_experiment
+    from oed.experiment_run import run_experiment
     from oed.study_output import staged_folder
     from reports.experiment_summary import experiment_json, experiment_summary
     from reports.progress import progress_bars
