@@ -7,7 +7,7 @@ export OMP_NUM_THREADS ?= 1
 export OPENBLAS_NUM_THREADS ?= 1
 export MPLBACKEND ?= Agg
 
-.PHONY: study test slow lint bench clean
+.PHONY: study test slow lint bench docs clean
 
 study: $(VENV)/installed
 	$(BIN)/oed run studies/ur10.yaml
@@ -28,8 +28,11 @@ bench: $(VENV)/installed
 	$(BIN)/python benchmarks/linearisation.py
 	$(BIN)/python benchmarks/plant.py
 
+docs: $(VENV)/installed
+	$(BIN)/mkdocs build
+
 clean:
-	rm -rf $(VENV) .bench out
+	rm -rf $(VENV) .bench out site
 
 $(VENV)/installed: pyproject.toml
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || \

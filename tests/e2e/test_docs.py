@@ -1,0 +1,86 @@
+"""Every code block and command of the documentation runs, page by page, top to bottom."""
+
+import importlib
+import os
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[2]
+DOCS = ROOT / "docs"
+PAGES = sorted(DOCS.rglob("*.md"))
+BLOCK = re.compile(r"^```(\w+)([^\n]*)\n(.*?)^```", re.DOTALL | re.MULTILINE)
+TITLE = re.compile(r'title="([^"]+)"')
+RUN = {"python": [sys.executable, "-c"], "sh": ["bash", "-euo", "pipefail", "-c"]}
+SHOWN = {"text"}  # what a page shows and nobody can run
+
+
+def blocks(page: Path) -> list[tuple[str, str, str]]:
+    """Return language, what follows it, and content of each fenced block."""
+    return BLOCK.findall(page.read_text(encoding="utf-8"))
+
+
+def environment(folder: Path) -> dict[str, str]:
+    """Return an environment in which `oed` is the one under test."""
+    path = f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"
+    return os.environ | {"PATH": path, "MPLBACKEND": "Agg", "MPLCONFIGDIR": str(folder)}
+
+
+@pytest.mark.parametrize("page", [p for p in PAGES if blocks(p)], ids=lambda p: p.stem)
+def test_the_blocks_of_a_page_run(page, tmp_path):
+    work = tmp_path / "work"
+    work.mkdir()
+    ran = 0
+    for language, options, content in blocks(page):
+        title = TITLE.search(options)
+        if title is not None:
+            (work / title[1]).write_text(content, encoding="utf-8")
+        elif language in RUN:
+            run = subprocess.run(
+                [*RUN[language], content],
+                cwd=work,
+                env=environment(tmp_path),
+                capture_output=True,
+                text=True,
+                timeout=300,
+                check=False,
+            )
+            assert run.returncode == 0, f"{content}\n{run.stdout}\n{run.stderr}"
+            ran += 1
+        else:
+            assert language in SHOWN, f"{page.name}: a {language} block without a title is not run"
+    assert ran or all(language in SHOWN for language, _, _ in blocks(page))
+
+
+@pytest.mark.parametrize("package", ["robotmodels", "estimators", "oed"])
+def test_the_reference_names_every_public_name(package):
+    page = (DOCS / "api" / f"{package}.md").read_text(encoding="utf-8")
+    named = set(re.findall(rf"^::: {package}\.(\w+)$", page, re.MULTILINE))
+    assert named == set(importlib.import_module(package).__all__)
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda p: p.stem)
+def test_functions_named_in_a_page_exist(page):
+    """`package.module.name` in running text is something that can be imported."""
+    text = BLOCK.sub("", page.read_text(encoding="utf-8"))
+    for dotted in re.findall(r"`((?:robotmodels|estimators|oed)(?:\.\w+)+)`", text):
+        package, *rest = dotted.split(".")
+        found = importlib.import_module(package)
+        for i, name in enumerate(rest):
+            if not hasattr(found, name):
+                found = importlib.import_module(".".join([package, *rest[: i + 1]]))
+            else:
+                found = getattr(found, name)
+
+
+def test_the_site_builds_without_warnings(tmp_path):
+    command = [sys.executable, "-m", "mkdocs", "build", "--strict", "--quiet", "--site-dir"]
+    run = subprocess.run(
+        [*command, str(tmp_path / "site")], cwd=ROOT, capture_output=True, text=True, check=False
+    )
+    assert run.returncode == 0, run.stdout + run.stderr
+    page = (tmp_path / "site" / "index.html").read_text(encoding="utf-8")
+    assert not re.search(r'(?:src|href)="https?://(?!squidfunk)[^"]*\.(?:js|css|woff2?)"', page)
