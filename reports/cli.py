@@ -4,6 +4,7 @@ Exit codes: 0 when all went well; 2 for a mistake in a command or a file; 1 for 
 mistake, such as a full disk; 130 when interrupted, 128 + n when ended by signal n.
 """
 
+import re
 import signal
 import sys
 from concurrent.futures.process import BrokenProcessPool
@@ -52,11 +53,25 @@ def main() -> None:
         if number is not None and signal.getsignal(number) == signal.SIG_DFL:  # not under nohup
             signal.signal(number, _end)
     try:
-        app()
+        sys.exit(app(standalone_mode=False) or 0)
     except IdentificationError as error:
         _fail(str(error), 2)
+    except typer.TyperException as error:
+        if message := _usage(error):
+            _fail(message, error.exit_code)
+        sys.exit(error.exit_code)  # help was shown
     except BrokenProcessPool:
         _fail("a worker process was killed, perhaps for want of memory; try --workers 1", 1)
+
+
+def _usage(error: typer.TyperException) -> str:
+    """Return what is wrong with the command and which help says more; nothing if help was shown."""
+    words = error.format_message().replace("Value error, ", "").split()
+    message = re.sub(r"\. Did you mean (.*\?)", r" (did you mean \1)", " ".join(words))
+    message = message.removesuffix(".")
+    context = getattr(error, "ctx", None)
+    see = f"see {context.command_path if context else 'oed'} --help"
+    return f"{message[0].lower()}{message[1:]}; {see}" if message else ""
 
 
 def _fail(message: str, code: int) -> None:

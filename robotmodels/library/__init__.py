@@ -30,7 +30,10 @@ def load_robot(name: str | Path) -> ElasticRobot:
             f"nor the path of a robot file; built in are {', '.join(known)}"
         )
     if path.suffix in (".urdf", ".xacro"):
-        raise InvalidInput(f"{path} is a URDF; a robot file (YAML) is needed, which names it")
+        raise InvalidInput(
+            f"{path} is a URDF; a robot file (YAML) is needed, which names it; "
+            f"`oed init {path}` writes one"
+        )
     try:
         return ElasticRobot(read_robot_file(path), path.parent)
     except InvalidInput as error:

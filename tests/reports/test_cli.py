@@ -1,3 +1,4 @@
+import json
 import sys
 
 import pytest
@@ -41,6 +42,11 @@ def test_check_takes_a_position_in_degrees(oed):
         (("check", "ur10", "--position", "0,a"), "'0,a'"),
         (("check", "ur10", "--position", "0,-900,0,0,0,0"), "shoulder_lift_joint"),
         (("check", "absent.yaml"), "absent.yaml"),
+        (("rnu",), "did you mean 'run'?); see oed --help"),
+        (("run",), "missing argument 'study'; see oed run --help"),
+        (("run", "x", "--workers", "0"), "--workers"),
+        (("run", "x", "--sped", "1"), "--sped"),
+        (("schema", "sutdy"), "'study', 'experiment', 'robot'"),
     ],
 )
 def test_mistakes_end_in_one_line(oed, words, said):
@@ -58,3 +64,39 @@ def test_help_shows_examples(oed):
     code, out, _ = oed("--help")
     assert "check" in out
     assert "run" in out
+
+
+@pytest.mark.parametrize("command", ["init", "check", "run", "simulate", "frf", "schema"])
+def test_every_command_shows_an_example(oed, command):
+    code, out, err = oed(command, "--help")
+    assert (code, err) == (0, "")
+    assert f"Example: oed {command}" in out
+
+
+@pytest.mark.parametrize("kind", ["study", "experiment", "robot"])
+def test_schemas_describe_the_files(oed, kind):
+    code, out, _ = oed("schema", kind)
+    schema = json.loads(out)
+    assert code == 0
+    assert schema["properties"]["schema"]["const"] == f"{kind}/1"
+    assert schema["additionalProperties"] is False
+
+
+def test_version_and_nothing(oed):
+    assert oed("--version")[1].startswith("oed 0.")
+    code, out, err = oed()
+    assert (code, err) == (2, "")
+    assert "frf" in out
+
+
+def test_json_is_all_there_is(oed):
+    code, out, err = oed("check", "ur10", "--json")
+    assert (code, err) == (0, "")
+    assert json.loads(out)["robot"] == "ur10"
+
+
+def test_the_shell_completes_commands_and_robots(monkeypatch, oed):
+    monkeypatch.setenv("_OED_COMPLETE", "complete_bash")
+    monkeypatch.setenv("COMP_WORDS", "oed check man")
+    monkeypatch.setenv("COMP_CWORD", "2")
+    assert "manutec_r3_26" in oed()[1].split()

@@ -1,0 +1,49 @@
+"""``oed init``: the files of a new study."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from reports.commands.options import AsJson, robot_names, say
+
+
+def register(app: typer.Typer) -> None:
+    """Add the command."""
+    app.command()(init)
+
+
+def init(
+    robot: Annotated[
+        str,
+        typer.Argument(
+            help="A URDF, a robot file, or a built-in robot.", autocompletion=robot_names
+        ),
+    ],
+    output: Annotated[
+        Path | None,
+        typer.Option("-o", "--output", help="Folder; by default the robot's name."),
+    ] = None,
+    as_json: AsJson = False,
+) -> None:
+    """Write a commented study, and from a URDF a robot file with guesses to replace.
+
+    Nothing is overwritten.
+
+    Example: oed init my_robot.urdf -o my_study
+    """
+    from reports.starter_files import starter_files, write_starter_files
+
+    folder = Path(Path(robot).stem) if output is None else output
+    starter = starter_files(robot, folder)
+    paths = write_starter_files(starter, folder)
+    robot_file = next((path for path in paths if path.name == "robot.yaml"), None)
+    lines = [starter.robot, *(f"  written  {path}" for path in paths)]
+    if robot_file is not None:
+        lines.append("  next     replace the guesses in it, then:  oed check " + str(robot_file))
+    lines.append(f"  {'then' if robot_file else 'next'}     oed run {folder / 'study.yaml'}")
+    say(
+        lambda: "\n".join(lines),
+        lambda: {"robot": starter.robot, "files": [str(path) for path in paths]},
+        as_json,
+    )

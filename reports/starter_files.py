@@ -1,0 +1,186 @@
+"""What ``oed init`` writes: a commented study, and a robot file from a URDF."""
+
+import json
+import math
+import os
+import re
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from reports.template import filled_text
+from robotmodels import ElasticRobot, load_robot
+from robotmodels.errors import InvalidInput
+from robotmodels.proposal import Drive, propose_drives
+from robotmodels.urdf_joints import UrdfJoint, moving_joints
+
+MOST_CANDIDATES = 600
+"""Candidates of a new study: a first answer within a minute."""
+
+_NOT_TEXT = ("y", "n", "yes", "no", "on", "off", "true", "false", "null", "~", ".inf", ".nan")
+
+_MARGIN = 0.03
+"""Part of a joint's range to stay away from either end."""
+
+
+@dataclass(frozen=True)
+class StarterFiles:
+    """Files by name, and the robot they are about."""
+
+    robot: str
+    files: dict[str, str]
+
+
+def starter_files(robot: str, folder: Path) -> StarterFiles:
+    """Return the files of a new study that will lie in `folder`.
+
+    Parameters
+    ----------
+    robot : a built-in robot, a robot file, or a URDF, for which a robot file is made as well.
+
+    Raises
+    ------
+    InvalidInput : if there is no such robot, or it cannot be used.
+    """
+    if not robot.endswith((".urdf", ".xml")):
+        found = load_robot(robot)
+        known = not robot.endswith((".yaml", ".yml"))
+        reference = robot if known else _from(folder, Path(robot))
+        return StarterFiles(found.name, {"study.yaml": _study(found, reference, known)})
+    urdf = robot if ":" in robot else _from(folder, Path(robot))
+    name = Path(robot).stem
+    joints = moving_joints(robot, Path())
+    coupled = {name for j in joints if j.leader for name in (j.name, j.leader)}
+    moving = [j for j in joints if j.name not in coupled]
+    held = [j for j in joints if j.name in coupled]
+    if not moving:
+        raise InvalidInput(f"{robot}: no joint moves by itself; a robot has one at least")
+    content = _robot(name, urdf, propose_drives(moving), held)
+    found = _loaded(content, folder)
+    return StarterFiles(name, {"robot.yaml": content, "study.yaml": _study(found, "robot.yaml")})
+
+
+def write_starter_files(starter: StarterFiles, folder: Path) -> list[Path]:
+    """Write the files; none if one of them is there already.
+
+    Raises
+    ------
+    InvalidInput : if a file is there already, or the folder cannot be written to.
+    """
+    paths = [folder / name for name in starter.files]
+    for path in paths:
+        if path.exists():
+            raise InvalidInput(f"{path} is there already; nothing was written, choose another -o")
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        for path, content in zip(paths, starter.files.values(), strict=True):
+            with path.open("x", encoding="utf-8") as file:
+                file.write(content)
+    except OSError as error:
+        raise InvalidInput(f"{folder} cannot be written to ({error.strerror})") from None
+    return paths
+
+
+def _loaded(content: str, folder: Path) -> ElasticRobot:
+    """Return the robot of a robot file that is still to be written: what cannot be used is not."""
+    import yaml
+
+    from robotmodels.files import parse
+    from robotmodels.robot_file import RobotFile
+
+    return ElasticRobot(parse(yaml.safe_load(content), RobotFile, "robot.yaml"), folder)
+
+
+def _robot(name: str, urdf: str, drives: tuple[Drive, ...], held: list[UrdfJoint]) -> str:
+    bearings = [
+        {
+            "name": f"b{number}{axis}",
+            "joint": _word(d.joint.name),
+            "axis": axis,
+            "stiffness": _yaml(d.bearing_stiffness),
+            "damping": _yaml(d.bearing_damping),
+        }
+        for number, d in enumerate(drives, start=1)
+        for axis in d.joint.across
+        if not d.joint.prismatic
+    ]
+    return filled_text(
+        "robot.yaml.j2",
+        name=_word(name),
+        urdf=_word(urdf),
+        file="robot.yaml",
+        locked={_word(j.name): _yaml(min(max(0.0, j.low), j.high)) for j in held},
+        drives=[_entries(d) for d in drives],
+        any_prismatic=any(d.joint.prismatic for d in drives),
+        bearings=bearings,
+    )
+
+
+def _entries(drive: Drive) -> dict[str, Any]:
+    numbers = ("gear_ratio", "inertia", "viscous", "stiffness", "damping")
+    return {
+        "joint": _word(drive.joint.name),
+        "prismatic": drive.joint.prismatic,
+        **{key: _yaml(getattr(drive, key)) for key in numbers},
+    }
+
+
+def _study(robot: ElasticRobot, reference: str, builtin: bool = False) -> str:
+    points = grid_points(len(robot.motor_joints))
+    joints = []
+    for name, (low, high), number in zip(
+        robot.motor_joints, robot.position_limits, points, strict=True
+    ):
+        away = _MARGIN * (high - low)
+        joints.append(
+            {
+                "name": _word(name),
+                "points": number,
+                "low": _yaml(low + away, 3),
+                "high": _yaml(high - away, 3),
+            }
+        )
+    return filled_text(
+        "study.yaml.j2",
+        name=robot.name,
+        robot=_word(reference),
+        builtin=builtin,
+        file="study.yaml",
+        joints=joints,
+        candidates=math.prod(points),
+        first_alone=points[0] == 1,
+        units="[rad; m]" if robot.elements.prismatic else "[rad]",
+        walkers=max(64, 4 * len(robot.parameters.names)),
+    )
+
+
+def grid_points(joints: int) -> list[int]:
+    """Return points per joint: one at the first, as many as are affordable at the others."""
+    points = [1 if joints > 1 else 7] + [1] * (joints - 1)
+    product, grown = points[0], joints > 1
+    while grown:
+        grown = False
+        for j in range(1, joints):
+            if points[j] < 5 and product // points[j] * (points[j] + 1) <= MOST_CANDIDATES:
+                product = product // points[j] * (points[j] + 1)
+                points[j] += 1
+                grown = True
+    return points
+
+
+def _from(folder: Path, path: Path) -> str:
+    """Return `path` as seen from `folder`."""
+    return Path(os.path.relpath(path.resolve(), folder.resolve())).as_posix()
+
+
+def _word(text: str) -> str:
+    """Return a text that YAML reads as one, quoted where it must be."""
+    plain = re.fullmatch(r"[A-Za-z_./][\w./-]*(:[\w./-]+)*", text)
+    return text if plain and text.lower() not in _NOT_TEXT else json.dumps(text)
+
+
+def _yaml(value: float, digits: int = 2) -> str:
+    """Return a number that YAML reads as one."""
+    text = f"{float(f'{value:.{digits - 1}e}'):g}" if digits < 3 else f"{value:.{digits}f}"
+    mantissa, e, exponent = text.partition("e")
+    return text if not e else f"{mantissa if '.' in mantissa else mantissa + '.0'}e{exponent}"

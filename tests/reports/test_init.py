@@ -1,0 +1,140 @@
+import sys
+
+import pytest
+import yaml
+
+from reports import cli
+from reports.starter_files import grid_points, starter_files, write_starter_files
+from robotmodels import InvalidInput, load_robot
+from robotmodels.proposal import propose_drives
+from robotmodels.urdf_joints import moving_joints
+
+URDF = """\
+<robot name="arm">
+  <link name="base"/>
+  <link name="post"><inertial><origin xyz="0 0 0.2"/><mass value="8"/>
+    <inertia ixx="0.1" iyy="0.1" izz="0.02" ixy="0" ixz="0" iyz="0"/></inertial></link>
+  <link name="beam"><inertial><origin xyz="0.5 0 0"/><mass value="4"/>
+    <inertia ixx="0.01" iyy="0.3" izz="0.3" ixy="0" ixz="0" iyz="0"/></inertial></link>
+  <link name="slide"><inertial><origin xyz="0 0 0"/><mass value="2"/>
+    <inertia ixx="0.01" iyy="0.01" izz="0.01" ixy="0" ixz="0" iyz="0"/></inertial></link>
+  <link name="left"><inertial><origin xyz="0 0 0"/><mass value="0.1"/>
+    <inertia ixx="1e-4" iyy="1e-4" izz="1e-4" ixy="0" ixz="0" iyz="0"/></inertial></link>
+  <link name="right"><inertial><origin xyz="0 0 0"/><mass value="0.1"/>
+    <inertia ixx="1e-4" iyy="1e-4" izz="1e-4" ixy="0" ixz="0" iyz="0"/></inertial></link>
+  <joint name="turn" type="continuous"><parent link="base"/><child link="post"/>
+    <axis xyz="0 0 1"/></joint>
+  <joint name="yes" type="revolute"><parent link="post"/><child link="beam"/>
+    <origin xyz="0 0 0.4"/><axis xyz="0 1 0"/><limit lower="-1.2" upper="0.8"/></joint>
+  <joint name="reach out" type="prismatic"><parent link="beam"/><child link="slide"/>
+    <origin xyz="1 0 0"/><axis xyz="1 0 0"/><limit lower="0" upper="0.5"/></joint>
+  <joint name="finger" type="prismatic"><parent link="slide"/><child link="left"/>
+    <axis xyz="0 1 0"/><limit lower="0.01" upper="0.04"/></joint>
+  <joint name="thumb" type="prismatic"><parent link="slide"/><child link="right"/>
+    <axis xyz="0 1 0"/><limit lower="0" upper="0.04"/><mimic joint="finger"/></joint>
+</robot>
+"""
+
+
+@pytest.fixture
+def urdf(tmp_path):
+    path = tmp_path / "arm.urdf"
+    path.write_text(URDF, encoding="utf-8")
+    return path
+
+
+@pytest.fixture
+def oed(monkeypatch, capsys):
+    def run(*words):
+        monkeypatch.setattr(sys, "argv", ["oed", *map(str, words)])
+        with pytest.raises(SystemExit) as ended:
+            cli.main()
+        return (ended.value.code or 0, *capsys.readouterr())
+
+    return run
+
+
+def test_joints_of_a_urdf(urdf):
+    turn, yes, reach, finger, thumb = moving_joints(str(urdf), urdf.parent)
+    assert (turn.low, turn.high, yes.low, yes.high) == pytest.approx(
+        (-3.14159265, 3.14159265, -1.2, 0.8)
+    )
+    assert [j.prismatic for j in (turn, yes, reach, finger)] == [False, False, True, True]
+    assert (turn.across, yes.across) == (("x", "y"), ("x", "z"))
+    # The slide in the middle of its range, 1.25 m out, fingers 2.2 kg with it.
+    about_y = 0.3 + 4 * 0.5**2 + 0.01 + 2e-4 + 2.2 * 1.25**2
+    assert yes.load == pytest.approx(about_y, rel=1e-3)
+    assert reach.load == pytest.approx(2.2)
+    assert (finger.leader, thumb.leader) == (None, "finger")
+
+
+def test_proposed_drives_resonate_where_robots_do(urdf):
+    joints = moving_joints(str(urdf), urdf.parent)[:3]
+    for drive, hertz in zip(propose_drives(joints), (8, 14, 20), strict=True):
+        load = drive.joint.load
+        assert (drive.stiffness / load) ** 0.5 / 6.283185 == pytest.approx(hertz, rel=1e-6)
+        assert drive.inertia * drive.gear_ratio**2 == pytest.approx(load)
+
+
+def test_a_urdf_becomes_a_robot_and_a_study_that_load(urdf, oed, tmp_path):
+    code, out, err = oed("init", urdf, "-o", tmp_path / "new")
+    assert (code, err) == (0, "")
+    assert "oed check" in out
+    robot = load_robot(tmp_path / "new" / "robot.yaml")
+    assert robot.motor_joints == ("turn", "yes", "reach out")
+    assert set(robot.file.lock) == {"finger", "thumb"}
+    assert len(robot.parameters.names) == 6
+    text = (tmp_path / "new" / "robot.yaml").read_text(encoding="utf-8")
+    assert text.count("# GUESS") == 3 + 3 + 4
+    code, out, _ = oed("check", tmp_path / "new" / "robot.yaml")
+    assert code == 0
+    study = yaml.safe_load((tmp_path / "new" / "study.yaml").read_text(encoding="utf-8"))
+    assert study["robot"] == "robot.yaml"
+    low, high = study["candidates"]["limits"]["yes"]
+    assert -1.2 < low < high < 0.8
+
+
+def test_the_torsions_in_comments_can_be_used(urdf, tmp_path):
+    starter = starter_files(str(urdf), tmp_path)
+    path = tmp_path / "robot.yaml"
+    path.write_text(starter.files["robot.yaml"].replace("  # - {", "  - {"), encoding="utf-8")
+    assert len(load_robot(path).parameters.names) == 14
+
+
+def test_nothing_is_overwritten(urdf, oed, tmp_path):
+    (tmp_path / "study.yaml").write_text("mine", encoding="utf-8")
+    code, out, err = oed("init", urdf, "-o", tmp_path)
+    assert (code, out) == (2, "")
+    assert "study.yaml is there already" in err
+    assert (tmp_path / "study.yaml").read_text(encoding="utf-8") == "mine"
+    assert not (tmp_path / "robot.yaml").exists()
+
+
+@pytest.mark.parametrize("robot", ["ur10", "absent", "absent.urdf"])
+def test_init_of_a_builtin_robot_and_of_none(robot, oed, tmp_path):
+    code, out, err = oed("init", robot, "-o", tmp_path / "new")
+    if robot == "ur10":
+        assert code == 0
+        assert [p.name for p in (tmp_path / "new").iterdir()] == ["study.yaml"]
+    else:
+        assert (code, out) == (2, "")
+        assert robot in err
+        assert not (tmp_path / "new").exists()
+
+
+def test_a_file_in_the_way_of_the_folder(urdf, tmp_path):
+    (tmp_path / "taken").write_text("", encoding="utf-8")
+    with pytest.raises(InvalidInput, match="taken cannot be written to"):
+        write_starter_files(starter_files(str(urdf), tmp_path / "taken"), tmp_path / "taken")
+
+
+def test_grids_stay_small():
+    assert grid_points(1) == [7]
+    for joints in range(2, 9):
+        points = grid_points(joints)
+        product = 1
+        for number in points:
+            product *= number
+        assert points[0] == 1
+        assert min(points[1:]) >= 2
+        assert product <= 600
