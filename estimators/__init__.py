@@ -19,11 +19,14 @@ from estimators.exchange import (
     write_frf,
     write_records,
 )
+from estimators.fit_files import read_fits, write_fits
 from estimators.frf_estimate import FrfEstimate, simulate_frf
 from estimators.information import information
-from estimators.least_squares import Fit, fit, multistart, perturbed_starts, reweighted
+from estimators.least_squares import Fit, fit, reweighted
 from estimators.local_model import local_frf
+from estimators.multistart import EarlyStop, multistart, perturbed_starts
 from estimators.nonparametric import estimate_frf
+from estimators.priors import Prior
 from estimators.residuals import lls, lls_magnitude, nls
 from estimators.rigid_limit import RigidLimit, check_rigid_limit
 from estimators.stationarity import Settling, settling
@@ -35,10 +38,12 @@ if TYPE_CHECKING:
 __all__ = [
     "Comparison",
     "Distortion",
+    "EarlyStop",
     "Fit",
     "FrfEstimate",
     "Loop",
     "Posterior",
+    "Prior",
     "RigidLimit",
     "Settling",
     "Uncertainty",
@@ -59,6 +64,7 @@ __all__ = [
     "optimal_weights",
     "perturbed_starts",
     "read_distortion",
+    "read_fits",
     "read_frf",
     "read_records",
     "reweighted",
@@ -67,6 +73,7 @@ __all__ = [
     "simulate_frf",
     "user_weights",
     "write_distortion",
+    "write_fits",
     "write_frf",
     "write_records",
 ]

@@ -1,28 +1,41 @@
-"""The cost of a fit: whitened residuals and their Jacobian."""
+"""The cost of a fit: whitened residuals, what is known before, and their Jacobian."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from estimators.frf_estimate import FrfEstimate
+from estimators.frf_estimate import FrfEstimate, is_full, unvec, vec
+from estimators.priors import Prior
 from estimators.residuals import Residual, find_residual
+from estimators.robust import check_loss, robust_loss
 from estimators.weights import chosen_weights, square_root, used_elements, whiten
-from robotmodels.arrays import Array, ComplexArray, read_only
+from robotmodels.arrays import Array, ComplexArray, IntArray, read_only
 from robotmodels.errors import InvalidInput, SolverFailed
+from robotmodels.parameters import Parameters
 from robotmodels.response import Elastic, sensitivity
 
 
 @dataclass(frozen=True, eq=False)
 class Problem:
-    """A cost to minimise over x = ln(theta/reference), checked and whitened once for all starts."""
+    """A cost to minimise over x = ln(theta/reference), checked and whitened once for all starts.
+
+    Attributes
+    ----------
+    model, estimate, kind, weights, bounds, prior, loss : as in `estimators.Fit`.
+    root, used : of the weights, see `square_root` and `used_elements`.
+    """
 
     model: Elastic
     estimate: FrfEstimate
     kind: Residual
     weights: Array | ComplexArray
     bounds: Array
+    prior: Prior | None = None
+    loss: str = "linear"
     root: Array | ComplexArray = field(init=False)
     used: NDArray[np.bool_] = field(init=False)
 
@@ -34,7 +47,8 @@ class Problem:
         object.__setattr__(self, "root", square_root(self.weights, shape))
         parameters = self.model.parameters
         data = int(used.sum()) * (1 if self.kind.real else 2)
-        if data < len(parameters):
+        known = 0 if self.prior is None else len(self.prior.columns(parameters.names))
+        if data + known < len(parameters):
             raise InvalidInput(
                 f"fit: {len(parameters)} parameters but only {data} real data carry weight; "
                 "add positions or frequencies, or free fewer parameters"
@@ -43,7 +57,10 @@ class Problem:
         self.kind.error(self.estimate.response, np.ones(shape, dtype=complex), used)
 
     def evaluate(self, values: Array) -> tuple[Array, Array]:
-        """Return the whitened residuals (r,) and their Jacobian (r, p) at parameter `values`."""
+        """Return the whitened residuals (r,) and their Jacobian (r, p) at parameter `values`.
+
+        The residuals of the prior come last.
+        """
         G, J = sensitivity(
             self.model, self.estimate.positions, self.estimate.omega, values, sag=True
         )
@@ -52,10 +69,44 @@ class Problem:
         p = slope.shape[-1]
         if not (np.isfinite(error).all() and np.isfinite(slope).all()):
             raise SolverFailed("the model's FRF or its sensitivity is not finite")
-        if self.kind.real:
-            return error.ravel(), slope.reshape(-1, p)
-        stacked = np.concatenate([error.real.ravel(), error.imag.ravel()])
-        return stacked, np.concatenate([slope.real.reshape(-1, p), slope.imag.reshape(-1, p)])
+        errors, slopes = [error.real.ravel()], [slope.real.reshape(-1, p)]
+        if not self.kind.real:
+            errors.append(error.imag.ravel())
+            slopes.append(slope.imag.reshape(-1, p))
+        if self.prior is not None:
+            names = self.model.parameters.names
+            errors.append(self.prior.standardised(names, values) / np.sqrt(2))
+            slopes.append(self.prior.slope(names) / np.sqrt(2))
+        return np.concatenate(errors), np.concatenate(slopes)
+
+    def robust(self, squares: Array) -> Array:
+        """Return the loss of squared residuals (r,) and its two derivatives, (3, r).
+
+        A whitened residual is judged by the standard deviation the estimate's covariance gives it;
+        the prior's residuals always count in full.
+        """
+        rows = len(self._variance)
+        result = np.stack([squares, np.ones_like(squares), np.zeros_like(squares)])
+        result[:, :rows] = robust_loss(self.loss, squares[:rows], self._variance)
+        return result
+
+    @cached_property
+    def _variance(self) -> Array:
+        """Expected squares of the whitened residuals without the prior's, (r,)."""
+        noise = self.kind.noise(self.estimate.covariance, self.estimate.response, self.used)
+        shape = self.estimate.response.shape
+        if not is_full(self.root, shape):
+            if is_full(noise, shape):
+                noise = unvec(np.diagonal(noise, axis1=-2, axis2=-1).real, shape[-2])
+            variance = vec(self.weights * noise)
+        else:
+            if not is_full(noise, shape):
+                noise = vec(noise)[..., None] * np.eye(noise.shape[-1] * noise.shape[-2])
+            through = self.root @ noise @ np.conj(np.swapaxes(self.root, -1, -2))
+            variance = np.diagonal(through, axis1=-2, axis2=-1).real
+        # Residuals without weight are zero: any variance will do.
+        half = np.where(variance > 0, variance, 1.0).ravel() / 2
+        return half if self.kind.real else np.concatenate([half, half])
 
     def checked_start(self, start: Array | None) -> Array:
         """Return the start's values (p,), the model's own where None.
@@ -82,7 +133,10 @@ def stated(
     estimate: FrfEstimate,
     residual: str,
     weights: str | NDArray[Any],
-    bounds: tuple[float, float],
+    bounds: tuple[float, float] | Array,
+    positions: Sequence[int] | IntArray | None = None,
+    prior: Prior | None = None,
+    loss: str = "linear",
 ) -> Problem:
     """Return the problem of a fit; arguments as in `estimators.fit`.
 
@@ -92,13 +146,35 @@ def stated(
     """
     kind = find_residual(residual)
     chosen: Array | ComplexArray = chosen_weights(weights, estimate, kind)
-    low, high = bounds
-    if not 0 < low < high < np.inf:
-        raise InvalidInput(f"bounds: {bounds} are not factors 0 < low < high")
+    if positions is not None:
+        estimate, chosen = estimate.subset(positions), chosen[np.asarray(positions)]
     return Problem(
         model=model,
         estimate=estimate,
         kind=kind,
         weights=chosen,
-        bounds=read_only(np.outer([low, high], model.parameters.values)),
+        bounds=read_only(_checked_bounds(bounds, model.parameters)),
+        prior=prior,
+        loss=check_loss(loss),
     )
+
+
+def _checked_bounds(bounds: tuple[float, float] | Array, parameters: Parameters) -> Array:
+    """Return the bounds' values, (2, p)."""
+    given = np.asarray(bounds, dtype=float)
+    if given.shape == (2,):
+        if not 0 < given[0] < given[1] < np.inf:
+            raise InvalidInput(f"bounds: {bounds} are not factors 0 < low < high")
+        return np.outer(given, parameters.values)
+    if given.shape != (2, len(parameters)):
+        raise InvalidInput(
+            f"bounds: shape {given.shape}; two factors or (2, {len(parameters)}) values are needed"
+        )
+    wrong = ~((given[0] > 0) & (given[0] < given[1]) & (given[1] < np.inf))
+    if wrong.any():
+        i = int(np.argmax(wrong))
+        raise InvalidInput(
+            f"bounds: {parameters.names[i]} between {given[0, i]:g} and {given[1, i]:g}; "
+            "0 < low < high is needed"
+        )
+    return given

@@ -10,8 +10,7 @@ of `Records` and ``schema``, "records/1". For CSV see `exchange_csv`.
 """
 
 import os
-from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Callable, Mapping
 from dataclasses import fields
 from pathlib import Path
 from typing import Any, TypeVar
@@ -24,6 +23,7 @@ from robotmodels.arrays import Array
 from robotmodels.errors import InvalidInput
 from robotmodels.noise import RelativeNoise
 from robotmodels.records import Records
+from robotmodels.replacing import replacing
 
 _T = TypeVar("_T")
 PathLike = str | os.PathLike[str]
@@ -57,7 +57,7 @@ def write_frf(path: PathLike, estimate: FrfEstimate) -> None:
         ".uff": exchange_uff.write_frf,
     }
     write = writers[_kind(path, writers)]
-    with _replacing(path) as unfinished:
+    with replacing(path) as unfinished:
         write(unfinished, estimate)
 
 
@@ -101,7 +101,7 @@ def write_records(path: PathLike, records: Records) -> None:
         ".csv": exchange_csv.write_records,
     }
     write = writers[_kind(path, writers)]
-    with _replacing(path) as unfinished:
+    with replacing(path) as unfinished:
         write(unfinished, records)
 
 
@@ -126,7 +126,7 @@ def write_distortion(path: PathLike, found: Distortion) -> None:
     """Write distortion levels to HDF5 or .mat."""
     writers = {".h5": _write_hdf5, ".mat": _write_mat}
     write = writers[_kind(path, writers)]
-    with _replacing(path) as unfinished:
+    with replacing(path) as unfinished:
         write(unfinished, _contents(found), DISTORTION_SCHEMA)
 
 
@@ -166,18 +166,6 @@ def _read(path: PathLike, readers: Mapping[str, Callable[[Path], _T]]) -> _T:
         if str(error).startswith(str(path)):
             raise
         raise InvalidInput(f"{path}: {error}") from error
-
-
-@contextmanager
-def _replacing(path: PathLike) -> Iterator[Path]:
-    """Yield a temporary path that takes the place of `path` once all is written."""
-    target = Path(path)
-    unfinished = target.with_name(f"{target.stem}.part{target.suffix}")
-    try:
-        yield unfinished
-        unfinished.replace(target)
-    finally:
-        unfinished.unlink(missing_ok=True)
 
 
 def _contents(value: Any) -> dict[str, Any]:

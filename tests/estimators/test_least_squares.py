@@ -1,6 +1,3 @@
-import pickle
-from concurrent.futures import ThreadPoolExecutor
-
 import numpy as np
 import pytest
 from mass_springs import OMEGA, POSITIONS, MassSprings
@@ -10,9 +7,7 @@ from estimators import (
     FrfEstimate,
     covariance,
     fit,
-    multistart,
     optimal_weights,
-    perturbed_starts,
     reweighted,
     simulate_frf,
     user_weights,
@@ -21,7 +16,6 @@ from robotmodels import (
     InvalidInput,
     NoEquilibrium,
     RelativeNoise,
-    SpringNetwork,
     frequency_response,
     sensitivity,
 )
@@ -166,42 +160,6 @@ def test_reweighting_at_the_model_removes_the_bias_of_noisy_log_residuals():
     assert bias[0] > 2 * bias[1]
 
 
-def test_perturbed_starts_span_the_decades():
-    starts = perturbed_starts(MODEL.parameters, 500, 1.0, np.random.default_rng(0))
-    exponents = np.log10(starts / TRUTH)
-    assert starts.shape == (500, 6)
-    assert np.abs(exponents).max() <= 1
-    assert np.isclose(exponents.std(), 1 / np.sqrt(3), rtol=0.05)
-    again = perturbed_starts(MODEL.parameters, 500, 1.0, np.random.default_rng(0))
-    assert (starts == again).all()
-    for n, decades in ((0, 1.0), (1, -1.0), (1, np.nan)):
-        with pytest.raises(InvalidInput, match="perturbed_starts"):
-            perturbed_starts(MODEL.parameters, n, decades, np.random.default_rng(0))
-
-
-def test_multistart_sorts_and_keeps_failures_with_their_reason():
-    model = MassSprings(weakest=500.0)
-    starts = TRUTH * np.array([[1.3] * 6, [0.5] + [1.0] * 5, [1.0] * 6])
-    told = []
-    fits = multistart(
-        model,
-        noisy(),
-        starts,
-        "nls",
-        "optimal",
-        progress=lambda done, total: told.append((done, total)),
-    )
-    assert [found.cost for found in fits] == sorted(found.cost for found in fits)
-    assert [found.converged for found in fits] == [True, True, False]
-    assert np.isclose(fits[0].cost, fits[1].cost)
-    assert fits[2].status == -1
-    assert "k1 = 450 is below 500" in fits[2].message
-    assert np.isinf(fits[2].cost)
-    assert told == [(1, 3), (2, 3), (3, 3)]
-    with pytest.raises(NoEquilibrium):
-        fit(model, noisy(), start=starts[1])
-
-
 def test_a_trial_step_without_equilibrium_shortens_the_step():
     refused = []
 
@@ -217,31 +175,3 @@ def test_a_trial_step_without_equilibrium_shortens_the_step():
     assert refused
     assert found.converged
     assert np.allclose(found.parameters.values, TRUTH, rtol=1e-3)
-
-
-class Broken(MassSprings):
-    def network(self, positions, parameters=None):
-        network = super().network(positions, parameters)
-        return SpringNetwork(**(vars(network) | {"mass": np.full_like(network.mass, np.nan)}))
-
-
-def test_an_frf_that_is_not_finite_is_a_failed_start():
-    (found,) = multistart(Broken(), exact(), [TRUTH], "nls")
-    assert not found.converged
-    assert "not finite" in found.message
-
-
-def test_an_executor_changes_nothing():
-    starts = perturbed_starts(MODEL.parameters, 4, 0.2, np.random.default_rng(1))
-    estimate = noisy()
-    alone = multistart(MODEL, estimate, starts)
-    with ThreadPoolExecutor(2) as executor:
-        together = multistart(MODEL, estimate, starts, executor=executor)
-    for a, b in zip(alone, together, strict=True):
-        assert (a.parameters.values == b.parameters.values).all()
-    pickle.loads(pickle.dumps(alone[0]))
-
-
-def test_multistart_needs_a_start():
-    with pytest.raises(InvalidInput, match="no starts"):
-        multistart(MODEL, exact(), [])

@@ -1,0 +1,114 @@
+"""Searches that have ended, kept in a file so that an interrupted multistart can go on."""
+
+import hashlib
+from pathlib import Path
+
+import numpy as np
+
+from estimators.cost import Problem
+from estimators.search import Outcome
+from robotmodels.arrays import Array
+from robotmodels.errors import IdentificationError, InvalidInput
+from robotmodels.replacing import replacing
+
+SCHEMA = "searches/1"
+
+
+def problem_fingerprint(problem: Problem, max_evaluations: int, tolerance: float) -> str:
+    """Return a number that changes with anything that changes the outcome of a search."""
+    estimate, parameters = problem.estimate, problem.model.parameters
+    prior = problem.prior
+    known = None if prior is None else (prior.names, prior.values.tolist(), prior.std.tolist())
+    said = (problem.kind.name, problem.loss, known, parameters.names, max_evaluations, tolerance)
+    digest = hashlib.sha256(repr(said).encode())
+    arrays = [
+        parameters.values,
+        problem.bounds,
+        problem.weights,
+        estimate.positions,
+        estimate.omega,
+        estimate.response,
+    ]
+    if problem.loss != "linear":
+        arrays.append(estimate.covariance)
+    for array in [*arrays, *_model_arrays(problem)]:
+        digest.update(repr(array.shape).encode())
+        digest.update(np.ascontiguousarray(array).tobytes())
+    return digest.hexdigest()
+
+
+def _model_arrays(problem: Problem) -> list[Array]:
+    """Return what tells one model from another: its own linear model in the positions."""
+    try:
+        network = problem.model.network(problem.estimate.positions)
+    except IdentificationError:
+        return []  # a model without equilibrium at its own values is told by those alone
+    return [
+        network.mass,
+        network.damping,
+        network.stiffness,
+        network.selector,
+        network.spring_stiffness,
+        network.spring_damping,
+    ]
+
+
+class SearchStore:
+    """Outcomes by stage and start, in an HDF5 file that is whole at any time.
+
+    Raises
+    ------
+    InvalidInput : if the file is another one, or holds the searches of another problem.
+    """
+
+    def __init__(self, path: Path, fingerprint: str) -> None:
+        self.path = path
+        self.fingerprint = fingerprint
+        self._kept: dict[tuple[str, bytes], tuple[Array, Outcome]] = {}
+        if path.exists():
+            self._read()
+
+    def load(self, stage: str, start: Array) -> Outcome | None:
+        """Return the outcome of `start` (p,), or None."""
+        found = self._kept.get((stage, start.tobytes()))
+        return None if found is None else found[1]
+
+    def append(self, stage: str, start: Array, outcome: Outcome) -> None:
+        """Add an outcome; the file is replaced by a new one."""
+        import h5py
+
+        self._kept[stage, start.tobytes()] = start, outcome
+        rows = [(stage, *row) for (stage, _), row in self._kept.items()]
+        text = h5py.string_dtype()
+        with replacing(self.path) as unfinished, h5py.File(unfinished, "w") as file:
+            file.attrs["schema"], file.attrs["fingerprint"] = SCHEMA, self.fingerprint
+            file.create_dataset("stage", data=[s for s, _, _ in rows], dtype=text)
+            file["starts"] = np.array([start for _, start, _ in rows])
+            file["values"] = np.array([o.values for _, _, o in rows])
+            file["cost"] = np.array([o.cost for _, _, o in rows])
+            file["status"] = np.array([o.status for _, _, o in rows])
+            file["evaluations"] = np.array([o.evaluations for _, _, o in rows])
+            file.create_dataset("message", data=[o.message for _, _, o in rows], dtype=text)
+
+    def _read(self) -> None:
+        import h5py
+
+        if not h5py.is_hdf5(self.path):
+            raise InvalidInput(f"{self.path}: is not an HDF5 file of searches")
+        with h5py.File(self.path, "r") as file:
+            if file.attrs.get("schema") != SCHEMA:
+                raise InvalidInput(
+                    f"{self.path}: 'schema' is {file.attrs.get('schema')!r}; {SCHEMA!r} is needed"
+                )
+            if file.attrs["fingerprint"] != self.fingerprint:
+                raise InvalidInput(
+                    f"{self.path}: holds searches of another model, estimate or setting; "
+                    "remove the file or name another"
+                )
+            columns = [file[name][()] for name in ("values", "cost", "status", "evaluations")]
+            texts = [file[name].asstr()[()] for name in ("stage", "message")]
+            for start, stage, message, values, cost, status, evaluations in zip(
+                file["starts"][()], *texts, *columns, strict=True
+            ):
+                outcome = Outcome(values, float(cost), int(status), message, int(evaluations))
+                self._kept[stage, start.tobytes()] = start, outcome
