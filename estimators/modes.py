@@ -1,0 +1,287 @@
+"""Resonances, anti-resonances and gains of chains from their FRFs: maximum-likelihood modes."""
+
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from estimators.modal_model import (
+    ModalLayout,
+    anti_resonance_squares,
+    modal_response,
+    modal_sensitivity,
+)
+from estimators.modal_start import modal_start, undamped_start
+from estimators.weights import square_root, whiten
+from robotmodels.arrays import Array, ComplexArray
+
+_LARGEST_DAMPING = 0.7
+
+
+@dataclass(frozen=True, eq=False)
+class Data:
+    """FRFs of one position, whitened once: what a search for modes works on.
+
+    Attributes
+    ----------
+    omega : (F,) [rad/s].
+    response : (F, M, M).
+    root : (F, M, M) or (F, M M, M M), S with S^H S the inverse covariance.
+    scaled : whether the root is of guessed noise, whose size is to be taken from the misfit.
+    undamped : whether the FRFs are real to rounding: computed, not measured.
+    """
+
+    omega: Array
+    response: ComplexArray
+    root: Array | ComplexArray
+    scaled: bool
+    undamped: bool
+
+    @property
+    def chains(self) -> int:
+        """Number M of motors."""
+        return int(self.response.shape[-1])
+
+    @property
+    def size(self) -> int:
+        """Number of real data."""
+        return 2 * self.response.size
+
+    def whitened(self, values: NDArray[Any]) -> Array:
+        """Return S times values (F, M, M, ...) as real rows."""
+        white = whiten(self.root[None], values[None])[0]
+        flat = white.reshape(-1, white.shape[-1])
+        return np.asarray(np.concatenate([flat.real, flat.imag]))
+
+    def band(self, keep: NDArray[np.bool_]) -> "Data":
+        """Return the lines to keep (F,)."""
+        return Data(
+            self.omega[keep], self.response[keep], self.root[keep], self.scaled, self.undamped
+        )
+
+
+def prepared(
+    omega: Array, response: ComplexArray, covariance: NDArray[Any] | None, undamped: bool
+) -> Data:
+    """Return FRFs with the root of their weights.
+
+    Without a covariance the noise is taken to be relative, the same for all elements of a line
+    but for a floor, and its size comes from the misfit.
+    """
+    if covariance is None:
+        size = np.abs(response)
+        largest = size.max(axis=(1, 2), keepdims=True)
+        weights: NDArray[Any] = 1 / (size**2 + (0.3 * largest) ** 2)
+    elif covariance.ndim == 4 or covariance.shape != response.shape:
+        weights = np.linalg.inv(covariance)
+        weights = (weights + np.conj(np.swapaxes(weights, -1, -2))) / 2
+    else:
+        weights = 1 / covariance
+    root = square_root(weights[None], (1, *response.shape))[0]
+    return Data(omega, response, root, covariance is None, undamped)
+
+
+@dataclass(frozen=True, eq=False)
+class FittedModes:
+    """Modes that all elements of an FRF matrix share.
+
+    Attributes
+    ----------
+    data : what was fitted.
+    layout : what x holds.
+    x : (p,) see `ModalLayout`.
+    covariance : (p, p) of x.
+    cost : sum of squared whitened residuals; its expectation is `Data.size` - p where the noise is
+        known and the model right.
+    """
+
+    data: Data
+    layout: ModalLayout
+    x: Array
+    covariance: Array
+    cost: float
+    _parts: tuple[NDArray[Any], ...] = field(init=False)
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "_parts", self.layout.split(self.x))
+
+    @property
+    def inertia(self) -> Array:
+        """Rigid inertia matrix, (M, M): sums of masses, couplings with their signs [kg]."""
+        return np.asarray(self._parts[0])
+
+    @property
+    def omega(self) -> Array:
+        """Undamped resonances, (n,), increasing [rad/s]."""
+        return np.asarray(self._parts[1])
+
+    @property
+    def shapes(self) -> Array:
+        """Motors' components of the mode shapes of unit modal mass, (n, M)."""
+        return np.asarray(self._parts[2])
+
+    @property
+    def damping(self) -> Array:
+        """Damping ratios, (n,)."""
+        return np.asarray(self._parts[3])
+
+    @property
+    def friction(self) -> Array:
+        """Viscous friction of the motors, (M,) [N s/m]."""
+        return np.asarray(self._parts[4])
+
+    @property
+    def delay(self) -> float:
+        """Delay of the angles after the torques [s]."""
+        return float(self._parts[5][0])
+
+    @property
+    def response(self) -> ComplexArray:
+        """The model's FRFs, (F, M, M)."""
+        return modal_response(self.x, self.layout, self.data.omega)
+
+    @cached_property
+    def zeros(self) -> Array:
+        """Undamped anti-resonances of each chain, (M, n), increasing [rad/s]."""
+        squares = anti_resonance_squares(self.inertia, self.omega, self.shapes)
+        return np.asarray(np.sqrt(np.maximum(squares, 0.0)))
+
+    @cached_property
+    def zeros_std(self) -> Array:
+        """Standard deviations of `zeros`, (M, n) [rad/s]."""
+        return np.asarray(np.sqrt(np.maximum(self._zero_variances(), 0.0)))
+
+    @property
+    def omega_std(self) -> Array:
+        """Standard deviations of `omega`, (n,) [rad/s]."""
+        start = self.layout.sizes[0]
+        variance = np.diag(self.covariance)[start : start + self.layout.modes]
+        return np.asarray(self.omega * np.sqrt(variance))
+
+    @property
+    def low_gains(self) -> Array:
+        """A_L = 1/sum of masses, (M,): the other chains held, [HBH] (2) [1/kg]."""
+        return np.asarray(1 / np.diag(self.inertia))
+
+    @property
+    def high_gains(self) -> Array:
+        """A_H = 1/m_1, (M,), [HBH] (3) [1/kg]."""
+        rigid = np.diag(np.linalg.inv(self.inertia))
+        return np.asarray(rigid + np.sum(self.shapes**2, axis=0))
+
+    def cross_gain(self, i: int, j: int) -> float:
+        """Return A_C with its sign: motor i per motor j, the other chains held, [HBH] 3.2."""
+        pair = np.linalg.inv(self.inertia[np.ix_([i, j], [i, j])])
+        return float(pair[0, 1])
+
+    @cached_property
+    def visibility(self) -> Array:
+        """Wald statistics of each mode in each motor, (n, M): (phi / its std)^2.
+
+        Where it is small the mode's pole and a zero of that chain nearly cancel.
+        """
+        start = sum(self.layout.sizes[:2])
+        variance = np.diag(self.covariance)[start : start + self.shapes.size]
+        return np.asarray(self.shapes**2 / np.maximum(variance.reshape(self.shapes.shape), 1e-300))
+
+    @cached_property
+    def significance(self) -> Array:
+        """Wald statistics of each mode in all motors together, (n,)."""
+        m, start, found = self.layout.chains, sum(self.layout.sizes[:2]), []
+        for r, shape in enumerate(self.shapes):
+            part = slice(start + r * m, start + (r + 1) * m)
+            found.append(shape @ np.linalg.pinv(self.covariance[part, part]) @ shape)
+        return np.array(found)
+
+    def _zero_variances(self) -> Array:
+        """Propagate the covariance: d zero = -sum dw/(lambda - zero) + ... / sum w/(...)^2."""
+        variances = []
+        p, x = self.layout.structure, self.x
+        C = self.covariance[:p, :p]
+        rows = np.empty((p, *self.zeros.shape))
+        for k in range(p):
+            step = np.zeros(len(x))
+            step[k] = 1e-6 * max(abs(x[k]), np.sqrt(C[k, k]), 1e-12)
+            ends = []
+            for sign in (1.0, -1.0):
+                J, omega, phi, *_ = self.layout.split(x + sign * step)
+                order = np.argsort(omega)
+                square = anti_resonance_squares(J, omega[order], phi[order])
+                ends.append(np.sqrt(np.maximum(square, 0.0)))
+            rows[k] = (ends[0] - ends[1]) / (2 * step[k])
+        variances = np.einsum("kij,kl,lij->ij", rows, C, rows)
+        return np.asarray(variances)
+
+
+def fit_modes(data: Data, count: int, *, turned: bool = False) -> FittedModes:
+    """Return the maximum-likelihood modes, `count` of them, common to all elements.
+
+    Parameters
+    ----------
+    data : see `prepared`.
+    count : n, M (N - 1) for M chains of N masses.
+    turned : whether mode shapes may be complex, as unequal dampers make them.
+    """
+    if data.undamped:
+        layout = ModalLayout(data.chains, count, losses=False)
+        return _refined(data, layout, undamped_start(data, layout))
+    layout = ModalLayout(data.chains, count)
+    starts = modal_start(data, layout)
+    rough = [_search(data, layout, x, 8) for x in starts]
+    best = min(rough, key=lambda found: found[1])
+    found = _refined(data, layout, best[0])
+    return with_turned_shapes(found) if turned else found
+
+
+def with_turned_shapes(found: FittedModes) -> FittedModes:
+    """Return the fit repeated with complex mode shapes, from the real ones."""
+    layout = ModalLayout(found.layout.chains, found.layout.modes, turned=True)
+    x = np.concatenate([found.x, np.zeros(layout.sizes[-1])])
+    return _refined(found.data, layout, x)
+
+
+def _refined(data: Data, layout: ModalLayout, x: Array) -> FittedModes:
+    x, cost = _search(data, layout, x, 100)
+    x = _sorted(x, layout)
+    jacobian = data.whitened(modal_sensitivity(x, layout, data.omega)[1])
+    size = np.linalg.norm(jacobian, axis=0)
+    size = np.where(size > 0, size, 1.0)
+    covariance = np.linalg.pinv((jacobian / size).T @ (jacobian / size), rcond=1e-14, hermitian=True)
+    # information = 2 Re(...) of complex data is the Gauss-Newton matrix of |S r|^2, twice.
+    covariance = covariance / np.outer(size, size) / 2
+    if data.scaled:
+        covariance = covariance * cost / max(data.size - len(x), 1) * 2
+    return FittedModes(data, layout, x, covariance, cost)
+
+
+def _search(data: Data, layout: ModalLayout, x: Array, rounds: int) -> tuple[Array, float]:
+    from scipy.optimize import least_squares
+
+    low, high = np.full(len(x), -np.inf), np.full(len(x), np.inf)
+    if layout.losses:
+        start = layout.structure
+        zeta = slice(start, start + layout.modes)
+        low[zeta], high[zeta] = 1e-7, _LARGEST_DAMPING
+    found = least_squares(
+        lambda v: data.whitened(modal_response(v, layout, data.omega) - data.response)[:, 0],
+        np.clip(x, low * (1 + 1e-9), high),
+        jac=lambda v: data.whitened(modal_sensitivity(v, layout, data.omega)[1]),
+        bounds=(low, high),
+        x_scale="jac",
+        ftol=1e-12 if data.undamped else 1e-9,
+        xtol=1e-14 if data.undamped else 1e-10,
+        gtol=1e-15,
+        max_nfev=rounds,
+    )
+    return np.asarray(found.x), float(2 * found.cost)
+
+
+def _sorted(x: Array, layout: ModalLayout) -> Array:
+    """Put the modes in order of frequency."""
+    J, omega, phi, zeta, friction, delay, chi = layout.split(x)
+    order = np.argsort(omega)
+    return layout.join(
+        J, omega[order], phi[order], zeta[order], friction, float(delay[0]), chi[order]
+    )

@@ -1,0 +1,126 @@
+"""FRFs of coupled chains, free or with position controllers on chosen motors, [HBH] (4) and (9)."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from robotmodels.arrays import Array, ComplexArray
+from robotmodels.chains import CoupledChains
+from robotmodels.errors import InvalidInput
+from robotmodels.linear_model import LinearModel
+from robotmodels.modes import resonances, rigid_modes
+from robotmodels.response import check_omega
+
+
+def position_controlled(model: LinearModel, gains: Array) -> LinearModel:
+    """Return the model with position controllers tau_j = -K_R,j theta_j added to its torques.
+
+    Parameters
+    ----------
+    model : chains or a robot.
+    gains : (n,) K_R on the motor shafts; zero leaves a motor free [N m/rad, N/m].
+
+    Raises
+    ------
+    InvalidInput : if there is not one gain, finite and not negative, for each motor.
+    """
+    gains = _checked_gains(gains, model.selector.shape[1])
+    S = model.selector
+    return LinearModel(
+        model.mass, model.damping, model.stiffness + (S * gains) @ S.T, S, model.measurement
+    )
+
+
+def chain_response(
+    chains: CoupledChains, omega: Array, held: Sequence[int] = (), gain: float | None = None
+) -> ComplexArray:
+    """Return accelerations over torques of the motors, (F, M, M), direct and cross.
+
+    Parameters
+    ----------
+    omega : (F,) [rad/s].
+    held : chains whose motors a position controller holds, 0 to M - 1.
+    gain : K_R of these controllers; ten times the stiffest spring by default [N/m].
+
+    Raises
+    ------
+    InvalidInput : if there is no such chain, or a frequency or gain is not positive.
+    """
+    count = len(chains.masses)
+    gains = np.zeros(count)
+    for chain in held:
+        if not 0 <= chain < count:
+            raise InvalidInput(f"held: chain {chain}; there are chains 0 to {count - 1}")
+        gains[chain] = 10 * chains.springs.max() if gain is None else gain
+    model = position_controlled(chains.linear_model(), gains)
+    return model.frequency_response(check_omega(omega))
+
+
+def constrained_response(response: ComplexArray, omega: Array, gains: Array) -> ComplexArray:
+    """Return what FRFs (F, M, M) of free chains become under position controllers.
+
+    With theta = -G tau/omega^2 and tau = u - K_R theta: (1 - G K_R/omega^2)^-1 G, so nobody need
+    close these loops to get what conditions (4) and (9) ask for.
+
+    Parameters
+    ----------
+    response : accelerations over torques of the unconstrained chains.
+    omega : (F,) [rad/s].
+    gains : (M,) K_R, zero where a chain stays free [N/m].
+
+    Raises
+    ------
+    InvalidInput : if shapes do not fit, or a gain is negative.
+    """
+    response, omega = np.asarray(response, dtype=complex), check_omega(omega)
+    if response.shape != (len(omega), *response.shape[-1:] * 2):
+        raise InvalidInput(f"response: shape {response.shape}; ({len(omega)}, M, M) is needed")
+    gains = _checked_gains(gains, response.shape[-1])
+    loop = np.eye(len(gains)) - response * gains / omega[:, None, None] ** 2
+    return np.asarray(np.linalg.solve(loop, response))
+
+
+def modally_damped(model: LinearModel, ratio: float) -> LinearModel:
+    """Return the model with every flexible mode damped by `ratio`, rigid modes free.
+
+    Raises
+    ------
+    InvalidInput : if the ratio is negative, or the mass matrix not positive definite.
+    """
+    if not (np.isfinite(ratio) and ratio >= 0):
+        raise InvalidInput(f"ratio: {ratio!r} is not a damping ratio >= 0")
+    flexible = resonances(model)
+    image = model.mass @ flexible.shapes
+    damping = (image * (2 * ratio * flexible.frequencies)) @ image.T
+    return LinearModel(model.mass, damping, model.stiffness, model.selector, model.measurement)
+
+
+def motor_shapes(model: LinearModel) -> tuple[Array, Array, Array]:
+    """Return what a motor sees of the undamped modes of a model without gravity.
+
+    Returns
+    -------
+    squares : (k,) squared resonances [rad^2/s^2].
+    shapes : (k, n) components of the mode shapes of unit modal mass at the motors.
+    inertia : (n, n) rigid inertia matrix.
+
+    Raises
+    ------
+    InvalidInput : if the mass matrix is not positive definite.
+    """
+    flexible = resonances(model)
+    still = model.selector.T @ rigid_modes(model).shapes
+    return (
+        flexible.squares,
+        np.asarray((model.selector.T @ flexible.shapes).T),
+        np.asarray(np.linalg.inv(still @ still.T)),
+    )
+
+
+def _checked_gains(gains: Array, count: int) -> Array:
+    values = np.asarray(gains, dtype=float)
+    if values.shape != (count,) or not (np.isfinite(values) & (values >= 0)).all():
+        raise InvalidInput(
+            f"gains: {values.tolist()}; {count} finite numbers >= 0, one per motor, are needed"
+        )
+    return values
