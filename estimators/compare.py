@@ -114,14 +114,19 @@ def measured_loop(
         `estimators.estimate_frf` does.
     """
     found = usable_spectra(
-        records.at(index), f"position {index}", "jio", hold=hold, delay=delay, transient=transient
+        records.at(index),
+        f"position {index + 1}",
+        "jio",
+        hold=hold,
+        delay=delay,
+        transient=transient,
     )
     Y, U, R = (np.moveaxis(a, 0, 1) for a in found.averaged())  # (F, B, ., E)
     _, B, n, E = R.shape
     freedom = B * E - n
     if freedom < Y.shape[2]:
         raise InvalidInput(
-            f"position {index}: {B} blocks of {E} experiments for {n} motors leave {freedom} "
+            f"position {index + 1}: {B} blocks of {E} experiments for {n} motors leave {freedom} "
             f"degrees of freedom for the noise; {Y.shape[2]} are needed, measure another block"
         )
     G = jio(Y, U, R)

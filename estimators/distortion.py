@@ -99,7 +99,7 @@ def distortion(
     rows: list[dict[str, Array]] = []
     positions, omega, gaps = [], np.array([]), (np.array([]), np.array([]))
     for count, part in enumerate(each_position(records)):
-        who = f"position {count}"
+        who = f"position {count + 1}"
         found = usable_spectra(part, who, method, hold=hold, delay=delay, transient=transient)
         if found.periods < 2:
             raise InvalidInput(f"{who}: one period; distortion needs at least 2, to see the noise")

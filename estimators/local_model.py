@@ -68,7 +68,7 @@ def local_frf(
     covariances: list[NDArray[Any]] = []
     omega = np.array([])
     for count, part in enumerate(each_position(records)):
-        who = f"position {count}"
+        who = f"position {count + 1}"
         check_records(part, 0, who)
         found = spectra(part, hold=hold, delay=delay)
         check_periods(found, who)

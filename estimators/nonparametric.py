@@ -67,10 +67,10 @@ def estimate_frf(
     covariances: list[NDArray[Any]] = []
     omega: Array | None = None
     for count, part in enumerate(each_position(records)):
-        who = f"position {count}"
+        who = f"position {count + 1}"
         found = usable_spectra(part, who, method, hold=hold, delay=delay, transient=transient)
         if omega is not None and not np.array_equal(omega, found.omega):
-            raise InvalidInput(f"{who}: its frequencies differ from those of position 0")
+            raise InvalidInput(f"{who}: its frequencies differ from those of position 1")
         omega = found.omega
         response, error = with_covariance(found, method, covariance, who)
         positions.append(part.positions[0])
@@ -202,12 +202,16 @@ def _without_missing(found: Spectra, method: str, who: str) -> Spectra:
     if method in SUMMING or not partial.any():
         return found.blocks(some)
     warn(
-        f"{who}: blocks {np.flatnonzero(partial).tolist()} (counted from 0) lack experiments and "
-        f"are left out; {' and '.join(SUMMING)} would use what they have"
+        f"{who}: blocks {_numbers(partial)} lack experiments and are left out; {' and '.join(SUMMING)} would use what they have"
     )
     if not every.any():
         raise InvalidInput(f"{who}: no block is complete, as {method} needs")
     return found.blocks(every)
+
+
+def _numbers(which: NDArray[np.bool_]) -> str:
+    """Return which are true, counted from 1."""
+    return ", ".join(str(i + 1) for i in np.flatnonzero(which))
 
 
 def _check_inputs(found: Spectra, method: str, lines: Array, who: str) -> None:
@@ -220,7 +224,7 @@ def _check_inputs(found: Spectra, method: str, lines: Array, who: str) -> None:
             check_condition(references, found.omega, lines, who, "references")
         return
     for b, block in enumerate(averaged):
-        check_condition(block, found.omega, lines, f"{who}, block {b}")
+        check_condition(block, found.omega, lines, f"{who}, block {b + 1}")
 
 
 def check_choice(name: str, value: str, known: tuple[str, ...]) -> None:

@@ -30,14 +30,14 @@ def check_records(records: Records, index: int = 0, name: str | None = None) -> 
     Parameters
     ----------
     index : position to be checked.
-    name : how messages call the position; its number by default.
+    name : how messages call the position; its number, counted from 1, by default.
 
     Raises
     ------
     InvalidInput : if all is missing, the reference differs from period to period or has its power
         elsewhere, or a motor is not driven at all.
     """
-    who = name or f"position {index}"
+    who = name or f"position {index + 1}"
     present = ~records.missing[index]
     if not present.any():
         raise InvalidInput(f"{who}: every experiment is missing; leave the position out")
@@ -45,9 +45,9 @@ def check_records(records: Records, index: int = 0, name: str | None = None) -> 
     _check_torque(records, index, present, who)
     met = records.saturated[index].any(axis=2) & present[..., None]  # (B, E, n)
     if met.any():
-        motors = np.flatnonzero(met.any(axis=(0, 1))).tolist()
+        motors = ", ".join(str(j + 1) for j in np.flatnonzero(met.any(axis=(0, 1))))
         warn(
-            f"{who}: the torque limit was met by motors {motors} (counted from 0) in "
+            f"{who}: the torque limit was met by motors {motors} in "
             f"{int(met.any(axis=2).sum())} of {int(present.sum())} experiments; clipped torques "
             "distort the FRF, excite less"
         )
@@ -64,7 +64,7 @@ def _check_reference(
     if apart.max() > 1e-6 * size:
         period = int(np.argmax(apart > 1e-6 * size))
         raise InvalidInput(
-            f"{who}: the reference is not periodic: period {period} differs from period 0 by "
+            f"{who}: the reference is not periodic: period {period + 1} differs from period 1 by "
             f"{apart[period] / size:.2g} of its largest value; are there {records.samples} "
             "samples a period?"
         )
@@ -82,7 +82,7 @@ def _check_torque(records: Records, index: int, present: NDArray[np.bool_], who:
     if (varies == 0).any():
         motor = int(np.argmax(varies == 0))
         raise InvalidInput(
-            f"{who}: the torque of motor {motor} (counted from 0) is constant in every experiment"
+            f"{who}: the torque of motor {motor + 1} is constant in every experiment"
         )
     share = _share(torque, records)
     if share < TORQUE_SHARE:

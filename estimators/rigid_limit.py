@@ -172,7 +172,7 @@ def _judge_couplings(
 
 def _motors(motors: list[int]) -> str:
     plural = "s" if len(motors) > 1 else ""
-    return f"motor{plural} {', '.join(map(str, motors))} (counted from 0)"
+    return f"motor{plural} {', '.join(str(j + 1) for j in motors)}"
 
 
 def _sizes(ratio: ComplexArray) -> str:

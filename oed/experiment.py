@@ -27,7 +27,7 @@ class SwingBinding(Binding):
 
     def __str__(self) -> str:
         return (
-            f"swing of motor {self.motor!r} around position {self.position} meets its limit "
+            f"swing of motor {self.motor!r} around position {self.position + 1} meets its limit "
             f"{self.limit:.4g} rad"
         )
 

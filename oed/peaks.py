@@ -94,7 +94,7 @@ class PlannedLoop:
         ratios = selector[np.abs(selector).argmax(axis=0), np.arange(n)]
         model = network.linear_model()
         starts = tuple(
-            sampled_loop(_at(model, q), controller, f"position {q}")
+            sampled_loop(_at(model, q), controller, f"position {q + 1}")
             for q in range(len(plan.positions))
         )
         return cls(loop.torque, loop.angle, ratios, rest, starts)

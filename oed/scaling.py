@@ -59,7 +59,7 @@ class Binding:
 
     def __str__(self) -> str:
         return (
-            f"{self.quantity} of motor {self.motor!r} in position {self.position} "
+            f"{self.quantity} of motor {self.motor!r} in position {self.position + 1} "
             f"meets its limit {self.limit:.4g} {_UNITS[self.quantity]}"
         )
 
@@ -167,7 +167,7 @@ def _room(plan: ExperimentPlan, rest: Array, bounds: Array) -> Array:
     if not inside.all():
         visit, k, motor = np.argwhere(~inside)[0]
         low, high = bounds[k, motor]
-        place = f"position {plan.visits[visit]}: motor {plan.motors[motor]!r}"
+        place = f"position {plan.visits[visit] + 1}: motor {plan.motors[motor]!r}"
         if k == 0:
             raise InvalidInput(
                 f"limits.torque: {place} needs {abs(rest[visit, k, motor]):.4g} N m to hold the "

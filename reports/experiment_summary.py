@@ -37,7 +37,7 @@ def experiment_summary(prepared: Prepared, outcome: Outcome, folder: Path) -> st
             f"{plural(len(lines), 'line')} from {lines[0] / period:g} to "
             f"{lines[-1] / period:g} Hz{detection}",
         ),
-        ("limit", f"{prepared.scaling.binding} (counted from 0)"),
+        ("limit", str(prepared.scaling.binding)),
     ]
     met = outcome.saturated > 0
     if met.any():

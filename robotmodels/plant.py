@@ -129,7 +129,7 @@ def simulate(
             seed,
             transient,
             periods,
-            f"position {i}, block {b}",
+            f"position {i + 1}, block {b + 1}",
         )
         for (i, b), seed in zip(places, rng.spawn(len(places)), strict=True)
     ]

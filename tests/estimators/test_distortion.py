@@ -88,7 +88,7 @@ def test_totals_need_blocks_and_noise_needs_periods():
     d = found(blocks=1)
     assert np.isnan(d.total).all()
     assert (d.noise > 0).all()
-    with pytest.raises(InvalidInput, match="position 0: one period; distortion needs at least 2"):
+    with pytest.raises(InvalidInput, match="position 1: one period; distortion needs at least 2"):
         found(periods=1)
     with pytest.raises(InvalidInput, match="none given"):
         distortion([])

@@ -55,7 +55,7 @@ def test_covariance_is_honest_in_closed_loop():
 
 def test_noise_covariance_of_one_block():
     records = bench_records(Bench(blocks=1, periods=6, noise=1e-4))
-    with pytest.raises(InvalidInput, match=r"position 0: one block; .* covariance='noise'"):
+    with pytest.raises(InvalidInput, match=r"position 1: one block; .* covariance='noise'"):
         estimate_frf(records)
     estimate = estimate_frf(records, covariance="noise", structure="diagonal")
     error = np.abs(estimate.response[0] - truth(estimate.omega)) ** 2
@@ -87,7 +87,7 @@ def test_missing_blocks_are_passed_over_and_counted():
     def nothing(array):
         array[:] = np.nan
 
-    with pytest.raises(InvalidInput, match="position 0: every experiment is missing"):
+    with pytest.raises(InvalidInput, match="position 1: every experiment is missing"):
         estimate_frf(changed(records, "torque angle", nothing))
 
 
@@ -101,7 +101,9 @@ def test_a_missing_experiment_takes_its_block_along_unless_the_method_sums():
         array[:, 1, 0] = np.nan
 
     lacking = changed(records, "torque angle", drop)
-    with pytest.warns(IdentificationWarning, match=r"blocks \[1\] .* are left out; h1 and jio"):
+    with pytest.warns(
+        IdentificationWarning, match=r"blocks 2 lack experiments and are left out; h1 and jio"
+    ):
         assert estimate_frf(lacking).repetitions.tolist() == [3]
     for method in ("h1", "jio"):
         found = estimate_frf(lacking, method)
@@ -130,13 +132,13 @@ def test_positions_one_by_one_or_joined():
     with pytest.raises(InvalidInput, match="records: none given"):
         estimate_frf([])
     other = replace(two, sample_time=1e-3)
-    with pytest.raises(InvalidInput, match="position 1: its frequencies differ"):
+    with pytest.raises(InvalidInput, match="position 2: its frequencies differ"):
         estimate_frf([one, other])
 
 
 def test_transients_are_dropped_with_a_warning():
     records = bench_records(Bench(periods=8, transient=1.0, noise=1e-6))
-    with pytest.warns(IdentificationWarning, match=r"position 0: the first \d of 8 periods drop"):
+    with pytest.warns(IdentificationWarning, match=r"position 1: the first \d of 8 periods drop"):
         found = estimate_frf(records)
     G = truth(found.omega)
     low = G.shape[0] // 4  # where a slow transient shows
@@ -159,7 +161,7 @@ def test_dependent_torques_are_named():
 
     broken = changed(records, "torque", same)
     with pytest.raises(
-        InvalidInput, match=r"position 0, block 2: the torques at line \d+ \(\d+ Hz\).* condition"
+        InvalidInput, match=r"position 1, block 3: the torques at line \d+ \(\d+ Hz\).* condition"
     ):
         estimate_frf(broken)
     # Other blocks make up for it where sums are inverted.
@@ -191,7 +193,7 @@ def test_saturation_is_warned_of():
     def met(array):
         array[0, 1, 0, 2, 1] = True
 
-    with pytest.warns(IdentificationWarning, match=r"met by motors \[1\] .* in 1 of 8 experiments"):
+    with pytest.warns(IdentificationWarning, match=r"met by motors 2 in 1 of 8 experiments"):
         estimate_frf(changed(bench_records(), "saturated", met))
 
 
@@ -199,7 +201,7 @@ def test_references_that_do_not_repeat_are_refused():
     def shift(array):
         array[:, :, :, 1] = np.roll(array[:, :, :, 1], 3, axis=-2)
 
-    with pytest.raises(InvalidInput, match="reference is not periodic: period 1 differs"):
+    with pytest.raises(InvalidInput, match="reference is not periodic: period 2 differs"):
         estimate_frf(changed(every_period(bench_records()), "reference", shift))
 
 
@@ -236,7 +238,7 @@ def test_motors_that_stand_still_are_refused():
     def still(array):
         array[..., 1] = 3.0
 
-    with pytest.raises(InvalidInput, match=r"torque of motor 1 .* is constant"):
+    with pytest.raises(InvalidInput, match=r"torque of motor 2 is constant"):
         estimate_frf(changed(bench_records(), "torque", still))
 
 

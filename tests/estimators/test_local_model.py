@@ -92,7 +92,7 @@ def test_dependent_torques_are_named():
     records = one_experiment()
     torque = np.array(records.torque)
     torque[..., 1] = torque[..., 0]
-    with pytest.raises(InvalidInput, match=r"position 0: the torques around 3 Hz do not determine"):
+    with pytest.raises(InvalidInput, match=r"position 1: the torques around 3 Hz do not determine"):
         local_frf(replace(records, torque=torque))
     with pytest.raises(InvalidInput, match="none given"):
         local_frf([])

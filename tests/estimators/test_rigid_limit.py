@@ -54,10 +54,10 @@ def test_right_data_pass_in_silence(case):
 @pytest.mark.parametrize(
     ("change", "expected"),
     [
-        (lambda G: -G, "motors 0, 1, 2, 3, 4, 5 .*wrong sign"),
-        (lambda G: turned(1)[:, None] * G, r"motor 1 \(counted from 0\): .*wrong sign; turn"),
-        (lambda G: turned(1) * G, r"motor 1 \(counted from 0\): .*wrong sign; turn"),
-        (lambda G: turned(1)[:, None] * G * turned(1), "motor 1 .*couplings .* wrong sign"),
+        (lambda G: -G, "motors 1, 2, 3, 4, 5, 6: .*wrong sign"),
+        (lambda G: turned(1)[:, None] * G, r"motor 2: .*wrong sign; turn"),
+        (lambda G: turned(1) * G, r"motor 2: .*wrong sign; turn"),
+        (lambda G: turned(1)[:, None] * G * turned(1), "motor 2.*couplings .* wrong sign"),
         (lambda G: G * 180 / np.pi, "times the rigid .*degrees for radians"),
         (lambda G: G * np.pi / 180, "times the rigid .*degrees for radians"),
         (lambda G: G / (2 * np.pi), "times the rigid .*revolutions for radians"),
@@ -86,7 +86,7 @@ def test_motors_that_are_coupled_to_nothing_prove_nothing():
     diagonal = with_response(estimate, estimate.response * np.eye(2))
     assert check_rigid_limit(diagonal, model).messages == ()
     swapped = with_response(estimate, turned(1)[:2, None] * estimate.response * turned(1)[:2])
-    with pytest.warns(IdentificationWarning, match=r"motor 0 .*\(or all the others\): couplings"):
+    with pytest.warns(IdentificationWarning, match=r"motor 1 .*\(or all the others\): couplings"):
         check_rigid_limit(swapped, model)
 
 

@@ -106,7 +106,7 @@ def test_progress_counts_visits_of_all_passes():
 
 def test_an_unstable_loop_is_named():
     hasty = replace(CONTROLLER, speed_gain=40 * CONTROLLER.speed_gain)
-    with pytest.raises(InvalidInput, match="controller: its loop is unstable in position 0"):
+    with pytest.raises(InvalidInput, match="controller: its loop is unstable in position 1"):
         scale(plan(), AXES, hasty, LIMITS, holding=HELD)
 
 
@@ -134,11 +134,11 @@ def test_scaled_plan_meets_one_limit_and_stays_inside_the_others():
 @pytest.mark.parametrize(
     ("limits", "expected"),
     [
-        (Limits(torque=np.array([1e3, 0.31])), "torque of motor 'm2' in position 1 .* 0.31 N m"),
+        (Limits(torque=np.array([1e3, 0.31])), "torque of motor 'm2' in position 2 .* 0.31 N m"),
         (Limits(speed=np.array([1e-3, 1e3])), "speed of motor 'm1' in position . .*0.001 rad/s"),
         (
             Limits(positions=np.array([[-1.0001, 1.5], [-2, 2]])),
-            "position of motor 'm1' in position 1 meets its limit -1 rad",
+            "position of motor 'm1' in position 2 meets its limit -1 rad",
         ),
     ],
 )
@@ -236,12 +236,12 @@ def test_a_real_robot_holds_itself_against_gravity():
         ),
         (
             Limits(torque=np.array([1, 0.2])),
-            "limits.torque: position 1: motor 'm2' needs 0.3 N m to hold the arm alone, "
+            "limits.torque: position 2: motor 'm2' needs 0.3 N m to hold the arm alone, "
             "which leaves nothing of its limit 0.2 N m",
         ),
         (
             Limits(positions=np.array([[-1.0, 1.0], [-2, 2]])),
-            r"limits.positions: position 1: motor 'm1' at -1 is not inside its limits \[-1, 1\]",
+            r"limits.positions: position 2: motor 'm1' at -1 is not inside its limits \[-1, 1\]",
         ),
     ],
 )

@@ -175,7 +175,7 @@ def test_missing_experiments_are_counted(tmp_path):
     assert found.missing == 1
     assert "1 experiments are missing" not in text
     assert "1 experiment missing" in text
-    assert any("blocks [2]" in warning for warning in found.warnings)
+    assert any("blocks 3 lack" in warning for warning in found.warnings)
 
 
 def test_endless_delay_is_refused(tmp_path):
