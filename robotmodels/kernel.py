@@ -1,4 +1,4 @@
-"""FRFs, Fisher information and residual costs of spring networks, fast.
+"""FRFs, Fisher information, residual costs and their derivatives of spring networks, fast.
 
 The formulas are those of `SpringNetwork`, which is the reference. Here one vector register holds
 eight frequencies (`simd`), motors are eliminated by formula (`kernel_layout`), the arm is
@@ -8,7 +8,7 @@ factorised without pivoting (`kernel_solve`), and positions are shared out over 
 import numpy as np
 
 from robotmodels.arrays import Array, ComplexArray
-from robotmodels.kernel_cells import CostKernel, Residual, positive_frequencies
+from robotmodels.kernel_cells import CostKernel, positive_frequencies
 from robotmodels.kernel_information import informations
 from robotmodels.kernel_layout import layout
 from robotmodels.kernel_memory import address, aligned
@@ -16,10 +16,11 @@ from robotmodels.kernel_solve import responses
 from robotmodels.kernel_threads import over_threads
 from robotmodels.kernel_work import network_tables, workspace
 from robotmodels.noise import RelativeNoise
+from robotmodels.normal_equations import NormalEquations, Residual
 from robotmodels.simd import LANES
 from robotmodels.spring_network import SpringNetwork
 
-__all__ = ["CostKernel", "costs", "frequency_response", "information"]
+__all__ = ["CostKernel", "NormalEquations", "costs", "frequency_response", "information"]
 
 
 def frequency_response(network: SpringNetwork, omega: Array) -> ComplexArray:

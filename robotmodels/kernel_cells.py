@@ -1,39 +1,46 @@
 """Prepare the evaluation of residual costs: a `CostKernel` is made once and called often."""
 
-from typing import Literal, get_args
+from collections.abc import Callable
+from typing import get_args
 
 import numpy as np
 
 from robotmodels.arrays import Array, ComplexArray
 from robotmodels.errors import InvalidInput, nearest
-from robotmodels.kernel_cost import Cells, cell_costs, parted, vectors
-from robotmodels.kernel_layout import Layout, layout, reduced
+from robotmodels.kernel_cost import Cells, cell_costs
+from robotmodels.kernel_layout import layout, reduced
 from robotmodels.kernel_memory import address
+from robotmodels.kernel_normal import cell_normals
+from robotmodels.kernel_targets import prepare
 from robotmodels.kernel_threads import over_threads
-from robotmodels.kernel_work import contiguous, network_tables, workspace
+from robotmodels.kernel_work import Workspace, contiguous, network_tables, workspace
+from robotmodels.normal_equations import NormalEquations, Residual, error, normal_equations
 from robotmodels.simd import LANES
 from robotmodels.spring_network import SpringNetwork
 
-Residual = Literal["nls", "lls"]
+_RESIDUALS: tuple[Residual, ...] = get_args(Residual)
+_SOLVES = 4  # what a cell's normal equations cost, in factorisations
 
 
 class CostKernel:
     """Sum of w |epsilon|^2 over positions, frequencies and elements, as a function of theta.
 
-    epsilon is measured - G ("nls") or the principal value of log(measured / G) ("lls"); the
-    equilibria are those of `network`.
+    epsilon is measured - G ("nls"), the principal value of log(measured / G) ("lls") or its real
+    part ("lls_magnitude"); the equilibria are those of `network`. Calls may come from several
+    threads at once, and another process prepares its own from a pickled one.
 
     Parameters
     ----------
     network : Q positions, the nominal parameters.
     omega : (F,) [rad/s].
     measured : (Q, F, m, n) FRFs.
-    weights : (Q, F, m, n) inverse variances; zero leaves an element out.
-    residual : "nls" or "lls".
+    weights : (Q, F, m, n) inverse variances; zero leaves an element out, whatever it is.
+    residual : "nls", "lls" or "lls_magnitude".
 
     Raises
     ------
-    InvalidInput : for shapes that do not fit, negative weights, or another residual.
+    InvalidInput : for shapes that do not fit, negative weights, another residual, or a measured
+        element with a weight that is not finite, or zero where a logarithm is taken.
     """
 
     def __init__(
@@ -52,9 +59,18 @@ class CostKernel:
             self._plan = None
             return
         self._plan = reduced(full)
-        self._coupled = bool(np.any(self._plan.needed[:, 2] >= 0))
         self._tables = network_tables(network)
-        self._cells, self._constant = self._prepare(full, self._plan)
+        self._spaces: list[Workspace] = []
+        self._blocks = -(-self._omega.size // LANES)
+        coupled = bool(np.any(self._plan.needed[:, 2] >= 0))
+        alike = bool(np.all(network.exponents == network.exponents[:1]))
+        self._exponents = network.exponents[: 1 if alike else None]
+        self._options = len(network.mass), self._blocks, coupled, _RESIDUALS.index(residual)
+        self._cells, self._constant = prepare(
+            network, self._omega, self._measured, self._weights, residual, (full, self._plan)
+        )
+
+        self._at = Cells(*(address(a) for a in self._cells))
 
     def __call__(self, parameters: Array) -> Array:
         """Return the costs, (W,), of W sets of parameters, (W, p).
@@ -70,107 +86,93 @@ class CostKernel:
                 self.network.parameters.check(row)
         if self._plan is None:
             return np.array([self._reference(row) for row in theta])
-        stiffness, damping = self._springs(theta)
-        plan, tables = self._plan, self._tables
-        blocks = -(-self._omega.size // LANES)
-        options = len(self.network.mass), blocks, self._coupled, self.residual == "lls"
-        cells = Cells(*(address(a) for a in self._cells))
-        pieces: list[Array] = []
+        costs = self._sum(cell_costs, theta, len(theta), (len(theta),), len(theta))
+        return np.asarray(self._constant + costs)
 
-        def run(start: int, stop: int) -> None:
-            out = np.zeros(len(theta))
-            space = workspace(plan, self.network, tables)
-            cell_costs(
-                space.at,
-                cells,
-                address(stiffness),
-                address(damping),
-                len(theta),
-                options,
-                start,
-                stop,
-                address(out),
+    def normal_equations(self, parameters: Array) -> NormalEquations:
+        """Return the cost V at one set of parameters (p,), its gradient and Gauss-Newton's matrix.
+
+        V is what the call returns, without a factor 1/2; derivatives are by ln theta, equilibria
+        held fixed; the matrix is 2 sum w Re(conj(d epsilon) d epsilon^T).
+
+        Raises
+        ------
+        InvalidInput : if the size is wrong or a parameter is not positive and finite.
+        """
+        theta = self.network.parameters.check(parameters)
+        if self._plan is None:
+            return normal_equations(
+                self.network, self._omega, self._measured, self._weights, theta, self.residual
             )
-            pieces.append(out)
-
-        over_threads(run, blocks * len(self.network.mass), work_per_item=len(theta))
-        return np.asarray(self._constant + np.sum(pieces, axis=0))
+        p = len(theta)
+        found = self._sum(cell_normals, theta[None], 1 + p + p * p, (), _SOLVES)
+        return NormalEquations(
+            cost=float(self._constant + found[0]),
+            gradient=found[1 : 1 + p],
+            hessian=found[1 + p :].reshape(p, p),
+        )
 
     def __reduce__(self) -> tuple[type, tuple[object, ...]]:
         # Copies of aligned buffers would not be aligned: another process prepares its own.
         made_of = self.network, self._omega, self._measured, self._weights, self.residual
         return CostKernel, made_of
 
+    def _sum(
+        self,
+        compiled: Callable[..., None],
+        theta: Array,
+        length: int,
+        walkers: tuple[int, ...],
+        work_per_item: int,
+    ) -> Array:
+        """Return the sum over all cells of the `length` doubles that compiled code adds to."""
+        plan = self._plan
+        assert plan is not None
+        stiffness, damping = self._springs(theta)
+        springs = address(stiffness), address(damping)
+        pieces: list[Array] = []
+
+        def run(start: int, stop: int) -> None:
+            out = np.zeros(length)
+            try:  # no two threads get the same one
+                space = self._spaces.pop()
+            except IndexError:
+                space = workspace(plan, self.network, self._tables)
+            compiled(
+                space.at, self._at, *springs, *walkers, self._options, start, stop, address(out)
+            )
+            self._spaces.append(space)
+            pieces.append(out)
+
+        over_threads(run, self._blocks * len(self.network.mass), work_per_item)
+        return np.asarray(np.sum(pieces, axis=0))
+
     def _springs(self, theta: Array) -> tuple[Array, Array]:
         """Return stiffnesses and dampings, (W, Q, s)."""
-        exponents, s = self.network.exponents, len(self.network.ends)
-        if np.all(exponents == exponents[:1]):
-            exponents = exponents[:1]
+        s = len(self.network.ends)
         steps = np.log(theta / self.network.parameters.values)
-        factors = np.exp(np.einsum("qtp,wp->wqt", exponents, steps, optimize=True))
+        factors = np.exp((self._exponents @ steps.T).transpose(2, 0, 1))
         return (
             contiguous(self.network.spring_stiffness * factors[..., :s]),
             contiguous(self.network.spring_damping * factors[..., s:]),
         )
 
-    def _prepare(self, full: Layout, plan: Layout) -> tuple[list[Array], float]:
-        """Return the arrays of `Cells`, and the cost no model can undo."""
-        blocks = -(-self._omega.size // LANES)
-        A = _remaining_matrix(self.network, self._omega, full, plan)
-        size = A.shape[-1]
-        off = np.abs(A * (1 - np.eye(size))).max(axis=-1)
-        w = np.broadcast_to(self._omega, A.shape[:2])
-        targets, constant = self._targets()
-        inside = np.pad(np.ones(self._omega.size), (0, blocks * LANES - self._omega.size))
-        packed = vectors(targets, blocks).reshape(len(A), blocks, -1, targets.shape[-1], LANES)
-        packed[..., _WEIGHTS[self.residual], :] *= inside.reshape(blocks, 1, 1, LANES)
-        return (
-            [
-                vectors(w[..., None], blocks),
-                vectors(parted(A[..., *np.tril_indices(size)]), blocks),
-                vectors(off, blocks),
-                packed.reshape(-1),
-            ],
-            constant,
-        )
-
-    def _targets(self) -> tuple[Array, float]:
-        """Return what each element i <= j is compared with, and the cost no model can undo."""
-        i, j = np.triu_indices(self._measured.shape[-1])
-        single = i == j
-        w2 = self._omega[:, None] ** 2
-        upper, lower = (-self._measured[..., a, b] / w2 for a, b in ((i, j), (j, i)))
-        u, v = self._weights[..., i, j], np.where(single, 0.0, self._weights[..., j, i])
-        both = np.where(u + v > 0, u + v, 1.0)
-        if self.residual == "nls":
-            mean = (u * upper + v * lower) / both
-            constant = u * np.abs(upper - mean) ** 2 + v * np.abs(lower - mean) ** 2
-            parts = [mean.real, mean.imag, (u + v) * w2**2]
-            return np.stack(parts, axis=-1), float(np.sum(constant * w2**2))
-        a, b = np.log(np.abs(upper)), np.log(np.abs(lower))
-        mean = (u * a + v * b) / both
-        constant = u * (a - mean) ** 2 + v * (b - mean) ** 2
-        parts = [mean, u + v, np.angle(upper), u, np.angle(lower), v]
-        return np.stack(parts, axis=-1), float(np.sum(constant))
-
     def _reference(self, theta: Array) -> float:
         """Return the cost by plain numpy: what the kernel does not know."""
-        G = self.network.frequency_response(self._omega, theta)
-        apart = self._measured - G if self.residual == "nls" else np.log(self._measured / G)
-        return float(np.sum(self._weights * np.abs(apart) ** 2))
-
-
-_WEIGHTS = {"nls": [2], "lls": [1, 3, 5]}
+        used = self._weights > 0
+        G = self.network.frequency_response(self._omega, theta)[used]
+        apart = error(self._measured[used], G, self.residual)
+        return float(self._weights[used] @ np.abs(apart) ** 2)
 
 
 def _checked(
     network: SpringNetwork, omega: Array, measured: ComplexArray, weights: Array, residual: str
 ) -> tuple[ComplexArray, Array]:
     """Return measured FRFs and weights as arrays, elements of weight zero replaced by ones."""
-    if residual not in get_args(Residual):
-        known = get_args(Residual)
+    if residual not in _RESIDUALS:
         raise InvalidInput(
-            f"residual: {residual!r} is not one of {', '.join(known)}{nearest(residual, known)}"
+            f"residual: {residual!r} is not one of {', '.join(_RESIDUALS)}"
+            f"{nearest(residual, _RESIDUALS)}"
         )
     n, sensors = network.selector.shape[1], network.measurement
     outputs = n if sensors is None else sensors.position.shape[-2]
@@ -181,7 +183,15 @@ def _checked(
             raise InvalidInput(f"{name}: shape {array.shape} was given, {shape} is needed")
     if not np.all(weights >= 0):
         raise InvalidInput("weights: a weight is negative; inverse variances are needed")
-    return np.where(weights > 0, measured, 1.0), weights
+    measured = np.where(weights > 0, measured, 1.0)
+    wrong = ~np.isfinite(measured) | ((measured == 0) & (residual != "nls"))
+    if wrong.any():
+        place = tuple(int(i) for i in np.argwhere(wrong)[0])
+        raise InvalidInput(
+            f"measured: {measured[place]} at position, frequency, output, input {place}; a finite "
+            f"FRF{'' if residual == 'nls' else ' other than zero'} or the weight zero is needed"
+        )
+    return measured, weights
 
 
 def positive_frequencies(omega: Array) -> Array:
@@ -197,38 +207,3 @@ def positive_frequencies(omega: Array) -> Array:
         found = f"shape {w.shape}" if w.ndim != 1 else f"{w[wrong][0]:g}"
         raise InvalidInput(f"omega: {found}; a list of positive frequencies [rad/s] is needed")
     return w
-
-
-def _remaining_matrix(
-    network: SpringNetwork, omega: Array, full: Layout, plan: Layout
-) -> ComplexArray:
-    """Return A without free and motor springs, (Q, F, size, size), other rows eliminated."""
-    mass, damping, stiffness = (
-        np.array(m, dtype=float) for m in (network.mass, network.damping, network.stiffness)
-    )
-    free = set(full.needed[:, 0])
-    for s, i, j in full.inner:
-        if s in free:
-            continue
-        a = np.zeros(mass.shape[-1])
-        a[full.order[i]] = 1.0
-        if j >= 0:
-            a[full.order[j]] = -1.0
-        stiffness += network.spring_stiffness[:, s, None, None] * np.outer(a, a)
-        damping = damping + network.spring_damping[:, s, None, None] * np.outer(a, a)
-    rows = full.order[full.pad :]
-    w = omega[:, None, None]
-    A = (
-        stiffness[:, None, rows[:, None], rows]
-        - w**2 * mass[:, None, rows[:, None], rows]
-        + 1j * w * np.broadcast_to(damping, mass.shape)[:, None, rows[:, None], rows]
-    )
-    cut = full.first - full.pad
-    if cut:
-        A = A[..., cut:, cut:] - A[..., cut:, :cut] @ np.linalg.solve(
-            A[..., :cut, :cut], A[..., :cut, cut:]
-        )
-    out = np.zeros((*A.shape[:2], len(plan.order), len(plan.order)), dtype=complex)
-    out[..., range(plan.pad), range(plan.pad)] = 1.0
-    out[..., plan.pad :, plan.pad :] = A
-    return out

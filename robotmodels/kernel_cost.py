@@ -20,13 +20,26 @@ from robotmodels.kernel_factor import (
     compiled,
     entry,
     factor,
+    inlined,
     solve_lane,
     square,
 )
 from robotmodels.kernel_log import angle, half_log, wrap
-from robotmodels.kernel_memory import aligned, integer, load, load_complex, put, scalar, store
+from robotmodels.kernel_memory import (
+    aligned,
+    integer,
+    load,
+    load_complex,
+    prefetch,
+    put,
+    scalar,
+    store,
+)
 from robotmodels.kernel_solve import motor_response, motor_terms, pack_motors
-from robotmodels.simd import LANES, any_negative, fma, lane_sum, pack, splat
+from robotmodels.simd import LANES, any_negative, fma, lane_sum, pack, splat, where_greater
+
+NLS, LLS, LLS_MAGNITUDE = 0, 1, 2
+"""Residuals, as compiled code names them."""
 
 
 class Cells(NamedTuple):
@@ -36,7 +49,8 @@ class Cells(NamedTuple):
     matrix : (cells, entries of the triangle) what is left of A without free springs.
     off : (cells, size) largest off-diagonal magnitude of its rows.
     targets : NLS: (cells, elements, 3) the merged measured motor response and its weight;
-        LLS: (cells, elements, 6) merged ln magnitude and weight, then two angles and weights.
+        LLS: (cells, elements, 6) merged ln magnitude and weight, then two angles and weights;
+        magnitudes only: (cells, elements, 2) these alone.
     """
 
     omega: int
@@ -61,6 +75,14 @@ def vectors(values: Array, blocks: int) -> Array:
 def parted(values: ComplexArray) -> Array:
     """Return real and imaginary parts along a new last axis."""
     return np.stack([values.real, values.imag], axis=-1)
+
+
+@inlined
+def fetch(work, cells, cell):
+    """Bring a cell's matrix near while another is worked on; none is too many."""
+    entries = work.size * (work.size + 1)
+    for e in range(entries):
+        prefetch(cells.matrix, cell * entries + e)
 
 
 @compiled
@@ -92,19 +114,19 @@ def place_springs(work, cells, cell, coupled, stiffness, damping):
 
 
 @compiled
-def solve_cell(work, cells, cell, coupled, stiffness, damping):
-    """Write the driven rows of A^-1."""
-    size, driven = work.size, work.size - work.n
+def solve_cell(work, cells, cell, coupled, stiffness, damping, first):
+    """Write the rows of A^-1 from `first` on."""
+    size = work.size
     place_springs(work, cells, cell, coupled, stiffness, damping)
     source = work.matrix if coupled else cells.matrix + 8 * LANES * cell * size * (size + 1)
     worst = factor(work, source)
-    back_substitute(work, driven)
+    back_substitute(work, first)
     if any_negative(worst):
         store(work.worst, 0, worst)
         place_springs(work, cells, cell, coupled, stiffness, damping)
         for lane in range(LANES):
             if scalar(work.worst, lane) < 0.0:
-                solve_lane(work, source, driven, lane)
+                solve_lane(work, source, first, lane)
 
 
 @compiled
@@ -121,6 +143,15 @@ def nls(work, cells, cell):
     return total
 
 
+@inlined
+def settled(x, weight):
+    """Return x, or one where it has no weight: there, a logarithm may not exist."""
+    zero = splat(0.0)
+    return pack(
+        where_greater(weight, zero, x.real, splat(1.0)), where_greater(weight, zero, x.imag, zero)
+    )
+
+
 @compiled
 def lls(work, cells, cell):
     """Return the weighted squares of the log ratio; angles differ by less than half a turn."""
@@ -129,9 +160,10 @@ def lls(work, cells, cell):
     t = 6 * cell * (n * (n + 1) // 2)
     for i in range(n):
         for j in range(i, n):
-            x = motor_response(work, i, j)
+            weight = load(cells.targets, t + 1)
+            x = settled(motor_response(work, i, j), weight)
             apart = half_log(square(x)) - load(cells.targets, t)
-            total = fma(apart * apart, load(cells.targets, t + 1), total)
+            total = fma(apart * apart, weight, total)
             phase = angle(x)
             apart = wrap(phase - load(cells.targets, t + 2))
             total = fma(apart * apart, load(cells.targets, t + 3), total)
@@ -143,19 +175,41 @@ def lls(work, cells, cell):
 
 
 @compiled
+def magnitudes(work, cells, cell):
+    """Return the weighted squares of the log ratio of magnitudes."""
+    n = work.n
+    total = splat(0.0)
+    t = 2 * cell * (n * (n + 1) // 2)
+    for i in range(n):
+        for j in range(i, n):
+            weight = load(cells.targets, t + 1)
+            x = settled(motor_response(work, i, j), weight)
+            apart = half_log(square(x)) - load(cells.targets, t)
+            total = fma(apart * apart, weight, total)
+            t += 2
+    return total
+
+
+@compiled
 def _cell_costs(work, cells, stiffness, damping, walkers, options, start, stop, out):
     """Add the costs of cells `start` to `stop` to the (W,) doubles at `out`.
 
     `stiffness` and `damping` are the addresses of (W, Q, s); `options` are Q, the cells per
-    position, whether a free spring joins two rows, and whether residuals are logarithmic.
+    position, whether a free spring joins two rows, and which residual.
     """
-    positions, blocks, coupled, logarithmic = options
+    positions, blocks, coupled, residual = options
     for cell in range(start, stop):
         pack_motors(work, cell // blocks)
         for walker in range(walkers):
             springs = 8 * work.s * (walker * positions + cell // blocks)
-            solve_cell(work, cells, cell, coupled, stiffness + springs, damping + springs)
-            squares = lls(work, cells, cell) if logarithmic else nls(work, cells, cell)
+            k, c = stiffness + springs, damping + springs
+            solve_cell(work, cells, cell, coupled, k, c, work.size - work.n)
+            if residual == NLS:
+                squares = nls(work, cells, cell)
+            elif residual == LLS:
+                squares = lls(work, cells, cell)
+            else:
+                squares = magnitudes(work, cells, cell)
             put(out, walker, scalar(out, walker) + lane_sum(squares))
 
 

@@ -11,7 +11,7 @@ None of this checks bounds.
 
 import numpy as np
 from llvmlite import ir
-from numba.core import types
+from numba.core import cgutils, types
 
 from robotmodels.arrays import Array, IntArray
 from robotmodels.simd import BYTES, LANES, VECTOR, Complexes, Reals, complex_of, intrinsic, parts_of
@@ -83,6 +83,24 @@ def store(typingctx, start, place, value):
         return context.get_dummy_value()
 
     return types.void(types.intp, types.intp, value), codegen
+
+
+@intrinsic
+def prefetch(typingctx, start, place):
+    """Ask for the vector at `place` to be brought to the nearest cache."""
+
+    def codegen(context, builder, sig, args):
+        pointer = builder.bitcast(_pointer(builder, VECTOR, *args), ir.IntType(8).as_pointer())
+        i32 = ir.IntType(32)
+        function = cgutils.get_or_insert_function(
+            builder.module,
+            ir.FunctionType(ir.VoidType(), [pointer.type, i32, i32, i32]),
+            "llvm.prefetch.p0i8",
+        )
+        builder.call(function, [pointer, *(ir.Constant(i32, x) for x in (0, 3, 1))])
+        return context.get_dummy_value()
+
+    return types.void(types.intp, types.intp), codegen
 
 
 @intrinsic

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
+from itertools import pairwise
 
 import numba
 
@@ -10,7 +11,7 @@ WORTHWHILE = 200
 
 
 def over_threads(run: Callable[[int, int], None], n_items: int, work_per_item: int) -> None:
-    """Call ``run(start, stop)`` on pieces of ``range(n_items)``, each in a thread of its own.
+    """Call ``run(start, stop)`` on pieces of ``range(n_items)``, all but the first in a thread.
 
     At most `numba.get_num_threads` at once; `work_per_item` counts vectors of frequencies to
     solve at. The threads end with the call: a kept pool, or numba's own, would not survive in a
@@ -21,5 +22,8 @@ def over_threads(run: Callable[[int, int], None], n_items: int, work_per_item: i
         run(0, n_items)
         return
     edges = [n_items * i // threads for i in range(threads + 1)]
-    with ThreadPoolExecutor(threads) as pool:
-        list(pool.map(run, edges[:-1], edges[1:]))
+    with ThreadPoolExecutor(threads - 1) as pool:
+        others = [pool.submit(run, *piece) for piece in pairwise(edges[1:])]
+        run(edges[0], edges[1])
+        for other in others:
+            other.result()

@@ -26,7 +26,7 @@ class Work(NamedTuple):
         bounds : (3, size) largest off-diagonal entry of each row of the three.
         arms : (n, 3) mass, damping and stiffness of each eliminated motor.
         block, half : (2 m, 2 m), (2 m, p) information on ln k and ln c; times the exponents.
-    Buffers of vectors (complex ones but for off, worst, weights and sums):
+    Buffers of vectors (complex ones but for off, worst and sums):
         matrix : triangle of A, then of the unscaled factor L D.
         diagonal : (size,) A's.
         off : (size,) largest off-diagonal magnitude of each row.
@@ -36,9 +36,9 @@ class Work(NamedTuple):
         wind : (n, 3) of each motor, gear * rho; 1 - rho; gear/z (see `motor_terms`).
         worst : the guard.
         elongation : (m + 1, columns) v, of the needed springs.
-        mixed : (columns, 2) conj(v_s) v_t of two pairs of springs.
-        weights : (columns, columns) w^4 over the variance, twice that off the diagonal.
-        sums : (pairs, 3) of springs s >= t, rows filled up to even length: Re P, w Im P, w^2 Re P.
+        roots : (elements,) square roots of weights, of elements i <= j of the motors' response.
+        rows : (m + 1 or m + 2, elements) a_s, and the residual (see `kernel_gram`).
+        sums : (pairs, 4) of rows s >= t, in tiles of two by two.
     """
 
     d: int
@@ -77,8 +77,8 @@ class Work(NamedTuple):
     wind: int
     worst: int
     elongation: int
-    mixed: int
-    weights: int
+    roots: int
+    rows: int
     sums: int
 
 
@@ -116,6 +116,7 @@ def workspace(plan: Layout, network: SpringNetwork, tables: Sequence[Array]) -> 
     p = len(network.parameters)
     triangle = size * (size + 1) // 2
     columns = -(-n // BLOCK) * BLOCK
+    elements, pairs = n * (n + 1), (m + 2) // 2
     integers = [np.ascontiguousarray(t) for t in (plan.order, plan.motors)]
     integers += [np.ascontiguousarray(t) for t in (plan.inner, plan.needed)]
     order, motors, inner, needed = integers
@@ -133,9 +134,9 @@ def workspace(plan: Layout, network: SpringNetwork, tables: Sequence[Array]) -> 
             6 * n,
             1,
             2 * (m + 1) * columns,
-            4 * columns,
-            columns * columns,
-            6 * ((m + 1) // 2) * ((m + 2) // 2),
+            elements,
+            elements * pairs * 2,
+            8 * pairs * (pairs + 1),
         )
     ]
     pointed: list[Array | IntArray] = [

@@ -237,6 +237,19 @@ def lane_sum(typingctx, a):
 
 
 @intrinsic
+def root(typingctx, a):
+    """Return the square root of each lane."""
+
+    def codegen(context, builder, sig, args):
+        function = cgutils.get_or_insert_function(
+            builder.module, ir.FunctionType(VECTOR, [VECTOR]), f"llvm.sqrt.v{LANES}f64"
+        )
+        return builder.call(function, args)
+
+    return Reals(Reals), codegen
+
+
+@intrinsic
 def any_negative(typingctx, a):
     """Return whether a lane is below zero."""
 

@@ -1,0 +1,101 @@
+"""What a `CostKernel` computes once: A without its free springs, and what is compared with."""
+
+import numpy as np
+
+from robotmodels.arrays import Array, ComplexArray
+from robotmodels.kernel_cost import parted, vectors
+from robotmodels.kernel_layout import Layout
+from robotmodels.normal_equations import Residual
+from robotmodels.simd import LANES
+from robotmodels.spring_network import SpringNetwork
+
+# The columns of `targets` that hold weights.
+_WEIGHTS = {"nls": [2], "lls": [1, 3, 5], "lls_magnitude": [1]}
+
+
+def prepare(
+    network: SpringNetwork,
+    omega: Array,
+    measured: ComplexArray,
+    weights: Array,
+    residual: Residual,
+    plans: tuple[Layout, Layout],
+) -> tuple[list[Array], float]:
+    """Return the arrays of `Cells`, and the cost no model can undo; `plans`: full, reduced."""
+    blocks = -(-omega.size // LANES)
+    A = _remaining_matrix(network, omega, *plans)
+    size = A.shape[-1]
+    off = np.abs(A * (1 - np.eye(size))).max(axis=-1)
+    w = np.broadcast_to(omega, A.shape[:2])
+    compared, constant = targets(omega, measured, weights, residual)
+    inside = np.pad(np.ones(omega.size), (0, blocks * LANES - omega.size))
+    packed = vectors(compared, blocks).reshape(len(A), blocks, -1, compared.shape[-1], LANES)
+    packed[..., _WEIGHTS[residual], :] *= inside.reshape(blocks, 1, 1, LANES)
+    return (
+        [
+            vectors(w[..., None], blocks),
+            vectors(parted(A[..., *np.tril_indices(size)]), blocks),
+            vectors(off, blocks),
+            packed.reshape(-1),
+        ],
+        constant,
+    )
+
+
+def targets(
+    omega: Array, measured: ComplexArray, weights: Array, residual: Residual
+) -> tuple[Array, float]:
+    """Return what each element i <= j is compared with, and the cost no model can undo."""
+    i, j = np.triu_indices(measured.shape[-1])
+    single = i == j
+    w2 = omega[:, None] ** 2
+    upper, lower = (-measured[..., a, b] / w2 for a, b in ((i, j), (j, i)))
+    u, v = weights[..., i, j], np.where(single, 0.0, weights[..., j, i])
+    both = np.where(u + v > 0, u + v, 1.0)
+    if residual == "nls":
+        mean = (u * upper + v * lower) / both
+        constant = u * np.abs(upper - mean) ** 2 + v * np.abs(lower - mean) ** 2
+        parts = [mean.real, mean.imag, (u + v) * w2**2]
+        return np.stack(parts, axis=-1), float(np.sum(constant * w2**2))
+    a, b = np.log(np.abs(upper)), np.log(np.abs(lower))
+    mean = (u * a + v * b) / both
+    constant = u * (a - mean) ** 2 + v * (b - mean) ** 2
+    parts = [mean, u + v]
+    if residual == "lls":
+        parts += [np.angle(upper), u, np.angle(lower), v]
+    return np.stack(parts, axis=-1), float(np.sum(constant))
+
+
+def _remaining_matrix(
+    network: SpringNetwork, omega: Array, full: Layout, plan: Layout
+) -> ComplexArray:
+    """Return A without free and motor springs, (Q, F, size, size), other rows eliminated."""
+    mass, damping, stiffness = (
+        np.array(m, dtype=float) for m in (network.mass, network.damping, network.stiffness)
+    )
+    free = set(full.needed[:, 0])
+    for s, i, j in full.inner:
+        if s in free:
+            continue
+        a = np.zeros(mass.shape[-1])
+        a[full.order[i]] = 1.0
+        if j >= 0:
+            a[full.order[j]] = -1.0
+        stiffness += network.spring_stiffness[:, s, None, None] * np.outer(a, a)
+        damping = damping + network.spring_damping[:, s, None, None] * np.outer(a, a)
+    rows = full.order[full.pad :]
+    w = omega[:, None, None]
+    A = (
+        stiffness[:, None, rows[:, None], rows]
+        - w**2 * mass[:, None, rows[:, None], rows]
+        + 1j * w * np.broadcast_to(damping, mass.shape)[:, None, rows[:, None], rows]
+    )
+    cut = full.first - full.pad
+    if cut:
+        A = A[..., cut:, cut:] - A[..., cut:, :cut] @ np.linalg.solve(
+            A[..., :cut, :cut], A[..., :cut, cut:]
+        )
+    out = np.zeros((*A.shape[:2], len(plan.order), len(plan.order)), dtype=complex)
+    out[..., range(plan.pad), range(plan.pad)] = 1.0
+    out[..., plan.pad :, plan.pad :] = A
+    return out
