@@ -21,6 +21,7 @@ from estimators.distortion import Distortion
 from estimators.frf_estimate import FrfEstimate
 from robotmodels.arrays import Array
 from robotmodels.errors import InvalidInput
+from robotmodels.files import reason
 from robotmodels.noise import RelativeNoise
 from robotmodels.records import Records
 from robotmodels.replacing import replacing
@@ -213,7 +214,7 @@ def _read_mat(path: Path, axes: Mapping[str, int], schema: str) -> dict[str, Any
     except NotImplementedError:
         raise InvalidInput("a MATLAB 7.3 file; save it with -v7, or as HDF5") from None
     except (ValueError, OSError, MatReadError) as error:
-        raise InvalidInput(f"not a MATLAB file ({error})") from None
+        raise InvalidInput(f"not a MATLAB file ({reason(error)})") from None
     _check_schema("".join(np.ravel(found.get("schema", ""))[:1]), schema)
     _check_names(found, axes)
     return {name: _with_axes(found[name], count) for name, count in axes.items()}

@@ -22,6 +22,7 @@ from numpy.typing import NDArray
 from estimators.frf_estimate import FrfEstimate
 from robotmodels.arrays import Array, ComplexArray
 from robotmodels.errors import InvalidInput
+from robotmodels.files import reason
 from robotmodels.noise import RelativeNoise
 
 _FRF, _GENERAL = 4, 0
@@ -147,7 +148,7 @@ def _read_sets(path: Path) -> list[dict[str, Any]]:
         with _files_left_open():
             found = pyuff.UFF(str(path)).read_sets()
     except Exception as error:  # pyuff raises nothing more particular
-        raise InvalidInput(f"not a universal file that pyuff can read ({error})") from None
+        raise InvalidInput(f"not a universal file that pyuff can read ({reason(error)})") from None
     return found if isinstance(found, list) else [found]
 
 

@@ -202,7 +202,8 @@ def _without_missing(found: Spectra, method: str, who: str) -> Spectra:
     if method in SUMMING or not partial.any():
         return found.blocks(some)
     warn(
-        f"{who}: blocks {_numbers(partial)} lack experiments and are left out; {' and '.join(SUMMING)} would use what they have"
+        f"{who}: blocks {_numbers(partial)} lack experiments and are left out; "
+        f"{' and '.join(SUMMING)} would use what they have"
     )
     if not every.any():
         raise InvalidInput(f"{who}: no block is complete, as {method} needs")

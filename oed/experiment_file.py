@@ -60,7 +60,7 @@ from pydantic import Field, NonNegativeFloat, PositiveFloat, PositiveInt, model_
 from oed.file_paths import output_folder, robot_reference
 from robotmodels.arrays import Array, IntArray
 from robotmodels.errors import InvalidInput
-from robotmodels.files import Strict, read_yaml
+from robotmodels.files import Strict, read_yaml, reason
 
 Positive = PositiveFloat | Annotated[list[PositiveFloat], Field(min_length=1)]
 NonNegative = NonNegativeFloat | Annotated[list[NonNegativeFloat], Field(min_length=1)]
@@ -247,7 +247,7 @@ def _designed(path: Path, robot: str) -> tuple[Array, IntArray]:
     except FileNotFoundError:
         raise InvalidInput(f"design: {path}: no such file; `oed run` writes it") from None
     except (OSError, ValueError) as error:
-        raise InvalidInput(f"design: {path}: not a design ({error})") from None
+        raise InvalidInput(f"design: {path}: not a design ({reason(error)})") from None
     schema = document.get("schema") if isinstance(document, dict) else None
     if schema != "design/1":
         raise InvalidInput(f"design: {path}: schema is {schema!r}; 'design/1' is needed")

@@ -19,7 +19,7 @@ from oed.moves import MoveLimits
 from oed.multisine import Multisine
 from oed.plan import ExperimentPlan
 from robotmodels.errors import InvalidInput
-from robotmodels.files import Strict, read_yaml
+from robotmodels.files import Strict, read_yaml, reason
 
 _ARRAYS = ("phases", "amplitudes", "scale")
 
@@ -93,7 +93,7 @@ def save_plan(plan: ExperimentPlan, path: str | os.PathLike[str]) -> None:
         for part, final in zip(unfinished, (arrays, target), strict=True):
             os.replace(part, final)
     except OSError as error:
-        raise InvalidInput(f"{target}: cannot be written to ({error})") from None
+        raise InvalidInput(f"{target}: cannot be written to ({reason(error)})") from None
     finally:
         for part in unfinished:
             part.unlink(missing_ok=True)

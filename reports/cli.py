@@ -14,6 +14,7 @@ import typer
 
 from reports.commands import register_all
 from robotmodels.errors import IdentificationError
+from robotmodels.files import disk_full, reason
 
 app = typer.Typer(
     no_args_is_help=True,
@@ -24,6 +25,9 @@ app = typer.Typer(
     epilog="Exit codes: 0 done, 1 failed, 2 a mistake in the command or a file, 130 interrupted.",
 )
 register_all(app)
+
+
+_DISK_FULL = "the disk is full; free some space and run the same command again"
 
 
 def _version(wanted: bool) -> None:
@@ -55,6 +59,8 @@ def main() -> None:
     try:
         sys.exit(app(standalone_mode=False) or 0)
     except IdentificationError as error:
+        if disk_full(error):
+            _fail(_DISK_FULL, 1)
         _fail(str(error), 2)
     except typer.TyperException as error:
         if message := _usage(error):
@@ -62,6 +68,12 @@ def main() -> None:
         sys.exit(error.exit_code)  # help was shown
     except BrokenProcessPool:
         _fail("a worker process was killed, perhaps for want of memory; try --workers 1", 1)
+    except (OSError, RuntimeError) as error:  # HDF5 raises either
+        if disk_full(error):
+            _fail(_DISK_FULL, 1)
+        if not (isinstance(error, OSError) and error.filename):
+            raise
+        _fail(f"{error.filename}: {reason(error)}", 1)
 
 
 def _usage(error: typer.TyperException) -> str:

@@ -1,11 +1,15 @@
 """YAML files read against a schema; every mistake becomes one line that names file and key."""
 
+import errno
+import os
+import re
 from collections.abc import Hashable
 from pathlib import Path
 from typing import Any, TypeVar
 
 import yaml
-from pydantic import BaseModel, ConfigDict, ValidationError
+from pydantic import BaseModel, ConfigDict, ValidationError, ValidationInfo, field_validator
+from pydantic_core import PydanticCustomError
 
 from robotmodels.errors import InvalidInput, nearest
 
@@ -14,6 +18,15 @@ class Strict(BaseModel):
     """A section of a file: unknown keys are refused, values cannot be changed."""
 
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
+
+    @field_validator("*", mode="before")
+    @classmethod
+    def _truth_is_no_number(cls, value: object, info: ValidationInfo) -> object:
+        annotation = cls.model_fields[str(info.field_name)].annotation
+        known = _allows(annotation, bool) or (_model_of(annotation) and not isinstance(value, bool))
+        if _has_truth(value) and not known:
+            raise PydanticCustomError("truth", "a number is needed")
+        return value
 
 
 _Section = TypeVar("_Section", bound=Strict)
@@ -46,7 +59,7 @@ def read_yaml(path: Path, schema: type[_Section]) -> _Section:
     except FileNotFoundError:
         raise InvalidInput(f"{path}: no such file") from None
     except (OSError, UnicodeDecodeError) as error:
-        raise InvalidInput(f"{path}: cannot be read ({error})") from None
+        raise InvalidInput(f"{path}: cannot be read: {reason(error)}") from None
     except yaml.MarkedYAMLError as error:
         mark = error.problem_mark
         line = f"line {mark.line + 1}: " if mark else ""
@@ -54,6 +67,27 @@ def read_yaml(path: Path, schema: type[_Section]) -> _Section:
     except yaml.YAMLError as error:
         raise InvalidInput(f"{path}: not valid YAML: {' '.join(str(error).split())}") from None
     return parse(content, schema, str(path))
+
+
+def reason(error: Exception) -> str:
+    """Return in a few words why a file cannot be read or written."""
+    if isinstance(error, IsADirectoryError):
+        return "it is a folder, a file is needed"
+    if isinstance(error, UnicodeDecodeError):
+        return "it is not UTF-8 text"
+    words = getattr(error, "strerror", None) or str(error)
+    inside = re.search(r"error message = '([^']+)'", words)  # of HDF5, amid its own variables
+    return " ".join((inside[1] if inside else words).split())
+
+
+def disk_full(error: BaseException | None) -> bool:
+    """Whether an error, or one that led to it, says that a disk or a quota is full."""
+    while error is not None:
+        full = getattr(error, "errno", None) in (errno.ENOSPC, errno.EDQUOT)
+        if full or os.strerror(errno.ENOSPC) in str(error):  # HDF5 tells in words only
+            return True
+        error = error.__cause__ or error.__context__
+    return False
 
 
 def parse(content: object, schema: type[_Section], source: str) -> _Section:
@@ -134,6 +168,7 @@ _PLAIN = {
 
 def _brief(found: object) -> str:
     text = repr(list(found) if isinstance(found, tuple) else found)
+    text = re.sub(r"\b(True|False)\b", lambda word: word[0].lower(), text)
     return text if len(text) <= 60 else f"{text[:57]}..."
 
 
@@ -175,6 +210,18 @@ def _known_keys(schema: type[BaseModel], location: tuple[str | int, ...]) -> lis
             if field is not None:
                 current = _model_of(field.annotation) or current
     return [f.alias or name for name, f in current.model_fields.items()]
+
+
+def _has_truth(value: object) -> bool:
+    """Whether a value of a YAML file is true or false, or a list or mapping with one in it."""
+    if isinstance(value, dict):
+        value = list(value.values())
+    return isinstance(value, bool) or (isinstance(value, list) and any(map(_has_truth, value)))
+
+
+def _allows(annotation: Any, kind: type) -> bool:
+    """Whether an annotation such as ``list[float] | bool`` names a type."""
+    return annotation is kind or any(_allows(a, kind) for a in getattr(annotation, "__args__", ()))
 
 
 def _model_of(annotation: Any) -> type[BaseModel] | None:

@@ -84,9 +84,9 @@ def run_block(block: Block) -> tuple[Array, Array, NDArray[np.bool_]]:
         )
         if good < total:
             raise SolverFailed(
-                f"{block.where}, experiment {e + 1}: a motor is more than 1 rad (arm side) off after "
-                f"{good * controller.sample_time:.3g} s; a stable controller (smaller gains or "
-                "sample time) or smaller signals are needed"
+                f"{block.where}, experiment {e + 1}: a motor is more than 1 rad (arm side) off "
+                f"after {good * controller.sample_time:.3g} s; a stable controller (smaller "
+                "gains or sample time) or smaller signals are needed"
             )
         results.append([trace[block.transient * N :].reshape(kept) for trace in traces])
     torque, angle, limited = (np.stack(part) for part in zip(*results, strict=True))

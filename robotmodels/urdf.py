@@ -25,6 +25,8 @@ def locate(urdf: str, beside: Path) -> Path:
     """
     if not urdf.startswith(_PACKAGE_PREFIX):
         path = (beside / urdf).resolve()
+        if path.is_dir():
+            raise InvalidInput(f"urdf: {path} is a folder; the URDF file itself is needed")
         if not path.is_file():
             raise InvalidInput(f"urdf: {path}: no such file")
         return path

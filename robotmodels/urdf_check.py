@@ -6,6 +6,7 @@ from collections import Counter
 from pathlib import Path
 
 from robotmodels.errors import InvalidInput, nearest
+from robotmodels.files import reason
 
 _SUPPORTED = ("revolute", "continuous", "prismatic", "fixed")
 
@@ -21,6 +22,8 @@ def checked_urdf(path: Path) -> str:
         robot = ET.parse(path).getroot()
     except ET.ParseError as error:
         raise InvalidInput(f"{path}: not a well-formed URDF: {error}") from None
+    except OSError as error:
+        raise InvalidInput(f"{path}: cannot be read: {reason(error)}") from None
     if robot.tag != "robot":
         raise InvalidInput(f"{path}: not a URDF: its root is <{robot.tag}>, not <robot>")
     if any("xacro" in element.tag for element in robot.iter() if isinstance(element.tag, str)):

@@ -1,12 +1,15 @@
 """Options that several commands share, and how a command ends: with text or with JSON."""
 
 import json
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
 from typing import Annotated, Any
 
 import typer
 
 from reports.workers import available_cores
+from robotmodels.errors import IdentificationError
 
 Workers = Annotated[
     int,
@@ -24,6 +27,17 @@ def say(text: Callable[[], str], document: Callable[[], Any], as_json: bool) -> 
     typer.echo(
         json.dumps(document(), indent=1, ensure_ascii=False, allow_nan=False) if as_json else text()
     )
+
+
+@contextmanager
+def about(path: Path) -> Iterator[None]:
+    """Name the file that a command works on in errors that do not."""
+    try:
+        yield
+    except IdentificationError as error:
+        if str(path) in str(error):
+            raise
+        raise IdentificationError(f"{path}: {error}") from error
 
 
 def robot_names(incomplete: str) -> list[str]:

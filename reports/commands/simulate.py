@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from reports.commands.options import WORKERS, AsJson, Workers, say
+from reports.commands.options import WORKERS, AsJson, Workers, about, say
 from reports.workers import one_thread_each, process_pool
 
 
@@ -35,6 +35,7 @@ def simulate(
 
     content = load_experiment(experiment)
     with (
+        about(experiment),
         staged_folder(content.output) as folder,
         progress_bars() as progress,
         process_pool(workers) as executor,

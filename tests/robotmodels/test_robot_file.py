@@ -63,6 +63,18 @@ def payload(**entries: object) -> dict:
             "springs[3].stiffness of 'd4': a finite number is needed, found inf",
         ),
         (
+            with_spring(SPLIT, "d4", stiffness=True),
+            "springs[3].stiffness of 'd4': a number is needed, found true",
+        ),
+        (
+            changed(SPLIT, gravity=[0, False, -9.81]),
+            "gravity: a number is needed, found [0, false, -9.81]",
+        ),
+        (
+            changed(SPLIT, urdf="."),
+            "urdf: {folder} is a folder; the URDF file itself is needed",
+        ),
+        (
             with_spring(SPLIT, "d4", damping=0),
             "springs[3].damping of 'd4': a number greater than 0 is needed, found 0",
         ),
@@ -177,7 +189,7 @@ def payload(**entries: object) -> dict:
     ],
 )
 def test_mistakes_in_keys_and_values(path: Path, content: dict, line: str) -> None:
-    assert refusal(path, content) == line
+    assert refusal(path, content) == line.replace("{folder}", str(path.parent.resolve()))
 
 
 @pytest.mark.parametrize(

@@ -1,0 +1,109 @@
+"""What ends a command that is not its user's mistake, and what names the file at fault."""
+
+import errno
+import sys
+from pathlib import Path
+
+import pytest
+
+from reports import cli
+from reports.commands.options import about
+from robotmodels.errors import IdentificationError, InvalidInput, NotIdentifiable
+from robotmodels.files import disk_full, reason
+
+
+@pytest.fixture
+def ends(monkeypatch, capsys):
+    def run(error):
+        def app(**_):
+            raise error
+
+        monkeypatch.setattr(cli, "app", app)
+        with pytest.raises(SystemExit) as ended:
+            cli.main()
+        out, err = capsys.readouterr()
+        assert out == ""
+        assert len(err.splitlines()) == 1
+        return ended.value.code, err
+
+    return run
+
+
+def caused(error, by):
+    error.__cause__ = by
+    return error
+
+
+HDF5 = (
+    "Can't decrement id ref count (unable to extend file properly, errno = 28, "
+    "error message = 'No space left on device')"
+)
+
+
+@pytest.mark.parametrize(
+    "error",
+    [
+        OSError(errno.ENOSPC, "No space left on device"),
+        RuntimeError(HDF5),
+        caused(InvalidInput("chains.h5 cannot be written"), by=OSError(HDF5)),
+    ],
+)
+def test_a_full_disk_is_one_line(ends, error):
+    assert ends(error) == (
+        1,
+        "error: the disk is full; free some space and run the same command again\n",
+    )
+
+
+def test_a_file_that_may_not_be_read_is_named(ends):
+    code, err = ends(PermissionError(errno.EACCES, "Permission denied", "out/x.h5"))
+    assert (code, err) == (1, "error: out/x.h5: Permission denied\n")
+
+
+def test_a_fault_of_the_program_keeps_its_traceback(monkeypatch):
+    def app(**_):
+        raise RuntimeError("a bug")
+
+    monkeypatch.setattr(cli, "app", app)
+    with pytest.raises(RuntimeError, match="a bug"):
+        cli.main()
+
+
+def test_errors_name_the_file_once():
+    study = Path("here/study.yaml")
+    unnamed = NotIdentifiable(["k1"], "measure more")
+    message = r"^here/study\.yaml: not identifiable: k1"
+    with pytest.raises(IdentificationError, match=message), about(study):
+        raise unnamed
+    with pytest.raises(InvalidInput, match=r"^here/study\.yaml: unknown key"), about(study):
+        raise InvalidInput("here/study.yaml: unknown key")
+
+
+@pytest.mark.parametrize(
+    ("name", "words"), [("", "it is a folder, a file is needed"), ("x", "No such file")]
+)
+def test_reasons_are_words(name, words, tmp_path):
+    with pytest.raises(OSError, match="Errno") as caught:
+        (tmp_path / name).read_text(encoding="utf-8")
+    assert reason(caught.value).startswith(words)
+    assert "Errno" not in reason(caught.value)
+
+
+def test_hdf5_tells_of_a_full_disk_in_words():
+    assert reason(OSError(HDF5)) == "No space left on device"
+    assert not disk_full(OSError(errno.EACCES, "no"))
+    assert not disk_full(None)
+
+
+@pytest.mark.parametrize("command", ["check", "run", "simulate", "frf"])
+def test_a_folder_is_no_file(command, monkeypatch, capsys, tmp_path):
+    folder = tmp_path / "robot.yaml"
+    folder.mkdir()
+    monkeypatch.setattr(sys, "argv", ["oed", command, str(folder)])
+    with pytest.raises(SystemExit) as ended:
+        cli.main()
+    out, err = capsys.readouterr()
+    assert (ended.value.code, out) == (2, "")
+    assert str(folder) in err
+    assert "Errno" not in err
+    assert len(err.splitlines()) == 1
