@@ -18,6 +18,10 @@ from estimators.weights import square_root, whiten
 from robotmodels.arrays import Array, ComplexArray
 
 _LARGEST_DAMPING = 0.7
+_ROUNDS = 60
+_BEYOND = 20.0  # how far outside the band resonances are looked for, a factor
+# Gain in cost for each turned shape from which on real mode shapes are given up.
+_TURNING = 3.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -106,6 +110,11 @@ class FittedModes:
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "_parts", self.layout.split(self.x))
+
+    @property
+    def misfit(self) -> float:
+        """Cost over its expectation: near 1 where known noise is all that is left."""
+        return self.cost / (max(self.data.size - len(self.x), 1) / 2)
 
     @property
     def inertia(self) -> Array:
@@ -215,35 +224,53 @@ class FittedModes:
         return np.asarray(variances)
 
 
-def fit_modes(data: Data, count: int, *, turned: bool = False) -> FittedModes:
+def fit_modes(data: Data, count: int, rounds: int = _ROUNDS) -> FittedModes:
     """Return the maximum-likelihood modes, `count` of them, common to all elements.
+
+    Mode shapes are real unless complex ones, as unequal dampers make them, explain clearly more.
 
     Parameters
     ----------
     data : see `prepared`.
     count : n, M (N - 1) for M chains of N masses.
-    turned : whether mode shapes may be complex, as unequal dampers make them.
+    rounds : of the search, at most.
     """
     if data.undamped:
         layout = ModalLayout(data.chains, count, losses=False)
-        return _refined(data, layout, undamped_start(data, layout))
+        return _refined(data, layout, undamped_start(data, layout), rounds)
     layout = ModalLayout(data.chains, count)
+    rough = [_search(data, layout, x, 8) for x in _distinct(data, layout)]
+    found = _refined(data, layout, min(rough, key=lambda point: point[1])[0], rounds)
+    if not data.scaled and found.misfit < 1 + 3 * np.sqrt(2 / data.size):
+        return found  # nothing is left to explain
+    turned = _with_turned_shapes(found, rounds)
+    gain = (found.cost - turned.cost) / max(turned.misfit, 1e-300)
+    return turned if gain > _TURNING * turned.layout.sizes[-1] else found
+
+
+def _distinct(data: Data, layout: ModalLayout, most: int = 2) -> list[Array]:
+    """Return the best starts, leaving out those that say the same."""
     starts = modal_start(data, layout)
-    rough = [_search(data, layout, x, 8) for x in starts]
-    best = min(rough, key=lambda found: found[1])
-    found = _refined(data, layout, best[0])
-    return with_turned_shapes(found) if turned else found
+    costs = [
+        float(np.sum(data.whitened(modal_response(x, layout, data.omega) - data.response) ** 2))
+        for x in starts
+    ]
+    kept: list[int] = []
+    for i in np.argsort(costs):
+        if len(kept) < most and all(costs[i] > 1.01 * costs[k] for k in kept):
+            kept.append(int(i))
+    return [starts[i] for i in kept]
 
 
-def with_turned_shapes(found: FittedModes) -> FittedModes:
+def _with_turned_shapes(found: FittedModes, rounds: int) -> FittedModes:
     """Return the fit repeated with complex mode shapes, from the real ones."""
     layout = ModalLayout(found.layout.chains, found.layout.modes, turned=True)
     x = np.concatenate([found.x, np.zeros(layout.sizes[-1])])
-    return _refined(found.data, layout, x)
+    return _refined(found.data, layout, x, rounds)
 
 
-def _refined(data: Data, layout: ModalLayout, x: Array) -> FittedModes:
-    x, cost = _search(data, layout, x, 100)
+def _refined(data: Data, layout: ModalLayout, x: Array, rounds: int) -> FittedModes:
+    x, cost = _search(data, layout, x, rounds)
     x = _sorted(x, layout)
     jacobian = data.whitened(modal_sensitivity(x, layout, data.omega)[1])
     size = np.linalg.norm(jacobian, axis=0)
@@ -252,7 +279,7 @@ def _refined(data: Data, layout: ModalLayout, x: Array) -> FittedModes:
     # information = 2 Re(...) of complex data is the Gauss-Newton matrix of |S r|^2, twice.
     covariance = covariance / np.outer(size, size) / 2
     if data.scaled:
-        covariance = covariance * cost / max(data.size - len(x), 1) * 2
+        covariance = covariance * 2 * cost / max(data.size - len(x), 1)
     return FittedModes(data, layout, x, covariance, cost)
 
 
@@ -261,12 +288,14 @@ def _search(data: Data, layout: ModalLayout, x: Array, rounds: int) -> tuple[Arr
 
     low, high = np.full(len(x), -np.inf), np.full(len(x), np.inf)
     if layout.losses:
-        start = layout.structure
+        begin, start = layout.sizes[0], layout.structure
+        places = slice(begin, begin + layout.modes)
+        low[places], high[places] = np.log(data.omega[[0, -1]] * [1 / _BEYOND, _BEYOND])
         zeta = slice(start, start + layout.modes)
         low[zeta], high[zeta] = 1e-7, _LARGEST_DAMPING
     found = least_squares(
         lambda v: data.whitened(modal_response(v, layout, data.omega) - data.response)[:, 0],
-        np.clip(x, low * (1 + 1e-9), high),
+        _inside(x, low, high),
         jac=lambda v: data.whitened(modal_sensitivity(v, layout, data.omega)[1]),
         bounds=(low, high),
         x_scale="jac",
@@ -276,6 +305,15 @@ def _search(data: Data, layout: ModalLayout, x: Array, rounds: int) -> tuple[Arr
         max_nfev=rounds,
     )
     return np.asarray(found.x), float(2 * found.cost)
+
+
+def _inside(x: Array, low: Array, high: Array) -> Array:
+    """Return x moved off its bounds, on which a search cannot begin."""
+    finite = np.isfinite(low)
+    moved = x.copy()
+    margin = 1e-6 * (high[finite] - low[finite])
+    moved[finite] = np.clip(x[finite], low[finite] + margin, high[finite] - margin)
+    return moved
 
 
 def _sorted(x: Array, layout: ModalLayout) -> Array:
