@@ -23,3 +23,16 @@ def robot_reference(path: Path, robot: str) -> str:
     if robot.endswith((".yaml", ".yml")) or "/" in robot:
         return str((path.resolve().parent / Path(robot).expanduser()).resolve())
     return robot
+
+
+def existing_file(path: Path, key: str, file: Path) -> Path:
+    """Return the absolute path that `file`, the value of `key` in the file `path`, means.
+
+    Raises
+    ------
+    InvalidInput : if there is no such file.
+    """
+    found = (path.resolve().parent / file.expanduser()).resolve()
+    if not found.is_file():
+        raise InvalidInput(f"{path}: {key}: {found}: no such file")
+    return found

@@ -1,4 +1,36 @@
-"""The schema of a study file: which robot, where it may be put, how well to measure and fit."""
+"""The schema of a study file: which robot, where it may be put, how to measure and to fit.
+
+.. code-block:: yaml
+
+    schema: study/1
+    robot: ur10                  # a built-in robot, or the path of a robot file
+    truth: hardening.yaml        # left out: the same; the robot that the data are simulated with
+    seed: 1
+    frequencies: {low: 2.0, high: 80.0, count: 80, spacing: log}    # [Hz], of the design
+    noise: {relative: 0.03, floor: 0.01}     # parts of an element and of the largest element
+    candidates: {per_joint: {elbow_joint: 5}, limits: {elbow_joint: [-2.5, 2.5]}}
+    design: {criterion: D, experiments: 15, tolerance: 1.0e-6}
+    data:                        # left out: FRFs with that noise; one of the first three
+      experiment: {...}          # simulated in closed loop, keys as in an experiment file
+      records: records.h5        # measured
+      frf: frf.h5                # measured
+      method: ari                # of the FRFs from records: ari, har, log, h1 or jio
+      covariance: total          # or noise, which misses distortion
+      structure: diagonal        # or full
+    fit:
+      starts: 4                  # the same for all estimators,
+      decades: 0.3               # each value multiplied by 10^U(-0.3, 0.3)
+      residuals: [lls, nls]      # lls with user weights, nls with optimal ones; or
+      estimators:
+        - {name: LLS15U, residual: lls, weights: user}
+        - {name: LLS1U, residual: lls, weights: user, positions: best}    # or all, or [0, 3]
+      user_weights: {diagonal: 1.0, off_diagonal: 0.1, low: 3.0}    # zero below `low` [Hz]
+      result: LLS15U             # left out: the likelihood, from where the estimators ended
+    posterior: {ensembles: 4, walkers: 64, steps: 2000}
+    output: ../out/ur10          # relative to this file, as every path in it
+
+With measured data, the positions are those of the data: `candidates` is left out.
+"""
 
 import math
 from pathlib import Path
@@ -7,12 +39,15 @@ from typing import Annotated, Literal, Self
 import numpy as np
 from pydantic import Field, NonNegativeFloat, PositiveFloat, PositiveInt, model_validator
 
-from oed.file_paths import output_folder, robot_reference
+from oed.experiment_file import Shaking
+from oed.file_paths import existing_file, output_folder, robot_reference
 from robotmodels.arrays import Array
+from robotmodels.errors import nearest
 from robotmodels.files import Strict, read_yaml
 from robotmodels.noise import RelativeNoise
 
 Residual = Literal["nls", "lls", "lls_magnitude"]
+Index = Annotated[int, Field(ge=0)]
 
 MOST_CANDIDATES = 250_000
 """Their matrices stay in memory: 1.4 GB at 26 parameters."""
@@ -77,18 +112,94 @@ class DesignChoice(Strict):
     tolerance: PositiveFloat = 1e-6
 
 
+class DataChoice(Strict):
+    """Where the FRFs come from; from the noise law where none of the first three is given."""
+
+    experiment: Shaking | None = None
+    records: Path | None = None
+    frf: Path | None = None
+    method: Literal["ari", "har", "log", "h1", "jio"] = "ari"
+    covariance: Literal["total", "noise"] = "total"
+    structure: Literal["diagonal", "full"] = "diagonal"
+    delay: float = 0.0
+    hold: bool = True
+
+    @model_validator(mode="after")
+    def _one_source(self) -> Self:
+        given = [k for k in ("experiment", "records", "frf") if getattr(self, k) is not None]
+        if len(given) > 1:
+            raise ValueError(f"{' and '.join(given)} given; one of them is needed")
+        return self
+
+    @property
+    def measured(self) -> bool:
+        """Whether the data come from files."""
+        return self.records is not None or self.frf is not None
+
+
+class WeightChoice(Strict):
+    """User-defined weights: of elements on and off the diagonal, zero below a frequency [Hz]."""
+
+    diagonal: NonNegativeFloat = 1.0
+    off_diagonal: NonNegativeFloat = 0.1
+    low: NonNegativeFloat = 0.0
+
+
+class Estimator(Strict):
+    """An estimator: residual, weights, and which of the plan's positions, counted from 0.
+
+    `reweight` repeats the best fit with optimal weights at its own FRF.
+    """
+
+    name: Annotated[str, Field(pattern=r"^[A-Za-z0-9_-]{1,40}$")]
+    residual: Residual
+    weights: Literal["user", "optimal", "combined"]
+    positions: Literal["all", "best"] | Annotated[tuple[Index, ...], Field(min_length=1)] = "all"
+    reweight: bool = False
+
+
 class FitChoice(Strict):
-    """Residuals to fit, each from the same starts, perturbed by 10^U(-decades, decades)."""
+    """Estimators, each from the same starts, perturbed by 10^U(-decades, decades)."""
 
     residuals: Annotated[tuple[Residual, ...], Field(min_length=1)] = ("lls", "nls")
+    estimators: Annotated[tuple[Estimator, ...], Field(min_length=1)] | None = None
     decades: Annotated[float, Field(ge=0, lt=3)] = 0.3  # fits seek within three decades
     starts: PositiveInt = 4
+    user_weights: WeightChoice = WeightChoice()
+    result: str | None = None
 
     @model_validator(mode="after")
     def _each_once(self) -> Self:
         if len(set(self.residuals)) < len(self.residuals):
             raise ValueError("residuals: each residual can be named once only")
+        if self.estimators is not None and "residuals" in self.model_fields_set:
+            raise ValueError("residuals and estimators given; one of them is needed")
+        names = [estimator.name for estimator in self.used]
+        for name in names:
+            if names.count(name) > 1:
+                raise ValueError(f"estimators: the name {name!r} is used twice")
+        if self.result is not None and self.result not in names:
+            raise ValueError(
+                f"result: {self.result!r} is none of the estimators{nearest(self.result, names)}; "
+                f"there are {', '.join(names)}"
+            )
         return self
+
+    @property
+    def used(self) -> tuple[Estimator, ...]:
+        """The estimators; a residual stands for its usual weights, all positions.
+
+        Log residuals start with user weights: [WM] section 7 finds that optimal weights, small at
+        resonances, fail from far starts where user weights do not.
+        """
+        if self.estimators is not None:
+            return self.estimators
+        return tuple(
+            Estimator(name=residual, residual=residual, weights="optimal")
+            if residual == "nls"
+            else Estimator(name=residual, residual=residual, weights="user", reweight=True)
+            for residual in self.residuals
+        )
 
 
 class PosteriorChoice(Strict):
@@ -100,18 +211,37 @@ class PosteriorChoice(Strict):
 
 
 class Study(Strict):
-    """A study file, ``schema: study/1``; `robot` and `output` are relative to the file."""
+    """A study file, ``schema: study/1``; paths in it are relative to the file."""
 
     schema_: Literal["study/1"] = Field(alias="schema")
     robot: str
+    truth: str | None = None
     seed: Annotated[int, Field(ge=0)] = 1
-    frequencies: Frequencies
-    noise: Noise
-    candidates: Candidates
+    frequencies: Frequencies | None = None
+    noise: Noise | None = None
+    candidates: Candidates | None = None
     design: DesignChoice = DesignChoice()
+    data: DataChoice = DataChoice()
     fit: FitChoice = FitChoice()
     posterior: PosteriorChoice = PosteriorChoice()
     output: Path
+
+    @model_validator(mode="after")
+    def _data_or_candidates(self) -> Self:
+        needed = ("candidates", "frequencies", "noise")
+        given = [key for key in needed if getattr(self, key) is not None]
+        if self.data.measured:
+            useless = [*given, *(["truth"] if self.truth is not None else [])]
+            if useless:
+                raise ValueError(
+                    f"{useless[0]}: of no use with measured data, whose positions, frequencies "
+                    "and noise are their own; leave it out"
+                )
+            return self
+        missing = [key for key in needed if key not in given]
+        if missing:
+            raise ValueError(f"missing key {missing[0]!r}")
+        return self
 
 
 def load_study(path: str | Path) -> Study:
@@ -123,8 +253,15 @@ def load_study(path: str | Path) -> Study:
     """
     path = Path(path)
     study = read_yaml(path, Study)
+    files = {
+        key: existing_file(path, f"data.{key}", file)
+        for key in ("records", "frf")
+        if (file := getattr(study.data, key)) is not None
+    }
     changed = {
         "output": output_folder(path, study.output),
         "robot": robot_reference(path, study.robot),
+        "truth": None if study.truth is None else robot_reference(path, study.truth),
+        "data": study.data.model_copy(update=files),
     }
     return study.model_copy(update=changed)

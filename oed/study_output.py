@@ -1,26 +1,28 @@
-"""What a study leaves behind for other programs: three JSON files and the information matrices.
+"""What a study leaves behind for other programs: three JSON files beside its stages.
 
 SI units and radians, except frequencies [Hz]; covariances are for ln theta. Nothing in these
 files depends on the clock or on where they lie: the same seed gives the same files.
 
 ``design.json``
-    ``candidates``: how many; ``relaxed``: ``criterion``, ``support`` (candidate indices into
-    information.h5), their ``weights``, ``value``, certified ``gap``; ``exact``: ``experiments``
-    and ``efficiency`` (certified lower bound against the relaxed optimum); ``positions``: the
-    positions to measure in, each with ``candidate``, ``position`` [rad, in the order of
-    ``motors``], ``weight``, ``repetitions``.
+    ``candidates``: how many; ``relaxed``: ``criterion``, ``support`` (indices of candidates in
+    ``stages/information/information.h5``), their ``weights``, ``value``, certified ``gap``;
+    ``exact``: ``experiments`` and ``efficiency`` (certified lower bound against the relaxed
+    optimum); ``positions``: the positions to measure in, each with ``candidate``, ``position``
+    [rad, in the order of ``motors``], ``weight``, ``repetitions``.
 ``fit.json``
-    ``parameters``: name, unit, ``truth``, ``estimate``; ``residual``, ``weights``, ``cost``,
-    ``origin`` of the chosen fit; ``residuals``: what each residual came to: ``estimate``,
-    ``cost``, ``converged``; ``starts``: per residual, the runs with ``start`` number and
-    ``values``, ``weights``, ``cost`` (null where the search could not begin), ``converged``,
-    ``evaluations``, ``message``, best first.
+    ``parameters``: name, unit, ``truth`` (null where it is not known), ``estimate``;
+    ``residual``, ``cost``, ``origin`` of the chosen fit; ``estimators``: what each estimator came
+    to: ``residual``, ``weights``, ``positions`` (how many), ``estimate``, ``cost``, ``converged``;
+    ``starts``: per estimator, the runs with ``start`` number and ``values``, ``cost`` (null where
+    the search could not begin), ``converged``, ``evaluations``, ``message``, best first.
 ``uncertainty.json``
     ``theorem1`` and ``emcee``: relative ``std`` and ``correlation``; ``convergence``: ``r_hat``,
     ``ess``, ``autocorrelation_time`` [steps], ``acceptance``, ``converged``, ``message``;
-    ``z``: (ln estimate - ln truth) / std of Theorem 1.
-``information.h5``
-    ``positions`` (Q, n), ``matrices`` (Q, p, p), ``names``.
+    ``z``: (ln estimate - ln truth) / std of Theorem 1, null where no truth is known.
+``stages/``
+    what each stage computed, see `oed.stages`; among it ``information/information.h5`` with
+    ``positions`` (Q, n), ``matrices`` (Q, p, p) and ``names``, ``fit-NAME/runs.h5`` (see
+    `estimators.read_fits`) and ``posterior/posterior.h5``, the chains (see `emcee.backends`).
 """
 
 import json
@@ -35,6 +37,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from oed.stages import write_atomically
 from oed.study import Search, StudyResults, start_number
 from robotmodels.arrays import Array
 from robotmodels.errors import InvalidInput
@@ -66,27 +69,28 @@ def staged_folder(folder: Path) -> Iterator[Path]:
 
 
 def write_results(results: StudyResults, folder: Path) -> None:
-    """Write design.json, fit.json, uncertainty.json and information.h5 into `folder`."""
+    """Write design.json, fit.json and uncertainty.json into `folder`."""
     for name, document in (
         ("design", design_document(results)),
         ("fit", fit_document(results)),
         ("uncertainty", uncertainty_document(results)),
     ):
         text = json.dumps(document, indent=1, allow_nan=False) + "\n"
-        (folder / f"{name}.json").write_text(text, encoding="utf-8")
-    results.information.save(folder / "information.h5")
+        write_atomically(folder / f"{name}.json", text)
 
 
 def design_document(results: StudyResults) -> dict[str, Any]:
     """Return the content of design.json."""
     design, exact = results.design, results.exact
     support = np.flatnonzero(design.weights)
+    study = results.study
+    omega = results.omega if study.frequencies is None else study.frequencies.omega()
     return {
         **_header("design/1", results),
         "motors": list(results.robot.motor_names),
         "parameters": list(results.robot.parameters.names),
-        "frequencies_hz": _numbers(results.omega / (2 * np.pi)),
-        "noise": results.study.noise.model_dump(),
+        "frequencies_hz": _numbers(omega / (2 * np.pi)),
+        "noise": None if study.noise is None else study.noise.model_dump(),
         "candidates": len(design.weights),
         "relaxed": {
             "criterion": design.criterion,
@@ -119,23 +123,25 @@ def fit_document(results: StudyResults) -> dict[str, Any]:
     return {
         **_header("fit/1", results),
         "residual": fit.residual,
-        "weights": "optimal",
         "cost": float(fit.cost),
         "origin": results.fit_origin,
         "parameters": [
-            {"name": name, "unit": unit, "truth": float(truth), "estimate": float(estimate)}
+            {"name": name, "unit": unit, "truth": _number(truth), "estimate": float(estimate)}
             for name, unit, truth, estimate in rows
         ],
-        "residuals": {
-            residual: {
+        "estimators": {
+            name: {
+                "residual": search.estimator.residual,
+                "weights": search.weights,
+                "positions": len(search.result.estimate.positions),
                 "estimate": _numbers(search.result.parameters.values),
                 "cost": float(search.result.cost),
                 "converged": search.result.converged,
             }
-            for residual, search in results.searches.items()
+            for name, search in results.searches.items()
         },
         "starts": {
-            residual: _runs(search, results.starts) for residual, search in results.searches.items()
+            name: _runs(search, results.starts) for name, search in results.searches.items()
         },
     }
 
@@ -145,8 +151,7 @@ def _runs(search: Search, starts: Array) -> list[dict[str, Any]]:
         {
             "start": start_number(starts, run),
             "values": _numbers(run.start),
-            "weights": search.weights,
-            "cost": float(run.cost) if np.isfinite(run.cost) else None,
+            "cost": _number(run.cost),
             "converged": run.converged,
             "evaluations": run.evaluations,
             "message": run.message,
@@ -191,4 +196,8 @@ def _numbers(array: NDArray[Any]) -> Any:
     """Return nested lists of plain numbers, with null where there is none."""
     if array.ndim > 1:
         return [_numbers(row) for row in array]
-    return [float(value) if np.isfinite(value) else None for value in array]
+    return [_number(value) for value in array]
+
+
+def _number(value: float) -> float | None:
+    return float(value) if np.isfinite(value) else None

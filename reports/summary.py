@@ -46,6 +46,8 @@ def study_summary(results: StudyResults, report: Path) -> str:
         ),
         ("report", str(report)),
     ]
+    if r.kept:
+        lines.insert(-1, ("kept", f"{', '.join(r.kept)} (nothing they rest on has changed)"))
     if not posterior.converged:
         lines.insert(-2, ("", posterior.message))
     if not r.fit.converged:
@@ -68,5 +70,6 @@ def study_json(results: StudyResults, report: Path) -> dict[str, Any]:
         "converged": {"fit": r.fit.converged, "posterior": posterior.converged},
         "relative_std": dict(zip(r.theorem1.names, r.theorem1.std.tolist(), strict=True)),
         "seconds": r.seconds,
+        "kept": list(r.kept),
         "report": str(report),
     }

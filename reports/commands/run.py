@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from reports.commands.options import WORKERS, AsJson, Workers, say
+from reports.commands.options import WORKERS, AsJson, Workers, about, say
 from reports.workers import one_thread_each, process_pool
 
 
@@ -17,9 +17,14 @@ def register(app: typer.Typer) -> None:
 def run(
     study: Annotated[Path, typer.Argument(help="Study file, such as studies/ur10.yaml.")],
     workers: Workers = WORKERS,
+    fresh: Annotated[
+        bool, typer.Option("--fresh", help="Compute all stages again, also those that still fit.")
+    ] = False,
     as_json: AsJson = False,
 ) -> None:
     """Compute a study and write its report: where to measure, what comes out, how certain it is.
+
+    Stages that an earlier run finished are kept while nothing they rest on changes.
 
     Example: oed run studies/ur10.yaml
     """
@@ -33,13 +38,10 @@ def run(
     from reports.summary import study_json, study_summary
 
     content = load_study(study)
-    with (
-        staged_folder(content.output) as folder,
-        progress_bars() as progress,
-        process_pool(workers) as executor,
-    ):
-        results = run_study(content, progress, chains=folder / "posterior.h5", executor=executor)
-        write_results(results, folder)
-        write_report(results, folder / "report.html", progress)
+    with about(study), progress_bars() as progress, process_pool(workers) as executor:
+        results = run_study(content, progress, executor=executor, fresh=fresh)
+        with staged_folder(content.output) as folder:
+            write_results(results, folder)
+            write_report(results, folder / "report.html", progress)
     report = content.output / "report.html"
     say(lambda: study_summary(results, report), lambda: study_json(results, report), as_json)

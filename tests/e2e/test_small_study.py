@@ -6,14 +6,19 @@ import numpy as np
 import pytest
 from conftest import oed, write_study
 
-FILES = {
-    "design.json",
-    "fit.json",
-    "uncertainty.json",
-    "information.h5",
-    "posterior.h5",
-    "report.html",
+FILES = {"design.json", "fit.json", "uncertainty.json", "report.html", "stages"}
+STAGES = {
+    "candidates",
+    "information",
+    "design",
+    "data",
+    "fit-lls",
+    "fit-nls",
+    "result",
+    "uncertainty",
+    "posterior",
 }
+INFORMATION = "stages/information/information.h5"
 
 
 def read(folder, name):
@@ -23,12 +28,13 @@ def read(folder, name):
 def test_everything_is_written_and_nothing_else(small_study):
     folder, _ = small_study
     assert {path.name for path in folder.iterdir()} == FILES
+    assert {path.name for path in (folder / "stages").iterdir()} == STAGES
 
 
 def test_certificate_in_ten_lines_of_numpy(small_study):
     folder, _ = small_study
     design = json.loads((folder / "design.json").read_text())
-    matrices = h5py.File(folder / "information.h5")["matrices"][:]
+    matrices = h5py.File(folder / INFORMATION)["matrices"][:]
     weights = np.zeros(len(matrices))
     weights[design["relaxed"]["support"]] = design["relaxed"]["weights"]
     information = np.tensordot(weights, matrices, axes=1)
@@ -42,7 +48,7 @@ def test_certificate_in_ten_lines_of_numpy(small_study):
 def test_efficiency_of_the_plan_holds_against_the_relaxed_design(small_study):
     folder, _ = small_study
     design = read(folder, "design")
-    matrices = h5py.File(folder / "information.h5")["matrices"][:]
+    matrices = h5py.File(folder / INFORMATION)["matrices"][:]
     repetitions, weights = np.zeros(len(matrices)), np.zeros(len(matrices))
     for position in design["positions"]:
         repetitions[position["candidate"]] = position["repetitions"]
@@ -58,7 +64,7 @@ def test_efficiency_of_the_plan_holds_against_the_relaxed_design(small_study):
 def test_design_names_positions_as_the_information_does(small_study):
     folder, _ = small_study
     design = read(folder, "design")
-    with h5py.File(folder / "information.h5") as file:
+    with h5py.File(folder / INFORMATION) as file:
         positions, names = file["positions"][:], file["names"].asstr()[:].tolist()
     assert names == design["parameters"]
     assert names == ["d2.stiffness", "d3.stiffness", "d2.damping", "d3.damping"]
@@ -104,7 +110,7 @@ def test_every_start_of_every_residual_is_on_record(small_study):
 def test_log_fit_agrees_with_the_likelihood(small_study):
     folder, _ = small_study
     fit, uncertainty = read(folder, "fit"), read(folder, "uncertainty")
-    nls, lls = (fit["residuals"][name]["estimate"] for name in ("nls", "lls"))
+    nls, lls = (fit["estimators"][name]["estimate"] for name in ("nls", "lls"))
     assert nls == pytest.approx([row["estimate"] for row in fit["parameters"]], rel=1e-4)
     apart = np.log(np.divide(lls, nls)) / uncertainty["theorem1"]["std"]
     assert np.abs(apart).max() < 2
@@ -134,7 +140,7 @@ def test_same_seed_same_files_and_another_seed_other_data(small_study, tmp_path)
     code, _, _ = oed("run", write_study(tmp_path), "--workers", 1)
     assert code == 0
     again = tmp_path / "results" / "here"
-    for name in FILES - {"report.html", "posterior.h5"}:
+    for name in FILES - {"report.html", "stages"} | {INFORMATION}:
         assert (again / name).read_bytes() == (folder / name).read_bytes(), name
     study = (tmp_path / "study.yaml").read_text().replace("seed: 3", "seed: 4")
     oed("run", write_study(tmp_path, study), "--workers", 1)

@@ -3,11 +3,17 @@ from dataclasses import dataclass, field
 import numpy as np
 import pytest
 
-import oed.study
-from oed.study import Search, best_likelihood, search_all, start_number
-from robotmodels.errors import SolverFailed
+import oed.study_fits
+from estimators.frf_estimate import FrfEstimate
+from oed.information_set import InformationSet
+from oed.study_data import merged_visits
+from oed.study_file import Estimator
+from oed.study_fits import Search, best_likelihood, positions_of, start_number
+from robotmodels.errors import InvalidInput, NotIdentifiable
 
 STARTS = np.array([[1.0, 2.0], [3.0, 1.0], [2.0, 2.0]])
+NLS = Estimator(name="nls", residual="nls", weights="optimal")
+LLS = Estimator(name="lls", residual="lls", weights="user", reweight=True)
 
 
 @dataclass
@@ -16,7 +22,6 @@ class Ended:
 
     cost: float
     start: np.ndarray = field(default_factory=lambda: STARTS[0])
-    message: str = ""
 
     @property
     def parameters(self):
@@ -27,20 +32,20 @@ class Ended:
         return self.start
 
 
-def search(*runs):
-    return Search(runs, "optimal", runs[0])
+def search(estimator, *runs):
+    return Search(estimator, runs, runs[0])
 
 
 @pytest.fixture
 def refine_to(monkeypatch):
     def set_cost(cost):
-        monkeypatch.setattr(oed.study, "fit", lambda *args, start: Ended(cost, start))
+        monkeypatch.setattr(oed.study_fits, "fit", lambda *args, start: Ended(cost, start))
 
     return set_cost
 
 
 def test_starts_at_one_minimum_are_counted_together():
-    runs = search(*map(Ended, (10.0, 10.000001, 10.5, np.inf)))
+    runs = search(LLS, *map(Ended, (10.0, 10.000001, 10.5, np.inf)))
     assert runs.reached() == 2
     assert runs.reached(best=5.0) == 0
 
@@ -51,41 +56,66 @@ def test_a_run_knows_its_start():
 
 def test_the_lls_fit_rescues_nls_starts_that_lost_the_way(refine_to):
     refine_to(100.0)
-    searches = {"lls": search(Ended(7.0)), "nls": search(Ended(4000.0), Ended(5000.0))}
-    fit, origin = best_likelihood(None, None, searches, STARTS)
-    assert fit.cost == 100.0
-    assert origin == "the LLS fit"
+    searches = {"lls": search(LLS, Ended(7.0)), "nls": search(NLS, Ended(4000.0), Ended(5000.0))}
+    found = best_likelihood(None, None, searches, STARTS)
+    assert found.fit.cost == 100.0
+    assert found.origin == "the lls fit"
 
 
 def test_an_nls_start_that_found_the_minimum_is_preferred(refine_to):
     refine_to(100.0)
-    searches = {"lls": search(Ended(7.0)), "nls": search(Ended(100.00001, STARTS[2]))}
-    _, origin = best_likelihood(None, None, searches, STARTS)
-    assert origin == "perturbed start 3"
+    searches = {"lls": search(LLS, Ended(7.0)), "nls": search(NLS, Ended(100.00001, STARTS[2]))}
+    assert best_likelihood(None, None, searches, STARTS).origin == "perturbed start 3"
 
 
-def test_log_fits_start_with_user_weights_and_are_reweighted_once_judged(monkeypatch):
-    asked, steps = [], []
+def test_nls_with_other_weights_or_positions_is_no_likelihood(refine_to):
+    refine_to(100.0)
+    for other in ({"weights": "user"}, {"positions": "best"}):
+        kind = NLS.model_copy(update=other)
+        found = best_likelihood(None, None, {"nls": search(kind, Ended(3.0))}, STARTS)
+        assert found.fit.cost == 100.0
 
-    def multistart(robot, estimate, starts, residual, weights, executor, progress):
-        asked.append((residual, weights))
-        progress(2, 2)
-        return Ended(3.0), Ended(4.0)
 
-    monkeypatch.setattr(oed.study, "multistart", multistart)
-    monkeypatch.setattr(oed.study, "reweighted", lambda found: Ended(10 * found.cost))
-    searches = search_all(
-        None, None, ("lls", "nls"), STARTS, progress=lambda *step: steps.append(step)
+def estimate(positions, covariance=1.0, repetitions=None):
+    positions = np.asarray(positions, dtype=float)
+    shape = (len(positions), 2, 1, 1)
+    values = np.arange(np.prod(shape), dtype=float).reshape(shape) + 1
+    repetitions = np.ones(len(positions), dtype=int) if repetitions is None else repetitions
+    return FrfEstimate(
+        positions, np.array([1.0, 2.0]), values + 0j, np.full(shape, covariance), repetitions
     )
-    assert asked == [("lls", "user"), ("nls", "optimal")]
-    assert steps == [(2, 4), (4, 4)]
-    assert searches["lls"].result.cost == 30.0
-    assert searches["nls"].result is searches["nls"].runs[0]
-    assert searches["lls"].reached() == 1
 
 
-def test_no_fit_at_all_says_why(monkeypatch):
-    failed = (Ended(np.inf, message="no FRF at the start: springs give way"),)
-    monkeypatch.setattr(oed.study, "multistart", lambda *args, **kwargs: failed)
-    with pytest.raises(SolverFailed, match="springs give way"):
-        search_all(None, None, ("nls",), STARTS)
+def test_visits_of_one_position_are_averaged_in_the_order_of_the_first():
+    found = merged_visits(estimate([[2.0], [1.0], [2.0]], 6.0, np.array([8, 8, 4])))
+    assert found.positions.tolist() == [[2.0], [1.0]]
+    assert found.response[:, :, 0, 0].real.tolist() == [[3.0, 4.0], [3.0, 4.0]]
+    assert found.covariance[:, 0, 0, 0].tolist() == [3.0, 6.0]
+    assert found.repetitions.tolist() == [12, 8]
+
+
+def test_single_visits_stay_as_they_are():
+    single = estimate([[2.0], [1.0]])
+    assert merged_visits(single) is single
+
+
+INFO = InformationSet(
+    np.array([[1.0], [2.0], [3.0]]),
+    np.array([np.diag([1.0, 0.0]), np.diag([1.0, 1.0]), np.diag([9.0, 9.0])]),
+    ("a", "b"),
+)
+
+
+def test_the_best_position_is_that_of_the_data_with_the_largest_information():
+    best = LLS.model_copy(update={"positions": "best"})
+    assert positions_of(best, estimate([[2.0], [1.0]]), INFO).tolist() == [0]
+    assert positions_of(best, estimate([[1.0], [2.0], [3.0]]), INFO).tolist() == [2]
+    with pytest.raises(NotIdentifiable, match="b; no single position"):
+        positions_of(best, estimate([[1.0]]), INFO)
+
+
+def test_positions_by_number():
+    some = LLS.model_copy(update={"positions": (0, 2)})
+    assert positions_of(some, estimate([[1.0], [2.0], [3.0]]), INFO).tolist() == [0, 2]
+    with pytest.raises(InvalidInput, match="lls: there is no position 2; the data have 2"):
+        positions_of(some, estimate([[1.0], [2.0]]), INFO)

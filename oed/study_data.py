@@ -1,0 +1,212 @@
+"""The stages of a study that give its data: simulated, from records or from FRFs."""
+
+from dataclasses import dataclass, replace
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+
+from estimators.distortion import Distortion
+from estimators.exchange import read_frf
+from estimators.frf_estimate import FrfEstimate, simulate_frf
+from oed.experiment import prepare_in
+from oed.experiment_run import Outcome, run_experiment
+from oed.fingerprint import file_digest
+from oed.information_set import InformationSet
+from oed.measured_frf import measured_frf
+from oed.stage_files import dataclass_files, read_dataclass, write_dataclass
+from oed.stages import Files, Report, Stage
+from oed.study_design import Plan
+from oed.study_run import Run
+from robotmodels import ElasticRobot
+from robotmodels.errors import InvalidInput
+
+
+@dataclass(frozen=True, eq=False)
+class Data:
+    """What is fitted, and what is known of how it was measured.
+
+    Attributes
+    ----------
+    estimate : FRFs, one for each position.
+    distortion : noise and distortion apart, one for each visit; None without repeated periods.
+    warnings : what a user should know of the records.
+    """
+
+    estimate: FrfEstimate
+    distortion: Distortion | None = None
+    warnings: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, eq=False)
+class SimulatedExperiment:
+    """A simulated experiment.
+
+    Attributes
+    ----------
+    records : file of its records.
+    outcome : what the simulation met.
+    limit : the limit that sets the amplitudes, in words.
+    """
+
+    records: Path
+    outcome: Outcome
+    limit: str
+
+
+def noisy_frf(run: Run, info: Stage[InformationSet], plan: Stage[Plan]) -> Stage[Data]:
+    """Return FRFs in the plan's positions with errors by the noise law."""
+    frequencies, noise = run.study.frequencies, run.study.noise
+    assert frequencies is not None
+    assert noise is not None
+
+    def compute(folder: Path, report: Report | None) -> Data:
+        exact = plan.value.exact
+        return Data(
+            simulate_frf(
+                run.plant,
+                info.value.positions[exact.support],
+                frequencies.omega(),
+                noise.law(),
+                run.rng("data"),
+                repetitions=exact.repetitions[exact.support],
+            )
+        )
+
+    inputs = {
+        "plant": run.plant_digest,
+        "information": info.digest,
+        "design": plan.digest,
+        **run.settings("frequencies", "noise", "seed"),
+    }
+    return run.stages.run("data", inputs, compute, dataclass_files(Data))
+
+
+def experiment(
+    run: Run, info: Stage[InformationSet], plan: Stage[Plan]
+) -> Stage[SimulatedExperiment]:
+    """Return the plan's experiments, simulated in closed loop."""
+    shaking = run.study.data.experiment
+    assert shaking is not None
+
+    def compute(folder: Path, report: Report | None) -> SimulatedExperiment:
+        exact = plan.value.exact
+        prepared = prepare_in(
+            shaking,
+            run.robot,
+            info.value.positions[exact.support],
+            exact.repetitions[exact.support],
+            run.rng("data"),
+            run.stages.progress,
+        )
+        # Its progress is this stage's: planning takes a moment only.
+        progress = None if report is None else partial(_ignoring_names, report)
+        outcome = run_experiment(prepared, folder, progress, run.executor, run.plant)
+        limit = str(prepared.scaling.binding)
+        return SimulatedExperiment(folder / "records.h5", outcome, limit)
+
+    inputs = {
+        "robot": run.robot_digest,
+        "plant": run.plant_digest,
+        "information": info.digest,
+        "design": plan.digest,
+        "experiment": shaking.model_dump(mode="json"),
+        **run.settings("seed"),
+    }
+    return run.stages.run("experiment", inputs, compute, Files(_save_experiment, _load_experiment))
+
+
+def frf_from_records(run: Run, records: Path, digest: str) -> Stage[Data]:
+    """Return FRFs estimated from records, visits of one position averaged."""
+    choice = run.study.data
+
+    def compute(folder: Path, report: Report | None) -> Data:
+        found = measured_frf(
+            records,
+            choice.method,
+            covariance=choice.covariance,
+            delay=choice.delay,
+            hold=choice.hold,
+            robot=run.study.robot,
+        )
+        estimate = found.estimate
+        if choice.structure == "diagonal":
+            estimate = replace(estimate, covariance=estimate.variance)
+        return Data(merged_visits(estimate), found.distortion, found.warnings)
+
+    inputs = {
+        "robot": run.robot_digest,
+        "records": digest,
+        **{k: getattr(choice, k) for k in ("method", "covariance", "delay", "hold", "structure")},
+    }
+    return run.stages.run("data", inputs, compute, dataclass_files(Data))
+
+
+def frf_from_file(run: Run, path: Path) -> Stage[Data]:
+    """Return measured FRFs.
+
+    Raises
+    ------
+    InvalidInput : if they do not have the robot's motors and outputs.
+    """
+
+    def compute(folder: Path, report: Report | None) -> Data:
+        estimate = read_frf(path)
+        _check_shape(estimate, run.robot, path)
+        if run.study.data.structure == "diagonal":
+            estimate = replace(estimate, covariance=estimate.variance)
+        return Data(merged_visits(estimate))
+
+    inputs = {
+        "robot": run.robot_digest,
+        "frf": file_digest(path),
+        "structure": run.study.data.structure,
+    }
+    return run.stages.run("data", inputs, compute, dataclass_files(Data))
+
+
+def merged_visits(estimate: FrfEstimate) -> FrfEstimate:
+    """Return the estimate with the visits of one position averaged; the first one's place counts.
+
+    Visits have the same experiments and independent errors, so that covariances are those of a
+    mean.
+    """
+    _, first, group = np.unique(estimate.positions, axis=0, return_index=True, return_inverse=True)
+    if len(first) == len(estimate.positions):
+        return estimate
+    order = np.argsort(first)
+    visits = [np.flatnonzero(group.ravel() == g) for g in order]
+    return FrfEstimate(
+        estimate.positions[first[order]],
+        estimate.omega,
+        np.stack([estimate.response[v].mean(axis=0) for v in visits]),
+        np.stack([estimate.covariance[v].mean(axis=0) / len(v) for v in visits]),
+        np.array([estimate.repetitions[v].sum() for v in visits]),
+    )
+
+
+def _check_shape(estimate: FrfEstimate, robot: ElasticRobot, path: Path) -> None:
+    needed = len(robot.output_names), len(robot.motor_names)
+    if estimate.response.shape[2:] != needed or estimate.positions.shape[1] != needed[1]:
+        raise InvalidInput(
+            f"{path}: FRFs of shape {estimate.response.shape[2:]} in positions of "
+            f"{estimate.positions.shape[1]} angles; the robot {robot.name!r} has "
+            f"{needed[0]} outputs and {needed[1]} motors"
+        )
+
+
+def _ignoring_names(report: Report, stage: str, done: int, total: int) -> None:
+    report(done, total)
+
+
+def _save_experiment(value: SimulatedExperiment, folder: Path) -> None:
+    write_dataclass(folder / "outcome.h5", value.outcome)
+    (folder / "limit.txt").write_text(value.limit, encoding="utf-8")
+
+
+def _load_experiment(folder: Path) -> SimulatedExperiment:
+    return SimulatedExperiment(
+        folder / "records.h5",
+        read_dataclass(folder / "outcome.h5", Outcome),
+        (folder / "limit.txt").read_text(encoding="utf-8"),
+    )
