@@ -9,7 +9,15 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from oed.candidates import candidate_positions
     from oed.certificate import efficiency_bound, optimality_gap
+    from oed.constraints import Constraints, Group
     from oed.crest import crest_factor, reduced_crest
+    from oed.criteria import (
+        AsCriterion,
+        CCriterion,
+        DsCriterion,
+        ICriterion,
+        MixtureCriterion,
+    )
     from oed.exact import ExactDesign, exact_design
     from oed.information_set import InformationSet, information
     from oed.moves import Move, MoveLimits, move
@@ -21,12 +29,19 @@ if TYPE_CHECKING:
     from oed.scaling import Binding, Limits, Scaling, scale
 
 _HOMES = {
+    "AsCriterion": "criteria",
     "Binding": "scaling",
+    "CCriterion": "criteria",
+    "Constraints": "constraints",
     "Design": "relaxed",
+    "DsCriterion": "criteria",
     "ExactDesign": "exact",
     "ExperimentPlan": "plan",
+    "Group": "constraints",
+    "ICriterion": "criteria",
     "InformationSet": "information_set",
     "Limits": "scaling",
+    "MixtureCriterion": "criteria",
     "Move": "moves",
     "MoveLimits": "moves",
     "Multisine": "multisine",
@@ -52,12 +67,19 @@ _HOMES = {
 }
 
 __all__ = [
+    "AsCriterion",
     "Binding",
+    "CCriterion",
+    "Constraints",
     "Design",
+    "DsCriterion",
     "ExactDesign",
     "ExperimentPlan",
+    "Group",
+    "ICriterion",
     "InformationSet",
     "Limits",
+    "MixtureCriterion",
     "Move",
     "MoveLimits",
     "Multisine",

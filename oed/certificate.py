@@ -1,42 +1,181 @@
-"""How far a design can be from the optimum: a bound that does not care who made the design."""
+"""How far a design can be from the optimum: a bound that does not care who made the design.
+
+An objective's value f is concave and proportional to the information. So for any positive
+semidefinite W_j, with c from `Objective.log_polar`, no allowed weights w' have a value above
+
+    [ sum_j tr(W_j M_0) + max_w' sum_i w'_i sum_j tr(W_j H_ij) ] / c,
+
+and the gap is that divided by the design's own value, less one. Where W is the derivative of log f
+this is the equivalence theorem (Kiefer and Wolfowitz 1960; Pukelsheim 1993): for D and shares,
+max_i tr(M^-1 H_i)/p - 1. E and maximin need a better W than the derivative, which is not unique.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 
-from oed.criteria import criterion as named_criterion
-from oed.criteria import sensitivities
-from robotmodels.arrays import Array
+from oed.constraints import Constraints
+from oed.criteria import Criterion, sensitivities
+from oed.criteria import objective as stated
+from oed.objective import Objective
+from oed.polytope import Polytope
+from robotmodels.arrays import Array, IntArray, real_numbers
 from robotmodels.errors import InvalidInput
 
 
-def optimality_gap(weights: Array, matrices: Array, criterion: str = "D") -> float:
-    """Return max_i tr(W H_i) / tr(W M) - 1; for D, max_i tr(M^-1 H_i)/p - 1.
+class Candidates(Protocol):
+    """What designs need of candidates, in memory or not; `InformationSet` is one."""
 
-    It is zero at an optimum and positive elsewhere, the equivalence theorem (Kiefer and
-    Wolfowitz 1960); infinite where the design leaves a parameter open.
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the p parameters."""
+        ...
+
+    @property
+    def samples(self) -> int:
+        """Number K of parameter values for which the information is known."""
+        ...
+
+    def __len__(self) -> int: ...
+
+    def take(self, indices: IntArray) -> Array:
+        """Return matrices, (n, p, p), or (n, K, p, p) with samples."""
+        ...
+
+    def prices(self, weight: Array) -> Array:
+        """Return tr(W H_i), (Q,), summed over samples; W is (p, p) or (K, p, p)."""
+        ...
+
+    def combined(self, weights: Array) -> Array:
+        """Return sum_i w_i H_i, (p, p) or (K, p, p)."""
+        ...
+
+
+@dataclass(frozen=True, eq=False)
+class Certificate:
+    """A gap and what it was found with.
+
+    Attributes
+    ----------
+    gap : no allowed weights have more than (1 + gap) times the design's value.
+    prices : (Q,) what a unit of each weight adds to the log value, the sensitivity function.
+    """
+
+    gap: float
+    prices: Array
+
+
+def certify(
+    weights: Array,
+    candidates: Candidates,
+    objective: Objective,
+    allowed: Polytope,
+    prior: Array | None = None,
+    witness: Sequence[Array] | None = None,
+    multipliers: Array | None = None,
+) -> Certificate:
+    """Return the certificate of weights (Q,).
 
     Parameters
     ----------
-    weights : (Q,) shares of the experiments, none negative; they are scaled to sum to one.
-    matrices : (Q, p, p) information of one experiment in each candidate position.
-    criterion : name of the criterion.
+    weights, candidates, objective, allowed : the design's problem.
+    prior : M_0, of the shape of one candidate's information.
+    witness : W_j of each term; the derivative at the design if None.
+    multipliers : of the rows of `allowed`, if known; they spare a linear program.
+    """
+    own = candidates.combined(weights)
+    information = own if prior is None else own + prior
+    value = objective.log_value(information)
+    if witness is None:
+        witness = objective.witness(information)
+    if not all(np.isfinite(W).all() for W in witness) or not value > -np.inf:
+        return Certificate(np.inf, np.full(len(candidates), np.inf))
+    weight = objective.price(witness, information.shape)
+    prices = candidates.prices(weight)
+    known = 0.0 if prior is None else float(np.vdot(weight, prior))
+    most = known + allowed.most(prices, multipliers)
+    if not most > 0:
+        return Certificate(np.inf, prices)
+    log_bound = np.log(most) - objective.log_polar(witness)
+    return Certificate(float(np.expm1(log_bound - value)), prices)
+
+
+def optimality_gap(
+    weights: Array,
+    matrices: Array,
+    criterion: str | Criterion = "D",
+    constraints: Constraints | None = None,
+    prior: Array | None = None,
+    witness: Sequence[Array] | None = None,
+) -> float:
+    """Return how much better than this design another could be; 0 at an optimum.
+
+    For D without constraints max_i tr(M^-1 H_i)/p - 1; infinite where the design leaves something
+    open that the criterion asks for.
+
+    Parameters
+    ----------
+    weights : (Q,) shares of the experiments, none negative; they are scaled to sum to one. With
+        constraints they are taken as they are.
+    matrices : (Q, p, p), or (Q, K, p, p) for K samples of theta, information of one experiment in
+        each candidate position.
+    criterion : a criterion or its name; one that speaks of parameter names needs an `Objective`.
+    constraints : what limits the weights; by default they are shares.
+    prior : information there is already, (p, p) or (K, p, p).
+    witness : of a `Design`, needed for E and maximin, where the derivative is not unique.
 
     Raises
     ------
-    InvalidInput : if the weights do not fit, one is negative or not finite, or all are zero.
+    InvalidInput : if the weights do not fit, one is negative or not finite, or all are zero; if
+        the weights violate a constraint.
     """
-    shares = checked_weights(weights, len(matrices))
-    information = np.tensordot(shares, matrices, axes=1)
-    gradient = named_criterion(criterion).gradient(information)
-    if not np.isfinite(gradient).all():
-        return np.inf
-    largest = sensitivities(gradient, matrices).max()
-    return float(largest / np.vdot(gradient, information) - 1.0)
+    allowed = Polytope.shares(len(matrices))
+    if constraints is None:
+        shares = checked_weights(weights, len(matrices))
+    else:
+        allowed = constraints.polytope(len(matrices))
+        shares = not_negative(weights, len(matrices))
+        if allowed.violation(shares) > 1e-6:
+            raise InvalidInput("weights: they violate the constraints")
+    candidates = _Arrays(np.asarray(matrices, dtype=float))
+    objective = stated(criterion, candidates.names, candidates.samples)
+    return certify(shares, candidates, objective, allowed, prior, witness).gap
+
+
+@dataclass(frozen=True, eq=False)
+class _Arrays:
+    """Candidates without names or positions."""
+
+    matrices: Array
+
+    def __len__(self) -> int:
+        return len(self.matrices)
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        return tuple(str(i) for i in range(self.matrices.shape[-1]))
+
+    @property
+    def samples(self) -> int:
+        return 1 if self.matrices.ndim == 3 else self.matrices.shape[1]
+
+    def take(self, indices: IntArray) -> Array:
+        return np.asarray(self.matrices[indices])
+
+    def prices(self, weight: Array) -> Array:
+        return sensitivities(weight, self.matrices)
+
+    def combined(self, weights: Array) -> Array:
+        return np.asarray(np.tensordot(weights, self.matrices, axes=1))
 
 
 def efficiency_bound(gap: float) -> float:
-    """Return the least D-efficiency, (det M / det M_optimal)^(1/p), of a design with that gap.
+    """Return the least efficiency of a design with that gap.
 
-    By the inequality of the means det(M^-1 M_opt)^(1/p) <= tr(M^-1 M_opt)/p <= 1 + gap.
+    Values being proportional to information, it is the share of experiments with which an optimal
+    design would do as well; for D it is (det M / det M_optimal)^(1/p).
     """
     return 1.0 / (1.0 + gap)
 
@@ -48,7 +187,18 @@ def checked_weights(weights: Array, n_candidates: int) -> Array:
     ------
     InvalidInput : if the weights do not fit, one is negative or not finite, or all are zero.
     """
-    array = np.asarray(weights, dtype=float)
+    array = not_negative(weights, n_candidates)
+    return np.asarray(array / array.sum())
+
+
+def not_negative(weights: Array, n_candidates: int) -> Array:
+    """Return `weights` as a (Q,) array.
+
+    Raises
+    ------
+    InvalidInput : if the weights do not fit, one is negative or not finite, or all are zero.
+    """
+    array = real_numbers(weights, "weights")
     if array.shape != (n_candidates,):
         raise InvalidInput(
             f"weights: shape {array.shape}, one weight for each of {n_candidates} candidates "
@@ -60,4 +210,4 @@ def checked_weights(weights: Array, n_candidates: int) -> Array:
         raise InvalidInput(f"weights: {array[i]:g} of candidate {i} is not a number >= 0")
     if array.sum() == 0:
         raise InvalidInput("weights: all are zero; at least one candidate must be used")
-    return np.asarray(array / array.sum())
+    return array

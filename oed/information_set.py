@@ -1,7 +1,7 @@
 """What an experiment in each candidate position would tell about the parameters."""
 
 import os
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass
 from functools import partial
@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import ArrayLike
 
-from robotmodels.arrays import Array, read_only
+from robotmodels.arrays import Array, IntArray, read_only
 from robotmodels.errors import InvalidInput
 from robotmodels.noise import LoopNoise, RelativeNoise
 from robotmodels.response import Elastic, sensitivity
@@ -85,6 +85,29 @@ class InformationSet:
     def total(self) -> Array:
         """The sum of all candidates' information, (p, p)."""
         return np.asarray(self.matrices.sum(axis=0))
+
+    @property
+    def samples(self) -> int:
+        """The number of parameter values the information was computed for: one."""
+        return 1
+
+    def take(self, indices: IntArray) -> Array:
+        """Return the matrices of some candidates, (n, p, p)."""
+        return np.asarray(self.matrices[indices])
+
+    def prices(self, weight: Array) -> Array:
+        """Return tr(W H_i), (Q,), for W, (p, p)."""
+        return np.asarray(self.matrices.reshape(len(self), -1) @ weight.ravel())
+
+    def combined(self, weights: Array) -> Array:
+        """Return sum_i w_i H_i, (p, p), for weights (Q,)."""
+        used = np.flatnonzero(weights)
+        return np.asarray(np.tensordot(weights[used], self.take(used), axes=1))
+
+    def chunks(self, size: int = 4096) -> Iterator[tuple[int, Array]]:
+        """Yield the index of the first candidate of each chunk, and its matrices (n, p, p)."""
+        for start in range(0, len(self), size):
+            yield start, self.matrices[start : start + size]
 
     @property
     def rank(self) -> int:

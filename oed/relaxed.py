@@ -1,43 +1,47 @@
-"""The relaxed design: which share of the experiments goes to each candidate position.
+"""The relaxed design: how many of the experiments go to each candidate position, not yet whole.
 
-Maximising log det sum_i w_i H_i over shares w is convex. Few candidates carry weight, so the
-problem is solved on an active set; the equivalence theorem prices all other candidates and says
-when none of them could help.
+Maximising a concave criterion of sum_i w_i H_i over weights w is convex. Few candidates carry
+weight, so the problem is solved over an active set; the certificate prices all others and says
+when none of them could help. Size is then no matter.
 """
 
-import warnings
-from collections.abc import Callable
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
-from scipy.optimize import nnls
 
-from oed.certificate import efficiency_bound, optimality_gap
-from oed.criteria import criterion as named_criterion
-from oed.criteria import sensitivities
-from oed.information_set import InformationSet, unit_diagonal_scaling
-from robotmodels.arrays import Array, IntArray, read_only
-from robotmodels.errors import InvalidInput, NotIdentifiable, SolverFailed, nearest
+from oed.active_set import Problem, Solution, solve
+from oed.certificate import Candidates, efficiency_bound
+from oed.constraints import Constraints
+from oed.coordinates import whiten as whiten
+from oed.criteria import Criterion, objective
+from oed.polytope import Polytope
+from robotmodels.arrays import Array, IntArray, read_only, real_numbers
+from robotmodels.errors import InvalidInput, SolverFailed, nearest
 
-# Whitened matrices are of order one; equal ones differ by rounding only.
-_DUPLICATE = 1e-9
+SOLVERS = ("cvxpy", "newton")
+FORMS = ("primal", "dual")
 
 
 @dataclass(frozen=True, eq=False)
 class Design:
-    """Shares of the experiments, with their certificate.
+    """Weights of the candidates, with their certificate.
 
     Attributes
     ----------
-    weights : (Q,) shares that sum to one; equal candidates share the first one's place.
-    value : criterion of the information per experiment (for D: log det).
-    gap : certified over all candidates, see `certificate.optimality_gap`.
+    weights : (Q,) shares that sum to one, or experiments where constraints say how many; of equal
+        candidates one carries the weight.
+    value : the criterion, see `Objective.value` (for D: log det).
+    gap : certified over all candidates, see `certificate`.
     support : indices of the candidates with a positive weight.
-    information : (p, p) per experiment, sum_i w_i H_i.
+    information : (p, p), or (K, p, p) for samples: the prior and sum_i w_i H_i.
     criterion, names : what was optimised, and for which parameters.
     rounds : active sets solved.
-    solver : of the active sets; Newton steps polish its answers.
+    solver : that solved them.
+    witness : W_j of each of the criterion's terms, with which the gap was found.
+    sensitivity : (Q,) what a unit of each weight adds to the logarithm of the efficiency; over a
+        position's cost it is nowhere above that of the support.
+    multipliers : what a unit of each constraint's bound adds to it, by name.
     """
 
     weights: Array
@@ -49,6 +53,9 @@ class Design:
     names: tuple[str, ...]
     rounds: int
     solver: str
+    witness: tuple[Array, ...]
+    sensitivity: Array
+    multipliers: Mapping[str, float]
 
     @property
     def efficiency(self) -> float:
@@ -57,201 +64,115 @@ class Design:
 
 
 def optimal_design(
-    info: InformationSet,
-    criterion: str = "D",
+    info: Candidates,
+    criterion: str | Criterion = "D",
+    constraints: Constraints | Polytope | None = None,
+    prior: Array | None = None,
     tolerance: float = 1e-6,
     max_rounds: int = 50,
-    solver: str = "clarabel",
+    solver: str = "cvxpy",
+    form: str = "primal",
 ) -> Design:
-    """Return the shares that maximise the criterion, certified over all candidates.
+    """Return the weights that maximise the criterion, certified over all candidates.
 
     Parameters
     ----------
-    info : information of each candidate.
-    criterion : name of the criterion.
+    info : information of each candidate, in memory or in a store; with samples of theta for the
+        robust criteria.
+    criterion : "D", "A", "E" or an object of `oed.criteria`.
+    constraints : what limits the weights; None for shares that sum to one.
+    prior : (p, p), information of experiments there are already, in units of the weights: for
+        shares of N experiments to come, a Nth of it.
     tolerance : largest certified gap accepted.
     max_rounds : largest number of active sets.
-    solver : of the active sets, "clarabel" (by cvxpy) or "newton" (about a hundred times
-        faster). Newton steps polish Clarabel's answers.
+    solver : "cvxpy" (Clarabel, then SCS), or "newton", an interior-point method of this package
+        that is about a hundred times faster; it takes every criterion but E.
+    form : what cvxpy states, "primal" or "dual".
 
     Raises
     ------
-    NotIdentifiable : naming the parameters, if all candidates together leave a direction open.
+    NotIdentifiable : naming the parameters, if all candidates together leave open what the
+        criterion asks for.
     SolverFailed : if the solver gives no answer, or the gap stays above `tolerance`.
-    InvalidInput : if criterion or solver are unknown, or the tolerance is not positive.
+    InvalidInput : if criterion, solver or form are unknown, the tolerance is not positive, the
+        prior does not fit, or constraints do not fit or conflict (it says which).
     """
-    chosen = named_criterion(criterion)
-    if solver not in _SOLVERS:
-        raise InvalidInput(
-            f"solver {solver!r} is not known{nearest(solver, _SOLVERS)}; "
-            f"there are {', '.join(_SOLVERS)}"
-        )
+    _known("solver", solver, SOLVERS)
+    _known("form", form, FORMS)
     if not tolerance > 0:
         raise InvalidInput(f"tolerance: {tolerance!r} is not a number > 0")
-    open_names = info.unidentifiable()
-    if open_names:
-        raise NotIdentifiable(
-            open_names, "add positions or frequencies, or fix or tie some of these parameters"
-        )
-    whitened = whiten(info.matrices, info.total / len(info))
-    kept = distinct(whitened)
-    shares, rounds = _active_set(whitened[kept], tolerance, max_rounds, solver)
-    weights = np.zeros(len(info))
-    weights[kept] = shares
-    # Certified on the given matrices, not on the whitened ones that were searched.
-    gap = optimality_gap(weights, info.matrices, criterion)
-    if gap > tolerance:
+    wanted = objective(criterion, info.names, info.samples)
+    if solver == "newton" and not wanted.smooth:
+        raise InvalidInput(f'criterion {wanted.name} is not smooth: use solver="cvxpy"')
+    problem = Problem(
+        info, wanted, allowed_weights(constraints, len(info)), checked_prior(prior, info)
+    )
+    found = solve(problem, tolerance, max_rounds, solver, form)
+    if not found.certificate.gap <= tolerance:
         raise SolverFailed(
-            f"optimal design: the certified gap is {gap:.2g} after {rounds} rounds, above the "
-            f"tolerance {tolerance:.2g}; allow more rounds or a larger tolerance"
+            f"optimal design: the certified gap is {found.certificate.gap:.2g} after "
+            f"{found.rounds} rounds, above the tolerance {tolerance:.2g}; allow more rounds or a "
+            "larger tolerance"
         )
-    information = np.tensordot(weights, info.matrices, axes=1)
+    return _design(problem, found)
+
+
+def allowed_weights(constraints: Constraints | Polytope | None, n_candidates: int) -> Polytope:
+    """Return the weights that constraints allow; shares if there are none."""
+    if constraints is None:
+        return Polytope.shares(n_candidates)
+    if isinstance(constraints, Polytope):
+        return constraints
+    return constraints.polytope(n_candidates)
+
+
+def checked_prior(prior: Array | None, info: Candidates) -> Array | None:
+    """Return a prior information of the shape of a candidate's, or None.
+
+    Raises
+    ------
+    InvalidInput : if it is not (p, p) or (K, p, p), finite, symmetric and positive semidefinite.
+    """
+    if prior is None:
+        return None
+    p = len(info.names)
+    given = real_numbers(prior, "prior")
+    shapes = [(p, p)] if info.samples == 1 else [(p, p), (info.samples, p, p)]
+    if given.shape not in shapes or not np.isfinite(given).all():
+        raise InvalidInput(
+            f"prior: shape {given.shape}; finite numbers of shape {shapes[0]} needed"
+        )
+    scale = np.abs(given).max()
+    if np.abs(given - np.swapaxes(given, -1, -2)).max() > 1e-9 * scale:
+        raise InvalidInput("prior: the matrix is not symmetric")
+    if np.linalg.eigvalsh(given).min() < -1e-9 * scale:
+        raise InvalidInput("prior: the matrix is not positive semidefinite")
+    return given if info.samples == 1 else np.broadcast_to(given, (info.samples, p, p)).copy()
+
+
+def _design(problem: Problem, found: Solution) -> Design:
+    wanted, info = problem.objective, problem.candidates
+    information = problem.information(found.weights)
     return Design(
-        weights=read_only(weights),
-        value=chosen.value(information),
-        gap=gap,
-        support=read_only(np.flatnonzero(weights)),
+        weights=read_only(found.weights),
+        value=wanted.value(information),
+        gap=found.certificate.gap,
+        support=read_only(np.flatnonzero(found.weights)),
         information=read_only(information),
-        criterion=criterion,
+        criterion=wanted.name,
         names=info.names,
-        rounds=rounds,
-        solver=solver,
+        rounds=found.rounds,
+        solver=found.solver,
+        witness=found.witness,
+        sensitivity=read_only(found.certificate.prices),
+        multipliers=dict(
+            zip(problem.allowed.names, map(float, found.row_multipliers), strict=True)
+        ),
     )
 
 
-def whiten(matrices: Array, reference: Array) -> Array:
-    """Return T H_i T', (Q, p, p), with T such that T reference T' is the identity.
-
-    D-optimal designs do not change; solvers fail without it (condition numbers of 1e5).
-    """
-    s = unit_diagonal_scaling(reference)
-    L = np.linalg.cholesky(s[:, None] * reference * s)
-    T = np.linalg.solve(L, np.diag(s))
-    white = T @ matrices @ T.T
-    return np.asarray(0.5 * (white + np.swapaxes(white, 1, 2)))
-
-
-def distinct(matrices: Array) -> IntArray:
-    """Return the first index of each group of equal matrices; duplicates only spread weight."""
-    flat = matrices.reshape(len(matrices), -1)
-    # Equal matrices have equal projections: only neighbours in this order need comparing.
-    direction = np.random.default_rng(0).standard_normal(flat.shape[1])
-    keys = flat @ (direction / np.linalg.norm(direction))
-    order = np.argsort(keys, kind="stable")
-    breaks = np.flatnonzero(np.diff(keys[order]) > _DUPLICATE * np.sqrt(flat.shape[1])) + 1
-    kept: list[int] = []
-    for group in np.split(order, breaks):
-        remaining = np.sort(group)
-        while len(remaining):
-            kept.append(int(remaining[0]))
-            away = np.abs(flat[remaining] - flat[remaining[0]]).max(axis=1) > _DUPLICATE
-            remaining = remaining[away]
-    return np.sort(np.array(kept))
-
-
-def _active_set(
-    matrices: Array, tolerance: float, max_rounds: int, solver: str
-) -> tuple[Array, int]:
-    """Return shares over whitened candidates (Q, p, p), and the number of rounds."""
-    p = matrices.shape[-1]
-    active = _first_active(matrices)
-    weights = np.zeros(len(matrices))
-    for done in range(1, max_rounds + 1):
-        start = _SOLVERS[solver](matrices[active], weights[active])
-        shares = _newton(matrices[active], start, 1e-2 * tolerance)
-        shares[shares < 0.1 * min(tolerance, 1e-6)] = 0.0
-        weights = np.zeros(len(matrices))
-        weights[active] = shares / shares.sum()
-        gradient = named_criterion("D").gradient(np.tensordot(weights, matrices, axes=1))
-        excess = sensitivities(gradient, matrices) / p - 1
-        # Half the tolerance leaves room for rounding in the certificate on the given matrices.
-        violators = np.setdiff1d(np.flatnonzero(excess > 0.5 * tolerance), active)
-        if not len(violators):
-            return weights, done
-        worst = violators[np.argsort(-excess[violators], kind="stable")[: 2 * p]]
-        active = np.concatenate([np.flatnonzero(weights), worst])
-    return weights, max_rounds
-
-
-def _first_active(matrices: Array) -> IntArray:
-    """Return about 2p whitened candidates of largest trace that identify every parameter."""
-    p = matrices.shape[-1]
-    traces = np.trace(matrices, axis1=1, axis2=2)
-    active = np.argsort(-traces, kind="stable")[: 2 * p]
-    while len(active) < len(matrices):
-        mean = matrices[active].mean(axis=0)
-        if np.linalg.eigvalsh(mean)[0] > 1e-6:
-            break
-        # What the chosen ones leave open is priced highest.
-        price = sensitivities(np.asarray(np.linalg.inv(mean + 1e-6 * np.eye(p))), matrices)
-        price[active] = -np.inf
-        new = np.argsort(-price, kind="stable")[: min(p, len(matrices) - len(active))]
-        active = np.concatenate([active, new])
-    return np.asarray(active)
-
-
-def _clarabel(matrices: Array, _: Array) -> Array:
-    """Return shares by cvxpy and Clarabel, which cannot make use of a start.
-
-    Its answers stop at gaps of 1e-6 to 1e-5, and with tolerances of 1e-10 still at 1e-7 to 1e-6,
-    so that Newton steps follow in any case. The primal problem takes half the dual's time.
-    """
-    import cvxpy
-
-    cp: Any = cvxpy  # what it exports by star imports has no types
-    n, p = matrices.shape[:2]
-    w = cp.Variable(n, nonneg=True)
-    information = cp.reshape(matrices.reshape(n, -1).T @ w, (p, p), order="C")
-    problem = cp.Problem(cp.Maximize(cp.log_det(information)), [cp.sum(w) == 1])
-    try:
-        with warnings.catch_warnings():
-            # An inaccurate answer is a fine start for the Newton steps and is certified anyway.
-            warnings.simplefilter("ignore", UserWarning)
-            problem.solve(solver=cp.CLARABEL)
-    except cp.SolverError as error:
-        raise SolverFailed(f'optimal design: Clarabel failed ({error}); try "newton"') from error
-    if w.value is None:
-        raise SolverFailed(f'optimal design: Clarabel ended {problem.status}; try "newton"')
-    # The Newton steps need a start that identifies every parameter, however inaccurate.
-    shares = np.maximum(w.value, 0.0) + 1e-4 / n
-    return np.asarray(shares / shares.sum())
-
-
-def _newton(matrices: Array, weights: Array, tolerance: float, max_steps: int = 100) -> Array:
-    """Return shares (n,) of gap <= `tolerance` among `matrices` (n, p, p), if steps suffice.
-
-    Shares that maximise log det M(w) are also the minimum over w >= 0, without the constraint on
-    their sum, of -log det M(w) + p/2 (sum w)^2. With H_i whitened by M(w), B = [vec H_1, ...] and
-    B w = vec I, the second-order model of that about w is, up to a constant,
-    1/2 |B v - 2 vec I|^2 + p/2 (sum v)^2, a nonnegative least-squares problem in v. The function
-    is self-concordant, so steps damped by 1/(1 + length) converge from everywhere.
-    """
-    n, p = matrices.shape[:2]
-    rows, columns = np.triu_indices(p)
-    twice = np.where(rows == columns, 1.0, np.sqrt(2.0))  # keeps the norm of the half vector
-    target = np.append(2.0 * (rows == columns), 0.0)
-    for _ in range(max_steps):
-        T = np.linalg.inv(np.linalg.cholesky(np.tensordot(weights, matrices, axes=1)))
-        white = T @ matrices @ T.T
-        if np.trace(white, axis1=1, axis2=2).max() / p - 1 <= tolerance:
-            break
-        A = np.vstack([(white[:, rows, columns] * twice).T, np.full(n, np.sqrt(p))])
-        try:
-            better, _ = nnls(A, target, maxiter=50 * n)
-        except RuntimeError:  # its iterations ran out; the caller's certificate tells
-            break
-        length = float(np.linalg.norm(A @ (better - weights)))
-        weights = weights + (better - weights) / (1.0 if length < 0.25 else 1.0 + length)
-        weights = weights / weights.sum()
-    return weights
-
-
-def _warm_start(matrices: Array, weights: Array) -> Array:
-    """Return the last round's shares, equal ones in the first: the Newton steps do the work."""
-    return weights if weights.any() else np.full(len(matrices), 1 / len(matrices))
-
-
-_SOLVERS: dict[str, Callable[[Array, Array], Array]] = {
-    "clarabel": _clarabel,
-    "newton": _warm_start,
-}
+def _known(what: str, word: str, known: Sequence[str]) -> None:
+    if word not in known:
+        raise InvalidInput(
+            f"{what} {word!r} is not known{nearest(word, known)}; there are {', '.join(known)}"
+        )

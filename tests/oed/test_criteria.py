@@ -44,5 +44,5 @@ def test_sensitivities_are_traces():
 
 
 def test_unknown_criterion():
-    with pytest.raises(InvalidInput, match=r"criterion 'd' is not known.*there is D"):
+    with pytest.raises(InvalidInput, match=r"criterion 'd' is not known.*there are D, A, E"):
         criterion("d")

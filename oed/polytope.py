@@ -1,0 +1,133 @@
+"""The weights that are allowed, and the most a linear function of them can reach.
+
+Every set of weights here is { w : R w <= b, lower <= w <= upper } with a first row that is positive
+everywhere, the budget, so that it is bounded.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from robotmodels.arrays import Array
+from robotmodels.errors import InvalidInput, SolverFailed
+
+_FEASIBLE = 1e-9
+
+
+@dataclass(frozen=True, eq=False)
+class Polytope:
+    """Allowed weights of Q candidates.
+
+    Attributes
+    ----------
+    rows, bounds : (m, Q), (m,); the first row is the budget, positive everywhere.
+    lower, upper : (Q,), not negative; upper may be infinite.
+    names : of the rows, for messages and multipliers.
+    """
+
+    rows: Array
+    bounds: Array
+    lower: Array
+    upper: Array
+    names: tuple[str, ...]
+
+    @classmethod
+    def shares(cls, n_candidates: int) -> "Polytope":
+        """Return weights that sum to one."""
+        zero, free = np.zeros(n_candidates), np.full(n_candidates, np.inf)
+        return cls(np.ones((1, n_candidates)), np.ones(1), zero, free, ("experiments",))
+
+    @property
+    def room(self) -> Array:
+        """What the rows leave beyond the lower weights, (m,)."""
+        return np.asarray(self.bounds - self.rows @ self.lower)
+
+    def violation(self, weights: Array) -> float:
+        """Return the largest violation of a row or limit, relative to its size."""
+        over = (self.rows @ weights - self.bounds) / np.maximum(np.abs(self.bounds), 1e-12)
+        above = (weights - self.upper) / np.maximum(self.upper, 1e-12)
+        below = (self.lower - weights) / np.maximum(self.lower, weights.max(initial=1e-12))
+        return float(max(over.max(), above.max(), below.max()))
+
+    def most(self, prices: Array, multipliers: Array | None = None) -> float:
+        """Return an upper bound on prices'w over all allowed w; the largest itself if m = 1.
+
+        Any multipliers y >= 0 (m,) of the rows give one, (prices - R'y)'w + b'y, to be maximised
+        over the budget and the limits alone, a fractional knapsack solved by sorting. The best ones
+        make it the largest; a linear program finds them if they are not given.
+        """
+        if len(self.rows) == 1:
+            return self._knapsack(prices)
+        if multipliers is None:
+            multipliers = self.best(prices)[1]
+        y = np.maximum(multipliers[1:], 0.0)
+        return self._knapsack(prices - y @ self.rows[1:]) + float(y @ self.bounds[1:])
+
+    def best(self, prices: Array) -> tuple[Array, Array]:
+        """Return weights (Q,) that maximise prices'w, and the rows' multipliers (m,).
+
+        Raises
+        ------
+        InvalidInput : if no weights are allowed.
+        SolverFailed : if HiGHS gives no answer for another reason.
+        """
+        if len(self.rows) == 1:
+            return self._fill(prices), np.zeros(1)
+        from scipy.optimize import linprog
+
+        scale = np.abs(prices).max() or 1.0
+        found = linprog(-prices / scale, A_ub=self.rows, b_ub=self.bounds, bounds=self._intervals)
+        if found.status == 2:
+            raise InvalidInput(f"constraints: no design satisfies {self.conflict()}")
+        if found.x is None:
+            raise SolverFailed(f"constraints: HiGHS ended without an answer: {found.message}")
+        return np.asarray(found.x), np.asarray(-scale * found.ineqlin.marginals)
+
+    def conflict(self) -> str:
+        """Return the names of rows that together with the limits allow no weights.
+
+        Rows are left out one by one as long as the rest still conflicts.
+        """
+        kept = list(range(len(self.rows)))
+        for row in reversed(range(len(self.rows))):
+            fewer = [r for r in kept if r != row]
+            if fewer and not self._feasible(fewer):
+                kept = fewer
+        return " together with ".join(self.names[r] for r in kept)
+
+    def _feasible(self, kept: list[int]) -> bool:
+        from scipy.optimize import linprog
+
+        zero = np.zeros(len(self.lower))
+        found = linprog(zero, A_ub=self.rows[kept], b_ub=self.bounds[kept], bounds=self._intervals)
+        return bool(found.status != 2)
+
+    @property
+    def _intervals(self) -> list[tuple[float, float]]:
+        return list(zip(self.lower.tolist(), self.upper.tolist(), strict=True))
+
+    def _knapsack(self, prices: Array) -> float:
+        free = np.isinf(self.upper)
+        if free.all():
+            # All that is left goes to the best price for the budget.
+            best = float((prices / self.rows[0]).max())
+            room = float(self.bounds[0] - self.rows[0] @ self.lower)
+            return float(prices @ self.lower) + room * max(best, 0.0)
+        return float(prices @ self._fill(prices))
+
+    def _fill(self, prices: Array) -> Array:
+        """Return the weights that maximise prices'w by the budget and the limits alone."""
+        cost = self.rows[0]
+        weights = self.lower.copy()
+        room = float(self.bounds[0] - cost @ self.lower)
+        if np.isinf(self.upper).all():
+            best = int(np.argmax(prices / cost))
+            if prices[best] > 0:
+                weights[best] += room / cost[best]
+            return weights
+        order = np.argsort(-prices / cost, kind="stable")
+        order = order[prices[order] > 0]
+        wanted = cost[order] * (self.upper - self.lower)[order]
+        before = np.concatenate([[0.0], np.cumsum(wanted)[:-1]]) if len(order) else wanted
+        weights[order] += np.minimum(wanted, np.maximum(room - before, 0.0)) / cost[order]
+        return weights
