@@ -27,6 +27,7 @@ if TYPE_CHECKING:
     from oed.plan_export import export_csv, export_mat
     from oed.relaxed import Design, optimal_design
     from oed.scaling import Binding, Limits, Scaling, scale
+    from oed.screening import Removal, ScreenedCandidates, screened_candidates
 
 _HOMES = {
     "AsCriterion": "criteria",
@@ -46,7 +47,9 @@ _HOMES = {
     "MoveLimits": "moves",
     "Multisine": "multisine",
     "Peaks": "peaks",
+    "Removal": "screening",
     "Scaling": "scaling",
+    "ScreenedCandidates": "screening",
     "band_multisine": "multisine",
     "candidate_positions": "candidates",
     "crest_factor": "crest",
@@ -64,6 +67,7 @@ _HOMES = {
     "random_phases": "multisine",
     "reduced_crest": "crest",
     "scale": "scaling",
+    "screened_candidates": "screening",
 }
 
 __all__ = [
@@ -84,7 +88,9 @@ __all__ = [
     "MoveLimits",
     "Multisine",
     "Peaks",
+    "Removal",
     "Scaling",
+    "ScreenedCandidates",
     "band_multisine",
     "candidate_positions",
     "crest_factor",
@@ -102,6 +108,7 @@ __all__ = [
     "random_phases",
     "reduced_crest",
     "scale",
+    "screened_candidates",
 ]
 
 

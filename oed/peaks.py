@@ -15,10 +15,10 @@ from robotmodels.arrays import Array, ComplexArray, read_only
 from robotmodels.closed_loop import closed_loop
 from robotmodels.controller import Controller
 from robotmodels.elastic import ElasticRobot
-from robotmodels.equilibrium import gravity_torques
 from robotmodels.errors import InvalidInput
 from robotmodels.linear_model import LinearModel
 from robotmodels.response import Elastic
+from robotmodels.rigid_pose import holding_torques
 
 # Points per period of the highest line at which peaks of speeds and angles are sought.
 _POINTS = 24
@@ -184,7 +184,4 @@ def _holding(robot: object, positions: Array) -> Array:
             "holding: the torques that hold the arm, (Q, n), are needed for a model that is not "
             "an ElasticRobot"
         )
-    layout, motors = robot.layout, robot.file.motors
-    torques = gravity_torques(layout.arm, robot.equilibrium(positions).coordinates)
-    shaft = np.array([m.gear_ratio * m.torque_gain for m in motors])
-    return np.asarray(torques[:, layout.drives] / shaft)
+    return holding_torques(robot, robot.equilibrium(positions).coordinates)

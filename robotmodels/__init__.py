@@ -2,6 +2,7 @@
 
 from robotmodels.chains import CoupledChains
 from robotmodels.closed_loop import ClosedLoopNoise
+from robotmodels.collision import Surroundings, surroundings
 from robotmodels.controller import Controller, default_controller
 from robotmodels.elastic import ElasticRobot
 from robotmodels.errors import (
@@ -22,6 +23,7 @@ from robotmodels.modes import (
     rigid_modes,
 )
 from robotmodels.noise import RelativeNoise
+from robotmodels.obstacles import Box, Plane, Sphere
 from robotmodels.parameters import Parameters
 from robotmodels.plant import Imperfections, simulate
 from robotmodels.records import Records, iterate_records, save_records
@@ -29,6 +31,7 @@ from robotmodels.response import frequency_response, linearize, sensitivity
 from robotmodels.spring_network import SpringNetwork
 
 __all__ = [
+    "Box",
     "ClosedLoopNoise",
     "Controller",
     "CoupledChains",
@@ -41,10 +44,13 @@ __all__ = [
     "NoEquilibrium",
     "NotIdentifiable",
     "Parameters",
+    "Plane",
     "Records",
     "RelativeNoise",
     "SolverFailed",
+    "Sphere",
     "SpringNetwork",
+    "Surroundings",
     "anti_resonances",
     "builtin_robots",
     "clamped",
@@ -59,4 +65,5 @@ __all__ = [
     "save_records",
     "sensitivity",
     "simulate",
+    "surroundings",
 ]

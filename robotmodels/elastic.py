@@ -14,6 +14,7 @@ from robotmodels.equilibrium import Equilibrium, find_equilibrium
 from robotmodels.errors import InvalidInput
 from robotmodels.layout import Layout
 from robotmodels.parameters import Parameters
+from robotmodels.rigid_pose import configurations
 from robotmodels.robot_file import RobotFile
 from robotmodels.segments import check_bodies
 from robotmodels.skeleton import Skeleton, check_mass, skeleton
@@ -232,11 +233,7 @@ class ElasticRobot:
         InvalidInput : if the position (n,) has a wrong shape or is outside the joint limits.
         """
         (position,) = self._check_positions(real_numbers(position, "position")[None])
-        q = pin.neutral(self.rigid)
-        for name, angle in zip(self.motor_joints, position, strict=True):
-            joint = self.rigid.joints[self.rigid.getJointId(name)]
-            value = [np.cos(angle), np.sin(angle)] if joint.nq == 2 else [angle]
-            q[joint.idx_q : joint.idx_q + joint.nq] = value
+        (q,) = configurations(self, position[None])
         data = self.rigid.createData()
         pin.framesForwardKinematics(self.rigid, data, q)
         chain = max(map(list, self.rigid.supports), key=len)  # from the ground, joint 0
