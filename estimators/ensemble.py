@@ -1,23 +1,24 @@
-"""Ensembles of walkers: moves, running in blocks, storage that can be resumed. Wraps emcee."""
+"""Ensembles of walkers: moves, and running side by side until enough. Wraps emcee."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from concurrent.futures import Executor
 from dataclasses import dataclass
-from functools import partial
-from pathlib import Path
-from typing import Any
 
 import emcee
-import h5py
 import numpy as np
 
+from estimators.chain_store import Chain, Store
+from estimators.laplace import StudentT
 from robotmodels.arrays import Array, IntArray
-from robotmodels.errors import InvalidInput
 
 LogProbability = Callable[[Array], Array]
 
-# Snapshots between two writes: progress and what an interruption can cost.
-BLOCK = 20
+# Snapshots between two checks, and between two writes: at least so many, and a share of the past.
+CHUNK = 20
+CHUNK_SHARE = 0.1
+
+# Shares of the moves; without a proposal the first two share the third's part.
+DE, SNOOKER, INDEPENDENT = 0.4, 0.1, 0.5
 
 
 class SnookerMove(emcee.moves.RedBlueMove):  # type: ignore[misc]  # emcee has no types
@@ -55,176 +56,142 @@ class SnookerMove(emcee.moves.RedBlueMove):  # type: ignore[misc]  # emcee has n
 
 
 @dataclass(frozen=True, eq=False)
-class Block:
-    """Snapshots (T, W, p) of one ensemble, and the state from which it goes on."""
+class IndependentMove:
+    """Independence Metropolis proposals: draws that do not depend on where a walker is.
 
-    chain: Array
-    log_probability: Array
-    accepted: IntArray
-    random_state: tuple[Any, ...]
+    Exact whatever the target. Where the proposal resembles it a walker forgets its past within a
+    few such steps; where not, they are rejected and the other moves do the work.
+    """
 
+    proposal: StudentT
 
-def start_state(walkers: Array, seed: int) -> Block:
-    """Return an ensemble at `walkers` (W, p) that has not moved yet."""
-    w = len(walkers)
-    random_state = tuple(np.random.RandomState(seed).get_state(legacy=True))
-    return Block(walkers[None], np.full((1, w), np.nan), np.zeros(w, dtype=np.int64), random_state)
-
-
-def advance(log_probability: LogProbability, block: Block, snapshots: int, thin: int) -> Block:
-    """Return the next `snapshots`, `thin` steps apart: 80 % DE and 20 % snooker moves."""
-    walkers, p = block.chain.shape[1:]
-    sampler = emcee.EnsembleSampler(
-        walkers,
-        p,
-        log_probability,
-        moves=[(emcee.moves.DEMove(), 0.8), (SnookerMove(), 0.2)],
-        vectorize=True,
-    )
-    last = block.log_probability[-1]
-    state = emcee.State(
-        block.chain[-1].copy(),
-        log_prob=None if np.isnan(last).any() else last.copy(),
-        random_state=block.random_state,
-    )
-    state = sampler.run_mcmc(state, snapshots, thin_by=thin, skip_initial_state_check=True)
-    return Block(
-        sampler.get_chain(),
-        sampler.get_log_prob(),
-        sampler.backend.accepted.astype(np.int64),
-        tuple(state.random_state),
-    )
+    def __call__(self, walkers: Array, random: np.random.RandomState) -> tuple[Array, Array]:
+        """Return proposals (w, p), and logarithms of their factors (w,)."""
+        new = self.proposal.draw(len(walkers), random)
+        return new, self.proposal.log_density(walkers) - self.proposal.log_density(new)
 
 
-class Store:
-    """Chains in a file that `emcee.backends.HDFBackend` reads: one group per ensemble."""
+def moves(proposal: StudentT | None) -> list[tuple[emcee.moves.Move, float]]:
+    """Return emcee's weighted moves: DE, corrected snooker, and independent ones if possible."""
+    rest = 1.0 if proposal is None else 1.0 - INDEPENDENT
+    mix = [
+        (emcee.moves.DEMove(), rest * DE / (DE + SNOOKER)),
+        (SnookerMove(), rest * SNOOKER / (DE + SNOOKER)),
+    ]
+    if proposal is not None:
+        mix.append((emcee.moves.MHMove(IndependentMove(proposal)), INDEPENDENT))
+    return mix
 
-    def __init__(self, path: Path, fingerprint: str) -> None:
-        self.path = path
-        self.fingerprint = fingerprint
 
-    def load(self, ensemble: int) -> Block | None:
-        """Return what is stored of an ensemble, or None.
+@dataclass(frozen=True, eq=False)
+class Sampler:
+    """What advances an ensemble: picklable, so that another process can.
 
-        Raises
-        ------
-        InvalidInput : if the file holds the chains of something else.
-        """
-        if not self.path.exists():
-            return None
-        try:
-            with h5py.File(self.path, "r") as file:
-                if _group(ensemble) not in file:
-                    return None
-                group = file[_group(ensemble)]
-                done = int(group.attrs["iteration"])
-                if not done:
-                    return None
-                if group.attrs.get("fingerprint") != self.fingerprint:
-                    raise InvalidInput(
-                        f"{self.path}: holds chains of another fit, seed or sampler setting; "
-                        "remove the file or name another"
-                    )
-                return Block(
-                    group["chain"][:done],
-                    group["log_prob"][:done],
-                    group["accepted"][:].astype(np.int64),
-                    tuple(group.attrs[f"random_state_{i}"] for i in range(5)),
-                )
-        except OSError as error:
-            raise InvalidInput(f"{self.path}: is not an HDF5 file of chains ({error})") from error
+    Attributes
+    ----------
+    log_probability : (w, p) -> (w,); minus infinity outside the support.
+    thin : steps from one snapshot to the next.
+    proposal : of the independent moves; None for none.
+    """
 
-    def append(self, ensemble: int, block: Block) -> None:
-        """Add a block; the file is opened once, so that an interruption leaves whole blocks."""
-        snapshots, walkers, p = block.chain.shape
-        with h5py.File(self.path, "a") as file:
-            name = _group(ensemble)
-            fresh = name not in file or not file[name].attrs["iteration"]
-        if fresh:
-            emcee.backends.HDFBackend(str(self.path), name=name).reset(walkers, p)
-        with h5py.File(self.path, "a") as file:
-            group = file[name]
-            group.attrs["fingerprint"] = self.fingerprint
-            total = int(group.attrs["iteration"]) + snapshots
-            for key, values in (("chain", block.chain), ("log_prob", block.log_probability)):
-                group[key].resize(total, axis=0)
-                group[key][total - snapshots :] = values
-            group["accepted"][:] += block.accepted
-            for i, value in enumerate(block.random_state):
-                group.attrs[f"random_state_{i}"] = value
-            group.attrs["iteration"] = total
+    log_probability: LogProbability
+    thin: int
+    proposal: StudentT | None = None
+
+    def start(self, walkers: Array, seed: int) -> Chain:
+        """Return an ensemble at `walkers` (W, p) that has not moved yet."""
+        w = len(walkers)
+        state = tuple(np.random.RandomState(seed).get_state(legacy=True))
+        return Chain(walkers[None], np.full((1, w), np.nan), np.zeros(w, dtype=np.int64), state)
+
+    def advance(self, task: tuple[Chain, int]) -> Chain:
+        """Return the next snapshots of a chain."""
+        chain, snapshots = task
+        walkers, p = chain.walkers.shape[1:]
+        sampler = emcee.EnsembleSampler(
+            walkers, p, self.log_probability, moves=moves(self.proposal), vectorize=True
+        )
+        last = chain.log_probability[-1]
+        state = emcee.State(
+            chain.walkers[-1].copy(),
+            log_prob=None if np.isnan(last).any() else last.copy(),
+            random_state=chain.random_state,
+        )
+        state = sampler.run_mcmc(state, snapshots, thin_by=self.thin, skip_initial_state_check=True)
+        return Chain(
+            sampler.get_chain(),
+            sampler.get_log_prob(),
+            sampler.backend.accepted.astype(np.int64),
+            tuple(state.random_state),
+        )
+
+
+def marks(limit: int) -> Iterator[int]:
+    """Return the numbers of snapshots at which chains are checked and written, up to `limit`."""
+    t = 0
+    while t < limit:
+        t = min(limit, t + max(CHUNK, int(CHUNK_SHARE * t)))
+        yield t
 
 
 def run_ensembles(
-    log_probability: LogProbability,
+    sampler: Sampler,
     starts: Array,
     seeds: IntArray,
-    snapshots: int,
-    thin: int,
+    limit: int,
+    enough: Callable[[Array], bool] | None = None,
     store: Store | None = None,
-    progress: Callable[[int, int], None] | None = None,
+    progress: Callable[[int, int], object] | None = None,
     executor: Executor | None = None,
-) -> tuple[Array, Array]:
-    """Return chains (E, T, W, p) and acceptance fractions (E,) of independent ensembles.
+) -> tuple[Array, float]:
+    """Return chains (E, T, W, p) of independent ensembles, and the fraction of proposals taken.
 
     The result depends neither on the executor nor on interruptions.
 
     Parameters
     ----------
-    log_probability : (w, p) -> (w,); minus infinity outside the support.
     starts : (E, W, p).
     seeds : (E,).
-    snapshots, thin : T, and steps from one to the next.
+    limit : snapshots after which to stop in any case.
+    enough : told the chains so far, whether to stop; None goes on to the limit.
+    store : where the chains are kept, and from where they go on.
+    progress : called with the steps of all ensembles, and with those up to the limit; at the end
+        with the steps done, twice.
+    executor : advances the ensembles; in sequence where None.
     """
-    kept: list[list[Block]] = []
-    for e, (walkers, seed) in enumerate(zip(starts, seeds, strict=True)):
-        stored = None if store is None else store.load(e)
-        kept.append([start_state(walkers, int(seed)) if stored is None else stored])
-    fresh = [np.isnan(blocks[0].log_probability).any() for blocks in kept]
-    done = [0 if f else len(b[0].chain) for f, b in zip(fresh, kept, strict=True)]
-    total = snapshots * len(kept)
-    while min(done) < snapshots:
-        behind = [e for e, d in enumerate(done) if d < snapshots]
-        sizes = [min(BLOCK, snapshots - done[e]) for e in behind]
-        one = partial(_advance, log_probability, thin)
-        tasks = [(kept[e][-1], size) for e, size in zip(behind, sizes, strict=True)]
-        blocks = map(one, tasks) if executor is None else executor.map(one, tasks)
-        for e, block in zip(behind, blocks, strict=True):
-            kept[e].append(block)
-            done[e] += len(block.chain)
+    stored = None if store is None else store.load()
+    begun = [sampler.start(w, int(s)) for w, s in zip(starts, seeds, strict=True)]
+    chains = begun if stored is None else stored
+    per_snapshot = sampler.thin * len(chains)
+    done, mark = 0 if stored is None else len(chains[0].walkers), 0
+    for mark in marks(limit):
+        if mark > done:
+            more = _advanced(sampler, chains, mark - done, executor)
+            fresh = chains is begun
+            chains = (
+                more if fresh else [c.followed_by(m) for c, m in zip(chains, more, strict=True)]
+            )
+            done = mark
             if store is not None:
-                store.append(e, block)
+                store.save(chains)
             if progress is not None:
-                progress(thin * sum(done), thin * total)
-    own = [blocks[1:] if f else blocks for f, blocks in zip(fresh, kept, strict=True)]
-    chains = np.stack([np.concatenate([b.chain for b in bs])[:snapshots] for bs in own])
-    moved = np.array([np.mean(sum(b.accepted for b in bs)) for bs in own])
-    return chains, moved / np.array(done)
+                progress(per_snapshot * mark, per_snapshot * limit)
+        if enough is not None and enough(np.stack([c.walkers[:mark] for c in chains])):
+            break
+    if progress is not None:
+        progress(per_snapshot * mark, per_snapshot * mark)
+    # emcee counts what was taken in the steps it keeps.
+    taken = np.mean([c.accepted.mean() for c in chains]) / done
+    return np.stack([c.walkers[:mark] for c in chains]), float(taken)
 
 
-def autocorrelation_time(chains: Array) -> Array:
-    """Return integrated autocorrelation times (p,) in snapshots of chains (E, T, W, p).
-
-    Sokal's window of five times, as in emcee, but about the mean of all walkers in all ensembles:
-    about each walker's own mean, short chains seem to forget far too soon.
-    """
-    e, t, w, p = chains.shape
-    times = np.empty(p)
-    for i in range(p):
-        series = np.moveaxis(chains[..., i], 1, -1).reshape(e * w, t)
-        spectrum = np.fft.rfft(series - series.mean(), n=2 * t, axis=-1)
-        products = np.fft.irfft(np.abs(spectrum) ** 2, n=2 * t, axis=-1)[:, :t].mean(axis=0)
-        correlation = products / np.arange(t, 0, -1)
-        growing = 2 * np.cumsum(correlation / correlation[0]) - 1
-        outside = np.arange(t) >= 5 * growing
-        times[i] = growing[int(np.argmax(outside)) if outside.any() else t - 1]
-    return np.maximum(times, 1.0)
-
-
-def _group(ensemble: int) -> str:
-    return f"ensemble_{ensemble}"
-
-
-def _advance(log_probability: LogProbability, thin: int, task: tuple[Block, int]) -> Block:
-    block, snapshots = task
-    return advance(log_probability, block, snapshots, thin)
+def _advanced(
+    sampler: Sampler, chains: list[Chain], snapshots: int, executor: Executor | None
+) -> list[Chain]:
+    # The last snapshot is all that another process needs.
+    tasks = [
+        (Chain(c.walkers[-1:], c.log_probability[-1:], c.accepted, c.random_state), snapshots)
+        for c in chains
+    ]
+    one = sampler.advance
+    return list(map(one, tasks) if executor is None else executor.map(one, tasks))

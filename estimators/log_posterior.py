@@ -1,5 +1,6 @@
-"""The function that is sampled: a fit's cost, fast where only springs and dampers are free."""
+"""The function that is sampled: a fit's cost as a log density, fast where the kernel can."""
 
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, Literal
@@ -9,10 +10,12 @@ from numpy.typing import NDArray
 
 from estimators.frf_estimate import is_full
 from estimators.least_squares import Fit
+from estimators.likelihood import Noise, line_squares
+from estimators.priors import Prior
 from estimators.residuals import Residual, find_residual
-from estimators.weights import square_root, used_elements, weighted_squares
+from estimators.weights import square_root, used_elements
 from robotmodels.arrays import Array, ComplexArray, read_only
-from robotmodels.errors import IdentificationError, SolverFailed
+from robotmodels.errors import IdentificationError, InvalidInput, SolverFailed
 from robotmodels.linear_model import LinearModel
 from robotmodels.response import Elastic
 from robotmodels.spring_network import SpringNetwork
@@ -26,7 +29,7 @@ BATCH = 2**20
 
 @dataclass(frozen=True, eq=False)
 class LogPosterior:
-    """Logarithm of the posterior of ln theta: -scale V inside the bounds, flat prior in ln theta.
+    """Logarithm of the posterior of ln theta: the likelihood of V, the prior, flat in the bounds.
 
     Where every parameter is a spring or a damper, equilibria are held fixed at the fit. That
     leaves out the change of gravity sag within the posterior, which is of the order of the sag
@@ -38,7 +41,8 @@ class LogPosterior:
     model, positions : of the fit.
     network : at the fitted parameters.
     omega, measured, weights, kind : as in the fit.
-    scale : factor of the cost.
+    noise : how V becomes a likelihood.
+    prior : normal ones of ln theta; None for flat ones.
     bounds : (2, p) of ln theta.
     """
 
@@ -49,7 +53,8 @@ class LogPosterior:
     measured: ComplexArray
     weights: Array | ComplexArray
     kind: Residual
-    scale: float
+    noise: Noise
+    prior: Prior | None
     bounds: Array
     root: Array | ComplexArray = field(init=False)
     used: NDArray[np.bool_] = field(init=False)
@@ -61,23 +66,74 @@ class LogPosterior:
         object.__setattr__(self, "root", square_root(self.weights, shape))
         object.__setattr__(self, "used", used_elements(self.weights, shape))
 
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The p parameters."""
+        return self.network.parameters.names
+
+    @property
+    def data(self) -> int:
+        """Number of real data."""
+        return int(self.used.sum()) * (1 if self.kind.real else 2)
+
     def __call__(self, ln_theta: Array) -> Array:
-        """Return log p (W,), up to a constant, at `ln_theta` (W, p)."""
+        """Return log p (W,), up to a constant, at `ln_theta` (W, p); minus infinity outside.
+
+        Raises
+        ------
+        SolverFailed : if the cost is not a number, with the parameters.
+        """
         ln_theta = np.atleast_2d(ln_theta)
         inside = ((ln_theta >= self.bounds[0]) & (ln_theta <= self.bounds[1])).all(axis=1)
         result = np.full(len(ln_theta), -np.inf)
-        if inside.any():
-            cost = self.costs(np.exp(ln_theta[inside]))
-            result[inside] = np.where(np.isfinite(cost), -self.scale * cost, -np.inf)
+        if not inside.any():
+            return result
+        theta = np.exp(ln_theta[inside])
+        value = self._log_likelihood(theta)
+        wrong = np.isnan(value)
+        if wrong.any():
+            raise SolverFailed(f"posterior: no cost at {self.described(theta[np.argmax(wrong)])}")
+        if self.prior is not None:
+            value = value - self.prior.cost(self.names, theta)
+        result[inside] = value
         return result
 
     def costs(self, parameters: Array) -> Array:
-        """Return the fit's cost V (W,) at `parameters` (W, p) [SI]."""
+        """Return the fit's cost V (W,), without the prior, at `parameters` (W, p) [SI]."""
         if self.kernel is not None:
             return self.kernel(parameters)
+        return np.concatenate([squares.sum(axis=1) for squares in self._squares(parameters)])
+
+    def described(self, theta: Array) -> str:
+        """Name the three parameters of `theta` (p,) [SI] that are farthest from the fit."""
+        fitted = self.network.parameters.values
+        order = np.argsort(-np.abs(np.log(theta / fitted)))[:3]
+        return ", ".join(f"{self.names[i]} = {theta[i]:.4g} (fit {fitted[i]:.4g})" for i in order)
+
+    def _log_likelihood(self, theta: Array) -> Array:
+        if self.noise.kind != "estimated":
+            return self.noise.of_cost(self.costs(theta), self.data)
+        parts = [self.noise.of_squares(q, self.kind.real) for q in self._squares(theta)]
+        return np.concatenate(parts)
+
+    def _squares(self, parameters: Array) -> Iterator[Array]:
+        """Yield the parts of V, (w, elements or lines), of batches of parameters."""
+        for G in self._responses(parameters):
+            finite = np.isfinite(G).all(axis=(1, 2, 3, 4))
+            if not finite.any():
+                yield np.full((len(G), 1), np.inf)
+                continue
+            found = line_squares(self.root, self.kind.error(self.measured, G[finite], self.used))
+            squares = np.full((len(G), found[0].size), np.inf)
+            squares[finite] = found.reshape(len(found), -1)
+            yield squares
+
+    def _responses(self, parameters: Array) -> Iterator[ComplexArray]:
+        """Yield FRFs (w, Q, F, m, n) of batches of parameters; not finite where there are none."""
         if not self.network.only_springs:
-            return np.array([self._cost_anew(theta) for theta in parameters])
-        result = np.empty(len(parameters))
+            for theta in parameters:
+                yield self._response_anew(theta)[None]
+            return
         q, d = self.network.mass.shape[:2]
         together = max(1, BATCH // (q * len(self.omega) * d**2))
         for first in range(0, len(parameters), together):
@@ -89,21 +145,17 @@ class LogPosterior:
                 selector=self.network.selector,
                 measurement=self.network.measurement,
             )
-            G = batch.frequency_response(self.omega)
-            error = self.kind.error(self.measured, G, self.used)
-            result[first : first + len(models)] = weighted_squares(self.root, error)
-        return result
+            yield batch.frequency_response(self.omega)
 
-    def _cost_anew(self, theta: Array) -> float:
-        """Return V with the equilibria and the skeleton of theta; infinite where there are none."""
+    def _response_anew(self, theta: Array) -> ComplexArray:
+        """Return the FRF with the equilibria and the skeleton of theta."""
         from robotmodels import kernel
 
         try:
             network = self.model.network(self.positions, theta)
         except IdentificationError:
-            return np.inf
-        G = kernel.frequency_response(network, self.omega)
-        return float(weighted_squares(self.root, self.kind.error(self.measured, G, self.used)))
+            return np.full(self.measured.shape, np.inf + 0j)
+        return kernel.frequency_response(network, self.omega)
 
     @cached_property
     def kernel(self) -> "CostKernel | None":
@@ -123,15 +175,25 @@ class LogPosterior:
         return {name: value for name, value in self.__dict__.items() if name != "kernel"}
 
 
-def log_posterior(fit: Fit, scale: float) -> LogPosterior:
+def log_posterior(fit: Fit, noise: Noise, prior: Prior | None = None) -> LogPosterior:
     """Return the function that is sampled.
 
     Raises
     ------
-    SolverFailed : if the cost is not the fit's own at the fit.
+    InvalidInput : if the prior names no free parameter, the noise does not fit the residual, or
+        the fit's loss is a robust one, which is no likelihood.
+    SolverFailed : if the fit's cost is not finite, or not its own.
     """
     theta = fit.parameters.values
-    kind = find_residual(fit.residual)
+    if not np.isfinite(fit.cost):
+        raise SolverFailed(f"posterior: the fit's cost is {fit.cost:g}: {fit.message}")
+    if fit.loss != "linear":
+        raise InvalidInput(
+            f"posterior: the loss {fit.loss!r} is no likelihood; fit with loss='linear', "
+            "outliers given the weight zero"
+        )
+    if prior is not None:
+        prior.columns(fit.parameters.names)
     target = LogPosterior(
         model=fit.model,
         positions=fit.estimate.positions,
@@ -139,11 +201,24 @@ def log_posterior(fit: Fit, scale: float) -> LogPosterior:
         omega=fit.estimate.omega,
         measured=fit.estimate.response,
         weights=fit.weights,
-        kind=kind,
-        scale=scale,
+        kind=find_residual(fit.residual),
+        noise=noise,
+        prior=prior,
         bounds=read_only(np.log(fit.bounds)),
     )
-    cost = target.costs(theta[None])[0]
-    if not np.isclose(cost, fit.cost, rtol=1e-6):
-        raise SolverFailed(f"posterior: the cost at the fit is {cost:g}, the fit's {fit.cost:g}")
+    if noise.kind == "estimated" and target.kind.real:
+        _refuse_full_magnitudes(target)
+    cost = float(target.costs(theta[None])[0])
+    if not np.isclose(cost, fit.data_cost, rtol=1e-6):
+        raise SolverFailed(
+            f"posterior: the cost at the fit is {cost:g}, the fit's {fit.data_cost:g}"
+        )
     return target
+
+
+def _refuse_full_magnitudes(target: LogPosterior) -> None:
+    if is_full(target.weights, target.measured.shape):
+        raise InvalidInput(
+            "noise: 'estimated' is not known for magnitudes with full weights; "
+            "use the residual 'lls', or weights of single elements"
+        )

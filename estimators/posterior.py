@@ -1,26 +1,26 @@
-"""The posterior of a fit's parameters, sampled with emcee."""
+"""The posterior of a fit's parameters, sampled with emcee until it is good enough."""
 
 import hashlib
 from collections.abc import Callable
 from concurrent.futures import Executor
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
-from estimators.covariance import SINGULAR, Uncertainty, covariance, sandwich_parts
-from estimators.ensemble import Store, autocorrelation_time, run_ensembles
+from estimators.chain_store import Store
+from estimators.convergence import ESS, R_HAT, TIMES, Target, diagnose, enough
+from estimators.covariance import Uncertainty, sandwich_parts
+from estimators.ensemble import Sampler, run_ensembles
+from estimators.laplace import StudentT, laplace
 from estimators.least_squares import Fit
-from estimators.log_posterior import log_posterior
+from estimators.likelihood import Noise
+from estimators.log_posterior import LogPosterior, log_posterior
+from estimators.priors import Prior
 from robotmodels.arrays import Array, IntArray, read_only
 from robotmodels.errors import InvalidInput
 
-# Vehtari et al. (2021): R-hat below 1.01 and an effective sample size above 400.
-R_HAT = 1.01
-ESS = 400.0
-# Chains shorter than this many autocorrelation times do not tell their autocorrelation time.
-TIMES = 10.0
+__all__ = ["ESS", "R_HAT", "TIMES", "Posterior", "sample_posterior"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,8 +35,9 @@ class Posterior:
     ess : (p,) effective number of draws in all ensembles.
     autocorrelation_time : (p,) [steps].
     burn_in : steps left out.
+    steps : of each ensemble, burn-in included.
     acceptance : fraction of proposals taken.
-    scale : factor of the cost, see `sample_posterior`.
+    noise : what was taken to be known of the noise.
     converged : whether R-hat, effective sizes and length are good enough.
     message : if not, which parameter is worst and what to do.
     """
@@ -47,10 +48,16 @@ class Posterior:
     ess: Array
     autocorrelation_time: Array
     burn_in: int
+    steps: int
     acceptance: float
-    scale: float
+    noise: Noise
     converged: bool
     message: str
+
+    @property
+    def scale(self) -> float:
+        """The factor of the cost, see `sample_posterior`."""
+        return self.noise.scale
 
     @property
     def draws(self) -> Array:
@@ -89,101 +96,120 @@ def sample_posterior(
     rng: np.random.Generator,
     ensembles: int = 4,
     walkers: int = 64,
-    steps: int = 2000,
+    steps: int = 20_000,
     thin: int = 5,
+    noise: str = "known",
     scale: float | None = None,
+    blocks: int | None = None,
+    prior: Prior | None = None,
+    target: Target | None = None,
+    starts: Array | None = None,
     backend: str | Path | None = None,
-    progress: Callable[[int, int], None] | None = None,
+    progress: Callable[[int, int], object] | None = None,
     executor: Executor | None = None,
 ) -> Posterior:
-    """Return draws from exp(-scale V), V the fitted cost, with a flat prior of ln theta in bounds.
+    """Return draws from the likelihood of a fit's cost V times the prior, within the fit's bounds.
 
-    For nls with optimal weights that is the exact likelihood. The scale makes the posterior as
-    wide as Theorem 1 on average: p / tr(bread^-1 meat), one for optimal weights (the magnitude
-    adjustment of Pauli, Racugno and Ventura 2011). With other weights single parameters'
-    widths may still differ from Theorem 1's.
+    For nls with optimal weights and known noise exp(-V) is the exact likelihood. For other weights
+    V is multiplied by a scale that makes the posterior as wide as Theorem 1 on average:
+    p / tr(bread^-1 meat), one for optimal weights (the magnitude adjustment of Pauli, Racugno and
+    Ventura 2011). Single parameters' widths may still differ from Theorem 1's then.
+
+    Sampling ends once the chains meet the target, after 3 autocorrelation times of burn-in.
+    Moves: half independent draws from a Student t about the mode, half differential evolution
+    with a fifth of snooker updates.
 
     Parameters
     ----------
     rng : source of the seeds and starts.
     ensembles : independent ones, at least 2, for R-hat.
     walkers : in each, at least twice the parameters.
-    steps, thin : of each ensemble, and from one stored snapshot to the next.
+    steps : of each ensemble at most.
+    thin : steps from one stored snapshot to the next.
+    noise : "known", "unknown" (but for one common factor) or "estimated" (the weights are inverse
+        sample covariances): see `estimators.likelihood.Noise`.
+    scale : factor of V where the noise is known; None for the one above.
+    blocks : that estimated noise was estimated from.
+    prior : None takes the fit's own.
+    target : R-hat and least effective sample size at which to stop; 1.01 and 4000 where None.
+    starts : (walkers, p) or (ensembles, walkers, p) parameter values [SI]; None draws them about
+        the mode.
     backend : HDF5 file, read by ``emcee.backends.HDFBackend(path, name="ensemble_0")``; a run that
-        was interrupted goes on from it. None keeps the chains in memory only.
-    progress : called with the steps done in all ensembles, and their total.
+        was interrupted goes on from it, as does one with more steps. None keeps the chains in
+        memory only.
+    progress : called with the steps done in all ensembles, and the most there can be.
     executor : advances the ensembles; in sequence where None.
 
     Raises
     ------
-    InvalidInput : for too few ensembles, walkers or steps, a scale that is not positive, or a
-        backend of another fit or seed.
-    NotIdentifiable : if the information at the fit is singular.
+    InvalidInput : for too few ensembles, walkers or steps, noise settings that do not fit, a start
+        outside the bounds or without a cost, or a backend of another fit or seed.
+    SolverFailed : if a cost is not a number, with the parameters.
     """
-    p = len(fit.parameters)
-    _check_sizes(p, ensembles, walkers, steps, thin)
-    width = covariance(fit)
-    scale = _scale(fit) if scale is None else float(scale)
-    if not (np.isfinite(scale) and scale > 0):
-        raise InvalidInput(f"scale: {scale:g} is not a positive number")
-    target = log_posterior(fit, scale)
+    _check_sizes(len(fit.parameters), ensembles, walkers, steps, thin)
+    density = posterior_density(fit, noise=noise, scale=scale, blocks=blocks, prior=prior)
+    proposal = laplace(fit, density)
     seeds = rng.integers(2**32, size=ensembles, dtype=np.int64)
-    starts = np.stack(
-        [_ball(fit, width, walkers, np.random.default_rng(int(seed))) for seed in seeds]
-    )
-    store = None
-    if backend is not None:
-        store = Store(Path(backend), _fingerprint(fit, starts, seeds, thin, scale))
+    first = _given(starts, density, ensembles, walkers)
+    if first is None:
+        rngs = [np.random.default_rng(int(seed)) for seed in seeds]
+        first = np.stack([_ball(proposal, density.bounds, walkers, one) for one in rngs])
+    _check_starts(density, first)
+    aim = target or Target()
     chains, acceptance = run_ensembles(
-        target, starts, seeds, steps // thin, thin, store, progress, executor
+        Sampler(density, thin, proposal),
+        first,
+        seeds,
+        steps // thin,
+        lambda so_far: enough(so_far, aim),
+        None if backend is None else Store(Path(backend), _fingerprint(fit, density, seeds, thin)),
+        progress,
+        executor,
     )
-    return judged(fit.parameters.names, chains, thin, float(acceptance.mean()), scale)
+    return judged(density.names, chains, thin, acceptance, density.noise, aim)
+
+
+def posterior_density(
+    fit: Fit,
+    *,
+    noise: str = "known",
+    scale: float | None = None,
+    blocks: int | None = None,
+    prior: Prior | None = None,
+) -> LogPosterior:
+    """Return the density that `sample_posterior` samples; arguments and errors as there."""
+    if scale is None:
+        scale = _magnitude_adjustment(fit) if noise == "known" and np.isfinite(fit.cost) else 1.0
+    return log_posterior(fit, Noise(noise, float(scale), blocks), prior or fit.prior)
 
 
 def judged(
-    names: tuple[str, ...], chains: Array, thin: int, acceptance: float, scale: float
+    names: tuple[str, ...],
+    chains: Array,
+    thin: int,
+    acceptance: float,
+    noise: Noise,
+    target: Target | None = None,
 ) -> Posterior:
-    """Return the posterior of chains (E, T, W, p): burn-in left out, convergence examined.
-
-    Three autocorrelation times are left out, at most half of the chain.
-    """
-    from arviz_stats.base.array import array_stats
-
-    statistics: Any = array_stats  # has no types
-    tau = autocorrelation_time(chains)
-    burn = min(chains.shape[1] // 2, int(np.ceil(3 * tau.max())))
-    kept = chains[:, burn:]
-    tau = autocorrelation_time(kept)
-    e, t, w, p = kept.shape
-    # Split R-hat of one chain per ensemble, its walkers in order of time.
-    one = np.moveaxis(kept, -1, 0).reshape(p, e, t * w)
-    r_hat = np.array([float(statistics.rhat(series)) for series in one])
-    ess = e * t * w / tau
-    need = max(TIMES, t * ESS / ess.min() / tau.max()) * tau.max() + burn
-    if r_hat.max() > R_HAT:
-        need = max(need, 2 * chains.shape[1])
-    steps = int(np.ceil(need * thin / 100) * 100)
-    worst = names[int(np.argmax(r_hat))], names[int(np.argmin(ess))]
-    faults = []
-    if not r_hat.max() <= R_HAT:
-        faults.append(f"R-hat {r_hat.max():.3f} for {worst[0]} (at most {R_HAT})")
-    if not ess.min() >= ESS:
-        faults.append(f"effective sample size {ess.min():.0f} for {worst[1]} (at least {ESS:.0f})")
-    if t < TIMES * tau.max():
-        faults.append(f"{t} snapshots are fewer than {TIMES:.0f} autocorrelation times")
+    """Return the posterior of chains (E, T, W, p): burn-in left out, convergence examined."""
+    found = diagnose(names, chains, target or Target())
+    steps = int(np.ceil(found.needed * thin / 100) * 100)
     message = "converged"
-    if faults:
-        message = f"not converged: {'; '.join(faults)}; run about {steps} steps"
+    if found.faults:
+        message = f"not converged: {'; '.join(found.faults)}; run about {steps} steps"
+    elif found.short:
+        message = f"converged, {found.short}: that takes about {steps} steps"
     return Posterior(
         names,
-        read_only(kept),
-        r_hat,
-        ess,
-        tau * thin,
-        burn * thin,
+        read_only(chains[:, found.burn_in :]),
+        found.r_hat,
+        found.ess,
+        found.autocorrelation_time * thin,
+        found.burn_in * thin,
+        chains.shape[1] * thin,
         acceptance,
-        scale,
-        not faults,
+        noise,
+        not found.faults,
         message,
     )
 
@@ -202,28 +228,70 @@ def _check_sizes(p: int, ensembles: int, walkers: int, steps: int, thin: int) ->
         )
 
 
-def _scale(fit: Fit) -> float:
+def _magnitude_adjustment(fit: Fit) -> float:
     bread, meat = sandwich_parts(fit)
-    return len(bread) / float(np.trace(np.linalg.solve(bread, meat)))
+    # Directions without information have neither bread nor meat.
+    return len(bread) / float(np.trace(np.linalg.lstsq(bread, meat)[0]))
 
 
-def _ball(fit: Fit, width: Uncertainty, walkers: int, rng: np.random.Generator) -> Array:
-    """Return starts (W, p) drawn from the Theorem 1 normal, drawn again where out of bounds."""
-    center = np.log(fit.parameters.values)
-    low, high = np.log(fit.bounds)
-    values, vectors = np.linalg.eigh(width.correlation)
-    root = width.std[:, None] * vectors * np.sqrt(np.clip(values, SINGULAR, None))
-    found = np.empty((0, len(center)))
-    spread = 1.0
-    while len(found) < walkers:
-        draws = center + spread * rng.standard_normal((walkers, len(center))) @ root.T
-        found = np.concatenate([found, draws[((draws > low) & (draws < high)).all(axis=1)]])
-        spread *= 0.7
-    return found[:walkers]
+def _ball(proposal: StudentT, bounds: Array, walkers: int, rng: np.random.Generator) -> Array:
+    """Return starts (W, p) drawn from the proposal, mirrored at the bounds."""
+    low, high = bounds
+    draws = proposal.draw(walkers, rng)
+    draws = np.where(draws < low, 2 * low - draws, draws)
+    draws = np.where(draws > high, 2 * high - draws, draws)
+    # What is wider than the bounds twice over is spread evenly.
+    outside = (draws < low) | (draws > high)
+    return np.asarray(np.where(outside, rng.uniform(low, high, draws.shape), draws))
 
 
-def _fingerprint(fit: Fit, starts: Array, seeds: IntArray, thin: int, scale: float) -> str:
-    digest = hashlib.sha256(repr((fit.residual, fit.parameters.names, thin, scale)).encode())
-    for array in (fit.estimate.response, fit.weights, fit.parameters.values, starts, seeds):
-        digest.update(np.ascontiguousarray(array).tobytes())
+def _given(
+    starts: Array | None, density: LogPosterior, ensembles: int, walkers: int
+) -> Array | None:
+    """Return a user's starts as (E, W, p) of ln theta."""
+    if starts is None:
+        return None
+    values, p = np.asarray(starts, dtype=float), len(density.names)
+    shapes = ((walkers, p), (ensembles, walkers, p))
+    if values.shape not in shapes:
+        raise InvalidInput(
+            f"starts: shape {values.shape} given; {shapes[0]} or {shapes[1]} is needed"
+        )
+    values = np.broadcast_to(values, shapes[1])
+    low, high = np.exp(density.bounds)
+    wrong = np.argwhere(~((values >= low) & (values <= high)))
+    if wrong.size:
+        e, w, i = wrong[0]
+        raise InvalidInput(
+            f"starts: {density.names[i]} = {values[e, w, i]:g} of walker {w} lies outside its "
+            f"bounds [{low[i]:g}, {high[i]:g}]"
+        )
+    return np.asarray(np.log(values))
+
+
+def _check_starts(density: LogPosterior, starts: Array) -> None:
+    """Refuse walkers that start where there is no cost."""
+    flat = starts.reshape(-1, starts.shape[-1])
+    wrong = ~np.isfinite(density(flat))
+    if wrong.any():
+        raise InvalidInput(
+            f"starts: {wrong.sum()} of {len(flat)} walkers start without a finite cost, one at "
+            f"{density.described(np.exp(flat[np.argmax(wrong)]))}; start closer to the fit, or "
+            "fix what the data do not tell"
+        )
+
+
+def _fingerprint(fit: Fit, density: LogPosterior, seeds: IntArray, thin: int) -> str:
+    """Return a digest of what the chains depend on; rounded where computed, not given."""
+    settings = (fit.residual, density.names, density.noise.kind, density.noise.blocks, thin)
+    digest = hashlib.sha256(repr(settings).encode())
+    estimate = fit.estimate
+    for given in (estimate.positions, estimate.omega, estimate.response, seeds):
+        digest.update(np.ascontiguousarray(given).tobytes())
+    computed = [fit.weights, fit.parameters.values, fit.bounds, np.array(density.noise.scale)]
+    if density.prior is not None:
+        computed += [density.prior.values, density.prior.std]
+        digest.update(repr(density.prior.names).encode())
+    for array in computed:
+        digest.update("".join(f"{x:.5g} " for x in np.ravel(array)).encode())
     return digest.hexdigest()

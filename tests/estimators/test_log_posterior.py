@@ -4,6 +4,8 @@ import numpy as np
 import pytest
 
 from estimators import covariance, fit, sample_posterior, simulate_frf
+from estimators.convergence import Target
+from estimators.likelihood import Noise
 from estimators.log_posterior import log_posterior
 from robotmodels import CoupledChains, ElasticRobot, RelativeNoise, load_robot
 from robotmodels.robot_file import RobotFile
@@ -24,15 +26,20 @@ def chains_fit():
 
 def test_free_masses_widen_the_posterior_as_theorem_1_says(chains_fit):
     posterior = sample_posterior(
-        chains_fit, rng=np.random.default_rng(0), ensembles=2, walkers=10, steps=500
+        chains_fit,
+        rng=np.random.default_rng(0),
+        ensembles=2,
+        walkers=10,
+        thin=2,
+        target=Target(ess=400),
     )
     ratio = covariance(chains_fit).std / posterior.uncertainty().std
     assert chains_fit.parameters.names == ("K1", "c1", "m1", "m2")
-    np.testing.assert_allclose(ratio, 1, atol=0.15)
+    np.testing.assert_allclose(ratio, 1, atol=0.2)
 
 
 def test_moving_a_mass_costs_what_the_fit_says(chains_fit):
-    target = log_posterior(chains_fit, 1.0)
+    target = log_posterior(chains_fit, Noise())
     moved = chains_fit.parameters.values * np.array([1, 1, 1.05, 1])
     refit = fit(
         CHAINS, chains_fit.estimate, "nls", "optimal", start=moved, max_evaluations=1
@@ -58,12 +65,12 @@ def test_accelerometers_inertias_and_delay_are_part_of_the_cost(residual, weight
         robot, positions, omega, RelativeNoise(0.03, 0.01), np.random.default_rng(0)
     )
     start = fit(robot, estimate, residual, weights, max_evaluations=1)
-    target = log_posterior(start, 1.0)  # refuses if its cost is not the fit's own
+    target = log_posterior(start, Noise())  # refuses if its cost is not the fit's own
     heavier = start.parameters.values.copy()
     heavier[start.parameters.index("payload.mass")] *= 1.2
     assert target.costs(heavier[None])[0] > 1.01 * target.costs(start.parameters.values[None])[0]
 
 
 def test_a_skeleton_that_cannot_be_costs_infinitely_much(chains_fit):
-    target = log_posterior(chains_fit, 1.0)
+    target = log_posterior(chains_fit, Noise())
     assert target(np.log(target.network.parameters.values)[None] + 30)[0] == -np.inf

@@ -1,0 +1,120 @@
+"""Chains of walkers in an HDF5 file that emcee reads, written so that a kill cannot spoil it."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+import h5py
+import numpy as np
+
+from robotmodels.arrays import Array, IntArray
+from robotmodels.errors import InvalidInput
+from robotmodels.replacing import replacing
+
+
+@dataclass(frozen=True, eq=False)
+class Chain:
+    """Snapshots of one ensemble, and the state from which it goes on.
+
+    Attributes
+    ----------
+    walkers : (T, W, p).
+    log_probability : (T, W); not a number where the ensemble has not moved yet.
+    accepted : (W,) proposals taken.
+    random_state : of numpy's Mersenne twister.
+    """
+
+    walkers: Array
+    log_probability: Array
+    accepted: IntArray
+    random_state: tuple[Any, ...]
+
+    def followed_by(self, more: "Chain") -> "Chain":
+        """Return both in a row."""
+        return Chain(
+            np.concatenate([self.walkers, more.walkers]),
+            np.concatenate([self.log_probability, more.log_probability]),
+            self.accepted + more.accepted,
+            more.random_state,
+        )
+
+
+class Store:
+    """Chains in a file that ``emcee.backends.HDFBackend(path, name="ensemble_0")`` reads.
+
+    The file is always whole: a new one is written beside it and takes its place at once. As the
+    chunks between two writes grow with the chains, that costs ten times the final size at most.
+
+    Parameters
+    ----------
+    path : of the file.
+    fingerprint : of the problem and of the settings, so that other chains are not continued.
+    """
+
+    def __init__(self, path: Path, fingerprint: str) -> None:
+        self.path = path
+        self.fingerprint = fingerprint
+
+    def load(self) -> list[Chain] | None:
+        """Return the chains of all ensembles, or None if there is no file.
+
+        Raises
+        ------
+        InvalidInput : if the file holds something else.
+        """
+        if not self.path.exists():
+            return None
+        try:
+            with h5py.File(self.path, "r") as file:
+                if file.attrs.get("fingerprint") != self.fingerprint:
+                    raise InvalidInput(
+                        f"{self.path}: holds chains of another fit, seed or sampler setting; "
+                        "remove the file or name another"
+                    )
+                return [_read(file[_group(e)]) for e in range(len(file))]
+        except (OSError, KeyError) as error:
+            raise InvalidInput(f"{self.path}: is not an HDF5 file of chains ({error})") from error
+
+    def save(self, chains: Sequence[Chain]) -> None:
+        """Write the chains of all ensembles.
+
+        Raises
+        ------
+        InvalidInput : if the file cannot be written.
+        """
+        try:
+            with replacing(self.path) as part, h5py.File(part, "w") as file:
+                file.attrs["fingerprint"] = self.fingerprint
+                for e, chain in enumerate(chains):
+                    _write(file.create_group(_group(e)), chain)
+                file.flush()
+        except OSError as error:
+            raise InvalidInput(f"{self.path}: cannot be written ({error})") from error
+
+
+def _group(ensemble: int) -> str:
+    return f"ensemble_{ensemble}"
+
+
+def _write(group: Any, chain: Chain) -> None:
+    """Write what emcee's HDFBackend expects."""
+    t, w, p = chain.walkers.shape
+    attributes = {"version": version("emcee"), "nwalkers": w, "ndim": p, "has_blobs": False}
+    for name, value in (attributes | {"iteration": t}).items():
+        group.attrs[name] = value
+    for i, value in enumerate(chain.random_state):
+        group.attrs[f"random_state_{i}"] = value
+    group.create_dataset("accepted", data=chain.accepted.astype(float))
+    group.create_dataset("chain", data=chain.walkers)
+    group.create_dataset("log_prob", data=chain.log_probability)
+
+
+def _read(group: Any) -> Chain:
+    return Chain(
+        group["chain"][:],
+        group["log_prob"][:],
+        group["accepted"][:].astype(np.int64),
+        tuple(group.attrs[f"random_state_{i}"] for i in range(5)),
+    )
