@@ -1,7 +1,7 @@
 """Results of stages as files, bit for bit: arrays, and dataclasses of arrays and plain data."""
 
 import json
-from collections.abc import Callable
+from collections.abc import Mapping
 from dataclasses import fields, is_dataclass
 from pathlib import Path
 from typing import Any, TypeVar, get_args, get_type_hints
@@ -81,6 +81,10 @@ def _write(group: Any, value: Any) -> None:
             group.create_dataset(field.name, data=item)
         elif is_dataclass(item):
             _write(group.create_group(field.name), item)
+        elif isinstance(item, tuple) and any(isinstance(one, np.ndarray) for one in item):
+            arrays = group.create_group(field.name)
+            for i, one in enumerate(item):
+                arrays[f"{i:05d}"] = one
         else:
             plain[field.name] = _plain(item)
     group[_PLAIN] = json.dumps(plain)  # attributes hold 64 kB at most
@@ -94,19 +98,28 @@ def _read(group: Any, kind: Any) -> Any:
         if field.name in plain:
             found[field.name] = _tuples(plain[field.name])
         elif field.name in group:
-            item = group[field.name]
-            nested = hasattr(item, "keys")
-            inner = _dataclass_of(types[field.name]) if nested else None
-            found[field.name] = read_only(item[()]) if inner is None else _read(item, inner)
+            found[field.name] = _item(group[field.name], types[field.name])
         elif field.init:
             raise ValueError(f"{field.name} is missing")
     return kind(**found)
 
 
+def _item(stored: Any, annotation: Any) -> Any:
+    """Return an array, a dataclass or a tuple of arrays."""
+    if not hasattr(stored, "keys"):
+        return read_only(stored[()])
+    inner = _dataclass_of(annotation)
+    if inner is not None:
+        return _read(stored, inner)
+    return tuple(read_only(stored[name][()]) for name in sorted(stored))
+
+
 def _plain(value: Any) -> Any:
-    """Return numbers of numpy and tuples as JSON knows them."""
+    """Return numbers of numpy, tuples and mappings as JSON knows them."""
     if isinstance(value, np.generic):
         return value.item()
+    if isinstance(value, Mapping):
+        return {key: _plain(item) for key, item in value.items()}
     return [_plain(item) for item in value] if isinstance(value, (tuple, list)) else value
 
 
@@ -115,6 +128,5 @@ def _tuples(value: Any) -> Any:
 
 
 def _dataclass_of(annotation: Any) -> Any:
-    """Return the dataclass in an annotation such as ``Design | None``."""
-    choices: Callable[[Any], bool] = is_dataclass
-    return next(t for t in (annotation, *get_args(annotation)) if choices(t))
+    """Return the dataclass in an annotation such as ``Design | None``, or None."""
+    return next((t for t in (annotation, *get_args(annotation)) if is_dataclass(t)), None)

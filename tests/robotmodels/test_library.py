@@ -11,6 +11,7 @@ NAMES = (
     "kr240_class",
     "manutec_r3",
     "manutec_r3_26",
+    "manutec_r3_hardening",
     "moberg_axis1",
     "panda",
     "ur10",
@@ -152,6 +153,19 @@ def test_manutec_r3_26_stiffened_is_manutec_r3() -> None:
     measured = resonances(robotmodels.linearize(small, position)).frequencies
     found = resonances(robotmodels.linearize(large, position, rigid)).frequencies[:3]
     assert found == pytest.approx(measured, rel=1e-3)
+
+
+def test_manutec_r3_hardening_differs_from_manutec_r3_26_in_its_gears_only() -> None:
+    soft, linear = (robotmodels.load_robot(f"manutec_r3_{n}") for n in ("hardening", "26"))
+    assert soft.file.motors == linear.file.motors
+    assert soft.file.payload == linear.file.payload
+    for gear, nominal in zip(soft.file.springs, linear.file.springs, strict=True):
+        assert gear.damping == nominal.damping
+        if nominal.axis == "drive":
+            assert gear.stiffness.low == pytest.approx(0.85 * nominal.stiffness, rel=1e-5)
+            assert gear.stiffness.high == pytest.approx(1.25 * nominal.stiffness, rel=1e-5)
+        else:
+            assert gear == nominal
 
 
 def four_masses() -> CoupledChains:
