@@ -117,7 +117,7 @@ def usable_spectra(
     if n > E:
         raise InvalidInput(
             f"{who}: {E} experiments a block for {n} motors; {n} are needed, or "
-            "estimators.local_frf, which borrows from neighbouring lines"
+            "estimators.local_frf (oed frf --local), which borrows from neighbouring lines"
         )
     if n < E and method not in SUMMING:
         raise InvalidInput(

@@ -5,6 +5,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -13,15 +14,20 @@ from estimators.distortion import Distortion, distortion
 from estimators.exchange import read_records
 from estimators.frf_estimate import FrfEstimate
 from estimators.frf_methods import find_method
+from estimators.local_model import local_frf
 from estimators.nonparametric import estimate_frf
 from estimators.rigid_limit import check_rigid_limit
+from estimators.visits import merge_distortion, merge_visits, visits_of
 from robotmodels import ElasticRobot, frequency_response, load_robot
-from robotmodels.arrays import ComplexArray
+from robotmodels.arrays import ComplexArray, IntArray
 from robotmodels.errors import IdentificationWarning, InvalidInput
 from robotmodels.records import Records, iterate_records
 
 Progress = Callable[[str, int, int], None]
 """Called with the stage's name, the steps done and the steps in all (0: not known yet)."""
+
+_LOCAL_MODEL: dict[str, Any] = {"order": 2, "denominator": 2}
+"""Follows a resonance that is narrow against the window of lines."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,11 +36,14 @@ class MeasuredFrf:
 
     Attributes
     ----------
-    first : records of the first position; the others have its shape.
+    first : records of the first visit; the others have its shape.
+    visits : for each position the visits to it, as they are numbered in the records from 0.
     missing : experiments that the records of all positions lack.
-    method, covariance, delay : how they were estimated; the delay in s.
+    method, covariance, delay : how they were estimated; the delay in s. The method "local" has
+        the covariance "local", from residuals.
     estimate : FRFs with their covariance.
-    distortion : noise and distortion apart; None where there is one measured period only.
+    distortion : noise and distortion apart; None where there is one measured period only, or
+        where the method is local.
     robot : whose linear model goes with them, or None.
     modelled : (Q, F, n, n) FRFs of that model, or None.
     comparison : of the methods on the loop of the first position, or None.
@@ -42,6 +51,7 @@ class MeasuredFrf:
     """
 
     first: Records
+    visits: tuple[IntArray, ...]
     missing: int
     method: str
     covariance: str
@@ -66,6 +76,8 @@ def measured_frf(
     method: str = "ari",
     *,
     covariance: str = "total",
+    structure: str = "full",
+    local: bool = False,
     delay: float = 0.0,
     hold: bool = True,
     robot: str | None = None,
@@ -73,12 +85,15 @@ def measured_frf(
     runs: int = 200,
     progress: Progress | None = None,
 ) -> MeasuredFrf:
-    """Read records and estimate their FRFs.
+    """Read records and estimate their FRFs, one per position: visits to it are averaged.
 
     Parameters
     ----------
     path : records as HDF5, MATLAB or CSV file.
-    method, covariance, delay, hold : as in `estimators.estimate_frf`.
+    method, covariance, structure, delay, hold : as in `estimators.estimate_frf`.
+    local : whether neighbouring lines stand in for experiments, see `estimators.local_frf`; this
+        takes the place of method and covariance, and serves where there are fewer experiments
+        than motors.
     robot : name or file of the robot that was measured.
     compare : whether to compare the methods on the loop of the first position, by simulation.
     runs : simulated campaigns of the comparison; their seed is fixed.
@@ -92,53 +107,73 @@ def measured_frf(
     if not np.isfinite(delay):
         raise InvalidInput(f"delay: {delay!r} s is not a time")
     elastic = None if robot is None else load_robot(robot)
+    report = _silent if progress is None else progress
+    signals: dict[str, Any] = {"delay": delay, "hold": hold}
     with _collected() as said:
-        report = _silent if progress is None else progress
-        report("FRFs", 0, 0)
         source = _Source(path)
         _check_robot(source.first, elastic, path)
-        estimate = estimate_frf(source, method, covariance=covariance, delay=delay, hold=hold)
-        missing = source.missing
-        report("FRFs", 1, 1)
-        apart = None
-        if source.first.torque.shape[3] > 1:
-            report("distortion", 0, 0)
-            apart = distortion(source, method, delay=delay, hold=hold)
-            report("distortion", 1, 1)
-        else:
-            warnings.warn(
-                "one measured period: noise and distortion cannot be told apart",
-                IdentificationWarning,
-                stacklevel=1,
-            )
-        modelled = None
-        if elastic is not None:
-            modelled = frequency_response(elastic, estimate.positions, estimate.omega)
-            if modelled.shape != estimate.response.shape:
-                raise InvalidInput(
-                    f"{path}: FRFs of shape {estimate.response.shape[2:]}, those of the robot "
-                    f"{elastic.name!r} are {modelled.shape[2:]}"
+        with _stage(report, "FRFs"):
+            if local:
+                method = covariance = "local"
+                visits = local_frf(source, structure=structure, **_LOCAL_MODEL, **signals)
+            else:
+                visits = estimate_frf(
+                    source, method, covariance=covariance, structure=structure, **signals
                 )
-            check_rigid_limit(estimate, elastic)
+            estimate, missing = merge_visits(visits), source.missing
+        with _stage(report, "distortion"):
+            apart = None if _inseparable(source, local) else distortion(source, method, **signals)
+        modelled = None if elastic is None else _modelled(estimate, elastic, path)
         ranking = None
         if compare:
-            report("comparison", 0, 0)
-            loop = measured_loop(source.first, 0, delay=delay, hold=hold)
-            ranking = compare_methods(loop, runs, rng=np.random.default_rng(0))
-            report("comparison", 1, 1)
+            with _stage(report, "comparison"):
+                loop = measured_loop(source.first, 0, **signals)
+                ranking = compare_methods(loop, runs, rng=np.random.default_rng(0))
     return MeasuredFrf(
         source.first,
+        tuple(visits_of(visits.positions)),
         missing,
         method,
         covariance,
         delay,
         estimate,
-        apart,
+        apart and merge_distortion(apart),
         elastic,
         modelled,
         ranking,
         tuple(said),
     )
+
+
+@contextmanager
+def _stage(report: Progress, name: str) -> Iterator[None]:
+    report(name, 0, 0)
+    yield
+    report(name, 1, 1)
+
+
+def _inseparable(source: "_Source", local: bool) -> bool:
+    """Whether noise cannot be told from distortion, and say why."""
+    why = "the local method" if local else "one measured period"
+    if inseparable := local or source.first.torque.shape[3] == 1:
+        warnings.warn(
+            f"{why}: noise and distortion cannot be told apart",
+            IdentificationWarning,
+            stacklevel=1,
+        )
+    return inseparable
+
+
+def _modelled(estimate: FrfEstimate, robot: ElasticRobot, path: Path) -> ComplexArray:
+    """Return the FRFs of the robot's linear model where others were measured."""
+    modelled = np.asarray(frequency_response(robot, estimate.positions, estimate.omega))
+    if modelled.shape != estimate.response.shape:
+        raise InvalidInput(
+            f"{path}: FRFs of shape {estimate.response.shape[2:]}, those of the robot "
+            f"{robot.name!r} are {modelled.shape[2:]}"
+        )
+    check_rigid_limit(estimate, robot)
+    return modelled
 
 
 @contextmanager

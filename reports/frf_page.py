@@ -131,13 +131,23 @@ class FrfPage:
             f"Magnitudes of the measured frequency responses in position {q + 1}, with their "
             "standard deviations and what of them is noise and distortion"
         )
-        caption = ", ".join(text.degrees(e.positions[q]))
+        caption = ", ".join(text.places(e.positions[q], prismatic_joints(found)))
+        if len(found.visits[q]) > 1:
+            numbers = [str(i + 1) for i in found.visits[q]]
+            caption += f"; mean of visits {text.listed(numbers)}"
         detection = None
         if d is not None and len(d.odd_omega) + len(d.even_omega):
             words = f"Motion at excited, odd and even detection lines in position {q + 1}"
             panels = detection_panels(d, q, self.outputs)
             detection = inline(panels, f"detection{q + 1}", words)
         return Position(q + 1, caption, inline(drawing, f"frf{q + 1}", alt), detection)
+
+
+def prismatic_joints(found: MeasuredFrf) -> list[bool]:
+    """Return which coordinates of a position are in m; in rad where no robot is known."""
+    if found.robot is None:
+        return [False] * found.estimate.positions.shape[1]
+    return [joint in found.robot.elements.prismatic for joint in found.robot.motor_joints]
 
 
 def output_names(found: MeasuredFrf) -> list[str]:

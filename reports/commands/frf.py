@@ -25,6 +25,15 @@ def frf(
     covariance: Annotated[
         str, typer.Option(help="total (from blocks) or noise (from periods, misses distortion).")
     ] = "total",
+    structure: Annotated[
+        str, typer.Option(help="Of the covariance over the elements of an FRF: full or diagonal.")
+    ] = "full",
+    local: Annotated[
+        bool,
+        typer.Option(
+            "--local", help="Borrow from neighbouring lines, for fewer experiments than motors."
+        ),
+    ] = False,
     robot: Annotated[
         str | None,
         typer.Option(
@@ -57,6 +66,8 @@ def frf(
             records,
             method,
             covariance=covariance,
+            structure=structure,
+            local=local,
             delay=delay,
             hold=hold,
             robot=robot,

@@ -3,6 +3,7 @@
 import re
 from dataclasses import replace
 from html.parser import HTMLParser
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -40,7 +41,7 @@ def records(distortion=0.0, blocks=BLOCKS, periods=PERIODS, positions=1):
     time = time + NOISE * rng.standard_normal((positions, blocks, 2, periods, SAMPLES, 2))
     torques = np.fft.irfft(torque, SAMPLES, axis=-2)[:, :, :, None]
     return Records(
-        positions=np.zeros((positions, 2)),
+        positions=0.5 * np.arange(positions)[:, None] * [1.0, 0.0],
         sample_time=T,
         reference=torques,
         torque=np.broadcast_to(torques, time.shape),
@@ -185,3 +186,56 @@ def test_endless_delay_is_refused(tmp_path):
 
 def test_decibels_leave_gaps():
     assert decibels(np.array([10.0, 0.0, 0.1])) == pytest.approx([20, np.nan, -20], nan_ok=True)
+
+
+def test_visits_of_a_position_are_one(tmp_path):
+    two = records(positions=2)
+    part = tmp_path / "bench.h5"
+    replace(two, positions=np.zeros((2, 2))).save(part)
+    merged = measured_frf(part)
+    assert [v.tolist() for v in merged.visits] == [[0, 1]]
+    assert merged.estimate.repetitions.tolist() == [2 * BLOCKS]
+    two.save(part)
+    apart = measured_frf(part)
+    assert len(apart.estimate.positions) == len(apart.distortion.positions) == 2
+    mean = apart.estimate.response.mean(axis=0)
+    assert merged.estimate.response[0] == pytest.approx(mean)
+    assert merged.distortion.noise[0] == pytest.approx(apart.distortion.noise.mean(axis=0) / 2)
+    text, _ = shown(merged, tmp_path)
+    assert "mean of visits 1 and 2" in text
+
+
+def test_structure_of_the_covariance(tmp_path):
+    records().save(tmp_path / "bench.h5")
+    assert measured_frf(tmp_path / "bench.h5").estimate.has_full_covariance
+    variances = measured_frf(tmp_path / "bench.h5", structure="diagonal")
+    assert not variances.estimate.has_full_covariance
+
+
+def test_one_experiment_for_two_motors_takes_the_local_method(tmp_path):
+    whole = records(blocks=4)
+    signals = ("reference", "torque", "angle", "saturated")
+    replace(whole, **{name: getattr(whole, name)[:, :, :1] for name in signals}).save(
+        tmp_path / "bench.h5"
+    )
+    with pytest.raises(InvalidInput, match="--local"):
+        measured_frf(tmp_path / "bench.h5")
+    found = measured_frf(tmp_path / "bench.h5", local=True)
+    truth = np.array([[20.0, -4.0], [-3.0, 9.0]]) * (1 + 0.2j)
+    assert np.abs(found.estimate.response[0] - truth).max() < 0.01
+    text, outline = shown(found, tmp_path)
+    assert "models of neighbouring lines" in text
+    assert "distortion" not in outline.ids
+
+
+def test_positions_of_prismatic_joints_are_in_metres(tmp_path):
+    records().save(tmp_path / "bench.h5")
+    found = measured_frf(tmp_path / "bench.h5")
+    sliding = SimpleNamespace(
+        name="crane",
+        motor_names=("m1", "m2"),
+        motor_joints=("turn", "slide"),
+        elements=SimpleNamespace(prismatic={"slide"}),
+    )
+    text, _ = shown(replace(found, robot=sliding), tmp_path)
+    assert "0\N{DEGREE SIGN}, 0.000\u202fm" in text
