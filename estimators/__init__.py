@@ -30,7 +30,7 @@ from estimators.priors import Prior
 from estimators.residuals import lls, lls_magnitude, nls
 from estimators.rigid_limit import RigidLimit, check_rigid_limit
 from estimators.stationarity import Settling, settling
-from estimators.weights import optimal_weights, user_weights
+from estimators.weights import combined_weights, optimal_weights, user_weights
 
 if TYPE_CHECKING:
     from estimators.posterior import Posterior, sample_posterior
@@ -48,6 +48,7 @@ __all__ = [
     "Settling",
     "Uncertainty",
     "check_rigid_limit",
+    "combined_weights",
     "compare_methods",
     "covariance",
     "designed_loop",

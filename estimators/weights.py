@@ -10,7 +10,9 @@ from estimators.residuals import Residual, find_residual
 from robotmodels.arrays import Array, ComplexArray
 from robotmodels.errors import InvalidInput, nearest
 
-KINDS = ("user", "optimal")
+KINDS = ("user", "optimal", "optimal_diagonal", "combined")
+# Relative error of the model that combined weights allow for where the noise is smaller.
+FLOOR = 0.1
 # 10 dB, above which the bias of a log residual is negligible ([WM] 5.1, after Pintelon and
 # Schoukens 2001, p. 207).
 MINIMUM_SNR = float(np.sqrt(10.0))
@@ -22,6 +24,7 @@ def user_weights(
     off_diagonal: float = 0.1,
     from_omega: float = 0.0,
     minimum_snr: float = MINIMUM_SNR,
+    elements: NDArray[Any] | None = None,
 ) -> Array:
     """Return [WM]'s rough weights (Q, F, m, n): constant per element, zero where FRFs are poor.
 
@@ -30,6 +33,11 @@ def user_weights(
     diagonal, off_diagonal : weights of the elements on and off the diagonal.
     from_omega : weights below this frequency [rad/s] are zero.
     minimum_snr : weights are zero where |G| is below this many of its standard deviations.
+    elements : (m, n) weights of the elements instead of `diagonal` and `off_diagonal`.
+
+    Raises
+    ------
+    InvalidInput : for a negative number, or weights of elements that the FRFs do not have.
     """
     for name, value in (
         ("diagonal", diagonal),
@@ -41,8 +49,29 @@ def user_weights(
             raise InvalidInput(f"weights.{name}: {value!r} is not a number >= 0")
     m, n = estimate.response.shape[-2:]
     element = np.where(np.eye(m, n, dtype=bool), diagonal, off_diagonal)
+    if elements is not None:
+        element = _checked_elements(np.asarray(elements), (m, n))
     good = clear(estimate, minimum_snr) & (estimate.omega >= from_omega)[:, None, None]
     return np.asarray(np.where(good, element, 0.0))
+
+
+def _checked_elements(elements: NDArray[Any], shape: tuple[int, int]) -> Array:
+    """Return weights of the elements (m, n) of every FRF."""
+    if elements.shape != shape:
+        beyond = [k for k, (a, b) in enumerate(zip(elements.shape, shape, strict=False)) if a > b]
+        last = tuple(k - 1 for k in elements.shape)
+        missing = f"; there is no element {last}" if beyond and elements.ndim == 2 else ""
+        raise InvalidInput(
+            f"weights.elements: shape {elements.shape} for FRFs of {shape[0]} outputs and "
+            f"{shape[1]} inputs{missing}"
+        )
+    wrong = np.argwhere(~(np.isfinite(elements) & (elements >= 0)))
+    if wrong.size:
+        i, j = wrong[0]
+        raise InvalidInput(
+            f"weights.elements: {elements[i, j]:g} of element ({i}, {j}) is not a number >= 0"
+        )
+    return elements.astype(float)
 
 
 def clear(estimate: FrfEstimate, minimum_snr: float) -> NDArray[np.bool_]:
@@ -55,6 +84,8 @@ def optimal_weights(
     residual: str | Residual,
     response: ComplexArray | None = None,
     minimum_snr: float = 0.0,
+    *,
+    diagonal: bool = False,
 ) -> Array | ComplexArray:
     """Return the weights of least covariance: [WM] (6) for nls, (8) for log residuals.
 
@@ -65,6 +96,8 @@ def optimal_weights(
         errors then correlate with the weights, a bias of the order of the relative variance. The
         FRF of a previous fit avoids it, see `estimators.reweighted`.
     minimum_snr : elements below so many of their standard deviations are left out.
+    diagonal : use the variances only, as [WM] 6 do; a full covariance needs more blocks than
+        elements.
 
     Returns
     -------
@@ -79,9 +112,71 @@ def optimal_weights(
     used = clear(estimate, minimum_snr)
     if kind.relative:
         used &= at != 0  # an infinite relative error
-    noise = kind.noise(estimate.covariance, at, used)
-    if not estimate.has_full_covariance:
-        return np.asarray(np.where(used, 1.0 / noise, 0.0))
+    covariance = estimate.variance if diagonal else estimate.covariance
+    noise = kind.noise(covariance, at, used)
+    return _inverse(noise, used, estimate)
+
+
+def combined_weights(
+    estimate: FrfEstimate,
+    residual: str | Residual,
+    shape: Array | None = None,
+    floor: float = FLOOR,
+    response: ComplexArray | None = None,
+    minimum_snr: float = 0.0,
+    *,
+    diagonal: bool = True,
+) -> Array | ComplexArray:
+    """Return the user's weights times those of the noise and of a model error together.
+
+    [WM] section 7: optimal weights suppose that the model can describe everything, and say little
+    at resonances; user weights say nothing of the noise. These are U^1/2 (R + floor^2 I)^-1 U^1/2
+    with R the residual's noise covariance: optimal where the noise exceeds `floor`, relatively, and
+    the user's where it does not. For nls, floor^2 |G|^2 takes the place of floor^2.
+
+    Parameters
+    ----------
+    shape : the user's weights U (Q, F, m, n); `user_weights` where None.
+    floor : relative error of the model [-].
+    diagonal : use the variances only.
+    residual, response, minimum_snr : as in `optimal_weights`.
+
+    Raises
+    ------
+    InvalidInput : if the floor is not positive, or the user's weights do not fit.
+    """
+    if not (np.isfinite(floor) and floor > 0):
+        raise InvalidInput(f"weights.floor: {floor!r} is not a positive number")
+    kind = find_residual(residual)
+    at = estimate.response if response is None else np.asarray(response)
+    user = user_weights(estimate, minimum_snr=minimum_snr) if shape is None else np.asarray(shape)
+    if user.shape != at.shape:
+        raise InvalidInput(f"weights.shape: {user.shape} given; {at.shape} is needed")
+    used = clear(estimate, minimum_snr) & (user > 0)
+    if kind.relative:
+        used &= at != 0
+    noise = kind.noise(estimate.variance if diagonal else estimate.covariance, at, used)
+    error = floor**2 * (np.ones(at.shape) if kind.relative else np.abs(at) ** 2)
+    if not is_full(noise, at.shape):
+        weights: NDArray[Any] = user * _inverse(noise + error, used, estimate)
+    else:
+        root = np.sqrt(vec(user))
+        both = noise + vec(error)[..., None] * np.eye(noise.shape[-1])
+        weights = root[..., :, None] * _inverse(both, used, estimate) * root[..., None, :]
+    return weights
+
+
+def _inverse(
+    noise: NDArray[Any], used: NDArray[np.bool_], estimate: FrfEstimate
+) -> Array | ComplexArray:
+    """Return the inverse of the noise of the elements `used`, zero for the others.
+
+    Raises
+    ------
+    InvalidInput : if a covariance is not positive definite, with position and frequency.
+    """
+    if not is_full(noise, used.shape):
+        return np.asarray(np.where(used, 1.0 / np.where(used, noise, 1.0), 0.0))
     # Elements left out must not correlate with the others either.
     kept = vec(used)
     pairs = kept[..., :, None] & kept[..., None, :]
@@ -120,8 +215,14 @@ def chosen_weights(
         minimum_snr = MINIMUM_SNR if kind.relative else 0.0
         if weights == "user":
             return user_weights(estimate, minimum_snr=minimum_snr)
-        return optimal_weights(estimate, kind, minimum_snr=minimum_snr)
+        if weights == "combined":
+            return combined_weights(estimate, kind, minimum_snr=minimum_snr)
+        return optimal_weights(
+            estimate, kind, minimum_snr=minimum_snr, diagonal=weights == "optimal_diagonal"
+        )
     array = np.asarray(weights)
+    if array.ndim == 2:
+        return user_weights(estimate, minimum_snr=0.0, elements=array)
     if not is_full(array, estimate.response.shape):
         if np.iscomplexobj(array):
             raise InvalidInput("weights: one weight per element must be a real number")
@@ -164,13 +265,6 @@ def square_root(weights: Array | ComplexArray, shape: tuple[int, ...]) -> Array 
     values, vectors = np.linalg.eigh(weights)
     root = np.sqrt(np.clip(values, 0.0, None))
     return np.ascontiguousarray(root[..., :, None] * np.conj(np.swapaxes(vectors, -1, -2)))
-
-
-def weighted_squares(root: Array | ComplexArray, error: Array | ComplexArray) -> Array:
-    """Return sum |S error|^2, (...), of residuals (..., Q, F, m, n): the cost V of each."""
-    full = is_full(root, error.shape[-4:])
-    white = root @ vec(error)[..., None] if full else root * error
-    return np.asarray(np.sum(white.real**2 + white.imag**2, axis=(-4, -3, -2, -1)))
 
 
 def whiten(root: Array | ComplexArray, values: NDArray[Any]) -> NDArray[Any]:

@@ -3,7 +3,15 @@ import pytest
 from mass_springs import OMEGA, POSITIONS, MassSprings
 from test_frf_estimate import full_covariance
 
-from estimators import FrfEstimate, lls, lls_magnitude, optimal_weights, simulate_frf, user_weights
+from estimators import (
+    FrfEstimate,
+    combined_weights,
+    lls,
+    lls_magnitude,
+    optimal_weights,
+    simulate_frf,
+    user_weights,
+)
 from estimators.residuals import RESIDUALS, find_residual
 from estimators.weights import chosen_weights, square_root, used_elements, whiten
 from robotmodels import InvalidInput, RelativeNoise, frequency_response, sensitivity
@@ -206,3 +214,65 @@ def _weights(kind):
 def test_wrong_weights_are_named(estimate, kind, message):
     with pytest.raises(InvalidInput, match=message):
         chosen_weights(_weights(kind), estimate, find_residual("nls"))
+
+
+def test_combined_weights_join_the_users_shape_and_the_noise(estimate):
+    g, variance = estimate.response, estimate.variance
+    shape = user_weights(estimate, 2.0, 0.5, from_omega=estimate.omega[3], minimum_snr=0.0)
+    assert np.allclose(
+        combined_weights(estimate, "lls", shape, 0.2), shape / (variance / np.abs(g) ** 2 + 0.04)
+    )
+    nls = combined_weights(estimate, "nls", shape, 0.2)
+    assert np.allclose(nls, shape / (variance + 0.04 * np.abs(g) ** 2))
+    assert (nls[:, :3] == 0).all()
+    # Little noise: the user's; much noise: the optimal ones.
+    little = with_covariance(estimate, 1e-6 * variance)
+    assert np.allclose(combined_weights(little, "lls", shape, 0.2), shape / 0.04, rtol=1e-3)
+    much = with_covariance(estimate, 1e6 * variance)
+    ones = np.ones(g.shape)
+    optimal = optimal_weights(much, "lls")
+    assert np.allclose(combined_weights(much, "lls", ones, 0.2), optimal, rtol=1e-3)
+
+
+def test_combined_weights_of_a_full_covariance(estimate):
+    covariance = full_covariance(estimate.response.shape)
+    correlated = with_covariance(estimate, covariance)
+    shape = user_weights(estimate, 2.0, 0.5, minimum_snr=0.0)
+    found = combined_weights(correlated, "nls", shape, 0.3, diagonal=False)
+    error = 0.09 * np.abs(estimate.response[1, 3].flatten(order="F")) ** 2
+    root = np.diag(np.sqrt(shape[1, 3].flatten(order="F")))
+    assert np.allclose(found[1, 3], root @ np.linalg.inv(covariance[1, 3] + np.diag(error)) @ root)
+    assert found.shape == covariance.shape
+    named = chosen_weights("combined", correlated, find_residual("lls"))
+    assert named.shape == estimate.response.shape
+
+
+def test_optimal_weights_from_the_variances_alone(estimate):
+    few = full_covariance(estimate.response.shape)
+    few[2, 6] = np.ones((4, 4)) + 1e-3 * np.eye(4)
+    few[2, 6] *= 1 + 0j
+    correlated = with_covariance(estimate, few)
+    assert np.allclose(optimal_weights(correlated, "nls", diagonal=True), 1 / correlated.variance)
+    named = chosen_weights("optimal_diagonal", correlated, find_residual("nls"))
+    assert np.allclose(named, 1 / correlated.variance)
+
+
+def test_one_weight_per_element(estimate):
+    elements = np.array([[1.0, 0.0], [0.2, 3.0]])
+    assert (user_weights(estimate, elements=elements, minimum_snr=0.0) == elements).all()
+    assert (chosen_weights(elements, estimate, find_residual("nls")) == elements).all()
+
+
+@pytest.mark.parametrize(
+    ("make", "message"),
+    [
+        (lambda e: user_weights(e, elements=np.ones((3, 2))), r"there is no element \(2, 1\)"),
+        (lambda e: user_weights(e, elements=np.ones((1, 2))), r"2 outputs and 2 inputs$"),
+        (lambda e: user_weights(e, elements=-np.eye(2)), r"-1 of element \(0, 0\)"),
+        (lambda e: combined_weights(e, "lls", floor=0.0), r"weights\.floor: 0\.0 is not"),
+        (lambda e: combined_weights(e, "lls", np.ones((2, 2))), r"weights\.shape: \(2, 2\) given"),
+    ],
+)
+def test_weights_that_do_not_fit_are_refused(estimate, make, message):
+    with pytest.raises(InvalidInput, match=message):
+        make(estimate)
