@@ -11,7 +11,8 @@ from estimators.cost import Problem, stated
 from estimators.frf_estimate import FrfEstimate
 from estimators.priors import Prior
 from estimators.residuals import find_residual
-from estimators.search import Outcome, search
+from estimators.search import search
+from estimators.trust_region import Outcome
 from estimators.weights import optimal_weights
 from robotmodels.arrays import Array, ComplexArray, IntArray, read_only
 from robotmodels.parameters import Parameters

@@ -14,8 +14,9 @@ from estimators.cost import Problem, stated
 from estimators.frf_estimate import FrfEstimate
 from estimators.least_squares import Fit, as_fit
 from estimators.priors import Prior
-from estimators.search import START_FAILED, STOPPED, Outcome, search_or_reason
+from estimators.search import search_or_reason
 from estimators.search_store import SearchStore, problem_fingerprint
+from estimators.trust_region import START_FAILED, STOPPED, Outcome
 from robotmodels.arrays import Array, IntArray
 from robotmodels.errors import InvalidInput
 from robotmodels.parameters import Parameters

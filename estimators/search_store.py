@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 
 from estimators.cost import Problem
-from estimators.search import Outcome
+from estimators.trust_region import Outcome
 from robotmodels.arrays import Array
 from robotmodels.errors import IdentificationError, InvalidInput
 from robotmodels.replacing import replacing

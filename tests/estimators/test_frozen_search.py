@@ -1,0 +1,186 @@
+import numpy as np
+import pytest
+from test_least_squares import MODEL, noisy
+
+from estimators import Prior, fit, simulate_frf
+from estimators.cost import stated
+from estimators.frozen_search import _Exact, _Frozen, can_freeze, frozen_search, squares
+from estimators.trust_region import exact_search
+from robotmodels import InvalidInput, RelativeNoise, SolverFailed, load_robot
+from robotmodels.normal_equations import NormalEquations
+
+BOUNDS = (1e-3, 1e3)
+OMEGA = 2 * np.pi * np.geomspace(3.0, 60.0, 20)
+
+
+@pytest.fixture(scope="module")
+def robot():
+    return load_robot("ur10")
+
+
+@pytest.fixture(scope="module")
+def estimate(robot):
+    rng = np.random.default_rng(0)
+    low, high = robot.position_limits.T
+    positions = low + (high - low) * rng.uniform(0.2, 0.8, (3, len(low)))
+    return simulate_frf(robot, positions, OMEGA, RelativeNoise(0.03, 0.01), rng)
+
+
+def far(robot, seed=1, decades=0.5):
+    exponents = np.random.default_rng(seed).uniform(-decades, decades, len(robot.parameters))
+    return robot.parameters.values * 10**exponents
+
+
+def known(robot):
+    names = robot.parameters.names[:2]
+    return Prior(names, 1.1 * robot.parameters.values[:2], np.array([0.01, 0.02]))
+
+
+def frozen(problem, start, evaluations=200, tolerance=1e-10):
+    network = problem.model.network(problem.estimate.positions, start)
+    return frozen_search(problem, start, network, evaluations, tolerance)
+
+
+@pytest.mark.parametrize("residual", ["nls", "lls", "lls_magnitude"])
+def test_cost_and_gradient_are_those_of_the_whitened_residuals(robot, estimate, residual):
+    problem = stated(robot, estimate, residual, "user", BOUNDS, None, known(robot))
+    values = far(robot)
+    f, slope = problem.evaluate(values)
+    r, J = _Exact(problem)(values)
+    assert np.isclose(r @ r, f @ f, rtol=1e-12)
+    gradient = slope.T @ f
+    assert np.abs(J.T @ r - gradient).max() < 1e-9 * np.abs(gradient).max()
+    # Frozen equilibria give the same cost, and a gradient that lacks the shift.
+    network = robot.network(estimate.positions, values)
+    r, J = _Frozen(problem, network)(values)
+    assert np.isclose(r @ r, f @ f, rtol=1e-12)
+    apart = np.abs(J.T @ r - gradient).max() / np.abs(gradient).max()
+    assert 1e-6 < apart < 0.05
+
+
+@pytest.mark.parametrize(
+    ("residual", "weights"), [("nls", "optimal"), ("lls", "user"), ("lls_magnitude", "combined")]
+)
+def test_both_searches_end_at_the_same_minimum(robot, estimate, residual, weights):
+    problem = stated(robot, estimate, residual, weights, BOUNDS, None, known(robot))
+    start = far(robot, decades=0.15)
+    slow, fast = exact_search(problem, start, 200, 1e-12), frozen(problem, start, 200, 1e-12)
+    assert fast.status > 0
+    assert np.isclose(slow.cost, fast.cost, rtol=1e-9)
+    f, slope = problem.evaluate(fast.values)
+    hessian = 2 * slope.T @ slope
+    apart = np.log(fast.values / slow.values)
+    assert np.sqrt(apart @ hessian @ apart / 2) < 1e-2 * np.sqrt(fast.cost / len(f))
+    step = np.linalg.solve(hessian, 2 * slope.T @ f)
+    assert np.sqrt(step @ hessian @ step / 2) < 1e-2 * np.sqrt(fast.cost / len(f))
+
+
+def test_large_problems_of_springs_take_the_fast_way(robot, estimate, monkeypatch):
+    problem = stated(robot, estimate, "lls", "user", BOUNDS)
+    network = robot.network(estimate.positions)
+    assert not can_freeze(problem, network)  # too small to be worth it
+    monkeypatch.setattr("estimators.frozen_search.WORTHWHILE", 0)
+    assert can_freeze(problem, network)
+    robust = stated(robot, estimate, "lls", "user", BOUNDS, loss="huber")
+    assert not can_freeze(robust, network)
+    eyes = np.broadcast_to(np.eye(36) + 0j, (3, 20, 36, 36))
+    assert not can_freeze(stated(robot, estimate, "nls", eyes, BOUNDS), network)
+    asked = []
+    monkeypatch.setattr(
+        "estimators.search.frozen_search", lambda *a: asked.append(1) or frozen_search(*a)
+    )
+    assert fit(robot, estimate, start=1.1 * robot.parameters.values).converged
+    assert asked == [1]
+
+
+def test_bounds_hold_and_are_told(robot, estimate):
+    bounds = np.outer([0.1, 10.0], robot.parameters.values)
+    bounds[:, 0] = robot.parameters.values[0] * np.array([1.3, 10.0])
+    problem = stated(robot, estimate, "nls", "optimal", bounds)
+    found = frozen(problem, robot.parameters.values * 1.5)
+    name = robot.parameters.names[0]
+    assert found.values[0] >= bounds[0, 0]
+    assert f"at a bound: {name}" in found.message
+
+
+def test_running_out_of_evaluations_is_told(robot, estimate):
+    problem = stated(robot, estimate, "nls", "optimal", BOUNDS)
+    for limit in (2, 3, 7):
+        found = frozen(problem, far(robot), limit)
+        assert found.status == 0
+        assert found.evaluations <= limit
+
+
+class Weak:
+    """A robot that has no equilibrium where its first spring is weaker than `weakest`."""
+
+    def __init__(self, robot, weakest):
+        self.robot, self.weakest = robot, weakest
+        self.parameters, self.refused = robot.parameters, 0
+
+    def network(self, positions, parameters=None):
+        from robotmodels import NoEquilibrium
+
+        if parameters is not None and parameters[0] < self.weakest:
+            self.refused += 1
+            raise NoEquilibrium("gives way")
+        return self.robot.network(positions, parameters)
+
+    def tangents(self, positions, parameters=None, *, sag=True):
+        return self.robot.tangents(positions, parameters, sag=sag)
+
+
+def test_where_there_is_no_equilibrium_the_way_is_halved(robot, estimate):
+    truth = robot.parameters.values
+    # The optimum lies beyond what the robot can bear.
+    weak = Weak(robot, 1.2 * truth[0])
+    problem = stated(weak, estimate, "nls", "optimal", BOUNDS)
+    found = frozen(problem, 2.0 * truth)
+    assert weak.refused
+    assert 1.2 <= found.values[0] / truth[0] < 1.3
+
+
+def test_equivalent_squares_have_the_given_normal_equations():
+    rng = np.random.default_rng(0)
+    slope, residual = rng.standard_normal((20, 4)), rng.standard_normal(20)
+    slope[:, 3] = 0.0  # not seen by the data
+    slope[:, 1] *= 1e6
+    given = NormalEquations(residual @ residual, 2 * slope.T @ residual, 2 * slope.T @ slope)
+    r, J = squares(given)
+    assert np.isclose(r @ r, given.cost)
+    assert np.allclose(2 * J.T @ r, given.gradient)
+    assert np.allclose(2 * J.T @ J, given.hessian)
+    # A gradient that no residuals of that cost have: cost and gradient stay, the Hessian grows.
+    steep = NormalEquations(given.cost, 100 * given.gradient, given.hessian)
+    r, J = squares(steep)
+    assert np.isclose(r @ r, given.cost)
+    assert np.allclose(2 * J.T @ r, steep.gradient)
+    assert np.linalg.eigvalsh(2 * J.T @ J - given.hessian)[0] > -1e-6 * given.hessian.max()
+
+
+def test_numbers_that_are_not_finite_are_refused():
+    with pytest.raises(SolverFailed, match="not finite"):
+        squares(NormalEquations(np.nan, np.zeros(1), np.eye(1)))
+
+
+def test_models_that_do_not_sag_need_no_correction(monkeypatch):
+    monkeypatch.setattr("estimators.frozen_search.WORTHWHILE", 0)
+    start = 1.3 * MODEL.parameters.values
+    fast = fit(MODEL, noisy(), "nls", "optimal", start=start)
+    monkeypatch.undo()
+    slow = fit(MODEL, noisy(), "nls", "optimal", start=start)
+    assert np.isclose(fast.cost, slow.cost, rtol=1e-10)
+    assert np.allclose(fast.parameters.values, slow.parameters.values, rtol=1e-5)
+
+
+def test_priors_are_checked(robot):
+    for arguments, message in (
+        ((("g1",), np.ones(1), np.zeros(1)), r"prior\.std: 0 for g1"),
+        ((("g1",), np.ones(2), np.ones(1)), r"prior\.values: shape \(2,\)"),
+        (((), np.ones(0), np.ones(0)), "one or more different"),
+        ((("g1", "g1"), np.ones(2), np.ones(2)), "one or more different"),
+    ):
+        with pytest.raises(InvalidInput, match=message):
+            Prior(*arguments)
+    with pytest.raises(InvalidInput, match="prior: 'k9' is not a free parameter"):
+        fit(MODEL, noisy(), prior=Prior(("k9",), np.ones(1), np.ones(1)))
