@@ -7,17 +7,12 @@ from importlib import import_module
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from oed.candidates import candidate_positions
+    from oed.candidate_sources import Workcell, gathered_candidates
+    from oed.candidates import candidate_positions, sobol_positions
     from oed.certificate import efficiency_bound, optimality_gap
     from oed.constraints import Constraints, Group
     from oed.crest import crest_factor, reduced_crest
-    from oed.criteria import (
-        AsCriterion,
-        CCriterion,
-        DsCriterion,
-        ICriterion,
-        MixtureCriterion,
-    )
+    from oed.criteria import AsCriterion, CCriterion, DsCriterion, ICriterion, MixtureCriterion
     from oed.exact import ExactDesign, exact_design
     from oed.information_set import InformationSet, information
     from oed.moves import Move, MoveLimits, move
@@ -25,12 +20,22 @@ if TYPE_CHECKING:
     from oed.peaks import Peaks, predicted_peaks
     from oed.plan import ExperimentPlan, experiment_plan
     from oed.plan_export import export_csv, export_mat
+    from oed.position_files import read_positions
     from oed.relaxed import Design, optimal_design
+    from oed.robust import (
+        AverageCriterion,
+        InformationSamples,
+        MaximinCriterion,
+        RobustDesign,
+        robust_design,
+    )
     from oed.scaling import Binding, Limits, Scaling, scale
     from oed.screening import Removal, ScreenedCandidates, screened_candidates
+    from oed.task_space import TaskBox, TaskPositions, task_space_positions
 
 _HOMES = {
     "AsCriterion": "criteria",
+    "AverageCriterion": "robust",
     "Binding": "scaling",
     "CCriterion": "criteria",
     "Constraints": "constraints",
@@ -40,16 +45,22 @@ _HOMES = {
     "ExperimentPlan": "plan",
     "Group": "constraints",
     "ICriterion": "criteria",
+    "InformationSamples": "robust",
     "InformationSet": "information_set",
     "Limits": "scaling",
+    "MaximinCriterion": "robust",
     "MixtureCriterion": "criteria",
     "Move": "moves",
     "MoveLimits": "moves",
     "Multisine": "multisine",
     "Peaks": "peaks",
     "Removal": "screening",
+    "RobustDesign": "robust",
     "Scaling": "scaling",
     "ScreenedCandidates": "screening",
+    "TaskBox": "task_space",
+    "TaskPositions": "task_space",
+    "Workcell": "candidate_sources",
     "band_multisine": "multisine",
     "candidate_positions": "candidates",
     "crest_factor": "crest",
@@ -59,19 +70,25 @@ _HOMES = {
     "export_csv": "plan_export",
     "export_mat": "plan_export",
     "fourier_matrix": "multisine",
+    "gathered_candidates": "candidate_sources",
     "information": "information_set",
     "move": "moves",
     "optimal_design": "relaxed",
     "optimality_gap": "certificate",
     "predicted_peaks": "peaks",
     "random_phases": "multisine",
+    "read_positions": "position_files",
     "reduced_crest": "crest",
+    "robust_design": "robust",
     "scale": "scaling",
     "screened_candidates": "screening",
+    "sobol_positions": "candidates",
+    "task_space_positions": "task_space",
 }
 
 __all__ = [
     "AsCriterion",
+    "AverageCriterion",
     "Binding",
     "CCriterion",
     "Constraints",
@@ -81,16 +98,22 @@ __all__ = [
     "ExperimentPlan",
     "Group",
     "ICriterion",
+    "InformationSamples",
     "InformationSet",
     "Limits",
+    "MaximinCriterion",
     "MixtureCriterion",
     "Move",
     "MoveLimits",
     "Multisine",
     "Peaks",
     "Removal",
+    "RobustDesign",
     "Scaling",
     "ScreenedCandidates",
+    "TaskBox",
+    "TaskPositions",
+    "Workcell",
     "band_multisine",
     "candidate_positions",
     "crest_factor",
@@ -100,15 +123,20 @@ __all__ = [
     "export_csv",
     "export_mat",
     "fourier_matrix",
+    "gathered_candidates",
     "information",
     "move",
     "optimal_design",
     "optimality_gap",
     "predicted_peaks",
     "random_phases",
+    "read_positions",
     "reduced_crest",
+    "robust_design",
     "scale",
     "screened_candidates",
+    "sobol_positions",
+    "task_space_positions",
 ]
 
 

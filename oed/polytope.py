@@ -45,9 +45,10 @@ class Polytope:
     def violation(self, weights: Array) -> float:
         """Return the largest violation of a row or limit, relative to its size."""
         over = (self.rows @ weights - self.bounds) / np.maximum(np.abs(self.bounds), 1e-12)
-        above = (weights - self.upper) / np.maximum(self.upper, 1e-12)
+        limited = np.isfinite(self.upper)
+        above = (weights - self.upper)[limited] / np.maximum(self.upper[limited], 1e-12)
         below = (self.lower - weights) / np.maximum(self.lower, weights.max(initial=1e-12))
-        return float(max(over.max(), above.max(), below.max()))
+        return float(max(over.max(), above.max(initial=0.0), below.max()))
 
     def most(self, prices: Array, multipliers: Array | None = None) -> float:
         """Return an upper bound on prices'w over all allowed w; the largest itself if m = 1.
