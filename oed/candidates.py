@@ -63,6 +63,40 @@ def candidate_positions(
     return np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, len(joints))
 
 
+def sobol_positions(
+    robot: Jointed,
+    count: int,
+    limits: Sequence[Sequence[float]] | Mapping[str, Sequence[float]] | Array | None = None,
+    rng: np.random.Generator | None = None,
+) -> Array:
+    """Return `count` Sobol points (Q, n) [rad or m], which fill the ranges evenly in any number.
+
+    Parameters
+    ----------
+    robot : gives the names and limits of its n driven joints.
+    count : number of points; powers of two are the most even.
+    limits : as in `candidate_positions`; a range of one value holds its joint.
+    rng : scrambles the points (Owen), which keeps them as even; None takes the plain sequence
+        from its second point on, as its first is a corner.
+
+    Raises
+    ------
+    InvalidInput : if `count` is not a whole number >= 1, or as `candidate_positions`.
+    """
+    from scipy.stats import qmc  # takes half a second to import
+
+    whole = isinstance(count, (int, np.integer)) and not isinstance(count, bool)
+    if not whole or count < 1:
+        raise InvalidInput(f"sobol: {count!r} points; a whole number >= 1 is needed")
+    joints = list(robot.motor_joints)
+    ranges = _ranges(limits, joints, np.asarray(robot.position_limits, dtype=float))
+    sequence = qmc.Sobol(len(joints), scramble=rng is not None, rng=rng)
+    first = 1 if rng is None else 0
+    points = sequence.random_base2((int(count) + first - 1).bit_length())[first:]
+    low, high = ranges.T
+    return np.asarray(low + points[:count] * (high - low))
+
+
 def _counts(
     per_joint: int | Sequence[int] | Mapping[str, int] | None, joints: list[str]
 ) -> list[int]:

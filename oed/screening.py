@@ -4,9 +4,8 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 
-from robotmodels.arrays import Array, IntArray, read_only, real_numbers
+from robotmodels.arrays import Array, BoolArray, IntArray, read_only, real_numbers
 from robotmodels.collision import Surroundings
 from robotmodels.elastic import ElasticRobot
 from robotmodels.errors import InvalidInput
@@ -128,7 +127,7 @@ class _Screen:
     removed: dict[str, int] = field(default_factory=dict)
     removals: list[Removal] = field(default_factory=list)
 
-    def remove(self, reason: str, whats: Sequence[str], wrong: NDArray[np.bool_]) -> None:
+    def remove(self, reason: str, whats: Sequence[str], wrong: BoolArray) -> None:
         """Remove those of the positions left with any True in their row of (left, whats)."""
         gone = wrong.any(axis=1)
         self.removed[reason] = int(gone.sum())
@@ -140,7 +139,7 @@ class _Screen:
             if count
         ]
 
-    def remove_pairs(self, surroundings: Surroundings, touching: NDArray[np.bool_]) -> None:
+    def remove_pairs(self, surroundings: Surroundings, touching: BoolArray) -> None:
         """Remove positions in which links touch obstacles, then those in which links touch."""
         pairs = surroundings.pairs
         whats = [f"{pair.first!r} and {pair.second!r}" for pair in pairs]
@@ -170,7 +169,7 @@ def _checked(positions: Array, motors: list[str]) -> Array:
     return positions
 
 
-def _repeated(positions: Array) -> NDArray[np.bool_]:
+def _repeated(positions: Array) -> BoolArray:
     """Return which positions repeat an earlier one, (Q, 1)."""
     _, first = np.unique(np.round(positions / _SAME), axis=0, return_index=True)
     repeated = np.ones((len(positions), 1), dtype=bool)
@@ -178,9 +177,7 @@ def _repeated(positions: Array) -> NDArray[np.bool_]:
     return repeated
 
 
-def _torque_limits(
-    given: float | Sequence[float] | Array, motors: Sequence[str]
-) -> NDArray[np.float64]:
+def _torque_limits(given: float | Sequence[float] | Array, motors: Sequence[str]) -> Array:
     limits = real_numbers(given, "torque_limits")
     if limits.shape not in ((), (len(motors),)):
         raise InvalidInput(

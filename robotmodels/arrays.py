@@ -10,6 +10,7 @@ from robotmodels.errors import InvalidInput
 Array = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
 IntArray = NDArray[np.int64]
+BoolArray = NDArray[np.bool_]
 
 _T = TypeVar("_T", bound=np.generic)
 

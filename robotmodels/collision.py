@@ -11,10 +11,9 @@ from functools import cached_property
 import coal
 import numpy as np
 import pinocchio as pin
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from robotmodels.arrays import Array
+from robotmodels.arrays import Array, BoolArray
 from robotmodels.collision_shapes import RobotShapes, Shape, robot_shapes
 from robotmodels.elastic import ElasticRobot
 from robotmodels.errors import InvalidInput, nearest
@@ -94,7 +93,7 @@ class Surroundings:
 
     def touching(
         self, positions: Array, progress: Callable[[int, int], object] | None = None
-    ) -> NDArray[np.bool_]:
+    ) -> BoolArray:
         """Return which of `pairs` touch, (Q, pairs), at `positions` (Q, n) within their limits."""
         q = configurations(self.robot, positions)
         hits = self._checker(q, progress)
@@ -175,7 +174,7 @@ class _Checker:
 
     def __call__(
         self, configured: Array, progress: Callable[[int, int], object] | None = None
-    ) -> NDArray[np.bool_]:
+    ) -> BoolArray:
         """Return which pairs touch, (Q, pairs)."""
         touching = np.zeros((len(configured), len(self.pairs)), dtype=bool)
         data = self.rigid.createData()

@@ -1,0 +1,131 @@
+"""Lists of positions in files: CSV, YAML or NumPy's."""
+
+import csv
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any, Protocol
+
+import numpy as np
+import yaml
+
+from robotmodels.arrays import Array, real_numbers
+from robotmodels.errors import InvalidInput, nearest
+
+
+class Motorised(Protocol):
+    """A robot with named motors and joints."""
+
+    @property
+    def motor_names(self) -> Sequence[str]:
+        """Names of the n motors."""
+        ...
+
+    @property
+    def motor_joints(self) -> Sequence[str]:
+        """Names of their joints."""
+        ...
+
+
+def read_positions(path: str | Path, robot: Motorised) -> Array:
+    """Return the positions of a file, (Q, n) [rad or m].
+
+    ``.csv``: a position per line, and if the first line is words, a column for each motor or joint
+    that it names, in any order; ``.yaml``: a list of positions, or one under the key
+    ``positions``; ``.npy``: an array (Q, n).
+
+    Raises
+    ------
+    InvalidInput : naming the file, and the line or column that cannot be used.
+    """
+    path = Path(path)
+    readers = {".csv": _read_csv, ".yaml": _read_yaml, ".yml": _read_yaml, ".npy": _read_npy}
+    if path.suffix not in readers:
+        raise InvalidInput(f"{path}: positions are read from {', '.join(readers)} files")
+    if not path.is_file():
+        raise InvalidInput(f"{path}: no such file; a list of positions is needed")
+    try:
+        found = readers[path.suffix](path, robot)
+    except (OSError, UnicodeDecodeError) as error:
+        raise InvalidInput(f"{path}: cannot be read ({error})") from None
+    positions = real_numbers(found, f"{path}: positions")
+    n = len(robot.motor_names)
+    if positions.ndim != 2 or positions.shape[1] != n or not len(positions):
+        raise InvalidInput(
+            f"{path}: positions of shape {positions.shape}; (Q, {n}) is needed, one column for "
+            f"each of {', '.join(robot.motor_names)}"
+        )
+    wrong = ~np.isfinite(positions).all(axis=1)
+    if wrong.any():
+        raise InvalidInput(f"{path}: position {int(np.argmax(wrong)) + 1} is not finite")
+    return positions
+
+
+def _read_csv(path: Path, robot: Motorised) -> list[list[float]]:
+    with path.open(newline="", encoding="utf-8-sig") as file:
+        lines = [
+            (number, [cell.strip() for cell in row])
+            for number, row in enumerate(csv.reader(file), start=1)
+            if row and not row[0].lstrip().startswith("#")
+        ]
+    order = list(range(len(robot.motor_names)))
+    if lines and not _number(lines[0][1][0]):
+        order = _columns(path, lines[0][1], robot)
+        lines = lines[1:]
+    rows = []
+    for number, cells in lines:
+        if len(cells) != len(order) or not all(map(_number, cells)):
+            raise InvalidInput(
+                f"{path}: line {number}: {', '.join(cells)!r}; {len(order)} numbers are needed"
+            )
+        rows.append([float(cells[j]) for j in order])
+    return rows
+
+
+def _columns(path: Path, header: list[str], robot: Motorised) -> list[int]:
+    """Return which column each motor's positions are in."""
+    names = list(robot.motor_names), list(robot.motor_joints)
+    for name in header:
+        if name not in names[0] and name not in names[1]:
+            known = (*names[0], *names[1])
+            raise InvalidInput(
+                f"{path}: column {name!r} is neither a motor nor a driven joint"
+                f"{nearest(name, known)}; there are {', '.join(known)}"
+            )
+    columns = []
+    for motor, joint in zip(*names, strict=True):
+        matching = [j for j, name in enumerate(header) if name in (motor, joint)]
+        if len(matching) != 1:
+            raise InvalidInput(
+                f"{path}: motor {motor!r} (joint {joint!r}) has {len(matching)} columns; one needed"
+            )
+        columns.append(matching[0])
+    return columns
+
+
+def _read_yaml(path: Path, _: Motorised) -> Any:
+    try:
+        content = yaml.safe_load(path.read_text(encoding="utf-8"))
+    except yaml.YAMLError as error:
+        raise InvalidInput(f"{path}: not valid YAML: {' '.join(str(error).split())}") from None
+    if isinstance(content, dict):
+        if "positions" not in content:
+            raise InvalidInput(
+                f"{path}: key 'positions' is missing (found: {', '.join(map(str, content))})"
+            )
+        content = content["positions"]
+    return content if content is not None else []
+
+
+def _read_npy(path: Path, _: Motorised) -> Any:
+    try:
+        return np.load(path, allow_pickle=False)
+    except ValueError as error:
+        raise InvalidInput(f"{path}: not a NumPy array file: {error}") from None
+
+
+def _number(cell: str) -> bool:
+    try:
+        float(cell)
+    except ValueError:
+        return False
+    return True
