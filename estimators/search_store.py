@@ -48,8 +48,7 @@ def _model_arrays(problem: Problem) -> list[Array]:
         network.damping,
         network.stiffness,
         network.selector,
-        network.spring_stiffness,
-        network.spring_damping,
+        *network.coefficients,
     ]
 
 

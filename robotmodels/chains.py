@@ -1,6 +1,6 @@
 """Chains of masses and springs whose last masses are coupled through inertia, [HBH] section 2."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -9,7 +9,7 @@ from robotmodels.arrays import Array, IntArray, read_only
 from robotmodels.errors import InvalidInput, nearest
 from robotmodels.linear_model import LinearModel
 from robotmodels.parameters import Parameters
-from robotmodels.spring_network import SpringNetwork
+from robotmodels.spring_network import Inertances, SpringNetwork
 from robotmodels.tangents import Tangents
 
 
@@ -131,8 +131,13 @@ class CoupledChains:
         # Undamped chains have no damper to scale: their rows stay zero.
         scaled = np.arange(s if chains.dampers is None else 2 * s)
         exponents[:, scaled, scaled] = 1.0
+        inertances, rest = self._free_masses, chains.mass_matrix.copy()
+        if inertances is not None:
+            own = inertances.coordinates
+            inertances = replace(inertances, inertia=np.diag(rest)[own])
+            rest[own, own] = 0.0
         return SpringNetwork(
-            mass=np.tile(chains.mass_matrix, (q, 1, 1)),
+            mass=np.tile(rest, (q, 1, 1)),
             damping=zeros[0],
             stiffness=zeros,
             selector=selector,
@@ -141,25 +146,38 @@ class CoupledChains:
             spring_damping=np.tile(chains._dampings, (q, 1)),
             exponents=exponents,
             parameters=chains.parameters,
+            inertances=inertances,
         )
 
-    def tangents(
+    def linearization(
         self, positions: Array, parameters: Array | None = None, *, sag: bool = True
-    ) -> Tangents | None:
-        """Return the derivatives by free inertias, None where none is free; nothing sags here.
+    ) -> tuple[SpringNetwork, Tangents | None]:
+        """Return `network` and `tangents`.
 
         Raises
         ------
         InvalidInput : as `at`.
         """
-        if not self.extra:
+        return self.network(positions, parameters), self.tangents(positions, parameters, sag=sag)
+
+    def tangents(
+        self, positions: Array, parameters: Array | None = None, *, sag: bool = True
+    ) -> Tangents | None:
+        """Return the derivatives by free couplings, None where none is free; nothing sags here.
+
+        Raises
+        ------
+        InvalidInput : as `at`.
+        """
+        coupled = [name for name in self.extra if len(set(self._inertias[name])) == 2]
+        if not coupled:
             return None
         chains = self.at(parameters)
         q, p, d = len(np.asarray(positions)), len(chains.parameters), chains.masses.size
         n = len(chains.masses)
         mass = np.zeros((q, p, d, d))
         for i, name in enumerate(self.parameters.names):
-            if name in self.extra:
+            if name in coupled:
                 row, column = self._inertias[name]
                 mass[:, i, [row, column], [column, row]] = chains.mass_matrix[row, column]
         return Tangents(
@@ -178,6 +196,19 @@ class CoupledChains:
         """Coordinates of the last masses, (M,)."""
         count, length = self.masses.shape
         return np.asarray(np.arange(1, count + 1) * length - 1)
+
+    @cached_property
+    def _free_masses(self) -> Inertances | None:
+        """The free masses; None where there are none."""
+        names = self.parameters.names
+        places = {name: self._inertias[name] for name in self.extra}
+        masses = [(names.index(name), i) for name, (i, j) in places.items() if i == j]
+        if not masses:
+            return None
+        columns, own = np.array(masses).T
+        exponents = np.zeros((2 * len(own), len(names)))
+        exponents[len(own) + np.arange(len(own)), columns] = 1.0
+        return Inertances(own, np.zeros(len(own)), np.diag(self.mass_matrix)[own], exponents)
 
     @cached_property
     def _ends(self) -> IntArray:

@@ -166,7 +166,7 @@ class ElasticRobot:
         return self._network(self.equilibrium(positions, theta), theta)
 
     def _network(self, at: Equilibrium, theta: Array) -> SpringNetwork:
-        rest = skeleton(self._layout(theta), at.coordinates)
+        rest = self._skeleton(theta, at.coordinates)
         plain = self.file.output == "acceleration" and not self.file.accelerometers
         plain = plain and rest.measurement.delay == 0 and bool(np.all(rest.measurement.gain == 1))
         return SpringNetwork(
@@ -180,6 +180,8 @@ class ElasticRobot:
             exponents=self.elements.exponents(theta, at.elongations),
             parameters=Parameters(self.parameters.names, theta, self.parameters.units),
             measurement=None if plain else rest.measurement,
+            inertances=self.elements.inertances(theta, self.layout.motors),
+            beyond=tuple(self.parameters.names[j] for j in self.elements.extra_columns),
         )
 
     def tangents(
@@ -194,18 +196,34 @@ class ElasticRobot:
         ------
         NoEquilibrium, InvalidInput : as `equilibrium`.
         """
-        extra = self.elements.extra_columns
-        if not sag and not extra:
+        if not sag and not self.elements.extra_columns:
             return None
         theta = self.parameters.check(parameters)
+        return self._tangents(self.equilibrium(positions, theta), theta, sag)
+
+    def linearization(
+        self, positions: Array, parameters: Array | None = None, *, sag: bool = True
+    ) -> tuple[SpringNetwork, Tangents | None]:
+        """Return `network` and `tangents` about the same equilibria, found once.
+
+        Raises
+        ------
+        NoEquilibrium, InvalidInput : as `equilibrium`.
+        """
+        theta = self.parameters.check(parameters)
         at = self.equilibrium(positions, theta)
+        wanted = sag or bool(self.elements.extra_columns)
+        return self._network(at, theta), self._tangents(at, theta, sag) if wanted else None
+
+    def _tangents(self, at: Equilibrium, theta: Array, sag: bool) -> Tangents:
+        extra = self.elements.extra_columns
         shift = np.zeros((*at.coordinates.shape, len(theta)))
         if not sag:
             return differentiate(self._skeleton, theta, at.coordinates, shift, extra)
         fixed = differentiate(self._skeleton, theta, at.coordinates, shift, extra)
         load = self.elements.torque_derivatives(theta, at.elongations)  # (Q, s, p)
         arm, sprung, held = self.layout.arm_size, self.layout.sprung, self.layout.held
-        K = skeleton(self._layout(theta), at.coordinates).stiffness[:, :arm, :arm]
+        K = self._skeleton(theta, at.coordinates).stiffness[:, :arm, :arm]
         K[:, sprung, sprung] += at.slopes
         force = np.swapaxes(fixed.gravity, 1, 2)[:, :arm].copy()
         force[:, sprung] += load
@@ -221,7 +239,7 @@ class ElasticRobot:
         return tangents.stiffened(np.einsum("qsp,si,sj->qpij", hardening, ends, ends))
 
     def _skeleton(self, theta: Array, coordinates: Array) -> Skeleton:
-        return skeleton(self._layout(theta), coordinates)
+        return skeleton(self._layout(theta), coordinates, self.elements.free_motors)
 
     def skeleton_points(self, position: Array) -> Array:
         """Return the joint origins from base to tool, (k, 3) [m], springs unloaded.

@@ -1,5 +1,6 @@
 """The numbers of a robot file that can be parameters, and which of them are free."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -11,6 +12,9 @@ from robotmodels.extra import apply_extra, extra_elements
 from robotmodels.parameters import Parameters
 from robotmodels.robot_file import Hardening, RobotFile
 from robotmodels.spring_laws import SpringLaws
+from robotmodels.spring_network import Inertances
+
+_INERTIAL = ("viscous", "inertia")
 
 
 @dataclass(frozen=True, eq=False)
@@ -141,9 +145,48 @@ class Elements:
 
     @cached_property
     def extra_columns(self) -> list[int]:
-        """Free parameters that scale something other than a spring or damper."""
-        springs = len(self.names) - len(self._extra)
-        return np.flatnonzero(self.ties[springs:].any(axis=0)).tolist()
+        """Free parameters that scale something other than a spring, a damper or a motor's inertia.
+
+        A motor's inertia includes its viscous friction here.
+        """
+        rows = [self.names.index(n) for n in self._extra if n not in self._of_motors]
+        return np.flatnonzero(self.ties[rows].any(axis=0)).tolist()
+
+    @cached_property
+    def free_motors(self) -> list[int]:
+        """Indices of the motors whose inertia or viscous friction is free."""
+        free = {n for n in self._of_motors if self.ties[self.names.index(n)].any()}
+        return [
+            i for i, m in enumerate(self.file.motors) if free & {f"{m.name}.{e}" for e in _INERTIAL}
+        ]
+
+    def inertances(self, theta: Array, coordinates: Sequence[int]) -> Inertances | None:
+        """Return the free motors' inertances on the arm side; `coordinates` are all motors'."""
+        if not self.free_motors:
+            return None
+        motors = [self.file.motors[i] for i in self.free_motors]
+        values, none = self.at(theta), np.zeros(len(theta))
+        found: dict[str, list[float]] = {e: [] for e in _INERTIAL}
+        exponents: dict[str, list[Array]] = {e: [] for e in _INERTIAL}
+        for motor in motors:
+            for element, value in (("viscous", motor.viscous), ("inertia", motor.inertia)):
+                name = f"{motor.name}.{element}"
+                free = name in self._extra
+                row = self.names.index(name) if free else -1
+                found[element].append((values[row] if free else value) * motor.gear_ratio**2)
+                exponents[element].append(self.ties[row] if free else none)
+        return Inertances(
+            coordinates=np.array([coordinates[i] for i in self.free_motors], dtype=np.int64),
+            friction=np.array(found["viscous"]),
+            inertia=np.array(found["inertia"]),
+            exponents=np.array(exponents["viscous"] + exponents["inertia"]),
+        )
+
+    @cached_property
+    def _of_motors(self) -> set[str]:
+        """The extras that are a motor's inertia or viscous friction."""
+        names = {f"{m.name}.{element}" for m in self.file.motors for element in _INERTIAL}
+        return names & set(self._extra)
 
     def laws(self, theta: Array) -> SpringLaws:
         """Return the springs' characteristics."""

@@ -8,7 +8,7 @@ factorised without pivoting (`kernel_solve`), and positions are shared out over 
 import numpy as np
 
 from robotmodels.arrays import Array, ComplexArray
-from robotmodels.kernel_cells import CostKernel, positive_frequencies
+from robotmodels.kernel_cells import CostKernel, check_complete, positive_frequencies
 from robotmodels.kernel_information import informations
 from robotmodels.kernel_layout import layout
 from robotmodels.kernel_memory import address, aligned
@@ -57,9 +57,11 @@ def information(network: SpringNetwork, omega: Array, noise: RelativeNoise) -> A
 
     Raises
     ------
-    InvalidInput : if a frequency is not positive and finite.
+    InvalidInput : if a frequency is not positive and finite, or a free parameter acts on more than
+        the network's terms.
     """
     w = positive_frequencies(omega)
+    check_complete(network)
     plan = layout(network)
     if plan is None:
         return _reference_information(network, w, noise)

@@ -39,8 +39,9 @@ class CostKernel:
 
     Raises
     ------
-    InvalidInput : for shapes that do not fit, negative weights, another residual, or a measured
-        element with a weight that is not finite, or zero where a logarithm is taken.
+    InvalidInput : if a free parameter acts on more than the network's terms; for shapes that do
+        not fit, negative weights, another residual, or a measured element with a weight that is
+        not finite, or zero where a logarithm is taken.
     """
 
     def __init__(
@@ -51,6 +52,7 @@ class CostKernel:
         weights: Array,
         residual: Residual = "nls",
     ) -> None:
+        check_complete(network)
         self.network, self.residual = network, residual
         self._omega = positive_frequencies(omega)
         self._measured, self._weights = _checked(network, self._omega, measured, weights, residual)
@@ -63,8 +65,9 @@ class CostKernel:
         self._spaces: list[Workspace] = []
         self._blocks = -(-self._omega.size // LANES)
         coupled = bool(np.any(self._plan.needed[:, 2] >= 0))
-        alike = bool(np.all(network.exponents == network.exponents[:1]))
-        self._exponents = network.exponents[: 1 if alike else None]
+        exponents = network.coefficient_exponents
+        alike = bool(np.all(exponents == exponents[:1]))
+        self._exponents = exponents[: 1 if alike else None]
         self._options = len(network.mass), self._blocks, coupled, _RESIDUALS.index(residual)
         self._cells, self._constant = prepare(
             network, self._omega, self._measured, self._weights, residual, (full, self._plan)
@@ -148,13 +151,13 @@ class CostKernel:
         return np.asarray(np.sum(pieces, axis=0))
 
     def _springs(self, theta: Array) -> tuple[Array, Array]:
-        """Return stiffnesses and dampings, (W, Q, s)."""
-        s = len(self.network.ends)
+        """Return the first and second coefficients of all terms, (W, Q, s)."""
+        first, second = self.network.coefficients
         steps = np.log(theta / self.network.parameters.values)
         factors = np.exp((self._exponents @ steps.T).transpose(2, 0, 1))
         return (
-            contiguous(self.network.spring_stiffness * factors[..., :s]),
-            contiguous(self.network.spring_damping * factors[..., s:]),
+            contiguous(first * factors[..., : first.shape[1]]),
+            contiguous(second * factors[..., first.shape[1] :]),
         )
 
     def _reference(self, theta: Array) -> float:
@@ -192,6 +195,20 @@ def _checked(
             f"FRF{'' if residual == 'nls' else ' other than zero'} or the weight zero is needed"
         )
     return measured, weights
+
+
+def check_complete(network: SpringNetwork) -> None:
+    """Refuse a network whose terms are not all that the free parameters act on.
+
+    Raises
+    ------
+    InvalidInput : naming those parameters.
+    """
+    if network.outside:
+        raise InvalidInput(
+            f"free parameters {', '.join(network.outside)}: the kernel knows springs, dampers and "
+            "single inertias only; use robotmodels.sensitivity"
+        )
 
 
 def positive_frequencies(omega: Array) -> Array:

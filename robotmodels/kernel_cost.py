@@ -24,6 +24,7 @@ from robotmodels.kernel_factor import (
     solve_lane,
     square,
 )
+from robotmodels.kernel_layout import INERTANCE, MOTOR, MOTOR_INERTANCE
 from robotmodels.kernel_log import angle, half_log, wrap
 from robotmodels.kernel_memory import (
     aligned,
@@ -100,9 +101,11 @@ def place_springs(work, cells, cell, coupled, stiffness, damping):
     for e in range(work.m):
         s = integer(work.needed, 3 * e)
         i, j = integer(work.needed, 3 * e + 1), integer(work.needed, 3 * e + 2)
-        if j == -2:
+        if j in (MOTOR, MOTOR_INERTANCE):
             continue
         spring = pack(splat(scalar(stiffness, s)), w * splat(scalar(damping, s)))
+        if j == INERTANCE:
+            spring = pack((splat(0.0) - w) * spring.imag, w * spring.real)
         store(work.diagonal, 2 * i, load_complex(work.diagonal, 2 * i) + spring)
         if j >= 0:
             store(work.diagonal, 2 * j, load_complex(work.diagonal, 2 * j) + spring)

@@ -3,30 +3,41 @@
 A spring's derivative of the FRF is of rank one, dG/d ln k_s = w^2 k_s v_s v_s^T, and a damper's is
 j w c_s/k_s times that. So with a_s the weighted elements of v_s v_s^T, the products of real and
 imaginary parts of a_s and a_t, summed over frequency with powers of w, hold every entry that
-springs and dampers have in a Fisher information or a Gauss-Newton matrix.
+springs and dampers have in a Fisher information or a Gauss-Newton matrix. Friction and inertia of
+a coordinate are spring and damper of its rate.
 """
 
 # numba compiles what follows and infers its types:
 # mypy: allow-untyped-decorators, allow-untyped-defs, allow-untyped-calls
 
 from robotmodels.kernel_factor import compiled, inlined
+from robotmodels.kernel_layout import INERTANCE, MOTOR, MOTOR_INERTANCE
 from robotmodels.kernel_memory import integer, load, load_complex, put, scalar, store
-from robotmodels.simd import BYTES, fma, lane_sum, splat
+from robotmodels.kernel_solve import motor_response
+from robotmodels.simd import BYTES, fma, lane_sum, pack, root, splat
 
 
 @compiled
-def elongate(work):
-    """Write v = X^T a of every needed spring."""
+def elongate(work, w):
+    """Write v = X^T a of every needed spring, and of an inertance its rate, sqrt(j w) X^T e."""
     driven, wide = work.size - work.n, work.wide
+    rate = root(splat(0.5) * w)
     for s in range(work.m):
         a, b = integer(work.needed, 3 * s + 1), integer(work.needed, 3 * s + 2)
         first, second, out = a * wide, b * wide, s * wide
+        if b == MOTOR_INERTANCE:
+            turn = rate * splat(1.0 / scalar(work.gears, a - driven))
+            for j in range(work.n):
+                own = motor_response(work, min(a - driven, j), max(a - driven, j))
+                store(work.elongation, out + 2 * j, own * pack(turn, turn))
+            continue
         for j in range(0, 2 * work.n, 2):
             y = load_complex(work.receptance, first + j)
             if b >= 0:
                 y = y - load_complex(work.receptance, second + j)
-            store(work.elongation, out + j, y * load_complex(work.wind, 3 * j))
-        if b == -2:
+            y = y * load_complex(work.wind, 3 * j)
+            store(work.elongation, out + j, y * pack(rate, rate) if b == INERTANCE else y)
+        if b == MOTOR:
             slip = load_complex(work.wind, 6 * (a - driven) + 2)
             for j in range(0, 2 * work.n, 2):
                 store(work.elongation, out + j, load_complex(work.elongation, out + j) * slip)
@@ -125,7 +136,7 @@ def pair_place(s, t):
 def fill_block(work, stiffness, damping):
     """Turn the sums into twice the products by ln k and ln c, (2 m, 2 m).
 
-    `stiffness` and `damping` are the addresses of a position's springs.
+    `stiffness` and `damping` are the addresses of a position's first and second coefficients.
     """
     m, block = work.m, work.block
     for i in range(m):

@@ -44,7 +44,7 @@ def _informations(work, omega, mask, frequencies, relative, floor, start, stop, 
             w = load(omega, b)
             solve(work, q, w)
             weigh(work, relative, floor, load(mask, b))
-            elongate(work)
+            elongate(work, w)
             spread(work)
             accumulate(work, work.m, w, False)
         springs = 8 * q * work.s

@@ -9,6 +9,8 @@ from robotmodels.spring_network import SpringNetwork
 
 BLOCK = 3
 """Rows and columns of the register blocks of the factorisation."""
+GROUND, MOTOR, INERTANCE, MOTOR_INERTANCE = -1, -2, -3, -4
+"""What a term joins its row to, where that is no row (see `Layout`)."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -24,12 +26,15 @@ class Layout:
         Its last n rows are the coordinates that the n motors drive.
     pad : number of padding rows.
     first : first row that a needed spring touches or a motor drives.
-    motors : (n, 2) the coordinate of an eliminated motor and its spring, or -1, -1 where the
-        motor moves its row rigidly.
+    motors : (n, 3) the coordinate of an eliminated motor, its spring and its inertance or -1; or
+        -1 thrice where the motor moves its row rigidly.
     gears : (n,) the selector's entries.
-    inner : (.., 3) springs between rows: spring, row, other row or -1 for the ground.
-    needed : (m, 3) springs whose sensitivity is asked for: spring, row, other row; -1 for the
-        ground, -2 for the eliminated motor of that row.
+    inner : (.., 3) terms between rows: term, row, and the other row or a code.
+    needed : (m, 3) terms whose sensitivity is asked for: the same.
+
+    Terms are numbered as in `SpringNetwork`. A code stands for `GROUND`, a spring to the ground;
+    `MOTOR`, a spring to the eliminated motor of the row; `INERTANCE` of the row; `MOTOR_INERTANCE`,
+    that of the row's eliminated motor.
     """
 
     order: IntArray
@@ -41,13 +46,11 @@ class Layout:
     needed: IntArray
 
 
-def needed_springs(network: SpringNetwork) -> IntArray:
-    """Return the springs of which a free parameter sets the stiffness or the damping."""
-    s = len(network.ends)
-    moved = (
-        np.any(network.exponents != 0, axis=(0, 2)) if len(network.exponents) else np.ones(2 * s)
-    )
-    return np.flatnonzero(np.logical_or(moved[:s], moved[s:]))
+def needed_terms(network: SpringNetwork) -> IntArray:
+    """Return the terms of which a free parameter sets one of the coefficients."""
+    exponents = network.coefficient_exponents
+    moved = np.any(exponents != 0, axis=(0, 2)) if len(exponents) else np.ones(exponents.shape[1])
+    return np.flatnonzero(np.any(moved.reshape(2, -1), axis=0))
 
 
 def layout(network: SpringNetwork) -> Layout | None:
@@ -66,7 +69,9 @@ def layout(network: SpringNetwork) -> Layout | None:
     driven = [
         _other_end(ends[s], m) if m >= 0 else a for (m, s), a in zip(motors, acted, strict=True)
     ]
-    needed = needed_springs(network)
+    moving = [] if network.inertances is None else network.inertances.coordinates.tolist()
+    ends = np.concatenate([ends.reshape(-1, 2), [(c, INERTANCE) for c in moving] or ends[:0]])
+    needed = needed_terms(network)
     touched = {int(c) for s in needed for c in ends[s] if c >= 0}
     inner = [c for c in range(S.shape[0]) if c not in set(motors[:, 0]) | set(driven)]
     free = [c for c in inner if c not in touched]
@@ -74,22 +79,27 @@ def layout(network: SpringNetwork) -> Layout | None:
     order = np.array(
         [-1] * pad + free + [c for c in inner if c in touched] + driven, dtype=np.int64
     )
-    row = {int(c): i for i, c in enumerate(order) if c >= 0} | {-1: -1}
-    own = {int(s): row[c] for (_, s), c in zip(motors, driven, strict=True) if s >= 0}
+    row = {int(c): i for i, c in enumerate(order) if c >= 0}
+    row |= {code: code for code in (GROUND, INERTANCE)}
+    own = {}  # terms of eliminated motors
+    inertances = np.full(n, -1, dtype=np.int64)
+    for i, ((motor, spring), c) in enumerate(zip(motors, driven, strict=True)):
+        if motor >= 0:
+            own[int(spring)] = row[c], MOTOR
+        if motor in moving:
+            inertances[i] = len(network.ends) + moving.index(int(motor))
+            own[int(inertances[i])] = row[c], MOTOR_INERTANCE
     table = np.array(
-        [
-            (s, own[s], -2) if s in own else (s, row[int(a)], row[int(b)])
-            for s, (a, b) in enumerate(ends)
-        ],
+        [(t, *own.get(t, (row.get(int(a)), row.get(int(b))))) for t, (a, b) in enumerate(ends)],
         dtype=np.int64,
     ).reshape(-1, 3)
     return Layout(
         order=order,
         pad=pad,
         first=pad + len(free),
-        motors=motors,
+        motors=np.column_stack([motors, inertances]),
         gears=S[acted, np.arange(n)].astype(float),
-        inner=table[table[:, 2] != -2],
+        inner=table[~np.isin(table[:, 2], (MOTOR, MOTOR_INERTANCE))],
         needed=table[needed],
     )
 

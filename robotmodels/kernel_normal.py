@@ -110,9 +110,9 @@ def _cell_normals(work, cells, stiffness, damping, options, start, stop, out):
         else:
             squares = lls_rows(work, cells, cell, residual == LLS)
         put(out, 0, scalar(out, 0) + lane_sum(squares))
-        elongate(work)
-        spread(work)
         w = load(cells.omega, cell)
+        elongate(work, w)
+        spread(work)
         accumulate(work, work.m + 1, w, residual != NLS and residual != LLS)
         if cell == stop - 1 or (cell + 1) % blocks == 0:
             fill_block(work, k, c)

@@ -18,6 +18,7 @@ from robotmodels.kernel_factor import (
     inverse,
     solve_lane,
 )
+from robotmodels.kernel_layout import INERTANCE
 from robotmodels.kernel_memory import integer, load, load_complex, put, scalar, store
 from robotmodels.simd import LANES, any_negative, fma, pack, splat
 
@@ -48,8 +49,10 @@ def pack_position(work, q):
             integer(work.inner, 3 * e + 1),
             integer(work.inner, 3 * e + 2),
         )
-        add_spring(work.packed + 8 * triangle, scalar(work.spring_damping, q * work.s + s), i, j)
-        add_spring(work.packed + 16 * triangle, scalar(work.spring_stiffness, q * work.s + s), i, j)
+        lower = 8 * triangle if j == INERTANCE else 16 * triangle
+        upper = lower - 8 * triangle
+        add_spring(work.packed + lower, scalar(work.spring_stiffness, q * work.s + s), i, j)
+        add_spring(work.packed + upper, scalar(work.spring_damping, q * work.s + s), i, j)
     bound_rows(work)
     pack_motors(work, q)
 
@@ -58,7 +61,7 @@ def pack_position(work, q):
 def pack_motors(work, q):
     """Write the eliminated motors' mass, damping and stiffness at position `q`."""
     for i in range(work.n):
-        a = integer(work.motors, 2 * i)
+        a = integer(work.motors, 3 * i)
         if a >= 0:
             own = a * (work.d + 1)
             place = q * work.d * work.d + own
@@ -99,22 +102,25 @@ def motor_terms(work, w, stiffness, damping):
 
     With b = -w^2 J + jwd of the motor, s = k + jwc of its spring and z = b + s, the motor is
     rho = s/z of its arm side, and the arm side feels s (1 - rho) = s b/z: no difference of
-    nearly equal numbers. `stiffness` and `damping` are the addresses of a position's springs.
+    nearly equal numbers. `stiffness` and `damping` are the addresses of a position's
+    first and second coefficients.
     """
     minus = splat(0.0) - w * w
     zero = pack(splat(0.0), splat(0.0))
     for i in range(work.n):
-        s = integer(work.motors, 2 * i + 1)
+        s, t = integer(work.motors, 3 * i + 1), integer(work.motors, 3 * i + 2)
         gear = splat(scalar(work.gears, i))
         if s < 0:
             store(work.wind, 6 * i, pack(gear, splat(0.0)))
             store(work.wind, 6 * i + 2, zero)
             store(work.wind, 6 * i + 4, zero)
             continue
-        rest = pack(
-            fma(minus, splat(scalar(work.arms, 3 * i)), splat(scalar(work.arms, 3 * i + 2))),
-            w * splat(scalar(work.arms, 3 * i + 1)),
-        )
+        inertia, friction = scalar(work.arms, 3 * i), scalar(work.arms, 3 * i + 1)
+        if t >= 0:
+            inertia += scalar(damping, t)
+            friction += scalar(stiffness, t)
+        held = splat(scalar(work.arms, 3 * i + 2))
+        rest = pack(fma(minus, splat(inertia), held), w * splat(friction))
         spring = pack(splat(scalar(stiffness, s)), w * splat(scalar(damping, s)))
         z = inverse(rest + spring, 1.0)
         slip = rest * z

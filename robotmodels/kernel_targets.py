@@ -4,7 +4,7 @@ import numpy as np
 
 from robotmodels.arrays import Array, ComplexArray
 from robotmodels.kernel_cost import parted, vectors
-from robotmodels.kernel_layout import Layout
+from robotmodels.kernel_layout import INERTANCE, Layout
 from robotmodels.normal_equations import Residual
 from robotmodels.simd import LANES
 from robotmodels.spring_network import SpringNetwork
@@ -73,6 +73,7 @@ def _remaining_matrix(
     mass, damping, stiffness = (
         np.array(m, dtype=float) for m in (network.mass, network.damping, network.stiffness)
     )
+    first, second = network.coefficients
     free = set(full.needed[:, 0])
     for s, i, j in full.inner:
         if s in free:
@@ -81,8 +82,11 @@ def _remaining_matrix(
         a[full.order[i]] = 1.0
         if j >= 0:
             a[full.order[j]] = -1.0
-        stiffness += network.spring_stiffness[:, s, None, None] * np.outer(a, a)
-        damping = damping + network.spring_damping[:, s, None, None] * np.outer(a, a)
+        lower, upper = (x[:, s, None, None] * np.outer(a, a) for x in (first, second))
+        if j == INERTANCE:
+            damping, mass = damping + lower, mass + upper
+        else:
+            stiffness, damping = stiffness + lower, damping + upper
     rows = full.order[full.pad :]
     w = omega[:, None, None]
     A = (

@@ -15,7 +15,7 @@ from robotmodels.spring_network import SpringNetwork
 class Work(NamedTuple):
     """Sizes, and addresses of tables and buffers.
 
-    Sizes: coordinates d, springs s, rows of the factorisation, rows of padding, first row needed,
+    Sizes: coordinates d, terms s, rows of the factorisation, rows of padding, first row needed,
     motors n, places of a row of right-hand sides, inner springs, needed springs m, parameters p,
     doubles from one position's damping to the next (0 if all share it).
 
@@ -103,9 +103,8 @@ def network_tables(network: SpringNetwork) -> list[Array]:
             network.mass,
             network.damping,
             network.stiffness,
-            network.spring_stiffness,
-            network.spring_damping,
-            network.exponents,
+            *network.coefficients,
+            network.coefficient_exponents,
         )
     ]
 
@@ -151,7 +150,7 @@ def workspace(plan: Layout, network: SpringNetwork, tables: Sequence[Array]) -> 
     ]
     sizes = (
         network.mass.shape[-1],
-        len(network.ends),
+        network.coefficients[0].shape[1],
         size,
         plan.pad,
         plan.first,

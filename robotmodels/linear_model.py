@@ -55,6 +55,10 @@ class LinearModel:
         forces on the coordinates; A is symmetric.
         """
         A = self.dynamic_stiffness(omega)
+        if self.measurement is None:
+            S = np.broadcast_to(self.selector, (*A.shape[:-1], self.inputs))
+            X = np.asarray(np.linalg.solve(A, S + 0j))
+            return X, np.asarray(-(np.asarray(omega, dtype=float)[:, None, None] ** 2) * X)
         C = np.swapaxes(self.measured.outputs(omega), -1, -2)
         S = np.broadcast_to(self.selector * self.measured.gain, (*A.shape[:-1], self.inputs))
         C = np.broadcast_to(C, (*A.shape[:-1], C.shape[-1]))

@@ -32,6 +32,11 @@ class BeyondSprings(Protocol):
     ) -> Tangents | None:
         """Return what the network's sensitivities leave out."""
 
+    def linearization(
+        self, positions: Array, parameters: Array | None = None, *, sag: bool = True
+    ) -> tuple[SpringNetwork, Tangents | None]:
+        """Return `network` and `tangents` about the same equilibria."""
+
 
 def linearize(robot: Elastic, position: Array, parameters: Array | None = None) -> LinearModel:
     """Return the linear model about the static equilibrium at `position`, (n,) or (Q, n).
@@ -96,12 +101,14 @@ def sensitivity(
     NoEquilibrium, InvalidInput : as `frequency_response`.
     """
     omega = check_omega(omega)
-    network = robot.network(positions, parameters)
-    G, J = network.sensitivity(omega)
-    if isinstance(robot, BeyondSprings):
-        tangents = robot.tangents(positions, parameters, sag=sag)
-        if tangents is not None:
-            J = J + tangents.sensitivity(omega, network.linear_model())
+    if not isinstance(robot, BeyondSprings):
+        return robot.network(positions, parameters).sensitivity(omega)
+    network, tangents = robot.linearization(positions, parameters, sag=sag)
+    model = network.linear_model()
+    receptances = model.receptances(omega)
+    G, J = network.sensitivity(omega, receptances=receptances)
+    if tangents is not None:
+        J += tangents.sensitivity(omega, model, receptances)
     return G, J
 
 

@@ -1,5 +1,6 @@
 """Everything of a robot but its springs, at given coordinates: mass, gravity, motors, sensors."""
 
+from collections.abc import Collection
 from dataclasses import dataclass
 
 import numpy as np
@@ -22,7 +23,8 @@ class Skeleton:
     Attributes
     ----------
     mass, stiffness : (Q, d, d); the stiffness is gravity's.
-    damping : (d, d) viscous friction of the motors.
+    damping : (d, d) viscous friction of the motors. Motors whose inertia or friction is free are
+        missing from both (see `Inertances`).
     gravity : (Q, d) torques.
     selector : (d, n).
     measurement : with leading axis Q.
@@ -36,8 +38,8 @@ class Skeleton:
     measurement: Measurement
 
 
-def skeleton(layout: Layout, coordinates: Array) -> Skeleton:
-    """Return the skeleton at the arm's `coordinates` (Q, arm size)."""
+def skeleton(layout: Layout, coordinates: Array, without: Collection[int] = ()) -> Skeleton:
+    """Return the skeleton at the arm's `coordinates` (Q, arm size), `without` some motors' mass."""
     file, size, arm = layout.file, layout.size, slice(0, layout.arm_size)
     count = len(coordinates)
     mass, stiffness = np.zeros((2, count, size, size))
@@ -47,8 +49,9 @@ def skeleton(layout: Layout, coordinates: Array) -> Skeleton:
     damping = np.zeros((size, size))
     selector = np.zeros((size, len(file.motors)))
     for j, (c, motor) in enumerate(zip(layout.motors, file.motors, strict=True)):
-        mass[:, c, c] += motor.inertia * motor.gear_ratio**2
-        damping[c, c] += motor.viscous * motor.gear_ratio**2
+        if j not in without:
+            mass[:, c, c] += motor.inertia * motor.gear_ratio**2
+            damping[c, c] += motor.viscous * motor.gear_ratio**2
         selector[c, j] = motor.gear_ratio
     measurement = _measurement(layout, selector, coordinates)
     return Skeleton(mass, damping, stiffness, torques, selector, measurement)

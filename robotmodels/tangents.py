@@ -40,13 +40,19 @@ class Tangents:
         """Return the tangents with `stiffness` (Q, p, d, d) added."""
         return replace(self, stiffness=self.stiffness + stiffness)
 
-    def sensitivity(self, omega: Array, model: LinearModel) -> ComplexArray:
+    def sensitivity(
+        self,
+        omega: Array,
+        model: LinearModel,
+        receptances: tuple[ComplexArray, ComplexArray] | None = None,
+    ) -> ComplexArray:
         """Return the part of dG/d ln theta they add, (Q, F, m, n, p).
 
-        dG = -Z^T (dK + j omega dD - omega^2 dM) X + dC X, then gains and delay.
+        dG = -Z^T (dK + j omega dD - omega^2 dM) X + dC X, then gains and delay. `receptances` are X
+        and Z of the model, where they are known.
         """
         w = np.asarray(omega, dtype=float)[:, None, None, None]
-        X, Z = model.receptances(omega)
+        X, Z = model.receptances(omega) if receptances is None else receptances
         late = np.exp(-1j * w * model.measured.delay)
         J = np.zeros((*Z.shape[:2], Z.shape[-1], X.shape[-1], len(self.delay)), dtype=complex)
         moved = self._columns(self.mass, self.damping, self.stiffness)

@@ -6,7 +6,7 @@ import numpy as np
 
 from robotmodels.measurement import Measurement
 from robotmodels.parameters import Parameters
-from robotmodels.spring_network import SpringNetwork
+from robotmodels.spring_network import Inertances, SpringNetwork
 
 
 def _parameters(stiffness, damping):
@@ -112,6 +112,30 @@ def other_outputs(rng):
     )
 
 
+def free_inertias(network, coordinates, rng):
+    """Return `network` with more inertia, free, at `coordinates`; one friction is not free."""
+    r, p = len(coordinates), len(network.parameters)
+    friction, inertia = rng.uniform(1, 5, r), rng.uniform(0.3, 4, r)
+    old = network.parameters
+    names = [*(f"d{c}" for c in coordinates[1:]), *(f"J{c}" for c in coordinates)]
+    inertances = Inertances(
+        coordinates=np.array(coordinates),
+        friction=friction,
+        inertia=inertia,
+        exponents=np.eye(2 * r, p + 2 * r - 1, p - 1),
+    )
+    return replace(
+        network,
+        exponents=np.pad(network.exponents, ((0, 0), (0, 0), (0, 2 * r - 1))),
+        parameters=Parameters(
+            (*old.names, *names),
+            np.concatenate([old.values, friction[1:], inertia]),
+            ("",) * (p + 2 * r - 1),
+        ),
+        inertances=inertances,
+    )
+
+
 NETWORKS = {
     "ur10-like": robot,
     "rigid drives": lambda rng: chain(rng, driven=(1, 4)),
@@ -124,4 +148,8 @@ NETWORKS = {
     "friction shared by positions": shared_damping,
     "other outputs": other_outputs,
     "motor on two coordinates": unusual,
+    "free motor inertias": lambda rng: free_inertias(robot(rng), [23, 19], rng),
+    "free masses": lambda rng: free_inertias(chain(rng), [0, 1, 3, 5], rng),
+    "free inertia of a rigid drive": lambda rng: free_inertias(chain(rng, (1, 4)), [4, 2], rng),
+    "free inertia, other outputs": lambda rng: free_inertias(other_outputs(rng), [0, 2], rng),
 }
