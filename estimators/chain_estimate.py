@@ -163,14 +163,13 @@ def structured_estimate(
         max_nfev=_ROUNDS,
     )
     theta, cost = theta_at(full(solved.x)), float(2 * solved.cost)
-    _, slope = forward_map(theta, layout, found.shapes)
     white = jacobian(solved.x)
     covariance = np.zeros((k, k))
-    inner = _inverse(white, [n for n, f in zip(layout.names, free, strict=True) if f])
+    names = tuple(n for n, f in zip(layout.names, free, strict=True) if f) + modal.names[p:]
+    inner = data.covariance_of(white, cost, names)
     scale = np.where(np.arange(k) < layout.positive, theta, 1.0)[free]
-    noise = cost / max(data.size - len(solved.x), 1) * 2 if data.scaled else 1.0
     size = int(free.sum())
-    covariance[np.ix_(free, free)] = inner[:size, :size] * np.outer(scale, scale) * noise / 2
+    covariance[np.ix_(free, free)] = inner[:size, :size] * np.outer(scale, scale)
     return (
         ChainEstimate(
             layout, theta, covariance, "maximum likelihood, damping free by modes", start.condition
@@ -196,27 +195,9 @@ def check_physical(theta: Array, layout: ChainLayout) -> None:
         raise NotIdentifiable(tuple(wrong), f"not positive: {remedy}")
     masses, _, couplings = layout.split(theta)
     if np.linalg.eigvalsh(np.diag(masses[:, -1]) + couplings)[0] <= 0:
-        raise NotIdentifiable(tuple(layout.names[p:]), f"mass matrix not positive definite: {remedy}")
-
-
-def _inverse(white: Array, names: list[str]) -> Array:
-    """Return the inverse information of whitened sensitivities.
-
-    Raises
-    ------
-    NotIdentifiable : if it is singular.
-    """
-    size = np.linalg.norm(white, axis=0)
-    if not (size > 0).all():
-        at = [i for i in np.flatnonzero(size == 0) if i < len(names)]
-        raise NotIdentifiable([names[i] for i in at] or ["losses"], "nothing depends on them")
-    scaled = white / size
-    values, vectors = np.linalg.eigh(scaled.T @ scaled)
-    if values[0] < 1e-14 * values[-1]:
-        share = np.abs(vectors[: len(names), 0])
-        guilty = [n for n, s in zip(names, share, strict=True) if s > 0.3 * share.max()]
-        raise NotIdentifiable(guilty, "give fewer masses, or measure a wider band")
-    return np.asarray((vectors / values) @ vectors.T / np.outer(size, size))
+        raise NotIdentifiable(
+            tuple(layout.names[p:]), f"mass matrix not positive definite: {remedy}"
+        )
 
 
 def _condition(slope: Array, x: Array, theta: Array, layout: ChainLayout) -> float:

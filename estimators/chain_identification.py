@@ -1,16 +1,18 @@
 """Inverse eigenvalue identification of coupled chains from FRFs, [HBH] in full, with covariance."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from estimators.chain_estimate import ChainEstimate, inverse_estimate, structured_estimate
-from estimators.chain_maps import ChainLayout
+from estimators.chain_maps import ChainLayout, forward_map, inverse_map, inverse_slope
 from estimators.chain_order import OrderProposal, WrongModeCount, check_count, propose_order
 from estimators.friction_band import unfrictioned
-from estimators.modes import Data, FittedModes, fit_modes, prepared
+from estimators.modal_data import Data, prepared
+from estimators.modes import FittedModes, fit_modes, with_excess
 from robotmodels.arrays import Array, ComplexArray
 from robotmodels.chains import CoupledChains
 from robotmodels.errors import InvalidInput, NotIdentifiable
@@ -18,6 +20,7 @@ from robotmodels.response import check_omega
 
 # FRFs whose imaginary part is below this share are computed for undamped chains, not measured.
 _ROUNDING = 1e-10
+_MISFIT = 2.0  # over noise, from which on errors beyond the noise are allowed for
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,6 +36,8 @@ class ChainIdentification:
     cost : of the structured fit; what it exceeds the modes' by tells whether these are chains.
     order : how N was proposed, or None where it was given.
     left_out : lines at the low end left out for friction.
+    excess : relative error added to the covariance given, so that it explains the misfit; 0 where
+        it did.
     """
 
     modes: FittedModes
@@ -41,6 +46,7 @@ class ChainIdentification:
     cost: float
     order: OrderProposal | None
     left_out: int
+    excess: float
 
     @property
     def masses(self) -> Array:
@@ -82,22 +88,29 @@ class ChainIdentification:
         """Squared residuals of the modes over their expectation; near 1 where noise is all."""
         return float("nan") if self.modes.data.scaled else self.modes.misfit
 
-    @property
+    @cached_property
     def structure_p_value(self) -> float:
-        """Probability of poles and zeros at least as unlike these chains' by chance.
+        """Probability by chance of modes at least as unlike any chains' as these.
 
-        The noise is enlarged to the modes' own misfit first. NaN where nothing is to be tested.
+        Modes of M > 1 chains of N > 2 masses are more numbers than the chains have parameters. What
+        the inverse problem and back again changes them by, h, is tested against its own
+        covariance (Wald). NaN where nothing is to be tested.
         """
-        from scipy.stats import f as f_distribution
+        from scipy.stats import chi2
 
-        data, layout = self.modes.data, self.structured.layout
-        known = int(np.count_nonzero(self.structured.std[layout.first] == 0))
-        spare = layout.modal.size - len(self.structured.values) + known
-        rest = data.size - len(self.modes.x)
-        if spare < 1 or rest < 1 or data.undamped:
+        layout, found = self.inverse.layout, self.modes
+        p, k = layout.modal.size, len(self.inverse.values)
+        spare = p - k
+        if spare < 1 or found.data.undamped:
             return float("nan")
-        ratio = (self.cost - self.modes.cost) / spare / (self.modes.cost / rest)
-        return float(f_distribution.sf(max(ratio, 0.0), spare, rest))
+        x = found.x[:p]
+        theta = inverse_map(x, layout)
+        back, slope = forward_map(theta, layout, found.shapes)
+        scale = np.where(np.arange(k) < layout.positive, theta, 1.0)
+        H = slope @ (inverse_slope(x, layout) / scale[:, None]) - np.eye(p)
+        values, vectors = np.linalg.eigh(H @ found.covariance[:p, :p] @ H.T)
+        parts = (vectors.T @ (back - x))[-spare:] ** 2 / values[-spare:]
+        return float(chi2.sf(parts.sum(), spare))
 
     def __str__(self) -> str:
         return f"{self.structured}\n{self.inverse}"
@@ -136,23 +149,23 @@ def identify_chains(
     data, left_out = unfrictioned(data, distortion)
     order = propose_order(data) if n_masses is None else None
     layout = ChainLayout(data.chains, order.n_masses if order is not None else int(n_masses or 0))
-    found = _modes(data, layout)
+    found, excess = _modes(data, layout)
     inverse = inverse_estimate(found, layout, motors)
     if data.undamped:
-        return ChainIdentification(found, inverse, inverse, found.cost, order, left_out)
+        return ChainIdentification(found, inverse, inverse, found.cost, order, left_out, 0.0)
     structured, cost = structured_estimate(found, inverse, motors)
-    return ChainIdentification(found, inverse, structured, cost, order, left_out)
+    return ChainIdentification(found, inverse, structured, cost, order, left_out, excess)
 
 
-def _modes(data: Data, layout: ChainLayout) -> FittedModes:
-    """Return the modes, as many as the chains have, or refuse."""
+def _modes(data: Data, layout: ChainLayout) -> tuple[FittedModes, float]:
+    """Return the modes, as many as the chains have, and the excess error, or refuse."""
     if data.undamped:
         from estimators.rational import exact_poles
 
         squares = exact_poles(data.omega, data.response.real)
         if len(squares) != layout.modes:
             raise WrongModeCount(data, np.sqrt(squares), layout.modes, layout.masses)
-        return fit_modes(data, layout.modes)
+        return fit_modes(data, layout.modes), 0.0
     if data.size < 2 * (layout.modal.size + 2 * layout.modes + data.chains):
         raise NotIdentifiable(
             (f"{layout.modes} modes",),
@@ -160,7 +173,12 @@ def _modes(data: Data, layout: ChainLayout) -> FittedModes:
         )
     found = fit_modes(data, layout.modes)
     check_count(found, layout.masses)
-    return found
+    excess = 0.0
+    if not data.scaled and found.misfit > _MISFIT:
+        for _ in range(2):
+            enlarged, excess = with_excess(replace(found, data=data))
+            found = fit_modes(enlarged, layout.modes, turned=found.layout.turned)
+    return found, excess
 
 
 def _checked(

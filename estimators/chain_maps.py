@@ -189,4 +189,4 @@ def _incidence(count: int, length: int) -> Array:
     one = np.zeros((length - 1, length))
     one[np.arange(length - 1), np.arange(length - 1)] = 1.0
     one[np.arange(length - 1), np.arange(1, length)] = -1.0
-    return np.kron(np.eye(count), one)
+    return np.asarray(np.kron(np.eye(count), one), dtype=float)

@@ -5,7 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from estimators.modes import Data, FittedModes, fit_modes
+from estimators.modal_data import Data
+from estimators.modes import FittedModes, fit_modes
 from robotmodels.arrays import Array, ComplexArray
 from robotmodels.errors import InvalidInput, NotIdentifiable
 
@@ -13,6 +14,7 @@ MOST_MASSES = 8
 _CLEAR = 30.0  # Wald statistic per motor, about five standard deviations
 _LARGEST_DAMPING = 0.3
 _EDGE = 1.1  # a resonance this far beyond the band may still be seen by its flank
+_SHARE = 0.02  # of a motor's high-frequency gain
 _ROUNDS = 15  # of a search whose modes are only counted
 _EXCESS = 1.5  # misfit over noise from which on another mode is looked for
 
@@ -53,7 +55,7 @@ class OrderProposal:
     tried : (k,) N.
     costs : (k,) sums of squared whitened residuals.
     scores : (k,) BIC with the noise enlarged to the misfit of the largest order; infinite where a
-        mode is not clear.
+        mode is not clear, or all but cancels against a zero.
     """
 
     n_masses: int
@@ -90,7 +92,7 @@ def propose_order(data: Data, most: int = MOST_MASSES) -> OrderProposal:
     noise = max(float((costs / freedom).min()), 1e-300)
     noise = noise if data.scaled else max(noise, 1.0)
     scores = 2 * costs / noise + np.array([len(f.x) for f in fits]) * np.log(data.size)
-    scores[[not clear_modes(f).all() for f in fits]] = np.inf
+    scores[[not (clear_modes(f) & prominent_modes(f)).all() for f in fits]] = np.inf
     if not np.isfinite(scores).any():
         raise NotIdentifiable(("n_masses",), "no clear resonance in the band; measure a wider one")
     tried = tuple(range(2, 2 + len(fits)))
@@ -121,6 +123,16 @@ def clear_modes(found: FittedModes) -> NDArray[np.bool_]:
     )
 
 
+def prominent_modes(found: FittedModes) -> NDArray[np.bool_]:
+    """Return which modes, (n,), do not all but cancel against a zero in every chain.
+
+    A proposal counts those only: in FRFs of little noise, pairs of a pole and a zero mop up what
+    friction and backlash do.
+    """
+    share = found.shapes**2 / found.high_gains
+    return np.asarray(share.max(axis=1) > _SHARE)
+
+
 def check_count(found: FittedModes, n_masses: int) -> None:
     """Refuse a number of masses that the FRFs contradict.
 
@@ -139,7 +151,7 @@ def check_count(found: FittedModes, n_masses: int) -> None:
         if data.size < 4 * (more.layout.size + extra * (data.chains + 2)):
             break
         trial = fit_modes(data, count + extra, _ROUNDS)
-        if clear_modes(trial).all() and trial.cost < 0.5 * more.cost:
+        if (clear_modes(trial) & prominent_modes(trial)).all() and trial.cost < 0.5 * more.cost:
             more = trial
     if more is not found:
         raise WrongModeCount(data, more.omega, count, n_masses)

@@ -78,15 +78,11 @@ class DampedChains:
         """
         values = self.parameters.check(parameters)
         s, m = self.layout.modes, self.layout.chains
-        springs, dampers, masses, rest = np.split(
-            values, np.cumsum([s, s, m * self.layout.masses])
-        )
+        springs, dampers, masses, rest = np.split(values, np.cumsum([s, s, m * self.layout.masses]))
         signed = rest + self.offsets
         couplings, friction, delay = np.split(signed, [len(signed) - m - 1, len(signed) - 1])
         theta = np.concatenate([masses, springs, couplings])
-        return DampedChains(
-            self.layout, theta, dampers, friction, float(delay[0]), self.offsets
-        )
+        return DampedChains(self.layout, theta, dampers, friction, float(delay[0]), self.offsets)
 
     @property
     def chains(self) -> CoupledChains:
@@ -149,8 +145,8 @@ class DampedChains:
         for i in range(d):
             mass[:, 2 * s + i, i, i] = values[2 * s + i]
         last, k = np.arange(1, m + 1) * length - 1, 2 * s + d
-        for i, j in zip(*np.triu_indices(m, 1), strict=True):
-            mass[:, k, [last[i], last[j]], [last[j], last[i]]] = values[k]
+        for one, other in zip(*(last[side] for side in np.triu_indices(m, 1)), strict=True):
+            mass[:, k, [one, other], [other, one]] = values[k]
             k += 1
         for i in range(m):
             damping[:, k + i, i * length, i * length] = values[k + i]

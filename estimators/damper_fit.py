@@ -10,7 +10,7 @@ from estimators.covariance import Uncertainty, covariance
 from estimators.damped_chains import DampedChains
 from estimators.frf_estimate import FrfEstimate
 from estimators.least_squares import Fit, fit
-from estimators.modes import Data
+from estimators.modal_data import Data
 from robotmodels.arrays import Array, ComplexArray
 from robotmodels.modes import resonances
 
@@ -43,7 +43,9 @@ class DamperFit:
     def dampers_std(self) -> Array:
         """Standard deviations of the dampers, (M, N - 1) [N s/m]."""
         s = self.model.layout.modes
-        return np.asarray(self.dampers * self.uncertainty.std[s : 2 * s].reshape(self.dampers.shape))
+        return np.asarray(
+            self.dampers * self.uncertainty.std[s : 2 * s].reshape(self.dampers.shape)
+        )
 
     @property
     def friction_std(self) -> Array:
@@ -75,7 +77,9 @@ def fit_dampers(found: ChainIdentification) -> DamperFit:
     """
     start = _start(found)
     estimate = as_estimate(found.modes.data, found.modes.cost)
-    result = fit(start, estimate, residual="nls", weights="optimal")
+    result = fit(
+        start, estimate, residual="nls", weights=1 / found.modes.data.deviations[None] ** 2
+    )
     uncertainty = covariance(result)
     model = start.at(result.parameters.values)
     return DamperFit(result, model, uncertainty, _structure(result, uncertainty, model, found))
@@ -83,13 +87,7 @@ def fit_dampers(found: ChainIdentification) -> DamperFit:
 
 def as_estimate(data: Data, cost: float) -> FrfEstimate:
     """Return the FRFs as `FrfEstimate`; where the noise was guessed, of the size of the misfit."""
-    root = data.root
-    scale = 2 * cost / data.size if data.scaled else 1.0
-    if root.shape == data.response.shape:
-        spread = scale / np.abs(root) ** 2
-    else:
-        spread = scale * np.linalg.inv(np.conj(np.swapaxes(root, -1, -2)) @ root)
-        spread = (spread + np.conj(np.swapaxes(spread, -1, -2))) / 2
+    spread = data.covariance * (2 * cost / data.size if data.scaled else 1.0)
     return FrfEstimate(
         np.zeros((1, data.chains)),
         data.omega,
@@ -113,7 +111,7 @@ def _start(found: ChainIdentification) -> DampedChains:
     share = float(np.median(wanted / modes.omega**2))
     least = _LEAST * max(share, 1e-9) * chains.springs.ravel()
     m = layout.chains
-    masses, _, couplings = layout.split(found.structured.values)
+    masses, _, _ = layout.split(found.structured.values)
     i, j = np.triu_indices(m, 1)
     begin = sum(modes.layout.sizes[:4])
     std = np.sqrt(np.diag(modes.covariance))[begin : begin + m + 1]

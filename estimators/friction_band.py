@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from estimators.modes import Data
+from estimators.modal_data import Data
 from robotmodels.arrays import Array
 from robotmodels.errors import InvalidInput
 
@@ -37,8 +37,7 @@ def unfrictioned(data: Data, distortion: Array | None) -> tuple[Data, int]:
             f"distortion: shape {level.shape} given; {data.response.shape} is needed, as response"
         )
     first = friction_limit(data.omega, relative_distortion(data, level))
-    keep = np.arange(len(data.omega)) >= first
-    return (data.band(keep), first) if first else (data, 0)
+    return (data.from_line(first), first) if first else (data, 0)
 
 
 def relative_distortion(data: Data, level: Array) -> Array:

@@ -54,6 +54,20 @@ class ModalLayout:
         """Length of x."""
         return sum(self.sizes)
 
+    @property
+    def names(self) -> tuple[str, ...]:
+        """What the entries of x are, for messages."""
+        m, n = self.chains, self.modes
+        modes = [f"mode {r + 1}" for r in range(n)]
+        motors = [f"motor {i + 1}" for i in range(m)]
+        shapes = [f"{mode} at {motor}" for mode in modes for motor in motors]
+        named = [f"inertia {i + 1}, {j + 1}" for i, j in zip(*np.triu_indices(m), strict=True)]
+        named += [f"frequency of {mode}" for mode in modes] + shapes
+        if self.losses:
+            named += [f"damping of {mode}" for mode in modes]
+            named += [f"friction of {motor}" for motor in motors] + ["delay"]
+        return (*named, *(f"turn of {shape}" for shape in (shapes if self.turned else [])))
+
     def split(self, x: NDArray[Any]) -> tuple[NDArray[Any], ...]:
         """Return J (M, M), omega (n,), phi (n, M), zeta (n,), friction (M,), delay, chi (n, M)."""
         m, n = self.chains, self.modes
@@ -100,34 +114,35 @@ def modal_sensitivity(
     """Return G, (F, M, M), and dG/dx, (F, M, M, p)."""
     G, (P, s, late, h, slope_omega, slope_zeta) = _evaluate(x, layout, omega)
     m, n = layout.chains, layout.modes
-    _, w, phi, zeta, _, _, chi = layout.split(x)
+    _, w, phi, _, _, _, chi = layout.split(x)
     columns: list[ComplexArray] = []
-    for i, j in zip(*np.triu_indices(m), strict=True):
-        change = P[:, :, i, None] * P[:, None, j, :]
-        columns.append(-(change + np.swapaxes(change, 1, 2) if i != j else change))
+    for row, column in zip(*np.triu_indices(m), strict=True):
+        change = P[:, :, row, None] * P[:, None, column, :]
+        columns.append(-(change + np.swapaxes(change, 1, 2) if row != column else change))
     ratio = s[:, None] / w
     straight = phi[:, :, None] * phi[:, None, :]
     bent = phi[:, :, None] * chi[:, None, :] + chi[:, :, None] * phi[:, None, :]
-    for r in range(n):
+    modes, motors = list(range(n)), list(range(m))
+    for r in modes:
         # ln omega acts through h and through s/omega.
         first = slope_omega[:, r, None, None] * (straight[r] + ratio[:, r, None, None] * bent[r])
         columns.append(first - (ratio * h)[:, r, None, None] * bent[r])
     unit = np.eye(m)
-    for r in range(n):
-        for i in range(m):
+    for r in modes:
+        for i in motors:
             by_phi = np.outer(unit[i], phi[r]) + np.outer(phi[r], unit[i])
             by_chi = np.outer(unit[i], chi[r]) + np.outer(chi[r], unit[i])
             columns.append(h[:, r, None, None] * (by_phi + ratio[:, r, None, None] * by_chi))
     if layout.losses:
-        for r in range(n):
+        for r in modes:
             value = straight[r] + ratio[:, r, None, None] * bent[r]
             columns.append(slope_zeta[:, r, None, None] * value)
-        for i in range(m):
+        for i in motors:
             columns.append(-(P[:, :, i, None] * P[:, None, i, :]) / s[:, None, None])
         columns.append(-s[:, None, None] * G / late[:, None, None])
     if layout.turned:
-        for r in range(n):
-            for i in range(m):
+        for r in modes:
+            for i in motors:
                 both = np.outer(unit[i], phi[r]) + np.outer(phi[r], unit[i])
                 columns.append((h * ratio)[:, r, None, None] * both)
     return G, np.stack(columns, axis=-1) * late[:, None, None, None]
@@ -135,13 +150,13 @@ def modal_sensitivity(
 
 def _evaluate(
     x: Array, layout: ModalLayout, omega: Array
-) -> tuple[ComplexArray, tuple[ComplexArray, ...]]:
+) -> tuple[ComplexArray, tuple[NDArray[Any], ...]]:
     J, w, phi, zeta, friction, delay, chi = layout.split(x)
     s = 1j * np.asarray(omega, dtype=float)
     P = np.linalg.inv(J + np.diag(friction) / s[:, None, None])
     square = s[:, None] ** 2
     denominator = square + 2 * zeta * w * s[:, None] + w**2
-    h = square / denominator
+    h: ComplexArray = np.asarray(square / denominator)
     slope_omega = -h * (2 * zeta * w * s[:, None] + 2 * w**2) / denominator
     slope_zeta = -h * 2 * w * s[:, None] / denominator
     late = np.exp(-s * delay[0])

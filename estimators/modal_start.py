@@ -10,7 +10,7 @@ from robotmodels.arrays import Array, ComplexArray
 from robotmodels.errors import NotIdentifiable
 
 if TYPE_CHECKING:
-    from estimators.modes import Data
+    from estimators.modal_data import Data
 
 _DELAYS = 401
 
@@ -33,7 +33,7 @@ def modal_start(data: "Data", layout: ModalLayout) -> list[Array]:
     """Return starting x from several sets of poles, a delay taken off."""
     delay = start_delay(data.omega, data.response)
     prompt = data.response * np.exp(1j * data.omega * delay)[:, None, None]
-    weights = inverse_deviations(data)
+    weights = 1 / data.deviations
     noise = float(np.median(1 / (weights * np.maximum(np.abs(data.response), 1e-300))))
     starts = []
     for poles in candidate_poles(data.omega, prompt, layout.modes, min(noise, 0.1)):
@@ -54,29 +54,19 @@ def start_delay(omega: Array, response: ComplexArray) -> float:
     return float(delays[int(np.argmin(misfit))])
 
 
-def inverse_deviations(data: "Data") -> Array:
-    """Return element-wise weights, (F, M, M)."""
-    root = data.root
-    if root.shape == data.response.shape:
-        return np.asarray(root.real)
-    power = np.sum(np.abs(root) ** 2, axis=-2)
-    m = data.chains
-    return np.asarray(np.sqrt(np.swapaxes(power.reshape(-1, m, m), -1, -2)))
-
-
 def _linear(
     data: "Data", layout: ModalLayout, poles: ComplexArray, response: ComplexArray
 ) -> Array:
     """Return x whose rigid part and symmetric residues are the best for these poles."""
     m, n = layout.chains, layout.modes
-    omega = np.abs(poles)
+    omega: Array = np.abs(poles)
     zeta = np.clip(-poles.real / omega, 0.0, 0.5)
     s = 1j * data.omega
     square = s[:, None] ** 2
     h = square / (square + 2 * zeta * omega * s[:, None] + omega**2)
     columns = [np.ones(len(s))[:, None], h] + ([1 / s[:, None]] if layout.losses else [])
     basis = np.concatenate(columns, axis=1)
-    weights = inverse_deviations(data)
+    weights = 1 / data.deviations
     found = np.zeros((basis.shape[1], m, m))
     for i, j in zip(*np.triu_indices(m), strict=True):
         rows = [(weights[:, a, b], response[:, a, b]) for a, b in {(i, j), (j, i)}]
@@ -88,8 +78,8 @@ def _linear(
         found[:, i, j] = found[:, j, i] = value
     rigid = _positive(found[0])
     values, vectors = np.linalg.eigh(found[1 : 1 + n])
-    shapes = np.sqrt(np.maximum(values[:, -1:], 1e-8 * np.trace(rigid))) * vectors[:, :, -1]
-    inertia = np.linalg.inv(rigid)
+    shapes: Array = np.sqrt(np.maximum(values[:, -1:], 1e-8 * np.trace(rigid))) * vectors[:, :, -1]
+    inertia: Array = np.linalg.inv(rigid)
     if not layout.losses:
         return layout.join(inertia, omega, shapes)
     friction = -np.diag(inertia @ found[-1] @ inertia)

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from estimators.modal_data import Data, relative_variance
 from estimators.modal_model import (
     ModalLayout,
     anti_resonance_squares,
@@ -14,7 +15,6 @@ from estimators.modal_model import (
     modal_sensitivity,
 )
 from estimators.modal_start import modal_start, undamped_start
-from estimators.weights import square_root, whiten
 from robotmodels.arrays import Array, ComplexArray
 
 _LARGEST_DAMPING = 0.7
@@ -22,69 +22,6 @@ _ROUNDS = 60
 _BEYOND = 20.0  # how far outside the band resonances are looked for, a factor
 # Gain in cost for each turned shape from which on real mode shapes are given up.
 _TURNING = 3.0
-
-
-@dataclass(frozen=True, eq=False)
-class Data:
-    """FRFs of one position, whitened once: what a search for modes works on.
-
-    Attributes
-    ----------
-    omega : (F,) [rad/s].
-    response : (F, M, M).
-    root : (F, M, M) or (F, M M, M M), S with S^H S the inverse covariance.
-    scaled : whether the root is of guessed noise, whose size is to be taken from the misfit.
-    undamped : whether the FRFs are real to rounding: computed, not measured.
-    """
-
-    omega: Array
-    response: ComplexArray
-    root: Array | ComplexArray
-    scaled: bool
-    undamped: bool
-
-    @property
-    def chains(self) -> int:
-        """Number M of motors."""
-        return int(self.response.shape[-1])
-
-    @property
-    def size(self) -> int:
-        """Number of real data."""
-        return 2 * self.response.size
-
-    def whitened(self, values: NDArray[Any]) -> Array:
-        """Return S times values (F, M, M, ...) as real rows."""
-        white = whiten(self.root[None], values[None])[0]
-        flat = white.reshape(-1, white.shape[-1])
-        return np.asarray(np.concatenate([flat.real, flat.imag]))
-
-    def band(self, keep: NDArray[np.bool_]) -> "Data":
-        """Return the lines to keep (F,)."""
-        return Data(
-            self.omega[keep], self.response[keep], self.root[keep], self.scaled, self.undamped
-        )
-
-
-def prepared(
-    omega: Array, response: ComplexArray, covariance: NDArray[Any] | None, undamped: bool
-) -> Data:
-    """Return FRFs with the root of their weights.
-
-    Without a covariance the noise is taken to be relative, the same for all elements of a line
-    but for a floor, and its size comes from the misfit.
-    """
-    if covariance is None:
-        size = np.abs(response)
-        largest = size.max(axis=(1, 2), keepdims=True)
-        weights: NDArray[Any] = 1 / (size**2 + (0.3 * largest) ** 2)
-    elif covariance.ndim == 4 or covariance.shape != response.shape:
-        weights = np.linalg.inv(covariance)
-        weights = (weights + np.conj(np.swapaxes(weights, -1, -2))) / 2
-    else:
-        weights = 1 / covariance
-    root = square_root(weights[None], (1, *response.shape))[0]
-    return Data(omega, response, root, covariance is None, undamped)
 
 
 @dataclass(frozen=True, eq=False)
@@ -114,7 +51,8 @@ class FittedModes:
     @property
     def misfit(self) -> float:
         """Cost over its expectation: near 1 where known noise is all that is left."""
-        return self.cost / (max(self.data.size - len(self.x), 1) / 2)
+        share = max(self.data.size - len(self.x), 1) / self.data.size
+        return self.cost / (self.data.expected * share)
 
     @property
     def inertia(self) -> Array:
@@ -224,7 +162,21 @@ class FittedModes:
         return np.asarray(variances)
 
 
-def fit_modes(data: Data, count: int, rounds: int = _ROUNDS) -> FittedModes:
+def with_excess(found: FittedModes) -> tuple[Data, float]:
+    """Return the data with a relative error added that explains the misfit, and its size.
+
+    What friction and backlash do to FRFs repeats from period to period, so covariances from
+    periods miss it. Weights as fine as the noise would then follow the distortion.
+    """
+    data = found.data
+    extra = relative_variance(data.response)
+    error = np.abs(found.response - data.response) ** 2
+    share = data.size / max(data.size - len(found.x), 1)
+    square = max(float(np.mean((error * share - data.variance) / extra)), 0.0)
+    return data.with_error(square * extra), float(np.sqrt(square))
+
+
+def fit_modes(data: Data, count: int, rounds: int = _ROUNDS, turned: bool = False) -> FittedModes:
     """Return the maximum-likelihood modes, `count` of them, common to all elements.
 
     Mode shapes are real unless complex ones, as unequal dampers make them, explain clearly more.
@@ -234,6 +186,7 @@ def fit_modes(data: Data, count: int, rounds: int = _ROUNDS) -> FittedModes:
     data : see `prepared`.
     count : n, M (N - 1) for M chains of N masses.
     rounds : of the search, at most.
+    turned : whether complex shapes are taken for granted.
     """
     if data.undamped:
         layout = ModalLayout(data.chains, count, losses=False)
@@ -241,11 +194,11 @@ def fit_modes(data: Data, count: int, rounds: int = _ROUNDS) -> FittedModes:
     layout = ModalLayout(data.chains, count)
     rough = [_search(data, layout, x, 8) for x in _distinct(data, layout)]
     found = _refined(data, layout, min(rough, key=lambda point: point[1])[0], rounds)
-    if not data.scaled and found.misfit < 1 + 3 * np.sqrt(2 / data.size):
+    if not turned and not data.scaled and found.misfit < 1 + 3 * np.sqrt(2 / data.size):
         return found  # nothing is left to explain
-    turned = _with_turned_shapes(found, rounds)
-    gain = (found.cost - turned.cost) / max(turned.misfit, 1e-300)
-    return turned if gain > _TURNING * turned.layout.sizes[-1] else found
+    complex_ = _with_turned_shapes(found, rounds)
+    gain = (found.cost - complex_.cost) / max(complex_.misfit, 1e-300)
+    return complex_ if turned or gain > _TURNING * complex_.layout.sizes[-1] else found
 
 
 def _distinct(data: Data, layout: ModalLayout, most: int = 2) -> list[Array]:
@@ -273,14 +226,8 @@ def _refined(data: Data, layout: ModalLayout, x: Array, rounds: int) -> FittedMo
     x, cost = _search(data, layout, x, rounds)
     x = _sorted(x, layout)
     jacobian = data.whitened(modal_sensitivity(x, layout, data.omega)[1])
-    size = np.linalg.norm(jacobian, axis=0)
-    size = np.where(size > 0, size, 1.0)
-    covariance = np.linalg.pinv((jacobian / size).T @ (jacobian / size), rcond=1e-14, hermitian=True)
-    # information = 2 Re(...) of complex data is the Gauss-Newton matrix of |S r|^2, twice.
-    covariance = covariance / np.outer(size, size) / 2
-    if data.scaled:
-        covariance = covariance * 2 * cost / max(data.size - len(x), 1)
-    return FittedModes(data, layout, x, covariance, cost)
+    names = layout.names
+    return FittedModes(data, layout, x, data.covariance_of(jacobian, cost, names), cost)
 
 
 def _search(data: Data, layout: ModalLayout, x: Array, rounds: int) -> tuple[Array, float]:
@@ -293,10 +240,17 @@ def _search(data: Data, layout: ModalLayout, x: Array, rounds: int) -> tuple[Arr
         low[places], high[places] = np.log(data.omega[[0, -1]] * [1 / _BEYOND, _BEYOND])
         zeta = slice(start, start + layout.modes)
         low[zeta], high[zeta] = 1e-7, _LARGEST_DAMPING
+
+    def residuals(v: Array) -> Array:
+        return data.whitened(modal_response(v, layout, data.omega) - data.response)[:, 0]
+
+    def jacobian(v: Array) -> Array:
+        return data.whitened(modal_sensitivity(v, layout, data.omega)[1])
+
     found = least_squares(
-        lambda v: data.whitened(modal_response(v, layout, data.omega) - data.response)[:, 0],
+        residuals,
         _inside(x, low, high),
-        jac=lambda v: data.whitened(modal_sensitivity(v, layout, data.omega)[1]),
+        jac=jacobian,
         bounds=(low, high),
         x_scale="jac",
         ftol=1e-12 if data.undamped else 1e-9,

@@ -8,6 +8,7 @@ them.
 
 import warnings
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -76,10 +77,10 @@ def vector_fit(
     weights : (F, M, M) inverse standard deviations.
     """
     scale = float(omega.max())
-    s = 1j * omega / scale
+    s = np.asarray(1j * omega / scale)
     data = response.reshape(len(omega), -1)
     roots = weights.reshape(len(omega), -1)
-    now = poles / scale
+    now: ComplexArray = np.asarray(poles / scale)
     for _ in range(_ROUNDS):
         moved = _relocated(s, data, roots, now)
         if len(moved) != len(now):
@@ -91,7 +92,9 @@ def vector_fit(
     return np.asarray(now * scale)
 
 
-def _aaa(points: NDArray[np.generic], values: NDArray[np.generic], tolerance: float) -> tuple:  # type: ignore[type-arg]
+def _aaa(
+    points: NDArray[Any], values: NDArray[Any], tolerance: float
+) -> tuple[ComplexArray, ComplexArray]:
     from scipy.interpolate import AAA
 
     with warnings.catch_warnings():
@@ -103,7 +106,7 @@ def _aaa(points: NDArray[np.generic], values: NDArray[np.generic], tolerance: fl
 def _aaa_candidates(omega: Array, response: ComplexArray, noise: float) -> ComplexArray:
     """Return lightly damped poles by AAA, those that stand out most first."""
     scale = float(omega.max())
-    s = 1j * omega / scale
+    s = np.asarray(1j * omega / scale)
     trace = np.trace(response, axis1=1, axis2=2) / response.shape[-1]
     points, values = np.concatenate([s, -s]), np.concatenate([trace, np.conj(trace)])
     poles, residues = _aaa(points, values, float(np.clip(noise, 1e-13, 0.1)))
@@ -136,7 +139,9 @@ def _placed(omega: Array) -> ComplexArray:
     return np.asarray(omega * (-_DAMPING + 1j))
 
 
-def _relocated(s: ComplexArray, data: ComplexArray, roots: Array, poles: ComplexArray) -> ComplexArray:
+def _relocated(
+    s: ComplexArray, data: ComplexArray, roots: Array, poles: ComplexArray
+) -> ComplexArray:
     """Return the zeros of sigma, where sigma G and sigma share the poles: one round."""
     n = len(poles)
     up = 1 / (s[:, None] - poles)
@@ -159,7 +164,8 @@ def _relocated(s: ComplexArray, data: ComplexArray, roots: Array, poles: Complex
     residues, constant = found[:-1], found[-1]
     if abs(constant) < 1e-8:
         constant = np.copysign(1e-8, constant)
-    A, b = np.zeros((2 * n, 2 * n)), np.tile([2.0, 0.0], n)
+    A: Array = np.zeros((2 * n, 2 * n))
+    b = np.tile([2.0, 0.0], n)
     for k, p in enumerate(poles):
         A[2 * k : 2 * k + 2, 2 * k : 2 * k + 2] = [[p.real, p.imag], [-p.imag, p.real]]
     new = np.linalg.eigvals(A - np.outer(b, residues) / constant).astype(complex)
