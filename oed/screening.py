@@ -92,7 +92,8 @@ def screened_candidates(
     screen = _Screen(np.arange(len(positions)))
     screen.remove("duplicate", ["an earlier position"], _repeated(positions))
     low, high = robot.position_limits.T
-    inside = (positions >= low - _SLACK) & (positions <= high + _SLACK)
+    left = positions[screen.left]
+    inside = (left >= low - _SLACK) & (left <= high + _SLACK)
     screen.remove("joint limits", [f"joint {joint!r}" for joint in robot.motor_joints], ~inside)
     if torque_limits is not None:
         limits = _torque_limits(torque_limits, robot.motor_names)

@@ -95,11 +95,21 @@ def robot_shapes(robot: ElasticRobot, link_radius: float | None = None) -> Robot
 
 def _drawn(rigid: pin.Model, path: Path) -> tuple[tuple[Shape, ...], tuple[str, ...]]:
     """Return the shapes of a URDF, and a sentence on each mesh that is not there."""
-    xml, missing = _with_meshes_found(path)
+    robot, missing = _with_meshes_found(path)
+    xml = ET.tostring(robot, encoding="unicode")
     try:
         geometry = pin.buildGeomFromUrdfString(rigid, xml, pin.COLLISION)
     except (ValueError, RuntimeError) as error:
         raise InvalidInput(f"{path}: collision shapes: {' '.join(str(error).split())}") from None
+    # A link with a mistake in it is skipped without an error.
+    for link in robot.findall("link"):
+        name, asked = link.get("name"), len(link.findall("collision"))
+        read = sum(rigid.frames[o.parentFrame].name == name for o in geometry.geometryObjects)
+        if read < asked:
+            raise InvalidInput(
+                f"{path}: link {name!r}: of its {asked} collision shapes {read} can be read; "
+                "each needs <geometry> with a box, cylinder, sphere or mesh and its numbers"
+            )
     shapes = []
     for item in geometry.geometryObjects:
         link = rigid.frames[item.parentFrame].name
@@ -112,7 +122,7 @@ def _drawn(rigid: pin.Model, path: Path) -> tuple[tuple[Shape, ...], tuple[str, 
     return tuple(shapes), missing
 
 
-def _with_meshes_found(path: Path) -> tuple[str, tuple[str, ...]]:
+def _with_meshes_found(path: Path) -> tuple[ET.Element, tuple[str, ...]]:
     """Return the URDF with absolute mesh paths, without the meshes not found, and their names."""
     robot = ET.parse(path).getroot()
     missing = []
@@ -132,7 +142,7 @@ def _with_meshes_found(path: Path) -> tuple[str, tuple[str, ...]]:
         for link in (robot, *robot.findall("link")):
             for element in link.findall(part):
                 link.remove(element)
-    return ET.tostring(robot, encoding="unicode"), tuple(missing)
+    return robot, tuple(missing)
 
 
 def _mesh_file(given: str, urdf: Path) -> Path | None:

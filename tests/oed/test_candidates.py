@@ -3,7 +3,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from oed import candidate_positions
+from oed import candidate_positions, sobol_positions
 from robotmodels import InvalidInput
 
 LIMITS = np.array([[-1.0, 3.0], [0.0, 2.0], [-0.5, 0.5]])
@@ -74,3 +74,27 @@ def test_joint_without_limits_needs_a_range():
 def test_errors_name_the_joint(per_joint, limits, message):
     with pytest.raises(InvalidInput, match=message):
         candidate_positions(ARM, per_joint, limits)
+
+
+def test_sobol_points_halve_every_range_evenly():
+    """Any power of two of scrambled points has equally many in each dyadic half of each axis."""
+    for rng in (None, np.random.default_rng(4)):
+        points = sobol_positions(ARM, 64 if rng is not None else 63, rng=rng)
+        low, high = LIMITS.T
+        assert ((points >= low) & (points <= high)).all()
+        below = (points < (low + high) / 2).sum(axis=0)
+        # The plain sequence leaves out its first point, a corner.
+        np.testing.assert_array_equal(below, 32 if rng is not None else 31)
+
+
+def test_sobol_points_of_any_number_and_narrowed():
+    points = sobol_positions(ARM, 5, limits={"elbow": (1.0, 1.0)})
+    assert points.shape == (5, 3)
+    np.testing.assert_array_equal(points[:, 1], 1.0)
+    assert len(np.unique(points[:, 0])) == 5
+
+
+@pytest.mark.parametrize("count", [0, -1, 2.5, True])
+def test_number_of_sobol_points(count):
+    with pytest.raises(InvalidInput, match=r"sobol: .* points; a whole number >= 1"):
+        sobol_positions(ARM, count)

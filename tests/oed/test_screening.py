@@ -1,0 +1,103 @@
+import numpy as np
+import pytest
+from collision_arm import arm
+
+from oed import Workcell, gathered_candidates, screened_candidates
+from robotmodels import InvalidInput, Sphere, load_robot, surroundings
+
+
+def test_counts_by_reason(tmp_path):
+    robot = arm(tmp_path)
+    positions = np.array(
+        [
+            [0.0, 0.0, 0.0],
+            [0.0, 0.0, 1e-12],  # again
+            [0.0, 3.5, 0.0],  # outside
+            [-3.5, 0.0, 3.5],  # twice outside
+            [1.5, 0.0, 0.0],  # horizontal: too heavy
+            [0.0, 3.0, 0.0],  # folded
+            [0.5, 0.5, 0.5],
+        ]
+    )
+    # Held by hand: masses 2 kg, 0.2 m from each joint, links of 0.5 and 0.4 m.
+    horizontal = 2 * 9.81 * (0.2 + 0.7 + 1.1) / 100
+    result = screened_candidates(
+        robot, positions, surroundings(robot), torque_limits=0.999 * horizontal
+    )
+    assert result.kept.tolist() == [0, 6]
+    assert result.given == 7
+    assert result.removed == {
+        "duplicate": 1,
+        "joint limits": 2,
+        "holding torque": 1,
+        "obstacle": 0,
+        "self-collision": 1,
+    }
+    found = {(r.reason, r.what): r.count for r in result.removals}
+    assert found["joint limits", "joint 'shoulder'"] == 1
+    assert found["joint limits", "joint 'wrist'"] == 1
+    assert found["joint limits", "joint 'elbow'"] == 1
+    assert found["holding torque", "motor 'm0'"] == 1
+    assert found["self-collision", "'lower' and 'hand'"] == 1
+    assert str(result) == (
+        "2 of 7 candidate positions are left; removed: 1 duplicate, 2 joint limits, "
+        "1 holding torque, 1 self-collision"
+    )
+    more = screened_candidates(robot, positions, torque_limits=1.001 * horizontal)
+    assert 4 in more.kept
+    assert "collisions are not checked" in more.notes
+
+
+def test_nothing_left_says_why(tmp_path):
+    robot = arm(tmp_path)
+    lamp = Sphere("lamp", (0, 0, 0.5), 0.3)
+    with pytest.raises(InvalidInput) as caught:
+        gathered_candidates(robot, per_joint=3, workcell=Workcell(obstacles=[lamp]))
+    assert str(caught.value) == (
+        "0 of 27 candidate positions are left; removed: 27 obstacle; "
+        "most often obstacle, 'lower' and 'lamp' (27)"
+    )
+
+
+@pytest.mark.parametrize(
+    ("positions", "limits", "message"),
+    [
+        (np.empty((0, 3)), None, r"positions: an array of shape \(0, 3\) was given; \(Q, 3\)"),
+        (np.zeros((2, 2)), None, r"one column per motor: m0, m1, m2"),
+        (np.full((2, 3), np.nan), None, "position 0 is not finite"),
+        (np.zeros((1, 3)), [1.0, 2.0], r"torque_limits: shape \(2,\); one number or \(3,\)"),
+        (np.zeros((1, 3)), [1.0, 0.0, 1.0], "torque_limits of motor 'm1': 0 N m; a positive"),
+    ],
+)
+def test_bad_input(tmp_path, positions, limits, message):
+    with pytest.raises(InvalidInput, match=message):
+        screened_candidates(arm(tmp_path), positions, torque_limits=limits)
+
+
+def test_all_sources_at_once(tmp_path):
+    robot = arm(tmp_path)
+    (tmp_path / "more.csv").write_text("0.1, 0.2, 0.3\n")
+    result = gathered_candidates(
+        robot, per_joint=2, sobol=5, files=[tmp_path / "more.csv"], workcell=None
+    )
+    assert len(result) == 8 + 5 + 1
+    np.testing.assert_allclose(result.positions[-1], [0.1, 0.2, 0.3])
+    default = gathered_candidates(robot)
+    assert len(default) == 36  # the usual grid
+
+
+def test_the_floor_and_the_usual_ur10():
+    """A grid of a robot on a table holds positions below it."""
+    seen = []
+    robot = load_robot("ur10")
+    result = gathered_candidates(
+        robot,
+        sobol=256,
+        workcell=Workcell(floor=0.0),
+        rng=np.random.default_rng(1),
+        progress=lambda done, total: seen.append((done, total)),
+    )
+    assert result.removed["obstacle"] > 50
+    assert result.removed["self-collision"] > 0
+    assert seen == [(256, 256)]
+    assert any("payload on 'wrist_3_link' has no shape" in note for note in result.notes)
