@@ -14,7 +14,7 @@ def test_counts_by_reason(tmp_path):
             [0.0, 0.0, 1e-12],  # again
             [0.0, 3.5, 0.0],  # outside
             [-3.5, 0.0, 3.5],  # twice outside
-            [1.5, 0.0, 0.0],  # horizontal: too heavy
+            [np.pi / 2, 0.0, 0.0],  # horizontal: too heavy
             [0.0, 3.0, 0.0],  # folded
             [0.5, 0.5, 0.5],
         ]
