@@ -31,6 +31,7 @@ if TYPE_CHECKING:
     )
     from oed.scaling import Binding, Limits, Scaling, scale
     from oed.screening import Removal, ScreenedCandidates, screened_candidates
+    from oed.store import StoredInformation
     from oed.task_space import TaskBox, TaskPositions, task_space_positions
 
 _HOMES = {
@@ -58,6 +59,7 @@ _HOMES = {
     "RobustDesign": "robust",
     "Scaling": "scaling",
     "ScreenedCandidates": "screening",
+    "StoredInformation": "store",
     "TaskBox": "task_space",
     "TaskPositions": "task_space",
     "Workcell": "candidate_sources",
@@ -111,6 +113,7 @@ __all__ = [
     "RobustDesign",
     "Scaling",
     "ScreenedCandidates",
+    "StoredInformation",
     "TaskBox",
     "TaskPositions",
     "Workcell",

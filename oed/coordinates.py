@@ -4,7 +4,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from oed.information_set import unidentifiable, unit_diagonal_scaling
+from oed.null_space import unidentifiable, unit_diagonal_scaling
 from oed.objective import Objective, Term
 from robotmodels.arrays import Array
 from robotmodels.errors import NotIdentifiable

@@ -13,7 +13,8 @@ import numpy as np
 from oed.certificate import checked_weights, efficiency_bound, optimality_gap
 from oed.criteria import criterion as named_criterion
 from oed.criteria import sensitivities
-from oed.information_set import InformationSet, weak_directions
+from oed.information_set import InformationSet
+from oed.null_space import weak_directions
 from oed.relaxed import Design, optimal_design, whiten
 from robotmodels.arrays import Array, IntArray, read_only
 from robotmodels.errors import InvalidInput, NotIdentifiable

@@ -1,48 +1,24 @@
 """What an experiment in each candidate position would tell about the parameters."""
 
 import os
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import Executor
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
+from typing import TYPE_CHECKING, overload
 
 import numpy as np
-from numpy.typing import ArrayLike
 
+from oed.matrix_checks import check_matrices, check_positions
+from oed.null_space import unidentifiable, weak_directions
 from robotmodels.arrays import Array, IntArray, read_only
 from robotmodels.errors import InvalidInput
 from robotmodels.noise import LoopNoise, RelativeNoise
 from robotmodels.response import Elastic, sensitivity
 
-# Rounding leaves a singular information matrix of unit diagonal with eigenvalues near 1e-15.
-_RANK_TOLERANCE = 1e-12
-_SYMMETRY_TOLERANCE = 1e-9
-
-
-def unit_diagonal_scaling(matrices: Array) -> Array:
-    """Return s, (..., p), such that s_i H_ij s_j has a diagonal of ones, or zero where H_ii is.
-
-    A parameter's unit then has no say in ranks, inverses and determinants.
-    """
-    diagonal = np.abs(np.diagonal(matrices, axis1=-2, axis2=-1))
-    # Sensitivities that are zero but for rounding, 1e-16 of the largest, stay zero.
-    floor = (16 * np.finfo(float).eps) ** 2 * diagonal.max(axis=-1, keepdims=True)
-    usable = (diagonal > floor) & (diagonal > 0)
-    return np.where(usable, 1.0 / np.sqrt(np.where(usable, diagonal, 1.0)), 0.0)
-
-
-def weak_directions(matrix: Array) -> Array:
-    """Return an orthonormal basis, (p, k), of the null space of the scaled information (p, p)."""
-    s = unit_diagonal_scaling(matrix)
-    eigenvalues, vectors = np.linalg.eigh(s[:, None] * matrix * s)
-    return np.asarray(vectors[:, eigenvalues <= _RANK_TOLERANCE * max(eigenvalues[-1], 1.0)])
-
-
-def unidentifiable(matrix: Array, names: Sequence[str]) -> tuple[str, ...]:
-    """Return the names of the parameters on which `matrix` (p, p) leaves a direction open."""
-    part = np.linalg.norm(weak_directions(matrix), axis=1)
-    return tuple(name for name, share in zip(names, part, strict=True) if share > 0.01)
+if TYPE_CHECKING:
+    from oed.store import StoredInformation
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,7 +47,8 @@ class InformationSet:
         matrices = np.array(self.matrices, dtype=float)
         names = tuple(self.names)
         _check_shapes(positions, matrices, names)
-        _check_values(positions, matrices)
+        check_positions(positions)
+        check_matrices(matrices)
         matrices += np.swapaxes(matrices, -1, -2).copy()
         matrices *= 0.5
         object.__setattr__(self, "positions", read_only(positions))
@@ -131,6 +108,18 @@ class InformationSet:
             file.create_dataset("names", data=list(self.names), dtype=h5py.string_dtype())
         partial_file.replace(target)
 
+    @staticmethod
+    def open(path: str | os.PathLike[str]) -> "StoredInformation":
+        """Return the candidates of a store that `information` wrote, see `store`.
+
+        Raises
+        ------
+        InvalidInput : if there is no such file, it is no store, or it is cut off.
+        """
+        from oed.store import StoredInformation
+
+        return StoredInformation.open(path)
+
     @classmethod
     def load(cls, path: str | os.PathLike[str]) -> "InformationSet":
         """Read what `save` wrote.
@@ -158,6 +147,33 @@ class InformationSet:
                 raise InvalidInput(f"{path}: {error}") from error
 
 
+@overload
+def information(
+    robot: Elastic,
+    positions: Array,
+    omega: Array,
+    noise: RelativeNoise | LoopNoise,
+    chunk: int = ...,
+    executor: Executor | None = ...,
+    progress: Callable[[int, int], object] | None = ...,
+    store: None = ...,
+) -> InformationSet: ...
+
+
+@overload
+def information(
+    robot: Elastic,
+    positions: Array,
+    omega: Array,
+    noise: RelativeNoise | LoopNoise,
+    chunk: int = ...,
+    executor: Executor | None = ...,
+    progress: Callable[[int, int], object] | None = ...,
+    *,
+    store: str | os.PathLike[str],
+) -> "StoredInformation": ...
+
+
 def information(
     robot: Elastic,
     positions: Array,
@@ -166,7 +182,8 @@ def information(
     chunk: int = 64,
     executor: Executor | None = None,
     progress: Callable[[int, int], object] | None = None,
-) -> InformationSet:
+    store: str | os.PathLike[str] | None = None,
+) -> "InformationSet | StoredInformation":
     """Return the information of one experiment in each position, equilibria held fixed.
 
     For the built-in robots the latter changes no standard deviation by more than 0.15 % (15 random
@@ -181,6 +198,8 @@ def information(
     chunk : positions per call of the kernel, which bounds the memory.
     executor : computes chunks in parallel; None computes here.
     progress : called with the number of positions done and their total.
+    store : path of a file for more matrices than memory holds; they are written as they come and
+        read in chunks, see `store`.
 
     Raises
     ------
@@ -194,14 +213,25 @@ def information(
         raise InvalidInput(f"chunk: {chunk} positions per call; at least 1 is needed")
     chunks = [positions[start : start + chunk] for start in range(0, len(positions), chunk)]
     one_chunk = partial(_chunk_information, robot, np.asarray(omega, dtype=float), noise)
-    matrices: list[Array] = []
+    names = robot.parameters.names
+    found = map(one_chunk, chunks) if executor is None else executor.map(one_chunk, chunks)
+    if store is None:
+        parts = list(_counted(found, len(positions), progress))
+        return InformationSet(positions, np.concatenate(parts), names)
+    from oed.store import write_store
+
+    return write_store(store, positions, names, _counted(found, len(positions), progress))
+
+
+def _counted(
+    parts: Iterable[Array], total: int, progress: Callable[[int, int], object] | None
+) -> Iterator[Array]:
     done = 0
-    for part in map(one_chunk, chunks) if executor is None else executor.map(one_chunk, chunks):
-        matrices.append(part)
+    for part in parts:
+        yield part
         done += len(part)
         if progress is not None:
-            progress(done, len(positions))
-    return InformationSet(positions, np.concatenate(matrices), robot.parameters.names)
+            progress(done, total)
 
 
 def _chunk_information(
@@ -235,29 +265,4 @@ def _check_shapes(positions: Array, matrices: Array, names: tuple[str, ...]) -> 
         raise InvalidInput(
             f"positions: shape {positions.shape} does not fit {len(matrices)} matrices; "
             f"({len(matrices)}, n) is needed"
-        )
-
-
-def _check_values(positions: Array, matrices: Array) -> None:
-    _refuse(~np.isfinite(positions).all(axis=1), "a position that is not finite")
-    _refuse(~np.isfinite(matrices).all(axis=(1, 2)), "a matrix that is not finite")
-    s = unit_diagonal_scaling(matrices)
-    # What is zero but for rounding is judged against the largest entry.
-    least = np.where(s > 0, s, np.inf).min(axis=1, keepdims=True)
-    s = np.where(s > 0, s, np.where(np.isfinite(least), least, 1.0))
-    scaled = s[:, :, None] * matrices * s[:, None, :]
-    skew = np.abs(scaled - np.swapaxes(scaled, 1, 2)).max(axis=(1, 2))
-    _refuse(skew > _SYMMETRY_TOLERANCE, "a matrix that is not symmetric")
-    try:  # one factorisation of all is much cheaper than their eigenvalues
-        np.linalg.cholesky(scaled + _SYMMETRY_TOLERANCE * np.eye(matrices.shape[-1]))
-    except np.linalg.LinAlgError:
-        lowest = np.linalg.eigvalsh(scaled)[:, 0]
-        _refuse(lowest < -0.5 * _SYMMETRY_TOLERANCE, "a matrix that is not positive semidefinite")
-
-
-def _refuse(wrong: ArrayLike, what: str) -> None:
-    wrong = np.asarray(wrong)
-    if wrong.any():
-        raise InvalidInput(
-            f"candidate {int(np.argmax(wrong))} has {what} ({int(wrong.sum())} of {len(wrong)} do)"
         )

@@ -15,7 +15,7 @@ from typing import Literal
 import numpy as np
 from scipy.linalg import solve_triangular
 
-from oed.information_set import unit_diagonal_scaling
+from oed.null_space import unit_diagonal_scaling
 from robotmodels.arrays import Array
 
 Kind = Literal["D", "A", "E"]

@@ -74,7 +74,7 @@ class InformationSamples:
     def prices(self, weight: Array) -> Array:
         """Return sum_k tr(W_k H_ik), (Q,), for W (K, p, p)."""
         parts = zip(self.sets, weight, strict=True)
-        return np.sum([one.prices(W) for one, W in parts], axis=0)
+        return np.asarray(np.sum([one.prices(W) for one, W in parts], axis=0))
 
     def combined(self, weights: Array) -> Array:
         """Return sum_i w_i H_ik, (K, p, p)."""
