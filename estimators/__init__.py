@@ -1,6 +1,6 @@
 """What data say about elastic robots: FRFs, fits, covariances, posteriors.
 
-Public names that need emcee are imported when they are first used.
+Public names that need emcee or iminuit are imported when they are first used.
 """
 
 from importlib import import_module
@@ -8,8 +8,10 @@ from typing import TYPE_CHECKING, Any
 
 # Functions that share their module's name must be bound here: importing the module later would
 # otherwise put the module in their place.
+from estimators.chain_identification import ChainIdentification, identify_chains
 from estimators.compare import Comparison, Loop, compare_methods, designed_loop, measured_loop
 from estimators.covariance import Uncertainty, covariance
+from estimators.damper_fit import DamperFit, fit_dampers
 from estimators.distortion import Distortion, distortion
 from estimators.exchange import (
     read_distortion,
@@ -27,23 +29,31 @@ from estimators.local_model import local_frf
 from estimators.multistart import EarlyStop, multistart, perturbed_starts
 from estimators.nonparametric import estimate_frf
 from estimators.priors import Prior
+from estimators.residual_analysis import ResidualAnalysis, residual_analysis
 from estimators.residuals import lls, lls_magnitude, nls
 from estimators.rigid_limit import RigidLimit, check_rigid_limit
 from estimators.stationarity import Settling, settling
 from estimators.weights import combined_weights, optimal_weights, user_weights
 
 if TYPE_CHECKING:
+    from estimators.importance import ImportanceSample, importance_sample
     from estimators.posterior import Posterior, sample_posterior
+    from estimators.profile import Profile, profile_likelihood
 
 __all__ = [
+    "ChainIdentification",
     "Comparison",
+    "DamperFit",
     "Distortion",
     "EarlyStop",
     "Fit",
     "FrfEstimate",
+    "ImportanceSample",
     "Loop",
     "Posterior",
     "Prior",
+    "Profile",
+    "ResidualAnalysis",
     "RigidLimit",
     "Settling",
     "Uncertainty",
@@ -55,6 +65,9 @@ __all__ = [
     "distortion",
     "estimate_frf",
     "fit",
+    "fit_dampers",
+    "importance_sample",
+    "identify_chains",
     "information",
     "lls",
     "lls_magnitude",
@@ -64,10 +77,12 @@ __all__ = [
     "nls",
     "optimal_weights",
     "perturbed_starts",
+    "profile_likelihood",
     "read_distortion",
     "read_fits",
     "read_frf",
     "read_records",
+    "residual_analysis",
     "reweighted",
     "sample_posterior",
     "settling",
@@ -80,7 +95,11 @@ __all__ = [
 ]
 
 _LATER = {
+    "ImportanceSample": "estimators.importance",
     "Posterior": "estimators.posterior",
+    "Profile": "estimators.profile",
+    "importance_sample": "estimators.importance",
+    "profile_likelihood": "estimators.profile",
     "sample_posterior": "estimators.posterior",
 }
 

@@ -68,6 +68,12 @@ class Noise:
         terms = np.log1p(squares / dof).reshape(len(squares), -1)
         return np.asarray(-power * terms.sum(axis=1))
 
+    def influence(self, squares: Array, real: bool) -> Array:
+        """Return -d log p / dQ of estimated noise at Q."""
+        assert self.blocks is not None
+        dof = self.blocks - 1
+        return np.asarray((dof + (0.5 if real else 1.0)) / (dof + squares))
+
     def curvature(self, cost: float, data: int) -> float:
         """Return the factor of the Hessian of V that log p has near the fit, whose cost is V.
 

@@ -3,11 +3,12 @@
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from estimators.covariance import sandwich_parts
 from estimators.frf_estimate import is_full
 from estimators.least_squares import Fit
 from estimators.likelihood import Noise, line_squares
@@ -17,6 +18,7 @@ from estimators.weights import square_root, used_elements
 from robotmodels.arrays import Array, ComplexArray, read_only
 from robotmodels.errors import IdentificationError, InvalidInput, SolverFailed
 from robotmodels.linear_model import LinearModel
+from robotmodels.normal_equations import Residual as KernelResidual
 from robotmodels.response import Elastic
 from robotmodels.spring_network import SpringNetwork
 
@@ -25,6 +27,11 @@ if TYPE_CHECKING:
 
 # Matrix entries solved in one call when small systems are evaluated for many walkers.
 BATCH = 2**20
+_KERNEL_RESIDUALS: dict[str, KernelResidual] = {
+    "nls": "nls",
+    "lls": "lls",
+    "lls_magnitude": "lls_magnitude",
+}
 
 
 @dataclass(frozen=True, eq=False)
@@ -139,7 +146,7 @@ class LogPosterior:
         for first in range(0, len(parameters), together):
             models = [self.network.linear_model(t) for t in parameters[first : first + together]]
             batch = LinearModel(
-                mass=self.network.mass,
+                mass=np.stack([model.mass for model in models]),
                 damping=np.stack([model.damping for model in models]),
                 stiffness=np.stack([model.stiffness for model in models]),
                 selector=self.network.selector,
@@ -159,16 +166,15 @@ class LogPosterior:
 
     @cached_property
     def kernel(self) -> "CostKernel | None":
-        """The compiled cost; None for full weights, magnitudes, and more than springs."""
-        if self.kind.real or is_full(self.weights, self.measured.shape):
-            return None
-        if not self.network.only_springs:
+        """The compiled cost; None for full weights, and for more than springs."""
+        if is_full(self.weights, self.measured.shape) or not self.network.only_springs:
             return None
         from robotmodels.kernel import CostKernel
 
-        residual: Literal["nls", "lls"] = "lls" if self.kind.relative else "nls"
         weights = np.asarray(self.weights, dtype=float)
-        return CostKernel(self.network, self.omega, self.measured, weights, residual)
+        return CostKernel(
+            self.network, self.omega, self.measured, weights, _KERNEL_RESIDUALS[self.kind.name]
+        )
 
     def __getstate__(self) -> dict[str, Any]:
         # Compiled code works on addresses: another process makes its own.
@@ -214,6 +220,31 @@ def log_posterior(fit: Fit, noise: Noise, prior: Prior | None = None) -> LogPost
             f"posterior: the cost at the fit is {cost:g}, the fit's {fit.data_cost:g}"
         )
     return target
+
+
+def posterior_density(
+    fit: Fit,
+    *,
+    noise: str = "known",
+    scale: float | None = None,
+    blocks: int | None = None,
+    prior: Prior | None = None,
+) -> LogPosterior:
+    """Return the density that `sample_posterior` samples; arguments as there.
+
+    Raises
+    ------
+    InvalidInput, SolverFailed : as `log_posterior`, or for noise settings that do not fit.
+    """
+    if scale is None:
+        scale = _magnitude_adjustment(fit) if noise == "known" and np.isfinite(fit.cost) else 1.0
+    return log_posterior(fit, Noise(noise, float(scale), blocks), prior or fit.prior)
+
+
+def _magnitude_adjustment(fit: Fit) -> float:
+    bread, meat = sandwich_parts(fit)
+    # Directions without information have neither bread nor meat.
+    return len(bread) / float(np.trace(np.linalg.lstsq(bread, meat)[0]))
 
 
 def _refuse_full_magnitudes(target: LogPosterior) -> None:

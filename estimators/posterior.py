@@ -10,12 +10,12 @@ import numpy as np
 
 from estimators.chain_store import Store
 from estimators.convergence import ESS, R_HAT, TIMES, Target, diagnose, enough
-from estimators.covariance import Uncertainty, sandwich_parts
+from estimators.covariance import Uncertainty
 from estimators.ensemble import Sampler, run_ensembles
 from estimators.laplace import StudentT, laplace
 from estimators.least_squares import Fit
 from estimators.likelihood import Noise
-from estimators.log_posterior import LogPosterior, log_posterior
+from estimators.log_posterior import LogPosterior, posterior_density
 from estimators.priors import Prior
 from robotmodels.arrays import Array, IntArray, read_only
 from robotmodels.errors import InvalidInput
@@ -169,20 +169,6 @@ def sample_posterior(
     return judged(density.names, chains, thin, acceptance, density.noise, aim)
 
 
-def posterior_density(
-    fit: Fit,
-    *,
-    noise: str = "known",
-    scale: float | None = None,
-    blocks: int | None = None,
-    prior: Prior | None = None,
-) -> LogPosterior:
-    """Return the density that `sample_posterior` samples; arguments and errors as there."""
-    if scale is None:
-        scale = _magnitude_adjustment(fit) if noise == "known" and np.isfinite(fit.cost) else 1.0
-    return log_posterior(fit, Noise(noise, float(scale), blocks), prior or fit.prior)
-
-
 def judged(
     names: tuple[str, ...],
     chains: Array,
@@ -226,12 +212,6 @@ def _check_sizes(p: int, ensembles: int, walkers: int, steps: int, thin: int) ->
         raise InvalidInput(
             f"steps: {steps} steps, thinned by {thin}, leave fewer than 10 snapshots"
         )
-
-
-def _magnitude_adjustment(fit: Fit) -> float:
-    bread, meat = sandwich_parts(fit)
-    # Directions without information have neither bread nor meat.
-    return len(bread) / float(np.trace(np.linalg.lstsq(bread, meat)[0]))
 
 
 def _ball(proposal: StudentT, bounds: Array, walkers: int, rng: np.random.Generator) -> Array:

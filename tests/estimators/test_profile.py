@@ -1,0 +1,93 @@
+from concurrent.futures import ThreadPoolExecutor
+
+import numpy as np
+import pytest
+from mass_springs import OMEGA, POSITIONS
+from test_frf_estimate import full_covariance
+from test_least_squares import MODEL, exact
+
+from estimators import covariance, fit, profile_likelihood, simulate_frf
+from estimators.likelihood import Noise
+from estimators.log_posterior import log_posterior
+from estimators.log_posterior_slope import slope
+from robotmodels import InvalidInput, RelativeNoise
+
+
+def noisy(relative=0.03, floor=0.01, seed=2):
+    rng = np.random.default_rng(seed)
+    return simulate_frf(MODEL, POSITIONS[:2], OMEGA[2::5], RelativeNoise(relative, floor), rng)
+
+
+@pytest.mark.parametrize("noise", [Noise(), Noise("unknown"), Noise("estimated", blocks=5)])
+@pytest.mark.parametrize("weights", ["optimal", "full"])
+@pytest.mark.parametrize("residual", ["nls", "lls", "lls_magnitude"])
+def test_gradients_are_those_of_finite_differences(residual, weights, noise):
+    given = full_covariance((3, 23, 2, 2)) if weights == "full" else None
+    if given is not None and residual == "lls_magnitude" and noise.kind == "estimated":
+        return  # refused, see below
+    target = log_posterior(fit(MODEL, exact(given), residual, "optimal"), noise)
+    x = np.log(MODEL.parameters.values) + 0.02
+    found, h = slope(target, x), 1e-5 * np.eye(6)
+    expected = -(target(x + h) - target(x - h)) / 2e-5
+    assert found.value == pytest.approx(-target(x)[0], rel=1e-9)
+    assert found.gradient == pytest.approx(expected, rel=1e-5, abs=1e-5 * np.abs(expected).max())
+    assert np.linalg.eigvalsh(found.hessian).min() > 0
+
+
+def test_estimated_magnitudes_with_full_weights_are_refused():
+    found = fit(MODEL, exact(full_covariance((3, 23, 2, 2))), "lls_magnitude", "optimal")
+    with pytest.raises(InvalidInput, match="'estimated' is not known for magnitudes"):
+        log_posterior(found, Noise("estimated", blocks=5))
+
+
+@pytest.mark.parametrize(("residual", "weights"), [("nls", "optimal"), ("lls", "user")])
+def test_profiles_of_good_data_are_as_wide_as_theorem_1(residual, weights):
+    found = fit(MODEL, noisy(0.003, 0.0), residual, weights)
+    profiles = profile_likelihood(found)
+    assert [p.std for p in profiles] == pytest.approx(covariance(found).std, rel=0.03)
+    assert all(p.sides == ("found", "found") for p in profiles)
+    assert not any(p.flat for p in profiles)
+
+
+def test_flat_directions_are_shown():
+    found = fit(MODEL, noisy(0.6, 0.6), "nls", "optimal", bounds=(1e-2, 1e2))
+    told = []
+    (profile,) = profile_likelihood(
+        found, ["c12"], points=7, progress=lambda done, total: told.append((done, total))
+    )
+    assert profile.flat
+    assert profile.sides[0] == "flat"
+    assert profile.lower == pytest.approx(1e-2 * 1.0)
+    assert profile.asymmetry < 0.5
+    assert "flat up to the bound" in str(profile)
+    assert profile.curve.shape == (2, 7)
+    assert profile.curve[1, 0] < 3.84
+    assert told == [(1, 1)]
+
+
+def test_parameters_without_any_information_are_flat_on_both_sides():
+    from test_covariance import Blind, _exponents
+
+    model = Blind(_exponents("absent"))
+    data = simulate_frf(model, POSITIONS, OMEGA, RelativeNoise(), np.random.default_rng(0))
+    (c2,) = profile_likelihood(fit(model, data, "nls", "optimal"), ["c2"])
+    assert c2.sides == ("flat", "flat")
+
+
+def test_profiles_do_not_depend_on_the_executor():
+    found = fit(MODEL, noisy(), "nls", "optimal")
+    with ThreadPoolExecutor(2) as executor:
+        parallel = profile_likelihood(found, executor=executor)
+    serial = profile_likelihood(found, ["k12"])
+    assert parallel[2].upper == serial[0].upper
+
+
+def test_what_cannot_be_profiled_is_named():
+    found = fit(MODEL, noisy(), "nls", "optimal")
+    with pytest.raises(InvalidInput, match="'k3' is not among the free parameters"):
+        profile_likelihood(found, ["k3"])
+    with pytest.raises(InvalidInput, match=r"profile: level 1\.0 does"):
+        profile_likelihood(found, level=1.0)
+    robust = fit(MODEL, noisy(), "nls", "optimal", loss="huber")
+    with pytest.raises(InvalidInput, match="loss 'huber' is no likelihood"):
+        profile_likelihood(robust)
