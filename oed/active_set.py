@@ -9,6 +9,7 @@ from oed.certificate import Candidates, Certificate, certify
 from oed.conic import conic
 from oed.coordinates import Coordinates
 from oed.criteria import sensitivities
+from oed.duplicates import distinct
 from oed.inner_problem import InnerAnswer, InnerProblem
 from oed.newton import newton
 from oed.objective import Objective
@@ -16,8 +17,6 @@ from oed.polytope import Polytope
 from robotmodels.arrays import Array, IntArray
 from robotmodels.errors import InvalidInput
 
-# In whitened coordinates matrices are of order one; equal ones differ by rounding only.
-_DUPLICATE = 1e-9
 # An active set must determine every direction at least this well beside all candidates.
 _WEAKEST = 1e-6
 
@@ -291,20 +290,3 @@ def _distinct(scaled: _Scaled, indices: IntArray, count: int) -> IntArray:
     parts = [H.reshape(len(indices), -1) for H in white] + [(rows / sizes[:, None]).T]
     kept = distinct(np.concatenate(parts, axis=1))
     return np.asarray(indices[kept[:count]])
-
-
-def distinct(flat: Array) -> IntArray:
-    """Return the index of the first of each group of equal rows of (n, k)."""
-    # Equal rows have equal projections: only neighbours in this order need comparing.
-    direction = np.random.default_rng(0).standard_normal(flat.shape[1])
-    keys = flat @ (direction / np.linalg.norm(direction))
-    order = np.argsort(keys, kind="stable")
-    breaks = np.flatnonzero(np.diff(keys[order]) > _DUPLICATE * np.sqrt(flat.shape[1])) + 1
-    kept: list[int] = []
-    for group in np.split(order, breaks):
-        remaining = np.sort(group)
-        while len(remaining):
-            kept.append(int(remaining[0]))
-            away = np.abs(flat[remaining] - flat[remaining[0]]).max(axis=1) > _DUPLICATE
-            remaining = remaining[away]
-    return np.sort(np.array(kept))

@@ -78,8 +78,10 @@ class InformationSet:
 
     def combined(self, weights: Array) -> Array:
         """Return sum_i w_i H_i, (p, p), for weights (Q,)."""
-        used = np.flatnonzero(weights)
-        return np.asarray(np.tensordot(weights[used], self.take(used), axes=1))
+        p, used = len(self.names), np.flatnonzero(weights)
+        if len(used) > len(self) // 8:
+            return np.asarray((weights @ self.matrices.reshape(len(self), -1)).reshape(p, p))
+        return np.asarray((weights[used] @ self.take(used).reshape(len(used), p * p)).reshape(p, p))
 
     def chunks(self, size: int = 4096) -> Iterator[tuple[int, Array]]:
         """Yield the index of the first candidate of each chunk, and its matrices (n, p, p)."""

@@ -2,8 +2,6 @@
 
 from dataclasses import dataclass
 
-import numpy as np
-
 from oed.objective import Objective
 from robotmodels.arrays import Array
 
@@ -29,7 +27,9 @@ class InnerProblem:
     def information(self, weights: Array) -> tuple[Array, ...]:
         """Return each sample's information, (p, p)."""
         pairs = zip(self.base, self.matrices, strict=True)
-        return tuple(base + np.tensordot(weights, H, axes=1) for base, H in pairs)
+        return tuple(
+            base + (weights @ H.reshape(len(H), -1)).reshape(base.shape) for base, H in pairs
+        )
 
 
 @dataclass(frozen=True, eq=False)
