@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from estimators.frf_estimate import FrfEstimate, is_full, unvec, vec
+from estimators.frf_estimate import FrfEstimate, is_full, vec
 from estimators.priors import Prior
 from estimators.residuals import Residual, find_residual
 from estimators.robust import check_loss, robust_loss
@@ -85,27 +85,34 @@ class Problem:
         A whitened residual is judged by the standard deviation the estimate's covariance gives it;
         the prior's residuals always count in full.
         """
-        rows = len(self._variance)
+        rows = len(self._scale)
         result = np.stack([squares, np.ones_like(squares), np.zeros_like(squares)])
-        result[:, :rows] = robust_loss(self.loss, squares[:rows], self._variance)
+        result[:, :rows] = robust_loss(self.loss, squares[:rows], self._scale)
         return result
 
     @cached_property
-    def _variance(self) -> Array:
-        """Expected squares of the whitened residuals without the prior's, (r,)."""
-        noise = self.kind.noise(self.estimate.covariance, self.estimate.response, self.used)
-        shape = self.estimate.response.shape
-        if not is_full(self.root, shape):
-            if is_full(noise, shape):
-                noise = unvec(np.diagonal(noise, axis1=-2, axis2=-1).real, shape[-2])
-            variance = vec(self.weights * noise)
-        else:
-            if not is_full(noise, shape):
-                noise = vec(noise)[..., None] * np.eye(noise.shape[-1] * noise.shape[-2])
-            through = self.root @ noise @ np.conj(np.swapaxes(self.root, -1, -2))
-            variance = np.diagonal(through, axis1=-2, axis2=-1).real
+    def _scale(self) -> Array:
+        variance = self.expected_squares(self.estimate.response)
         # Residuals without weight are zero: any variance will do.
-        half = np.where(variance > 0, variance, 1.0).ravel() / 2
+        return np.where(variance > 0, variance, 1.0)
+
+    def expected_squares(self, response: ComplexArray) -> Array:
+        """Return the variances of the whitened residuals, (r,), the prior's left out.
+
+        Parameters
+        ----------
+        response : (Q, F, m, n) at which the noise of a log residual is evaluated.
+        """
+        noise = self.kind.noise(self.estimate.covariance, response, self.used)
+        shape, full = response.shape, is_full(noise, response.shape)
+        if is_full(self.root, shape):
+            matrix = noise if full else vec(noise)[..., None] * np.eye(shape[-2] * shape[-1])
+            through = self.root @ matrix @ np.conj(np.swapaxes(self.root, -1, -2))
+            variance = np.diagonal(through, axis1=-2, axis2=-1).real
+        else:
+            own = np.diagonal(noise, axis1=-2, axis2=-1).real if full else vec(noise)
+            variance = vec(self.weights) * own
+        half = np.ravel(variance) / 2  # each of real and imaginary part
         return half if self.kind.real else np.concatenate([half, half])
 
     def checked_start(self, start: Array | None) -> Array:

@@ -1,4 +1,4 @@
-"""How far to trust a fit: the sandwich covariance of [WM] Theorem 1."""
+"""How far to trust a fit: the sandwich covariance of [WM] Theorem 1, and its variants."""
 
 from dataclasses import dataclass
 from statistics import NormalDist
@@ -12,7 +12,7 @@ from estimators.information import information
 from estimators.residuals import find_residual
 from estimators.weights import used_elements
 from robotmodels.arrays import Array, read_only
-from robotmodels.errors import InvalidInput, NotIdentifiable, SolverFailed
+from robotmodels.errors import InvalidInput, NotIdentifiable, SolverFailed, nearest
 from robotmodels.response import sensitivity
 
 if TYPE_CHECKING:
@@ -21,6 +21,11 @@ if TYPE_CHECKING:
 # Relative eigenvalues of the scaled information below this are rounding errors of the FRFs:
 # a standard deviation a million times that of a parameter alone.
 SINGULAR = 1e-12
+METHODS = {
+    "theorem1": "Theorem 1",
+    "empirical": "sandwich of empirical residuals",
+    "scaled": "Theorem 1 scaled by the reduced cost",
+}
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,23 +87,52 @@ class Uncertainty:
         return "\n".join(lines)
 
 
-def covariance(fit: "Fit") -> Uncertainty:
-    """Return the covariance of ln theta by [WM] Theorem 1, (5), for any residual and weights.
+def covariance(fit: "Fit", method: str = "theorem1", lags: int | None = None) -> Uncertainty:
+    """Return the covariance of ln theta by the sandwich of [WM] Theorem 1, (5).
 
-    The model is evaluated at the fitted parameters, the noise is the estimate's covariance. For
-    log residuals the noise is eta/G to first order ([WM] below (7)).
+    Any residual and weights; a prior counts as the k more data it is. With a robust loss bread and
+    meat have the factors of normal noise.
+
+    Parameters
+    ----------
+    method : where the meat, the covariance of the cost's gradient, comes from. "theorem1": the
+        estimate's covariance, at the fitted model; for log residuals the noise is eta/G to first
+        order ([WM] below (7)). "scaled": that times the reduced cost, as if the noise had been
+        stated too small by one factor. "empirical": the fit's own residuals, correlated over
+        neighbouring frequencies as those of a model that is slightly wrong are; it asks nothing of
+        the estimate's covariance, but needs many more lines than parameters, and is up to a third
+        too small where few lines at a resonance carry the information.
+    lags : frequencies over which empirical residuals are correlated; 4 (F/100)^(2/9), rounded
+        down, where None (Newey and West 1994).
 
     Raises
     ------
     NotIdentifiable : if the information is singular, with the parameters in its null space.
+    InvalidInput : for an unknown method.
     SolverFailed : if the search could not begin.
     """
-    bread, meat = sandwich_parts(fit)
+    from estimators import model_error
+
+    names, prior = fit.parameters.names, fit.prior
+    known = np.zeros((len(names),) * 2) if prior is None else prior.information(names)
+    if method == "empirical":
+        bread, meat = model_error.empirical_parts(fit, lags)
+    elif method in METHODS:
+        bread, meat = sandwich_parts(fit)
+        slope, square = model_error.loss_factors(fit.loss)
+        bread, meat = slope * bread, square * meat
+    else:
+        raise InvalidInput(
+            f"covariance: method {method!r} is none of {', '.join(METHODS)}"
+            f"{nearest(method, METHODS)}"
+        )
+    if method == "scaled":
+        meat = model_error.reduced_cost(fit) * meat
     note = "" if fit.converged else " (the fit has not converged)"
     return Uncertainty(
-        names=fit.parameters.names,
-        covariance=sandwich(bread, meat, fit.parameters.names),
-        method=f"Theorem 1, {fit.residual}{note}",
+        names=names,
+        covariance=sandwich(bread + known, meat + known, names),
+        method=f"{METHODS[method]}, {fit.residual}{note}",
     )
 
 
@@ -108,6 +142,11 @@ def sandwich_parts(fit: "Fit") -> tuple[Array, Array]:
     With Psi the residual's Jacobian, W its weights and R its noise covariance, bread is
     2 sum Re(conj(Psi) W Psi^T) and meat 2 sum Re(conj(Psi) W R W Psi^T). For log residuals
     Psi = G_d^-1 Psi_G and R = G_d^-1 Lambda_0 G_d^-H, which is [WM]'s Xi and Sigma regrouped.
+    Neither the prior nor a robust loss is in them.
+
+    Raises
+    ------
+    SolverFailed : if the search could not begin.
     """
     if not np.isfinite(fit.cost):
         raise SolverFailed(f"no covariance without a fit: {fit.message}")

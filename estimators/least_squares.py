@@ -1,7 +1,7 @@
 """Weighted least squares fits of a model to FRF estimates."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -133,17 +133,23 @@ def reweighted(found: Fit, rounds: int = 2, tolerance: float = 1e-10) -> Fit:
     for _ in range(rounds):
         model, estimate, values = found.model, found.estimate, found.parameters.values
         G = np.asarray(frequency_response(model, estimate.positions, estimate.omega, values))
-        problem = Problem(
-            model=model,
-            estimate=estimate,
-            kind=find_residual(found.residual),
-            weights=optimal_weights(estimate, found.residual, G),
-            bounds=found.bounds,
-            prior=found.prior,
-            loss=found.loss,
-        )
+        weights = optimal_weights(estimate, found.residual, G)
+        problem = problem_of(replace(found, weights=weights))
         found = as_fit(problem, values, search(problem, values, 200, tolerance))
     return found
+
+
+def problem_of(found: Fit) -> Problem:
+    """Return the problem that a fit is the end of."""
+    return Problem(
+        model=found.model,
+        estimate=found.estimate,
+        kind=find_residual(found.residual),
+        weights=found.weights,
+        bounds=found.bounds,
+        prior=found.prior,
+        loss=found.loss,
+    )
 
 
 def as_fit(problem: Problem, start: Array, found: Outcome) -> Fit:
