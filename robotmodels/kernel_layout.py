@@ -3,6 +3,7 @@
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from robotmodels.arrays import Array, IntArray
 from robotmodels.spring_network import SpringNetwork
@@ -128,9 +129,10 @@ def _eliminated(network: SpringNetwork, acted: IntArray) -> IntArray:
     """Return, (n, 2), the coordinate and the spring of motors that only that spring ties."""
     motors = np.full((len(acted), 2), -1, dtype=np.int64)
     taken = {int(c) for c in acted}
+    coupled = _coupled(network)
     for i, c in enumerate(acted):
         springs = np.flatnonzero(np.any(network.ends == c, axis=1))
-        if len(springs) != 1 or not _alone(network, c):
+        if len(springs) != 1 or coupled[c]:
             continue
         other = _other_end(network.ends[springs[0]], c)
         if other >= 0 and other != c and other not in taken:
@@ -139,9 +141,10 @@ def _eliminated(network: SpringNetwork, acted: IntArray) -> IntArray:
     return motors
 
 
-def _alone(network: SpringNetwork, coordinate: int) -> bool:
-    """Return whether nothing but springs couples `coordinate` to the others."""
-    return not any(
-        np.any(np.delete(matrix[..., coordinate, :], coordinate, axis=-1))
-        for matrix in (network.mass, network.damping, network.stiffness)
-    )
+def _coupled(network: SpringNetwork) -> NDArray[np.bool_]:
+    """Return which coordinates, (d,), more than springs couple to others."""
+    d = network.mass.shape[-1]
+    together = np.zeros((d, d), dtype=bool)
+    for matrix in (network.mass, network.damping, network.stiffness):
+        together |= np.any(matrix.reshape(-1, d, d), axis=0)
+    return np.asarray((together & ~np.eye(d, dtype=bool)).any(axis=1))

@@ -132,8 +132,8 @@ def motor_terms(work, w, stiffness, damping):
 
 
 @compiled
-def assemble(work, q, w):
-    """Write A at the frequencies `w` (a vector) and eliminate the motors."""
+def assemble_arm(work, w):
+    """Write A at the frequencies `w` (a vector), without motors and their springs."""
     size, triangle = work.size, work.size * (work.size + 1) // 2
     mass, damping = work.packed, work.packed + 8 * triangle
     stiffness = work.packed + 16 * triangle
@@ -148,6 +148,12 @@ def assemble(work, q, w):
         store(work.diagonal, 2 * i, pack(real, w * splat(scalar(damping, e))))
         off = fma(w, splat(scalar(work.bounds, size + i)), splat(scalar(work.bounds, 2 * size + i)))
         store(work.off, i, fma(w * w, splat(scalar(work.bounds, i)), off))
+
+
+@inlined
+def assemble(work, q, w):
+    """Write A at the frequencies `w` (a vector) and eliminate the motors."""
+    assemble_arm(work, w)
     springs = 8 * q * work.s
     motor_terms(work, w, work.spring_stiffness + springs, work.spring_damping + springs)
 

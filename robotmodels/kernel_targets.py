@@ -5,6 +5,10 @@ import numpy as np
 from robotmodels.arrays import Array, ComplexArray
 from robotmodels.kernel_cost import parted, vectors
 from robotmodels.kernel_layout import INERTANCE, Layout
+from robotmodels.kernel_memory import address, aligned
+from robotmodels.kernel_reduce import reductions
+from robotmodels.kernel_threads import over_threads
+from robotmodels.kernel_work import network_tables, workspace
 from robotmodels.normal_equations import Residual
 from robotmodels.simd import LANES
 from robotmodels.spring_network import SpringNetwork
@@ -13,33 +17,48 @@ from robotmodels.spring_network import SpringNetwork
 _WEIGHTS = {"nls": [2], "lls": [1, 3, 5], "lls_magnitude": [1]}
 
 
-def prepare(
-    network: SpringNetwork,
-    omega: Array,
-    measured: ComplexArray,
-    weights: Array,
-    residual: Residual,
-    plans: tuple[Layout, Layout],
-) -> tuple[list[Array], float]:
-    """Return the arrays of `Cells`, and the cost no model can undo; `plans`: full, reduced."""
-    blocks = -(-omega.size // LANES)
-    A = _remaining_matrix(network, omega, *plans)
-    size = A.shape[-1]
-    off = np.abs(A * (1 - np.eye(size))).max(axis=-1)
-    w = np.broadcast_to(omega, A.shape[:2])
+def prepare_matrices(
+    network: SpringNetwork, omega: Array, full: Layout, plan: Layout
+) -> tuple[Array, Array]:
+    """Return A without its free terms, rows before `full.first` eliminated, and rows' largest.
+
+    As `Cells` wants them; `plan` is the reduced layout.
+    """
+    blocks, size = -(-omega.size // LANES), len(plan.order)
+    cells = blocks * len(network.mass)
+    matrix, off = aligned(cells * size * (size + 1)), aligned(cells * size)
+    held = network_tables(network)
+    for coefficients in (3, 4):
+        held[coefficients] = held[coefficients].copy()
+        held[coefficients][:, full.needed[:, 0]] = 0.0
+    w = vectors(omega[None, :, None], blocks)
+    went_well = []
+
+    def run(start: int, stop: int) -> None:
+        space = workspace(full, network, held)
+        out = address(matrix), address(off)
+        well = reductions(space.at, address(w), blocks, plan.pad, start, stop, *out)
+        went_well.append(well)
+
+    over_threads(run, cells, work_per_item=1)
+    if all(went_well):
+        return matrix, off
+    A = _remaining_matrix(network, omega, full, plan)  # with pivoting
+    largest = np.abs(A * (1 - np.eye(size))).max(axis=-1)
+    return vectors(parted(A[..., *np.tril_indices(size)]), blocks), vectors(largest, blocks)
+
+
+def prepare_targets(
+    omega: Array, measured: ComplexArray, weights: Array, residual: Residual
+) -> tuple[Array, Array, float]:
+    """Return omega and targets as `Cells` wants them, and the cost no model can undo."""
+    blocks, positions = -(-omega.size // LANES), len(measured)
+    w = np.broadcast_to(omega, (positions, omega.size))
     compared, constant = targets(omega, measured, weights, residual)
     inside = np.pad(np.ones(omega.size), (0, blocks * LANES - omega.size))
-    packed = vectors(compared, blocks).reshape(len(A), blocks, -1, compared.shape[-1], LANES)
+    packed = vectors(compared, blocks).reshape(positions, blocks, -1, compared.shape[-1], LANES)
     packed[..., _WEIGHTS[residual], :] *= inside.reshape(blocks, 1, 1, LANES)
-    return (
-        [
-            vectors(w[..., None], blocks),
-            vectors(parted(A[..., *np.tril_indices(size)]), blocks),
-            vectors(off, blocks),
-            packed.reshape(-1),
-        ],
-        constant,
-    )
+    return vectors(w[..., None], blocks), packed.reshape(-1), constant
 
 
 def targets(

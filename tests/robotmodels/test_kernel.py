@@ -19,6 +19,7 @@ from robotmodels import (
     kernel_factor,
     kernel_information,
     kernel_normal,
+    kernel_reduce,
     kernel_solve,
 )
 from robotmodels.errors import InvalidInput
@@ -329,6 +330,7 @@ def test_wrong_arguments_are_named():
         kernel_information.informations,
         kernel_cost.cell_costs,
         kernel_normal.cell_normals,
+        kernel_reduce.reductions,
     ],
 )
 def test_a_change_in_any_source_file_changes_the_key_of_the_cache(function):

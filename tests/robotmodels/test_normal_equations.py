@@ -10,6 +10,7 @@ from spring_networks import NETWORKS, robot
 
 from robotmodels import kernel
 from robotmodels.errors import InvalidInput
+from robotmodels.kernel_layout import layout
 
 OMEGA = 2 * np.pi * np.linspace(2, 80, 21)
 RESIDUALS = ("nls", "lls", "lls_magnitude")
@@ -105,6 +106,36 @@ def test_a_response_that_is_zero_by_structure_may_go_without_weight(residual):
     assert cost(theta)[0] == pytest.approx(found.cost, rel=1e-10)
     assert np.isfinite(found.hessian).all()
     assert np.isfinite(found.gradient).all()
+
+
+def test_a_kernel_about_other_equilibria_is_one_made_for_them(network):
+    measured, weights, theta = _data(network, np.random.default_rng(3))
+    other = replace(network, mass=1.1 * network.mass, stiffness=network.stiffness + 3.0)
+    found = kernel.CostKernel(network, OMEGA, measured, weights, "lls").at(other)
+    expected = kernel.CostKernel(other, OMEGA, measured, weights, "lls")
+    assert found(theta)[0] == expected(theta)[0]
+    np.testing.assert_array_equal(
+        found.normal_equations(theta).hessian, expected.normal_equations(theta).hessian
+    )
+    with pytest.raises(InvalidInput, match="the same positions and coordinates are needed"):
+        found.at(replace(network, mass=network.mass[:1]))
+
+
+def test_a_small_pivot_before_the_free_springs_is_met_with_pivoting():
+    """The first coordinate to be eliminated has no stiffness and no mass of its own there."""
+    network = robot(np.random.default_rng(3), n_positions=1, n=3, n_torsions=5, n_free_torsions=2)
+    plan = layout(network)
+    c, w = plan.order[plan.pad], OMEGA[4]
+    a = network.incidence()
+    K = network.stiffness[0] + (a.T * network.spring_stiffness[0]) @ a
+    stiffness, damping = network.stiffness.copy(), network.damping.copy()
+    stiffness[0, c, c] += w**2 * network.mass[0, c, c] - K[c, c]
+    damping[0, c, c] -= (network.spring_damping[0] @ a**2)[c]
+    network = replace(network, stiffness=stiffness, damping=damping)
+    measured, weights, theta = _data(network, np.random.default_rng(1))
+    found = kernel.CostKernel(network, OMEGA, measured, weights).normal_equations(theta)
+    r = _residuals(network, measured, weights, "nls", theta)
+    assert found.cost == pytest.approx(np.linalg.norm(r) ** 2, rel=1e-9)
 
 
 def _large():
