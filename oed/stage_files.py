@@ -81,13 +81,24 @@ def _write(group: Any, value: Any) -> None:
             group.create_dataset(field.name, data=item)
         elif is_dataclass(item):
             _write(group.create_group(field.name), item)
-        elif isinstance(item, tuple) and any(isinstance(one, np.ndarray) for one in item):
-            arrays = group.create_group(field.name)
-            for i, one in enumerate(item):
-                arrays[f"{i:05d}"] = one
+        elif isinstance(item, tuple) and any(map(_is_large, item)):
+            _write_tuple(group.create_group(field.name), item)
         else:
             plain[field.name] = _plain(item)
     group[_PLAIN] = json.dumps(plain)  # attributes hold 64 kB at most
+
+
+def _is_large(item: Any) -> bool:
+    return isinstance(item, np.ndarray) or is_dataclass(item)
+
+
+def _write_tuple(group: Any, items: tuple[Any, ...]) -> None:
+    for i, item in enumerate(items):
+        name = f"{i:05d}"
+        if isinstance(item, np.ndarray):
+            group[name] = item
+        else:
+            _write(group.create_group(name), item)
 
 
 def _read(group: Any, kind: Any) -> Any:
@@ -105,13 +116,13 @@ def _read(group: Any, kind: Any) -> Any:
 
 
 def _item(stored: Any, annotation: Any) -> Any:
-    """Return an array, a dataclass or a tuple of arrays."""
+    """Return an array, a dataclass, or a tuple of arrays or dataclasses."""
     if not hasattr(stored, "keys"):
-        return read_only(stored[()])
-    inner = _dataclass_of(annotation)
-    if inner is not None:
-        return _read(stored, inner)
-    return tuple(read_only(stored[name][()]) for name in sorted(stored))
+        return read_only(np.asarray(stored[()]))
+    if _PLAIN in stored:
+        return _read(stored, _dataclass_of(annotation))
+    inner = next(iter(get_args(annotation)), None)
+    return tuple(_item(stored[name], inner) for name in sorted(stored))
 
 
 def _plain(value: Any) -> Any:
@@ -128,5 +139,5 @@ def _tuples(value: Any) -> Any:
 
 
 def _dataclass_of(annotation: Any) -> Any:
-    """Return the dataclass in an annotation such as ``Design | None``, or None."""
-    return next((t for t in (annotation, *get_args(annotation)) if is_dataclass(t)), None)
+    """Return the dataclass in an annotation such as ``Design | None``."""
+    return next(t for t in (annotation, *get_args(annotation)) if is_dataclass(t))

@@ -16,6 +16,7 @@ from oed.exact import ExactDesign
 from oed.fingerprint import file_digest
 from oed.information_set import InformationSet
 from oed.relaxed import Design
+from oed.screening import ScreenedCandidates
 from oed.stages import Progress, Stage, open_stages, versions
 from oed.study_data import Data, SimulatedExperiment
 from oed.study_design import Plan
@@ -36,6 +37,8 @@ class StudyResults:
     ----------
     study, robot : what was asked.
     plant : the robot behind simulated data; None where data were measured.
+    candidates : that the robot can take and why others were left out; None where data were
+        measured.
     omega : (F,) of the data [rad/s].
     information, design, exact : candidates, relaxed optimum, integer plan. With measured data the
         candidates are the measured positions and the plan is what was measured.
@@ -57,6 +60,7 @@ class StudyResults:
     study: Study
     robot: ElasticRobot
     plant: ElasticRobot | None
+    candidates: ScreenedCandidates | None
     omega: Array
     information: InformationSet
     design: Design
@@ -135,19 +139,20 @@ class _Source:
     information: Stage[InformationSet]
     plan: Stage[Plan]
     data: Stage[Data]
+    candidates: ScreenedCandidates | None = None
     experiment: SimulatedExperiment | None = None
 
 
 def _simulated(run: Run) -> _Source:
     """Design the experiments and simulate them."""
-    positions = study_design.candidates(run)
-    info = study_design.candidate_information(run, positions)
+    found = study_design.candidates(run)
+    info = study_design.candidate_information(run, found)
     plan = study_design.plan(run, info)
     if run.study.data.experiment is None:
-        return _Source(info, plan, study_data.noisy_frf(run, info, plan))
+        return _Source(info, plan, study_data.noisy_frf(run, info, plan), found.value)
     shaken = study_data.experiment(run, info, plan)
     data = study_data.frf_from_records(run, shaken.value.records, shaken.digest)
-    return _Source(info, plan, data, shaken.value)
+    return _Source(info, plan, data, found.value, shaken.value)
 
 
 def _measured(run: Run) -> _Source:
@@ -177,6 +182,7 @@ def _results(run: Run, source: _Source) -> StudyResults:
         study=run.study,
         robot=run.robot,
         plant=None if run.study.data.measured else run.plant,
+        candidates=source.candidates,
         omega=data.value.estimate.omega,
         information=info,
         design=source.plan.value.design,

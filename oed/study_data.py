@@ -4,11 +4,10 @@ from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 
-import numpy as np
-
 from estimators.distortion import Distortion
 from estimators.exchange import read_frf
 from estimators.frf_estimate import FrfEstimate, simulate_frf
+from estimators.visits import merge_visits
 from oed.experiment import prepare_in
 from oed.experiment_run import Outcome, run_experiment
 from oed.fingerprint import file_digest
@@ -29,7 +28,7 @@ class Data:
     Attributes
     ----------
     estimate : FRFs, one for each position.
-    distortion : noise and distortion apart, one for each visit; None without repeated periods.
+    distortion : noise and distortion apart; None without repeated periods.
     warnings : what a user should know of the records.
     """
 
@@ -125,14 +124,12 @@ def frf_from_records(run: Run, records: Path, digest: str) -> Stage[Data]:
             records,
             choice.method,
             covariance=choice.covariance,
+            structure=choice.structure,
             delay=choice.delay,
             hold=choice.hold,
             robot=run.study.robot,
         )
-        estimate = found.estimate
-        if choice.structure == "diagonal":
-            estimate = replace(estimate, covariance=estimate.variance)
-        return Data(merged_visits(estimate), found.distortion, found.warnings)
+        return Data(found.estimate, found.distortion, found.warnings)
 
     inputs = {
         "robot": run.robot_digest,
@@ -155,7 +152,7 @@ def frf_from_file(run: Run, path: Path) -> Stage[Data]:
         _check_shape(estimate, run.robot, path)
         if run.study.data.structure == "diagonal":
             estimate = replace(estimate, covariance=estimate.variance)
-        return Data(merged_visits(estimate))
+        return Data(merge_visits(estimate))
 
     inputs = {
         "robot": run.robot_digest,
@@ -163,26 +160,6 @@ def frf_from_file(run: Run, path: Path) -> Stage[Data]:
         "structure": run.study.data.structure,
     }
     return run.stages.run("data", inputs, compute, dataclass_files(Data))
-
-
-def merged_visits(estimate: FrfEstimate) -> FrfEstimate:
-    """Return the estimate with the visits of one position averaged; the first one's place counts.
-
-    Visits have the same experiments and independent errors, so that covariances are those of a
-    mean.
-    """
-    _, first, group = np.unique(estimate.positions, axis=0, return_index=True, return_inverse=True)
-    if len(first) == len(estimate.positions):
-        return estimate
-    order = np.argsort(first)
-    visits = [np.flatnonzero(group.ravel() == g) for g in order]
-    return FrfEstimate(
-        estimate.positions[first[order]],
-        estimate.omega,
-        np.stack([estimate.response[v].mean(axis=0) for v in visits]),
-        np.stack([estimate.covariance[v].mean(axis=0) / len(v) for v in visits]),
-        np.array([estimate.repetitions[v].sum() for v in visits]),
-    )
 
 
 def _check_shape(estimate: FrfEstimate, robot: ElasticRobot, path: Path) -> None:

@@ -3,14 +3,14 @@
 from dataclasses import dataclass
 from pathlib import Path
 
-from oed.candidates import candidate_positions
 from oed.exact import ExactDesign, exact_design
+from oed.fingerprint import file_digest
 from oed.information_set import InformationSet, information
 from oed.relaxed import Design, optimal_design
-from oed.stage_files import ARRAY, INFORMATION, dataclass_files
+from oed.screening import ScreenedCandidates
+from oed.stage_files import INFORMATION, dataclass_files
 from oed.stages import Report, Stage
 from oed.study_run import Run
-from robotmodels.arrays import Array
 
 
 @dataclass(frozen=True, eq=False)
@@ -21,19 +21,23 @@ class Plan:
     exact: ExactDesign
 
 
-def candidates(run: Run) -> Stage[Array]:
-    """Return the candidate positions, (Q, n)."""
+def candidates(run: Run) -> Stage[ScreenedCandidates]:
+    """Return the candidate positions that the robot can take, and why others are left out."""
     choice = run.study.candidates
     assert choice is not None  # the schema asks for them unless data were measured
 
-    def compute(folder: Path, report: Report | None) -> Array:
-        return candidate_positions(run.robot, choice.per_joint, choice.limits)
+    def compute(folder: Path, report: Report | None) -> ScreenedCandidates:
+        return choice.gathered(run.robot, report)
 
-    inputs = {"robot": run.robot_digest, **run.settings("candidates")}
-    return run.stages.run("candidates", inputs, compute, ARRAY)
+    inputs = {
+        "robot": run.robot_digest,
+        "files": [file_digest(file) for file in choice.files],
+        "candidates": choice.model_dump(mode="json", exclude={"files"}),
+    }
+    return run.stages.run("candidates", inputs, compute, dataclass_files(ScreenedCandidates))
 
 
-def candidate_information(run: Run, positions: Stage[Array]) -> Stage[InformationSet]:
+def candidate_information(run: Run, found: Stage[ScreenedCandidates]) -> Stage[InformationSet]:
     """Return the information of an experiment in each candidate."""
     frequencies, noise = run.study.frequencies, run.study.noise
     assert frequencies is not None
@@ -42,7 +46,7 @@ def candidate_information(run: Run, positions: Stage[Array]) -> Stage[Informatio
     def compute(folder: Path, report: Report | None) -> InformationSet:
         return information(
             run.robot,
-            positions.value,
+            found.value.positions,
             omega=frequencies.omega(),
             noise=noise.law(),
             executor=run.executor,
@@ -51,7 +55,7 @@ def candidate_information(run: Run, positions: Stage[Array]) -> Stage[Informatio
 
     inputs = {
         "robot": run.robot_digest,
-        "candidates": positions.digest,
+        "candidates": found.digest,
         **run.settings("frequencies", "noise"),
     }
     return run.stages.run("information", inputs, compute, INFORMATION)

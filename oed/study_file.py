@@ -8,7 +8,8 @@
     seed: 1
     frequencies: {low: 2.0, high: 80.0, count: 80, spacing: log}    # [Hz], of the design
     noise: {relative: 0.03, floor: 0.01}     # parts of an element and of the largest element
-    candidates: {per_joint: {elbow_joint: 5}, limits: {elbow_joint: [-2.5, 2.5]}}
+    candidates: {per_joint: {elbow_joint: 5}, limits: {elbow_joint: [-2.5, 2.5]}}    # and more,
+                                 # see `oed.candidates_section`
     design: {criterion: D, experiments: 15, tolerance: 1.0e-6}
     data:                        # left out: FRFs with that noise; one of the first three
       experiment: {...}          # simulated in closed loop, keys as in an experiment file
@@ -26,7 +27,7 @@
         - {name: LLS1U, residual: lls, weights: user, positions: best}    # or all, or [0, 3]
       user_weights: {diagonal: 1.0, off_diagonal: 0.1, low: 3.0}    # zero below `low` [Hz]
       result: LLS15U             # left out: the likelihood, from where the estimators ended
-    posterior: {ensembles: 4, walkers: 64, steps: 2000}
+    posterior: {ensembles: 4, walkers: 64, steps: 20000, r_hat: 1.01, ess: 4000}
     output: ../out/ur10          # relative to this file, as every path in it
 
 With measured data, the positions are those of the data: `candidates` is left out.
@@ -39,6 +40,7 @@ from typing import Annotated, Literal, Self
 import numpy as np
 from pydantic import Field, NonNegativeFloat, PositiveFloat, PositiveInt, model_validator
 
+from oed.candidates_section import Candidates
 from oed.experiment_file import Shaking
 from oed.file_paths import existing_file, output_folder, robot_reference
 from robotmodels.arrays import Array
@@ -48,9 +50,6 @@ from robotmodels.noise import RelativeNoise
 
 Residual = Literal["nls", "lls", "lls_magnitude"]
 Index = Annotated[int, Field(ge=0)]
-
-MOST_CANDIDATES = 250_000
-"""Their matrices stay in memory: 1.4 GB at 26 parameters."""
 
 
 class Frequencies(Strict):
@@ -88,20 +87,6 @@ class Noise(Strict):
     def law(self) -> RelativeNoise:
         """Return the noise law."""
         return RelativeNoise(relative=self.relative, floor=self.floor)
-
-
-class Candidates(Strict):
-    """A joint grid: points per joint (one where not named) and narrower limits [rad; m]."""
-
-    per_joint: dict[str, PositiveInt] = Field(min_length=1)
-    limits: dict[str, tuple[float, float]] = {}
-
-    @model_validator(mode="after")
-    def _not_too_many(self) -> Self:
-        number = math.prod(self.per_joint.values())
-        if number > MOST_CANDIDATES:
-            raise ValueError(f"per_joint: {number} positions; at most {MOST_CANDIDATES} fit")
-        return self
 
 
 class DesignChoice(Strict):
@@ -203,11 +188,17 @@ class FitChoice(Strict):
 
 
 class PosteriorChoice(Strict):
-    """Independent ensembles of emcee walkers, and steps kept of each."""
+    """Independent ensembles of emcee walkers, and when they have done enough steps.
+
+    They stop when R-hat is at most `r_hat` and the effective sample size of every parameter at
+    least `ess`, or after `steps` each.
+    """
 
     ensembles: Annotated[int, Field(ge=2)] = 4
     walkers: PositiveInt = 64
-    steps: PositiveInt = 2000
+    steps: PositiveInt = 20_000
+    r_hat: Annotated[float, Field(gt=1)] = 1.01
+    ess: PositiveFloat = 4000.0
 
 
 class Study(Strict):
@@ -258,10 +249,13 @@ def load_study(path: str | Path) -> Study:
         for key in ("records", "frf")
         if (file := getattr(study.data, key)) is not None
     }
-    changed = {
+    changed: dict[str, object] = {
         "output": output_folder(path, study.output),
         "robot": robot_reference(path, study.robot),
         "truth": None if study.truth is None else robot_reference(path, study.truth),
         "data": study.data.model_copy(update=files),
     }
+    if study.candidates is not None:
+        lists = [existing_file(path, "candidates.files", file) for file in study.candidates.files]
+        changed["candidates"] = study.candidates.model_copy(update={"files": tuple(lists)})
     return study.model_copy(update=changed)

@@ -2,6 +2,7 @@
 
 from pathlib import Path
 
+from estimators.convergence import Target
 from estimators.covariance import Uncertainty, covariance
 from estimators.posterior import Posterior, sample_posterior
 from oed.stage_files import dataclass_files
@@ -31,6 +32,7 @@ def posterior(run: Run, result: Stage[Chosen]) -> Stage[Posterior]:
             ensembles=choice.ensembles,
             walkers=choice.walkers,
             steps=choice.steps,
+            target=Target(r_hat=choice.r_hat, ess=choice.ess),
             backend=folder / "posterior.h5",
             progress=report,
             executor=run.executor,

@@ -21,6 +21,7 @@ class Outer:
     there: Inner | None
     matrices: tuple[np.ndarray, ...]
     none: tuple[np.ndarray, ...]
+    inners: tuple[Inner, ...]
     words: tuple[str, ...]
     numbers: Mapping[str, float]
     real: float
@@ -39,6 +40,7 @@ def example():
         Inner(np.arange(3), "ü"),
         tuple(rng.standard_normal((2, i)) for i in range(1, 13)),
         (),
+        tuple(Inner(np.array(float(i)), str(i)) for i in range(3)),
         ("x", "y"),
         {"b": np.float64(0.1), "a": np.inf},
         float(np.nextafter(1, 2)),
@@ -59,6 +61,7 @@ def test_a_dataclass_comes_back_bit_for_bit(tmp_path):
     assert read.numbers == {"b": 0.1, "a": np.inf}
     assert (read.real, read.count, read.yes) == (np.nextafter(1, 2), 3, True)
     assert read.none == ()
+    assert [(float(one.values), one.name) for one in read.inners] == [(0, "0"), (1, "1"), (2, "2")]
     pairs = [
         (read.inner.values, wrote.inner.values),
         (read.there.values, wrote.there.values),

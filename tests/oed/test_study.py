@@ -6,7 +6,6 @@ import pytest
 import oed.study_fits
 from estimators.frf_estimate import FrfEstimate
 from oed.information_set import InformationSet
-from oed.study_data import merged_visits
 from oed.study_file import Estimator
 from oed.study_fits import Search, best_likelihood, positions_of, start_number
 from robotmodels.errors import InvalidInput, NotIdentifiable
@@ -76,27 +75,12 @@ def test_nls_with_other_weights_or_positions_is_no_likelihood(refine_to):
         assert found.fit.cost == 100.0
 
 
-def estimate(positions, covariance=1.0, repetitions=None):
+def estimate(positions):
     positions = np.asarray(positions, dtype=float)
     shape = (len(positions), 2, 1, 1)
     values = np.arange(np.prod(shape), dtype=float).reshape(shape) + 1
-    repetitions = np.ones(len(positions), dtype=int) if repetitions is None else repetitions
-    return FrfEstimate(
-        positions, np.array([1.0, 2.0]), values + 0j, np.full(shape, covariance), repetitions
-    )
-
-
-def test_visits_of_one_position_are_averaged_in_the_order_of_the_first():
-    found = merged_visits(estimate([[2.0], [1.0], [2.0]], 6.0, np.array([8, 8, 4])))
-    assert found.positions.tolist() == [[2.0], [1.0]]
-    assert found.response[:, :, 0, 0].real.tolist() == [[3.0, 4.0], [3.0, 4.0]]
-    assert found.covariance[:, 0, 0, 0].tolist() == [3.0, 6.0]
-    assert found.repetitions.tolist() == [12, 8]
-
-
-def test_single_visits_stay_as_they_are():
-    single = estimate([[2.0], [1.0]])
-    assert merged_visits(single) is single
+    once = np.ones(len(positions), dtype=int)
+    return FrfEstimate(positions, np.array([1.0, 2.0]), values + 0j, np.ones(shape), once)
 
 
 INFO = InformationSet(
