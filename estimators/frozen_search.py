@@ -135,10 +135,13 @@ class _Exact:
 
     def __init__(self, problem: Problem) -> None:
         self.problem = problem
+        self.kernel: CostKernel | None = None
 
     def __call__(self, values: Array) -> tuple[Array, Array]:
         network = _network(self.problem, values)
-        found = _kernel(self.problem, network).normal_equations(values)
+        kernel = self.kernel
+        self.kernel = _kernel(self.problem, network) if kernel is None else kernel.at(network)
+        found = self.kernel.normal_equations(values)
         found = replace(found, gradient=found.gradient + sag_gradient(self.problem, network))
         return squares(_with_prior(self.problem, values, found))
 
