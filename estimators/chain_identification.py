@@ -84,6 +84,13 @@ class ChainIdentification:
         return self.structured.chains
 
     @property
+    def notes(self) -> tuple[str, ...]:
+        """What looks doubtful, one sentence each."""
+        from estimators.chain_notes import notes
+
+        return notes(self)
+
+    @property
     def misfit(self) -> float:
         """Squared residuals of the modes over their expectation; near 1 where noise is all."""
         return float("nan") if self.modes.data.scaled else self.modes.misfit

@@ -127,6 +127,17 @@ class DampedChains:
             ),
         )
 
+    def linearization(
+        self, positions: Array, parameters: Array | None = None, *, sag: bool = True
+    ) -> tuple[SpringNetwork, Tangents]:
+        """Return `network` and `tangents`.
+
+        Raises
+        ------
+        InvalidInput : as `network`.
+        """
+        return self.network(positions, parameters), self.tangents(positions, parameters, sag=sag)
+
     def tangents(
         self, positions: Array, parameters: Array | None = None, *, sag: bool = True
     ) -> Tangents:

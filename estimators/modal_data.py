@@ -133,7 +133,7 @@ def prepared(
         return Data(omega, response, np.sqrt(variance), variance, True, undamped)
     full = covariance.shape != response.shape
     covariance = covariance.astype(complex) if full else covariance.real
-    deviations = np.sqrt(_smooth(variance_of(covariance, response.shape)))
+    deviations = np.sqrt(_smooth(variance_of(covariance, response.shape), response))
     return Data(omega, response, deviations, covariance, False, undamped)
 
 
@@ -144,12 +144,26 @@ def variance_of(covariance: NDArray[Any], shape: tuple[int, ...]) -> Array:
     return np.asarray(unvec(np.diagonal(covariance, axis1=1, axis2=2).real, shape[-1]))
 
 
-def _smooth(variance: Array) -> Array:
-    """Return variances averaged over neighbouring lines, in logarithms."""
+def _smooth(variance: Array, response: ComplexArray) -> Array:
+    """Return variances averaged over neighbouring lines, in logarithms.
+
+    Averaged are the variances themselves or relative ones, whichever is smoother: under feedback,
+    errors have the resonances of the FRF.
+    """
+    relative = relative_variance(response)
     width = min(_WIDTH, len(variance) - 1 + len(variance) % 2)
-    padded = np.pad(np.log(variance), [(width // 2,) * 2, (0, 0), (0, 0)], mode="edge")
-    window = np.lib.stride_tricks.sliding_window_view(padded, width, axis=0)
-    return np.asarray(np.exp(window.mean(axis=-1)))
+
+    def averaged(logarithms: Array) -> tuple[Array, float]:
+        ends = [(width // 2,) * 2, (0, 0), (0, 0)]
+        windows = np.lib.stride_tricks.sliding_window_view(
+            np.pad(logarithms, ends, mode="edge"), width, axis=0
+        )
+        mean = windows.mean(axis=-1)
+        return mean, float(np.mean((logarithms - mean) ** 2))
+
+    own, rough = averaged(np.log(variance))
+    ratio, rougher = averaged(np.log(variance / relative))
+    return np.asarray(np.exp(own) if rough < rougher else np.exp(ratio) * relative)
 
 
 def relative_variance(response: ComplexArray) -> Array:

@@ -79,7 +79,7 @@ def _linear(
     rigid = _positive(found[0])
     values, vectors = np.linalg.eigh(found[1 : 1 + n])
     shapes: Array = np.sqrt(np.maximum(values[:, -1:], 1e-8 * np.trace(rigid))) * vectors[:, :, -1]
-    inertia: Array = np.linalg.inv(rigid)
+    inertia: Array = np.asarray(np.linalg.inv(rigid), dtype=float)
     if not layout.losses:
         return layout.join(inertia, omega, shapes)
     friction = -np.diag(inertia @ found[-1] @ inertia)

@@ -152,20 +152,20 @@ def _relocated(
     for k in range(data.shape[1]):
         shared = -data[:, [k]] * np.column_stack([basis, np.ones(len(s))])
         both = _real(roots[:, [k]] * np.column_stack([own, shared]))
-        triangle = np.linalg.qr(both, mode="r")
+        triangle = np.asarray(np.linalg.qr(both, mode="r"))
         rows.append(triangle[own.shape[1] :, own.shape[1] :])
         right.append(np.zeros(len(rows[-1])))
     # sigma's mean is 1, or all would be zero: the relaxed condition.
     norm = np.linalg.norm(roots * data) / len(s)
     mean = np.column_stack([basis, np.ones(len(s))]).real.sum(axis=0)
-    rows.append(norm * mean[None] / 1.0)
+    rows.append(norm * mean[None])
     right.append(np.array([norm * len(s)]))
     found = np.linalg.lstsq(np.concatenate(rows), np.concatenate(right), rcond=None)[0]
     residues, constant = found[:-1], found[-1]
     if abs(constant) < 1e-8:
         constant = np.copysign(1e-8, constant)
-    A: Array = np.zeros((2 * n, 2 * n))
     b = np.tile([2.0, 0.0], n)
+    A = np.zeros((2 * n, 2 * n))
     for k, p in enumerate(poles):
         A[2 * k : 2 * k + 2, 2 * k : 2 * k + 2] = [[p.real, p.imag], [-p.imag, p.real]]
     new = np.linalg.eigvals(A - np.outer(b, residues) / constant).astype(complex)

@@ -1,0 +1,316 @@
+"""Chains identified from FRFs, exact and in noise, against the chains that made them."""
+
+import numpy as np
+import pytest
+
+import estimators
+from estimators.chain_identification import identify_chains
+from estimators.chain_maps import ChainLayout, forward_map, inverse_map, inverse_slope
+from estimators.chain_order import WrongModeCount
+from estimators.damper_fit import fit_dampers
+from estimators.inverse_eigenvalue import (
+    coupled_inertia,
+    first_components,
+    lanczos_chain,
+    stepwise_chain,
+)
+from robotmodels.chain_responses import chain_response, modally_damped
+from robotmodels.chains import CoupledChains
+from robotmodels.errors import InvalidInput, NotIdentifiable
+from robotmodels.modes import anti_resonances, resonances
+
+MASSES = np.array([[0.7, 2, 3], [4, 5, 6], [7, 8, 9]])
+SPRINGS = np.array([[1000.0, 2000], [3000, 4000], [5000, 6000]])
+COUPLINGS = np.array([[0.0, 1, 2], [1, 0, 3], [2, 3, 0]])
+CHAINS = CoupledChains(MASSES, SPRINGS, COUPLINGS)
+TRUTH = ChainLayout(3, 3).join(MASSES, SPRINGS, COUPLINGS)
+OMEGA = 2 * np.pi * np.arange(0.5, 10.0, 0.1)
+SIZES = [(m, n) for m in range(1, 6) for n in range(2, 7)]
+
+
+def random_chains(count, length, seed=0):
+    rng = np.random.default_rng([seed, count, length])
+    couplings = np.triu(rng.uniform(-0.3, 0.3, (count, count)), 1)
+    return CoupledChains(
+        rng.uniform(1.0, 3.0, (count, length)),
+        rng.uniform(1e3, 3e3, (count, length - 1)),
+        couplings + couplings.T,
+    )
+
+
+def noisy(model, rng, relative=0.01, omega=OMEGA):
+    """FRFs with circular noise, relative to each element and to the largest of its line."""
+    G = model.frequency_response(omega)
+    largest = np.abs(G).max(axis=(1, 2), keepdims=True)
+    variance = relative**2 * (np.abs(G) ** 2 + (0.3 * largest) ** 2)
+    noise = rng.standard_normal((2, *G.shape)) * np.sqrt(variance / 2)
+    return G + noise[0] + 1j * noise[1], variance
+
+
+@pytest.mark.parametrize(("count", "length"), SIZES)
+def test_exact_eigenvalues_give_all_parameters_by_every_route(count, length):
+    chains = random_chains(count, length)
+    model = chains.linear_model()
+    poles = np.concatenate([[0.0], resonances(model).squares])
+    for i in range(count):
+        zeros = anti_resonances(model, i) ** 2
+        total = chains.masses[i].sum()
+        first, mass = first_components(poles, zeros), chains.masses[i, 0]
+        found = [
+            stepwise_chain(poles, zeros, mass, length, total, per_step=2),
+            stepwise_chain(poles, zeros, mass, length, total, per_step=1),
+            lanczos_chain(poles, first, mass, length, total),
+        ]
+        for masses, springs in found:
+            assert masses == pytest.approx(chains.masses[i], rel=1e-6)
+            assert springs == pytest.approx(chains.springs[i], rel=1e-6)
+
+
+@pytest.mark.parametrize(("count", "length"), SIZES)
+def test_exact_frfs_give_all_parameters_as_far_as_the_condition_allows(count, length):
+    chains = random_chains(count, length)
+    highest = resonances(chains.linear_model()).frequencies[-1]
+    omega = np.linspace(0.02, 1.1, 60 * length) * highest
+    found = identify_chains(omega, chain_response(chains, omega), length)
+    limit = max(1e-6, 1e4 * np.finfo(float).eps * found.inverse.condition)
+    assert found.masses == pytest.approx(chains.masses, rel=limit)
+    assert found.springs == pytest.approx(chains.springs, rel=limit)
+    assert found.couplings == pytest.approx(chains.couplings, rel=limit, abs=1e-9)
+
+
+def test_motor_inertias_may_be_given_instead_of_the_high_frequency_band():
+    found = identify_chains(OMEGA, chain_response(CHAINS, OMEGA), first_masses=MASSES[:, 0])
+    assert found.structured.values == pytest.approx(TRUTH, rel=1e-9)
+    assert (found.structured.std[found.structured.layout.first] == 0).all()
+    wrong = identify_chains(OMEGA, chain_response(CHAINS, OMEGA), first_masses=MASSES[:, 0] * 1.1)
+    assert wrong.springs[:, 0] == pytest.approx(1.1 * SPRINGS[:, 0], rel=1e-9)  # (17)
+
+
+def test_maps_are_inverse_to_each_other_and_their_slopes_to_differences():
+    layout, rng = ChainLayout(2, 4), np.random.default_rng(3)
+    chains = random_chains(2, 4)
+    theta = layout.join(chains.masses, chains.springs, chains.couplings)
+    x, slope = forward_map(theta, layout, rng.standard_normal((layout.modes, 2)))
+    shapes = layout.modal.split(x)[2]
+    assert inverse_map(x, layout) == pytest.approx(theta, rel=1e-11)
+    scale = np.where(np.arange(len(theta)) < layout.positive, theta, 1.0)
+    product = inverse_slope(x, layout) @ slope / scale[:, None]
+    assert product == pytest.approx(np.eye(len(theta)), abs=1e-11)
+    for k in range(len(theta)):
+        step = np.zeros(len(theta))
+        step[k] = 1e-6 * scale[k]
+        ends = [forward_map(theta + sign * step, layout, shapes)[0] for sign in (1, -1)]
+        assert (ends[0] - ends[1]) / 2e-6 == pytest.approx(slope[:, k], abs=1e-7)
+
+
+def pulls(runs, seed, claimed=1.0):
+    """Errors over claimed standard deviations, (runs, 2, k): inverse problem, likelihood."""
+    rng, model = np.random.default_rng(seed), modally_damped(CHAINS.linear_model(), 0.005)
+    rows = []
+    for _ in range(runs):
+        G, variance = noisy(model, rng)
+        found = identify_chains(OMEGA, G, 3, covariance=variance)
+        both = (found.inverse, found.structured)
+        rows.append([(e.values - TRUTH) / (claimed * e.std) for e in both])
+    return np.array(rows)
+
+
+def test_delta_method_agrees_with_monte_carlo():
+    found = pulls(14, 1)
+    assert 0.85 < np.sqrt(np.mean(found**2)) < 1.15
+    assert 0.92 < np.mean(np.abs(found) < 1.96) < 0.98
+    assert np.mean(np.abs(found) < 1.96 / 4) < 0.6  # a quarter of the std claimed is caught
+
+
+def test_likelihood_is_no_worse_than_the_inverse_problem_alone():
+    G, variance = noisy(modally_damped(CHAINS.linear_model(), 0.005), np.random.default_rng(2))
+    found = identify_chains(OMEGA, G, 3, covariance=variance)
+    assert (found.structured.std <= found.inverse.std * 1.05).all()
+    assert found.structured.std.sum() < 0.95 * found.inverse.std.sum()
+    assert 0.8 < found.misfit < 1.2
+    assert found.structure_p_value > 1e-3
+    assert found.notes == ()
+    assert "m3_9" in str(found)
+
+
+def test_delay_and_noise_of_unknown_size():
+    model, delay = modally_damped(CHAINS.linear_model(), 0.005), 0.004
+    G, variance = noisy(model, np.random.default_rng(3))
+    late = G * np.exp(-1j * OMEGA * delay)[:, None, None]
+    found = identify_chains(OMEGA, late, 3)
+    assert found.modes.delay == pytest.approx(delay, rel=0.01)
+    assert found.structured.values == pytest.approx(TRUTH, rel=0.02)
+    known = identify_chains(OMEGA, late, 3, covariance=variance)
+    assert found.structured.std == pytest.approx(known.structured.std, rel=0.3)
+
+
+def test_poles_and_zeros_with_standard_deviations():
+    model = modally_damped(CHAINS.linear_model(), 0.005)
+    rng, errors = np.random.default_rng(4), []
+    zeros = np.array([anti_resonances(CHAINS.linear_model(), i) for i in range(3)])
+    for _ in range(6):
+        G, variance = noisy(model, rng)
+        modes = identify_chains(OMEGA, G, 3, covariance=variance).modes
+        errors.append((modes.zeros - zeros) / modes.zeros_std)
+        assert modes.omega == pytest.approx(
+            resonances(model).frequencies, abs=6 * modes.omega_std.max()
+        )
+        assert modes.damping == pytest.approx(0.005, rel=0.1)
+    assert 0.75 < np.sqrt(np.mean(np.square(errors))) < 1.3
+
+
+def test_number_of_masses_is_proposed():
+    model = modally_damped(CHAINS.linear_model(), 0.005)
+    G, variance = noisy(model, np.random.default_rng(5))
+    found = identify_chains(OMEGA, G, covariance=variance)
+    assert found.n_masses == 3
+    assert found.order.tried[:2] == (2, 3)
+
+
+def test_dampers_by_the_projects_own_fit():
+    dampers = np.array([[0.25, 0.15], [0.3, 0.6], [1.0, 0.35]])
+    model = CoupledChains(MASSES, SPRINGS, COUPLINGS, dampers).linear_model()
+    G, variance = noisy(model, np.random.default_rng(6), 0.003)
+    found = identify_chains(OMEGA, G, 3, covariance=variance)
+    fitted = fit_dampers(found)
+    assert fitted.fit.converged
+    assert fitted.dampers == pytest.approx(dampers, abs=4 * fitted.dampers_std.max())
+    assert fitted.estimate.values == pytest.approx(TRUTH, rel=0.01)
+    assert (np.abs(fitted.model.friction) < 5 * fitted.friction_std).all()
+    assert abs(fitted.model.delay) < 5 * fitted.delay_std
+    assert fitted.response == pytest.approx(model.frequency_response(OMEGA), rel=0.02, abs=0.01)
+
+
+def test_sensitivities_of_damped_chains_against_differences():
+    G, variance = noisy(modally_damped(CHAINS.linear_model(), 0.01), np.random.default_rng(7))
+    model = fit_dampers(identify_chains(OMEGA, G, 3, covariance=variance)).fit.model
+    from robotmodels import frequency_response, sensitivity
+
+    omega, nowhere = OMEGA[::9], np.zeros((1, 3))
+    _, J = sensitivity(model, nowhere, omega)
+    values = model.parameters.values
+    for k in range(len(values)):
+        step = np.ones(len(values))
+        step[k] = np.exp(1e-5)
+        ends = [frequency_response(model, nowhere, omega, values * step**s) for s in (1, -1)]
+        assert (ends[0] - ends[1]) / 2e-5 == pytest.approx(J[..., k], abs=1e-5 * np.abs(J).max())
+
+
+def test_friction_distorts_low_lines_which_are_left_out():
+    model = modally_damped(CHAINS.linear_model(), 0.005)
+    G, variance = noisy(model, np.random.default_rng(8), 0.003)
+    # Friction holds the motors: less motion than the torque would give, most at low frequencies.
+    share = 0.6 * np.exp(-((OMEGA / OMEGA[8]) ** 2))
+    held = G * (1 - share)[:, None, None]
+    distortion = np.abs(G) * 0.5 * share[:, None, None]
+    found = identify_chains(OMEGA, held, 3, covariance=variance, distortion=distortion)
+    assert 8 < found.left_out < 20
+    assert found.structured.values == pytest.approx(TRUTH, rel=0.05)
+    assert any("friction" in note for note in found.notes)
+    biased = identify_chains(OMEGA, held, 3, covariance=variance)
+    assert biased.left_out == 0
+    assert biased.excess > 0.01
+    assert np.abs(biased.structured.values / TRUTH - 1).max() > 0.1
+
+
+def test_chains_of_another_structure_are_noticed():
+    """A spring between the first and the last mass of a chain is no part of the model."""
+    model = CHAINS.linear_model()
+    link = np.zeros(9)
+    link[[0, 2]] = 1, -1
+    linked = type(model)(
+        model.mass, model.damping, model.stiffness + 300 * np.outer(link, link), model.selector
+    )
+    G, variance = noisy(modally_damped(linked, 0.005), np.random.default_rng(9))
+    found = identify_chains(
+        OMEGA,
+        G,
+        3,
+        covariance=variance,
+    )
+    assert found.structure_p_value < 1e-6 or found.excess > 0
+    assert found.notes
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"n_masses": 1}, "n_masses: 1; a chain needs at least 2"),
+        ({"response": np.zeros((95, 3, 3))}, "zero from motor 1 to itself; was it excited"),
+        ({"response": np.full((95, 3, 3), np.nan)}, "not finite from motor 1; was it excited"),
+        ({"response": np.ones((95, 3, 2))}, r"shape \(95, 3, 2\) given; \(95, M, M\)"),
+        ({"omega": OMEGA[::-1]}, "increasing frequencies"),
+        ({"covariance": np.ones((95, 3))}, r"covariance: shape \(95, 3\)"),
+        ({"first_masses": np.array([1.0, -1.0, 2.0])}, "first_masses: .* not 3 positive"),
+        ({"distortion": np.ones((9, 3, 3))}, r"distortion: shape \(9, 3, 3\)"),
+    ],
+)
+def test_bad_input_ends_in_one_line(change, message):
+    given = {"omega": OMEGA, "response": chain_response(CHAINS, OMEGA), "n_masses": 3} | change
+    omega, response = given.pop("omega"), given.pop("response")
+    with pytest.raises(InvalidInput, match=message) as caught:
+        identify_chains(omega, response, **given)
+    assert "\n" not in str(caught.value)
+
+
+def test_too_few_and_too_many_modes_say_found_and_expected():
+    G, variance = noisy(modally_damped(CHAINS.linear_model(), 0.005), np.random.default_rng(10))
+    with pytest.raises(WrongModeCount, match="have 9 resonances, only 6 are found") as few:
+        identify_chains(OMEGA, G, 4, covariance=variance)
+    assert few.value.found / (2 * np.pi) == pytest.approx(
+        [3.92, 4.71, 5.437, 7.15, 7.736, 8.16], rel=2e-3
+    )
+    assert few.value.expected == 9
+    with pytest.raises(WrongModeCount, match="have 3 resonances, 6 are found") as many:
+        identify_chains(OMEGA, G, 2, covariance=variance)
+    assert len(many.value.found) == 6
+    exact = chain_response(CHAINS, OMEGA)
+    with pytest.raises(WrongModeCount, match="have 9 resonances, only 6 are found"):
+        identify_chains(OMEGA, exact, 4)
+    for error in (few, many):
+        assert "n_masses = 3 would fit" in str(error.value)
+        assert "\n" not in str(error.value)
+
+
+def test_a_band_without_resonances_is_not_enough():
+    omega = np.linspace(1.0, 8.0, 60)
+    G, variance = noisy(
+        modally_damped(CHAINS.linear_model(), 0.005), np.random.default_rng(1), omega=omega
+    )
+    with pytest.raises((NotIdentifiable, WrongModeCount)):
+        identify_chains(omega, G, 3, covariance=variance)
+    with pytest.raises(NotIdentifiable, match="lines are too few"):
+        identify_chains(omega[:3], G[:3], 3, covariance=variance[:3])
+
+
+def test_spectra_that_do_not_interlace_name_the_pair():
+    model = CHAINS.linear_model()
+    poles = np.concatenate([[0.0], resonances(model).squares])
+    zeros = anti_resonances(model, 0) ** 2
+    zeros[2] = poles[3] * 1.01
+    with pytest.raises(InvalidInput, match=r"anti-resonance 3 at 5\.4\d* Hz lies above the pole 4"):
+        first_components(poles, zeros)
+    zeros[2] = poles[2] * 0.99
+    with pytest.raises(InvalidInput, match=r"anti-resonance 3 at .* lies below the pole 3"):
+        first_components(poles, zeros)
+    with pytest.raises(InvalidInput, match=r"7 poles .* and 5 zeros; 6 zeros"):
+        first_components(poles, zeros[1:])
+    with pytest.raises(InvalidInput, match="n_masses: 8 masses need 8 poles"):
+        stepwise_chain(poles, zeros, 1.0, 8, 5.0)
+    with pytest.raises(InvalidInput, match="n_masses: 1"):
+        stepwise_chain(poles, zeros, 1.0, 1, 5.0)
+    with pytest.raises(InvalidInput, match="per_step: 3"):
+        stepwise_chain(poles, zeros, 1.0, 3, 5.0, per_step=3)
+
+
+def test_a_cross_gain_of_unknown_sign_is_refused():
+    with pytest.raises(NotIdentifiable, match="sign of the cross gain; its phase is 80 degrees"):
+        coupled_inertia(0.01 * np.exp(1j * np.radians(80)), 0.1, 0.2)
+    with pytest.raises(InvalidInput, match="both must be positive"):
+        coupled_inertia(0.01, -0.1, 0.2)
+    assert coupled_inertia(0.0, 0.1, 0.2) == 0.0
+
+
+def test_names_are_exported():
+    assert estimators.identify_chains is identify_chains
+    assert estimators.fit_dampers is fit_dampers
