@@ -1,9 +1,11 @@
-"""Magnitudes of an FRF matrix, a panel per element, on shared axes."""
+"""Bode panels of an FRF matrix: magnitude above phase for each element, on shared axes."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
+from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
@@ -14,7 +16,10 @@ from reports.text import fixed
 from robotmodels.arrays import Array, ComplexArray
 
 _DEEPEST = 160.0  # of a panel [dB]
-_GAP_X, _GAP_Y = 0.09, 0.12  # between panels, in panel widths and heights
+# Between columns, rows, and a magnitude and its phase, in widths and heights of the magnitude.
+_GAP_X, _GAP_Y, _GAP_PHASE = 0.09, 0.16, 0.05
+_PHASE = 0.5  # height of a phase
+_PITCH = 1 + _GAP_PHASE + _PHASE + _GAP_Y  # from row to row
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,44 +76,95 @@ def response_panels(
     low, high = _level_range(np.abs(measured), below)
     scales = _Scales(omega / (2 * np.pi), low, high)
 
+    curves = _Curves(measured, std, fitted, noise, distortion)
+
     def draw(palette: Palette) -> Figure:
         rows, columns = measured.shape[1:]
         figure, axes = _canvas(rows, columns)
         for i, j in np.ndindex(rows, columns):
-            corner = (j * (1 + _GAP_X), -i * (1 + _GAP_Y) - 1)
-            frame = _panel(axes, corner, scales, palette)
-            x = corner[0] + scales.across(scales.frequency)
-            magnitude = np.abs(measured[:, i, j])
-            lower = np.maximum(scales.up(np.maximum(magnitude - std[:, i, j], 0)), -0.1)
-            upper = scales.up(magnitude + std[:, i, j])
-            band = axes.fill_between(
-                x,
-                corner[1] + lower,
-                corner[1] + upper,
-                color=palette.accent,
-                alpha=0.28,
-                lw=0,
-            )
-            shown = [
-                (noise, palette.muted, 0.6),
-                (distortion, palette.ink, 0.6),
-                (np.abs(measured), palette.accent, 0.7),
-                (None if fitted is None else np.abs(fitted), palette.second, 1.1),
-            ]
-            curves = [
-                axes.plot(x, corner[1] + scales.line(values[:, i, j]), color=c, lw=width)[0]
-                for values, c, width in shown
-                if values is not None
-            ]
-            if distortion is not None:
-                lone = corner[1] + _lone(scales.line(distortion[:, i, j]))
-                curves += axes.plot(x, lone, ".", color=palette.ink, ms=1.6, mew=0)
-            for artist in (band, *curves):
+            left, low = j * (1 + _GAP_X), -i * _PITCH - 1
+            heights = (scales.level_ticks() - scales.low) / (scales.high - scales.low)
+            frame = _panel(axes, (left, low), 1.0, scales, heights, palette)
+            artists = curves.magnitude(axes, (i, j), (left, low), scales, palette)
+            below = low - _GAP_PHASE - _PHASE
+            phase_frame = _panel(axes, (left, below), _PHASE, scales, np.array([0.5]), palette)
+            for artist in artists:
                 artist.set_clip_path(frame)
+            for artist in curves.phase(axes, (i, j), (left, below), scales, palette):
+                artist.set_clip_path(phase_frame)
         _labels(axes, motors if outputs is None else outputs, motors, scales, palette)
         return figure
 
     return draw
+
+
+@dataclass(frozen=True, eq=False)
+class _Curves:
+    """What is drawn in the panels of an element, all (F, m, n)."""
+
+    measured: ComplexArray
+    std: Array
+    fitted: ComplexArray | None
+    noise: Array | None
+    distortion: Array | None
+
+    def magnitude(
+        self,
+        axes: Axes,
+        element: tuple[int, int],
+        corner: tuple[float, float],
+        scales: _Scales,
+        palette: Palette,
+    ) -> list[Artist]:
+        """Draw the measured magnitude in its band, the fitted one, and levels below."""
+        at = (slice(None), *element)
+        x, base = corner[0] + scales.across(scales.frequency), corner[1]
+        size, std = np.abs(self.measured[at]), self.std[at]
+        lower = np.maximum(scales.up(np.maximum(size - std, 0)), -0.1)
+        ends = base + lower, base + scales.up(size + std)
+        band = axes.fill_between(x, *ends, color=palette.accent, alpha=0.28, lw=0)
+        shown = (
+            (self.noise, palette.muted, 0.6),
+            (self.distortion, palette.ink, 0.6),
+            (np.abs(self.measured), palette.accent, 0.7),
+            (None if self.fitted is None else np.abs(self.fitted), palette.second, 1.1),
+        )
+        artists: list[Artist] = [band]
+        for values, colour, width in shown:
+            if values is not None:
+                artists += axes.plot(x, base + scales.line(values[at]), color=colour, lw=width)
+        if self.distortion is not None:
+            lone = base + _lone(scales.line(self.distortion[at]))
+            artists += axes.plot(x, lone, ".", color=palette.ink, ms=1.6, mew=0)
+        return artists
+
+    def phase(
+        self,
+        axes: Axes,
+        element: tuple[int, int],
+        corner: tuple[float, float],
+        scales: _Scales,
+        palette: Palette,
+    ) -> list[Artist]:
+        """Draw phases from -180 to 180 degrees; the measured one where it is more than noise."""
+        at = (slice(None), *element)
+        known = np.where(self.std[at] < np.abs(self.measured[at]), self.measured[at], np.nan)
+        artists: list[Artist] = []
+        for values, colour, width in (
+            (known, palette.accent, 0.7),
+            (None if self.fitted is None else self.fitted[at], palette.second, 1.1),
+        ):
+            if values is not None:
+                x, turns = _unbroken(scales.across(scales.frequency), np.angle(values))
+                y = corner[1] + _PHASE * (turns / (2 * np.pi) + 0.5)
+                artists += axes.plot(corner[0] + x, y, color=colour, lw=width)
+        return artists
+
+
+def _unbroken(x: Array, phase: Array) -> tuple[Array, Array]:
+    """Return a wrapped phase with a gap wherever it jumps from one edge to the other."""
+    jumps = np.flatnonzero(np.abs(np.diff(phase)) > np.pi) + 1
+    return np.insert(x, jumps, np.nan), np.insert(phase, jumps, np.nan)
 
 
 def _level_range(magnitude: Array, below: Sequence[Array]) -> tuple[float, float]:
@@ -135,7 +191,7 @@ def _canvas(rows: int, columns: int) -> tuple[Figure, Axes]:
     # Labels keep their distance in panel heights.
     left, right, bottom, top = max(0.68, 0.45 * width), 0.05, 0.43 * height, 0.24 * height
     across = columns + (columns - 1) * _GAP_X
-    down = rows + (rows - 1) * _GAP_Y
+    down = rows * _PITCH - _GAP_Y
     figure = Figure(figsize=(left + across * width + right, bottom + down * height + top))
     axes = figure.add_axes((0, 0, 1, 1))
     axes.set_axis_off()
@@ -144,17 +200,26 @@ def _canvas(rows: int, columns: int) -> tuple[Figure, Axes]:
     return figure, axes
 
 
-def _panel(axes: Axes, corner: tuple[float, float], scales: _Scales, palette: Palette) -> Rectangle:
-    """Draw grid and spines of one panel; return the frame that clips its curves."""
+def _panel(
+    axes: Axes,
+    corner: tuple[float, float],
+    height: float,
+    scales: _Scales,
+    levels: Array,
+    palette: Palette,
+) -> Rectangle:
+    """Draw grid and spines of one panel; return the frame that clips its curves.
+
+    levels : of the horizontal lines, as parts of the height.
+    """
     x0, y0 = corner
     x = x0 + scales.across(scales.frequency_ticks())
-    y = y0 + (scales.level_ticks() - scales.low) / (scales.high - scales.low)
-    y = y[(y >= y0 - 1e-9) & (y <= y0 + 1 + 1e-9)]
-    lines = [[(v, y0), (v, y0 + 1)] for v in x] + [[(x0, v), (x0 + 1, v)] for v in y]
+    y = y0 + height * levels[(levels >= -1e-9) & (levels <= 1 + 1e-9)]
+    lines = [[(v, y0), (v, y0 + height)] for v in x] + [[(x0, v), (x0 + 1, v)] for v in y]
     broken = np.concatenate([np.array([*line, (np.nan, np.nan)]) for line in lines])
     axes.plot(*broken.T, color=palette.rule, lw=0.5)  # one path for all is short
-    axes.plot([x0, x0, x0 + 1], [y0 + 1, y0, y0], color=palette.muted, lw=0.6)
-    return Rectangle(corner, 1, 1, transform=axes.transData)
+    axes.plot([x0, x0, x0 + 1], [y0 + height, y0, y0], color=palette.muted, lw=0.6)
+    return Rectangle(corner, 1, height, transform=axes.transData)
 
 
 def _labels(
@@ -164,37 +229,28 @@ def _labels(
     scales: _Scales,
     palette: Palette,
 ) -> None:
-    rows, columns = len(outputs), len(motors)
-    bottom = -rows - (rows - 1) * _GAP_Y
+    small: dict[str, Any] = {"size": 8, "color": palette.muted}
+    columns = len(motors)
+    bottom = _GAP_Y - len(outputs) * _PITCH
+    ticks = scales.frequency_ticks()
     for j in range(columns):
         left = j * (1 + _GAP_X)
         axes.text(left + 0.5, 0.07, f"from {motors[j]}", ha="center", va="bottom")
-        for tick, x in zip(
-            scales.frequency_ticks(), scales.across(scales.frequency_ticks()), strict=True
-        ):
-            axes.text(
-                left + float(x),
-                bottom - 0.05,
-                f"{tick:g}",
-                ha="center",
-                va="top",
-                size=8,
-                color=palette.muted,
-            )
-    for i in range(rows):
-        low = -i * (1 + _GAP_Y) - 1
-        axes.text(-0.36, low + 0.5, f"to {outputs[i]}", ha="center", va="center", rotation=90)
+        for tick, x in zip(ticks, left + scales.across(ticks), strict=True):
+            axes.text(float(x), bottom - 0.05, f"{tick:g}", ha="center", va="top", **small)
+    for i in range(len(outputs)):
+        low = -i * _PITCH - 1
+        axes.text(-0.4, low + 0.3, f"to {outputs[i]}", ha="center", va="center", rotation=90)
         for tick in scales.level_ticks():
             y = (tick - scales.low) / (scales.high - scales.low)
-            if -1e-9 <= y <= 1 + 1e-9:
-                axes.text(
-                    -0.05,
-                    low + float(y),
-                    fixed(float(tick), 0),
-                    ha="right",
-                    va="center",
-                    size=8,
-                    color=palette.muted,
-                )
+            if 0.06 < y <= 1 + 1e-9:  # the lowest would meet the phase's highest
+                level = fixed(float(tick), 0)
+                axes.text(-0.05, low + float(y), level, ha="right", va="center", **small)
+        for part, degrees in ((0.0, -180), (0.5, 0), (1.0, 180)):
+            y = low - _GAP_PHASE - _PHASE * (1 - part)
+            label = fixed(degrees, 0) + "°"
+            align = {0.0: "bottom", 0.5: "center", 1.0: "top"}[part]
+            axes.text(-0.05, y, label, ha="right", va=align, **small)
     middle = (columns + (columns - 1) * _GAP_X) / 2
-    axes.text(middle, bottom - 0.24, "frequency [Hz]", ha="center", va="top", color=palette.muted)
+    words = "frequency [Hz]"
+    axes.text(middle, bottom - 0.24, words, ha="center", va="top", color=palette.muted)

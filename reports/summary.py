@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from oed.study import StudyResults
-from reports import tables
+from reports.sections.fit import reached
 
 
 def study_summary(results: StudyResults, report: Path) -> str:
@@ -14,7 +14,7 @@ def study_summary(results: StudyResults, report: Path) -> str:
     r, std, posterior = results, results.theorem1.std, results.posterior
     names, ratio = r.theorem1.names, std / posterior.uncertainty().std
     best, worst = int(np.argmin(std)), int(np.argmax(std))
-    reached = ", ".join(f"{label} {n} of {of}" for label, n, of in tables.reached(r))
+    at_best = ", ".join(f"{label} {n} of {of}" for label, n, of in reached(r))
     slowest = sorted(r.seconds.items(), key=lambda item: -item[1])[:3]
     lines = [
         (
@@ -27,7 +27,7 @@ def study_summary(results: StudyResults, report: Path) -> str:
             f"certified gap {r.design.gap:.1e}, efficiency of the plan >= {r.exact.efficiency:.4f}",
         ),
         ("fit", f"NLS cost {r.fit.cost:.1f} from {r.fit_origin}"),
-        ("", f"starts at the best cost: {reached}"),
+        ("", f"starts at the best cost: {at_best}"),
         (
             "std",
             f"best {names[best]} {100 * std[best]:.2g} %, "

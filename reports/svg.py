@@ -3,6 +3,7 @@
 import base64
 import io
 import re
+from collections import Counter
 from collections.abc import Callable
 from dataclasses import dataclass, fields
 from html import escape
@@ -29,6 +30,9 @@ LIGHT = Palette(ink="#1c2126", muted="#5d666f", rule="#d9dde1", accent="#1d5c92"
 
 STAND_IN = Palette(*(f"#01020{i}" for i in range(3, 8)))
 """Colours that matplotlib draws with and the page replaces by its own, light or dark."""
+
+_OFTEN = 4
+"""Times that a style occurs from which a class is shorter."""
 
 LARGEST_SVG = 300_000
 """Bytes above which a figure is embedded as a picture of points instead."""
@@ -100,33 +104,53 @@ def _compact(svg: str, name: str, alt: str) -> str:
     svg = svg[svg.index("<svg") :]
     svg = re.sub(r"<metadata>.*?</metadata>|<!--.*?-->", "", svg, flags=re.S)
     svg = re.sub(r"font: ([\d.]+)px [^;\"]*", r"font-size: \1px", svg)
+    svg = re.sub(r" ?font-family: [^;\"]*;?", "", svg)  # the page's
+    svg = re.sub(r' transform="rotate\(-?0 [^"]*\)"', "", svg)
     svg = re.sub(r'\bid="([^"]+)"', rf'id="{name}-\1"', svg)
     svg = re.sub(r"url\(#([^)]+)\)", rf"url(#{name}-\1)", svg)
     svg = re.sub(r'xlink:href="#([^"]+)"', rf'href="#{name}-\1"', svg)
     svg = re.sub(r' id="[^"]*-(?:figure|axes|patch|line2d|text|x?y?tick|matplotlib)[^"]*"', "", svg)
+    svg = re.sub(r' id="[^"]*-(?:FillBetween|LineColl|PathColl)[^"]*"', "", svg)
     svg = re.sub(r'( d="|points=")([^"]*)"', lambda m: f'{m[1]}{_short_path(m[2])}"', svg)
     svg = re.sub(r'\b(x|y|x1|x2|y1|y2)="(-?\d+\.\d+)"', _round_attribute, svg)
     svg = re.sub(r"\s*\n\s*", "\n", svg)
+    svg, rules = _shared_styles(svg, name)
     width, height = re.findall(r'(?:width|height)="([\d.]+)pt"', svg)[:2]
     head = (
         f'<svg viewBox="0 0 {width} {height}" role="img" aria-label="{escape(alt)}" '
         f'style="max-width: {float(width) * 4 / 3:.0f}px">'
     )
-    return head + svg[svg.index(">") + 1 :]
+    return head + rules + svg[svg.index(">") + 1 :]
+
+
+def _shared_styles(svg: str, name: str) -> tuple[str, str]:
+    """Give styles that occur often a class; return the drawing and its style sheet."""
+    counts = Counter(re.findall(r' style="([^"]+)"', svg))
+    rules = []
+    for number, (style, count) in enumerate(counts.most_common()):
+        if count < _OFTEN:
+            break
+        svg = svg.replace(f' style="{style}"', f' class="{name}-{number}"')
+        rules.append(f".{name}-{number}{{{style.replace(': ', ':').replace('; ', ';')}}}")
+    return svg, f"<style>{''.join(rules)}</style>" if rules else ""
 
 
 def _short_path(d: str) -> str:
     """Return path data with one decimal; straight runs as steps from point to point."""
     out: list[str] = []
-    x = y = 0
+    x, y, last = 0, 0, ""
     for command, arguments in re.findall(r"([MLCQz])([^MLCQz]*)", d):
         numbers = [round(10 * float(a)) for a in arguments.split()]
         if command == "L":
-            out.append("l" + _tenths(numbers[0] - x, numbers[1] - y))
+            step = _tenths(numbers[0] - x, numbers[1] - y)
+            out.append(
+                step if last == "L" and step[0] == "-" else (" " if last == "L" else "l") + step
+            )
         else:
             out.append(command + _tenths(*numbers))
         if len(numbers) >= 2:
             x, y = numbers[-2:]
+        last = command
         # After z the next command is M in matplotlib's output, so the point needs no reset.
     return "".join(out)
 
@@ -134,7 +158,8 @@ def _short_path(d: str) -> str:
 def _tenths(*numbers: int) -> str:
     """Return tenths as short as SVG allows: no leading zero, no space before a minus."""
     text = " ".join(f"{number / 10:g}" for number in numbers)
-    return re.sub(r"(^|[ -])0\.", r"\1.", text).replace(" -", "-")
+    text = re.sub(r"(^|[ -])0\.", r"\1.", text).replace(" -", "-")
+    return re.sub(r"(\.\d+) \.", r"\1.", text)
 
 
 def _round_attribute(match: re.Match[str]) -> str:

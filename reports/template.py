@@ -1,26 +1,61 @@
 """Pages and files from templates."""
 
+import json
+from collections.abc import Sequence
+from dataclasses import asdict
 from importlib.resources import files
 
 import jinja2
 from markupsafe import Markup
 
 from reports import text
+from reports.parts import Section
+from reports.svg import LIGHT
 
 
-def filled(template: str, **contents: object) -> str:
-    """Return a template of this package filled in, as HTML: one file, its style inside.
+def page(title: str, kind: str, kicker: str, lead: str, sections: Sequence[Section]) -> str:
+    """Return an HTML page that needs nothing else: style and controls are inside.
 
-    It finds `text`, the formatting functions, and `style`, the style sheet, beside the contents.
+    Parameters
+    ----------
+    title : heading, usually a robot's name.
+    kind : what the page is about, in the window's title.
+    kicker, lead : a line above the heading and one below it.
+    sections : in the order of the contents.
     """
-    style = files("reports.templates").joinpath("report.css").read_text(encoding="utf-8")
-    page = _environment(html=True).get_template(template)
-    return page.render(text=text, style=Markup(style), **contents)
+    return (
+        _environment(html=True)
+        .get_template("base.html.j2")
+        .render(
+            title=title,
+            kind=kind,
+            kicker=kicker,
+            lead=lead,
+            sections=sections,
+            style=Markup(_file("report.css")),
+            script=Markup(_file("report.js")),
+            light=Markup(json.dumps(asdict(LIGHT))),
+        )
+    )
+
+
+def filled(template: str, **contents: object) -> Markup:
+    """Return a template of this package filled in, as HTML.
+
+    It finds `text`, the formatting functions, and `parts`, macros for figures and tables.
+    """
+    environment = _environment(html=True)
+    parts = environment.get_template("parts.html.j2").module
+    return Markup(environment.get_template(template).render(text=text, parts=parts, **contents))
 
 
 def filled_text(template: str, **contents: object) -> str:
     """Return a template of this package filled in, as plain text."""
     return _environment(html=False).get_template(template).render(**contents)
+
+
+def _file(name: str) -> str:
+    return files("reports.templates").joinpath(name).read_text(encoding="utf-8")
 
 
 def _environment(html: bool) -> jinja2.Environment:
@@ -30,5 +65,5 @@ def _environment(html: bool) -> jinja2.Environment:
         undefined=jinja2.StrictUndefined,
         trim_blocks=True,
         lstrip_blocks=True,
-        keep_trailing_newline=True,
+        keep_trailing_newline=not html,
     )

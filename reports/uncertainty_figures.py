@@ -5,7 +5,10 @@ from typing import Any
 
 import corner
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.patches import PathPatch
+from matplotlib.path import Path
 from matplotlib.ticker import FuncFormatter, MaxNLocator
 
 from reports.figures import Drawing
@@ -14,28 +17,37 @@ from reports.text import MINUS
 from robotmodels.arrays import Array
 
 _ELLIPSE_RADII = (1.0, 2.0)
+_SHADE, _LEAST_SHADE = 0.05, 0.02
 
 
 def intervals(
-    names: Sequence[str], offsets: tuple[Array, Array], stds: tuple[Array, Array]
+    names: Sequence[str],
+    offsets: Sequence[Array],
+    stds: Sequence[Array],
+    methods: Sequence[str],
+    reference: str,
 ) -> Drawing:
-    """Return estimates against the truth in per cent, one standard deviation either way.
+    """Return estimates in per cent of a reference, one standard deviation either way.
 
-    offsets, stds : of ln theta, (p,) by Theorem 1 and by emcee; the truth lies at zero.
+    offsets, stds : of ln theta, (p,) by each of the `methods`; the reference lies at zero.
     """
 
     def draw(palette: Palette) -> Figure:
         groups = _groups(names)
         longest = max(len(group) for group in groups.values())
-        figure = Figure(figsize=(8.2, 0.95 + 0.2 * longest), layout="constrained")
+        step = 0.2 + 0.08 * max(len(methods) - 2, 0)
+        figure = Figure(figsize=(8.2, 0.95 + step * longest), layout="constrained")
         grid = figure.subplots(1, len(groups), squeeze=False)[0]
-        colours = (palette.accent, palette.second)
-        labels = ("Theorem 1", "emcee")
+        colours = (palette.accent, palette.second, palette.ink, palette.muted)
+        shifts = 0.16 * (2 * np.arange(len(methods)) - len(methods) + 1)
+        if len(methods) > 2:
+            shifts *= 1.6 / len(methods)
         for axes, (title, group) in zip(grid, groups.items(), strict=True):
             axes.axvline(0, color=palette.muted, lw=0.8)
-            for shift, offset, std, colour, label in zip(
-                (-0.16, 0.16), offsets, stds, colours, labels, strict=True
+            for k, (shift, offset, std, label) in enumerate(
+                zip(shifts, offsets, stds, methods, strict=True)
             ):
+                colour = colours[k % len(colours)]
                 y = np.arange(len(group)) + shift
                 x, half = 100 * offset[group], 100 * std[group]
                 axes.hlines(y, x - half, x + half, color=colour, lw=1.6)
@@ -45,12 +57,12 @@ def intervals(
             axes.tick_params(axis="y", length=0)
             axes.xaxis.set_major_locator(MaxNLocator(6))
             axes.set_title(title)
-            axes.set_xlabel("estimate against truth [%]")
+            axes.set_xlabel(f"estimate against {reference} [%]")
             axes.grid(True, axis="x")
             axes.set_axisbelow(True)
             axes.spines["left"].set_visible(False)
         handles, _ = grid[0].get_legend_handles_labels()
-        figure.legend(handles, labels, loc="outside upper right", ncols=2)
+        figure.legend(handles, methods, loc="outside upper right", ncols=len(methods))
         return figure
 
     return draw
@@ -62,35 +74,55 @@ def correlation_map(names: Sequence[str], correlation: Array) -> Drawing:
     def draw(palette: Palette) -> Figure:
         p = len(names)
         side = max(0.19 * p, 1.6)
-        figure = Figure(figsize=(side + 1.3, side + 1.15), layout="constrained")
-        axes = figure.add_subplot()
-        rows, columns = np.nonzero(np.abs(correlation) >= 0.02)
-        edges = [(j - 0.5, i - 0.5, correlation[i, j]) for i, j in zip(rows, columns, strict=True)]
-        for left, top, value in edges:
-            colour = palette.second if value > 0 else palette.accent
-            axes.fill(
-                [left, left + 1, left + 1, left],
-                [top, top, top + 1, top + 1],
-                color=colour,
-                alpha=round(min(abs(value), 1.0), 2),
-                lw=0,
-            )
+        figure = Figure(figsize=(side + 1.9, side + 1.15), layout="constrained")
+        axes, key = figure.subplots(1, 2, width_ratios=[side, 0.16])
+        rows, columns = np.indices((p, p)).reshape(2, -1)
+        corners = np.stack([columns - 0.5, rows - 0.5], axis=1)
+        _shade(axes, corners, (1.0, 1.0), correlation.ravel(), palette)
         axes.set(xlim=(-0.5, p - 0.5), ylim=(p - 0.5, -0.5), aspect="equal")
         axes.set_xticks(range(p), names, rotation=90)
         axes.set_yticks(range(p), names)
         axes.tick_params(length=0, labelsize=7.5)
-        for spine in axes.spines.values():
+        levels = np.arange(-1, 1, _SHADE) + _SHADE / 2
+        edges = np.stack([np.zeros_like(levels), levels - _SHADE / 2], axis=1)
+        _shade(key, edges, (1.0, _SHADE), levels, palette)
+        key.set(xlim=(0, 1), ylim=(-1, 1))
+        key.set_xticks([])
+        key.set_yticks([-1, -0.5, 0, 0.5, 1], [f"{MINUS}1", f"{MINUS}0.5", "0", "0.5", "1"])
+        key.yaxis.tick_right()
+        key.tick_params(labelsize=7.5)
+        key.set_title("correlation", size=7.5, color=palette.muted)
+        for spine in (*axes.spines.values(), *key.spines.values()):
             spine.set(visible=True, color=palette.rule)
         return figure
 
     return draw
 
 
+def _shade(
+    axes: Axes, corners: Array, size: tuple[float, float], values: Array, palette: Palette
+) -> None:
+    """Fill rectangles at `corners` (N, 2) by the sign and strength of `values`, (N,)."""
+    steps = np.rint(values / _SHADE).astype(int)
+    steps = np.where(np.abs(values) < _LEAST_SHADE, 0, np.where(steps == 0, np.sign(values), steps))
+    outline = np.array([[0, 0], [1, 0], [1, 1], [0, 1], [0, 0]]) * size
+    for step in np.unique(steps[steps != 0]):
+        squares = [Path(corner + outline, closed=True) for corner in corners[steps == step]]
+        axes.add_patch(
+            PathPatch(
+                Path.make_compound_path(*squares),
+                color=palette.second if step > 0 else palette.accent,
+                alpha=round(min(abs(int(step)) * _SHADE, 1.0), 2),
+                lw=0,
+            )
+        )
+
+
 def corner_plot(names: Sequence[str], draws: Array, covariance: Array, truth: Array) -> Drawing:
     """Return a corner plot of draws, with Theorem 1's ellipses and the truth.
 
     draws : (N, k) ln theta less its estimate, times 100, that is in per cent.
-    covariance : (k, k) by Theorem 1 and `truth` (k,), in the same measure.
+    covariance : (k, k) by Theorem 1 and `truth` (k,), in the same measure; NaN where unknown.
     """
 
     def draw(palette: Palette) -> Figure:
@@ -113,20 +145,22 @@ def corner_plot(names: Sequence[str], draws: Array, covariance: Array, truth: Ar
             hist_kwargs={"lw": 1.1},
             max_n_ticks=3,
             labelpad=-0.05,
-            label_kwargs={"fontsize": 8},
+            label_kwargs={"fontsize": 10},
         )
         grid: Any = np.array(figure.axes).reshape(k, k)
         for i, j in np.ndindex(k, k):
             if j > i:
                 continue
             axes = grid[i, j]
-            axes.axvline(float(truth[j]), color=palette.muted, lw=0.7, dashes=(3, 2))
+            if np.isfinite(truth[j]):
+                axes.axvline(float(truth[j]), color=palette.muted, lw=0.7, dashes=(3, 2))
             if i != j:
-                axes.axhline(float(truth[i]), color=palette.muted, lw=0.7, dashes=(3, 2))
+                if np.isfinite(truth[i]):
+                    axes.axhline(float(truth[i]), color=palette.muted, lw=0.7, dashes=(3, 2))
                 for radius in _ELLIPSE_RADII:
                     x, y = radius * _ellipse(covariance[np.ix_([j, i], [j, i])])
                     axes.plot(x, y, color=palette.second, lw=1.0)
-            axes.tick_params(labelsize=7, length=2, labelrotation=0)
+            axes.tick_params(labelsize=8.5, length=2, labelrotation=0)
             outer = ([axes.xaxis] if i == k - 1 else []) + ([axes.yaxis] if j == 0 < i else [])
             for axis in outer:
                 axis.set_major_formatter(FuncFormatter(lambda v, _: f"{v:g}".replace("-", MINUS)))

@@ -57,7 +57,8 @@ def frf(
     from estimators.exchange import write_frf
     from oed.measured_frf import measured_frf
     from oed.study_output import staged_folder
-    from reports.frf_page import frf_json, frf_summary, write_frf_page
+    from reports.frf_page import write_frf_page
+    from reports.frf_summary import frf_json, frf_summary
     from reports.progress import progress_bars
 
     target = (records.parent if output is None else output).resolve()

@@ -22,12 +22,13 @@ def line_of(points):
 
 
 def vertices(path):
-    """Follow M and relative l commands."""
+    """Follow M and relative l commands, whose numbers may repeat and need no space."""
     out, here = [], np.zeros(2)
     for command, numbers in re.findall(r"([Ml])([^MlzLCQ]*)", path):
-        step = np.array([float(n) for n in re.findall(r"-?[\d.]+", numbers)])
-        here = step if command == "M" else here + step
-        out.append(here)
+        steps = np.array([float(n) for n in re.findall(r"-?(?:\d+\.?\d*|\.\d+)", numbers)])
+        for step in steps.reshape(-1, 2):
+            here = step if command == "M" else here + step
+            out.append(here)
     return np.array(out)
 
 

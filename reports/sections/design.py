@@ -1,0 +1,31 @@
+"""The design: how good the chosen positions are, and the proof of it."""
+
+from oed.study import StudyResults
+from reports import figures, text
+from reports.parts import Section, figure
+from reports.template import filled
+
+
+def section(results: StudyResults) -> Section | None:
+    """Return the section; none where the positions were given with the data."""
+    if results.study.data.measured:
+        return None
+    design = results.design
+    sensitivity = figure(
+        "sensitivity",
+        figures.sensitivity_function(design.sensitivity, design.support),
+        "Sensitivity of every candidate position in falling order; none exceeds one, "
+        "and the positions of the design reach it",
+    )
+    body = filled(
+        "design.html.j2",
+        results=results,
+        count=len(results.information.positions),
+        parameters=len(design.names),
+        positions=len(results.used),
+        experiments=int(results.exact.repetitions.sum()),
+        gap=text.significant(design.gap, 2),
+        efficiency=text.efficiency(results.exact.efficiency),
+        sensitivity=sensitivity,
+    )
+    return Section("design", "Design", body)

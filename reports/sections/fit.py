@@ -1,0 +1,84 @@
+"""The fit: costs over starts, and where the result came from."""
+
+import numpy as np
+
+from oed.study import StudyResults, start_number
+from reports import figures, text
+from reports.parts import Column, Number, Section, Table, figure, numbers, table
+from reports.template import filled
+
+
+def section(results: StudyResults) -> Section:
+    """Return the section."""
+    costs = {
+        name: [run.cost for run in search.runs if np.isfinite(run.cost)]
+        for name, search in results.searches.items()
+    }
+    best = {name: best_cost(results, name) for name in costs}
+    body = filled(
+        "fit.html.j2",
+        results=results,
+        reached=reached(results),
+        distances=distances(results),
+        cost=text.significant(results.fit.cost, 6),
+        expected=text.count(results.estimate.response.size - len(results.robot.parameters) // 2),
+        costs=figure(
+            "costs",
+            figures.costs_over_starts(costs, best),
+            "Final cost of every fit over the best cost of its estimator, a dot per start",
+        ),
+        runs=run_table(results),
+    )
+    return Section("fit", "Fit", body)
+
+
+def best_cost(results: StudyResults, name: str) -> float:
+    """Return the best cost known of an estimator; the chosen fit's where that is the same."""
+    search = results.searches[name]
+    kind = search.estimator
+    same = (kind.residual, kind.weights, kind.positions) == ("nls", "optimal", "all")
+    chosen = results.fit.cost if same and results.fit.residual == "nls" else np.inf
+    return min(search.runs[0].cost, chosen)
+
+
+def reached(results: StudyResults) -> list[tuple[str, int, int]]:
+    """Return, per estimator, how many starts ended at its best cost, and of how many."""
+    return [
+        (text.residual_label(name), search.reached(best_cost(results, name)), len(search.runs))
+        for name, search in results.searches.items()
+    ]
+
+
+def distances(results: StudyResults) -> list[tuple[str, str]]:
+    """Return, per other estimator, how far its estimate lies at most, in standard deviations."""
+    chosen, rows = results.fit.parameters.values, []
+    for name, search in results.searches.items():
+        if name != results.fit.residual:
+            away = np.abs(np.log(search.result.parameters.values / chosen)) / results.theorem1.std
+            rows.append((text.residual_label(name), text.fixed(float(away.max()), 1)))
+    return rows
+
+
+def run_table(results: StudyResults) -> Table:
+    """Return every fit from every start, in the order of estimators and costs."""
+    rows = []
+    for name, search in results.searches.items():
+        best = best_cost(results, name)
+        for run in search.runs:
+            start = start_number(results.starts, run) + 1
+            rows.append(
+                (
+                    text.residual_label(name),
+                    Number(str(start), start),
+                    Number(text.significant(run.cost, 6), run.cost),
+                    Number(text.significant(run.cost / best, 5), run.cost / best),
+                    Number(text.count(run.evaluations), run.evaluations),
+                    "converged" if run.converged else run.message,
+                )
+            )
+    columns = [
+        Column("estimator"),
+        *numbers("start", "cost", "over best", "evaluations"),
+        Column("ended", "words"),
+    ]
+    return table("runs", "Fits from perturbed starts, best first.", columns, rows)

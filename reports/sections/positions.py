@@ -1,0 +1,69 @@
+"""The positions of the plan: pictures of the robot and a table."""
+
+from dataclasses import dataclass
+
+from markupsafe import Markup
+
+from oed.study import StudyResults
+from reports import robot_pictures, text
+from reports.parts import Cell, Number, Section, Table, numbers, table
+from reports.sections.places import prismatic
+from reports.svg import inline
+from reports.template import filled
+
+
+@dataclass(frozen=True)
+class Pose:
+    """A picture of the robot in a position."""
+
+    number: int
+    experiments: str
+    drawing: Markup
+
+
+def section(results: StudyResults) -> Section:
+    """Return the section."""
+    body = filled(
+        "positions.html.j2",
+        results=results,
+        poses=poses(results),
+        positions=position_table(results),
+    )
+    return Section("positions", "Positions", body)
+
+
+def poses(results: StudyResults) -> list[Pose]:
+    """Return a picture of the robot in each position."""
+    positions = results.information.positions[results.used]
+    skeletons = [results.robot.skeleton_points(position) for position in positions]
+    frame = robot_pictures.frame_of(skeletons)
+    straight, found = prismatic(results), []
+    for number, (i, skeleton) in enumerate(zip(results.used, skeletons, strict=True), start=1):
+        angles = ", ".join(text.places(results.information.positions[i], straight))
+        alt = f"Stick figure of the robot in position {number}: {angles}"
+        drawing = inline(robot_pictures.stick_figure(skeleton, frame), f"pose{number}", alt)
+        experiments = text.plural(int(results.exact.repetitions[i]), "experiment")
+        found.append(Pose(number, experiments, drawing))
+    return found
+
+
+def position_table(results: StudyResults) -> Table:
+    """Return the table of positions; without shares where they were given with the data."""
+    measured = results.study.data.measured
+    straight, rows = prismatic(results), []
+    for number, i in enumerate(results.used, start=1):
+        position = results.information.positions[i]
+        row: list[Cell] = [Number(str(number), number)]
+        words = text.places(position, straight)
+        row += [Number(word, float(value)) for word, value in zip(words, position, strict=True)]
+        if not measured:
+            share = float(results.design.weights[i])
+            row.append(Number(text.fixed(share, 4) if share else "–", share))
+        count = int(results.exact.repetitions[i])
+        rows.append([*row, Number(str(count), count)])
+    titles = ["no.", *results.robot.motor_names, *([] if measured else ["share"]), "experiments"]
+    shares = (
+        "" if measured else "; share of the experiments when they may be split at will (–: none)"
+    )
+    caption = f"Motor angles over gear ratios{shares}; experiments in the position."
+    return table("plan", caption, numbers(*titles), rows)

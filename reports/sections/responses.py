@@ -1,0 +1,50 @@
+"""Frequency responses: measured and fitted, Bode panels of one position at a time."""
+
+import numpy as np
+
+import robotmodels
+from oed.study import StudyResults
+from reports import response_panels
+from reports.page_budget import lines_drawn
+from reports.parts import Figure, Section, figure
+from reports.sections.places import labels
+from reports.template import filled
+from robotmodels.arrays import IntArray
+
+
+def section(results: StudyResults) -> Section:
+    """Return the section."""
+    shown = lines_drawn(results.estimate.response.shape)
+    body = filled(
+        "responses.html.j2",
+        results=results,
+        panels=panels(results, shown),
+        lines=len(shown),
+        unit={"acceleration": "rad/s²", "velocity": "rad/s", "position": "rad"},
+    )
+    return Section("responses", "Frequency responses", body)
+
+
+def panels(results: StudyResults, lines: IntArray) -> list[Figure]:
+    """Return the Bode panels of every position."""
+    r, omega = results, results.omega[lines]
+    fitted = robotmodels.frequency_response(
+        r.robot, r.estimate.positions, omega, r.fit.parameters.values
+    )
+    std = np.sqrt(r.estimate.variance)
+    found = []
+    for q, label in enumerate(labels(r)):
+        drawing = response_panels.response_panels(
+            omega,
+            r.estimate.response[q, lines],
+            std[q, lines],
+            fitted[q],
+            r.robot.motor_names,
+            outputs=r.robot.output_names,
+        )
+        alt = (
+            f"Magnitudes and phases of the measured and fitted frequency responses, "
+            f"{len(r.robot.output_names)} by {len(r.robot.motor_names)}, in {label}"
+        )
+        found.append(figure(f"frf-{q + 1}", drawing, alt, label=label, wide=True))
+    return found

@@ -1,0 +1,94 @@
+"""Uncertainty: convergence of the posterior, correlations, and its shape."""
+
+import numpy as np
+
+from estimators.posterior import ESS, R_HAT, TIMES
+from oed.study import StudyResults
+from reports import text, uncertainty_figures
+from reports.parts import Column, Figure, Number, Section, Table, figure, numbers, table
+from reports.template import filled
+
+CORNER_PARAMETERS = 6
+CORNER_DRAWS = 40_000
+
+
+def section(results: StudyResults) -> Section:
+    """Return the section."""
+    posterior = results.posterior
+    body = filled(
+        "uncertainty.html.j2",
+        results=results,
+        facts={
+            "steps": text.count(posterior.steps),
+            "r_hat": text.fixed(float(np.max(posterior.r_hat)), 3),
+            "ess": text.count(round(float(np.min(posterior.ess)))),
+            "tau": text.significant(float(np.max(posterior.autocorrelation_time)), 2),
+            "r_hat_limit": text.fixed(R_HAT, 2),
+            "ess_limit": text.count(int(ESS)),
+            "tau_limit": text.count(int(TIMES)),
+            "acceptance": text.percent(float(np.mean(posterior.acceptance))),
+        },
+        correlation=correlation(results),
+        strongest=strongest_correlation(results),
+        corner=corner(results),
+        corner_names=corner_names(results),
+        convergence=convergence_table(results),
+    )
+    return Section("uncertainty", "Uncertainty", body)
+
+
+def correlation(results: StudyResults) -> Figure:
+    """Return the heat map of correlations."""
+    t = results.theorem1
+    drawing = uncertainty_figures.correlation_map(t.names, t.correlation)
+    return figure(
+        "correlation", drawing, "Heat map of the correlations between all estimated parameters"
+    )
+
+
+def strongest_correlation(results: StudyResults) -> tuple[str, str, str]:
+    """Return two parameters, and their correlation."""
+    t = results.theorem1
+    size = np.abs(np.triu(t.correlation, 1))
+    i, j = np.unravel_index(np.argmax(size), size.shape)
+    return t.names[i], t.names[j], text.fixed(float(t.correlation[i, j]), 2)
+
+
+def corner_names(results: StudyResults) -> list[str]:
+    """Return the least certain parameters, in the order of all."""
+    t = results.theorem1
+    chosen = np.sort(np.argsort(-t.std)[:CORNER_PARAMETERS])
+    return [t.names[i] for i in chosen]
+
+
+def corner(results: StudyResults) -> Figure:
+    """Return the corner plot of the least certain parameters, in per cent of the estimate."""
+    names = corner_names(results)
+    i = [results.theorem1.names.index(name) for name in names]
+    chains = results.posterior.chains
+    draws = chains.reshape(-1, chains.shape[-1])
+    estimate = np.log(results.fit.parameters.values)
+    shown = 100 * (draws[:: max(len(draws) // CORNER_DRAWS, 1)] - estimate)[:, i]
+    truth = 100 * (np.log(results.truth) - estimate)[i]
+    covariance = 1e4 * results.theorem1.covariance[np.ix_(i, i)]
+    drawing = uncertainty_figures.corner_plot(names, shown, covariance, truth)
+    return figure("corner", drawing, f"Corner plot of the posterior of {text.listed(names)}")
+
+
+def convergence_table(results: StudyResults) -> Table:
+    """Return how well emcee knows each parameter."""
+    p = results.posterior
+    rows = [
+        (
+            name,
+            Number(text.fixed(float(r_hat), 3) if np.isfinite(r_hat) else "–", float(r_hat)),
+            Number(text.count(round(float(ess))) if np.isfinite(ess) else "–", float(ess)),
+            Number(text.significant(float(tau), 3), float(tau)),
+        )
+        for name, r_hat, ess, tau in zip(
+            p.names, p.r_hat, p.ess, p.autocorrelation_time, strict=True
+        )
+    ]
+    columns = [Column("parameter", code=True), *numbers("R-hat", "ESS", "τ [steps]")]
+    caption = "R-hat over independent ensembles, effective sample size, autocorrelation time."
+    return table("convergence", caption, columns, rows)

@@ -1,0 +1,149 @@
+// Controls of a report: colours, one of several at a time, sorted tables, downloads. No network.
+(() => {
+  "use strict";
+  const root = document.documentElement;
+  root.classList.add("js");
+  const all = (selector, within = document) => [...within.querySelectorAll(selector)];
+  const make = (tag, text, attributes = {}) => {
+    const element = document.createElement(tag);
+    element.textContent = text;
+    for (const [name, value] of Object.entries(attributes)) element.setAttribute(name, value);
+    return element;
+  };
+
+  // Light, dark, or as the system has it; remembered where the browser allows it.
+  const remembered = (value) => {
+    try {
+      if (value !== undefined) localStorage.setItem("oed-theme", value);
+      return localStorage.getItem("oed-theme");
+    } catch {
+      return null;
+    }
+  };
+  const themes = { auto: "Colours: as the system", light: "Colours: light", dark: "Colours: dark" };
+  const theme = make("button", "", { id: "theme", type: "button" });
+  const paint = (name) => {
+    if (name === "auto") delete root.dataset.theme;
+    else root.dataset.theme = name;
+    theme.textContent = themes[name];
+    theme.dataset.now = name;
+  };
+  paint(themes[remembered()] ? remembered() : "auto");
+  theme.addEventListener("click", () => {
+    const names = Object.keys(themes);
+    const next = names[(names.indexOf(theme.dataset.now) + 1) % names.length];
+    remembered(next);
+    paint(next);
+  });
+  document.querySelector("nav").append(theme);
+
+  // One of several parts at a time; choosers of one group go together.
+  const groups = {};
+  for (const box of all("[data-choose]")) {
+    const parts = all(":scope > .choice", box);
+    if (!parts.length) continue;
+    const what = box.dataset.label;
+    const select = make("select", "", { "aria-label": what });
+    parts.forEach((part, i) => select.append(make("option", part.dataset.label, { value: i })));
+    const show = (i) => {
+      select.value = i;
+      parts.forEach((part, j) => part.classList.toggle("chosen", i === j));
+    };
+    const group = (groups[box.dataset.choose] ??= []);
+    group.push({ show, count: parts.length });
+    const choose = (i) => group.forEach((one) => i < one.count && one.show(i));
+    const step = (by) => choose((Number(select.value) + by + parts.length) % parts.length);
+    select.addEventListener("change", () => choose(Number(select.value)));
+    const back = make("button", "‹", { type: "button", "aria-label": `Previous ${what}` });
+    const on = make("button", "›", { type: "button", "aria-label": `Next ${what}` });
+    back.addEventListener("click", () => step(-1));
+    on.addEventListener("click", () => step(1));
+    if (parts.length > 1) {
+      const bar = make("div", "", { class: "chooser" });
+      bar.append(back, select, on);
+      box.prepend(bar);
+    }
+    show(0);
+  }
+
+  // A link into a part that is hidden shows it.
+  const reveal = () => {
+    const target = location.hash && document.getElementById(decodeURIComponent(location.hash.slice(1)));
+    const details = target && target.closest("details");
+    if (details) details.open = true;
+  };
+  addEventListener("hashchange", reveal);
+  reveal();
+
+  // Tables: sorted by a column, group by group.
+  const worth = (cell) => cell.dataset.v ?? cell.textContent.trim();
+  const compare = (a, b) => {
+    const [x, y] = [Number(a), Number(b)];
+    if (a !== "" && b !== "" && !Number.isNaN(x) && !Number.isNaN(y)) return x - y;
+    return a.localeCompare(b, "en", { numeric: true });
+  };
+  for (const table of all("table[data-sort]")) {
+    all("thead th", table).forEach((head, column) => {
+      const button = make("button", head.textContent, { type: "button" });
+      head.replaceChildren(button);
+      button.addEventListener("click", () => {
+        const down = head.getAttribute("aria-sort") === "ascending";
+        all("thead th", table).forEach((other) => other.removeAttribute("aria-sort"));
+        head.setAttribute("aria-sort", down ? "descending" : "ascending");
+        for (const body of table.tBodies) {
+          const rows = [...body.rows].filter((row) => !row.classList.contains("group"));
+          const known = (row) => !["", "–"].includes(worth(row.cells[column]));
+          rows.sort((p, q) => {
+            if (known(p) !== known(q)) return known(p) ? -1 : 1; // what is not known comes last
+            const order = compare(worth(p.cells[column]), worth(q.cells[column]));
+            return down ? -order : order;
+          });
+          body.append(...rows);
+        }
+      });
+    });
+  }
+
+  // Downloads, made on the page.
+  const save = (name, url) => {
+    const link = make("a", "", { href: url, download: name });
+    document.body.append(link);
+    link.click();
+    link.remove();
+  };
+  const saveText = (name, text, type) => {
+    const url = URL.createObjectURL(new Blob([text], { type }));
+    save(name, url);
+    setTimeout(() => URL.revokeObjectURL(url), 10000);
+  };
+  const csv = (table) => {
+    const quoted = (text) => (/[",\n]/.test(text) ? `"${text.replaceAll('"', '""')}"` : text);
+    const line = (cells) => cells.map((text) => quoted(text.trim().replace(/\s+/g, " "))).join(",");
+    const rows = all("tbody tr:not(.group)", table);
+    const head = all("thead th", table).map((cell) => cell.textContent);
+    return [head, ...rows.map((row) => [...row.cells].map(worth))].map(line).join("\r\n") + "\r\n";
+  };
+  const drawing = (svg) => {
+    // In light colours, for papers; they are those of the page's light theme.
+    const copy = svg.cloneNode(true);
+    copy.setAttribute("xmlns", "http://www.w3.org/2000/svg");
+    const [, , width, height] = copy.getAttribute("viewBox").split(" ");
+    copy.setAttribute("width", `${width}pt`);
+    copy.setAttribute("height", `${height}pt`);
+    copy.removeAttribute("style");
+    copy.setAttribute("font-family", "Arial, Helvetica, sans-serif");
+    let text = new XMLSerializer().serializeToString(copy);
+    for (const [name, colour] of Object.entries(LIGHT)) text = text.replaceAll(`var(--${name})`, colour);
+    return text;
+  };
+  for (const tool of all("[data-save]")) {
+    tool.addEventListener("click", () => {
+      const holder = tool.closest("figure, .sheet, .choice");
+      const name = `${holder.id || "figure"}`;
+      const [table, svg, image] = ["table", "svg", "img"].map((tag) => holder.querySelector(tag));
+      if (tool.dataset.save === "csv") saveText(`${name}.csv`, csv(table), "text/csv");
+      else if (svg) saveText(`${name}.svg`, drawing(svg), "image/svg+xml");
+      else save(`${name}.png`, image.src);
+    });
+  }
+})();
