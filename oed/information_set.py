@@ -15,7 +15,9 @@ from oed.null_space import unidentifiable, weak_directions
 from robotmodels.arrays import Array, IntArray, read_only
 from robotmodels.errors import InvalidInput
 from robotmodels.noise import LoopNoise, RelativeNoise
+from robotmodels.overlap import overlapped
 from robotmodels.response import Elastic, sensitivity
+from robotmodels.spring_network import SpringNetwork
 
 if TYPE_CHECKING:
     from oed.store import StoredInformation
@@ -214,9 +216,13 @@ def information(
     if chunk < 1:
         raise InvalidInput(f"chunk: {chunk} positions per call; at least 1 is needed")
     chunks = [positions[start : start + chunk] for start in range(0, len(positions), chunk)]
-    one_chunk = partial(_chunk_information, robot, np.asarray(omega, dtype=float), noise)
+    second = partial(_chunk_information, robot, np.asarray(omega, dtype=float), noise)
     names = robot.parameters.names
-    found = map(one_chunk, chunks) if executor is None else executor.map(one_chunk, chunks)
+    found: Iterable[Array]
+    if executor is None:  # what Pinocchio does for a chunk overlaps with the kernel's last
+        found = overlapped(partial(_with_network, robot), second, chunks)
+    else:
+        found = executor.map(partial(_whole_chunk, robot, second), chunks)
     if store is None:
         parts = list(_counted(found, len(positions), progress))
         return InformationSet(positions, np.concatenate(parts), names)
@@ -236,14 +242,27 @@ def _counted(
             progress(done, total)
 
 
+def _with_network(robot: Elastic, positions: Array) -> tuple[Array, SpringNetwork]:
+    return positions, robot.network(positions)
+
+
+def _whole_chunk(
+    robot: Elastic, second: Callable[[tuple[Array, SpringNetwork]], Array], positions: Array
+) -> Array:
+    return second(_with_network(robot, positions))
+
+
 def _chunk_information(
-    robot: Elastic, omega: Array, noise: RelativeNoise | LoopNoise, positions: Array
+    robot: Elastic,
+    omega: Array,
+    noise: RelativeNoise | LoopNoise,
+    chunk: tuple[Array, SpringNetwork],
 ) -> Array:
     # Imported when used: a user's own matrices need neither.
     import robotmodels.kernel as kernel
     from estimators.information import information as fisher_information
 
-    network = robot.network(positions)
+    positions, network = chunk
     plain = network.only_springs and network.measurement is None
     if plain and isinstance(noise, RelativeNoise):
         return np.asarray(kernel.information(network, omega, noise))
