@@ -11,7 +11,14 @@ from estimators.distortion import Distortion
 from estimators.frf_estimate import FrfEstimate
 from estimators.least_squares import Fit
 from estimators.posterior import Posterior
-from oed import study_data, study_design, study_fits, study_measured, study_uncertainty
+from oed import (
+    study_data,
+    study_design,
+    study_fits,
+    study_measured,
+    study_published,
+    study_uncertainty,
+)
 from oed.exact import ExactDesign
 from oed.fingerprint import file_digest
 from oed.information_set import InformationSet
@@ -22,7 +29,8 @@ from oed.study_data import Data, SimulatedExperiment
 from oed.study_design import Plan
 from oed.study_file import Study
 from oed.study_fits import Search, start_number
-from oed.study_run import Run
+from oed.study_published import Published
+from oed.study_run import Run, truth_of
 from robotmodels import ElasticRobot, load_robot
 from robotmodels.arrays import Array, IntArray
 
@@ -52,6 +60,7 @@ class StudyResults:
         (the likelihood of the stated noise), best of all.
     fit_origin : where the search for `fit` began, for people.
     theorem1, posterior : its uncertainty, two ways.
+    published : the estimators beside those of [WM]; None unless the study asks for it.
     seconds : time per stage, when it was computed.
     kept : stages that earlier runs had computed.
     versions : of Python and of the packages that computed.
@@ -75,6 +84,7 @@ class StudyResults:
     fit_origin: str
     theorem1: Uncertainty
     posterior: Posterior
+    published: Published | None
     seconds: dict[str, float]
     kept: tuple[str, ...]
     versions: dict[str, str]
@@ -87,13 +97,7 @@ class StudyResults:
     @property
     def truth(self) -> Array:
         """The parameters behind simulated data, (p,) SI; NaN where there is none of that name."""
-        values = np.full(len(self.robot.parameters), np.nan)
-        if self.plant is not None:
-            known = self.plant.parameters
-            for i, name in enumerate(self.robot.parameters.names):
-                if name in known.names:
-                    values[i] = known.values[known.index(name)]
-        return values
+        return truth_of(self.robot, self.plant)
 
     @property
     def z_scores(self) -> Array:
@@ -178,6 +182,9 @@ def _results(run: Run, source: _Source) -> StudyResults:
     result = study_fits.chosen(run, data, searches, starts)
     theorem1 = study_uncertainty.theorem1(run, result)
     posterior = study_uncertainty.posterior(run, result)
+    compared = None
+    if run.study.compare_with is not None:
+        compared = study_published.compared(run, data, searches, starts)
     return StudyResults(
         study=run.study,
         robot=run.robot,
@@ -197,6 +204,7 @@ def _results(run: Run, source: _Source) -> StudyResults:
         fit_origin=result.value.origin,
         theorem1=theorem1.value,
         posterior=posterior.value,
+        published=compared,
         seconds=run.stages.seconds,
         kept=run.stages.kept,
         versions=versions(),

@@ -28,6 +28,7 @@
       user_weights: {diagonal: 1.0, off_diagonal: 0.1, low: 3.0}    # zero below `low` [Hz]
       result: LLS15U             # left out: the likelihood, from where the estimators ended
     posterior: {ensembles: 4, walkers: 64, steps: 20000, r_hat: 1.01, ess: 4000}
+    compare_with: wernholt_moberg_2008    # left out, except to repeat the study of that paper
     output: ../out/ur10          # relative to this file, as every path in it
 
 With measured data, the positions are those of the data: `candidates` is left out.
@@ -43,6 +44,7 @@ from pydantic import Field, NonNegativeFloat, PositiveFloat, PositiveInt, model_
 from oed.candidates_section import Candidates
 from oed.experiment_file import Shaking
 from oed.file_paths import existing_file, output_folder, robot_reference
+from oed.published_paper import ESTIMATORS
 from robotmodels.arrays import Array
 from robotmodels.errors import nearest
 from robotmodels.files import Strict, read_yaml
@@ -215,6 +217,7 @@ class Study(Strict):
     data: DataChoice = DataChoice()
     fit: FitChoice = FitChoice()
     posterior: PosteriorChoice = PosteriorChoice()
+    compare_with: Literal["wernholt_moberg_2008"] | None = None
     output: Path
 
     @model_validator(mode="after")
@@ -232,6 +235,17 @@ class Study(Strict):
         missing = [key for key in needed if key not in given]
         if missing:
             raise ValueError(f"missing key {missing[0]!r}")
+        return self
+
+    @model_validator(mode="after")
+    def _six_estimators(self) -> Self:
+        names = [estimator.name for estimator in self.fit.used]
+        missing = [name for name in ESTIMATORS if name not in names]
+        if self.compare_with is not None and missing:
+            raise ValueError(
+                f"compare_with: {self.compare_with} needs the estimators {', '.join(ESTIMATORS)}; "
+                f"{', '.join(missing)} missing in fit.estimators"
+            )
         return self
 
 

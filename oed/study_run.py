@@ -11,6 +11,7 @@ from oed.fingerprint import robot_digest
 from oed.stages import Stages
 from oed.study_file import Study
 from robotmodels import ElasticRobot
+from robotmodels.arrays import Array
 
 STREAMS = ("data", "starts", "posterior", "validation")
 """Independent random numbers; a new one goes to the end, lest the others change."""
@@ -54,3 +55,14 @@ class Run:
     def plant_digest(self) -> str:
         """Content of the robot file behind simulated data."""
         return self.robot_digest if self.plant is self.robot else robot_digest(self.plant)
+
+
+def truth_of(robot: ElasticRobot, plant: ElasticRobot | None) -> Array:
+    """Return the plant's values of the robot's parameters, (p,) SI; NaN where it has none."""
+    values = np.full(len(robot.parameters), np.nan)
+    if plant is not None:
+        known = plant.parameters
+        for i, name in enumerate(robot.parameters.names):
+            if name in known.names:
+                values[i] = known.values[known.index(name)]
+    return values
