@@ -1,27 +1,27 @@
 """The exact design: how many whole experiments go to each candidate position.
 
-Efficient rounding of the relaxed shares gives a start, exchanges over all candidates improve it,
-and the relaxed optimum bounds how much better any other plan could be.
+Rounding of the relaxed weights gives a start, exchanges over all candidates improve it, and the
+relaxed optimum bounds how much better any other plan could be.
 """
 
 from collections.abc import Iterator
-from dataclasses import dataclass
-from itertools import islice
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from oed.certificate import checked_weights, efficiency_bound, optimality_gap
-from oed.criteria import criterion as named_criterion
-from oed.criteria import sensitivities
-from oed.information_set import InformationSet
-from oed.null_space import weak_directions
-from oed.relaxed import Design, optimal_design, whiten
+from oed.certificate import Candidates, certify, checked_weights, efficiency_bound, not_negative
+from oed.constraints import Constraints
+from oed.criteria import CRITERIA, Criterion
+from oed.criteria import objective as stated
+from oed.exchange import Pool, WholeProblem, exchange, fill
+from oed.null_space import unidentifiable, weak_directions
+from oed.polytope import Polytope
+from oed.relaxed import Design, checked_prior, optimal_design
+from oed.rounding import efficient_rounding as efficient_rounding
 from robotmodels.arrays import Array, IntArray, read_only
 from robotmodels.errors import InvalidInput, NotIdentifiable
 
-# Keeps determinants finite while a plan is still singular; whitened information is of order one.
-_RIDGE = 1e-9
-_BATCH = 32
+_POOL = 256  # candidates that exchanges begin with, at least
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,12 +31,14 @@ class ExactDesign:
     Attributes
     ----------
     repetitions : (Q,) experiments in each candidate position.
-    efficiency : lower bound on (det M / det M_best)^(1/p) against every plan of as many
-        experiments, whole or not, taken from the relaxed design and its gap.
-    value : log det of the information per experiment, comparable with `Design.value`.
+    efficiency : lower bound on the efficiency against every plan within the same limits, whole or
+        not, taken from the relaxed design and its gap; for D it is (det M / det M_best)^(1/p).
+    value : of the criterion, comparable with `Design.value`: of the information per experiment
+        (for D: log det), or of all of it where constraints say how many experiments.
     support : indices of the candidates used.
-    information : (p, p) of the whole plan, sum_i n_i H_i.
+    information : (p, p), or (K, p, p) for samples, of the whole plan: the prior and sum_i n_i H_i.
     names : p parameter names.
+    criterion : name of what was maximised.
     """
 
     repetitions: IntArray
@@ -45,6 +47,7 @@ class ExactDesign:
     support: IntArray
     information: Array
     names: tuple[str, ...]
+    criterion: str = "D"
 
     @property
     def n_experiments(self) -> int:
@@ -53,172 +56,205 @@ class ExactDesign:
 
 
 def exact_design(
-    info: InformationSet, n_experiments: int = 15, design: Design | None = None
+    info: Candidates,
+    n_experiments: int = 15,
+    design: Design | None = None,
+    *,
+    criterion: str | Criterion | None = None,
+    constraints: Constraints | None = None,
+    prior: Array | None = None,
 ) -> ExactDesign:
-    """Return a D-efficient plan of `n_experiments` whole experiments.
+    """Return an efficient plan of whole experiments.
 
     Parameters
     ----------
-    info : information of each candidate.
-    n_experiments : number of experiments.
-    design : relaxed design of the same candidates; computed if None. Its gap is certified anew.
+    info : information of each candidate, in memory or in a store.
+    n_experiments : number of experiments, where the constraints name neither a number nor a time.
+    design : relaxed design of the same problem; computed if None. Its gap is certified anew.
+    criterion : "D", "A", "E" or an object of `oed.criteria`; by default the design's, or D.
+    constraints : limits on the experiments.
+    prior : (p, p) or (K, p, p), information there is before these experiments.
 
     Raises
     ------
-    InvalidInput : if `n_experiments` is not a positive whole number, or `design` does not fit.
+    InvalidInput : if `n_experiments` is not a positive whole number, `design` does not fit, or no
+        whole plan satisfies the constraints.
     NotIdentifiable : naming the parameters, if so few experiments leave a direction open (and
         how many are needed), or all candidates together do.
     """
-    whole = isinstance(n_experiments, (int, np.integer)) and not isinstance(n_experiments, bool)
-    if not whole or n_experiments < 1:
-        raise InvalidInput(f"n_experiments: {n_experiments!r} is not a whole number >= 1")
-    relaxed = optimal_design(info) if design is None else design
-    weights = checked_weights(relaxed.weights, len(info))
-    gap = optimality_gap(weights, info.matrices)
-    reference = np.tensordot(weights, info.matrices, axes=1)
-    if not np.isfinite(gap):
-        raise NotIdentifiable(info.unidentifiable(reference), "the relaxed design is singular")
-    whitened = whiten(info.matrices, reference)
-    largest_rank = _largest_rank(whitened)
-    plans = [
-        _exchange(whitened, start, largest_rank)
-        for start in _starts(whitened, weights, int(n_experiments), largest_rank)
-    ]
-    counts = max(plans, key=lambda plan: _value(whitened, plan))
-    total = np.tensordot(counts, info.matrices, axes=1)
-    if weak_directions(total).shape[1]:
-        raise NotIdentifiable(
-            info.unidentifiable(total), _too_few(whitened, int(n_experiments), largest_rank)
-        )
-    log_det = named_criterion("D").value
-    value = log_det(total / n_experiments)
-    ratio = float(np.exp((value - log_det(reference)) / len(info.names)))
-    return ExactDesign(
-        repetitions=read_only(counts),
-        efficiency=min(1.0, ratio * efficiency_bound(gap)),
-        value=value,
-        support=read_only(np.flatnonzero(counts)),
-        information=read_only(total),
-        names=info.names,
+    problem, prices, weights, bound = relaxation(
+        info, n_experiments, design, criterion=criterion, constraints=constraints, prior=prior
     )
+    pool = Pool(problem, _promising(prices, weights))
+    plans = [exchange(pool, start) for start in _starts(problem, pool, weights)]
+    if not plans:
+        raise InvalidInput(
+            f"constraints: no plan of whole experiments was found that satisfies "
+            f"{', '.join(problem.allowed.names)} and the limits of each position"
+        )
+    return finished(problem, max(plans, key=problem.value), bound, per_experiment=not constraints)
 
 
-def efficient_rounding(weights: Array, n_experiments: int) -> IntArray:
-    """Return whole numbers (Q,) near `weights` times `n_experiments`.
+def relaxation(
+    info: Candidates,
+    n_experiments: int,
+    design: Design | None = None,
+    *,
+    criterion: str | Criterion | None = None,
+    constraints: Constraints | None = None,
+    prior: Array | None = None,
+) -> tuple[WholeProblem, Array, Array, float]:
+    """Return the whole problem, prices and weights (Q,) of its relaxation, and a log bound.
 
-    No other rounding of the weights alone guarantees more (Pukelsheim and Rieder 1992); it needs
-    at least one experiment per supported candidate.
+    No allowed weights, whole or not, have a log value above the bound. Arguments and errors are
+    those of `exact_design`.
+    """
+    objective = stated(_criterion(criterion, design), info.names, info.samples)
+    allowed = _allowed(n_experiments, constraints, len(info))
+    known = checked_prior(prior, info)
+    if design is None:
+        solver = "newton" if objective.smooth else "cvxpy"
+        design = optimal_design(info, objective, allowed, known, solver=solver)
+        weights = design.weights
+    elif constraints is None:
+        weights = float(allowed.bounds[0]) * checked_weights(design.weights, len(info))
+    else:
+        weights = not_negative(design.weights, len(info))
+    reference = info.combined(weights) if known is None else info.combined(weights) + known
+    rows = np.array(list(design.multipliers.values()))
+    certificate = certify(
+        weights,
+        info,
+        objective,
+        allowed,
+        known,
+        design.witness if len(design.witness) == len(objective.terms) else None,
+        rows if rows.shape == allowed.bounds.shape else None,
+    )
+    if not np.isfinite(certificate.gap):
+        names = unidentifiable(_first(reference), info.names)
+        raise NotIdentifiable(names or info.names, "the relaxed design is singular")
+    bound = objective.log_value(reference) - float(np.log(efficiency_bound(certificate.gap)))
+    problem = WholeProblem(info, objective, allowed, reference, known)
+    return problem, certificate.prices, weights, bound
+
+
+def finished(
+    problem: WholeProblem, counts: IntArray, log_bound: float, per_experiment: bool
+) -> ExactDesign:
+    """Return whole numbers (Q,) as a design.
 
     Raises
     ------
-    InvalidInput : if there are fewer experiments than supported candidates.
+    NotIdentifiable : naming the parameters that the plan leaves open.
     """
-    support = np.flatnonzero(weights)
-    if n_experiments < len(support):
-        raise InvalidInput(
-            f"n_experiments: {n_experiments} cannot be shared by {len(support)} positions; "
-            f"efficient rounding needs at least {len(support)}"
-        )
-    shares = weights[support]
-    counts = np.ceil((n_experiments - len(support) / 2) * shares)
-    while counts.sum() < n_experiments:
-        counts[np.argmin(counts / shares)] += 1
-    while counts.sum() > n_experiments:
-        counts[np.argmax((counts - 1) / shares)] -= 1
-    rounded = np.zeros(len(weights), dtype=np.int64)
-    rounded[support] = counts
-    return rounded
+    information = problem.information(counts)
+    log_value = problem.objective.log_value(information)
+    if not log_value > -np.inf:
+        names = problem.candidates.names
+        open_names = unidentifiable(_first(information), names) or names
+        raise NotIdentifiable(open_names, _too_few(problem, int(counts.sum())))
+    share = information / counts.sum() if per_experiment else information
+    return ExactDesign(
+        repetitions=read_only(counts),
+        efficiency=min(1.0, float(np.exp(log_value - log_bound))),
+        value=problem.objective.value(share),
+        support=read_only(np.flatnonzero(counts)),
+        information=read_only(information),
+        names=problem.candidates.names,
+        criterion=problem.objective.name,
+    )
 
 
-def _starts(
-    matrices: Array, weights: Array, n_experiments: int, largest_rank: int
-) -> Iterator[IntArray]:
-    if n_experiments >= np.count_nonzero(weights):
-        yield efficient_rounding(weights, n_experiments)
-    chosen = list(islice(_additions(matrices, largest_rank), n_experiments))
-    yield np.bincount(chosen, minlength=len(matrices)).astype(np.int64)
+def _criterion(given: str | Criterion | None, design: Design | None) -> str | Criterion:
+    if given is not None:
+        return given
+    if design is None or design.criterion in CRITERIA:
+        return "D" if design is None else design.criterion
+    raise InvalidInput(
+        f"design: it is for criterion {design.criterion}; give the same one as `criterion`"
+    )
 
 
-def _additions(matrices: Array, largest_rank: int) -> Iterator[int]:
-    """Yield the candidate that adds most, again and again; an endless plan."""
-    information = _RIDGE * np.eye(matrices.shape[-1])
-    while True:
-        best, _ = _best_addition(matrices, information, largest_rank)
-        information = information + matrices[best]
-        yield best
+def _allowed(n_experiments: int, constraints: Constraints | None, n_candidates: int) -> Polytope:
+    whole = isinstance(n_experiments, (int, np.integer)) and not isinstance(n_experiments, bool)
+    if not whole or n_experiments < 1:
+        raise InvalidInput(f"n_experiments: {n_experiments!r} is not a whole number >= 1")
+    if constraints is None:
+        shares = Polytope.shares(n_candidates)
+        return replace(shares, bounds=np.array([float(n_experiments)]))
+    if constraints.experiments is None and constraints.time is None:
+        constraints = replace(constraints, experiments=float(n_experiments))
+    return constraints.polytope(n_candidates)
 
 
-def _exchange(matrices: Array, start: IntArray, largest_rank: int) -> IntArray:
-    """Return a plan (Q,) that no exchange of one experiment for another improves."""
-    counts = start.copy()
-    ridge = _RIDGE * np.eye(matrices.shape[-1])
-    value = _value(matrices, counts)
-    improved = True
-    while improved:
-        improved = False
-        for leaving in np.flatnonzero(counts):
-            counts[leaving] -= 1
-            rest = np.tensordot(counts, matrices, axes=1) + ridge
-            entering, new_value = _best_addition(matrices, rest, largest_rank)
-            if new_value > value + 1e-9:
-                value, improved = new_value, True
-                counts[entering] += 1
-            else:
-                counts[leaving] += 1
-    return counts
+def _promising(prices: Array, weights: Array) -> IntArray:
+    """Return the relaxed design's support and the candidates of the highest prices."""
+    size = min(len(prices), max(_POOL, 16 * int(np.count_nonzero(weights))))
+    best = np.argpartition(-prices, size - 1)[:size]
+    return np.union1d(best, np.flatnonzero(weights))
 
 
-def _best_addition(matrices: Array, information: Array, largest_rank: int) -> tuple[int, float]:
-    """Return the candidate that adds most to `information` (p, p), and the new log det.
-
-    log det(I + X) <= r log(1 + tr X/r) for X of rank r spares most candidates their determinant.
-    """
-    L = np.linalg.cholesky(information)
-    T = np.linalg.inv(L)
-    traces = sensitivities(T.T @ T, matrices)
-    bounds = largest_rank * np.log1p(np.maximum(traces, 0.0) / largest_rank)
-    order = np.argsort(-traces, kind="stable")
-    best, most = int(order[0]), -np.inf
-    for first in range(0, len(order), _BATCH):
-        batch = order[first : first + _BATCH]
-        if bounds[batch[0]] <= most:
-            break
-        gains = np.linalg.slogdet(np.eye(len(T)) + T @ matrices[batch] @ T.T).logabsdet
-        if gains.max() > most:
-            best, most = int(batch[np.argmax(gains)]), float(gains.max())
-    return best, 2 * float(np.log(np.diagonal(L)).sum()) + most
+def _starts(problem: WholeProblem, pool: Pool, weights: Array) -> Iterator[IntArray]:
+    """Yield allowed plans: the weights rounded in two ways, and additions one by one."""
+    total = weights.sum()
+    if round(total) >= np.count_nonzero(weights) and abs(total - round(total)) < 1e-6:
+        rounded = efficient_rounding(weights / total, round(total))
+        if problem.feasible(rounded) and (rounded >= problem.least).all():
+            yield rounded
+    floored = np.maximum(np.floor(weights + 1e-9).astype(np.int64), problem.least)
+    for counts in (floored, problem.least):
+        filled = fill(pool, counts)
+        if filled.any() and problem.feasible(filled):
+            yield filled
 
 
-def _value(matrices: Array, counts: IntArray) -> float:
-    information = np.tensordot(counts, matrices, axes=1) + _RIDGE * np.eye(matrices.shape[-1])
-    return float(np.linalg.slogdet(information).logabsdet)
-
-
-def _largest_rank(matrices: Array) -> int:
-    """Return the largest rank of one whitened candidate."""
-    first = matrices[np.argmax(np.trace(matrices, axis1=1, axis2=2))]
-    # Usually one look is enough, and a thousand times cheaper than all.
-    if not weak_directions(first).shape[1]:
-        return len(first)
-    eigenvalues = np.linalg.eigvalsh(matrices)
-    return int(np.max((eigenvalues > 1e-12 * eigenvalues[:, -1:]).sum(axis=1)))
-
-
-def _too_few(matrices: Array, n_experiments: int, largest_rank: int) -> str:
+def _too_few(problem: WholeProblem, n_experiments: int) -> str:
     """Return the remedy for a plan with too few experiments."""
-    p = matrices.shape[-1]
-    information = np.zeros((p, p))
-    # Additions raise the rank every time, as all candidates together have full rank.
+    objective, prior = problem.objective, problem.prior
+    information = np.zeros_like(problem.reference) if prior is None else prior.copy()
+    free = replace(problem, allowed=Polytope.shares(len(problem.candidates)))
     enough = 0
-    for added in _additions(matrices, largest_rank):
-        information += matrices[added]
+    # Additions raise the rank every time, as all candidates together have full rank.
+    while not objective.log_value(information) > -np.inf:
+        added = _most_informative(free, information)
+        information = information + problem.candidates.take(np.array([added]))[0]
         enough += 1
-        if not weak_directions(information).shape[1]:
-            break
-    least = max(-(-p // largest_rank), 2)
     few = f"n_experiments: {n_experiments} is too few"
+    least = _least_experiments(problem)
     if least == enough:
         return f"{few}, {enough} are needed"
     if least > n_experiments:
         return f"{few}, at least {least} are needed and {enough} suffice"
     return f"{few}, {enough} suffice"
+
+
+def _most_informative(problem: WholeProblem, information: Array) -> int:
+    """Return the candidate that informs most on what is still open."""
+    ridged = information + 1e-9 * problem.reference
+    slope = problem.objective.price(problem.objective.witness(ridged), ridged.shape)
+    return int(np.argmax(problem.candidates.prices(slope)))
+
+
+def _least_experiments(problem: WholeProblem) -> int:
+    """Return how many experiments the ranks of the candidates ask for, at least two.
+
+    It is 1 where there is a prior, or not every parameter is asked for.
+    """
+    if problem.prior is not None or weak_directions(_first(problem.reference)).shape[1]:
+        return 1
+    if any(term.mean.combinations is not None for term in problem.objective.terms):
+        return 1
+    largest, p = 1, len(problem.candidates.names)
+    for start in range(0, len(problem.candidates), 2048):
+        block = np.arange(start, min(start + 2048, len(problem.candidates)))
+        matrices = problem.candidates.take(block).reshape(len(block), -1, p, p)[:, 0]
+        eigenvalues = np.linalg.eigvalsh(matrices)
+        ranks = (eigenvalues > 1e-12 * eigenvalues[:, -1:]).sum(axis=1)
+        largest = max(largest, int(ranks.max()))
+    return max(-(-p // largest), 2)
+
+
+def _first(information: Array) -> Array:
+    """Return the information of the first sample of theta."""
+    return information if information.ndim == 2 else np.asarray(information[0])

@@ -1,0 +1,92 @@
+"""Which candidate adds most to an information matrix, with as few evaluations as bounds allow."""
+
+from collections.abc import Callable
+
+import numpy as np
+
+from oed.criteria import sensitivities
+from oed.objective import Objective
+from robotmodels.arrays import Array, BoolArray, IntArray
+
+_BATCH = 32
+
+Evaluate = Callable[[IntArray], Array]
+
+
+def best_addition(
+    objective: Objective,
+    information: Array,
+    matrices: Array,
+    usable: BoolArray,
+    least: float = -np.inf,
+    ceilings: Array | None = None,
+) -> tuple[int, float]:
+    """Return the candidate with the largest log value of information + H_i, and that value.
+
+    Candidates are tried in the order of upper bounds until none of the rest can be better. For D
+    log det(I + X) <= p log(1 + tr X / p); any other concave function lies below its tangent.
+
+    Parameters
+    ----------
+    objective : what is maximised.
+    information : (p, p), or (K, p, p) with samples of theta.
+    matrices : (n, p, p) or (n, K, p, p).
+    usable : (n,) candidates that may be taken.
+    least : values up to this one do not matter.
+    ceilings : (n,) further upper bounds on the values.
+
+    Returns
+    -------
+    Index and value; -1 and `least` if no usable candidate has a larger value.
+    """
+    bounded = _log_det if is_plain_d(objective) else _any
+    bounds, evaluate = bounded(objective, information, matrices)
+    if ceilings is not None:
+        bounds = np.minimum(bounds, ceilings)
+    bounds = np.where(usable, bounds, -np.inf)
+    order = np.argsort(-bounds, kind="stable")
+    best, most = -1, least
+    for first in range(0, len(order), _BATCH):
+        batch = order[first : first + _BATCH]
+        batch = batch[bounds[batch] > most]
+        if not len(batch):
+            break
+        values = evaluate(batch)
+        k = int(np.argmax(values))
+        if values[k] > most:
+            best, most = int(batch[k]), float(values[k])
+    return best, most
+
+
+def is_plain_d(objective: Objective) -> bool:
+    """Return whether the log value is log det M / p but for a constant."""
+    mean = objective.terms[0].mean
+    return len(objective.terms) == 1 and mean.kind == "D" and mean.combinations is None
+
+
+def _log_det(objective: Objective, information: Array, matrices: Array) -> tuple[Array, Evaluate]:
+    shape, p = information.shape, information.shape[-1]
+    L = np.linalg.cholesky(information.reshape(p, p))
+    T = np.linalg.inv(L)
+    shift = objective.terms[0].mean.offset - float(objective.log_references[0])
+    start = 2 * float(np.log(np.diagonal(L)).sum()) / p + shift
+    traces = sensitivities((T.T @ T).reshape(shape), matrices)
+
+    def evaluate(batch: IntArray) -> Array:
+        white = T @ matrices[batch].reshape(-1, p, p) @ T.T
+        return np.asarray(start + np.linalg.slogdet(np.eye(p) + white).logabsdet / p)
+
+    return start + np.log1p(np.maximum(traces, 0.0) / p), evaluate
+
+
+def _any(objective: Objective, information: Array, matrices: Array) -> tuple[Array, Evaluate]:
+    value = objective.log_value(information)
+    bounds = np.full(len(matrices), np.inf)
+    if value > -np.inf:
+        slope = objective.price(objective.witness(information), information.shape)
+        bounds = value + sensitivities(slope, matrices)
+
+    def evaluate(batch: IntArray) -> Array:
+        return np.array([objective.log_value(information + H) for H in matrices[batch]])
+
+    return bounds, evaluate
