@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 from estimators.chain_identification import ChainIdentification, identify_chains
 from estimators.compare import Comparison, Loop, compare_methods, designed_loop, measured_loop
 from estimators.covariance import Uncertainty, covariance
+from estimators.cross_check import CrossCheck, cross_check
 from estimators.damper_fit import DamperFit, fit_dampers
 from estimators.distortion import Distortion, distortion
 from estimators.exchange import (
@@ -26,6 +27,7 @@ from estimators.frf_estimate import FrfEstimate, simulate_frf
 from estimators.information import information
 from estimators.least_squares import Fit, fit, reweighted
 from estimators.local_model import local_frf
+from estimators.monte_carlo import FrfExperiment, MonteCarlo, monte_carlo
 from estimators.multistart import EarlyStop, multistart, perturbed_starts
 from estimators.nonparametric import estimate_frf
 from estimators.priors import Prior
@@ -43,13 +45,16 @@ if TYPE_CHECKING:
 __all__ = [
     "ChainIdentification",
     "Comparison",
+    "CrossCheck",
     "DamperFit",
     "Distortion",
     "EarlyStop",
     "Fit",
     "FrfEstimate",
+    "FrfExperiment",
     "ImportanceSample",
     "Loop",
+    "MonteCarlo",
     "Posterior",
     "Prior",
     "Profile",
@@ -61,6 +66,7 @@ __all__ = [
     "combined_weights",
     "compare_methods",
     "covariance",
+    "cross_check",
     "designed_loop",
     "distortion",
     "estimate_frf",
@@ -73,6 +79,7 @@ __all__ = [
     "lls_magnitude",
     "local_frf",
     "measured_loop",
+    "monte_carlo",
     "multistart",
     "nls",
     "optimal_weights",

@@ -237,11 +237,12 @@ def posterior_density(
     InvalidInput, SolverFailed : as `log_posterior`, or for noise settings that do not fit.
     """
     if scale is None:
-        scale = _magnitude_adjustment(fit) if noise == "known" and np.isfinite(fit.cost) else 1.0
+        scale = magnitude_adjustment(fit) if noise == "known" and np.isfinite(fit.cost) else 1.0
     return log_posterior(fit, Noise(noise, float(scale), blocks), prior or fit.prior)
 
 
-def _magnitude_adjustment(fit: Fit) -> float:
+def magnitude_adjustment(fit: Fit) -> float:
+    """Return the factor of V that makes exp(-V) as wide as Theorem 1 on average."""
     bread, meat = sandwich_parts(fit)
     # Directions without information have neither bread nor meat.
     return len(bread) / float(np.trace(np.linalg.lstsq(bread, meat)[0]))

@@ -1,0 +1,72 @@
+"""Runs of repeated experiments, kept in a file so that an interrupted series can go on."""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import h5py
+import numpy as np
+
+from robotmodels.arrays import Array
+from robotmodels.errors import InvalidInput
+from robotmodels.replacing import replacing
+
+Run = dict[str, Array] | str
+
+
+class RunStore:
+    """Results of runs in order, in an HDF5 file that is whole at any time.
+
+    Parameters
+    ----------
+    path : of the file.
+    fingerprint : of the series, so that another one is not continued.
+    """
+
+    def __init__(self, path: Path, fingerprint: str) -> None:
+        self.path = path
+        self.fingerprint = fingerprint
+
+    def load(self) -> list[Run]:
+        """Return the runs that are kept: arrays, or the reason why there are none.
+
+        Raises
+        ------
+        InvalidInput : if the file holds something else.
+        """
+        if not self.path.exists():
+            return []
+        try:
+            with h5py.File(self.path, "r") as file:
+                if file.attrs.get("fingerprint") != self.fingerprint:
+                    raise InvalidInput(
+                        f"{self.path}: holds another series of experiments; remove the file or "
+                        "name another"
+                    )
+                reasons = file["reasons"].asstr()[:]
+                arrays = {name: file[name][:] for name in file if name != "reasons"}
+        except (OSError, KeyError) as error:
+            raise InvalidInput(f"{self.path}: is not an HDF5 file of runs ({error})") from error
+        return [
+            reason or {name: array[i] for name, array in arrays.items()}
+            for i, reason in enumerate(reasons)
+        ]
+
+    def save(self, runs: Sequence[Run]) -> None:
+        """Write all runs so far.
+
+        Raises
+        ------
+        InvalidInput : if the file cannot be written.
+        """
+        shapes = next((run for run in runs if not isinstance(run, str)), {})
+        reasons = [run if isinstance(run, str) else "" for run in runs]
+        try:
+            with replacing(self.path) as part, h5py.File(part, "w") as file:
+                file.attrs["fingerprint"] = self.fingerprint
+                file.create_dataset("reasons", data=reasons, dtype=h5py.string_dtype())
+                for name, like in shapes.items():
+                    nothing = np.full(np.shape(like), np.nan)
+                    rows = [nothing if isinstance(run, str) else run[name] for run in runs]
+                    file.create_dataset(name, data=np.stack(rows))
+        except OSError as error:
+            raise InvalidInput(f"{self.path}: cannot be written ({error})") from error
