@@ -1,6 +1,7 @@
 """How many modes FRFs show, and how many masses a chain would then have."""
 
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
@@ -43,6 +44,11 @@ class WrongModeCount(InvalidInput):
             f"resonances, {'only ' if few else ''}{k} {'is' if k == 1 else 'are'} found "
             f"({_listed(self.found)}): {remedy}{fits}"
         )
+
+
+    def with_picture(self, path: Path) -> InvalidInput:
+        """Return the error with the place of a picture of it."""
+        return InvalidInput(f"{self}; picture: {path}")
 
 
 @dataclass(frozen=True, eq=False)

@@ -2,9 +2,9 @@
 
 import typer
 
-from reports.commands import check, frf, init, run, schema, simulate
+from reports.commands import chains, check, frf, init, run, schema, simulate
 
-_IN_ORDER = (init, check, run, simulate, frf, schema)
+_IN_ORDER = (init, check, run, simulate, frf, chains, schema)
 
 
 def register_all(app: typer.Typer) -> None:

@@ -1,0 +1,234 @@
+"""The page of ``oed chains``: one HTML file."""
+
+from pathlib import Path
+
+import numpy as np
+
+from estimators.chain_order import WrongModeCount
+from oed.measured_chains import MeasuredChains
+from reports import text
+from reports.chains_figures import found_panels, pole_zero_panels
+from reports.chains_summary import in_hertz, unit
+from reports.page_budget import lines_drawn
+from reports.parts import Cell, Column, Figure, Number, Section, Table, figure, numbers, table
+from reports.response_panels import response_panels
+from reports.template import filled, page
+
+
+def write_chains_page(shown: MeasuredChains, source: Path, path: Path) -> None:
+    """Write identified chains as one HTML file that needs nothing else."""
+    count, length = shown.found.masses.shape
+    title = f"{text.plural(count, 'chain')} of {length} masses"
+    path.write_text(
+        page(
+            title=title,
+            kind="identified chains",
+            kicker="Inverse eigenvalue identification of coupled chains",
+            lead=(
+                "Masses, springs and couplings behind each motor, from motor torques and angles "
+                "alone, and how certain they are."
+            ),
+            sections=chains_sections(shown, source),
+        ),
+        encoding="utf-8",
+    )
+
+
+def write_modes_page(error: WrongModeCount, source: Path, path: Path) -> None:
+    """Write the picture of FRFs that show another number of modes than was asked for."""
+    drawing = figure(
+        "modes",
+        found_panels(error.omega, error.response, error.found),
+        f"Magnitudes of the motors' own FRFs and {len(error.found)} resonances that were found",
+    )
+    body = filled("chains_modes.html.j2", error=error, source=source, drawing=drawing)
+    path.write_text(
+        page(
+            title=f"{len(error.found)} resonances found, {error.expected} expected",
+            kind="identified chains",
+            kicker="Inverse eigenvalue identification of coupled chains",
+            lead="The frequency responses do not show what was asked for.",
+            sections=[Section("modes", "Resonances found", body)],
+        ),
+        encoding="utf-8",
+    )
+
+
+def chains_sections(shown: MeasuredChains, source: Path) -> list[Section]:
+    """Return the sections of the page."""
+    parts: list[tuple[str, str, dict[str, object]]] = [
+        ("summary", "Summary", {"facts": _facts(shown), "source": source}),
+        ("parameters", "Parameters", {"estimates": parameter_table(shown)}),
+        ("modes", "Poles and zeros", {"panels": _poles(shown), "modes": mode_table(shown)}),
+        ("responses", "Frequency responses", {"panels": _responses(shown)}),
+    ]
+    if shown.dampers is not None:
+        damped = {"dampers": damper_table(shown), "estimates": damped_table(shown)}
+        parts.insert(2, ("dampers", "Dampers", dict(damped)))
+    if shown.found.order is not None:
+        parts.append(("order", "Number of masses", {"orders": order_table(shown)}))
+    return [
+        Section(name, title, filled(f"chains_{name}.html.j2", shown=shown, **contents))
+        for name, title, contents in parts
+    ]
+
+
+def _facts(shown: MeasuredChains) -> dict[str, str]:
+    found = shown.found
+    median = float(np.median(found.structured.relative_std))
+    return {
+        "chains": text.plural(len(found.masses), "chain"),
+        "lines": text.plural(len(found.modes.data.omega), "line"),
+        "low": text.hertz(found.modes.data.omega[0]),
+        "high": text.hertz(found.modes.data.omega[-1]),
+        "std": text.percent(median),
+        "condition": text.significant(found.inverse.condition, 2),
+        "misfit": text.significant(found.misfit, 2),
+        "p_value": text.significant(found.structure_p_value, 2),
+        "delay": text.significant(1e6 * found.modes.delay, 3),
+    }
+
+
+def parameter_table(shown: MeasuredChains) -> Table:
+    """Return masses, springs and couplings by both routes, with their standard deviations."""
+    found = shown.found
+    e, inverse = found.structured, found.inverse
+    rows: list[list[Cell]] = []
+    for k, name in enumerate(e.names):
+        row: list[Cell] = [name]
+        for estimate in (e, inverse):
+            value, std = float(estimate.values[k]), float(estimate.relative_std[k])
+            row += [Number(text.significant(value, 4), value), _percent(std)]
+        rows.append([*row, unit(name)])
+    columns = [
+        Column("", code=True),
+        *numbers("value", "std", "inverse problem", "std"),
+        Column("unit", "u"),
+    ]
+    caption = (
+        "Maximum likelihood with damping free mode by mode, and the inverse eigenvalue problem it "
+        "began from."
+    )
+    return table("parameter-table", caption, columns, rows)
+
+
+def mode_table(shown: MeasuredChains) -> Table:
+    """Return resonances, damping and each chain's anti-resonances."""
+    modes = shown.found.modes
+    rows: list[list[Cell]] = []
+    for r in range(len(modes.omega)):
+        row: list[Cell] = [
+            Number(str(r + 1), r + 1),
+            _hertz(float(modes.omega[r]), float(modes.omega_std[r])),
+            _percent(float(modes.damping[r])),
+        ]
+        row += [
+            _hertz(float(modes.zeros[i, r]), float(modes.zeros_std[i, r]))
+            for i in range(len(modes.zeros))
+        ]
+        rows.append(row)
+    chains = [f"zero of chain {i + 1} [Hz]" for i in range(len(modes.zeros))]
+    columns = numbers("mode", "pole [Hz]", "damping", *chains)
+    caption = "Undamped frequencies of poles and zeros, with one standard deviation."
+    return table("mode-table", caption, columns, rows)
+
+
+def damper_table(shown: MeasuredChains) -> Table:
+    """Return dampers, motor friction and the delay."""
+    d = shown.dampers
+    rows: list[list[Cell]] = []
+    if d is not None:
+        entries = [
+            *zip(
+                (f"c{i + 1}" for i in range(d.dampers.size)),
+                d.dampers.ravel(),
+                d.dampers_std.ravel(),
+                ["N m s/rad or N s/m"] * d.dampers.size,
+                strict=True,
+            ),
+            *zip(
+                (f"friction{i + 1}" for i in range(len(d.model.friction))),
+                d.model.friction,
+                d.friction_std,
+                ["N m s/rad or N s/m"] * len(d.model.friction),
+                strict=True,
+            ),
+            ("delay", d.model.delay, d.delay_std, "s"),
+        ]
+        rows = [
+            [name, _significant(float(value)), _significant(float(std)), words]
+            for name, value, std, words in entries
+        ]
+    columns = [Column("", code=True), *numbers("value", "std"), Column("unit", "u")]
+    caption = (
+        "Dampers parallel to the springs, viscous friction of the motors, delay of the angles."
+    )
+    return table("damper-table", caption, columns, rows)
+
+
+def damped_table(shown: MeasuredChains) -> Table:
+    """Return masses, springs and couplings as the fit with dampers has them."""
+    d = shown.dampers
+    rows: list[list[Cell]] = []
+    if d is not None:
+        rows = [
+            [name, _significant(float(value)), _percent(float(std)), unit(name)]
+            for name, value, std in zip(
+                d.estimate.names, d.estimate.values, d.estimate.relative_std, strict=True
+            )
+        ]
+    columns = [Column("", code=True), *numbers("value", "std"), Column("unit", "u")]
+    return table("damped-table", "The same parameters, fitted with the dampers.", columns, rows)
+
+
+def order_table(shown: MeasuredChains) -> Table:
+    """Return the numbers of masses that were tried."""
+    order = shown.found.order
+    rows: list[list[Cell]] = []
+    if order is not None:
+        for n_masses, cost, score in zip(order.tried, order.costs, order.scores, strict=True):
+            shown_score: Cell = "not all modes clear"
+            if np.isfinite(score):
+                shown_score = _significant(float(score))
+            row: list[Cell] = [Number(str(n_masses), n_masses), _significant(float(cost))]
+            rows.append([*row, shown_score])
+    columns = numbers("masses", "cost", "score")
+    caption = "Sum of squared residuals and score (BIC, its noise enlarged to the best misfit)."
+    return table("order-table", caption, columns, rows)
+
+
+def _poles(shown: MeasuredChains) -> Figure:
+    e, q = shown.frf.estimate, shown.position
+    lines = lines_drawn(e.response.shape)
+    drawing = pole_zero_panels(shown.found.modes, e.omega[lines], e.response[q, lines])
+    alt = "Magnitudes of the motors' own FRFs with their poles and zeros"
+    return figure("poles", drawing, alt, wide=len(shown.found.masses) > 1)
+
+
+def _responses(shown: MeasuredChains) -> Figure:
+    e, q, modes = shown.frf.estimate, shown.position, shown.found.modes
+    kept = e.omega >= modes.data.omega[0]
+    fitted = modes.response if shown.dampers is None else shown.dampers.response
+    drawing = response_panels(
+        e.omega[kept],
+        e.response[q, kept],
+        np.sqrt(e.variance[q, kept]),
+        fitted,
+        shown.frf.motors,
+    )
+    alt = "Magnitudes and phases of the measured frequency responses and of the identified chains"
+    return figure("responses-figure", drawing, alt, wide=len(shown.found.masses) > 2)
+
+
+def _hertz(omega: float, std: float) -> Number:
+    hertz, spread = (float(v) for v in in_hertz(np.array([omega, std])))
+    places = min(text.decimals_for(spread), 6)
+    return Number(f"{text.fixed(hertz, places)} ± {text.significant(spread, 2)}", hertz)
+
+
+def _percent(value: float) -> Cell:
+    return "given" if value == 0 else Number(text.percent(value), value)
+
+
+def _significant(value: float) -> Number:
+    return Number(text.significant(value, 4), value)

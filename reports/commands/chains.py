@@ -1,0 +1,97 @@
+"""``oed chains``: masses, springs and couplings of coupled chains from records."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from reports.commands.options import AsJson, say
+from reports.workers import one_thread_each
+from robotmodels.errors import InvalidInput
+
+if TYPE_CHECKING:
+    from robotmodels.arrays import Array
+
+
+def register(app: typer.Typer) -> None:
+    """Add the command."""
+    app.command()(chains)
+
+
+def chains(
+    records: Annotated[Path, typer.Argument(help="Records: .h5, .mat or .csv.")],
+    masses: Annotated[
+        int | None,
+        typer.Option("-n", "--masses", help="Masses in each chain, N; proposed if not given."),
+    ] = None,
+    position: Annotated[int, typer.Option(min=1, help="Position to use, from 1.")] = 1,
+    motor_inertias: Annotated[
+        str | None,
+        typer.Option(help="Of the motors, where a data sheet says them: 1.3e-3,1.3e-3,1.2e-3."),
+    ] = None,
+    delay: Annotated[float, typer.Option(help="Of the angles after the torques, in s.")] = 0.0,
+    hold: Annotated[
+        bool,
+        typer.Option("--hold/--no-hold", help="Commanded torques are held, measured ones not."),
+    ] = True,
+    output: Annotated[
+        Path | None, typer.Option("-o", "--output", help="Folder; by default that of the records.")
+    ] = None,
+    as_json: AsJson = False,
+) -> None:
+    """Identify masses, springs and couplings of chains from motor torques and angles alone.
+
+    Example: oed chains records.h5 --masses 3
+    """
+    one_thread_each()
+    from estimators.chain_order import WrongModeCount
+    from estimators.exchange import write_frf
+    from oed.measured_chains import measured_chains
+    from oed.study_output import staged_folder
+    from reports.chains_page import write_chains_page, write_modes_page
+    from reports.chains_summary import chains_json, chains_summary, write_chains
+    from reports.progress import progress_bars
+
+    target = (records.parent if output is None else output).resolve()
+    with progress_bars() as progress:
+        try:
+            found = measured_chains(
+                records,
+                masses,
+                position=position - 1,
+                delay=delay,
+                hold=hold,
+                first_masses=_inertias(motor_inertias),
+                progress=progress,
+            )
+        except WrongModeCount as error:
+            with staged_folder(target) as folder:
+                write_modes_page(error, records, folder / "modes.html")
+            raise error.with_picture(target / "modes.html") from None
+        with staged_folder(target) as folder:
+            write_frf(folder / "frf.h5", found.frf.estimate)
+            write_chains(found, folder / "chains.json")
+            write_chains_page(found, records, folder / "chains.html")
+    for warning in found.warnings:
+        typer.echo(f"warning: {warning}", err=True)
+    files = [target / name for name in ("frf.h5", "chains.json", "chains.html")]
+    say(lambda: chains_summary(found, files), lambda: chains_json(found, files), as_json)
+
+
+def _inertias(words: str | None) -> "Array | None":
+    """Return the motors' inertias as an array.
+
+    Raises
+    ------
+    InvalidInput : if they are not numbers.
+    """
+    if words is None:
+        return None
+    import numpy as np
+
+    try:
+        return np.array([float(word) for word in words.split(",")])
+    except ValueError:
+        raise InvalidInput(
+            f"--motor-inertias {words!r}: numbers separated by commas are needed, one per motor"
+        ) from None
