@@ -19,16 +19,14 @@ if TYPE_CHECKING:
 
 # Fewer numbers than this in the Jacobian are faster by numpy than compiled code is loaded.
 WORTHWHILE = 200_000
-# A frozen search need not be better than its equilibria, those of the start in the first round.
-# They are renewed until ln theta moves less, or so often.
-FROZEN_TOLERANCES = 1e-4, 1e-6
-SETTLED = 0.02
-ROUNDS = 6
-# Evaluations with the shift in the gradient only; where it rules the Hessian, as for a hardening
-# gear under its load, the search then goes on with exact derivatives.
-LAST = 15
+# A first search need not be better than the equilibria of its start.
+ROUGH = 1e-4
+# Renewals of the equilibria. Two or three do; more are needed where their shift rules the Hessian,
+# as for a hardening gear under its load: the search then goes on with exact derivatives.
+ROUNDS = 8
 # Halvings of the way to a point where the robot has no equilibrium.
 HALVINGS = 8
+OUT_OF_EVALUATIONS = "The maximum number of function evaluations is exceeded"
 _KERNEL_RESIDUALS: dict[str, Residual] = {
     "nls": "nls",
     "lls": "lls",
@@ -55,9 +53,12 @@ def frozen_search(
 ) -> Outcome:
     """Search as `exact_search` does, ten times faster.
 
-    While the search is far from its end, static equilibria are held where they are and only now
-    and then found anew; the model then costs a few multiplications of small matrices. The end is
-    exact: cost and gradient include the shift of the equilibria, only the Hessian leaves it out.
+    Equilibria are found at one point, and held there while a trust region minimises
+    V(x; equilibria held) + s^T x, with s the gradient through the equilibria at that point: a model
+    of V that is exact in cost and gradient there and costs a few products of small matrices. Its
+    minimum is the next point, until a minimum is the point itself: there cost and gradient of V
+    are exact (the first-order corrected models of Alexandrov and Lewis 2001). The first time, far
+    away, s is left out.
 
     Parameters
     ----------
@@ -67,26 +68,23 @@ def frozen_search(
     ------
     IdentificationError : if the model has no FRF at the start.
     """
-    values, spent = start, 0
+    values, spent, cost = start, 0, np.inf
     for nth in range(ROUNDS):
-        limit = max_evaluations - spent - 2
-        if limit < 2:
-            break
-        frozen = _Frozen(problem, network)
-        rough = FROZEN_TOLERANCES[min(nth, 1)]
-        found = trust_region(problem, frozen, values, limit, max(tolerance, rough))
+        model = CorrectedModel(problem, network, corrected=nth > 0)
+        allowed = max(tolerance, ROUGH) if nth == 0 else tolerance
+        found = trust_region(problem, model, values, max(max_evaluations - spent, 2), allowed)
         spent += found.evaluations
-        before = values
+        end = replace(found, evaluations=spent)
+        if nth and (found.status == 0 or model.cost - found.cost <= tolerance * found.cost):
+            return end
+        if spent > max_evaluations - 2:
+            return replace(end, status=0, message=OUT_OF_EVALUATIONS)
+        if nth and model.cost > cost * (1 + tolerance):
+            break
+        cost = model.cost if nth else cost
         values, network = _reachable(problem, values, found.values, network)
-        if np.abs(np.log(values / before)).max() < SETTLED:
-            break
-    limit = max(max_evaluations - spent, 2)
-    found = trust_region(problem, _Exact(problem), values, min(limit, LAST), tolerance)
-    spent += found.evaluations
-    if found.status == 0 and spent < max_evaluations:
-        found = exact_search(problem, found.values, max_evaluations - spent, tolerance)
-        spent += found.evaluations
-    return replace(found, evaluations=spent)
+    found = exact_search(problem, values, max_evaluations - spent, tolerance)
+    return replace(found, evaluations=spent + found.evaluations)
 
 
 def squares(normal: NormalEquations) -> tuple[Array, Array]:
@@ -109,8 +107,8 @@ def squares(normal: NormalEquations) -> tuple[Array, Array]:
     root = np.sqrt(np.where(seen, values, 1.0))
     r = np.where(seen, vectors.T @ (normal.gradient / 2 / size) / root, 0.0)
     J = np.where(seen, root, 0.0)[:, None] * vectors.T * size
-    # A gradient with more than the Hessian's own derivatives in it may ask for more than the
-    # whole cost: a larger Hessian asks for less.
+    # A gradient through the equilibria may ask for more than the whole cost: a larger Hessian asks
+    # for less.
     if normal.cost > 0 and r @ r > 0.99 * normal.cost:
         excess = np.sqrt(r @ r / (0.99 * normal.cost))
         r, J = r / excess, J * excess
@@ -118,32 +116,32 @@ def squares(normal: NormalEquations) -> tuple[Array, Array]:
     return np.append(r, rest), np.vstack([J, np.zeros(len(values))])
 
 
-class _Frozen:
-    """Residuals and Jacobian equivalent to the cost about the equilibria of one network."""
+class CorrectedModel:
+    """Residuals and Jacobian equivalent to the cost about the equilibria of one network.
 
-    def __init__(self, problem: Problem, network: SpringNetwork) -> None:
+    Attributes
+    ----------
+    cost : at the network's own parameters.
+    """
+
+    def __init__(self, problem: Problem, network: SpringNetwork, corrected: bool) -> None:
         self.problem = problem
+        self.centre = network.parameters.values
         self.kernel = _kernel(problem, network)
+        self.shift = np.zeros(len(self.centre))
+        if corrected:
+            self.shift = sag_gradient(problem, network)
+        self.cost = np.nan
 
     def __call__(self, values: Array) -> tuple[Array, Array]:
+        """Return residuals (p + 1,) and their Jacobian by ln theta at `values` (p,)."""
         found = self.kernel.normal_equations(values)
-        return squares(_with_prior(self.problem, values, found))
-
-
-class _Exact:
-    """The same about the equilibria of every point, whose shift is part of the gradient."""
-
-    def __init__(self, problem: Problem) -> None:
-        self.problem = problem
-        self.kernel: CostKernel | None = None
-
-    def __call__(self, values: Array) -> tuple[Array, Array]:
-        network = _network(self.problem, values)
-        kernel = self.kernel
-        self.kernel = _kernel(self.problem, network) if kernel is None else kernel.at(network)
-        found = self.kernel.normal_equations(values)
-        found = replace(found, gradient=found.gradient + sag_gradient(self.problem, network))
-        return squares(_with_prior(self.problem, values, found))
+        linear = float(self.shift @ np.log(values / self.centre))
+        found = replace(found, cost=found.cost + linear, gradient=found.gradient + self.shift)
+        found = _with_prior(self.problem, values, found)
+        if np.isnan(self.cost):
+            self.cost = found.cost
+        return squares(found)
 
 
 def _kernel(problem: Problem, network: SpringNetwork) -> "CostKernel":

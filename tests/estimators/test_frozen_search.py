@@ -4,7 +4,7 @@ from test_least_squares import MODEL, noisy
 
 from estimators import Prior, fit, simulate_frf
 from estimators.cost import stated
-from estimators.frozen_search import _Exact, _Frozen, can_freeze, frozen_search, squares
+from estimators.frozen_search import CorrectedModel, can_freeze, frozen_search, squares
 from estimators.trust_region import exact_search
 from robotmodels import InvalidInput, RelativeNoise, SolverFailed, load_robot
 from robotmodels.normal_equations import NormalEquations
@@ -46,13 +46,13 @@ def test_cost_and_gradient_are_those_of_the_whitened_residuals(robot, estimate, 
     problem = stated(robot, estimate, residual, "user", BOUNDS, None, known(robot))
     values = far(robot)
     f, slope = problem.evaluate(values)
-    r, J = _Exact(problem)(values)
+    network = robot.network(estimate.positions, values)
+    r, J = CorrectedModel(problem, network, corrected=True)(values)
     assert np.isclose(r @ r, f @ f, rtol=1e-12)
     gradient = slope.T @ f
     assert np.abs(J.T @ r - gradient).max() < 1e-9 * np.abs(gradient).max()
     # Frozen equilibria give the same cost, and a gradient that lacks the shift.
-    network = robot.network(estimate.positions, values)
-    r, J = _Frozen(problem, network)(values)
+    r, J = CorrectedModel(problem, network, corrected=False)(values)
     assert np.isclose(r @ r, f @ f, rtol=1e-12)
     apart = np.abs(J.T @ r - gradient).max() / np.abs(gradient).max()
     assert 1e-6 < apart < 0.05
