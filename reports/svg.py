@@ -118,7 +118,7 @@ def _compact(svg: str, name: str, alt: str) -> str:
     width, height = re.findall(r'(?:width|height)="([\d.]+)pt"', svg)[:2]
     head = (
         f'<svg viewBox="0 0 {width} {height}" role="img" aria-label="{escape(alt)}" '
-        f'style="max-width: {float(width) * 4 / 3:.0f}px">'
+        f'style="--width: {float(width):.0f}; max-width: {float(width) * 4 / 3:.0f}px">'
     )
     return head + rules + svg[svg.index(">") + 1 :]
 

@@ -1,0 +1,43 @@
+"""Debian's Chromium, driven by playwright."""
+
+import os
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import pytest
+
+CHROMIUM = Path("/usr/bin/chromium")
+
+
+@contextmanager
+def open_page(path: Path, width: int, height: int, **options) -> Iterator:
+    """Give a page of a file and a list of what went wrong: messages, errors, requests."""
+    from playwright.sync_api import sync_playwright
+
+    if not CHROMIUM.exists():
+        if os.environ.get("CI") == "true":
+            pytest.fail(f"{CHROMIUM} is absent; .ci/run installs it")
+        pytest.skip(f"{CHROMIUM} is absent")
+    with sync_playwright() as playwright:
+        browser = playwright.chromium.launch(
+            executable_path=str(CHROMIUM),
+            args=["--no-sandbox", "--disable-gpu", "--disable-background-networking"],
+        )
+        try:
+            context = browser.new_context(
+                viewport={"width": width, "height": height}, accept_downloads=True, **options
+            )
+            page, wrong = context.new_page(), []
+            page.on("console", lambda message: wrong.append(f"console: {message.text}"))
+            page.on("pageerror", lambda error: wrong.append(f"error: {error}"))
+            page.on("request", lambda request: _note_request(request.url, wrong))
+            page.goto(path.resolve().as_uri())
+            yield page, wrong
+        finally:
+            browser.close()
+
+
+def _note_request(url: str, wrong: list[str]) -> None:
+    if not url.startswith(("file:", "data:", "blob:")):
+        wrong.append(f"request: {url}")
