@@ -13,6 +13,7 @@ from estimators.compare import Comparison, Loop, compare_methods, designed_loop,
 from estimators.covariance import Uncertainty, covariance
 from estimators.cross_check import CrossCheck, cross_check
 from estimators.damper_fit import DamperFit, fit_dampers
+from estimators.design_outcome import DesignOutcome, compare_with_design
 from estimators.distortion import Distortion, distortion
 from estimators.exchange import (
     read_distortion,
@@ -24,6 +25,12 @@ from estimators.exchange import (
 )
 from estimators.fit_files import read_fits, write_fits
 from estimators.frf_estimate import FrfEstimate, simulate_frf
+from estimators.identifiability import (
+    Identifiability,
+    best_additions,
+    fit_information,
+    identifiability,
+)
 from estimators.information import information
 from estimators.least_squares import Fit, fit, reweighted
 from estimators.local_model import local_frf
@@ -47,11 +54,13 @@ __all__ = [
     "Comparison",
     "CrossCheck",
     "DamperFit",
+    "DesignOutcome",
     "Distortion",
     "EarlyStop",
     "Fit",
     "FrfEstimate",
     "FrfExperiment",
+    "Identifiability",
     "ImportanceSample",
     "Loop",
     "MonteCarlo",
@@ -62,9 +71,11 @@ __all__ = [
     "RigidLimit",
     "Settling",
     "Uncertainty",
+    "best_additions",
     "check_rigid_limit",
     "combined_weights",
     "compare_methods",
+    "compare_with_design",
     "covariance",
     "cross_check",
     "designed_loop",
@@ -72,6 +83,8 @@ __all__ = [
     "estimate_frf",
     "fit",
     "fit_dampers",
+    "fit_information",
+    "identifiability",
     "identify_chains",
     "importance_sample",
     "information",
