@@ -21,8 +21,8 @@ if TYPE_CHECKING:
 WORTHWHILE = 200_000
 # A first search need not be better than the equilibria of its start.
 ROUGH = 1e-4
-# Renewals of the equilibria. Two or three do; more are needed where their shift rules the Hessian,
-# as for a hardening gear under its load: the search then goes on with exact derivatives.
+# Renewals of the equilibria. Two or three do; where springs are so soft that more are needed, the
+# search goes on with exact derivatives.
 ROUNDS = 8
 # Halvings of the way to a point where the robot has no equilibrium.
 HALVINGS = 8
@@ -35,11 +35,16 @@ _KERNEL_RESIDUALS: dict[str, Residual] = {
 
 
 def can_freeze(problem: Problem, network: SpringNetwork) -> bool:
-    """Tell whether a problem is one for the compiled normal equations, and large enough."""
+    """Tell whether a problem is one for the compiled normal equations, and large enough.
+
+    The slope of a hardening spring follows its load: frozen equilibria would lead astray.
+    """
     shape = problem.estimate.response.shape
     if problem.loss != "linear" or is_full(problem.weights, shape):
         return False
     if not network.only_springs or network.measurement is not None:
+        return False
+    if not np.isin(network.exponents, (0.0, 1.0)).all():
         return False
     return int(np.prod(shape)) * len(network.parameters) >= WORTHWHILE
 

@@ -85,6 +85,13 @@ def test_large_problems_of_springs_take_the_fast_way(robot, estimate, monkeypatc
     assert not can_freeze(robust, network)
     eyes = np.broadcast_to(np.eye(36) + 0j, (3, 20, 36, 36))
     assert not can_freeze(stated(robot, estimate, "nls", eyes, BOUNDS), network)
+    hardening = load_robot("manutec_r3_hardening")
+    frfs = simulate_frf(
+        hardening, np.zeros((1, 6)), OMEGA, RelativeNoise(), np.random.default_rng(0)
+    )
+    assert not can_freeze(
+        stated(hardening, frfs, "lls", "user", BOUNDS), hardening.network(np.zeros((1, 6)))
+    )
     asked = []
     monkeypatch.setattr(
         "estimators.search.frozen_search", lambda *a: asked.append(1) or frozen_search(*a)
