@@ -60,6 +60,14 @@ class DamperFit:
         return float(self.fit.parameters.values[-1] * self.uncertainty.std[-1])
 
     @property
+    def misfit(self) -> float:
+        """Cost over its expectation, as `FittedModes.misfit`."""
+        cost, weights = self.fit.cost, np.asarray(self.fit.weights)
+        expected = float(np.sum(self.fit.estimate.variance * weights))
+        size = 2 * self.fit.estimate.response.size
+        return cost / (expected * max(size - len(self.fit.parameters), 1) / size)
+
+    @property
     def response(self) -> ComplexArray:
         """The fitted FRFs, (F, M, M)."""
         return self.model.linear_model().frequency_response(self.fit.estimate.omega)

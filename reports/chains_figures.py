@@ -5,15 +5,17 @@ from collections.abc import Callable
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.ticker import FuncFormatter, MaxNLocator, NullFormatter
+from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullFormatter
 
+from estimators.modal_model import modal_response
 from estimators.modes import FittedModes
 from reports.frf_figures import decibels
 from reports.svg import Palette
 from reports.text import fixed
 from robotmodels.arrays import Array, ComplexArray
 
-_COLUMNS = 2
+_COLUMNS = 3
+_POINTS = 800  # of a model's curve
 
 
 def pole_zero_panels(
@@ -26,15 +28,15 @@ def pole_zero_panels(
     modes : that were fitted.
     omega, response : (F,) and (F, M, M) measured, lines left out included.
     """
+    dense = np.geomspace(omega[0], omega[-1], _POINTS)
+    own = np.diagonal(modal_response(modes.x, modes.layout, dense), axis1=1, axis2=2)
+    fitted = decibels(np.abs(own))
 
     def draw(palette: Palette) -> Figure:
         figure, panels = _canvas(response.shape[1])
         for i, axes in enumerate(panels[: response.shape[1]]):
             _curve(axes, omega, response[:, i, i], palette)
-            hertz = modes.data.omega / (2 * np.pi)
-            axes.plot(
-                hertz, decibels(np.abs(modes.response[:, i, i])), color=palette.second, lw=0.9
-            )
+            axes.plot(dense / (2 * np.pi), fitted[:, i], color=palette.second, lw=0.7)
             low, high = axes.get_ylim()
             places = (
                 (modes.omega, "x", palette.ink, low + 0.10 * (high - low)),
@@ -71,7 +73,7 @@ def found_panels(omega: Array, response: ComplexArray, found: Array) -> Callable
 def _canvas(chains: int) -> tuple[Figure, list[Axes]]:
     columns = min(chains, _COLUMNS)
     rows = -(-chains // columns)
-    width = 6.2 if columns == 1 else 0.9 + 3.4 * columns
+    width = 6.2 if columns == 1 else 0.9 + (3.4 if columns == 2 else 2.9) * columns
     figure = Figure(figsize=(width, 0.5 + 2.3 * rows), layout="constrained")
     panels = figure.subplots(rows, columns, sharex=True, squeeze=False)
     for axes in panels.flat[chains:]:
@@ -85,9 +87,10 @@ def _curve(axes: Axes, omega: Array, response: ComplexArray, palette: Palette) -
     axes.grid(True)
     axes.set_axisbelow(True)
     axes.plot(
-        omega / (2 * np.pi), decibels(np.abs(response)), ".", color=palette.accent, ms=2.2, mew=0
+        omega / (2 * np.pi), decibels(np.abs(response)), ".", color=palette.accent, ms=3, mew=0
     )
     axes.set_xscale("log")
+    axes.xaxis.set_major_locator(LogLocator(subs=(1, 2, 5)))
     axes.xaxis.set_major_formatter(FuncFormatter(lambda x, _: f"{x:g}"))
     axes.xaxis.set_minor_formatter(NullFormatter())
     axes.yaxis.set_major_locator(MaxNLocator(5))

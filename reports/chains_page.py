@@ -4,6 +4,7 @@ from pathlib import Path
 
 import numpy as np
 
+from estimators.chain_maps import ChainLayout
 from estimators.chain_order import WrongModeCount
 from oed.measured_chains import MeasuredChains
 from reports import text
@@ -13,6 +14,8 @@ from reports.page_budget import lines_drawn
 from reports.parts import Cell, Column, Figure, Number, Section, Table, figure, numbers, table
 from reports.response_panels import response_panels
 from reports.template import filled, page
+
+_CLEARLY_WORSE = 1.5  # misfit of the fit with dampers over that of the modes
 
 
 def write_chains_page(shown: MeasuredChains, source: Path, path: Path) -> None:
@@ -56,16 +59,26 @@ def write_modes_page(error: WrongModeCount, source: Path, path: Path) -> None:
 
 def chains_sections(shown: MeasuredChains, source: Path) -> list[Section]:
     """Return the sections of the page."""
+    found = shown.found
     parts: list[tuple[str, str, dict[str, object]]] = [
         ("summary", "Summary", {"facts": _facts(shown), "source": source}),
         ("parameters", "Parameters", {"estimates": parameter_table(shown)}),
         ("modes", "Poles and zeros", {"panels": _poles(shown), "modes": mode_table(shown)}),
-        ("responses", "Frequency responses", {"panels": _responses(shown)}),
+        (
+            "responses",
+            "Frequency responses",
+            {"panels": _responses(shown), "words": _fitted_words(shown)},
+        ),
     ]
     if shown.dampers is not None:
-        damped = {"dampers": damper_table(shown), "estimates": damped_table(shown)}
+        ratio = worse_with_dampers(shown)
+        damped = {
+            "dampers": damper_table(shown),
+            "estimates": damped_table(shown),
+            "worse": text.significant(ratio, 2) if ratio else "",
+        }
         parts.insert(2, ("dampers", "Dampers", dict(damped)))
-    if shown.found.order is not None:
+    if found.order is not None:
         parts.append(("order", "Number of masses", {"orders": order_table(shown)}))
     return [
         Section(name, title, filled(f"chains_{name}.html.j2", shown=shown, **contents))
@@ -89,17 +102,25 @@ def _facts(shown: MeasuredChains) -> dict[str, str]:
     }
 
 
+def worse_with_dampers(shown: MeasuredChains) -> float:
+    """Return the misfit with dampers over that of the modes if it is clearly more, or 0."""
+    if shown.dampers is None:
+        return 0.0
+    ratio = shown.dampers.misfit / max(shown.found.modes.misfit, 1e-300)
+    return ratio if ratio > _CLEARLY_WORSE else 0.0
+
+
 def parameter_table(shown: MeasuredChains) -> Table:
     """Return masses, springs and couplings by both routes, with their standard deviations."""
     found = shown.found
     e, inverse = found.structured, found.inverse
-    rows: list[list[Cell]] = []
+    rows: list[tuple[Cell, ...]] = []
     for k, name in enumerate(e.names):
         row: list[Cell] = [name]
         for estimate in (e, inverse):
             value, std = float(estimate.values[k]), float(estimate.relative_std[k])
             row += [Number(text.significant(value, 4), value), _percent(std)]
-        rows.append([*row, unit(name)])
+        rows.append((*row, unit(name)))
     columns = [
         Column("", code=True),
         *numbers("value", "std", "inverse problem", "std"),
@@ -109,7 +130,22 @@ def parameter_table(shown: MeasuredChains) -> Table:
         "Maximum likelihood with damping free mode by mode, and the inverse eigenvalue problem it "
         "began from."
     )
-    return table("parameter-table", caption, columns, rows)
+    return Table("parameter-table", caption, tuple(columns), _by_chain(e.layout, rows))
+
+
+def _by_chain(
+    layout: ChainLayout, rows: list[tuple[Cell, ...]]
+) -> tuple[tuple[str, tuple[tuple[Cell, ...], ...]], ...]:
+    """Return the rows of each chain's masses and springs, then those of the couplings."""
+    m, n = layout.chains, layout.masses
+    groups = []
+    for i in range(m):
+        masses = rows[i * n : (i + 1) * n]
+        springs = rows[m * n + i * (n - 1) : m * n + (i + 1) * (n - 1)]
+        groups.append((f"Chain {i + 1}", tuple(masses + springs)))
+    if m > 1:
+        groups.append(("Couplings", tuple(rows[layout.positive :])))
+    return tuple(groups)
 
 
 def mode_table(shown: MeasuredChains) -> Table:
@@ -127,9 +163,9 @@ def mode_table(shown: MeasuredChains) -> Table:
             for i in range(len(modes.zeros))
         ]
         rows.append(row)
-    chains = [f"zero of chain {i + 1} [Hz]" for i in range(len(modes.zeros))]
-    columns = numbers("mode", "pole [Hz]", "damping", *chains)
-    caption = "Undamped frequencies of poles and zeros, with one standard deviation."
+    chains = [f"zero, chain {i + 1}" for i in range(len(modes.zeros))]
+    columns = numbers("mode", "pole", "damping", *chains)
+    caption = "Undamped frequencies of poles and zeros [Hz], with one standard deviation."
     return table("mode-table", caption, columns, rows)
 
 
@@ -208,7 +244,9 @@ def _poles(shown: MeasuredChains) -> Figure:
 def _responses(shown: MeasuredChains) -> Figure:
     e, q, modes = shown.frf.estimate, shown.position, shown.found.modes
     kept = e.omega >= modes.data.omega[0]
-    fitted = modes.response if shown.dampers is None else shown.dampers.response
+    fitted = modes.response
+    if shown.dampers is not None and not worse_with_dampers(shown):
+        fitted = shown.dampers.response
     drawing = response_panels(
         e.omega[kept],
         e.response[q, kept],
@@ -220,9 +258,14 @@ def _responses(shown: MeasuredChains) -> Figure:
     return figure("responses-figure", drawing, alt, wide=len(shown.found.masses) > 2)
 
 
+def _fitted_words(shown: MeasuredChains) -> str:
+    with_dampers = shown.dampers is not None and not worse_with_dampers(shown)
+    return "chains with their dampers" if with_dampers else "modes"
+
+
 def _hertz(omega: float, std: float) -> Number:
     hertz, spread = (float(v) for v in in_hertz(np.array([omega, std])))
-    places = min(text.decimals_for(spread), 6)
+    places = min(text.decimals_for(spread), 5)
     return Number(f"{text.fixed(hertz, places)} ± {text.significant(spread, 2)}", hertz)
 
 
