@@ -66,8 +66,21 @@ def plan(run: Run, info: Stage[InformationSet]) -> Stage[Plan]:
     choice = run.study.design
 
     def compute(folder: Path, report: Report | None) -> Plan:
-        design = optimal_design(info.value, choice.criterion, tolerance=choice.tolerance)
-        return Plan(design, exact_design(info.value, choice.experiments, design=design))
+        design = optimal_design(
+            info.value,
+            choice.wanted(),
+            choice.constraints(),
+            tolerance=choice.tolerance,
+            solver=choice.solver,
+        )
+        exact = exact_design(
+            info.value,
+            choice.experiments,
+            design,
+            criterion=choice.wanted(),
+            constraints=choice.constraints(),
+        )
+        return Plan(design, exact)
 
     inputs = {"information": info.digest, **run.settings("design")}
     return run.stages.run("design", inputs, compute, dataclass_files(Plan))

@@ -10,7 +10,12 @@
     noise: {relative: 0.03, floor: 0.01}     # parts of an element and of the largest element
     candidates: {per_joint: {elbow_joint: 5}, limits: {elbow_joint: [-2.5, 2.5]}}    # and more,
                                  # see `oed.candidates_section`
-    design: {criterion: D, experiments: 15, tolerance: 1.0e-6}
+    design:
+      criterion: D               # A, E; or Ds, As with  interest: [g1.stiffness, ...]
+      experiments: 15
+      most: 1                    # in one position; left out: any number
+      tolerance: 1.0e-6          # certified gap
+      solver: cvxpy              # or newton, which is faster and takes every criterion but E
     data:                        # left out: FRFs with that noise; one of the first three
       experiment: {...}          # simulated in closed loop, keys as in an experiment file
       records: records.h5        # measured
@@ -36,7 +41,7 @@ With measured data, the positions are those of the data: `candidates` is left ou
 
 import math
 from pathlib import Path
-from typing import Annotated, Literal, Self
+from typing import TYPE_CHECKING, Annotated, Literal, Self
 
 import numpy as np
 from pydantic import Field, NonNegativeFloat, PositiveFloat, PositiveInt, model_validator
@@ -49,6 +54,10 @@ from robotmodels.arrays import Array
 from robotmodels.errors import nearest
 from robotmodels.files import Strict, read_yaml
 from robotmodels.noise import RelativeNoise
+
+if TYPE_CHECKING:
+    from oed.constraints import Constraints
+    from oed.criteria import Criterion
 
 Residual = Literal["nls", "lls", "lls_magnitude"]
 Index = Annotated[int, Field(ge=0)]
@@ -92,11 +101,42 @@ class Noise(Strict):
 
 
 class DesignChoice(Strict):
-    """The criterion, the number of experiments, and the certified gap to reach."""
+    """What to maximise, how many experiments, how many in one position, which gap to certify.
 
-    criterion: Literal["D"] = "D"
+    Ds and As judge the parameters of `interest` only; the others are nuisance.
+    """
+
+    criterion: Literal["D", "A", "E", "Ds", "As"] = "D"
+    interest: tuple[str, ...] = ()
     experiments: PositiveInt = 15
+    most: PositiveInt | None = None
     tolerance: PositiveFloat = 1e-6
+    solver: Literal["cvxpy", "newton"] = "cvxpy"
+
+    @model_validator(mode="after")
+    def _interest(self) -> Self:
+        if (self.criterion in ("Ds", "As")) != bool(self.interest):
+            needed = "needs" if self.criterion in ("Ds", "As") else "has no"
+            raise ValueError(
+                f"interest: criterion {self.criterion} {needed} parameters of interest"
+            )
+        return self
+
+    def wanted(self) -> "str | Criterion":
+        """Return the criterion."""
+        from oed.criteria import AsCriterion, DsCriterion
+
+        if self.criterion == "Ds":
+            return DsCriterion(self.interest)
+        return AsCriterion(self.interest) if self.criterion == "As" else self.criterion
+
+    def constraints(self) -> "Constraints | None":
+        """Return the limits on experiments; None where shares need only sum to one."""
+        from oed.constraints import Constraints
+
+        if self.most is None:
+            return None
+        return Constraints(experiments=self.experiments, most=self.most)
 
 
 class DataChoice(Strict):

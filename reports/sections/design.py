@@ -13,9 +13,9 @@ def section(results: StudyResults) -> Section | None:
     design = results.design
     sensitivity = figure(
         "sensitivity",
-        figures.sensitivity_function(design.sensitivity, design.support),
-        "Sensitivity of every candidate position in falling order; none exceeds one, "
-        "and the positions of the design reach it",
+        # Per share of all experiments, whether weights are shares or experiments.
+        figures.sensitivity_function(design.sensitivity * design.weights.sum(), design.support),
+        "Sensitivity of every candidate position in falling order, those of the design marked",
     )
     body = filled(
         "design.html.j2",

@@ -57,7 +57,7 @@ def position_table(results: StudyResults) -> Table:
         words = text.places(position, straight)
         row += [Number(word, float(value)) for word, value in zip(words, position, strict=True)]
         if not measured:
-            share = float(results.design.weights[i])
+            share = float(results.design.weights[i] / results.design.weights.sum())
             row.append(Number(text.fixed(share, 4) if share else "–", share))
         count = int(results.exact.repetitions[i])
         rows.append([*row, Number(str(count), count)])
