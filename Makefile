@@ -27,6 +27,7 @@ slow: $(VENV)/installed
 bench: $(VENV)/installed
 	$(BIN)/python benchmarks/linearisation.py
 	$(BIN)/python benchmarks/fits.py
+	$(BIN)/python benchmarks/multistart.py
 	$(BIN)/python benchmarks/plant.py
 
 docs: $(VENV)/installed
