@@ -46,11 +46,7 @@ class Solution:
     row_multipliers: Array
     rounds: int
     solver: str
-
-    @property
-    def support(self) -> IntArray:
-        """Candidates with a positive weight."""
-        return np.flatnonzero(self.weights)
+    by_derivative: bool
 
 
 @dataclass(frozen=True, eq=False)
@@ -109,25 +105,24 @@ def solve(
 
 
 def _with_derivative(problem: Problem, solution: Solution) -> Solution:
-    """Return the solution certified by the derivative at its weights, where that is unique.
+    """Return the solution certified by the derivative at its weights, where there is one.
 
     That is what anybody finds who checks the weights; it asks more of them than the solver's
     witness does, for weights near the best ones may have a poor derivative.
     """
-    information = problem.information(solution.weights)
-    if not problem.objective.smooth or len(problem.objective.groups) > 1:
+    one_group = len(problem.objective.groups) == 1
+    if solution.by_derivative or not (problem.objective.smooth and one_group):
         return solution
-    witness = problem.objective.witness(information)
-    certificate = certify(
-        solution.weights,
-        problem.candidates,
-        problem.objective,
-        problem.allowed,
-        problem.prior,
-        witness,
-        solution.row_multipliers,
-    )
-    return replace(solution, certificate=certificate, witness=witness)
+    witness = problem.objective.witness(problem.information(solution.weights))
+    certificate = _certificate(problem, solution.weights, witness, solution.row_multipliers)
+    return replace(solution, certificate=certificate, witness=witness, by_derivative=True)
+
+
+def _certificate(
+    problem: Problem, weights: Array, witness: tuple[Array, ...], multipliers: Array
+) -> Certificate:
+    p = problem
+    return certify(weights, p.candidates, p.objective, p.allowed, p.prior, witness, multipliers)
 
 
 def _round(
@@ -140,18 +135,11 @@ def _round(
     shares = _trimmed(inner, answer, min(tolerance, 1e-6))
     weights = allowed.lower.copy()
     weights[active] += shares * scaled.units[active]
-    witness = scaled.coordinates.witness(scaled.objective, answer.witness)
+    white, same = _at(inner, shares, answer.witness)
+    witness = scaled.coordinates.witness(scaled.objective, white)
     multipliers = answer.row_multipliers[: len(allowed.rows)] / row_scales
-    certificate = certify(
-        weights,
-        problem.candidates,
-        problem.objective,
-        allowed,
-        problem.prior,
-        witness,
-        multipliers,
-    )
-    solution = Solution(weights, certificate, witness, multipliers, done, answer.solver)
+    certificate = _certificate(problem, weights, witness, multipliers)
+    solution = Solution(weights, certificate, witness, multipliers, done, answer.solver, same)
     excess = (certificate.prices - multipliers @ allowed.rows) * scaled.units
     excess[active] = -np.inf
     excess[allowed.upper <= allowed.lower] = -np.inf
@@ -162,6 +150,21 @@ def _round(
         return solution, None
     used = active[shares > 0]
     return solution, _distinct(scaled, np.concatenate([used, worst]), len(used) + size)
+
+
+def _at(
+    inner: InnerProblem, shares: Array, witness: tuple[Array, ...]
+) -> tuple[tuple[Array, ...], bool]:
+    """Return the derivative at the shares and True, if it is the solver's witness but for rounding.
+
+    That saves to price all candidates by both.
+    """
+    if len(inner.objective.groups) > 1 or not inner.objective.smooth:
+        return witness, False
+    derivative = inner.objective.witness(inner.information(shares))
+    pairs = zip(derivative, witness, strict=True)
+    same = all(np.abs(a - b).max() <= 1e-6 * np.abs(b).max() for a, b in pairs)
+    return (derivative, True) if same else (witness, False)
 
 
 def _scaled(problem: Problem) -> _Scaled:

@@ -1,7 +1,8 @@
 """Information of more candidates than memory holds: a file of packed matrices, read in chunks.
 
-After a header of one line of JSON, padded to `_HEADER` bytes, follow the positions, (Q, n), and the
-upper triangles of the matrices, (Q, p (p + 1) / 2), all float64 of this machine. Pages are mapped,
+After a header of one line of JSON, padded to `_HEADER` bytes, follow the sum of all matrices, the
+positions, (Q, n), and the matrices, (Q, p (p + 1) / 2), all float64 of this machine; of matrices
+the upper triangles. Pages are mapped,
 used once and given back, so that a pass over gigabytes keeps the process at tens of megabytes.
 """
 
@@ -60,7 +61,8 @@ class StoredInformation:
             known = False
         if not known:
             raise InvalidInput(f"{source}: not an information store ({_FORMAT})")
-        needed = _HEADER + 8 * shape[0] * (shape[1] + _packed_size(len(names)))
+        size = _packed_size(len(names))
+        needed = _HEADER + 8 * (size + shape[0] * (shape[1] + size))
         found = source.stat().st_size
         if found != needed:
             raise InvalidInput(f"{source}: {found} bytes, {needed} are needed; it is cut off")
@@ -77,12 +79,12 @@ class StoredInformation:
     @property
     def positions(self) -> Array:
         """All positions, (Q, n) [rad], mapped and not read."""
-        return np.memmap(self.path, np.float64, "r", _HEADER, self.shape)
+        return np.memmap(self.path, np.float64, "r", _HEADER + 8 * self._size, self.shape)
 
     @cached_property
     def total(self) -> Array:
         """The sum of all candidates' information, (p, p)."""
-        return self._unpacked(sum(part.sum(axis=0) for _, part in self._parts()))
+        return self._unpacked(np.fromfile(self.path, np.float64, self._size, offset=_HEADER))
 
     @property
     def rank(self) -> int:
@@ -135,7 +137,7 @@ class StoredInformation:
 
     @property
     def _offset(self) -> int:
-        return _HEADER + 8 * self.shape[0] * self.shape[1]
+        return _HEADER + 8 * (self._size + self.shape[0] * self.shape[1])
 
     def _parts(self) -> Iterator[tuple[int, Array]]:
         """Yield packed chunks that are valid until the next one only."""
@@ -188,6 +190,8 @@ class StoreWriter:
         except OSError as error:
             raise InvalidInput(f"{path}: cannot be written: {error.strerror}") from error
         self._file.write(line.ljust(_HEADER))
+        self._total = np.zeros(_packed_size(len(self._names)))
+        self._file.write(self._total.tobytes())  # once more at the end, when it is known
         self._file.write(np.ascontiguousarray(positions, dtype=np.float64).tobytes())
 
     def append(self, matrices: Array) -> None:
@@ -201,6 +205,7 @@ class StoreWriter:
         rows, columns = np.triu_indices(len(self._names))
         packed = 0.5 * (matrices[:, rows, columns] + matrices[:, columns, rows])
         self._file.write(np.ascontiguousarray(packed).tobytes())
+        self._total += packed.sum(axis=0)
         self._written += len(matrices)
 
     def __enter__(self) -> "StoreWriter":
@@ -212,6 +217,8 @@ class StoreWriter:
         error: BaseException | None,
         trace: TracebackType | None,
     ) -> None:
+        self._file.seek(_HEADER)
+        self._file.write(self._total.tobytes())
         self._file.close()
         if kind is not None:
             self._part.unlink()
