@@ -37,11 +37,20 @@ from estimators.local_model import local_frf
 from estimators.monte_carlo import FrfExperiment, MonteCarlo, monte_carlo
 from estimators.multistart import EarlyStop, multistart, perturbed_starts
 from estimators.nonparametric import estimate_frf
+from estimators.prediction import (
+    FrfBand,
+    ModeBand,
+    WorkspaceMap,
+    predict_frf,
+    predict_modes,
+    workspace_map,
+)
 from estimators.priors import Prior
 from estimators.residual_analysis import ResidualAnalysis, residual_analysis
 from estimators.residuals import lls, lls_magnitude, nls
 from estimators.rigid_limit import RigidLimit, check_rigid_limit
 from estimators.stationarity import Settling, settling
+from estimators.validation import Validation, validate
 from estimators.weights import combined_weights, optimal_weights, user_weights
 
 if TYPE_CHECKING:
@@ -58,11 +67,13 @@ __all__ = [
     "Distortion",
     "EarlyStop",
     "Fit",
+    "FrfBand",
     "FrfEstimate",
     "FrfExperiment",
     "Identifiability",
     "ImportanceSample",
     "Loop",
+    "ModeBand",
     "MonteCarlo",
     "Posterior",
     "Prior",
@@ -71,6 +82,8 @@ __all__ = [
     "RigidLimit",
     "Settling",
     "Uncertainty",
+    "Validation",
+    "WorkspaceMap",
     "best_additions",
     "check_rigid_limit",
     "combined_weights",
@@ -97,6 +110,8 @@ __all__ = [
     "nls",
     "optimal_weights",
     "perturbed_starts",
+    "predict_frf",
+    "predict_modes",
     "profile_likelihood",
     "read_distortion",
     "read_fits",
@@ -108,6 +123,8 @@ __all__ = [
     "settling",
     "simulate_frf",
     "user_weights",
+    "validate",
+    "workspace_map",
     "write_distortion",
     "write_fits",
     "write_frf",
