@@ -196,17 +196,17 @@ def _promising(prices: Array, weights: Array) -> IntArray:
 
 
 def _starts(problem: WholeProblem, pool: Pool, weights: Array) -> Iterator[IntArray]:
-    """Yield allowed plans: the weights rounded in two ways, and additions one by one."""
+    """Yield different allowed plans: weights rounded in two ways, or additions one by one."""
+    floored = np.floor(weights + 1e-9).astype(np.int64)
+    starts = [fill(pool, np.maximum(floored, problem.least))]
     total = weights.sum()
     if round(total) >= np.count_nonzero(weights) and abs(total - round(total)) < 1e-6:
         rounded = efficient_rounding(weights / total, round(total))
-        if problem.feasible(rounded) and (rounded >= problem.least).all():
-            yield rounded
-    floored = np.maximum(np.floor(weights + 1e-9).astype(np.int64), problem.least)
-    for counts in (floored, problem.least):
-        filled = fill(pool, counts)
-        if filled.any() and problem.feasible(filled):
-            yield filled
+        if (rounded >= problem.least).all() and not np.array_equal(rounded, starts[0]):
+            starts.append(rounded)
+    else:
+        starts.append(fill(pool, problem.least))
+    yield from (plan for plan in starts if plan.any() and problem.feasible(plan))
 
 
 def _too_few(problem: WholeProblem, n_experiments: int) -> str:

@@ -11,6 +11,7 @@ from functools import cached_property
 import numpy as np
 
 from oed.certificate import Candidates
+from oed.criteria import sensitivities
 from oed.gains import best_addition
 from oed.objective import Objective
 from oed.polytope import Polytope
@@ -134,21 +135,35 @@ def exchange(pool: Pool, counts: IntArray) -> IntArray:
 def _within(pool: Pool, counts: IntArray) -> IntArray:
     """Return a plan that no exchange within the pool improves."""
     problem, counts = pool.problem, fill(pool, counts)
-    value = problem.value(counts)
-    improved = True
-    while improved:
-        improved = False
-        for leaving in np.flatnonzero(counts > problem.least):
-            entering = _better(problem, counts, int(leaving), pool.indices, pool.matrices, value)
-            if entering is None:
-                continue
-            counts[leaving] -= 1
-            counts[entering] += 1
-            improved = True
-            if len(problem.allowed.rows) > 1 or problem.allowed.rows.min() < 1:
-                counts = fill(pool, counts)  # a shorter experiment may have made room for another
-            value = problem.value(counts)
-    return counts
+    value, prices = _tangent(problem, counts)
+    mine = sensitivities(prices, pool.matrices)
+    tried: set[int] = set()
+    while True:
+        support = np.flatnonzero(counts > problem.least)
+        left = [int(i) for i in support if int(i) not in tried]
+        if not left:
+            return counts
+        # What is worth least now is the first to go.
+        leaving = min(left, key=lambda i: mine[pool.place(i)])
+        tried.add(leaving)
+        ceilings = value + mine - mine[pool.place(leaving)]
+        entering = _better(problem, counts, leaving, pool.indices, pool.matrices, value, ceilings)
+        if entering is None:
+            continue
+        counts[leaving] -= 1
+        counts[entering] += 1
+        if len(problem.allowed.rows) > 1 or problem.allowed.rows.min() < 1:
+            counts = fill(pool, counts)  # a shorter experiment may have made room for another
+        value, prices = _tangent(problem, counts)
+        mine = sensitivities(prices, pool.matrices)
+        tried.clear()
+
+
+def _tangent(problem: WholeProblem, counts: IntArray) -> tuple[float, Array]:
+    """Return the log value of a plan, and the slope that prices candidates."""
+    information = problem.information(counts) + _RIDGE * problem.reference
+    slope = problem.objective.price(problem.objective.witness(information), information.shape)
+    return problem.objective.log_value(information), slope
 
 
 def _better(
@@ -179,10 +194,7 @@ def _better(
 def _outside(pool: Pool, counts: IntArray) -> IntArray:
     """Return candidates outside the pool with which an exchange would improve the plan."""
     problem = pool.problem
-    objective = problem.objective
-    information = problem.information(counts) + _RIDGE * problem.reference
-    value = objective.log_value(information)
-    slope = objective.price(objective.witness(information), information.shape)
+    value, slope = _tangent(problem, counts)
     prices = problem.candidates.prices(slope)
     leaving = np.flatnonzero(counts > problem.least)
     if not len(leaving):

@@ -8,7 +8,8 @@ from oed.criteria import sensitivities
 from oed.objective import Objective
 from robotmodels.arrays import Array, BoolArray, IntArray
 
-_BATCH = 32
+# Usually the first few decide.
+_FIRST, _BATCH = 4, 32
 
 Evaluate = Callable[[IntArray], Array]
 
@@ -46,9 +47,11 @@ def best_addition(
     bounds = np.where(usable, bounds, -np.inf)
     order = np.argsort(-bounds, kind="stable")
     best, most = -1, least
-    for first in range(0, len(order), _BATCH):
-        batch = order[first : first + _BATCH]
+    first, size = 0, _FIRST
+    while first < len(order):
+        batch = order[first : first + size]
         batch = batch[bounds[batch] > most]
+        first, size = first + size, _BATCH
         if not len(batch):
             break
         values = evaluate(batch)
