@@ -3,14 +3,18 @@
 from collections.abc import Mapping
 from concurrent.futures import Executor
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
-from estimators.covariance import Uncertainty
+from estimators.covariance import Uncertainty, covariance
+from estimators.cross_check import CrossCheck, cross_check
 from estimators.distortion import Distortion
 from estimators.frf_estimate import FrfEstimate
+from estimators.identifiability import Identifiability, fit_information, identifiability
 from estimators.least_squares import Fit
 from estimators.posterior import Posterior
+from estimators.residual_analysis import ResidualAnalysis, residual_analysis
 from oed import (
     study_data,
     study_design,
@@ -103,6 +107,34 @@ class StudyResults:
     def z_scores(self) -> Array:
         """(ln estimate - ln truth) / standard deviation of Theorem 1, (p,); NaN without truth."""
         return np.log(self.fit.parameters.values / self.truth) / self.theorem1.std
+
+    @cached_property
+    def residuals(self) -> ResidualAnalysis:
+        """What the fit leaves unexplained."""
+        return residual_analysis(self.fit)
+
+    @cached_property
+    def identifiability(self) -> Identifiability:
+        """Which combinations of parameters the data tell least."""
+        return identifiability(fit_information(self.fit), self.fit.parameters.names)
+
+    @cached_property
+    def cross_check(self) -> CrossCheck:
+        """All uncertainties of the fit side by side, with verdicts."""
+        same = (self.fit.residual, "optimal", "all")
+        runs = [
+            run
+            for search in self.searches.values()
+            for run in search.runs
+            if (search.estimator.residual, search.weights, search.estimator.positions) == same
+        ]
+        return cross_check(
+            self.fit,
+            theorem1=self.theorem1,
+            empirical=covariance(self.fit, "empirical"),
+            posterior=self.posterior,
+            multistart=runs,
+        )
 
 
 def run_study(

@@ -65,6 +65,23 @@ def costs_over_starts(costs: Mapping[str, Sequence[float]], best: Mapping[str, f
     return draw
 
 
+def over_expected(ratio: Array, marked: IntArray) -> Drawing:
+    """Return a dot per position, (Q,), around one; those `marked` in another colour."""
+
+    def draw(palette: Palette) -> Figure:
+        figure, axes = _single(palette, 7.0, 2.2)
+        number = np.arange(1, len(ratio) + 1)
+        axes.axhline(1.0, color=palette.muted, lw=0.8, dashes=(4, 3))
+        axes.vlines(number, 1.0, ratio, color=palette.rule, lw=1.2)
+        axes.plot(number, ratio, "o", color=palette.accent, ms=5)
+        axes.plot(number[marked], ratio[marked], "o", color=palette.second, ms=5)
+        axes.xaxis.set_major_locator(MaxNLocator(12, integer=True))
+        axes.set(xlim=(0.4, len(ratio) + 0.6), xlabel="position", ylabel="over expected")
+        return figure
+
+    return draw
+
+
 def _single(palette: Palette, width: float, height: float) -> tuple[Figure, Axes]:
     figure = Figure(figsize=(width, height), layout="constrained")
     axes = figure.add_subplot()

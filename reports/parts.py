@@ -67,6 +67,7 @@ class Number:
 
 
 Cell = str | Number
+Row = Sequence[Cell]
 
 
 @dataclass(frozen=True)

@@ -6,30 +6,19 @@ from oed.study import Progress, StudyResults
 from reports.parts import Section
 from reports.sections import (
     candidates,
+    cross_check,
     design,
     experiment,
     fit,
+    identifiability,
     parameters,
     positions,
     provenance,
+    residuals,
     responses,
     robot,
     summary,
     uncertainty,
-)
-
-_IN_ORDER: tuple[Callable[[StudyResults], Section | None], ...] = (
-    summary.section,
-    robot.section,
-    candidates.section,
-    design.section,
-    positions.section,
-    experiment.section,
-    responses.section,
-    fit.section,
-    parameters.section,
-    uncertainty.section,
-    provenance.section,
 )
 
 
@@ -43,3 +32,34 @@ def study_sections(results: StudyResults, progress: Progress | None = None) -> l
         if progress is not None:
             progress("report", number, len(_IN_ORDER))
     return found
+
+
+def _residuals(results: StudyResults) -> Section:
+    robot_ = results.robot
+    return residuals.section(results.residuals, robot_.output_names, robot_.motor_names)
+
+
+def _cross_check(results: StudyResults) -> Section:
+    return cross_check.section(results.cross_check)
+
+
+def _identifiability(results: StudyResults) -> Section:
+    return identifiability.section(results.identifiability)
+
+
+_IN_ORDER: tuple[Callable[[StudyResults], Section | None], ...] = (
+    summary.section,
+    robot.section,
+    candidates.section,
+    design.section,
+    positions.section,
+    experiment.section,
+    responses.section,
+    fit.section,
+    _residuals,
+    parameters.section,
+    _cross_check,
+    uncertainty.section,
+    _identifiability,
+    provenance.section,
+)

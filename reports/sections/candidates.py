@@ -1,48 +1,55 @@
-"""The candidates: where the robot might be put."""
+"""The candidates: where the robot might be put, and what was removed and why."""
 
 import numpy as np
 
+from oed.screening import ScreenedCandidates
 from oed.study import StudyResults
 from reports import text
-from reports.parts import Column, Number, Section, Table, numbers, table
-from reports.sections.places import prismatic
+from reports.parts import Column, Number, Row, Section, Table, numbers, table
+from reports.sections.places import place_numbers
 from reports.template import filled
 
 
 def section(results: StudyResults) -> Section | None:
     """Return the section; none where positions were not chosen."""
-    if results.study.candidates is None:
+    screened = results.candidates
+    if screened is None:
         return None
-    count = len(results.information.positions)
-    body = filled("candidates.html.j2", results=results, count=count, grid=grid_table(results))
+    body = filled(
+        "candidates.html.j2",
+        results=results,
+        screened=screened,
+        ranges=range_table(results),
+        removals=removal_table(screened) if screened.removals else None,
+    )
     return Section("candidates", "Candidates", body)
 
 
-def grid_table(results: StudyResults) -> Table:
+def range_table(results: StudyResults) -> Table:
     """Return the table of joints: limits, and the range of the candidates."""
-    robot, positions, straight = results.robot, results.information.positions, prismatic(results)
-    limits = [_row(side, straight) for side in robot.position_limits.T]
-    ends = [_row(side, straight) for side in (positions.min(axis=0), positions.max(axis=0))]
-    rows = [
-        (
-            joint,
-            limits[0][i],
-            limits[1][i],
-            ends[0][i],
-            ends[1][i],
-            Number(str(points), points),
-        )
-        for i, joint in enumerate(robot.motor_joints)
-        if (points := len(np.unique(positions[:, i])))
+    robot, positions = results.robot, results.information.positions
+    sides = [
+        place_numbers(results, side)
+        for side in (*robot.position_limits.T, positions.min(axis=0), positions.max(axis=0))
     ]
+    rows: list[Row] = []
+    for i, joint in enumerate(robot.motor_joints):
+        values = len(np.unique(positions[:, i]))
+        rows.append((joint, *(side[i] for side in sides), Number(text.count(values), values)))
     columns = [
         Column("joint"),
-        *numbers("lower limit", "upper limit", "candidates from", "to", "points"),
+        *numbers("lower limit", "upper limit", "candidates from", "to", "values"),
     ]
     caption = "Limits of the joints, and the candidates within them."
-    return table("grid", caption, columns, rows)
+    return table("ranges", caption, columns, rows)
 
 
-def _row(values: np.ndarray, straight: list[bool]) -> list[Number]:
-    words = text.places(values, straight)
-    return [Number(word, float(value)) for word, value in zip(words, values, strict=True)]
+def removal_table(screened: ScreenedCandidates) -> Table:
+    """Return what was in the way, the most frequent first."""
+    rows = [
+        (removal.reason, removal.what, Number(text.count(removal.count), removal.count))
+        for removal in screened.removals
+    ]
+    columns = [Column("reason"), Column("what", "words"), *numbers("positions")]
+    caption = "What was in the way; a position can be counted several times under one reason."
+    return table("removals", caption, columns, rows)

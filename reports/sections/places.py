@@ -2,12 +2,20 @@
 
 from oed.study import StudyResults
 from reports import text
+from reports.parts import Number
+from robotmodels.arrays import Array
 
 
 def prismatic(results: StudyResults) -> list[bool]:
     """Return whether each motor's joint is prismatic."""
     robot = results.robot
     return [joint in robot.elements.prismatic for joint in robot.motor_joints]
+
+
+def place_numbers(results: StudyResults, position: Array) -> list[Number]:
+    """Return the entries of a table for a position (n,) [rad or m]."""
+    words = text.places(position, prismatic(results))
+    return [Number(word, float(value)) for word, value in zip(words, position, strict=True)]
 
 
 def labels(results: StudyResults) -> list[str]:

@@ -7,7 +7,7 @@ from markupsafe import Markup
 from oed.study import StudyResults
 from reports import robot_pictures, text
 from reports.parts import Cell, Number, Section, Table, numbers, table
-from reports.sections.places import prismatic
+from reports.sections.places import place_numbers, prismatic
 from reports.svg import inline
 from reports.template import filled
 
@@ -50,12 +50,11 @@ def poses(results: StudyResults) -> list[Pose]:
 def position_table(results: StudyResults) -> Table:
     """Return the table of positions; without shares where they were given with the data."""
     measured = results.study.data.measured
-    straight, rows = prismatic(results), []
+    rows = []
     for number, i in enumerate(results.used, start=1):
         position = results.information.positions[i]
         row: list[Cell] = [Number(str(number), number)]
-        words = text.places(position, straight)
-        row += [Number(word, float(value)) for word, value in zip(words, position, strict=True)]
+        row += place_numbers(results, position)
         if not measured:
             share = float(results.design.weights[i] / results.design.weights.sum())
             row.append(Number(text.fixed(share, 4) if share else "–", share))

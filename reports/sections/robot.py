@@ -1,10 +1,8 @@
 """The robot: its motors and springs, as its file gives them."""
 
-from collections.abc import Sequence
-
 from oed.study import StudyResults
 from reports import text
-from reports.parts import Cell, Column, Number, Section, Table, numbers, table
+from reports.parts import Column, Number, Row, Section, Table, numbers, table
 from reports.template import filled
 from robotmodels.robot_file import Hardening, Spring
 
@@ -23,7 +21,7 @@ def section(results: StudyResults) -> Section:
 
 def motor_table(results: StudyResults) -> Table:
     """Return the table of motors."""
-    rows: list[Sequence[Cell]] = []
+    rows: list[Row] = []
     for motor in results.robot.file.motors:
         values = (motor.gear_ratio, motor.inertia, motor.viscous, motor.coulomb)
         rows.append((motor.name, motor.joint, *(_number(value) for value in values)))

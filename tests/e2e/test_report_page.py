@@ -12,8 +12,11 @@ SECTIONS = (
     "positions",
     "responses",
     "fit",
+    "residuals",
     "parameters",
+    "cross-check",
     "uncertainty",
+    "weak-directions",
     "provenance",
 )
 VOID = {"meta", "link", "br", "img", "input"}

@@ -1,0 +1,45 @@
+"""What the fit leaves unexplained: is it noise, and if not, where is it."""
+
+import numpy as np
+
+from estimators.residual_analysis import ResidualAnalysis
+from reports import figures, text
+from reports.parts import Column, Number, Row, Section, Table, figure, numbers, table
+from reports.template import filled
+from robotmodels.arrays import Array
+
+
+def section(found: ResidualAnalysis, outputs: tuple[str, ...], motors: tuple[str, ...]) -> Section:
+    """Return the section."""
+    body = filled(
+        "residuals.html.j2",
+        found=found,
+        chi2=text.significant(found.chi2, 6),
+        dof=text.count(round(found.dof)),
+        p_value=text.significant(found.p_value, 2),
+        correlation=text.fixed(float(found.autocorrelation[0]), 3),
+        whiteness=text.significant(found.whiteness_p_value, 2),
+        outlying=text.listed([str(q + 1) for q in found.outlying]),
+        positions=figure(
+            "residuals-by-position",
+            figures.over_expected(found.position_chi2 / found.position_dof, found.outlying),
+            "Sum of squared residuals over its expectation, for every position",
+        ),
+        elements=element_table(found.element_chi2 / found.element_dof, outputs, motors),
+    )
+    return Section("residuals", "Residuals", body)
+
+
+def element_table(ratio: Array, outputs: tuple[str, ...], motors: tuple[str, ...]) -> Table:
+    """Return chi squared over its expectation, (m, n), for each element."""
+    rows: list[Row] = [
+        (f"to {output}", *(_number(float(value)) for value in row))
+        for output, row in zip(outputs, ratio, strict=True)
+    ]
+    caption = "Sum of squared residuals over its expectation, element by element; 1 for noise."
+    columns = [Column(""), *numbers(*(f"from {motor}" for motor in motors))]
+    return table("residuals-by-element", caption, columns, rows)
+
+
+def _number(value: float) -> Number:
+    return Number(text.fixed(value, 2) if np.isfinite(value) else "–", value)
