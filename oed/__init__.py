@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from oed.plan import ExperimentPlan, experiment_plan
     from oed.plan_export import export_csv, export_mat
     from oed.position_files import read_positions
+    from oed.predictions import log_frf_gradients, log_resonance_gradients, prediction_matrix
     from oed.relaxed import Design, optimal_design
     from oed.robust import (
         AverageCriterion,
@@ -74,10 +75,13 @@ _HOMES = {
     "fourier_matrix": "multisine",
     "gathered_candidates": "candidate_sources",
     "information": "information_set",
+    "log_frf_gradients": "predictions",
+    "log_resonance_gradients": "predictions",
     "move": "moves",
     "optimal_design": "relaxed",
     "optimality_gap": "certificate",
     "predicted_peaks": "peaks",
+    "prediction_matrix": "predictions",
     "random_phases": "multisine",
     "read_positions": "position_files",
     "reduced_crest": "crest",
@@ -128,10 +132,13 @@ __all__ = [
     "fourier_matrix",
     "gathered_candidates",
     "information",
+    "log_frf_gradients",
+    "log_resonance_gradients",
     "move",
     "optimal_design",
     "optimality_gap",
     "predicted_peaks",
+    "prediction_matrix",
     "random_phases",
     "read_positions",
     "reduced_crest",
