@@ -117,7 +117,7 @@ def best_responses(
 
 def best_count(evaluation: Evaluation) -> int:
     """Return how many models figure 8 and Table 1 look at."""
-    return min(BEST_COUNT, evaluation.values.shape[1])
+    return int(min(BEST_COUNT, evaluation.values.shape[1]))
 
 
 def _parameter_panel(

@@ -2,7 +2,12 @@
 
 import numpy as np
 
-from oed.published_paper import ALL_SPRINGS, ESTIMATORS, REASONABLE_BY_COST, REASONABLE_BY_SPRINGS
+from oed.published_paper import (
+    ALL_SPRINGS,
+    ESTIMATORS,
+    REASONABLE_BY_COST,
+    REASONABLE_BY_SPRINGS,
+)
 from oed.published_paper import TABLE_1 as PAPER_TABLE
 from oed.study_published import Published
 from reports import text

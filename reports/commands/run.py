@@ -30,11 +30,13 @@ def run(
     """
     one_thread_each()
     # Imported here: `oed --help` need not wait for the numerics.
+    from oed.published_output import write_published_json
     from oed.study import run_study
     from oed.study_file import load_study
     from oed.study_output import staged_folder, write_results
     from reports.page import write_report
     from reports.progress import progress_bars
+    from reports.published_page import write_published
     from reports.summary import study_json, study_summary
 
     content = load_study(study)
@@ -43,5 +45,8 @@ def run(
         with staged_folder(content.output) as folder:
             write_results(results, folder)
             write_report(results, folder / "report.html", progress)
+            if results.published is not None:
+                write_published_json(results.published, folder / "published.json")
+                write_published(results, results.published, folder / "published.html")
     report = content.output / "report.html"
     say(lambda: study_summary(results, report), lambda: study_json(results, report), as_json)
