@@ -49,6 +49,7 @@ from estimators.priors import Prior
 from estimators.residual_analysis import ResidualAnalysis, residual_analysis
 from estimators.residuals import lls, lls_magnitude, nls
 from estimators.rigid_limit import RigidLimit, check_rigid_limit
+from estimators.start_values import physics_start
 from estimators.stationarity import Settling, settling
 from estimators.validation import Validation, validate
 from estimators.weights import combined_weights, optimal_weights, user_weights
@@ -110,6 +111,7 @@ __all__ = [
     "nls",
     "optimal_weights",
     "perturbed_starts",
+    "physics_start",
     "predict_frf",
     "predict_modes",
     "profile_likelihood",

@@ -12,9 +12,11 @@ from estimators.frf_estimate import FrfEstimate
 from estimators.priors import Prior
 from estimators.residuals import find_residual
 from estimators.search import search
+from estimators.start_values import physics_start
 from estimators.trust_region import Outcome
 from estimators.weights import optimal_weights
 from robotmodels.arrays import Array, ComplexArray, IntArray, read_only
+from robotmodels.errors import InvalidInput
 from robotmodels.parameters import Parameters
 from robotmodels.response import Elastic, frequency_response
 
@@ -84,7 +86,7 @@ def fit(
     estimate: FrfEstimate,
     residual: str = "lls",
     weights: str | NDArray[Any] = "user",
-    start: Array | None = None,
+    start: Array | str | None = None,
     bounds: tuple[float, float] | Array = (1e-3, 1e3),
     max_evaluations: int = 200,
     tolerance: float = 1e-10,
@@ -101,7 +103,8 @@ def fit(
     estimate : FRFs to fit.
     residual : "nls" [WM] (4), "lls" [WM] (7) or "lls_magnitude".
     weights : "user", "optimal", or an array, see `estimators.weights`.
-    start : (p,) parameter values; the model's own where None.
+    start : (p,) parameter values; the model's own where None; "physics" for rough ones from the
+        FRFs and the rigid robot, see `physics_start`.
     bounds : factors of the model's own values between which parameters are sought, or (2, p)
         values [SI].
     max_evaluations : of the FRFs and their sensitivities, after which the search gives up.
@@ -118,6 +121,10 @@ def fit(
     IdentificationError : if the model has no FRF at the start.
     """
     problem = stated(model, estimate, residual, weights, bounds, positions, prior, loss)
+    if isinstance(start, str):
+        if start != "physics":
+            raise InvalidInput(f"start: {start!r} is neither 'physics' nor parameter values")
+        start = np.clip(physics_start(model, problem.estimate), *problem.bounds)
     begin = problem.checked_start(start)
     return as_fit(problem, begin, search(problem, begin, max_evaluations, tolerance))
 

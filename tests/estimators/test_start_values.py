@@ -1,0 +1,92 @@
+import numpy as np
+import pytest
+from two_chains import OMEGA, POSITIONS, drawn, truth, two_chains
+
+from estimators import FrfEstimate, fit, physics_start, simulate_frf
+from robotmodels import CoupledChains, InvalidInput, RelativeNoise, load_robot
+
+HERTZ = 2 * np.pi
+
+
+def measured(robot, seed=0, frequencies=60):
+    rng = np.random.default_rng(seed)
+    low, high = robot.position_limits.T
+    positions = low + (high - low) * rng.uniform(0.2, 0.8, (6, len(low)))
+    omega = HERTZ * np.geomspace(2.0, 100.0, frequencies)
+    return simulate_frf(robot, positions, omega, RelativeNoise(0.02, 0.002), rng)
+
+
+def test_one_axis_by_its_closed_form():
+    """Motor locked, mass 2 swings on K at sqrt(K/m2)."""
+    chain = CoupledChains(np.array([[1.0, 2.0]]), np.array([[300.0]]), np.zeros((1, 1)))
+    damped = CoupledChains(chain.masses, chain.springs, chain.couplings, np.array([[1.0]]))
+    omega = np.linspace(5.0, 30.0, 400)
+    estimate = drawn(truth(damped, omega), np.random.default_rng(0), RelativeNoise(0.01, 0), omega)
+    wrong = CoupledChains(chain.masses, np.array([[5.0]]), chain.couplings, np.array([[1.0]]))
+    stiffness, damping = physics_start(wrong, estimate)
+    assert np.isclose(stiffness, 300.0, rtol=0.05)
+    reduced = 2.0 / 3.0
+    assert np.isclose(damping, 2 * 0.03 * np.sqrt(stiffness * reduced))
+    # Above the anti-resonance only the resonance sqrt(K (1/m1 + 1/m2)) is left.
+    high = omega > 15.0
+    estimate = FrfEstimate(
+        POSITIONS, omega[high], estimate.response[:, high], estimate.covariance[:, high], [1]
+    )
+    assert np.isclose(physics_start(wrong, estimate)[0], 300.0, rtol=0.05)
+
+
+@pytest.mark.parametrize("name", ["ur10", "kr240_class"])
+def test_gears_are_found_within_a_factor(name):
+    robot = load_robot(name)
+    start = physics_start(robot, measured(robot))
+    gears = [s.axis == "drive" for s in robot.file.springs]
+    ratio = (start / robot.parameters.values)[: len(gears)][gears]
+    assert np.abs(np.log10(ratio)).max() < 1.3
+    assert np.median(np.abs(np.log10(ratio))) < 0.2
+
+
+def test_the_models_own_values_do_not_matter():
+    robot = load_robot("kr240_class")
+    estimate = measured(robot)
+
+    class Softer:
+        parameters = robot.parameters
+
+        def network(self, positions, parameters=None):
+            given = robot.parameters.values if parameters is None else parameters
+            return robot.network(positions, 5.0 * given)
+
+    expected, found = physics_start(robot, estimate), physics_start(Softer(), estimate)
+    assert np.allclose(found, expected, rtol=0.02)
+
+
+def test_fits_from_physics_find_the_truth():
+    robot = load_robot("kr240_class")
+    estimate = measured(robot, frequencies=40)
+    found = fit(robot, estimate, start="physics")
+    assert found.converged
+    assert np.abs(np.log(found.parameters.values / robot.parameters.values)).max() < 0.2
+    assert not np.allclose(found.start, robot.parameters.values, rtol=0.1)
+
+
+def test_stiffnesses_known_better_take_their_place():
+    model = two_chains()
+    estimate = drawn(truth(model), np.random.default_rng(0))
+    start = physics_start(model, estimate, drives={1: 151.0})
+    assert np.isclose(start[1], 151.0)
+    assert np.isclose(start[0], physics_start(model, estimate)[0])
+
+
+def test_where_physics_says_nothing():
+    model = two_chains()
+    low = OMEGA[:3] / 10
+    estimate = drawn(truth(model, low), np.random.default_rng(0), omega=low)
+    with pytest.raises(InvalidInput, match="no motor's FRF has an anti-resonance"):
+        physics_start(model, estimate)
+    with pytest.raises(InvalidInput, match=r"motor 2 \(counted from 0\) has no elastic drive"):
+        physics_start(model, estimate, drives={2: 1.0})
+    with pytest.raises(InvalidInput, match="'phisics' is neither 'physics' nor"):
+        fit(model, estimate, start="phisics")
+    one = FrfEstimate(POSITIONS, low, estimate.response[:, :, :1], estimate.variance[:, :, :1], [1])
+    with pytest.raises(InvalidInput, match="do not show all 2 motors"):
+        physics_start(model, one)
