@@ -38,10 +38,10 @@ _KERNEL_RESIDUALS: dict[str, KernelResidual] = {
 class LogPosterior:
     """Logarithm of the posterior of ln theta: the likelihood of V, the prior, flat in the bounds.
 
-    Where every parameter is a spring or a damper, equilibria are held fixed at the fit. That
-    leaves out the change of gravity sag within the posterior, which is of the order of the sag
-    angle times the relative width. Masses, locations and what else a parameter may be change the
-    skeleton: then the robot is linearised anew for every walker, a hundred times slower.
+    Where every parameter is a spring, a damper or a motor's inertia, equilibria are held fixed at
+    the fit. That leaves out the change of gravity sag within the posterior, which is of the order
+    of the sag angle times the relative width. Payloads, locations and what else a parameter may be
+    change the skeleton: then the robot is linearised anew for every walker, a hundred times slower.
 
     Attributes
     ----------
@@ -166,7 +166,7 @@ class LogPosterior:
 
     @cached_property
     def kernel(self) -> "CostKernel | None":
-        """The compiled cost; None for full weights, and for more than springs."""
+        """The compiled cost; None for full weights, and where the skeleton changes."""
         if is_full(self.weights, self.measured.shape) or not self.network.only_springs:
             return None
         from robotmodels.kernel import CostKernel

@@ -14,7 +14,6 @@ from estimators.covariance import Uncertainty
 from estimators.frf_estimate import FrfEstimate, simulate_frf
 from estimators.interval_methods import INTERVAL_METHODS, intervals_of
 from estimators.least_squares import fit, reweighted
-from estimators.monte_carlo_store import RunStore
 from estimators.residuals import find_residual
 from robotmodels.arrays import Array, BoolArray, IntArray, read_only
 from robotmodels.errors import IdentificationError, InvalidInput, SolverFailed, nearest
@@ -227,6 +226,8 @@ def monte_carlo(
     SolverFailed : if fewer than two runs have an answer, with the first reason.
     """
     _check(model, runs, methods, level)
+    from estimators.monte_carlo_store import RunStore
+
     recipe = Recipe(experiment, model, residual, weights, tuple(methods), level)
     seeds = rng.integers(2**63 - 1, size=runs, dtype=np.int64)
     kept = None if store is None else RunStore(Path(store), _fingerprint(recipe, int(seeds[0])))
