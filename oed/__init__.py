@@ -32,6 +32,8 @@ if TYPE_CHECKING:
     )
     from oed.scaling import Binding, Limits, Scaling, scale
     from oed.screening import Removal, ScreenedCandidates, screened_candidates
+    from oed.spectrum import LineLimit, SpectrumDesign, optimal_spectrum
+    from oed.spectrum_lines import line_information, speed_cost
     from oed.store import StoredInformation
     from oed.task_space import TaskBox, TaskPositions, task_space_positions
 
@@ -50,6 +52,7 @@ _HOMES = {
     "InformationSamples": "robust",
     "InformationSet": "information_set",
     "Limits": "scaling",
+    "LineLimit": "spectrum",
     "MaximinCriterion": "robust",
     "MixtureCriterion": "criteria",
     "Move": "moves",
@@ -60,6 +63,7 @@ _HOMES = {
     "RobustDesign": "robust",
     "Scaling": "scaling",
     "ScreenedCandidates": "screening",
+    "SpectrumDesign": "spectrum",
     "StoredInformation": "store",
     "TaskBox": "task_space",
     "TaskPositions": "task_space",
@@ -75,10 +79,12 @@ _HOMES = {
     "fourier_matrix": "multisine",
     "gathered_candidates": "candidate_sources",
     "information": "information_set",
+    "line_information": "spectrum_lines",
     "log_frf_gradients": "predictions",
     "log_resonance_gradients": "predictions",
     "move": "moves",
     "optimal_design": "relaxed",
+    "optimal_spectrum": "spectrum",
     "optimality_gap": "certificate",
     "predicted_peaks": "peaks",
     "prediction_matrix": "predictions",
@@ -89,6 +95,7 @@ _HOMES = {
     "scale": "scaling",
     "screened_candidates": "screening",
     "sobol_positions": "candidates",
+    "speed_cost": "spectrum_lines",
     "task_space_positions": "task_space",
 }
 
@@ -107,6 +114,7 @@ __all__ = [
     "InformationSamples",
     "InformationSet",
     "Limits",
+    "LineLimit",
     "MaximinCriterion",
     "MixtureCriterion",
     "Move",
@@ -117,6 +125,7 @@ __all__ = [
     "RobustDesign",
     "Scaling",
     "ScreenedCandidates",
+    "SpectrumDesign",
     "StoredInformation",
     "TaskBox",
     "TaskPositions",
@@ -132,10 +141,12 @@ __all__ = [
     "fourier_matrix",
     "gathered_candidates",
     "information",
+    "line_information",
     "log_frf_gradients",
     "log_resonance_gradients",
     "move",
     "optimal_design",
+    "optimal_spectrum",
     "optimality_gap",
     "predicted_peaks",
     "prediction_matrix",
@@ -146,6 +157,7 @@ __all__ = [
     "scale",
     "screened_candidates",
     "sobol_positions",
+    "speed_cost",
     "task_space_positions",
 ]
 
