@@ -7,6 +7,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
+    from oed.branch_and_bound import BestPlans, best_plans
     from oed.candidate_sources import Workcell, gathered_candidates
     from oed.candidates import candidate_positions, sobol_positions
     from oed.certificate import efficiency_bound, optimality_gap
@@ -17,6 +18,7 @@ if TYPE_CHECKING:
     from oed.information_set import InformationSet, information
     from oed.moves import Move, MoveLimits, move
     from oed.multisine import Multisine, band_multisine, fourier_matrix, random_phases
+    from oed.order import VisitingOrder, visiting_order
     from oed.peaks import Peaks, predicted_peaks
     from oed.plan import ExperimentPlan, experiment_plan
     from oed.plan_export import export_csv, export_mat
@@ -31,6 +33,7 @@ if TYPE_CHECKING:
         robust_design,
     )
     from oed.scaling import Binding, Limits, Scaling, scale
+    from oed.scoring import Addition, Score, score
     from oed.screening import Removal, ScreenedCandidates, screened_candidates
     from oed.spectrum import LineLimit, SpectrumDesign, optimal_spectrum
     from oed.spectrum_lines import line_information, speed_cost
@@ -38,8 +41,10 @@ if TYPE_CHECKING:
     from oed.task_space import TaskBox, TaskPositions, task_space_positions
 
 _HOMES = {
+    "Addition": "scoring",
     "AsCriterion": "criteria",
     "AverageCriterion": "robust",
+    "BestPlans": "branch_and_bound",
     "Binding": "scaling",
     "CCriterion": "criteria",
     "Constraints": "constraints",
@@ -62,13 +67,16 @@ _HOMES = {
     "Removal": "screening",
     "RobustDesign": "robust",
     "Scaling": "scaling",
+    "Score": "scoring",
     "ScreenedCandidates": "screening",
     "SpectrumDesign": "spectrum",
     "StoredInformation": "store",
     "TaskBox": "task_space",
     "TaskPositions": "task_space",
+    "VisitingOrder": "order",
     "Workcell": "candidate_sources",
     "band_multisine": "multisine",
+    "best_plans": "branch_and_bound",
     "candidate_positions": "candidates",
     "crest_factor": "crest",
     "efficiency_bound": "certificate",
@@ -93,15 +101,19 @@ _HOMES = {
     "reduced_crest": "crest",
     "robust_design": "robust",
     "scale": "scaling",
+    "score": "scoring",
     "screened_candidates": "screening",
     "sobol_positions": "candidates",
     "speed_cost": "spectrum_lines",
     "task_space_positions": "task_space",
+    "visiting_order": "order",
 }
 
 __all__ = [
+    "Addition",
     "AsCriterion",
     "AverageCriterion",
+    "BestPlans",
     "Binding",
     "CCriterion",
     "Constraints",
@@ -124,13 +136,16 @@ __all__ = [
     "Removal",
     "RobustDesign",
     "Scaling",
+    "Score",
     "ScreenedCandidates",
     "SpectrumDesign",
     "StoredInformation",
     "TaskBox",
     "TaskPositions",
+    "VisitingOrder",
     "Workcell",
     "band_multisine",
+    "best_plans",
     "candidate_positions",
     "crest_factor",
     "efficiency_bound",
@@ -155,10 +170,12 @@ __all__ = [
     "reduced_crest",
     "robust_design",
     "scale",
+    "score",
     "screened_candidates",
     "sobol_positions",
     "speed_cost",
     "task_space_positions",
+    "visiting_order",
 ]
 
 

@@ -137,11 +137,21 @@ def move(
     return Move(read_only(ends[0] + path * step), read_only(slope * step), sample_time)
 
 
+def move_times(start: Array, goal: Array, limits: MoveLimits) -> Array:
+    """Return how long each move takes at least, (a, b) [s], from `start` (a, n) to `goal` (b, n).
+
+    It is the time of `move` before rounding up to whole samples.
+    """
+    distance = np.abs(goal[None] - start[:, None])
+    return np.asarray(
+        np.maximum(
+            _PEAK_SPEED * distance / limits.speed,
+            np.sqrt(_PEAK_ACCELERATION * distance / limits.acceleration),
+        ).max(axis=-1)
+    )
+
+
 def _samples(step: ArrayLike, limits: MoveLimits, sample_time: float) -> int:
     """Return the least number of samples in which no limit is exceeded."""
-    distance = np.abs(np.asarray(step))
-    times = np.maximum(
-        _PEAK_SPEED * distance / limits.speed,
-        np.sqrt(_PEAK_ACCELERATION * distance / limits.acceleration),
-    )
-    return int(np.ceil(times.max() / sample_time))
+    away = np.atleast_2d(np.asarray(step, dtype=float))
+    return int(np.ceil(move_times(np.zeros_like(away), away, limits)[0, 0] / sample_time))
