@@ -1,20 +1,15 @@
-"""From a study file to its results: where to measure, what comes out, how certain it is."""
+"""From a study file to its results: where to measure, what comes out, how certain it is.
 
-from collections.abc import Mapping
+Each function goes one step further than the one before, and keeps what it computes: the next, in
+the same process or another, goes on from there.
+"""
+
+from collections.abc import Iterator, Mapping
 from concurrent.futures import Executor
-from dataclasses import dataclass
-from functools import cached_property
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from typing import Any
 
-import numpy as np
-
-from estimators.covariance import Uncertainty, covariance
-from estimators.cross_check import CrossCheck, cross_check
-from estimators.distortion import Distortion
-from estimators.frf_estimate import FrfEstimate
-from estimators.identifiability import Identifiability, fit_information, identifiability
-from estimators.least_squares import Fit
-from estimators.posterior import Posterior
-from estimators.residual_analysis import ResidualAnalysis, residual_analysis
 from oed import (
     study_data,
     study_design,
@@ -23,118 +18,61 @@ from oed import (
     study_published,
     study_uncertainty,
 )
-from oed.exact import ExactDesign
 from oed.fingerprint import file_digest
 from oed.information_set import InformationSet
-from oed.relaxed import Design
 from oed.screening import ScreenedCandidates
 from oed.stages import Progress, Stage, open_stages, versions
 from oed.study_data import Data, SimulatedExperiment
 from oed.study_design import Plan
 from oed.study_file import Study
-from oed.study_fits import Search, start_number
-from oed.study_published import Published
-from oed.study_run import Run, truth_of
-from robotmodels import ElasticRobot, load_robot
-from robotmodels.arrays import Array, IntArray
+from oed.study_fits import Chosen, Search, start_number
+from oed.study_results import FittedStudy, PlannedStudy, StudyResults
+from oed.study_run import Run
+from robotmodels import load_robot
+from robotmodels.arrays import Array
 
-__all__ = ["Progress", "Search", "StudyResults", "run_study", "start_number"]
+__all__ = [
+    "FittedStudy",
+    "PlannedStudy",
+    "Progress",
+    "Search",
+    "StudyResults",
+    "design_study",
+    "fit_study",
+    "run_study",
+    "start_number",
+]
 
 
-@dataclass(frozen=True, eq=False)
-class StudyResults:
-    """All a study computed, and from what.
+def design_study(
+    study: Study,
+    progress: Progress | None = None,
+    *,
+    executor: Executor | None = None,
+    fresh: bool = False,
+) -> PlannedStudy:
+    """Compute where to measure; of measured data, how good that was.
 
-    Attributes
-    ----------
-    study, robot : what was asked.
-    plant : the robot behind simulated data; None where data were measured.
-    candidates : that the robot can take and why others were left out; None where data were
-        measured.
-    omega : (F,) of the data [rad/s].
-    information, design, exact : candidates, relaxed optimum, integer plan. With measured data the
-        candidates are the measured positions and the plan is what was measured.
-    estimate : FRFs at the plan's positions.
-    distortion : noise and distortion of records, per visit, or None.
-    warnings : about the data.
-    experiment : what a simulation in closed loop met, or None.
-    starts : (starts, p) perturbed start values in SI units.
-    searches : the fits of each estimator, by name.
-    fit : the study's result: the estimator that the study names, or else NLS with optimal weights
-        (the likelihood of the stated noise), best of all.
-    fit_origin : where the search for `fit` began, for people.
-    theorem1, posterior : its uncertainty, two ways.
-    published : the estimators beside those of [WM]; None unless the study asks for it.
-    seconds : time per stage, when it was computed.
-    kept : stages that earlier runs had computed.
-    versions : of Python and of the packages that computed.
+    Parameters, errors and what is kept: see `run_study`.
     """
+    with _opened(study, progress, executor, fresh) as run:
+        return PlannedStudy(**_planned(run, _plan(run)))
 
-    study: Study
-    robot: ElasticRobot
-    plant: ElasticRobot | None
-    candidates: ScreenedCandidates | None
-    omega: Array
-    information: InformationSet
-    design: Design
-    exact: ExactDesign
-    estimate: FrfEstimate
-    distortion: Distortion | None
-    warnings: tuple[str, ...]
-    experiment: SimulatedExperiment | None
-    starts: Array
-    searches: dict[str, Search]
-    fit: Fit
-    fit_origin: str
-    theorem1: Uncertainty
-    posterior: Posterior
-    published: Published | None
-    seconds: dict[str, float]
-    kept: tuple[str, ...]
-    versions: dict[str, str]
 
-    @property
-    def used(self) -> IntArray:
-        """Indices of the candidates that the plan measures in."""
-        return self.exact.support
+def fit_study(
+    study: Study,
+    progress: Progress | None = None,
+    *,
+    executor: Executor | None = None,
+    fresh: bool = False,
+) -> FittedStudy:
+    """Compute where to measure, take or simulate the data, and fit them.
 
-    @property
-    def truth(self) -> Array:
-        """The parameters behind simulated data, (p,) SI; NaN where there is none of that name."""
-        return truth_of(self.robot, self.plant)
-
-    @property
-    def z_scores(self) -> Array:
-        """(ln estimate - ln truth) / standard deviation of Theorem 1, (p,); NaN without truth."""
-        return np.log(self.fit.parameters.values / self.truth) / self.theorem1.std
-
-    @cached_property
-    def residuals(self) -> ResidualAnalysis:
-        """What the fit leaves unexplained."""
-        return residual_analysis(self.fit)
-
-    @cached_property
-    def identifiability(self) -> Identifiability:
-        """Which combinations of parameters the data tell least."""
-        return identifiability(fit_information(self.fit), self.fit.parameters.names)
-
-    @cached_property
-    def cross_check(self) -> CrossCheck:
-        """All uncertainties of the fit side by side, with verdicts."""
-        same = (self.fit.residual, "optimal", "all")
-        runs = [
-            run
-            for search in self.searches.values()
-            for run in search.runs
-            if (search.estimator.residual, search.weights, search.estimator.positions) == same
-        ]
-        return cross_check(
-            self.fit,
-            theorem1=self.theorem1,
-            empirical=covariance(self.fit, "empirical"),
-            posterior=self.posterior,
-            multistart=runs,
-        )
+    Parameters, errors and what is kept: see `run_study`.
+    """
+    with _opened(study, progress, executor, fresh) as run:
+        source = _source(run)
+        return FittedStudy(**_planned(run, source), **_fitted(run, source, _fits(run, source)))
 
 
 def run_study(
@@ -160,35 +98,79 @@ def run_study(
     ------
     IdentificationError : where the study cannot be computed, naming what is at fault.
     """
+    with _opened(study, progress, executor, fresh) as run:
+        source = _source(run)
+        fits = _fits(run, source)
+        theorem1 = study_uncertainty.theorem1(run, fits.result)
+        posterior = study_uncertainty.posterior(run, fits.result)
+        fitted = _fitted(run, source, fits)
+        return StudyResults(
+            **_planned(run, source), **fitted, theorem1=theorem1.value, posterior=posterior.value
+        )
+
+
+@contextmanager
+def _opened(
+    study: Study, progress: Progress | None, executor: Executor | None, fresh: bool
+) -> Iterator[Run]:
     robot = load_robot(study.robot)
     plant = robot if study.truth is None else load_robot(study.truth)
     with open_stages(study.output / "stages", progress, fresh) as stages:
-        run = Run(study, robot, plant, stages, executor)
-        source = _measured(run) if study.data.measured else _simulated(run)
-        return _results(run, source)
+        yield Run(study, robot, plant, stages, executor)
 
 
 @dataclass(frozen=True, eq=False)
-class _Source:
-    """Where to measure and what was measured."""
+class _Planned:
+    """Where to measure."""
 
     information: Stage[InformationSet]
     plan: Stage[Plan]
-    data: Stage[Data]
+    omega: Array
     candidates: ScreenedCandidates | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class _Source(_Planned):
+    """Where to measure and what was measured."""
+
+    data: Stage[Data] = field(kw_only=True)
     experiment: SimulatedExperiment | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class _Fits:
+    """What was fitted."""
+
+    starts: Array
+    searches: Mapping[str, Stage[Search]]
+    result: Stage[Chosen]
+
+
+def _plan(run: Run) -> _Planned:
+    if run.study.data.measured:
+        return _measured(run)
+    found = study_design.candidates(run)
+    info = study_design.candidate_information(run, found)
+    frequencies = run.study.frequencies
+    assert frequencies is not None
+    return _Planned(info, study_design.plan(run, info), frequencies.omega(), found.value)
+
+
+def _source(run: Run) -> _Source:
+    return _measured(run) if run.study.data.measured else _simulated(run)
 
 
 def _simulated(run: Run) -> _Source:
     """Design the experiments and simulate them."""
-    found = study_design.candidates(run)
-    info = study_design.candidate_information(run, found)
-    plan = study_design.plan(run, info)
+    planned = _plan(run)
+    info, plan, shaken = planned.information, planned.plan, None
     if run.study.data.experiment is None:
-        return _Source(info, plan, study_data.noisy_frf(run, info, plan), found.value)
-    shaken = study_data.experiment(run, info, plan)
-    data = study_data.frf_from_records(run, shaken.value.records, shaken.digest)
-    return _Source(info, plan, data, found.value, shaken.value)
+        data = study_data.noisy_frf(run, info, plan)
+    else:
+        shaken = study_data.experiment(run, info, plan)
+        data = study_data.frf_from_records(run, shaken.value.records, shaken.digest)
+    omega, experiment = data.value.estimate.omega, None if shaken is None else shaken.value
+    return _Source(info, plan, omega, planned.candidates, data=data, experiment=experiment)
 
 
 def _measured(run: Run) -> _Source:
@@ -200,44 +182,51 @@ def _measured(run: Run) -> _Source:
         assert choice.frf is not None
         data = study_data.frf_from_file(run, choice.frf)
     info = study_measured.measured_information(run, data)
-    return _Source(info, study_measured.measured_plan(run, info, data), data)
+    plan = study_measured.measured_plan(run, info, data)
+    return _Source(info, plan, data.value.estimate.omega, data=data)
 
 
-def _results(run: Run, source: _Source) -> StudyResults:
-    """Fit the data and judge the result."""
+def _fits(run: Run, source: _Source) -> _Fits:
     starts = study_fits.starts_of(run)
-    info, data = source.information.value, source.data
-    searches: Mapping[str, Stage[Search]] = {
-        estimator.name: study_fits.search(run, estimator, data, info, starts)
+    searches = {
+        estimator.name: study_fits.search(
+            run, estimator, source.data, source.information.value, starts
+        )
         for estimator in run.study.fit.used
     }
-    result = study_fits.chosen(run, data, searches, starts)
-    theorem1 = study_uncertainty.theorem1(run, result)
-    posterior = study_uncertainty.posterior(run, result)
-    compared = None
+    return _Fits(starts, searches, study_fits.chosen(run, source.data, searches, starts))
+
+
+def _planned(run: Run, planned: _Planned) -> dict[str, Any]:
+    """Return the fields of a `PlannedStudy`."""
+    return {
+        "study": run.study,
+        "robot": run.robot,
+        "plant": None if run.study.data.measured else run.plant,
+        "candidates": planned.candidates,
+        "information": planned.information.value,
+        "design": planned.plan.value.design,
+        "exact": planned.plan.value.exact,
+        "omega": planned.omega,
+        "seconds": run.stages.seconds,
+        "kept": run.stages.kept,
+        "versions": versions(),
+    }
+
+
+def _fitted(run: Run, source: _Source, fits: _Fits) -> dict[str, Any]:
+    """Return the fields that a `FittedStudy` has besides."""
+    data, compared = source.data.value, None
     if run.study.compare_with is not None:
-        compared = study_published.compared(run, data, searches, starts)
-    return StudyResults(
-        study=run.study,
-        robot=run.robot,
-        plant=None if run.study.data.measured else run.plant,
-        candidates=source.candidates,
-        omega=data.value.estimate.omega,
-        information=info,
-        design=source.plan.value.design,
-        exact=source.plan.value.exact,
-        estimate=data.value.estimate,
-        distortion=data.value.distortion,
-        warnings=data.value.warnings,
-        experiment=source.experiment,
-        starts=starts,
-        searches={name: stage.value for name, stage in searches.items()},
-        fit=result.value.fit,
-        fit_origin=result.value.origin,
-        theorem1=theorem1.value,
-        posterior=posterior.value,
-        published=compared,
-        seconds=run.stages.seconds,
-        kept=run.stages.kept,
-        versions=versions(),
-    )
+        compared = study_published.compared(run, source.data, fits.searches, fits.starts)
+    return {
+        "estimate": data.estimate,
+        "distortion": data.distortion,
+        "warnings": data.warnings,
+        "experiment": source.experiment,
+        "starts": fits.starts,
+        "searches": {name: stage.value for name, stage in fits.searches.items()},
+        "fit": fits.result.value.fit,
+        "fit_origin": fits.result.value.origin,
+        "published": compared,
+    }

@@ -38,7 +38,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from oed.stages import write_atomically
-from oed.study import Search, StudyResults, start_number
+from oed.study_fits import Search, start_number
+from oed.study_results import FittedStudy, PlannedStudy, StudyResults
 from robotmodels.arrays import Array
 from robotmodels.errors import InvalidInput
 
@@ -68,18 +69,19 @@ def staged_folder(folder: Path) -> Iterator[Path]:
                 path.rmdir()
 
 
-def write_results(results: StudyResults, folder: Path) -> None:
-    """Write design.json, fit.json and uncertainty.json into `folder`."""
-    for name, document in (
-        ("design", design_document(results)),
-        ("fit", fit_document(results)),
-        ("uncertainty", uncertainty_document(results)),
-    ):
+def write_results(results: PlannedStudy, folder: Path) -> None:
+    """Write design.json, fit.json and uncertainty.json into `folder`, as far as there are."""
+    documents = {"design": design_document(results)}
+    if isinstance(results, FittedStudy):
+        documents["fit"] = fit_document(results)
+    if isinstance(results, StudyResults):
+        documents["uncertainty"] = uncertainty_document(results)
+    for name, document in documents.items():
         text = json.dumps(document, indent=1, allow_nan=False) + "\n"
         write_atomically(folder / f"{name}.json", text)
 
 
-def design_document(results: StudyResults) -> dict[str, Any]:
+def design_document(results: PlannedStudy) -> dict[str, Any]:
     """Return the content of design.json."""
     design, exact = results.design, results.exact
     support = np.flatnonzero(design.weights)
@@ -115,7 +117,7 @@ def design_document(results: StudyResults) -> dict[str, Any]:
     }
 
 
-def fit_document(results: StudyResults) -> dict[str, Any]:
+def fit_document(results: FittedStudy) -> dict[str, Any]:
     """Return the content of fit.json."""
     fit = results.fit
     fitted = fit.parameters
@@ -183,7 +185,7 @@ def uncertainty_document(results: StudyResults) -> dict[str, Any]:
     }
 
 
-def _header(schema: str, results: StudyResults) -> dict[str, Any]:
+def _header(schema: str, results: PlannedStudy) -> dict[str, Any]:
     return {
         "schema": schema,
         "robot": results.robot.name,
