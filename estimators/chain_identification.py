@@ -9,7 +9,13 @@ from numpy.typing import NDArray
 
 from estimators.chain_estimate import ChainEstimate, inverse_estimate, structured_estimate
 from estimators.chain_maps import ChainLayout, forward_map, inverse_map, inverse_slope
-from estimators.chain_order import OrderProposal, WrongModeCount, check_count, propose_order
+from estimators.chain_order import (
+    OrderProposal,
+    WrongModeCount,
+    check_not_too_few,
+    check_not_too_many,
+    propose_order,
+)
 from estimators.friction_band import unfrictioned
 from estimators.modal_data import Data, prepared
 from estimators.modes import FittedModes, fit_modes, with_excess
@@ -179,12 +185,13 @@ def _modes(data: Data, layout: ChainLayout) -> tuple[FittedModes, float]:
             f"{len(data.omega)} lines are too few; measure more, or give fewer masses",
         )
     found = fit_modes(data, layout.modes)
-    check_count(found, layout.masses)
+    check_not_too_many(found, layout.masses)
     excess = 0.0
     if not data.scaled and found.misfit > _MISFIT:
         for _ in range(2):
             enlarged, excess = with_excess(replace(found, data=data))
             found = fit_modes(enlarged, layout.modes, turned=found.layout.turned)
+    check_not_too_few(found, layout.masses)
     return found, excess
 
 

@@ -45,7 +45,6 @@ class WrongModeCount(InvalidInput):
             f"({_listed(self.found)}): {remedy}{fits}"
         )
 
-
     def with_picture(self, path: Path) -> InvalidInput:
         """Return the error with the place of a picture of it."""
         return InvalidInput(f"{self}; picture: {path}")
@@ -139,17 +138,26 @@ def prominent_modes(found: FittedModes) -> NDArray[np.bool_]:
     return np.asarray(share.max(axis=1) > _SHARE)
 
 
-def check_count(found: FittedModes, n_masses: int) -> None:
-    """Refuse a number of masses that the FRFs contradict.
+def check_not_too_few(found: FittedModes, n_masses: int) -> None:
+    """Refuse more masses than the FRFs show.
 
     Raises
     ------
-    WrongModeCount : with the modes found, too few or too many.
+    WrongModeCount : with the modes that were found.
     """
-    data, count = found.data, found.layout.modes
     clear = clear_modes(found)
     if not clear.all():
-        raise WrongModeCount(data, found.omega[clear], count, n_masses)
+        raise WrongModeCount(found.data, found.omega[clear], found.layout.modes, n_masses)
+
+
+def check_not_too_many(found: FittedModes, n_masses: int) -> None:
+    """Refuse fewer masses than the FRFs show: more modes are clear, and halve the misfit.
+
+    Raises
+    ------
+    WrongModeCount : with the modes that were found.
+    """
+    data, count = found.data, found.layout.modes
     if data.scaled or found.misfit < _EXCESS:
         return  # nothing is left to explain, or nobody knows how much
     more = found

@@ -36,8 +36,9 @@ def modal_start(data: "Data", layout: ModalLayout) -> list[Array]:
     weights = 1 / data.deviations
     noise = float(np.median(1 / (weights * np.maximum(np.abs(data.response), 1e-300))))
     starts = []
-    for poles in candidate_poles(data.omega, prompt, layout.modes, min(noise, 0.1)):
-        moved = vector_fit(data.omega, prompt, poles, weights)
+    sets = candidate_poles(data.omega, prompt, layout.modes, min(noise, 0.1))
+    for poles, slow in [*((poles, 0) for poles in sets), (sets[0], layout.chains)]:
+        moved = vector_fit(data.omega, prompt, poles, weights, slow)
         x = _linear(data, layout, moved, prompt)
         starts.append(_with_delay(x, layout, delay))
     return starts

@@ -16,6 +16,7 @@ from estimators.modal_model import (
 )
 from estimators.modal_start import modal_start, undamped_start
 from robotmodels.arrays import Array, ComplexArray
+from robotmodels.errors import NotIdentifiable
 
 _LARGEST_DAMPING = 0.7
 _ROUNDS = 60
@@ -192,13 +193,17 @@ def fit_modes(data: Data, count: int, rounds: int = _ROUNDS, turned: bool = Fals
         layout = ModalLayout(data.chains, count, losses=False)
         return _refined(data, layout, undamped_start(data, layout), rounds)
     layout = ModalLayout(data.chains, count)
-    rough = [_search(data, layout, x, 8) for x in _distinct(data, layout)]
+    starts = _distinct(data, layout)
+    rough = [_search(data, layout, x, 8) for x in starts]
     found = _refined(data, layout, min(rough, key=lambda point: point[1])[0], rounds)
     if not turned and not data.scaled and found.misfit < 1 + 3 * np.sqrt(2 / data.size):
         return found  # nothing is left to explain
-    complex_ = _with_turned_shapes(found, rounds)
-    gain = (found.cost - complex_.cost) / max(complex_.misfit, 1e-300)
-    return complex_ if turned or gain > _TURNING * complex_.layout.sizes[-1] else found
+    bent = min(
+        (_with_turned_shapes(data, layout, x, rounds) for x in (found.x, starts[0])),
+        key=lambda one: one.cost,
+    )
+    gain = (found.cost - bent.cost) / max(bent.misfit, 1e-300)
+    return bent if turned or gain > _TURNING * bent.layout.sizes[-1] else found
 
 
 def _distinct(data: Data, layout: ModalLayout, most: int = 2) -> list[Array]:
@@ -215,19 +220,32 @@ def _distinct(data: Data, layout: ModalLayout, most: int = 2) -> list[Array]:
     return [starts[i] for i in kept]
 
 
-def _with_turned_shapes(found: FittedModes, rounds: int) -> FittedModes:
-    """Return the fit repeated with complex mode shapes, from the real ones."""
-    layout = ModalLayout(found.layout.chains, found.layout.modes, turned=True)
-    x = np.concatenate([found.x, np.zeros(layout.sizes[-1])])
-    return _refined(found.data, layout, x, rounds)
+def _with_turned_shapes(data: Data, layout: ModalLayout, x: Array, rounds: int) -> FittedModes:
+    """Return the fit with complex mode shapes, begun at real ones."""
+    bent = ModalLayout(layout.chains, layout.modes, turned=True)
+    return _refined(data, bent, np.concatenate([x, np.zeros(bent.sizes[-1])]), rounds)
 
 
 def _refined(data: Data, layout: ModalLayout, x: Array, rounds: int) -> FittedModes:
     x, cost = _search(data, layout, x, rounds)
     x = _sorted(x, layout)
     jacobian = data.whitened(modal_sensitivity(x, layout, data.omega)[1])
-    names = layout.names
-    return FittedModes(data, layout, x, data.covariance_of(jacobian, cost, names), cost)
+    return FittedModes(data, layout, x, _covariance(data, jacobian, cost, layout), cost)
+
+
+def _covariance(data: Data, jacobian: Array, cost: float, layout: ModalLayout) -> Array:
+    """Return the covariance of x; what the data do not say at all gets a huge variance.
+
+    A mode too many leaves parameters without effect. It is counted by its significance later.
+    """
+    try:
+        return data.covariance_of(jacobian, cost, layout.names)
+    except NotIdentifiable:
+        size = np.maximum(np.linalg.norm(jacobian, axis=0), 1e-300)
+        values, vectors = np.linalg.eigh((jacobian / size).T @ (jacobian / size))
+        inverse = (vectors / np.maximum(values, 1e-13 * values[-1])) @ vectors.T
+        scale = 2 * cost / data.size if data.scaled else 1.0
+        return np.asarray(inverse / np.outer(size, size) / 2 * scale)
 
 
 def _search(data: Data, layout: ModalLayout, x: Array, rounds: int) -> tuple[Array, float]:

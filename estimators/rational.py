@@ -65,7 +65,7 @@ def candidate_poles(
 
 
 def vector_fit(
-    omega: Array, response: ComplexArray, poles: ComplexArray, weights: Array
+    omega: Array, response: ComplexArray, poles: ComplexArray, weights: Array, slow: int = 0
 ) -> ComplexArray:
     """Return poles (upper half plane) moved to fit all elements, as many as there were.
 
@@ -75,14 +75,16 @@ def vector_fit(
     response : (F, M, M).
     poles : (n,) with positive imaginary parts.
     weights : (F, M, M) inverse standard deviations.
+    slow : real poles beside them, where friction at the motors takes rigid modes off zero.
     """
     scale = float(omega.max())
     s = np.asarray(1j * omega / scale)
     data = response.reshape(len(omega), -1)
     roots = weights.reshape(len(omega), -1)
     now: ComplexArray = np.asarray(poles / scale)
+    real: Array = -0.1 * float(s.imag.min()) * np.geomspace(0.5, 2.0, slow)
     for _ in range(_ROUNDS):
-        moved = _relocated(s, data, roots, now)
+        moved, real = _relocated(s, data, roots, now, real)
         if len(moved) != len(now):
             moved = _completed(moved, len(now), s)
         done = np.allclose(np.sort_complex(moved), np.sort_complex(now), rtol=1e-6)
@@ -140,18 +142,19 @@ def _placed(omega: Array) -> ComplexArray:
 
 
 def _relocated(
-    s: ComplexArray, data: ComplexArray, roots: Array, poles: ComplexArray
-) -> ComplexArray:
+    s: ComplexArray, data: ComplexArray, roots: Array, poles: ComplexArray, real: Array
+) -> tuple[ComplexArray, Array]:
     """Return the zeros of sigma, where sigma G and sigma share the poles: one round."""
-    n = len(poles)
+    n, k = len(poles), len(real)
     up = 1 / (s[:, None] - poles)
     down = 1 / (s[:, None] - np.conj(poles))
     basis = np.stack([up + down, 1j * (up - down)], axis=2).reshape(len(s), 2 * n)
+    basis = np.concatenate([basis, 1 / (s[:, None] - real)], axis=1)
     own = np.column_stack([basis, np.ones(len(s)), 1 / s])
     rows, right = [], []
-    for k in range(data.shape[1]):
-        shared = -data[:, [k]] * np.column_stack([basis, np.ones(len(s))])
-        both = _real(roots[:, [k]] * np.column_stack([own, shared]))
+    for e in range(data.shape[1]):
+        shared = -data[:, [e]] * np.column_stack([basis, np.ones(len(s))])
+        both = _real(roots[:, [e]] * np.column_stack([own, shared]))
         triangle = np.asarray(np.linalg.qr(both, mode="r"))
         rows.append(triangle[own.shape[1] :, own.shape[1] :])
         right.append(np.zeros(len(rows[-1])))
@@ -164,13 +167,18 @@ def _relocated(
     residues, constant = found[:-1], found[-1]
     if abs(constant) < 1e-8:
         constant = np.copysign(1e-8, constant)
-    b = np.tile([2.0, 0.0], n)
-    A = np.zeros((2 * n, 2 * n))
-    for k, p in enumerate(poles):
-        A[2 * k : 2 * k + 2, 2 * k : 2 * k + 2] = [[p.real, p.imag], [-p.imag, p.real]]
+    b = np.concatenate([np.tile([2.0, 0.0], n), np.ones(k)])
+    A = np.diag(np.concatenate([np.zeros(2 * n), real]))
+    for r, p in enumerate(poles):
+        A[2 * r : 2 * r + 2, 2 * r : 2 * r + 2] = [[p.real, p.imag], [-p.imag, p.real]]
     new = np.linalg.eigvals(A - np.outer(b, residues) / constant).astype(complex)
+    own_real = np.sort(np.abs(new.real[np.abs(new.imag) <= 1e-9]))[:k]
+    still = np.concatenate([own_real, np.abs(real[: k - len(own_real)])])
     new = new[new.imag > 1e-9]
-    return np.asarray(-np.maximum(np.abs(new.real), 1e-5 * np.abs(new)) + 1j * new.imag)
+    order = np.argsort(-np.abs(new.imag))[:n]
+    new = new[order]
+    moved = -np.maximum(np.abs(new.real), 1e-5 * np.abs(new)) + 1j * new.imag
+    return np.asarray(moved), -np.maximum(still, 1e-6)
 
 
 def _completed(poles: ComplexArray, count: int, s: ComplexArray) -> ComplexArray:
