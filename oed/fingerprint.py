@@ -3,9 +3,10 @@
 import hashlib
 import json
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from robotmodels import ElasticRobot
+if TYPE_CHECKING:
+    from robotmodels import ElasticRobot
 
 _CHUNK = 1 << 20
 
@@ -31,7 +32,7 @@ def folder_digest(folder: Path, leave_out: frozenset[str] = frozenset()) -> str:
     return json_digest({p.relative_to(folder).as_posix(): file_digest(p) for p in files})
 
 
-def robot_digest(robot: ElasticRobot) -> str:
+def robot_digest(robot: "ElasticRobot") -> str:
     """Return the SHA-256 of a robot file's content and of the URDF it names, not of their paths."""
     from robotmodels.urdf import locate
 

@@ -37,6 +37,7 @@ Report = Callable[[int, int], None]
 PACKAGE = "elastic-robot-oed"
 _PACKAGES = (PACKAGE, "numpy", "scipy", "pin", "mujoco", "cvxpy", "clarabel", "emcee", "numba")
 _RECORD, _KEY = "stage.json", "key"
+_OWN = frozenset({_RECORD, f"{_RECORD}.part", _KEY})
 
 
 @dataclass(frozen=True)
@@ -146,10 +147,9 @@ class Stages:
         except IdentificationError:
             shutil.rmtree(part)  # it would fail again: there is nothing to go on from
             raise
-        (part / _KEY).unlink()
         record = {
             "key": key,
-            "digest": folder_digest(part, frozenset({_RECORD})),
+            "digest": folder_digest(part, _OWN),
             "seconds": time.perf_counter() - begun,
             "versions": versions(),
         }
@@ -214,7 +214,7 @@ def _fitting(folder: Path, key: str) -> dict[str, Any] | None:
         return None
     if not isinstance(record, dict) or record.get("key") != key:
         return None
-    whole = record.get("digest") == folder_digest(folder, frozenset({_RECORD}))
+    whole = record.get("digest") == folder_digest(folder, _OWN)
     return record if whole else None
 
 
@@ -233,6 +233,7 @@ def _prepare(part: Path, key: str, fresh: bool) -> None:
 
 def _rename(part: Path, target: Path) -> None:
     """Put a finished stage in the place of an older one."""
+    (part / _KEY).unlink(missing_ok=True)
     old = target.with_name(f"{target.name}.old")
     shutil.rmtree(old, ignore_errors=True)
     if target.exists():

@@ -1,0 +1,246 @@
+"""Stages are computed once, recomputed where something changed, and survive kills."""
+
+import json
+import random
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from oed.stage_files import ARRAY
+from oed.stages import Files, open_stages
+from robotmodels.errors import InvalidInput
+
+
+class Chain:
+    """Three stages: a -> b -> c, which adds up; counts what it computes."""
+
+    def __init__(self, folder, **settings):
+        self.folder = folder
+        self.settings = {"a": 1.0, "b": 2.0, "c": 3.0} | settings
+        self.computed = []
+
+    def run(self, fresh=False):
+        self.computed.clear()
+        with open_stages(self.folder, fresh=fresh) as stages:
+            before = None
+            for name, value in self.settings.items():
+                below = 0.0 if before is None else before.value
+                inputs = {"setting": value, "below": before and before.digest}
+                before = stages.run(name, inputs, self.computing(name, value + below), ARRAY)
+            self.kept = stages.kept
+        return float(before.value[0])
+
+    def computing(self, name, value):
+        def compute(folder, report):
+            self.computed.append(name)
+            return np.array([value]).ravel()
+
+        return compute
+
+
+def test_a_second_run_computes_nothing(tmp_path):
+    chain = Chain(tmp_path / "stages")
+    assert chain.run() == 6.0
+    assert chain.computed == ["a", "b", "c"]
+    assert chain.kept == ()
+    assert chain.run() == 6.0
+    assert chain.computed == []
+    assert chain.kept == ("a", "b", "c")
+    assert {p.name for p in (tmp_path / "stages").iterdir()} == {"a", "b", "c"}
+
+
+def test_a_changed_setting_recomputes_what_rests_on_it(tmp_path):
+    Chain(tmp_path).run()
+    later = Chain(tmp_path, b=5.0)
+    assert later.run() == 9.0
+    assert later.computed == ["b", "c"]
+    back = Chain(tmp_path, b=5.0, c=1.0)
+    assert back.run() == 7.0
+    assert back.computed == ["c"]
+
+
+def test_the_same_result_of_another_setting_changes_nothing_below(tmp_path):
+    Chain(tmp_path, a=0.0, b=-0.0).run()
+    again = Chain(tmp_path, a=0, b=-0.0)
+    again.run()
+    assert again.computed == ["a"]
+
+
+def test_another_version_of_the_package_recomputes_all(tmp_path, monkeypatch):
+    chain = Chain(tmp_path)
+    chain.run()
+    monkeypatch.setattr("oed.stages.version", lambda package: "9.9")
+    chain.run()
+    assert chain.computed == ["a", "b", "c"]
+
+
+def test_fresh_recomputes_all(tmp_path):
+    chain = Chain(tmp_path)
+    chain.run()
+    chain.run(fresh=True)
+    assert chain.computed == ["a", "b", "c"]
+
+
+def test_a_stage_whose_files_were_changed_is_computed_again(tmp_path):
+    chain = Chain(tmp_path)
+    chain.run()
+    np.save(tmp_path / "b" / "result.npy", np.array([99.0]))
+    assert chain.run() == 6.0
+    assert chain.computed == ["b"]
+    (tmp_path / "c" / "stage.json").write_text("{")
+    chain.run()
+    assert chain.computed == ["c"]
+
+
+def test_a_mistake_leaves_no_trace_of_its_stage(tmp_path):
+    def wrong(folder, report):
+        (folder / "half").write_text("x")
+        raise InvalidInput("no")
+
+    with pytest.raises(InvalidInput, match="no"), open_stages(tmp_path / "new" / "s") as stages:
+        stages.run("a", {}, wrong, ARRAY)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_what_an_interrupted_stage_left_is_given_to_the_next_run(tmp_path):
+    def interrupted(folder, report):
+        (folder / "so far").write_text("half")
+        raise KeyboardInterrupt
+
+    def goes_on(folder, report):
+        return np.array([len((folder / "so far").read_text())], dtype=float)
+
+    with pytest.raises(KeyboardInterrupt), open_stages(tmp_path) as stages:
+        stages.run("a", {"n": 1}, interrupted, ARRAY)
+    with open_stages(tmp_path) as stages:
+        assert stages.run("a", {"n": 1}, goes_on, ARRAY).value == [4.0]
+    with pytest.raises(KeyboardInterrupt), open_stages(tmp_path) as stages:
+        stages.run("a", {"n": 2}, interrupted, ARRAY)
+    # Of other settings, nothing is taken over.
+    with pytest.raises(FileNotFoundError), open_stages(tmp_path) as stages:
+        stages.run("a", {"n": 3}, goes_on, ARRAY)
+
+
+def test_two_runs_do_not_share_a_folder(tmp_path):
+    with (
+        open_stages(tmp_path),
+        pytest.raises(InvalidInput, match="in use by another run"),
+        open_stages(tmp_path),
+    ):
+        pass
+
+
+def test_a_folder_that_cannot_be_made_is_named(tmp_path):
+    (tmp_path / "file").write_text("")
+    with (
+        pytest.raises(InvalidInput, match=r"file.*cannot be written to"),
+        open_stages(tmp_path / "file" / "stages"),
+    ):
+        pass
+
+
+# Four stages of ten steps, each step noted in a file as the stages of a study do.
+WORK = """
+import sys, time
+from pathlib import Path
+from oed.stages import Files, open_stages
+
+NUMBER = Files(
+    lambda value, folder: (folder / "sum").write_text(repr(value)),
+    lambda folder: float((folder / "sum").read_text()),
+)
+
+def steps(name, before):
+    def compute(folder, report):
+        done = sorted(folder.glob("step_*"))
+        for i in range(len(done), 10):
+            time.sleep(0.004)
+            part = folder / "writing"
+            part.write_text(str(before + i))
+            part.rename(folder / f"step_{i:02d}")
+            with open(sys.argv[2], "a") as log:
+                log.write(name)
+        return sum(float(p.read_text()) for p in folder.glob("step_*"))
+    return compute
+
+with open_stages(Path(sys.argv[1])) as stages:
+    total = 0.0
+    digest = ""
+    print("started", flush=True)
+    for name in "abcd":
+        stage = stages.run(name, {"below": digest}, steps(name, total), NUMBER)
+        total, digest = stage.value, stage.digest
+print(total)
+"""
+
+
+def test_killed_at_random_moments_it_ends_with_the_same_result(tmp_path):
+    script = tmp_path / "work.py"
+    script.write_text(WORK)
+
+    def start(folder):
+        command = [sys.executable, str(script), str(folder), str(tmp_path / f"{folder.name}.log")]
+        return subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
+
+    whole, _ = start(tmp_path / "whole").communicate(timeout=60)
+    moments = random.Random(1)
+    kills = 0
+    while True:
+        run = start(tmp_path / "killed")
+        assert run.stdout.readline() == "started\n"
+        if kills == 4:
+            break
+        time.sleep(moments.uniform(0.0, 0.06))
+        if run.poll() is not None:
+            break
+        run.kill()
+        run.communicate(timeout=60)
+        kills += 1
+    out, _ = run.communicate(timeout=60)
+    assert kills > 0
+    assert out.split() == whole.split()[1:]
+    stages = [tmp_path / name for name in ("whole", "killed")]
+    digests = [
+        {name: json.loads((folder / name / "stage.json").read_text())["digest"] for name in "abcd"}
+        for folder in stages
+    ]
+    assert digests[0] == digests[1]
+    # Nothing was computed twice but the step that each kill cut off.
+    repeated = len((tmp_path / "killed.log").read_text()) - 40
+    assert 0 <= repeated <= kills
+
+
+def test_a_stage_killed_before_its_last_renaming_is_found(tmp_path):
+    chain = Chain(tmp_path)
+    chain.run()
+    (tmp_path / "b").rename(tmp_path / "b.part")
+    assert chain.run() == 6.0
+    assert chain.computed == []
+    assert (tmp_path / "b" / "stage.json").exists()
+
+
+def test_results_are_always_loaded_as_a_later_run_would(tmp_path):
+    rounded = Files(
+        save=lambda value, folder: (folder / "x").write_text(f"{value:.1f}"),
+        load=lambda folder: float((folder / "x").read_text()),
+    )
+    for _ in range(2):
+        with open_stages(tmp_path) as stages:
+            assert stages.run("a", {}, lambda folder, report: 0.123, rounded).value == 0.1
+
+
+def test_progress_names_the_stage(tmp_path):
+    said = []
+
+    def compute(folder, report):
+        report(1, 2)
+        return np.zeros(1)
+
+    with open_stages(Path(tmp_path), lambda *words: said.append(words)) as stages:
+        stages.run("a", {}, compute, ARRAY)
+        stages.run("a", {}, compute, ARRAY)
+    assert said == [("a", 0, 0), ("a", 1, 2), ("a", 1, 1), ("a", 1, 1)]
