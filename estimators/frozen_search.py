@@ -135,7 +135,7 @@ class CorrectedModel:
         self.kernel = _kernel(problem, network)
         self.shift = np.zeros(len(self.centre))
         if corrected:
-            self.shift = sag_gradient(problem, network)
+            self.shift = sag_gradient(problem, network, self.kernel)
         self.cost = np.nan
 
     def __call__(self, values: Array) -> tuple[Array, Array]:

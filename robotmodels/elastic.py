@@ -196,10 +196,7 @@ class ElasticRobot:
         ------
         NoEquilibrium, InvalidInput : as `equilibrium`.
         """
-        if not sag and not self.elements.extra_columns:
-            return None
-        theta = self.parameters.check(parameters)
-        return self._tangents(self.equilibrium(positions, theta), theta, sag)
+        return self.linearization(positions, parameters, sag=sag)[1]
 
     def linearization(
         self, positions: Array, parameters: Array | None = None, *, sag: bool = True
@@ -212,15 +209,15 @@ class ElasticRobot:
         """
         theta = self.parameters.check(parameters)
         at = self.equilibrium(positions, theta)
-        wanted = sag or bool(self.elements.extra_columns)
-        return self._network(at, theta), self._tangents(at, theta, sag) if wanted else None
+        none = not sag and not self.elements.extra_columns
+        return self._network(at, theta), None if none else self._tangents(at, theta, sag)
 
     def _tangents(self, at: Equilibrium, theta: Array, sag: bool) -> Tangents:
         extra = self.elements.extra_columns
         shift = np.zeros((*at.coordinates.shape, len(theta)))
-        if not sag:
-            return differentiate(self._skeleton, theta, at.coordinates, shift, extra)
         fixed = differentiate(self._skeleton, theta, at.coordinates, shift, extra)
+        if not sag:
+            return fixed
         load = self.elements.torque_derivatives(theta, at.elongations)  # (Q, s, p)
         arm, sprung, held = self.layout.arm_size, self.layout.sprung, self.layout.held
         K = self._skeleton(theta, at.coordinates).stiffness[:, :arm, :arm]
@@ -232,11 +229,15 @@ class ElasticRobot:
         shift = np.asarray(-np.linalg.solve(K, force))
         moved = [j for j in range(len(theta)) if j in extra or shift[..., j].any()]
         tangents = differentiate(self._skeleton, theta, at.coordinates, shift, moved)
+        law = self.elements.laws(theta)
+        if law.linear:
+            return tangents
         # The network's exponents hold each spring's torque; correct for its change.
         slide = shift[:, sprung] + load / at.slopes[..., None]
-        hardening = self.elements.laws(theta).stiffening(at.elongations)[..., None] * slide
+        hardening = law.stiffening(at.elongations)[..., None] * slide
         ends = incidence(self.layout.ends, self.layout.size)
-        return tangents.stiffened(np.einsum("qsp,si,sj->qpij", hardening, ends, ends))
+        change = np.einsum("qsp,si,sj->qpij", hardening, ends, ends, optimize=True)
+        return tangents.stiffened(change)
 
     def _skeleton(self, theta: Array, coordinates: Array) -> Skeleton:
         return skeleton(self._layout(theta), coordinates, self.elements.free_motors)

@@ -1,6 +1,7 @@
 """Prepare the evaluation of residual costs: a `CostKernel` is made once and called often."""
 
 from collections.abc import Callable
+from dataclasses import replace
 from typing import get_args
 
 import numpy as np
@@ -9,12 +10,19 @@ from robotmodels.arrays import Array, ComplexArray
 from robotmodels.errors import InvalidInput, nearest
 from robotmodels.kernel_cost import Cells, cell_costs
 from robotmodels.kernel_layout import layout, reduced
-from robotmodels.kernel_memory import address
+from robotmodels.kernel_memory import address, aligned
 from robotmodels.kernel_normal import cell_normals
+from robotmodels.kernel_slopes import slopes
 from robotmodels.kernel_targets import prepare_matrices, prepare_targets
 from robotmodels.kernel_threads import over_threads
 from robotmodels.kernel_work import Workspace, contiguous, network_tables, workspace
-from robotmodels.normal_equations import NormalEquations, Residual, error, normal_equations
+from robotmodels.normal_equations import (
+    NormalEquations,
+    Residual,
+    error,
+    model_slopes,
+    normal_equations,
+)
 from robotmodels.simd import LANES
 from robotmodels.spring_network import SpringNetwork
 
@@ -143,6 +151,30 @@ class CostKernel:
             gradient=found[1 : 1 + p],
             hessian=found[1 + p :].reshape(p, p),
         )
+
+    def model_slopes(self) -> tuple[Array, Array]:
+        """Return dV/dK and dV/dM, (Q, d, d) each, at the network's own parameters.
+
+        By the stiffness and mass matrices of its linear model, for symmetric changes: dV is the sum
+        of dV/dK dK and dV/dM dM over positions and entries.
+        """
+        network = self.network
+        q, d = network.mass.shape[:2]
+        full = layout(network)
+        if full is None or self._plan is None:
+            return model_slopes(network, self._omega, self._measured, self._weights, self.residual)
+        plan = replace(full, first=full.pad)
+        out = np.empty((q, 2, d, d))
+
+        def run(start: int, stop: int) -> None:
+            space = workspace(plan, network, self._tables)
+            n = len(plan.motors)
+            columns, sums = aligned(2 * n * (d + n)), aligned(d * (d + 1))
+            buffers = address(columns), address(sums)
+            slopes(space.at, self._at, self._options, *buffers, start, stop, address(out))
+
+        over_threads(run, q, _SOLVES * self._blocks)
+        return out[:, 0], out[:, 1]
 
     def __reduce__(self) -> tuple[type, tuple[object, ...]]:
         # Copies of aligned buffers would not be aligned: another process prepares its own.

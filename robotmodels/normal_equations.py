@@ -65,3 +65,32 @@ def normal_equations(
         gradient=2 * (weighted.T @ apart).real,
         hessian=2 * (weighted.T @ slope).real,
     )
+
+
+def model_slopes(
+    network: SpringNetwork,
+    omega: Array,
+    measured: ComplexArray,
+    weights: Array,
+    residual: Residual,
+) -> tuple[Array, Array]:
+    """Return dV/dK and dV/dM, (Q, d, d) each; see `CostKernel.model_slopes`.
+
+    dG = -Z^T dA X, so with Y = dV/d conj(G) of each element dV = 2 Re sum conj(Y) dG is the inner
+    product of dA and -2 Re(Z conj(Y) X^T).
+    """
+    model = network.linear_model()
+    X, Z = model.receptances(omega)
+    G = model.frequency_response(omega)
+    used = weights > 0
+    G, compared = np.where(used, G, 1.0), np.where(used, measured, 1.0)
+    apart = weights * error(compared, G, residual)
+    Y = -apart if residual == "nls" else -apart / np.conj(G)
+    T = Z @ np.conj(Y) @ np.swapaxes(X, -1, -2)
+    by_stiffness = -2 * T.real.sum(axis=1)
+    by_mass = 2 * np.einsum("f,qfij->qij", np.square(omega), T.real)
+    return _symmetric(by_stiffness), _symmetric(by_mass)
+
+
+def _symmetric(matrices: Array) -> Array:
+    return np.asarray((matrices + np.swapaxes(matrices, -1, -2)) / 2)

@@ -121,6 +121,25 @@ def test_a_kernel_about_other_equilibria_is_one_made_for_them(network):
         found.at(replace(network, mass=network.mass[:1]))
 
 
+@pytest.mark.parametrize("residual", RESIDUALS)
+def test_slopes_by_the_matrices_agree_with_differences(network, residual):
+    rng = np.random.default_rng(8)
+    measured, weights, _ = _data(network, rng)
+    theta, step = network.parameters.values, 1e-8
+    found = kernel.CostKernel(network, OMEGA, measured, weights, residual).model_slopes()
+    for name, slope in zip(("stiffness", "mass"), found, strict=True):
+        factors = rng.normal(size=slope.shape)
+        change = (factors + factors.swapaxes(1, 2)) * getattr(network.linear_model(), name)
+        costs = []
+        for sign in (1, -1):
+            moved = replace(network, **{name: getattr(network, name) + sign * step * change})
+            r = _residuals(moved, measured, weights, residual, theta)
+            costs.append(np.linalg.norm(r) ** 2)
+        expected = (costs[0] - costs[1]) / (2 * step)
+        size = np.abs(slope * change).max()
+        assert np.sum(slope * change) == pytest.approx(expected, abs=1e-4 * size)
+
+
 def test_a_small_pivot_before_the_free_springs_is_met_with_pivoting():
     """The first coordinate to be eliminated has no stiffness and no mass of its own there."""
     network = robot(np.random.default_rng(3), n_positions=1, n=3, n_torsions=5, n_free_torsions=2)
