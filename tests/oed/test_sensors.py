@@ -1,0 +1,102 @@
+from itertools import combinations
+
+import numpy as np
+import pytest
+from random_candidates import information_set, random_set
+
+from oed import Sensor, optimal_design, optimal_sensors
+from robotmodels import InvalidInput, NotIdentifiable
+
+Q, P = 30, 4
+BASE = random_set(0, Q, P, 2)
+
+
+def shop(count, seed=1):
+    rng = np.random.default_rng(seed)
+    return {
+        f"s{i}": Sensor(
+            information_set(np.exp(rng.normal()) * random_set(100 * seed + i, Q, P, 1).matrices),
+            1.0 + rng.random(),
+        )
+        for i in range(count)
+    }
+
+
+def best_of_all(sensors, budget, base=BASE):
+    """Try every subset, each by cvxpy."""
+    found = {}
+    for k in range(len(sensors) + 1):
+        for choice in combinations(sensors, k):
+            if sum(sensors[name].cost for name in choice) <= budget:
+                H = base.matrices + sum(sensors[name].information.matrices for name in choice)
+                found[choice] = optimal_design(information_set(H)).value
+    return max(found, key=found.get), found
+
+
+@pytest.mark.parametrize("budget", [0.5, 2.0, 3.5, 20.0])
+def test_choice_is_the_best_of_all(budget):
+    sensors = shop(4)
+    design = optimal_sensors(BASE, sensors, budget)
+    choice, values = best_of_all(sensors, budget)
+    assert design.chosen == choice
+    assert design.design.value == pytest.approx(values[choice], abs=1e-5)
+    assert design.cost == pytest.approx(sum(sensors[n].cost for n in choice))
+    assert design.efficiency >= 1 - 1e-6
+    assert design.relaxed_efficiency <= 1.0
+
+
+def test_many_sensors_are_exchanged_and_bounded():
+    """More choices than are tried; the bound of the relaxation holds for the best of all."""
+    sensors = shop(12, seed=2)
+    design = optimal_sensors(BASE, sensors, 6.0)
+    small = {name: sensors[name] for name in list(design.chosen) + list(sensors)[:1]}
+    choice, values = best_of_all(small, 6.0)
+    true = np.exp((design.design.value - values[choice]) / P)
+    assert true > 0.98
+    assert design.relaxed_efficiency <= true + 1e-6
+    assert sum(design.usage[n] * sensors[n].cost for n in sensors) <= 6.0 * (1 + 1e-6)
+
+
+def test_keep_says_what_each_sensor_is_worth():
+    sensors = shop(3, seed=3)
+    design = optimal_sensors(BASE, sensors, 3.0)
+    _, values = best_of_all(sensors, 100.0)
+    own = values[design.chosen]
+    for name, kept in design.keep.items():
+        changed = tuple(n for n in sensors if (n in design.chosen) != (n == name))
+        assert kept == pytest.approx(np.exp((values[changed] - own) / P), abs=1e-5)
+        assert (kept < 1) == (name in design.chosen)
+
+
+def test_a_useless_sensor_does_not_earn_its_keep():
+    sensors = {"dead": Sensor(information_set(np.zeros((Q, P, P))), 1.0), **shop(1)}
+    design = optimal_sensors(BASE, sensors, 2.0)
+    assert design.chosen == ("s0",)
+    both = optimal_sensors(BASE, sensors, 10.0)
+    assert both.keep["dead"] == pytest.approx(1.0, abs=1e-6)
+
+
+def test_sensors_that_make_parameters_identifiable():
+    blind = BASE.matrices.copy()
+    blind[:, 1] = blind[:, :, 1] = 0.0
+    base, sensors = information_set(blind), shop(3)
+    design = optimal_sensors(base, sensors, 2.0)
+    assert len(design.chosen) == 1
+    assert design.keep[design.chosen[0]] == 0.0
+    with pytest.raises(NotIdentifiable, match=r"not identifiable: k1; budget: 0\.5 buys no sensor"):
+        optimal_sensors(base, sensors, 0.5)
+
+
+@pytest.mark.parametrize(
+    ("sensors", "budget", "criterion", "message"),
+    [
+        ({}, 1.0, "D", "sensors: none given"),
+        (shop(1), -1.0, "D", "budget: -1.0 is not a number >= 0"),
+        ({"a": Sensor(random_set(0, 5, P, 2))}, 1.0, "D", "sensors: a: 5 candidates"),
+        ({"a": Sensor(BASE, np.nan)}, 1.0, "D", "sensors: a: cost nan is not a number >= 0"),
+        (shop(1), 2.0, "E", "criterion E is not smooth"),
+    ],
+)
+def test_sensors_that_do_not_fit(sensors, budget, criterion, message):
+    with pytest.raises(InvalidInput, match=message):
+        optimal_sensors(BASE, sensors, budget, criterion)
