@@ -163,7 +163,7 @@ def _design(
 def _search(
     costs: Array, budget: float, value: Callable[[frozenset[int]], float]
 ) -> tuple[frozenset[int], bool]:
-    """Return the best choice and True, of all that nothing can be added to; or by single changes."""
+    """Return the best choice, and whether all were tried or single changes only."""
     count = len(costs)
     room = budget * (1 + 1e-12)
 
