@@ -1,0 +1,84 @@
+from itertools import pairwise, permutations
+
+import numpy as np
+import pytest
+
+from oed import MoveLimits, move, visiting_order
+from oed.moves import move_times
+from robotmodels import InvalidInput
+
+LIMITS = MoveLimits(("a", "b"), [[-3, 3], [-3, 3]], [1.0, 2.0], [2.0, 5.0])
+
+
+def duration(order, positions, start=None, back=False):
+    """Return the time of the moves by the formula of a quintic's peaks, one by one."""
+    stops = [] if start is None else [np.asarray(start, dtype=float)]
+    stops += [positions[i] for i in order]
+    if back:
+        stops.append(stops[0])
+    total = 0.0
+    for one, other in pairwise(stops):
+        away = np.abs(other - one)
+        slow = 15 / 8 * away / LIMITS.speed
+        late = np.sqrt(10 / np.sqrt(3) * away / LIMITS.acceleration)
+        total += max(slow.max(), late.max())
+    return total
+
+
+@pytest.mark.parametrize(
+    ("start", "back"), [(None, False), ((0.5, 0.5), False), ((1.0, -2.0), True)]
+)
+@pytest.mark.parametrize("n", [1, 2, 6])
+def test_against_every_order(n, start, back):
+    positions = np.random.default_rng(n).uniform(-3, 3, (n, 2))
+    found = visiting_order(positions, LIMITS, start, back=back)
+    best = min(duration(order, positions, start, back) for order in permutations(range(n)))
+    assert found.optimal
+    assert found.duration == pytest.approx(best)
+    assert found.duration == pytest.approx(duration(found.order, positions, start, back))
+    assert found.given == pytest.approx(duration(range(n), positions, start, back))
+    assert sorted(found.order) == list(range(n))
+
+
+def test_many_positions_on_a_line_are_visited_along_it():
+    positions = np.zeros((20, 2))
+    positions[:, 0] = np.random.default_rng(0).permutation(np.linspace(-3, 3, 20))
+    found = visiting_order(positions, LIMITS, start=(-3.0, 0.0))
+    assert not found.optimal
+    np.testing.assert_allclose(positions[found.order, 0], np.linspace(-3, 3, 20))
+
+
+def test_beyond_twelve_it_comes_close_to_the_best(monkeypatch):
+    import oed.order as module
+
+    ratios = []
+    for seed in range(5):
+        positions = np.random.default_rng(seed).uniform(-3, 3, (10, 2))
+        best = visiting_order(positions, LIMITS).duration
+        monkeypatch.setattr(module, "_EXACT", 3)
+        ratios.append(visiting_order(positions, LIMITS).duration / best)
+        monkeypatch.setattr(module, "_EXACT", 12)
+    assert min(ratios) >= 1 - 1e-12
+    assert max(ratios) < 1.05
+    drawn = np.random.default_rng(9).uniform(-3, 3, (30, 2))
+    found = visiting_order(drawn, LIMITS)
+    assert found.duration < 0.7 * found.given
+
+
+def test_move_times_are_those_of_moves():
+    positions = np.random.default_rng(2).uniform(-3, 3, (4, 2))
+    times = move_times(positions, positions, LIMITS)
+    for i in range(4):
+        for j in range(4):
+            walked = move(positions[i], positions[j], LIMITS, 1e-3).duration
+            assert times[i, j] <= walked + 1e-12
+            assert walked <= times[i, j] + 1e-3
+
+
+def test_bad_input():
+    with pytest.raises(InvalidInput, match="position 0: motor 'a' at 4 is outside"):
+        visiting_order(np.array([[4.0, 0.0]]), LIMITS)
+    with pytest.raises(InvalidInput, match="start: the robot cannot go back"):
+        visiting_order(np.zeros((2, 2)), LIMITS, back=True)
+    with pytest.raises(InvalidInput, match="positions: shape"):
+        visiting_order(np.empty((0, 2)), LIMITS)
