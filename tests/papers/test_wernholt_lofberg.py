@@ -16,10 +16,13 @@ from robotmodels import RelativeNoise, load_robot
 SPRINGS = 12
 
 
+COARSE, PAPER = (1, 5, 6, 5, 6, 1), (1, 11, 10, 9, 8, 1)
+GRIDS = [COARSE, pytest.param(PAPER, marks=pytest.mark.slow)]
+
+
 @pytest.fixture(scope="module")
-def info():
-    robot = load_robot("manutec_r3_26")
-    counts = (1, 11, 10, 9, 8, 1)
+def info(request):
+    robot, counts = load_robot("manutec_r3_26"), request.param
     axes = [
         np.linspace(low, high, count) if count > 1 else np.zeros(1)
         for (low, high), count in zip(robot.position_limits, counts, strict=True)
@@ -32,19 +35,20 @@ def info():
     return oed.InformationSet(grid, everything.matrices[:, :SPRINGS, :SPRINGS], names)
 
 
+@pytest.mark.parametrize("info", GRIDS, indirect=True)
 def test_primal_dual_and_newton_agree(info):
-    assert info.matrices.shape == (7920, SPRINGS, SPRINGS)
     fast = oed.optimal_design(info, solver="newton")
     primal = oed.optimal_design(info, solver="cvxpy", form="primal")
     dual = oed.optimal_design(info, solver="cvxpy", form="dual")
     assert primal.value == pytest.approx(fast.value, abs=SPRINGS * 1e-6)
     assert dual.value == pytest.approx(fast.value, abs=SPRINGS * 1e-6)
     assert max(fast.gap, primal.gap, dual.gap) <= 1e-6
-    print(f"{len(fast.support)} of 7920 positions carry weight; the paper says 15")
+    print(f"{len(fast.support)} of {len(info)} positions carry weight; the paper says 15")
     # Caratheodory's bound; the paper's point is that few positions of thousands are used.
     assert len(fast.support) <= SPRINGS * (SPRINGS + 1) // 2
 
 
+@pytest.mark.parametrize("info", GRIDS, indirect=True)
 def test_plan_of_fifteen_experiments(info):
     design = oed.optimal_design(info, solver="newton")
     plan = oed.exact_design(info, n_experiments=15, design=design)
@@ -55,7 +59,9 @@ def test_plan_of_fifteen_experiments(info):
     random = [
         np.exp(
             (
-                np.linalg.slogdet(info.matrices[rng.integers(0, 7920, 15)].mean(axis=0)).logabsdet
+                np.linalg.slogdet(
+                    info.matrices[rng.integers(0, len(info), 15)].mean(axis=0)
+                ).logabsdet
                 - design.value
             )
             / SPRINGS
@@ -65,9 +71,10 @@ def test_plan_of_fifteen_experiments(info):
     assert max(random) < 0.9
 
 
-@pytest.mark.slow
+@pytest.mark.parametrize("info", GRIDS[1:], indirect=True)
 def test_the_papers_dual_over_all_candidates_at_once(info):
     """max log det W, tr(W H_i) <= p: one problem, no active set."""
+    assert info.matrices.shape == (7920, SPRINGS, SPRINGS)
     white = whiten(info.matrices, info.total / len(info))
     W = cp.Variable((SPRINGS, SPRINGS), PSD=True)
     prices = white.reshape(len(white), -1) @ cp.vec(W, order="C")
