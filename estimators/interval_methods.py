@@ -15,7 +15,13 @@ DRAWS, ESS = 4000, 1000.0
 
 
 def intervals_of(
-    fit: Fit, method: str, level: float, rng: np.random.Generator
+    fit: Fit,
+    method: str,
+    level: float,
+    rng: np.random.Generator,
+    *,
+    noise: str = "known",
+    blocks: int | None = None,
 ) -> tuple[Array, Array]:
     """Return standard deviations (p,) and intervals (p, 2) of ln theta.
 
@@ -25,6 +31,7 @@ def intervals_of(
     method : "theorem1", "scaled", "empirical", "posterior" or "profile".
     level : of the intervals.
     rng : source of the posterior's draws.
+    noise, blocks : of posterior and profile, as in `sample_posterior`.
 
     Raises
     ------
@@ -37,11 +44,11 @@ def intervals_of(
         center = np.log(fit.parameters.values)
         return std, np.stack([center - half, center + half], axis=-1)
     if method == "posterior":
-        return _posterior(fit, level, rng)
+        return _posterior(fit, level, rng, noise, blocks)
     if method == "profile":
         from estimators.profile import profile_likelihood
 
-        profiles = profile_likelihood(fit, level=level)
+        profiles = profile_likelihood(fit, level=level, noise=noise, blocks=blocks)
         ends = np.log([[p.lower, p.upper] for p in profiles])
         return np.array([p.std for p in profiles]), ends
     raise InvalidInput(
@@ -50,15 +57,19 @@ def intervals_of(
     )
 
 
-def _posterior(fit: Fit, level: float, rng: np.random.Generator) -> tuple[Array, Array]:
+def _posterior(
+    fit: Fit, level: float, rng: np.random.Generator, noise: str, blocks: int | None
+) -> tuple[Array, Array]:
     from estimators.importance import importance_sample
 
-    sample = importance_sample(fit, rng=rng, draws=DRAWS)
+    sample = importance_sample(fit, rng=rng, draws=DRAWS, noise=noise, blocks=blocks)
     if sample.trusted and sample.ess >= ESS:
         return sample.uncertainty().std, np.log(sample.interval(level))
     from estimators.convergence import Target
     from estimators.posterior import sample_posterior
 
     walkers = max(2 * len(fit.parameters), 16)
-    posterior = sample_posterior(fit, rng=rng, walkers=walkers, target=Target(ess=ESS))
+    posterior = sample_posterior(
+        fit, rng=rng, walkers=walkers, target=Target(ess=ESS), noise=noise, blocks=blocks
+    )
     return posterior.uncertainty().std, np.log(posterior.interval(level))

@@ -8,12 +8,15 @@ from scipy.special import gammaln
 from estimators.covariance import sandwich_parts
 from estimators.least_squares import Fit
 from estimators.log_posterior import LogPosterior
+from estimators.log_posterior_slope import slope
 from robotmodels.arrays import Array
 
 # Heavy enough to cover tails beyond the normal's, light enough for 26 dimensions.
 DOF = 20.0
 # Standard deviation of ln theta where the data say nothing.
 BROAD = 2.0
+# Of the search for the mode, which begins at the fit.
+STEPS = 10
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,21 +62,28 @@ def student_t(center: Array, information: Array, dof: float = DOF) -> StudentT:
 
 
 def laplace(fit: Fit, target: LogPosterior, dof: float = DOF) -> StudentT:
-    """Return the t about the mode of `target`, one Newton step from the fit.
-
-    The step is zero where fit and target have the same prior and weigh data against it alike.
-    """
+    """Return the t about the mode of `target`, found from the fit by Gauss and Newton's steps."""
     bread, _ = sandwich_parts(fit)
-    names, values = fit.parameters.names, fit.parameters.values
-    factor = target.noise.curvature(fit.data_cost, target.data)
-    own, new = np.zeros(len(values)), np.zeros(len(values))
-    information = factor * bread
-    if fit.prior is not None:
-        # The slope of V that the fit's prior balances.
-        own = fit.prior.slope(names).T @ fit.prior.standardised(names, values)
+    information = target.noise.curvature(fit.data_cost, target.data) * bread
     if target.prior is not None:
-        new = target.prior.slope(names).T @ target.prior.standardised(names, values)
-        information = information + target.prior.information(names)
-    step = student_t(np.zeros(len(values)), information)
-    center = np.log(values) - step.root @ (step.root.T @ (new - factor * own))
-    return student_t(np.clip(center, *target.bounds), information, dof)
+        information = information + target.prior.information(target.names)
+    return student_t(_mode(fit, target), information, dof)
+
+
+def _mode(fit: Fit, target: LogPosterior) -> Array:
+    """Return ln theta (p,) where the density is largest: the fit's, unless they differ.
+
+    Noise that is estimated and a prior that the fit did not have, or weighed otherwise, move it.
+    """
+    center = np.clip(np.log(fit.parameters.values), *target.bounds)
+    alike = fit.prior is target.prior and (target.prior is None or target.noise.scale == 1)
+    if alike and target.noise.kind != "estimated":
+        return center
+    for _ in range(STEPS):
+        here = slope(target, center)
+        root = student_t(center, here.hessian).root
+        step = -root @ (root.T @ here.gradient)
+        center = np.clip(center + step, *target.bounds)
+        if step @ here.hessian @ step < 1e-4:
+            break
+    return center

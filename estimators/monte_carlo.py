@@ -14,6 +14,7 @@ from estimators.covariance import Uncertainty
 from estimators.frf_estimate import FrfEstimate, simulate_frf
 from estimators.interval_methods import INTERVAL_METHODS, intervals_of
 from estimators.least_squares import fit, reweighted
+from estimators.likelihood import Noise
 from estimators.residuals import find_residual
 from robotmodels.arrays import Array, BoolArray, IntArray, read_only
 from robotmodels.errors import IdentificationError, InvalidInput, SolverFailed, nearest
@@ -160,6 +161,8 @@ class Recipe:
     weights: str | NDArray[Any]
     methods: tuple[str, ...]
     level: float
+    noise: str
+    blocks: int | None
 
     def run(self, seed: int) -> "dict[str, Array] | str":
         """Return the arrays of one run, or the reason why there are none."""
@@ -174,7 +177,9 @@ class Recipe:
                 return f"not converged: {found.message}"
             stds, ends = np.empty((len(self.methods), p)), np.empty((len(self.methods), p, 2))
             for i, method in enumerate(self.methods):
-                stds[i], ends[i] = intervals_of(found, method, self.level, rng)
+                stds[i], ends[i] = intervals_of(
+                    found, method, self.level, rng, noise=self.noise, blocks=self.blocks
+                )
         except (IdentificationError, np.linalg.LinAlgError) as error:
             return str(error)
         return {
@@ -196,6 +201,8 @@ def monte_carlo(
     truth: Array | None = None,
     methods: Sequence[str] = ("theorem1",),
     level: float = 0.95,
+    noise: str = "known",
+    blocks: int | None = None,
     store: str | Path | None = None,
     executor: Executor | None = None,
     progress: Callable[[int, int], object] | None = None,
@@ -216,6 +223,7 @@ def monte_carlo(
     methods : whose intervals to compute: "theorem1", "scaled" and "empirical" (see `covariance`),
         "posterior" (by importance sampling, by emcee where its weights fail), "profile".
     level : of the intervals.
+    noise, blocks : of posterior and profile, as in `sample_posterior`.
     store : HDF5 file that keeps the runs; an interrupted series goes on from it.
     executor : takes one run at a time; in sequence where None.
     progress : called with the runs done and their number.
@@ -228,7 +236,8 @@ def monte_carlo(
     _check(model, runs, methods, level)
     from estimators.monte_carlo_store import RunStore
 
-    recipe = Recipe(experiment, model, residual, weights, tuple(methods), level)
+    Noise(noise, blocks=blocks)  # refuses what does not fit before the first run
+    recipe = Recipe(experiment, model, residual, weights, tuple(methods), level, noise, blocks)
     seeds = rng.integers(2**63 - 1, size=runs, dtype=np.int64)
     kept = None if store is None else RunStore(Path(store), _fingerprint(recipe, int(seeds[0])))
     results: list[dict[str, Array] | str] = [] if kept is None else kept.load()[:runs]
@@ -275,7 +284,8 @@ def _fingerprint(recipe: Recipe, seed: int) -> str:
 
     first = recipe.experiment(np.random.default_rng(seed))
     weights = recipe.weights if isinstance(recipe.weights, str) else recipe.weights.tobytes()
-    settings = (recipe.residual, weights, recipe.methods, recipe.level, seed)
+    noise = recipe.noise, recipe.blocks
+    settings = (recipe.residual, weights, recipe.methods, recipe.level, noise, seed)
     digest = hashlib.sha256(repr(settings).encode())
     for array in (first.response, recipe.model.parameters.values):
         digest.update(" ".join(f"{x:.5g}" for x in array.ravel()).encode())

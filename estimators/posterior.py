@@ -20,6 +20,9 @@ from estimators.priors import Prior
 from robotmodels.arrays import Array, IntArray, read_only
 from robotmodels.errors import InvalidInput
 
+# Draws of the walkers' starts before giving up.
+ROUNDS = 20
+
 __all__ = ["ESS", "R_HAT", "TIMES", "Posterior", "sample_posterior"]
 
 
@@ -153,7 +156,7 @@ def sample_posterior(
     first = _given(starts, density, ensembles, walkers)
     if first is None:
         rngs = [np.random.default_rng(int(seed)) for seed in seeds]
-        first = np.stack([_ball(proposal, density.bounds, walkers, one) for one in rngs])
+        first = np.stack([_ball(proposal, density, walkers, one) for one in rngs])
     _check_starts(density, first)
     aim = target or Target()
     chains, acceptance = run_ensembles(
@@ -214,15 +217,29 @@ def _check_sizes(p: int, ensembles: int, walkers: int, steps: int, thin: int) ->
         )
 
 
-def _ball(proposal: StudentT, bounds: Array, walkers: int, rng: np.random.Generator) -> Array:
-    """Return starts (W, p) drawn from the proposal, mirrored at the bounds."""
-    low, high = bounds
-    draws = proposal.draw(walkers, rng)
-    draws = np.where(draws < low, 2 * low - draws, draws)
-    draws = np.where(draws > high, 2 * high - draws, draws)
-    # What is wider than the bounds twice over is spread evenly.
-    outside = (draws < low) | (draws > high)
-    return np.asarray(np.where(outside, rng.uniform(low, high, draws.shape), draws))
+def _ball(
+    proposal: StudentT, density: LogPosterior, walkers: int, rng: np.random.Generator
+) -> Array:
+    """Return starts (W, p) drawn from the proposal, mirrored at the bounds.
+
+    Draws without a finite cost are drawn again, closer to the mode; those left after all rounds
+    are for `_check_starts` to refuse.
+    """
+    low, high = density.bounds
+    found = np.empty((walkers, len(low)))
+    missing = np.ones(walkers, dtype=bool)
+    for shrink in 0.8 ** np.arange(ROUNDS):
+        draws = proposal.center + shrink * (proposal.draw(walkers, rng) - proposal.center)
+        draws = np.where(draws < low, 2 * low - draws, draws)
+        draws = np.where(draws > high, 2 * high - draws, draws)
+        # What is wider than the bounds twice over is spread evenly.
+        outside = (draws < low) | (draws > high)
+        draws = np.where(outside, rng.uniform(low, high, draws.shape), draws)
+        found[missing] = draws[missing]
+        missing[missing] = ~np.isfinite(density(found[missing]))
+        if not missing.any():
+            break
+    return found
 
 
 def _given(
