@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from oed.plan_export import export_csv, export_mat
     from oed.position_files import read_positions
     from oed.predictions import log_frf_gradients, log_resonance_gradients, prediction_matrix
+    from oed.refine import RefinedDesign, Region, refine, refined_design
     from oed.relaxed import Design, optimal_design
     from oed.robust import (
         AverageCriterion,
@@ -77,6 +78,8 @@ _HOMES = {
     "Needed": "sequential",
     "NextExperiments": "sequential",
     "Peaks": "peaks",
+    "RefinedDesign": "refine",
+    "Region": "refine",
     "Removal": "screening",
     "RobustDesign": "robust",
     "Scaling": "scaling",
@@ -119,6 +122,8 @@ _HOMES = {
     "random_phases": "multisine",
     "read_positions": "position_files",
     "reduced_crest": "crest",
+    "refine": "refine",
+    "refined_design": "refine",
     "robust_design": "robust",
     "scale": "scaling",
     "score": "scoring",
@@ -156,6 +161,8 @@ __all__ = [
     "Needed",
     "NextExperiments",
     "Peaks",
+    "RefinedDesign",
+    "Region",
     "Removal",
     "RobustDesign",
     "Scaling",
@@ -198,6 +205,8 @@ __all__ = [
     "random_phases",
     "read_positions",
     "reduced_crest",
+    "refine",
+    "refined_design",
     "robust_design",
     "scale",
     "score",
