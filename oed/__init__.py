@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from oed.plan_export import export_csv, export_mat
     from oed.position_files import read_positions
     from oed.predictions import log_frf_gradients, log_resonance_gradients, prediction_matrix
-    from oed.refine import RefinedDesign, Region, refine, refined_design
+    from oed.refine import RefinedDesign, Region, refined_design, refined_over
     from oed.relaxed import Design, optimal_design
     from oed.robust import (
         AverageCriterion,
@@ -122,8 +122,8 @@ _HOMES = {
     "random_phases": "multisine",
     "read_positions": "position_files",
     "reduced_crest": "crest",
-    "refine": "refine",
     "refined_design": "refine",
+    "refined_over": "refine",
     "robust_design": "robust",
     "scale": "scaling",
     "score": "scoring",
@@ -205,8 +205,8 @@ __all__ = [
     "random_phases",
     "read_positions",
     "reduced_crest",
-    "refine",
     "refined_design",
+    "refined_over",
     "robust_design",
     "scale",
     "score",

@@ -127,7 +127,7 @@ def refined_design(
 
     own = np.asarray(robot.position_limits if limits is None else limits, dtype=float)
     points = sobol_positions(robot, finer, own, rng)
-    return refine(
+    return refined_over(
         info,
         Region(own, evaluate, usable),
         points,
@@ -139,7 +139,7 @@ def refined_design(
     )
 
 
-def refine(
+def refined_over(
     info: InformationSet,
     region: Region,
     finer: Array,

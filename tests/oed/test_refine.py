@@ -3,7 +3,7 @@ import pytest
 from collision_arm import arm
 
 from oed import InformationSet, candidate_positions, exact_design, information, optimal_design
-from oed.refine import Region, refine, refined_design
+from oed.refine import Region, refined_design, refined_over
 from robotmodels import InvalidInput, RelativeNoise, surroundings
 
 COARSE = np.array([-1.0, -0.7, -0.3, 0.25, 0.6, 0.9])[:, None]
@@ -30,7 +30,7 @@ def coarse():
 
 
 def test_quadratic_regression_finds_its_three_points():
-    result = refine(coarse(), line(), FINE, tolerance=1e-4)
+    result = refined_over(coarse(), line(), FINE, tolerance=1e-4)
     support = np.sort(result.candidates.positions[result.design.support, 0])
     np.testing.assert_allclose(support, [-1, 0, 1], atol=0.02)
     best = np.log(4 / 27)
@@ -47,7 +47,7 @@ def test_quadratic_regression_finds_its_three_points():
 
 def test_it_stays_in_usable_places():
     """Without (-0.2, 0.2) the middle point goes to an edge of the gap."""
-    result = refine(coarse(), line(lambda q: np.abs(q[:, 0]) >= 0.2), FINE, tolerance=1e-3)
+    result = refined_over(coarse(), line(lambda q: np.abs(q[:, 0]) >= 0.2), FINE, tolerance=1e-3)
     used = result.candidates.positions[result.design.support, 0]
     assert (np.abs(used) >= 0.2).all()
     finer = np.abs(FINE[:, 0]) >= 0.2
@@ -59,14 +59,14 @@ def test_it_stays_in_usable_places():
 
 def test_prior_information_moves_the_support():
     prior = 5 * regression(np.array([[-1.0], [0.0]])).sum(axis=0)
-    result = refine(coarse(), line(), FINE, prior=prior)
+    result = refined_over(coarse(), line(), FINE, prior=prior)
     used = result.candidates.positions[result.design.support, 0]
     assert used[np.argmax(result.design.weights[result.design.support])] == pytest.approx(1.0)
 
 
 def test_nothing_to_gain_on_a_fine_grid():
     info = InformationSet(FINE, regression(FINE), ("a", "b", "c"))
-    result = refine(info, line(), FINE)
+    result = refined_over(info, line(), FINE)
     assert result.rounds == 1
     assert result.gain == pytest.approx(0.0, abs=1e-9)
     assert result.converged
@@ -109,4 +109,4 @@ def test_a_robot_above_the_floor(tmp_path):
 @pytest.mark.parametrize("entries", [{"max_rounds": 0}, {"tolerance": 0.0}])
 def test_bad_input(entries):
     with pytest.raises(InvalidInput, match=r"refine: max_rounds .* must be positive"):
-        refine(coarse(), line(), FINE, **entries)
+        refined_over(coarse(), line(), FINE, **entries)
