@@ -72,7 +72,8 @@ def fit_study(
     """
     with _opened(study, progress, executor, fresh) as run:
         source = _source(run)
-        return FittedStudy(**_planned(run, source), **_fitted(run, source, _fits(run, source)))
+        fitted = _fitted(run, source, _fits(run, source))
+        return FittedStudy(**_planned(run, source), **fitted)
 
 
 def run_study(

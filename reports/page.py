@@ -7,12 +7,14 @@ from reports.sections import study_sections
 from reports.template import page
 
 
-def write_report(results: StudyResults, path: Path, progress: Progress | None = None) -> None:
-    """Write the report of a study as one HTML file."""
-    path.write_text(render(results, progress), encoding="utf-8")
+def write_report(
+    results: StudyResults, path: Path, progress: Progress | None = None, command: str = ""
+) -> None:
+    """Write the report of a study as one HTML file; `command` is what made it."""
+    path.write_text(render(results, progress, command), encoding="utf-8")
 
 
-def render(results: StudyResults, progress: Progress | None = None) -> str:
+def render(results: StudyResults, progress: Progress | None = None, command: str = "") -> str:
     """Return the report of a study as HTML."""
     return page(
         title=results.robot.name,
@@ -21,5 +23,5 @@ def render(results: StudyResults, progress: Progress | None = None) -> str:
         lead=(
             "Where to measure, what the springs and dampers come out as, and how far to trust them."
         ),
-        sections=study_sections(results, progress),
+        sections=study_sections(results, progress, command),
     )

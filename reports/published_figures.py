@@ -41,8 +41,9 @@ def costs(evaluation: Evaluation, normalised: Array, label: str, limit: bool = F
             axes.plot(number, shown, label=name, **_style(name, palette))
         if limit:
             axes.axhline(REASONABLE_COST, color=palette.muted, lw=0.8, dashes=(1, 2))
-        axes.set(yscale="log", xlim=(1, max(len(number), 2)), ylim=(0.95, 1.1 * top))
+        axes.set(yscale="log", xlim=(1, max(len(number), 2)), ylim=(0.9, 1.1 * top))
         axes.set_xlabel("optimisation, sorted by cost")
+        axes.xaxis.set_major_locator(MaxNLocator(6, integer=True))
         axes.set_ylabel(label)
         axes.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
         axes.yaxis.set_major_formatter(FuncFormatter(lambda y, _: significant(y, 2)))
@@ -137,6 +138,7 @@ def _parameter_panel(
         values = np.clip(evaluation.relative[row, :, place], _LOWEST, _HIGHEST)
         axes.plot(number, values, label=label, **_line(k, palette))
     axes.set(yscale="log", ylim=(_LOWEST, _HIGHEST), xlim=(1, max(len(number), 2)))
+    axes.xaxis.set_major_locator(MaxNLocator(4, integer=True))
     axes.yaxis.set_major_formatter(FuncFormatter(lambda y, _: significant(y, 1)))
     axes.yaxis.set_minor_formatter(NullFormatter())
 

@@ -5,29 +5,80 @@ from typing import Any
 
 import numpy as np
 
-from oed.study import StudyResults
+from oed.study import FittedStudy, PlannedStudy, StudyResults
+from reports.columns import plain
 from reports.sections.fit import reached
+from reports.text import duration
+
+Lines = list[tuple[str, str]]
 
 
-def study_summary(results: StudyResults, report: Path) -> str:
-    """Return the summary of a study."""
-    r, std, posterior = results, results.theorem1.std, results.posterior
-    names, ratio = r.theorem1.names, std / posterior.uncertainty().std
-    best, worst = int(np.argmin(std)), int(np.argmax(std))
-    at_best = ", ".join(f"{label} {n} of {of}" for label, n, of in reached(r))
-    slowest = sorted(r.seconds.items(), key=lambda item: -item[1])[:3]
-    lines = [
+def study_summary(results: PlannedStudy, written: list[Path]) -> str:
+    """Return the summary of a study, as far as it was computed."""
+    lines = _design_lines(results)
+    if isinstance(results, FittedStudy):
+        lines += _fit_lines(results)
+    if isinstance(results, StudyResults):
+        lines += _uncertainty_lines(results)
+    lines.append(("time", _time(results)))
+    if results.kept:
+        lines.append(("kept", f"{', '.join(results.kept)} (nothing they rest on has changed)"))
+    lines += [("report" if p.suffix == ".html" else "written", str(p)) for p in written]
+    return "\n".join([results.robot.name, *(f"  {key:<9}{value}" for key, value in lines)])
+
+
+def study_json(results: PlannedStudy, written: list[Path]) -> dict[str, Any]:
+    """Return the summary for scripts, in SI units; the files that were written say more."""
+    r = results
+    document: dict[str, Any] = {
+        "robot": r.robot.name,
+        "seed": r.study.seed,
+        "candidates": len(r.information.positions),
+        "positions": len(r.used),
+        "experiments": int(r.exact.repetitions.sum()),
+        "gap": float(r.design.gap),
+        "efficiency": float(r.exact.efficiency),
+    }
+    if isinstance(r, FittedStudy):
+        document |= {"cost": float(r.fit.cost), "fit_converged": r.fit.converged}
+    if isinstance(r, StudyResults):
+        std = zip(r.theorem1.names, map(float, r.theorem1.std), strict=True)
+        document |= {"posterior_converged": r.posterior.converged, "relative_std": dict(std)}
+    files = [str(path) for path in written]
+    return document | {"seconds": r.seconds, "kept": list(r.kept), "files": files}
+
+
+def _design_lines(r: PlannedStudy) -> Lines:
+    count = int(r.exact.repetitions.sum())
+    if r.study.data.measured:
+        return [("data", f"{len(r.used)} positions, {count} experiments")]
+    return [
         (
             "design",
             f"{len(r.information.positions)} candidates, {len(r.used)} positions used, "
-            f"{int(r.exact.repetitions.sum())} experiments",
+            f"{count} experiments",
         ),
         (
             "",
             f"certified gap {r.design.gap:.1e}, efficiency of the plan >= {r.exact.efficiency:.4f}",
         ),
-        ("fit", f"NLS cost {r.fit.cost:.1f} from {r.fit_origin}"),
-        ("", f"starts at the best cost: {at_best}"),
+    ]
+
+
+def _fit_lines(r: FittedStudy) -> Lines:
+    at_best = ", ".join(f"{label} {n} of {of}" for label, n, of in reached(r))
+    lines = [("fit", f"{r.fit.residual.upper()} cost {r.fit.cost:.1f} from {r.fit_origin}")]
+    if not r.fit.converged:
+        lines.append(("", f"NOT converged: {r.fit.message}"))
+    return [*lines, ("", f"starts at the best cost: {at_best}")]
+
+
+def _uncertainty_lines(r: StudyResults) -> Lines:
+    names, std, posterior = r.theorem1.names, r.theorem1.std, r.posterior
+    best, worst = int(np.argmin(std)), int(np.argmax(std))
+    ratio = std / posterior.uncertainty().std
+    verdicts = {v: r.cross_check.verdicts.count(v) for v in dict.fromkeys(r.cross_check.verdicts)}
+    lines = [
         (
             "std",
             f"best {names[best]} {100 * std[best]:.2g} %, "
@@ -38,38 +89,13 @@ def study_summary(results: StudyResults, report: Path) -> str:
             f"R-hat <= {np.max(posterior.r_hat):.3f}, ESS >= {np.min(posterior.ess):.0f}, "
             f"Theorem 1 / emcee {ratio.min():.2f} to {ratio.max():.2f}",
         ),
-        (
-            "time",
-            f"{sum(r.seconds.values()):.1f} s ("
-            + ", ".join(f"{stage} {s:.1f}" for stage, s in slowest)
-            + ")",
-        ),
-        ("report", str(report)),
     ]
-    if r.kept:
-        lines.insert(-1, ("kept", f"{', '.join(r.kept)} (nothing they rest on has changed)"))
     if not posterior.converged:
-        lines.insert(-2, ("", posterior.message))
-    if not r.fit.converged:
-        lines.insert(3, ("", f"NOT converged: {r.fit.message}"))
-    return "\n".join([f"{r.robot.name}", *(f"  {key:<8}{value}" for key, value in lines)])
+        lines.append(("", posterior.message))
+    return [*lines, ("methods", ", ".join(f"{n} x {verdict}" for verdict, n in verdicts.items()))]
 
 
-def study_json(results: StudyResults, report: Path) -> dict[str, Any]:
-    """Return the summary for scripts, in SI units; the files beside the report say more."""
-    r, posterior = results, results.posterior
-    return {
-        "robot": r.robot.name,
-        "seed": r.study.seed,
-        "candidates": len(r.information.positions),
-        "positions": len(r.used),
-        "experiments": int(r.exact.repetitions.sum()),
-        "gap": float(r.design.gap),
-        "efficiency": float(r.exact.efficiency),
-        "cost": float(r.fit.cost),
-        "converged": {"fit": r.fit.converged, "posterior": posterior.converged},
-        "relative_std": dict(zip(r.theorem1.names, r.theorem1.std.tolist(), strict=True)),
-        "seconds": r.seconds,
-        "kept": list(r.kept),
-        "report": str(report),
-    }
+def _time(r: PlannedStudy) -> str:
+    slowest = sorted(r.seconds.items(), key=lambda item: -item[1])[:3]
+    parts = ", ".join(f"{stage} {s:.1f}" for stage, s in slowest)
+    return f"{plain(duration(sum(r.seconds.values())))} ({parts})"

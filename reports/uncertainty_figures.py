@@ -9,7 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import PathPatch
 from matplotlib.path import Path
-from matplotlib.ticker import FuncFormatter, MaxNLocator
+from matplotlib.ticker import FuncFormatter, MaxNLocator, NullFormatter
 
 from reports.figures import Drawing
 from reports.svg import Palette
@@ -63,6 +63,35 @@ def intervals(
             axes.spines["left"].set_visible(False)
         handles, _ = grid[0].get_legend_handles_labels()
         figure.legend(handles, methods, loc="outside upper right", ncols=len(methods))
+        return figure
+
+    return draw
+
+
+def deviations(names: Sequence[str], stds: Sequence[Array], studies: Sequence[str]) -> Drawing:
+    """Return relative standard deviations, (p,) of each study, on a logarithmic axis."""
+
+    def draw(palette: Palette) -> Figure:
+        groups = _groups(names)
+        longest = max(len(group) for group in groups.values())
+        figure = Figure(figsize=(8.2, 0.95 + 0.2 * longest), layout="constrained")
+        grid = figure.subplots(1, len(groups), squeeze=False)[0]
+        colours = (palette.accent, palette.second, palette.ink, palette.muted)
+        for axes, (title, group) in zip(grid, groups.items(), strict=True):
+            for k, (std, study) in enumerate(zip(stds, studies, strict=True)):
+                colour = colours[k % len(colours)]
+                axes.plot(100 * std[group], range(len(group)), "o", color=colour, ms=4, label=study)
+            axes.set_yticks(range(len(group)), [names[i].rsplit(".", 1)[0] for i in group])
+            axes.set(ylim=(longest - 0.4, -0.6), xscale="log", title=title)
+            axes.set_xlabel("relative standard deviation [%]")
+            axes.xaxis.set_major_formatter(FuncFormatter(lambda x, _: f"{x:g}"))
+            axes.xaxis.set_minor_formatter(NullFormatter())
+            axes.tick_params(axis="y", length=0)
+            axes.grid(True)
+            axes.set_axisbelow(True)
+            axes.spines["left"].set_visible(False)
+        handles, _ = grid[0].get_legend_handles_labels()
+        figure.legend(handles, studies, loc="outside upper right", ncols=len(studies))
         return figure
 
     return draw

@@ -2,9 +2,21 @@
 
 import typer
 
-from reports.commands import chains, check, frf, init, run, schema, simulate
+from reports.commands import (
+    chains,
+    check,
+    design,
+    fit,
+    frf,
+    init,
+    report,
+    run,
+    sample,
+    schema,
+    simulate,
+)
 
-_IN_ORDER = (init, check, run, simulate, frf, chains, schema)
+_IN_ORDER = (init, check, run, design, fit, sample, report, simulate, frf, chains, schema)
 
 
 def register_all(app: typer.Typer) -> None:

@@ -1,12 +1,12 @@
 """``oed run``: a whole study."""
 
 from pathlib import Path
-from typing import Annotated
+from typing import Any
 
 import typer
 
-from reports.commands.options import WORKERS, AsJson, Workers, about, say
-from reports.workers import one_thread_each, process_pool
+from reports.commands.options import WORKERS, AsJson, Workers, say
+from reports.commands.studies import Fresh, StudyFile, compute_study
 
 
 def register(app: typer.Typer) -> None:
@@ -15,12 +15,7 @@ def register(app: typer.Typer) -> None:
 
 
 def run(
-    study: Annotated[Path, typer.Argument(help="Study file, such as studies/ur10.yaml.")],
-    workers: Workers = WORKERS,
-    fresh: Annotated[
-        bool, typer.Option("--fresh", help="Compute all stages again, also those that still fit.")
-    ] = False,
-    as_json: AsJson = False,
+    study: StudyFile, workers: Workers = WORKERS, fresh: Fresh = False, as_json: AsJson = False
 ) -> None:
     """Compute a study and write its report: where to measure, what comes out, how certain it is.
 
@@ -28,25 +23,19 @@ def run(
 
     Example: oed run studies/ur10.yaml
     """
-    one_thread_each()
     # Imported here: `oed --help` need not wait for the numerics.
     from oed.published_output import write_published_json
     from oed.study import run_study
-    from oed.study_file import load_study
-    from oed.study_output import staged_folder, write_results
     from reports.page import write_report
-    from reports.progress import progress_bars
     from reports.published_page import write_published
     from reports.summary import study_json, study_summary
 
-    content = load_study(study)
-    with about(study), progress_bars() as progress, process_pool(workers) as executor:
-        results = run_study(content, progress, executor=executor, fresh=fresh)
-        with staged_folder(content.output) as folder:
-            write_results(results, folder)
-            write_report(results, folder / "report.html", progress)
-            if results.published is not None:
-                write_published_json(results.published, folder / "published.json")
-                write_published(results, results.published, folder / "published.html")
-    report = content.output / "report.html"
-    say(lambda: study_summary(results, report), lambda: study_json(results, report), as_json)
+    def pages(results: Any, folder: Path, progress: Any) -> None:
+        write_report(results, folder / "report.html", progress, f"oed run {study}")
+        if results.published is not None:
+            write_published_json(results.published, folder / "published.json")
+            write_published(results, results.published, folder / "published.html")
+
+    results = compute_study(study, run_study, workers, fresh, pages)
+    written = [results.study.output / "report.html"]
+    say(lambda: study_summary(results, written), lambda: study_json(results, written), as_json)

@@ -22,8 +22,10 @@ from reports.sections import (
 )
 
 
-def study_sections(results: StudyResults, progress: Progress | None = None) -> list[Section]:
-    """Return the sections of a report, in order."""
+def study_sections(
+    results: StudyResults, progress: Progress | None = None, command: str = ""
+) -> list[Section]:
+    """Return the sections of a report, in order; `command` is what made it."""
     found = []
     for number, make in enumerate(_IN_ORDER, start=1):
         section = make(results)
@@ -31,7 +33,7 @@ def study_sections(results: StudyResults, progress: Progress | None = None) -> l
             found.append(section)
         if progress is not None:
             progress("report", number, len(_IN_ORDER))
-    return found
+    return [*found, provenance.section(results, command)]
 
 
 def _residuals(results: StudyResults) -> Section:
@@ -61,5 +63,4 @@ _IN_ORDER: tuple[Callable[[StudyResults], Section | None], ...] = (
     _cross_check,
     uncertainty.section,
     _identifiability,
-    provenance.section,
 )

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from oed.study import StudyResults, start_number
+from oed.study import FittedStudy, StudyResults, start_number
 from reports import figures, text
 from reports.parts import Column, Number, Section, Table, figure, numbers, table
 from reports.template import filled
@@ -32,7 +32,7 @@ def section(results: StudyResults) -> Section:
     return Section("fit", "Fit", body)
 
 
-def best_cost(results: StudyResults, name: str) -> float:
+def best_cost(results: FittedStudy, name: str) -> float:
     """Return the best cost known of an estimator; the chosen fit's where that is the same."""
     search = results.searches[name]
     kind = search.estimator
@@ -41,7 +41,7 @@ def best_cost(results: StudyResults, name: str) -> float:
     return min(search.runs[0].cost, chosen)
 
 
-def reached(results: StudyResults) -> list[tuple[str, int, int]]:
+def reached(results: FittedStudy) -> list[tuple[str, int, int]]:
     """Return, per estimator, how many starts ended at its best cost, and of how many."""
     return [
         (text.residual_label(name), search.reached(best_cost(results, name)), len(search.runs))

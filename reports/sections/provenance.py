@@ -1,19 +1,39 @@
 """Provenance: from what the results were computed, with what, and how to do it again."""
 
+from oed.fingerprint import file_digest, json_digest, robot_digest
 from oed.study import StudyResults
 from reports import text
-from reports.parts import Column, Number, Section, numbers, table
+from reports.parts import Column, Number, Section, Table, numbers, table
 from reports.template import filled
 
 
-def section(results: StudyResults) -> Section:
-    """Return the section."""
+def section(results: StudyResults, command: str = "") -> Section:
+    """Return the section; `command` is what made the report."""
     seconds = [(stage, Number(text.duration(s), s)) for stage, s in results.seconds.items()]
     versions = list(results.versions.items())
     body = filled(
         "provenance.html.j2",
         results=results,
+        command=command,
+        inputs=input_table(results),
         stages=table("stages", "Time per stage.", [Column("stage"), *numbers("time")], seconds),
         versions=table("versions", "Versions.", [Column("of"), *numbers("version")], versions),
     )
     return Section("provenance", "Provenance", body)
+
+
+def input_table(results: StudyResults) -> Table:
+    """Return the SHA-256 of all that the results depend on."""
+    study = results.study
+    rows = [
+        ("study", json_digest(study.model_dump(mode="json", by_alias=True, exclude={"output"})))
+    ]
+    rows.append(("robot file and URDF", robot_digest(results.robot)))
+    if results.plant is not None and results.plant is not results.robot:
+        rows.append(("robot behind the data", robot_digest(results.plant)))
+    for name in ("records", "frf"):
+        path = getattr(study.data, name)
+        if path is not None and path.exists():
+            rows.append((str(path.name), file_digest(path)))
+    caption = "What the results depend on, by the SHA-256 of its content."
+    return table("inputs", caption, [Column("input"), Column("SHA-256", code=True)], rows)

@@ -66,7 +66,10 @@ def test_help_shows_examples(oed):
     assert "run" in out
 
 
-@pytest.mark.parametrize("command", ["init", "check", "run", "simulate", "frf", "schema"])
+@pytest.mark.parametrize(
+    "command",
+    ["init", "check", "run", "design", "fit", "sample", "report", "simulate", "frf", "schema"],
+)
 def test_every_command_shows_an_example(oed, command):
     code, out, err = oed(command, "--help")
     assert (code, err) == (0, "")

@@ -1,0 +1,69 @@
+"""``oed report``: the page of a study, or of several side by side."""
+
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from reports.commands.options import WORKERS, AsJson, Workers, about, say
+from reports.commands.studies import compute_study
+from robotmodels.errors import InvalidInput
+
+
+def register(app: typer.Typer) -> None:
+    """Add the command."""
+    app.command()(report)
+
+
+def report(
+    studies: Annotated[list[Path], typer.Argument(help="Study files; several are compared.")],
+    output: Annotated[
+        Path | None,
+        typer.Option("-o", "--output", help="Page of a comparison; default: comparison.html."),
+    ] = None,
+    workers: Workers = WORKERS,
+    as_json: AsJson = False,
+) -> None:
+    """Write the report of a study, or one page that compares several.
+
+    What earlier commands computed is kept; what is lacking is computed.
+
+    Example: oed report studies/ur10.yaml more_positions.yaml -o comparison.html
+    """
+    from oed.study import run_study
+    from reports.comparison import comparison_json, comparison_summary, write_comparison
+    from reports.page import write_report
+    from reports.summary import study_json, study_summary
+
+    def page(results: Any, folder: Path, progress: Any) -> None:
+        write_report(results, folder / "report.html", progress, f"oed report {studies[0]}")
+
+    if len(studies) == 1:
+        if output is not None:
+            raise InvalidInput("--output: belongs to a comparison; a study's file says where")
+        one = compute_study(studies[0], run_study, workers, False, page)
+        written = [one.study.output / "report.html"]
+        say(lambda: study_summary(one, written), lambda: study_json(one, written), as_json)
+        return
+    found = {
+        name: compute_study(path, run_study, workers, False)
+        for name, path in zip(_names(studies), studies, strict=True)
+    }
+    target = Path("comparison.html") if output is None else output
+    with about(target):
+        write_comparison(found, target)
+    say(
+        lambda: comparison_summary(found, target),
+        lambda: comparison_json(found, target),
+        as_json,
+    )
+
+
+def _names(studies: list[Path]) -> list[str]:
+    """Return what tells the studies apart: the names of their files, or of their folders too."""
+    if len(set(studies)) < len(studies):
+        raise InvalidInput(f"studies: {studies[0]} is given twice; give each study once")
+    short = [path.stem for path in studies]
+    return (
+        short if len(set(short)) == len(short) else [str(path.with_suffix("")) for path in studies]
+    )

@@ -1,0 +1,190 @@
+"""Several studies side by side: a page, one screen of text, JSON."""
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from oed.study import StudyResults
+from reports import columns, text, uncertainty_figures
+from reports.parts import Cell, Column, Number, Row, Section, Table, figure, numbers, table
+from reports.summary import study_json
+from reports.template import filled, page
+from robotmodels.arrays import Array
+
+Studies = Mapping[str, StudyResults]
+
+
+def write_comparison(studies: Studies, path: Path) -> None:
+    """Write a page that compares studies, by name."""
+    content = page(
+        title=text.listed(list(studies)),
+        kind="studies side by side",
+        kicker="Experiment design and uncertainty for elastic robots",
+        lead="What differs between these studies, and how certain each makes the parameters.",
+        sections=[
+            _section("overview", "Overview", overview=overview_table(studies)),
+            _section("settings", "Settings", settings=settings_table(studies)),
+            _section(
+                "certainty",
+                "Certainty",
+                stds=std_table(studies),
+                dots=figure(
+                    "stds",
+                    uncertainty_figures.deviations(
+                        all_names(studies), std_rows(studies), list(studies)
+                    ),
+                    "Relative standard deviation of every parameter, a dot per study",
+                ),
+            ),
+            _section(
+                "estimates",
+                "Estimates",
+                first=next(iter(studies)),
+                forest=figure(
+                    "forest",
+                    uncertainty_figures.intervals(
+                        all_names(studies),
+                        _offsets(studies),
+                        std_rows(studies),
+                        list(studies),
+                        next(iter(studies)),
+                    ),
+                    "Estimates of every study against those of the first",
+                ),
+            ),
+        ],
+    )
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_text(content, encoding="utf-8")
+
+
+def all_names(studies: Studies) -> list[str]:
+    """Return the parameters of all studies: stiffnesses first, as robots have them."""
+    return list(dict.fromkeys(name for r in studies.values() for name in r.theorem1.names))
+
+
+def std_rows(studies: Studies) -> list[Array]:
+    """Return the standard deviations of ln theta by Theorem 1, (p,) per study; NaN for none."""
+    return [_aligned(studies, r, r.theorem1.std) for r in studies.values()]
+
+
+def overview_table(studies: Studies) -> Table:
+    """Return the key figures of the studies, a row each."""
+    rows: list[Row] = []
+    for name, r in studies.items():
+        std = r.theorem1.std
+        values: list[Cell] = [
+            Number(text.count(len(r.information.positions)), len(r.information.positions)),
+            Number(str(len(r.used)), len(r.used)),
+            Number(str(n := int(r.exact.repetitions.sum())), n),
+            Number(text.efficiency(r.exact.efficiency), float(r.exact.efficiency)),
+            Number(text.significant(ratio := r.residuals.chi2 / r.residuals.dof, 3), ratio),
+            *(Number(text.percent(v), v) for v in (float(std.min()), _mean(std), float(std.max()))),
+        ]
+        rows.append([name, r.robot.name, *values])
+    titles = ["candidates", "positions", "experiments", "efficiency", "χ² over expected"]
+    columns_ = [
+        Column("study"),
+        Column("robot"),
+        *numbers(*titles, "least std", "mean std", "largest std"),
+    ]
+    caption = (
+        "Key figures; standard deviations are relative, by Theorem 1, their mean is geometric."
+    )
+    return table("overview-table", caption, columns_, rows)
+
+
+def settings_table(studies: Studies) -> Table:
+    """Return the settings in which the studies differ."""
+    flat = [_flat(r.study.model_dump(mode="json", by_alias=True)) for r in studies.values()]
+    keys = dict.fromkeys(key for one in flat for key in one)
+    rows: list[Row] = []
+    for key in keys:
+        values = [one.get(key, "–") for one in flat]
+        if len(set(values)) > 1 and key != "output":
+            rows.append([key, *values])
+    header = [Column("setting", code=True), *(Column(name, "words") for name in studies)]
+    return table("settings-table", "Settings in which the studies differ.", header, rows)
+
+
+def std_table(studies: Studies) -> Table:
+    """Return the standard deviations, and those of later studies over the first's."""
+    stds, rows = std_rows(studies), []
+    for i, name in enumerate(all_names(studies)):
+        row: list[Cell] = [name, *(_percent(float(std[i])) for std in stds)]
+        row += [_ratio(float(std[i] / stds[0][i])) for std in stds[1:]]
+        rows.append(row)
+    first, *others = studies
+    header = [
+        Column("parameter", code=True),
+        *numbers(*studies, *(f"{other} / {first}" for other in others)),
+    ]
+    caption = "Relative standard deviations by Theorem 1, and their ratios."
+    return table("std-table", caption, header, rows)
+
+
+def comparison_summary(studies: Studies, path: Path) -> str:
+    """Return the comparison as a table for a terminal."""
+    rows = [
+        (
+            name,
+            str(len(r.used)),
+            str(int(r.exact.repetitions.sum())),
+            *(columns.plain(text.percent(v)) for v in _spread(r.theorem1.std)),
+        )
+        for name, r in studies.items()
+    ]
+    header = ("studies", "positions", "experiments", "least\nstd", "mean", "largest")
+    lines = columns.table(header, rows, right=(1, 2, 3, 4, 5))
+    return "\n".join([*lines, f"  report   {path}"])
+
+
+def comparison_json(studies: Studies, path: Path) -> dict[str, Any]:
+    """Return the comparison for scripts."""
+    return {
+        "studies": {name: study_json(r, []) for name, r in studies.items()},
+        "files": [str(path)],
+    }
+
+
+def _section(id: str, title: str, **contents: object) -> Section:
+    return Section(id, title, filled(f"comparison_{id}.html.j2", **contents))
+
+
+def _aligned(studies: Studies, results: StudyResults, values: Array) -> Array:
+    """Return values of a study's parameters in the order of all, NaN where it has none."""
+    known = dict(zip(results.theorem1.names, values, strict=True))
+    return np.array([known.get(name, np.nan) for name in all_names(studies)])
+
+
+def _offsets(studies: Studies) -> list[Array]:
+    """Return ln theta of every study less the first's."""
+    logs = [_aligned(studies, r, np.log(r.fit.parameters.values)) for r in studies.values()]
+    return [one - logs[0] for one in logs]
+
+
+def _flat(content: Any, prefix: str = "") -> dict[str, str]:
+    if not isinstance(content, dict):
+        return {prefix: str(content)}
+    found: dict[str, str] = {}
+    for key, value in content.items():
+        found |= _flat(value, f"{prefix}.{key}" if prefix else key)
+    return found
+
+
+def _spread(std: Array) -> tuple[float, float, float]:
+    return float(std.min()), _mean(std), float(std.max())
+
+
+def _mean(std: Array) -> float:
+    return float(np.exp(np.log(std).mean()))
+
+
+def _percent(std: float) -> Number:
+    return Number(text.percent(std) if np.isfinite(std) else "–", std)
+
+
+def _ratio(value: float) -> Number:
+    return Number(text.significant(value) if np.isfinite(value) else "–", value)
