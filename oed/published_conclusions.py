@@ -1,8 +1,9 @@
 """Whether a study's models support the seven conclusions of [WM] section 7, by stated rules.
 
-Two estimators are compared by their numbers of models of reasonable cost from the same starts:
-an exact McNemar test on the starts in which they differ. Two groups of parameters are compared by
-the part of LLS15U models that find each within [0.5, 2] of the best model's value, and by the
+Two estimators are compared by their numbers of models of reasonable cost from the same starts, an
+exact McNemar test on the starts in which they differ; and, where the truth is known, by the errors
+of their best models, a signed-rank test over the parameters. Two groups of parameters are compared
+by the part of LLS15U models that find each within [0.5, 2] of the best model's value, and by the
 standard deviations of Theorem 1: a rank-sum test (gearbox against arm) or a signed-rank test
 (spring against damper of one pair). A difference counts if p < 0.05.
 """
@@ -86,15 +87,14 @@ def conclusions(
     theorem1: Uncertainty,
     table: Table1,
     groups: Groups,
-    z_scores: Array,
+    truth: Array,
 ) -> tuple[Judged, ...]:
     """Return the verdicts on the seven conclusions.
 
     Parameters
     ----------
     evaluation, theorem1, table, groups : of the study; theorem1 of the best LLS15U model.
-    z_scores : (p,) errors of the best model over their standard deviations, NaN where the truth
-        is not known.
+    truth : (p,) true parameters [SI], NaN where they are not known.
     """
     contests = (
         (("LLS15U", "NLS15U"), ("LLS15O", "NLS15O")),
@@ -102,11 +102,11 @@ def conclusions(
         (("LLS15U", "LLSM15U"),),
         (("LLS15U", "LLS15O"), ("NLS15U", "NLS15O")),
     )
-    found = [_by_contests([contest(evaluation, *pair) for pair in pairs]) for pairs in contests]
+    found = [_estimators_differ(evaluation, truth, pairs) for pairs in contests]
     share = found_share(evaluation)
     found.append(_groups_differ(share, theorem1.std, groups.gear_springs, groups.arm_springs))
     found.append(_pairs_differ(share, theorem1.std, groups.springs, groups.dampers))
-    found.append(_indicative(table, z_scores))
+    found.append(_indicative(table, np.log(evaluation.best / truth) / theorem1.std))
     return tuple(
         Judged(text, verdict, evidence)
         for text, (verdict, evidence) in zip(CONCLUSIONS, found, strict=True)
@@ -123,8 +123,35 @@ def agreed(outcomes: Sequence[int]) -> Verdict:
     return "supported" if max(outcomes) > 0 else "undecided"
 
 
-def _by_contests(held: Sequence[Contest]) -> tuple[Verdict, str]:
-    return agreed([one.outcome for one in held]), "; ".join(map(str, held))
+def _estimators_differ(
+    evaluation: Evaluation, truth: Array, pairs: Sequence[tuple[str, str]]
+) -> tuple[Verdict, str]:
+    outcomes, said = [], []
+    for first, second in pairs:
+        held = contest(evaluation, first, second)
+        outcomes.append(held.outcome)
+        said.append(str(held))
+        if np.isfinite(truth).any():
+            errors = [_errors(evaluation, name, truth) for name in (first, second)]
+            p = _signed_rank_p(*errors)
+            outcomes.append(_outcome(float(np.median(errors[1] - errors[0])), p))
+            said.append(
+                f"median true error of the best models {_percent(errors[0])} and "
+                f"{_percent(errors[1])} (p {_p(p)})"
+            )
+    return agreed(outcomes), "; ".join(said)
+
+
+def _errors(evaluation: Evaluation, name: str, truth: Array) -> Array:
+    """Return |ln(estimate/truth)| of the parameters whose truth is known."""
+    errors = np.abs(np.log(evaluation.values[evaluation.of(name), 0] / truth))
+    return np.asarray(errors[np.isfinite(errors)])
+
+
+def _signed_rank_p(first: Array, second: Array) -> float:
+    from scipy.stats import wilcoxon
+
+    return float(wilcoxon(first, second).pvalue) if np.any(first != second) else 1.0
 
 
 def _groups_differ(
@@ -135,7 +162,7 @@ def _groups_differ(
     if not gear or not arm:
         return "undecided", "the model has no springs of one of the kinds"
     outcomes, said = [], []
-    for what, easy, values in (("found by", 1, share), ("std_th", -1, std)):
+    for what, easy, values in (("part of models that find one", 1, share), ("std_th", -1, std)):
         a, b = values[list(gear)], values[list(arm)]
         # All equal: no rank is above another.
         p = float(mannwhitneyu(a, b).pvalue) if np.ptp(np.append(a, b)) > 0 else 1.0
@@ -147,14 +174,12 @@ def _groups_differ(
 def _pairs_differ(
     share: Array, std: Array, springs: Sequence[int], dampers: Sequence[int]
 ) -> tuple[Verdict, str]:
-    from scipy.stats import wilcoxon
-
     if not springs:
         return "undecided", "the model has no pairs of spring and damper"
     outcomes, said = [], []
-    for what, easy, values in (("found by", 1, share), ("std_th", -1, std)):
+    for what, easy, values in (("part of models that find one", 1, share), ("std_th", -1, std)):
         a, b = values[list(springs)], values[list(dampers)]
-        p = float(wilcoxon(a, b).pvalue) if np.any(a != b) else 1.0
+        p = _signed_rank_p(a, b)
         outcomes.append(_outcome(easy * float(np.median(a - b)), p))
         said.append(f"median {what} {_percent(a)} (springs), {_percent(b)} (dampers), p {_p(p)}")
     return agreed(outcomes), "; ".join(said)
@@ -194,7 +219,8 @@ def _outcome(difference: float, p: float) -> int:
 
 
 def _percent(values: Array) -> str:
-    return f"{100 * float(np.median(values)):.2g} %"
+    value = 100 * float(np.median(values))
+    return f"{value:.0f} %" if value >= 10 else f"{value:.2g} %"
 
 
 def _p(value: float) -> str:

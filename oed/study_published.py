@@ -71,7 +71,6 @@ def compared(
     theorem1, groups = covariance(reference), groups_of(run.robot)
     table = table_1(evaluation, theorem1)
     plant = None if run.study.data.measured else run.plant
-    errors = np.log(reference.parameters.values / truth_of(run.robot, plant))
     return Published(
         evaluation,
         reference,
@@ -79,7 +78,7 @@ def compared(
         table,
         groups,
         hardest_spring(evaluation, theorem1, groups),
-        conclusions(evaluation, theorem1, table, groups, errors / theorem1.std),
+        conclusions(evaluation, theorem1, table, groups, truth_of(run.robot, plant)),
     )
 
 
