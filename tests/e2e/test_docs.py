@@ -14,7 +14,6 @@ DOCS = ROOT / "docs"
 PAGES = sorted(DOCS.rglob("*.md"))
 BLOCK = re.compile(r"^```(\w+)([^\n]*)\n(.*?)^```", re.DOTALL | re.MULTILINE)
 TITLE = re.compile(r'title="([^"]+)"')
-RUN = {"python": [sys.executable, "-c"], "sh": ["bash", "-euo", "pipefail", "-c"]}
 SHOWN = {"text"}  # what a page shows and nobody can run
 
 
@@ -30,29 +29,34 @@ def environment(folder: Path) -> dict[str, str]:
 
 
 @pytest.mark.parametrize("page", [p for p in PAGES if blocks(p)], ids=lambda p: p.stem)
-def test_the_blocks_of_a_page_run(page, tmp_path):
+def test_the_blocks_of_a_page_run(page, tmp_path, monkeypatch):
+    """Python goes on where the page's block before it ended, as in one session."""
     work = tmp_path / "work"
     work.mkdir()
-    ran = 0
+    monkeypatch.chdir(work)
+    session = {"__name__": "__main__"}
     for language, options, content in blocks(page):
         title = TITLE.search(options)
         if title is not None:
             (work / title[1]).write_text(content, encoding="utf-8")
-        elif language in RUN:
-            run = subprocess.run(
-                [*RUN[language], content],
-                cwd=work,
-                env=environment(tmp_path),
-                capture_output=True,
-                text=True,
-                timeout=300,
-                check=False,
-            )
-            assert run.returncode == 0, f"{content}\n{run.stdout}\n{run.stderr}"
-            ran += 1
+        elif language == "python":
+            exec(compile(content, page.name, "exec"), session)
+        elif language == "sh":
+            shell(content, tmp_path)
         else:
             assert language in SHOWN, f"{page.name}: a {language} block without a title is not run"
-    assert ran or all(language in SHOWN for language, _, _ in blocks(page))
+
+
+def shell(commands: str, folder: Path) -> None:
+    run = subprocess.run(
+        ["bash", "-euo", "pipefail", "-c", commands],
+        env=environment(folder),
+        capture_output=True,
+        text=True,
+        timeout=300,
+        check=False,
+    )
+    assert run.returncode == 0, f"{commands}\n{run.stdout}\n{run.stderr}"
 
 
 @pytest.mark.parametrize("package", ["robotmodels", "estimators", "oed"])
