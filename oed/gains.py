@@ -5,6 +5,8 @@ from collections.abc import Callable
 import numpy as np
 
 from oed.criteria import sensitivities
+from oed.matrix_means import MatrixMean
+from oed.null_space import unit_diagonal_scaling
 from oed.objective import Objective
 from robotmodels.arrays import Array, BoolArray, IntArray
 
@@ -90,6 +92,42 @@ def _any(objective: Objective, information: Array, matrices: Array) -> tuple[Arr
         bounds = value + sensitivities(slope, matrices)
 
     def evaluate(batch: IntArray) -> Array:
-        return np.array([objective.log_value(information + H) for H in matrices[batch]])
+        return log_values(objective, information + matrices[batch])
 
     return bounds, evaluate
+
+
+def log_values(objective: Objective, stack: Array) -> Array:
+    """Return the log value of each of `stack`, (n, p, p) or (n, K, p, p), many at a time."""
+    p = stack.shape[-1]
+    by_sample = stack.reshape(len(stack), -1, p, p)
+    totals = []
+    try:
+        for group, reference in zip(objective.groups, objective.log_references, strict=True):
+            parts = [t.share * _mean_values(t.mean, by_sample[:, t.sample]) for t in group]
+            totals.append(np.sum(parts, axis=0) - reference)
+    except np.linalg.LinAlgError:  # one of them is singular
+        return np.array([objective.log_value(one) for one in stack])
+    return np.asarray(np.min(totals, axis=0))
+
+
+def _mean_values(mean: MatrixMean, stack: Array) -> Array:
+    """Return the mean's logarithm for positive definite matrices, (n,); see `MatrixMean`."""
+    s = unit_diagonal_scaling(stack[0])
+    if not s.all():
+        raise np.linalg.LinAlgError
+    L = np.linalg.cholesky(s[:, None] * stack * s)
+    pivots = np.diagonal(L, axis1=1, axis2=2)
+    if pivots.min() < 1e-6:
+        raise np.linalg.LinAlgError
+    if mean.combinations is None and mean.kind == "D":
+        log_det = 2 * np.log(pivots).sum(axis=1) - 2 * np.log(s).sum()
+        return np.asarray(log_det / len(s) + mean.offset)
+    B = np.diag(s) if mean.combinations is None else s[:, None] * mean.combinations
+    roots = np.linalg.solve(L, np.broadcast_to(B, (len(L), *B.shape)))
+    if mean.kind == "A":
+        return np.asarray(mean.offset - np.log((roots**2).sum(axis=(1, 2))))
+    covariance = np.swapaxes(roots, 1, 2) @ roots
+    if mean.kind == "E":
+        return np.asarray(mean.offset - np.log(np.linalg.eigvalsh(covariance)[:, -1]))
+    return np.asarray(mean.offset - np.linalg.slogdet(covariance).logabsdet / B.shape[1])

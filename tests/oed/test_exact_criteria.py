@@ -15,6 +15,8 @@ from oed import (
     optimal_design,
 )
 from oed.criteria import objective
+from oed.gains import log_values
+from oed.store import write_store
 from robotmodels import InvalidInput, NotIdentifiable
 
 CRITERIA = {
@@ -140,3 +142,24 @@ def test_few_experiments_for_a_criterion_that_asks_for_little():
 
 def info_of_two():
     return information_set([np.diag([1.0, 0.0]), np.diag([0.0, 2.0])])
+
+
+@pytest.mark.parametrize("name", CRITERIA)
+def test_many_values_at_a_time_are_those_of_one(name):
+    info = random_set(8, 5, 3, 3)
+    wanted = objective(CRITERIA[name], info.names)
+    one_by_one = [wanted.log_value(matrix) for matrix in info.matrices]
+    np.testing.assert_allclose(log_values(wanted, info.matrices), one_by_one, rtol=1e-9)
+    open_one = info.matrices.copy()
+    open_one[2, 0] = open_one[2, :, 0] = 0.0
+    one_by_one = [wanted.log_value(matrix) for matrix in open_one]
+    np.testing.assert_allclose(log_values(wanted, open_one), one_by_one, rtol=1e-9)
+
+
+def test_candidates_in_a_store(tmp_path):
+    info = random_set(6, 400, 4, 3)
+    store = write_store(tmp_path / "a.store", info.positions, info.names, [info.matrices])
+    for name in ("D", "A"):
+        stored, held = (exact_design(one, 7, criterion=name) for one in (store, info))
+        np.testing.assert_array_equal(stored.repetitions, held.repetitions)
+        assert stored.efficiency == pytest.approx(held.efficiency, abs=1e-5)
