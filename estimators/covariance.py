@@ -13,6 +13,7 @@ from estimators.residuals import find_residual
 from estimators.weights import used_elements
 from robotmodels.arrays import Array, read_only
 from robotmodels.errors import InvalidInput, NotIdentifiable, SolverFailed, nearest
+from robotmodels.notebook import Printed
 from robotmodels.response import sensitivity
 
 if TYPE_CHECKING:
@@ -29,7 +30,7 @@ METHODS = {
 
 
 @dataclass(frozen=True, eq=False)
-class Uncertainty:
+class Uncertainty(Printed):
     """Covariance of ln theta, so that standard deviations are relative ones.
 
     Attributes

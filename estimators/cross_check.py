@@ -19,6 +19,7 @@ from estimators.cross_check_rules import (
 from estimators.least_squares import Fit
 from robotmodels.arrays import Array, read_only
 from robotmodels.errors import InvalidInput
+from robotmodels.notebook import Printed
 
 if TYPE_CHECKING:
     from estimators.covariance import Uncertainty
@@ -31,7 +32,7 @@ VERDICTS = (NOT_IDENTIFIABLE, MODEL_ERROR, SKEWED, AGREE)
 
 
 @dataclass(frozen=True, eq=False)
-class CrossCheck:
+class CrossCheck(Printed):
     """A table of standard deviations of ln theta, and what to make of it.
 
     Attributes

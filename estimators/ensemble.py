@@ -111,6 +111,8 @@ class Sampler:
         sampler = emcee.EnsembleSampler(
             walkers, p, self.log_probability, moves=moves(self.proposal), vectorize=True
         )
+        # emcee's wrapper of it would print a traceback when interrupted.
+        sampler.log_prob_fn = self.log_probability
         last = chain.log_probability[-1]
         state = emcee.State(
             chain.walkers[-1].copy(),

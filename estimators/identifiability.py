@@ -10,6 +10,7 @@ from estimators.least_squares import Fit
 from estimators.log_posterior import magnitude_adjustment
 from robotmodels.arrays import Array, IntArray, read_only
 from robotmodels.errors import InvalidInput
+from robotmodels.notebook import Printed
 
 # Relative standard deviation above which a direction counts as weak: a factor of 1.35 either way.
 LIMIT = 0.3
@@ -38,7 +39,7 @@ class Advice:
 
 
 @dataclass(frozen=True, eq=False)
-class Identifiability:
+class Identifiability(Printed):
     """What an information matrix says about p parameters.
 
     Attributes

@@ -13,13 +13,14 @@ from estimators.log_posterior import posterior_density
 from estimators.priors import Prior
 from robotmodels.arrays import Array, read_only
 from robotmodels.errors import InvalidInput, SolverFailed
+from robotmodels.notebook import Printed
 
 # Draws evaluated between two reports of progress.
 BATCH = 2000
 
 
 @dataclass(frozen=True, eq=False)
-class ImportanceSample:
+class ImportanceSample(Printed):
     """Weighted draws of ln theta.
 
     Attributes

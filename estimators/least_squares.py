@@ -17,12 +17,13 @@ from estimators.trust_region import Outcome
 from estimators.weights import optimal_weights
 from robotmodels.arrays import Array, ComplexArray, IntArray, read_only
 from robotmodels.errors import InvalidInput
+from robotmodels.notebook import Printed
 from robotmodels.parameters import Parameters
 from robotmodels.response import Elastic, frequency_response
 
 
 @dataclass(frozen=True, eq=False)
-class Fit:
+class Fit(Printed):
     """The end of one search, converged or not.
 
     Attributes

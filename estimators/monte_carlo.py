@@ -19,6 +19,7 @@ from estimators.residuals import find_residual
 from robotmodels.arrays import Array, BoolArray, IntArray, read_only
 from robotmodels.errors import IdentificationError, InvalidInput, SolverFailed, nearest
 from robotmodels.noise import RelativeNoise
+from robotmodels.notebook import Printed
 from robotmodels.response import Elastic
 
 Experiment = Callable[[np.random.Generator], FrfEstimate]
@@ -51,7 +52,7 @@ class FrfExperiment:
 
 
 @dataclass(frozen=True, eq=False)
-class MonteCarlo:
+class MonteCarlo(Printed):
     """What came out of N repeated experiments, runs without an answer left out.
 
     Attributes

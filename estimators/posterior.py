@@ -19,6 +19,7 @@ from estimators.log_posterior import LogPosterior, posterior_density
 from estimators.priors import Prior
 from robotmodels.arrays import Array, IntArray, read_only
 from robotmodels.errors import InvalidInput
+from robotmodels.notebook import Printed
 
 # Draws of the walkers' starts before giving up.
 ROUNDS = 20
@@ -27,7 +28,7 @@ __all__ = ["ESS", "R_HAT", "TIMES", "Posterior", "sample_posterior"]
 
 
 @dataclass(frozen=True, eq=False)
-class Posterior:
+class Posterior(Printed):
     """Draws of ln theta, and whether to trust them.
 
     Attributes

@@ -16,6 +16,7 @@ from estimators.log_posterior_slope import Slope, slope
 from estimators.priors import Prior
 from robotmodels.arrays import Array, read_only
 from robotmodels.errors import IdentificationError, InvalidInput
+from robotmodels.notebook import Printed
 
 if TYPE_CHECKING:
     from iminuit import Minuit
@@ -26,7 +27,7 @@ NO_FRF = 1e12
 
 
 @dataclass(frozen=True, eq=False)
-class Profile:
+class Profile(Printed):
     """The profile likelihood interval of one parameter.
 
     Attributes

@@ -11,6 +11,7 @@ from estimators.least_squares import Fit, problem_of
 from estimators.model_error import reduced_cost
 from robotmodels.arrays import Array, IntArray
 from robotmodels.errors import InvalidInput, SolverFailed
+from robotmodels.notebook import Printed
 from robotmodels.response import frequency_response
 
 LAGS = 5
@@ -19,7 +20,7 @@ FALSE_ALARM = 0.01
 
 
 @dataclass(frozen=True, eq=False)
-class ResidualAnalysis:
+class ResidualAnalysis(Printed):
     """Residuals in standard deviations of the estimate's covariance, and tests of them.
 
     Attributes

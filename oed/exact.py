@@ -20,12 +20,13 @@ from oed.relaxed import Design, checked_prior, optimal_design
 from oed.rounding import efficient_rounding as efficient_rounding
 from robotmodels.arrays import Array, IntArray, read_only
 from robotmodels.errors import InvalidInput, NotIdentifiable
+from robotmodels.notebook import Printed
 
 _POOL = 256  # candidates that exchanges begin with, at least
 
 
 @dataclass(frozen=True, eq=False)
-class ExactDesign:
+class ExactDesign(Printed):
     """Whole experiments per candidate, with a certified efficiency.
 
     Attributes
@@ -53,6 +54,12 @@ class ExactDesign:
     def n_experiments(self) -> int:
         """Number of experiments of the plan."""
         return int(self.repetitions.sum())
+
+    def __str__(self) -> str:
+        return (
+            f"{self.criterion}: {self.n_experiments} experiments in {len(self.support)} of "
+            f"{len(self.repetitions)} candidates, efficiency >= {self.efficiency:.4f}"
+        )
 
 
 def exact_design(

@@ -18,13 +18,15 @@ from oed.criteria import Criterion, objective
 from oed.polytope import Polytope
 from robotmodels.arrays import Array, IntArray, read_only, real_numbers
 from robotmodels.errors import InvalidInput, SolverFailed, nearest
+from robotmodels.notebook import Printed
 
 SOLVERS = ("cvxpy", "newton")
 FORMS = ("primal", "dual")
+_SHOWN = 8  # candidates that a design names when it is printed
 
 
 @dataclass(frozen=True, eq=False)
-class Design:
+class Design(Printed):
     """Weights of the candidates, with their certificate.
 
     Attributes
@@ -61,6 +63,15 @@ class Design:
     def efficiency(self) -> float:
         """Certified lower bound on the efficiency against the true optimum."""
         return efficiency_bound(self.gap)
+
+    def __str__(self) -> str:
+        shares = ", ".join(f"{self.weights[i]:.3g} in {i}" for i in self.support[:_SHOWN])
+        more = len(self.support) - _SHOWN
+        return (
+            f"{self.criterion}-optimal design: {len(self.support)} of {len(self.weights)} "
+            f"candidates, certified gap {self.gap:.1e}\n"
+            f"  weights {shares}{f' and {more} more' if more > 0 else ''}"
+        )
 
 
 def optimal_design(

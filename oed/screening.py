@@ -9,6 +9,7 @@ from robotmodels.arrays import Array, BoolArray, IntArray, read_only, real_numbe
 from robotmodels.collision import Surroundings
 from robotmodels.elastic import ElasticRobot
 from robotmodels.errors import InvalidInput
+from robotmodels.notebook import Printed
 from robotmodels.rigid_pose import holding_torques, unloaded
 
 # A limit typed with fewer digits than the robot file's is not met wrongly.
@@ -33,7 +34,7 @@ class Removal:
 
 
 @dataclass(frozen=True, eq=False)
-class ScreenedCandidates:
+class ScreenedCandidates(Printed):
     """Positions that a robot can take, and what was removed.
 
     Attributes
