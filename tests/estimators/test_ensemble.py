@@ -147,11 +147,11 @@ run(steps={steps}, store=Store(Path({path!r}), "killed"),
 
 
 def test_a_killed_run_loses_at_most_one_chunk(tmp_path):
-    path, steps = tmp_path / "chains.h5", 3000
+    path, steps = tmp_path / "chains.h5", 1200
     folder = str(Path(__file__).parent)
     script = SCRIPT.format(folder=folder, steps=steps, path=str(path))
     rng, begun = np.random.default_rng(int(time.time())), 0
-    for _ in range(3):
+    for _ in range(2):
         process = subprocess.Popen(
             [sys.executable, "-c", script], stdout=subprocess.PIPE, text=True, env=os.environ
         )

@@ -18,11 +18,11 @@ def test_importance_sampling_agrees_with_emcee():
         found, rng=np.random.default_rng(0), progress=lambda done, total: told.append((done, total))
     )
     posterior = sample_posterior(
-        found, rng=np.random.default_rng(1), walkers=24, target=Target(ess=6000)
+        found, rng=np.random.default_rng(1), walkers=24, target=Target(ess=3000)
     )
     assert sample.trusted
     assert "trusted" in str(sample)
-    assert sample.uncertainty().std == pytest.approx(posterior.uncertainty().std, rel=0.05)
+    assert sample.uncertainty().std == pytest.approx(posterior.uncertainty().std, rel=0.07)
     assert np.log(sample.interval() / posterior.interval()) == pytest.approx(
         np.zeros((6, 2)), abs=0.15 * sample.uncertainty().std.max()
     )
@@ -65,5 +65,5 @@ def test_few_draws_and_impossible_levels_are_refused():
     with pytest.raises(InvalidInput, match="draws: 10; at least 100"):
         importance_sample(found, rng=np.random.default_rng(0), draws=10)
     sample = importance_sample(found, rng=np.random.default_rng(0), draws=200)
-    with pytest.raises(InvalidInput, match="level 0.* does not lie"):
+    with pytest.raises(InvalidInput, match=r"level 0\.0 does not lie"):
         sample.interval(0.0)
