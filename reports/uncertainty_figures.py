@@ -84,6 +84,9 @@ def deviations(names: Sequence[str], stds: Sequence[Array], studies: Sequence[st
             axes.set_yticks(range(len(group)), [names[i].rsplit(".", 1)[0] for i in group])
             axes.set(ylim=(longest - 0.4, -0.6), xscale="log", title=title)
             axes.set_xlabel("relative standard deviation [%]")
+            low, high = axes.get_xlim()
+            if high < 10 * low:
+                axes.xaxis.set_major_locator(MaxNLocator(5, steps=[1, 2, 5, 10]))
             axes.xaxis.set_major_formatter(FuncFormatter(lambda x, _: f"{x:g}"))
             axes.xaxis.set_minor_formatter(NullFormatter())
             axes.tick_params(axis="y", length=0)

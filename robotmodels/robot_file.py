@@ -35,7 +35,11 @@ Name = Annotated[str, AfterValidator(_plain_name)]
 Vector = tuple[float, float, float]
 Inertia = Annotated[
     tuple[float, float, float, float, float, float],
-    BeforeValidator(_six_inertias),
+    BeforeValidator(
+        _six_inertias,
+        json_schema_input_type=tuple[float, float, float]
+        | tuple[float, float, float, float, float, float],
+    ),
     Field(description="xx, yy, zz, or xx, xy, xz, yy, yz, zz [kg m^2]"),
 ]
 

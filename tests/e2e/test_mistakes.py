@@ -124,6 +124,21 @@ def test_a_terminated_run_keeps_whole_stages_and_what_the_next_run_goes_on_from(
     assert "posterior" not in finished(path)
 
 
+def test_an_interrupt_amid_the_sampling_ends_without_a_traceback(tmp_path):
+    path = write_study(tmp_path, STUDY.replace("steps: 400", "steps: 1000000"))
+    command = [sys.executable, "-m", "reports.cli", "run", str(path), "--workers", "1"]
+    with subprocess.Popen(
+        command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True
+    ) as run:
+        deadline = time.monotonic() + 120
+        while not list(tmp_path.rglob("posterior.h5*")) and time.monotonic() < deadline:
+            time.sleep(0.1)
+        run.send_signal(signal.SIGINT)
+        said, _ = run.communicate(timeout=60)
+    assert run.returncode == 130
+    assert said == ""
+
+
 def test_killed_worker_is_one_line(tmp_path, monkeypatch):
     def killed(*args, **kwargs):
         raise BrokenProcessPool

@@ -3,6 +3,7 @@ import sys
 import pytest
 import yaml
 
+from oed.study_file import load_study
 from reports import cli
 from reports.starter_files import grid_points, starter_files, write_starter_files
 from robotmodels import InvalidInput, load_robot
@@ -88,6 +89,7 @@ def test_a_urdf_becomes_a_robot_and_a_study_that_load(urdf, oed, tmp_path):
     assert text.count("# GUESS") == 3 + 3 + 4
     code, out, _ = oed("check", tmp_path / "new" / "robot.yaml")
     assert code == 0
+    assert load_study(tmp_path / "new" / "study.yaml").candidates is not None
     study = yaml.safe_load((tmp_path / "new" / "study.yaml").read_text(encoding="utf-8"))
     assert study["robot"] == "robot.yaml"
     low, high = study["candidates"]["limits"]["yes"]
