@@ -14,8 +14,9 @@ from oed.inner_problem import InnerAnswer, InnerProblem
 from oed.newton import newton
 from oed.objective import Objective
 from oed.polytope import Polytope
+from oed.ranking import largest
 from robotmodels.arrays import Array, IntArray
-from robotmodels.errors import InvalidInput
+from robotmodels.errors import InvalidInput, SolverFailed
 
 # An active set must determine every direction at least this well beside all candidates.
 _WEAKEST = 1e-6
@@ -85,16 +86,18 @@ def solve(
         solution, larger = _round(scaled, active, tolerance, solver, form, done)
         used = list(dict.fromkeys([*used, solution.solver]))
         closed = solution.certificate.gap <= 0.5 * tolerance
-        if closed:
-            solution = _with_derivative(problem, solution)
         if best is None or solution.certificate.gap < best.certificate.gap:
             best = solution
-        if closed and best.certificate.gap <= tolerance:
-            break
+        if closed:
+            solution = _with_derivative(problem, solution)
+            if solution.certificate.gap <= tolerance:
+                best = solution
+                break
         if not closed and larger is not None:
             active = larger
         elif not polished:
-            # The right candidates, but not precisely enough: once more, without the others.
+            # The right candidates, but not precisely enough: once more, without the others. If
+            # that does not help, candidates are nearly equal, and the solver's witness must do.
             polished, solver = True, "newton"
             active = active[solution.weights[active] > problem.allowed.lower[active]]
         else:
@@ -131,7 +134,7 @@ def _round(
     """Solve one active set and price all candidates; return the next set, or None."""
     problem, allowed = scaled.problem, scaled.problem.allowed
     inner, row_scales = _inner(scaled, active)
-    answer = newton(inner, 1e-3 * tolerance) if solver == "newton" else conic(inner, form)
+    answer = _answer(inner, tolerance, solver, form)
     shares = _trimmed(inner, answer, min(tolerance, 1e-6))
     weights = allowed.lower.copy()
     weights[active] += shares * scaled.units[active]
@@ -144,12 +147,23 @@ def _round(
     excess[active] = -np.inf
     excess[allowed.upper <= allowed.lower] = -np.inf
     size = 2 * len(problem.candidates.names)
-    worst = _largest(excess, 4 * size)
+    worst = largest(excess, 4 * size)
     worst = worst[excess[worst] > 0.25 * tolerance]
     if not len(worst):
         return solution, None
     used = active[shares > 0]
     return solution, _distinct(scaled, np.concatenate([used, worst]), len(used) + size)
+
+
+def _answer(inner: InnerProblem, tolerance: float, solver: str, form: str) -> InnerAnswer:
+    """Solve; where the interior-point method gets stuck, cvxpy takes over."""
+    if solver == "newton":
+        try:
+            return newton(inner, 1e-3 * tolerance)
+        except SolverFailed as error:
+            answer = conic(inner, form)
+            return replace(answer, solver=f"{error}: {answer.solver}")
+    return conic(inner, form)
 
 
 def _at(
@@ -241,7 +255,7 @@ def _first_active(scaled: _Scaled) -> IntArray:
         return price
 
     price = prices(whole)
-    active = _distinct(scaled, _largest(price, 4 * size), size)
+    active = _distinct(scaled, largest(price, 4 * size), size)
     if len(allowed.rows) > 1 or np.isfinite(allowed.upper).any():
         vertex = allowed.best(np.where(closed, 0.0, price) / scaled.units)[0]
         more = np.flatnonzero((vertex > allowed.lower) & ~closed)
@@ -261,22 +275,8 @@ def _first_active(scaled: _Scaled) -> IntArray:
         # What the chosen ones leave open is priced highest.
         price = prices([np.linalg.inv(M + _WEAKEST * np.eye(len(M))) / K for M in mean])
         price[active] = -np.inf
-        active = np.concatenate([active, _largest(price, size // 2)])
+        active = np.concatenate([active, largest(price, size // 2)])
     return np.asarray(active)
-
-
-def _largest(values: Array, count: int) -> IntArray:
-    """Return the indices of the largest finite values, largest first; equal ones in order."""
-    count = min(count, int((values > -np.inf).sum()))
-    if count == 0:
-        return np.zeros(0, dtype=np.int64)
-    some = np.argpartition(-values, count - 1)[:count]
-    # Of equal values at the end the partition takes any; the first ones are wanted.
-    last = values[some].min()
-    above = np.flatnonzero(values > last)
-    ties = np.flatnonzero(values == last)[: count - len(above)]
-    some = np.concatenate([above, ties])
-    return np.asarray(some[np.argsort(-values[some], kind="stable")])
 
 
 def _distinct(scaled: _Scaled, indices: IntArray, count: int) -> IntArray:

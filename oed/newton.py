@@ -15,7 +15,7 @@ from robotmodels.errors import SolverFailed
 
 _MAX_STEPS = 100
 # Steps without progress, which end the search: rounding allows no more.
-_PATIENCE = 6
+_PATIENCE = 12
 _TO_BOUNDARY = 0.995
 
 
@@ -71,7 +71,7 @@ def newton(problem: InnerProblem, tolerance: float) -> InnerAnswer:
     """
     point = _start(problem)
     model = _model(problem, point)
-    best, since = (np.inf, point), 0
+    best, since, careful = (np.inf, point), 0, False
     for _ in range(_MAX_STEPS):
         products = float(point.inside @ point.outside)
         merit = max(products, model.error)
@@ -81,8 +81,8 @@ def newton(problem: InnerProblem, tolerance: float) -> InnerAnswer:
         if merit <= tolerance or since > _PATIENCE:
             break
         try:
-            step = _direction(problem, point, model)
-            point, model = _advance(problem, point, step, model)
+            step = _direction(problem, point, model, careful)
+            point, model, careful = _advance(problem, point, step, model)
         except np.linalg.LinAlgError:
             break
     merit, point = best
@@ -139,8 +139,11 @@ def _model(problem: InnerProblem, point: _Point) -> _Model:
     )
 
 
-def _direction(problem: InnerProblem, point: _Point, model: _Model) -> _Point:
-    """Return Mehrotra's step: one without centring says how much centring is needed."""
+def _direction(problem: InnerProblem, point: _Point, model: _Model, careful: bool) -> _Point:
+    """Return Mehrotra's step: one without centring says how much centring is needed.
+
+    After a step that had to be shortened, a `careful` one: well centred and not corrected.
+    """
     n, m = problem.rows.shape[1], len(problem.rows)
     R, J, groups = problem.rows, model.slopes, len(model.slopes)
     size = n + 1 + m + groups
@@ -175,6 +178,8 @@ def _direction(problem: InnerProblem, point: _Point, model: _Model) -> _Point:
         return _Point(inside, np.concatenate([z, x[n + 1 :]]), level)
 
     products = point.inside * point.outside
+    if careful:
+        return solve(0.5 * products.mean() - products)
     straight = solve(-products)
     length = _longest(point, straight)
     left = point.moved(straight, length)
@@ -193,17 +198,17 @@ def _longest(point: _Point, step: _Point) -> float:
 
 def _advance(
     problem: InnerProblem, point: _Point, step: _Point, model: _Model
-) -> tuple[_Point, _Model]:
-    """Return the next point; a step that makes the residuals worse is shortened."""
+) -> tuple[_Point, _Model, bool]:
+    """Return the next point; a step that makes the residuals worse is shortened, it says then."""
     length = min(1.0, _TO_BOUNDARY * _longest(point, step))
     allowed = 2.0 * max(model.error, float((point.inside * point.outside).mean()))
-    for _ in range(12):
+    for halvings in range(20):
         there = point.moved(step, length)
         try:
             found = _model(problem, there)
         except np.linalg.LinAlgError:
             found = None
         if found is not None and found.error <= allowed:
-            return there, found
+            return there, found, halvings > 0
         length *= 0.5
     raise np.linalg.LinAlgError("no step makes progress")
