@@ -14,7 +14,7 @@ from oed.matrix_checks import check_matrices, check_positions
 from oed.null_space import unidentifiable, weak_directions
 from robotmodels.arrays import Array, IntArray, read_only
 from robotmodels.errors import InvalidInput
-from robotmodels.noise import LoopNoise, RelativeNoise
+from robotmodels.noise import LoopNoise, RelativeNoise, SeparableNoise
 from robotmodels.overlap import overlapped
 from robotmodels.response import Elastic, sensitivity
 from robotmodels.spring_network import SpringNetwork
@@ -264,10 +264,10 @@ def _chunk_information(
 
     positions, network = chunk
     plain = network.only_springs and network.measurement is None
-    if plain and isinstance(noise, RelativeNoise):
+    if plain and isinstance(noise, RelativeNoise | SeparableNoise):
         return np.asarray(kernel.information(network, omega, noise))
-    # The kernel knows springs, dampers, motor accelerations and independent elements; the rest
-    # takes the general way.
+    # The kernel knows springs, dampers, motors' inertias and accelerations, and noise that is
+    # independent or separable; the rest takes the general way.
     response, jacobian = sensitivity(robot, positions, omega, sag=False)
     if isinstance(noise, RelativeNoise):
         return fisher_information(jacobian, 1.0 / noise.variance(response))

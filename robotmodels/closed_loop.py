@@ -18,6 +18,8 @@ from robotmodels.spring_network import SpringNetwork
 
 # Beyond it a column of U0 is no more than rounding of the others.
 _LARGEST_CONDITION = 1e10
+# More entries of dynamic stiffness matrices than this are worth loading compiled code for.
+_WORTHWHILE = 1_000_000
 
 
 def hold_response(omega: Array, sample_time: float) -> ComplexArray:
@@ -36,6 +38,11 @@ def angle_response(network: SpringNetwork, omega: Array, sample_time: float) -> 
     The robot's delay and torque gains are in it, whatever its file says to measure.
     """
     omega = check_omega(omega)
+    if network.measurement is None and network.mass.size * len(omega) > _WORTHWHILE:
+        from robotmodels.kernel import frequency_response
+
+        lag = hold_response(omega, sample_time) / -np.square(omega)
+        return np.asarray(lag[:, None, None] * frequency_response(network, omega))
     model = network.linear_model()
     S, measured = model.selector, model.measured
     X = np.linalg.solve(

@@ -10,12 +10,13 @@ import numpy as np
 from robotmodels.arrays import Array, ComplexArray
 from robotmodels.kernel_cells import CostKernel, check_complete, positive_frequencies
 from robotmodels.kernel_information import informations
-from robotmodels.kernel_layout import layout
+from robotmodels.kernel_layout import Layout, layout
 from robotmodels.kernel_memory import address, aligned
+from robotmodels.kernel_separable import separable_informations
 from robotmodels.kernel_solve import responses
 from robotmodels.kernel_threads import over_threads
 from robotmodels.kernel_work import network_tables, workspace
-from robotmodels.noise import RelativeNoise
+from robotmodels.noise import RelativeNoise, SeparableNoise
 from robotmodels.normal_equations import NormalEquations, Residual
 from robotmodels.simd import LANES
 from robotmodels.spring_network import SpringNetwork
@@ -38,22 +39,25 @@ def frequency_response(network: SpringNetwork, omega: Array) -> ComplexArray:
         return network.frequency_response(w)
     n = len(plan.motors)
     out = np.empty((len(network.mass), w.size, n, n), dtype=complex)
-    vectors, _ = _padded(w)
+    frequencies, _ = _padded(w)
     tables = network_tables(network)
 
     def run(start: int, stop: int) -> None:
         space = workspace(plan, network, tables)
-        responses(space.at, address(vectors), w.size, start, stop, address(out.view(float)))
+        responses(space.at, address(frequencies), w.size, start, stop, address(out.view(float)))
 
-    over_threads(run, len(out), work_per_item=vectors.size // LANES)
+    over_threads(run, len(out), work_per_item=frequencies.size // LANES)
     return out
 
 
-def information(network: SpringNetwork, omega: Array, noise: RelativeNoise) -> Array:
+def information(
+    network: SpringNetwork, omega: Array, noise: RelativeNoise | SeparableNoise
+) -> Array:
     """Return the Fisher information on ln theta, (Q, p, p), equilibria held fixed.
 
     2 sum_F Re(conj(Psi) Lambda^-1 Psi^T), with Lambda the noise law at the modelled FRF, and Psi
-    the derivatives of vec G at the frequencies `omega` [rad/s].
+    the derivatives of vec G at the frequencies `omega` [rad/s]. Of a separable law (such as
+    `ClosedLoopNoise`) only the factors are used.
 
     Raises
     ------
@@ -63,20 +67,22 @@ def information(network: SpringNetwork, omega: Array, noise: RelativeNoise) -> A
     w = positive_frequencies(omega)
     check_complete(network)
     plan = layout(network)
-    if plan is None:
-        return _reference_information(network, w, noise)
     p = len(network.parameters)
     out = np.empty((len(network.mass), p, p))
-    vectors, mask = _padded(w)
+    if not isinstance(noise, RelativeNoise):
+        return _separable_information(network, plan, w, noise.factors(network, w), out)
+    if plan is None:
+        return _reference_information(network, w, noise)
+    frequencies, mask = _padded(w)
     tables = network_tables(network)
 
     def run(start: int, stop: int) -> None:
         space = workspace(plan, network, tables)
-        frequencies = address(vectors), address(mask), w.size
+        lines = address(frequencies), address(mask), w.size
         law = float(noise.relative), float(noise.floor)
-        informations(space.at, *frequencies, *law, start, stop, address(out))
+        informations(space.at, *lines, *law, start, stop, address(out))
 
-    over_threads(run, len(out), work_per_item=2 * vectors.size // LANES)
+    over_threads(run, len(out), work_per_item=2 * frequencies.size // LANES)
     return out
 
 
@@ -92,14 +98,52 @@ def costs(
     return CostKernel(network, omega, measured, weights, residual)(parameters)
 
 
+def _separable_information(
+    network: SpringNetwork,
+    plan: Layout | None,
+    omega: Array,
+    factors: tuple[ComplexArray, ComplexArray],
+    out: Array,
+) -> Array:
+    """Return the information with the inverse covariance U kron inv(V) of the factors U, V."""
+    power, outputs = factors[0], _inverse(factors[1])
+    if plan is None:
+        _, J = network.sensitivity(omega)
+        weighted = np.einsum("qfml,qflip,qfni->qfmnp", outputs, J, power, optimize=True)
+        return np.asarray(2 * np.einsum("qfmnp,qfmnr->qpr", J.conj(), weighted, optimize=True).real)
+    # The kernel's sensitivities lack w^2.
+    doubles = [
+        np.ascontiguousarray(x, dtype=complex).view(float)
+        for x in (power, omega[:, None, None] ** 4 * outputs)
+    ]
+    frequencies, _ = _padded(omega)
+    tables = network_tables(network)
+
+    def run(start: int, stop: int) -> None:
+        space, buffer = workspace(plan, network, tables), aligned(4 * len(plan.motors) ** 2)
+        places = address(frequencies), *(address(x) for x in (*doubles, buffer)), omega.size
+        separable_informations(space.at, *places, start, stop, address(out))
+
+    over_threads(run, len(out), work_per_item=2 * frequencies.size // LANES)
+    return out
+
+
+def _inverse(matrices: ComplexArray) -> ComplexArray:
+    """Return the inverses; of diagonal matrices, at the price of a division."""
+    diagonal = np.einsum("...ii->...i", matrices)
+    if np.count_nonzero(matrices) > np.count_nonzero(diagonal):
+        return np.asarray(np.linalg.inv(matrices))
+    return np.asarray(np.eye(matrices.shape[-1]) / diagonal[..., None])
+
+
 def _padded(omega: Array) -> tuple[Array, Array]:
     """Return `omega` as whole vectors, the last frequency repeated, and ones where it is not."""
     blocks = -(-omega.size // LANES)
-    vectors, mask = aligned(blocks), aligned(blocks)
+    filled, mask = aligned(blocks), aligned(blocks)
     if omega.size:
-        vectors[:] = np.pad(omega, (0, blocks * LANES - omega.size), mode="edge")
+        filled[:] = np.pad(omega, (0, blocks * LANES - omega.size), mode="edge")
     mask[: omega.size] = 1.0
-    return vectors, mask
+    return filled, mask
 
 
 def _reference_information(network: SpringNetwork, omega: Array, noise: RelativeNoise) -> Array:

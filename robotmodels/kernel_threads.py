@@ -3,6 +3,7 @@
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from itertools import pairwise
+from multiprocessing import parent_process
 
 import numba
 
@@ -13,11 +14,12 @@ WORTHWHILE = 200
 def over_threads(run: Callable[[int, int], None], n_items: int, work_per_item: int) -> None:
     """Call ``run(start, stop)`` on pieces of ``range(n_items)``, all but the first in a thread.
 
-    At most `numba.get_num_threads` at once; `work_per_item` counts vectors of frequencies to
-    solve at. The threads end with the call: a kept pool, or numba's own, would not survive in a
-    forked process.
+    At most `numba.get_num_threads` at once, and one in the processes of a pool, which fills the
+    cores by itself; `work_per_item` counts vectors of frequencies to solve at. The threads end with
+    the call: a kept pool, or numba's own, would not survive in a forked process.
     """
-    threads = min(numba.get_num_threads(), n_items, n_items * work_per_item // WORTHWHILE)
+    allowed = numba.get_num_threads() if parent_process() is None else 1
+    threads = min(allowed, n_items, n_items * work_per_item // WORTHWHILE)
     if threads <= 1:
         run(0, n_items)
         return

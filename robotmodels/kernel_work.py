@@ -37,7 +37,8 @@ class Work(NamedTuple):
         worst : the guard.
         elongation : (m + 1, columns) v, of the needed springs.
         roots : (elements,) square roots of weights, of elements i <= j of the motors' response.
-        rows : (m + 1 or m + 2, elements) a_s, and the residual (see `kernel_gram`).
+        rows : (m + 1 or m + 2, elements) a_s, and the residual (see `kernel_gram`); or (m, 2, n)
+            with separable noise.
         sums : (pairs, 4) of rows s >= t, in tiles of two by two.
     """
 
@@ -134,7 +135,7 @@ def workspace(plan: Layout, network: SpringNetwork, tables: Sequence[Array]) -> 
             1,
             2 * (m + 1) * columns,
             elements,
-            elements * pairs * 2,
+            max(elements, 4 * n) * pairs * 2,
             8 * pairs * (pairs + 1),
         )
     ]

@@ -1,7 +1,7 @@
 """Noise laws: how uncertain a measured FRF element is, given the FRF."""
 
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 
@@ -15,6 +15,14 @@ class LoopNoise(Protocol):
 
     def weights(self, network: SpringNetwork, omega: Array) -> ComplexArray:
         """Return the inverse covariances of vec(Ĝ), (Q, F, m n, m n), in each position."""
+
+
+@runtime_checkable
+class SeparableNoise(Protocol):
+    """A noise law whose covariance of vec(Ĝ) is a Kronecker product, inputs times outputs."""
+
+    def factors(self, network: SpringNetwork, omega: Array) -> tuple[ComplexArray, ComplexArray]:
+        """Return U and V, (Q, F, n, n) each: the inverse covariance is U ⊗ inv(V)."""
 
 
 @dataclass(frozen=True)

@@ -55,6 +55,14 @@ def test_angles_are_what_accelerations_come_from() -> None:
     np.testing.assert_allclose(found, G * (-hold / OMEGA**2)[:, None, None], rtol=1e-9)
 
 
+def test_many_angles_are_computed_by_compiled_code_alike(monkeypatch: pytest.MonkeyPatch) -> None:
+    network = ROBOT.network(POSITIONS)
+    expected = angle_response(network, OMEGA, T)
+    monkeypatch.setattr("robotmodels.closed_loop._WORTHWHILE", 0)
+    found = angle_response(network, OMEGA, T)
+    assert np.max(np.abs(found - expected)) < 1e-10 * np.abs(expected).max()
+
+
 def test_covariance_is_that_of_noisy_quotients() -> None:
     """(G U0 + V) U0^-1 with many draws of V."""
     noise = law()

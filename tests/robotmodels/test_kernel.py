@@ -20,6 +20,8 @@ from robotmodels import (
     kernel_information,
     kernel_normal,
     kernel_reduce,
+    kernel_separable,
+    kernel_slopes,
     kernel_solve,
 )
 from robotmodels.errors import InvalidInput
@@ -58,6 +60,34 @@ def test_frequency_responses_agree_with_direct_solves(network):
 def test_information_agrees_with_the_sum_over_sensitivities(network):
     found = kernel.information(network, OMEGA, NOISE)
     assert _error(found, _information(network, OMEGA)) < 1e-11
+
+
+class Separable:
+    """Random Hermitian factors of a noise law."""
+
+    def factors(self, network, omega):
+        rng = np.random.default_rng(9)
+        n = network.selector.shape[1]
+        m = n if network.measurement is None else network.measurement.position.shape[-2]
+        found = []
+        for size in (n, m):
+            A, B = rng.normal(size=(2, len(network.mass), len(omega), size, size))
+            root = A + 1j * B + 2 * np.eye(size)
+            found.append(root @ np.conj(root.swapaxes(-1, -2)))
+        return found[0], found[1] * omega[:, None, None] ** 4
+
+
+def test_information_with_separable_noise(network):
+    U, V = Separable().factors(network, OMEGA)
+    _, J = network.sensitivity(OMEGA)
+    # Columns are stacked: the inverse covariance is U kron inv(V).
+    columns = np.moveaxis(J, -1, 2).swapaxes(-1, -2).reshape(*J.shape[:2], J.shape[-1], -1)
+    weights = np.einsum("qfij,qfkl->qfikjl", U, np.linalg.inv(V))
+    weights = weights.reshape(*J.shape[:2], columns.shape[-1], columns.shape[-1])
+    expected = (
+        2 * np.einsum("qfpi,qfij,qfrj->qpr", columns.conj(), weights, columns, optimize=True).real
+    )
+    assert _error(kernel.information(network, OMEGA, Separable()), expected) < 1e-11
 
 
 @pytest.mark.parametrize("residual", ["nls", "lls", "lls_magnitude"])
@@ -331,6 +361,8 @@ def test_wrong_arguments_are_named():
         kernel_cost.cell_costs,
         kernel_normal.cell_normals,
         kernel_reduce.reductions,
+        kernel_slopes.slopes,
+        kernel_separable.separable_informations,
     ],
 )
 def test_a_change_in_any_source_file_changes_the_key_of_the_cache(function):
