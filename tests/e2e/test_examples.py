@@ -1,5 +1,6 @@
 """The scripts of examples/ are short, and run."""
 
+import json
 import os
 import subprocess
 import sys
@@ -25,3 +26,27 @@ def test_a_script_runs(script, tmp_path):
     )
     assert run.returncode == 0, run.stderr
     assert run.stdout.strip()
+
+
+EXECUTE = """
+import sys, nbformat, nbclient
+notebook = nbformat.read(sys.argv[1], as_version=4)
+nbclient.NotebookClient(notebook, timeout=300).execute()
+print(nbformat.writes(notebook))
+"""
+
+
+@pytest.mark.parametrize("notebook", sorted(EXAMPLES.glob("*.ipynb")), ids=lambda p: p.stem)
+def test_a_notebook_runs(notebook, tmp_path):
+    run = subprocess.run(
+        [sys.executable, "-c", EXECUTE, str(notebook)],
+        cwd=tmp_path,
+        env=os.environ | {"IPYTHONDIR": str(tmp_path), "JUPYTER_PLATFORM_DIRS": "1"},
+        capture_output=True,
+        text=True,
+        timeout=400,
+        check=False,
+    )
+    assert run.returncode == 0, run.stderr
+    cells = json.loads(run.stdout)["cells"]
+    assert any("image/png" in json.dumps(cell.get("outputs")) for cell in cells)
