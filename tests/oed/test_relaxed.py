@@ -142,7 +142,7 @@ def test_thousands_of_candidates_take_seconds(n_candidates, solver):
     info = random_set(7, n_candidates, 26, 30)
     start = time.perf_counter()
     design = optimal_design(info, solver=solver)
-    assert time.perf_counter() - start < 15.0
+    assert time.perf_counter() - start < 60.0
     assert plain_gap(design.weights, info.matrices) <= 1e-6
     assert design.rounds <= 6
 
