@@ -29,6 +29,7 @@ bench: $(VENV)/installed
 	$(BIN)/python benchmarks/fits.py
 	$(BIN)/python benchmarks/multistart.py
 	$(BIN)/python benchmarks/plant.py
+	$(BIN)/python benchmarks/design.py
 
 docs: $(VENV)/installed
 	$(BIN)/mkdocs build
