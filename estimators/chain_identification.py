@@ -18,7 +18,7 @@ from estimators.chain_order import (
 )
 from estimators.friction_band import unfrictioned
 from estimators.modal_data import Data, prepared
-from estimators.modes import FittedModes, fit_modes, with_excess
+from estimators.modes import FittedModes, Shapes, fit_modes, with_excess
 from robotmodels.arrays import Array, ComplexArray
 from robotmodels.chains import CoupledChains
 from robotmodels.errors import InvalidInput, NotIdentifiable
@@ -190,7 +190,8 @@ def _modes(data: Data, layout: ChainLayout) -> tuple[FittedModes, float]:
     if not data.scaled and found.misfit > _MISFIT:
         for _ in range(2):
             enlarged, excess = with_excess(replace(found, data=data))
-            found = fit_modes(enlarged, layout.modes, turned=found.layout.turned)
+            kind: Shapes = "complex" if found.layout.turned else "auto"
+            found = fit_modes(enlarged, layout.modes, shapes=kind)
     check_not_too_few(found, layout.masses)
     return found, excess
 

@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,6 +17,8 @@ from estimators.modal_model import (
 from estimators.modal_start import modal_start, undamped_start
 from robotmodels.arrays import Array, ComplexArray
 from robotmodels.errors import NotIdentifiable
+
+Shapes = Literal["auto", "real", "complex"]
 
 _LARGEST_DAMPING = 0.7
 _ROUNDS = 60
@@ -166,8 +168,7 @@ class FittedModes:
 def with_excess(found: FittedModes) -> tuple[Data, float]:
     """Return the data with a relative error added that explains the misfit, and its size.
 
-    What friction and backlash do to FRFs repeats from period to period, so covariances from
-    periods miss it. Weights as fine as the noise would then follow the distortion.
+    What friction does to FRFs repeats, so covariances from periods miss it, and weights follow it.
     """
     data = found.data
     extra = relative_variance(data.response)
@@ -177,7 +178,9 @@ def with_excess(found: FittedModes) -> tuple[Data, float]:
     return data.with_error(square * extra), float(np.sqrt(square))
 
 
-def fit_modes(data: Data, count: int, rounds: int = _ROUNDS, turned: bool = False) -> FittedModes:
+def fit_modes(
+    data: Data, count: int, rounds: int = _ROUNDS, shapes: Shapes = "auto"
+) -> FittedModes:
     """Return the maximum-likelihood modes, `count` of them, common to all elements.
 
     Mode shapes are real unless complex ones, as unequal dampers make them, explain clearly more.
@@ -187,7 +190,7 @@ def fit_modes(data: Data, count: int, rounds: int = _ROUNDS, turned: bool = Fals
     data : see `prepared`.
     count : n, M (N - 1) for M chains of N masses.
     rounds : of the search, at most.
-    turned : whether complex shapes are taken for granted.
+    shapes : "real", "complex", or "auto", which asks the data.
     """
     if data.undamped:
         layout = ModalLayout(data.chains, count, losses=False)
@@ -196,18 +199,18 @@ def fit_modes(data: Data, count: int, rounds: int = _ROUNDS, turned: bool = Fals
     starts = _distinct(data, layout)
     rough = [_search(data, layout, x, 8) for x in starts]
     found = _refined(data, layout, min(rough, key=lambda point: point[1])[0], rounds)
-    if not turned and not data.scaled and found.misfit < 1 + 3 * np.sqrt(2 / data.size):
-        return found  # nothing is left to explain
+    explained = not data.scaled and found.misfit < 1 + 3 * np.sqrt(2 / data.size)
+    if shapes == "real" or (shapes == "auto" and explained):
+        return found
     bent = min(
         (_with_turned_shapes(data, layout, x, rounds) for x in (found.x, starts[0])),
         key=lambda one: one.cost,
     )
     gain = (found.cost - bent.cost) / max(bent.misfit, 1e-300)
-    return bent if turned or gain > _TURNING * bent.layout.sizes[-1] else found
+    return bent if shapes == "complex" or gain > _TURNING * bent.layout.sizes[-1] else found
 
 
 def _distinct(data: Data, layout: ModalLayout, most: int = 2) -> list[Array]:
-    """Return the best starts, leaving out those that say the same."""
     starts = modal_start(data, layout)
     costs = [
         float(np.sum(data.whitened(modal_response(x, layout, data.omega) - data.response) ** 2))
@@ -280,7 +283,7 @@ def _search(data: Data, layout: ModalLayout, x: Array, rounds: int) -> tuple[Arr
 
 
 def _inside(x: Array, low: Array, high: Array) -> Array:
-    """Return x moved off its bounds, on which a search cannot begin."""
+    """Return x moved off its bounds."""
     finite = np.isfinite(low)
     moved = x.copy()
     margin = 1e-6 * (high[finite] - low[finite])
@@ -289,7 +292,6 @@ def _inside(x: Array, low: Array, high: Array) -> Array:
 
 
 def _sorted(x: Array, layout: ModalLayout) -> Array:
-    """Put the modes in order of frequency."""
     J, omega, phi, zeta, friction, delay, chi = layout.split(x)
     order = np.argsort(omega)
     return layout.join(

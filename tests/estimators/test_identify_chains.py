@@ -7,6 +7,7 @@ import estimators
 from estimators.chain_identification import identify_chains
 from estimators.chain_maps import ChainLayout, forward_map, inverse_map, inverse_slope
 from estimators.chain_order import WrongModeCount
+from estimators.chain_prediction import predict_masses
 from estimators.damper_fit import fit_dampers
 from estimators.inverse_eigenvalue import (
     coupled_inertia,
@@ -230,6 +231,16 @@ def test_chains_of_another_structure_are_noticed():
     )
     assert found.structure_p_value < 1e-6 or found.excess > 0
     assert found.notes
+
+
+def test_masses_nobody_measured_are_predicted():
+    model = modally_damped(CHAINS.linear_model(), 0.005)
+    found = identify_chains(OMEGA, model.frequency_response(OMEGA), 3)
+    receptances, _ = model.receptances(OMEGA)
+    expected = -(OMEGA[:, None, None] ** 2) * receptances
+    assert predict_masses(found, OMEGA) == pytest.approx(
+        expected, abs=1e-5 * np.abs(expected).max()
+    )
 
 
 @pytest.mark.parametrize(

@@ -1,0 +1,146 @@
+"""Chains from time-domain records: closed loop, sampled, noisy; multisines and stepped sines."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from chain_experiments import (
+    CONTROLLER,
+    MODEL,
+    SAMPLES,
+    TRUTH,
+    campaigns,
+)
+
+import robotmodels
+from estimators import estimate_frf
+from estimators.chain_identification import identify_chains
+from estimators.damper_fit import fit_dampers
+from robotmodels.controller import default_controller
+from robotmodels.linear_plant import simulate_linear
+from robotmodels.records import Records
+
+
+def identified(records):
+    estimate = estimate_frf(records, covariance="noise", transient=0)
+    return identify_chains(
+        estimate.omega, estimate.response[0], 3, covariance=estimate.covariance[0]
+    )
+
+
+def judged(count, rng, batch):
+    """Errors over standard deviations, and relative errors, (runs, 2, k)."""
+    pulls, errors = [], []
+    for _ in range(0, count, batch):
+        for records in campaigns(batch, rng):
+            found = identified(records)
+            both = (found.inverse, found.structured)
+            pulls.append([(e.values - TRUTH) / e.std for e in both])
+            errors.append([np.abs(e.values / TRUTH - 1) for e in both])
+    return np.array(pulls), np.array(errors)
+
+
+def check(pulls, errors, low, high):
+    """Judge both routes: median errors, coverage, and what half the std claimed would cover."""
+    assert np.median(errors, axis=0).max() < 0.02
+    for route in range(2):
+        covered = np.mean(np.abs(pulls[:, route]) < 1.96)
+        assert low < covered < high
+        assert np.mean(np.abs(pulls[:, route]) < 1.96 / 2) < 0.80
+
+
+def test_closed_loop_experiments_with_one_percent_noise():
+    pulls, errors = judged(6, np.random.default_rng(20), 6)
+    check(pulls, errors, 0.85, 0.995)
+
+
+@pytest.mark.slow
+def test_intervals_cover_in_300_closed_loop_experiments():
+    pulls, errors = judged(320, np.random.default_rng(21), 20)
+    check(pulls, errors, 0.93, 0.97)
+
+
+def test_stepped_sines_motor_after_motor():
+    """One frequency and one motor at a time; 40 frequencies, mostly near the resonances."""
+    lines = np.unique(
+        np.concatenate(
+            [np.arange(10, 200, 12), [78, 79, 94, 95, 108, 109, 143, 144, 154, 155, 163, 164]]
+        )
+    )
+    time = np.arange(SAMPLES) / SAMPLES
+    signals = np.zeros((1, 3 * len(lines), SAMPLES, 3))
+    for k, line in enumerate(lines):
+        for motor in range(3):
+            signals[0, 3 * k + motor, :, motor] = 0.2 * np.cos(2 * np.pi * line * time)
+    records = simulate_linear(
+        MODEL,
+        signals,
+        CONTROLLER,
+        lines=lines,
+        angle_noise=1e-4,
+        rng=np.random.default_rng(4),
+        periods=3,
+        transient=3,
+    )
+    estimate = estimate_frf(records, "jio", covariance="noise", transient=0)
+    found = identify_chains(estimate.omega, estimate.response[0], covariance=estimate.covariance[0])
+    assert found.n_masses == 3
+    assert found.structured.values == pytest.approx(TRUTH, rel=0.02)
+    pulls = (found.structured.values - TRUTH) / found.structured.std
+    assert np.sqrt(np.mean(pulls**2)) < 2.5
+
+
+HARDENED = "{low: 8.0828e+05, high: 4.84e+06, torque: 1500.0}"
+
+
+@pytest.fixture(scope="module")
+def axis(tmp_path_factory):
+    """moberg_axis1 with its first spring hardened, as its published resonances have it."""
+    library = Path(robotmodels.library.__file__).parent
+    folder = tmp_path_factory.mktemp("robot")
+    text = (library / "moberg_axis1.yaml").read_text(encoding="utf-8")
+    assert HARDENED in text
+    text = text.replace(HARDENED, "4.84e+06").replace("[g1.stiffness.high]", "[]")
+    (folder / "axis.yaml").write_text(text, encoding="utf-8")
+    urdf = (library / "moberg_axis1.urdf").read_text(encoding="utf-8")
+    (folder / "moberg_axis1.urdf").write_text(urdf, encoding="utf-8")
+    return robotmodels.load_robot(folder / "axis.yaml")
+
+
+def test_moberg_axis_as_one_chain_of_four_masses(axis):
+    """Dampings to 12 % bias the undamped result by per mille; the fit with dampers mends it."""
+    samples, lines = 4000, np.arange(3, 480, 2)
+    rng = np.random.default_rng(0)
+    spectrum = np.zeros((2, 1, samples // 2 + 1, 1), dtype=complex)
+    spectrum[:, 0, lines, 0] = np.exp(2j * np.pi * rng.random((2, len(lines))))
+    signals = np.fft.irfft(spectrum, samples, axis=2) * samples / 40
+    controller = default_controller(axis, 0.001)
+    records = Records.join(
+        list(
+            robotmodels.simulate(
+                axis,
+                np.zeros((1, 1)),
+                signals,
+                controller,
+                lines=lines,
+                rng=rng,
+                periods=5,
+                transient=3,
+                imperfections=robotmodels.Imperfections(friction=0, angle_noise=2e-5),
+            )
+        )
+    )
+    estimate = estimate_frf(records, covariance="noise", transient=0)
+    found = identify_chains(
+        estimate.omega, estimate.response[0], 4, covariance=estimate.covariance[0]
+    )
+    hertz = found.modes.omega / (2 * np.pi)
+    assert hertz == pytest.approx([12.40, 19.12, 54.67], rel=1e-3)
+    assert found.modes.zeros[0] / (2 * np.pi) == pytest.approx([5.25, 15.38, 52.32], rel=2e-3)
+    truth = np.array([5e-3, 2e-3, 0.02, 0.02, 100, 110, 80])
+    assert found.structured.values == pytest.approx(truth, rel=0.01)
+    damped = fit_dampers(found)
+    assert damped.estimate.values == pytest.approx(truth, rel=3e-3)
+    assert damped.dampers[0] == pytest.approx([0.08, 0.06, 0.08], rel=0.02)
+    assert damped.model.friction[0] == pytest.approx(6e-3, rel=0.02)
+    assert abs(damped.model.delay) < 1e-5

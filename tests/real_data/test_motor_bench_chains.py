@@ -1,0 +1,96 @@
+"""A real two-inertia motor bench as one chain of two masses, from motor current and angle alone.
+
+Everything is in units of the torque constant; the load's angle serves as judge only.
+"""
+
+import os
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.io import loadmat
+
+from estimators import estimate_frf, identify_chains
+from estimators.chain_prediction import predict_masses
+from robotmodels.records import Records
+
+PATH = Path(__file__).parents[2].parent / "shared" / "data" / "motor_bench" / "MultisineTypeB.mat"
+LINES = np.arange(13, 250, 4)
+SAMPLES, PERIODS, RATE = 2500, 20, 2500.0
+MOTOR, LOAD, STIFFNESS = 0.004796, 0.004804, 552.5
+
+
+def records(data, angle):
+    def shaped(signal):
+        return np.asarray(signal, dtype=float).reshape(1, 1, 1, -1, SAMPLES, 1)
+
+    return Records(
+        positions=np.zeros((1, 1)),
+        sample_time=1 / RATE,
+        reference=shaped(data["ref"]),
+        torque=shaped(data["iq_adx"]),
+        angle=shaped(angle),
+        lines=LINES,
+        detection=np.arange(15, 249, 4),
+        saturated=np.zeros((1, 1, 1, PERIODS, 1), dtype=bool),
+    )
+
+
+@pytest.fixture(scope="module")
+def bench():
+    if not PATH.is_file():
+        message = f"{PATH} is absent: the motor bench's measurements, see shared/data"
+        if os.environ.get("CI") == "true":
+            pytest.fail(message)
+        pytest.skip(message)
+    return loadmat(PATH, squeeze_me=True)
+
+
+def estimated(data, angle):
+    return estimate_frf(records(data, angle), covariance="noise", hold=False, transient=1)
+
+
+@pytest.fixture(scope="module", params=["with the noise's covariance", "noise unknown"])
+def found(bench, request):
+    """Without N: the bench must be seen to be two masses."""
+    estimate = estimated(bench, bench["theta_mx"])
+    known = estimate.covariance[0] if "covariance" in request.param else None
+    return identify_chains(estimate.omega, estimate.response[0], covariance=known)
+
+
+def test_the_bench_is_seen_to_be_two_masses(found):
+    assert found.n_masses == 2
+
+
+def test_stiffness_and_inertia_ratio_within_one_percent(found):
+    motor, load = found.masses[0]
+    assert found.springs[0, 0] == pytest.approx(STIFFNESS, rel=0.01)
+    assert load / motor == pytest.approx(LOAD / MOTOR, rel=0.01)
+    assert motor == pytest.approx(MOTOR, rel=0.01)
+    assert load == pytest.approx(LOAD, rel=0.01)
+
+
+def test_resonance_and_anti_resonance_within_one_percent(found):
+    assert found.modes.omega / (2 * np.pi) == pytest.approx([76.36], rel=0.01)
+    assert found.modes.zeros[0] / (2 * np.pi) == pytest.approx([53.98], rel=0.01)
+
+
+def test_uncertainty_is_that_of_distortion_not_of_noise(found):
+    """One block shows no distortion; the misfit does, and standard deviations follow it."""
+    assert found.structured.relative_std.min() > 1e-3
+    assert found.structured.relative_std.max() < 0.02
+    pulls = (found.structured.values - [MOTOR, LOAD, STIFFNESS]) / found.structured.std
+    assert (np.abs(pulls) < 3).all()
+
+
+def test_the_loads_frf_is_predicted(bench, found):
+    measured = estimated(bench, -np.asarray(bench["theta_my"]))
+    predicted = predict_masses(found, measured.omega)[:, 1, 0]
+    ratio = measured.response[0, :, 0, 0] / predicted
+    assert np.median(np.abs(np.abs(ratio) - 1)) < 0.025
+    assert np.abs(np.angle(ratio, deg=True)).max() < 12
+    assert np.median(np.abs(ratio - 1)) < 0.1
+    # The motor's own FRF is no prediction of the load's: past the anti-resonance they part.
+    motor = estimated(bench, bench["theta_mx"]).response[0, :, 0, 0]
+    wrong = measured.response[0, :, 0, 0] / motor
+    assert np.median(np.abs(wrong - 1)) > 0.5
