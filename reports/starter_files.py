@@ -10,6 +10,7 @@ from typing import Any
 
 from reports.template import filled_text
 from robotmodels import ElasticRobot, load_robot
+from robotmodels.collision_shapes import robot_shapes
 from robotmodels.errors import InvalidInput
 from robotmodels.proposal import Drive, propose_drives
 from robotmodels.urdf_joints import UrdfJoint, moving_joints
@@ -147,6 +148,7 @@ def _study(robot: ElasticRobot, reference: str, builtin: bool = False) -> str:
         builtin=builtin,
         file="study.yaml",
         joints=joints,
+        shapes=robot_shapes(robot).solid,
         candidates=math.prod(points),
         first_alone=points[0] == 1,
         units="[rad; m]" if robot.elements.prismatic else "[rad]",
