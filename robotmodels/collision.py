@@ -123,8 +123,6 @@ class Surroundings:
     @cached_property
     def _apart(self) -> tuple[list[tuple[int, int]], list[tuple[int, int]]]:
         """Return the pairs of link shapes to compare, and those built to touch."""
-        from scipy.stats import qmc  # takes half a second to import
-
         if not (self.self_collision and self.shapes.solid):
             return [], []
         shapes = self.shapes.shapes
@@ -137,8 +135,7 @@ class Surroundings:
             and frozenset((shapes[i].link, shapes[j].link)) not in ignored
         ]
         low, high = self.robot.position_limits.T
-        points = qmc.Sobol(len(low), scramble=False).random(_SAMPLES)
-        spread = np.vstack([0.5 * (low + high), low + points * (high - low)])
+        spread = np.vstack([0.5 * (low + high), low + _even(_SAMPLES, len(low)) * (high - low)])
         check = _Checker(self.robot.rigid, shapes, pairs, self.margin)
         always = np.all(check(configurations(self.robot, spread)), axis=0)
         built = {pairs[k] for k in np.flatnonzero(always)}
@@ -205,6 +202,17 @@ class _Checker:
 
     def _places(self, i: int, j: int) -> tuple[pin.SE3, pin.SE3]:
         return self.placed.oMg[i], self.placed.oMg[j]
+
+
+def _even(count: int, n: int) -> Array:
+    """Return points (count, n) spread over the unit cube, a Kronecker sequence.
+
+    Its steps are powers of the root of x^(n + 1) = x + 1, for n = 1 the golden ratio.
+    """
+    root = 2.0
+    for _ in range(60):
+        root = (1 + root) ** (1 / (n + 1))
+    return np.asarray(np.outer(np.arange(1, count + 1), root ** -np.arange(1.0, n + 1)) % 1.0)
 
 
 def _together(rigid: pin.Model, first: int, second: int) -> bool:

@@ -41,7 +41,7 @@ def log_value(info, criterion, counts, prior=0.0):
 @pytest.mark.parametrize("name", CRITERIA)
 def test_against_every_plan(name):
     criterion, hits = CRITERIA[name], 0
-    for seed in range(6):
+    for seed in range(3):
         info = random_set(seed, 6, 3, 2)
         exact = exact_design(info, 4, criterion=criterion)
         best = max(log_value(info, criterion, counts) for counts in every_plan(6, 4))
@@ -49,7 +49,7 @@ def test_against_every_plan(name):
         assert found <= best + 1e-9
         assert exact.efficiency <= np.exp(found - best) + 1e-9
         hits += found > best - 1e-6
-    assert hits >= 4
+    assert hits >= 2
 
 
 def test_prior_information_changes_the_plan():
@@ -87,7 +87,7 @@ CONSTRAINTS = {
 def test_within_constraints_against_every_plan(name):
     """Exchanges end in a local optimum: mostly the best plan, never one that is not allowed."""
     constraints, ratios = CONSTRAINTS[name], []
-    for seed in range(3):
+    for seed in range(2):
         info = random_set(seed, 6, 3, 2)
         n = 5
         exact = exact_design(info, n, constraints=constraints)

@@ -75,7 +75,7 @@ def test_nothing_to_gain_on_a_fine_grid():
 def test_a_robot_above_the_floor(tmp_path):
     """No random position the robot can take promises more than the stated bounds."""
     robot = arm(tmp_path)
-    omega, noise = 2 * np.pi * np.geomspace(2, 60, 8), RelativeNoise(0.03, 0.01)
+    omega, noise = 2 * np.pi * np.geomspace(2, 60, 6), RelativeNoise(0.03, 0.01)
     around = surroundings(robot, floor=0.0)
     grid = candidate_positions(robot, (3, 3, 3), 0.5 * robot.position_limits)
     grid = grid[~around.touching(grid).any(axis=1)]
@@ -87,14 +87,14 @@ def test_a_robot_above_the_floor(tmp_path):
         omega,
         noise,
         surroundings=around,
-        finer=128,
+        finer=48,
         tolerance=0.05,
-        max_rounds=4,
+        max_rounds=2,
         rng=np.random.default_rng(1),
         progress=lambda done, total: seen.append((done, total)),
     )
     assert result.gain > 0.01
-    assert seen[-1] == (result.rounds, 4)
+    assert seen[-1] == (result.rounds, 2)
     used = result.candidates.positions[result.design.support]
     assert not around.touching(used).any()
     places = np.random.default_rng(5).uniform(*robot.position_limits.T, (400, 3))
