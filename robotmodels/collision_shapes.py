@@ -125,6 +125,9 @@ def _drawn(rigid: pin.Model, path: Path) -> tuple[tuple[Shape, ...], tuple[str, 
 def _with_meshes_found(path: Path) -> tuple[ET.Element, tuple[str, ...]]:
     """Return the URDF with absolute mesh paths, without the meshes not found, and their names."""
     robot = ET.parse(path).getroot()
+    for limit in robot.iter("limit"):  # the parser insists on what nothing here needs
+        for key in ("effort", "velocity"):
+            limit.attrib.setdefault(key, "0")
     missing = []
     for link in robot.findall("link"):
         for collision in link.findall("collision"):
