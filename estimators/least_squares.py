@@ -12,11 +12,10 @@ from estimators.frf_estimate import FrfEstimate
 from estimators.priors import Prior
 from estimators.residuals import find_residual
 from estimators.search import search
-from estimators.start_values import physics_start
+from estimators.start_values import named_start
 from estimators.trust_region import Outcome
 from estimators.weights import optimal_weights
 from robotmodels.arrays import Array, ComplexArray, IntArray, read_only
-from robotmodels.errors import InvalidInput
 from robotmodels.notebook import Printed
 from robotmodels.parameters import Parameters
 from robotmodels.response import Elastic, frequency_response
@@ -104,8 +103,8 @@ def fit(
     estimate : FRFs to fit.
     residual : "nls" [WM] (4), "lls" [WM] (7) or "lls_magnitude".
     weights : "user", "optimal", or an array, see `estimators.weights`.
-    start : (p,) parameter values; the model's own where None; "physics" for rough ones from the
-        FRFs and the rigid robot, see `physics_start`.
+    start : (p,) parameter values; the model's own where None; "physics" or "chains" for rough ones
+        from the FRFs, see `physics_start` and `chain_start_values`.
     bounds : factors of the model's own values between which parameters are sought, or (2, p)
         values [SI].
     max_evaluations : of the FRFs and their sensitivities, after which the search gives up.
@@ -123,9 +122,7 @@ def fit(
     """
     problem = stated(model, estimate, residual, weights, bounds, positions, prior, loss)
     if isinstance(start, str):
-        if start != "physics":
-            raise InvalidInput(f"start: {start!r} is neither 'physics' nor parameter values")
-        start = np.clip(physics_start(model, problem.estimate), *problem.bounds)
+        start = np.clip(named_start(start, model, problem.estimate), *problem.bounds)
     begin = problem.checked_start(start)
     return as_fit(problem, begin, search(problem, begin, max_evaluations, tolerance))
 

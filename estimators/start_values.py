@@ -17,6 +17,7 @@ PROMINENCE = 0.7
 # library have them at one to two times the frequency.
 TORSIONS = 1.5
 DAMPING_RATIO = 0.03
+STARTS = ("physics", "chains")
 
 
 def physics_start(
@@ -64,6 +65,32 @@ def physics_start(
             f"{high:.3g} Hz; give start values, or measure further up"
         )
     return _as_parameters(network, *_springs(network, known))
+
+
+def named_start(name: str, model: Elastic, estimate: FrfEstimate) -> Array:
+    """Return the start values (p,) called "physics" or "chains".
+
+    "chains" are those of `estimators.chain_start_values`, the inverse eigenvalue problem of each
+    axis, in the first position.
+
+    Raises
+    ------
+    InvalidInput : for another name, or chains of a model that is no robot, or as those functions.
+    NotIdentifiable : as `chain_start_values`.
+    """
+    if name not in STARTS:
+        raise InvalidInput(
+            f"start: {name!r} is neither parameter values nor one of {', '.join(STARTS)}"
+            f"{nearest(name, STARTS)}"
+        )
+    if name == "physics":
+        return physics_start(model, estimate)
+    from estimators.chain_start import chain_start_values
+    from robotmodels.elastic import ElasticRobot
+
+    if not isinstance(model, ElasticRobot):
+        raise InvalidInput("start: 'chains' needs a robot; 'physics' serves any model")
+    return chain_start_values(model, estimate)
 
 
 def _gears(network: SpringNetwork) -> dict[int, int]:
