@@ -28,6 +28,7 @@ bench: $(VENV)/installed
 	$(BIN)/python benchmarks/linearisation.py
 	$(BIN)/python benchmarks/fits.py
 	$(BIN)/python benchmarks/multistart.py
+	$(BIN)/python benchmarks/time_domain_rival.py --starts 3
 	$(BIN)/python benchmarks/plant.py
 	$(BIN)/python benchmarks/design.py
 
