@@ -31,6 +31,7 @@ bench: $(VENV)/installed
 	$(BIN)/python benchmarks/time_domain_rival.py --starts 3
 	$(BIN)/python benchmarks/plant.py
 	$(BIN)/python benchmarks/design.py
+	$(BIN)/python benchmarks/chains.py
 
 docs: $(VENV)/installed
 	$(BIN)/mkdocs build

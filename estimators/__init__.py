@@ -9,6 +9,8 @@ from typing import TYPE_CHECKING, Any
 # Functions that share their module's name must be bound here: importing the module later would
 # otherwise put the module in their place.
 from estimators.chain_identification import ChainIdentification, identify_chains
+from estimators.chain_prediction import predict_masses
+from estimators.chain_start import chain_start_values
 from estimators.compare import Comparison, Loop, compare_methods, designed_loop, measured_loop
 from estimators.covariance import Uncertainty, covariance
 from estimators.cross_check import CrossCheck, cross_check
@@ -86,6 +88,7 @@ __all__ = [
     "Validation",
     "WorkspaceMap",
     "best_additions",
+    "chain_start_values",
     "check_rigid_limit",
     "combined_weights",
     "compare_methods",
@@ -113,6 +116,7 @@ __all__ = [
     "perturbed_starts",
     "physics_start",
     "predict_frf",
+    "predict_masses",
     "predict_modes",
     "profile_likelihood",
     "read_distortion",
