@@ -1,5 +1,11 @@
 """What the robot is: elastic models, their equilibria, FRFs and sensitivities."""
 
+from robotmodels.chain_responses import (
+    chain_response,
+    constrained_response,
+    modally_damped,
+    position_controlled,
+)
 from robotmodels.chains import CoupledChains
 from robotmodels.closed_loop import ClosedLoopNoise
 from robotmodels.collision import Surroundings, surroundings
@@ -15,6 +21,7 @@ from robotmodels.errors import (
 )
 from robotmodels.library import builtin_robots, load_robot
 from robotmodels.linear_model import LinearModel
+from robotmodels.linear_plant import simulate_linear
 from robotmodels.modes import (
     anti_resonances,
     clamped,
@@ -53,17 +60,22 @@ __all__ = [
     "Surroundings",
     "anti_resonances",
     "builtin_robots",
+    "chain_response",
     "clamped",
+    "constrained_response",
     "damped_modes",
     "default_controller",
     "frequency_response",
     "iterate_records",
     "linearize",
     "load_robot",
+    "modally_damped",
+    "position_controlled",
     "resonances",
     "rigid_modes",
     "save_records",
     "sensitivity",
     "simulate",
+    "simulate_linear",
     "surroundings",
 ]
