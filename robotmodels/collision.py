@@ -97,7 +97,10 @@ class Surroundings:
         """Return which of `pairs` touch, (Q, pairs), at `positions` (Q, n) within their limits."""
         q = configurations(self.robot, positions)
         hits = self._checker(q, progress)
-        return np.stack([hits[:, g].any(axis=1) for g in self._groups.values()], axis=1)
+        touching = np.zeros((len(q), len(self._groups)), dtype=bool)
+        for k, group in enumerate(self._groups.values()):
+            touching[:, k] = hits[:, group].any(axis=1)
+        return touching
 
     @cached_property
     def _things(self) -> tuple[Shape, ...]:

@@ -101,3 +101,18 @@ def test_the_floor_and_the_usual_ur10():
     assert result.removed["self-collision"] > 0
     assert seen == [(256, 256)]
     assert any("payload on 'wrist_3_link' has no shape" in note for note in result.notes)
+
+
+def test_a_robot_without_shapes_or_obstacles_says_what_is_not_checked(tmp_path):
+    result = gathered_candidates(arm(tmp_path, {}), per_joint=2, workcell=Workcell())
+    assert len(result) == 8
+    assert "self-collision is not checked" in result.notes[0]
+
+
+def test_all_too_heavy_before_anything_is_compared(tmp_path):
+    """Only the upright position needs no torque."""
+    robot = arm(tmp_path)
+    with pytest.raises(InvalidInput, match=r"removed: 2 holding torque; most often .*motor 'm0'"):
+        screened_candidates(
+            robot, np.array([[1.5, 0, 0], [-1.5, 0, 0]]), surroundings(robot), torque_limits=1e-3
+        )
