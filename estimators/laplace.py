@@ -64,7 +64,7 @@ def student_t(center: Array, information: Array, dof: float = DOF) -> StudentT:
 def laplace(fit: Fit, target: LogPosterior, dof: float = DOF) -> StudentT:
     """Return the t about the mode of `target`, found from the fit by Gauss and Newton's steps."""
     bread, _ = sandwich_parts(fit)
-    information = target.noise.curvature(fit.data_cost, target.data) * bread
+    information = target.noise.curvature(fit.data_cost, target.data, target.elements) * bread
     if target.prior is not None:
         information = information + target.prior.information(target.names)
     return student_t(_mode(fit, target), information, dof)

@@ -1,8 +1,8 @@
 """From weighted squares to a log likelihood: noise that is known, of unknown scale, or estimated.
 
-V is a fit's cost with weights that are inverse noise covariances, n the number of real data, and
-c = 1 for complex, 1/2 for real residuals; Q is the part of V of one element, or of one line where
-the elements of its FRF matrix are correlated.
+V is a fit's cost with weights that are inverse noise covariances, and n the number of real data. Q
+is the part of V of one element, or of one line where the elements of its FRF matrix are correlated;
+d is the number of elements that Q is made of, and 3/2 for a single real residual.
 """
 
 from dataclasses import dataclass
@@ -26,8 +26,11 @@ class Noise:
         "unknown", they are inverse covariances but for one common factor s^2 with the prior 1/s,
         marginalised analytically: log p = -(n/2) ln V.
         "estimated", they are inverses of sample covariances over `blocks` blocks, each with the
-        prior |covariance|^-d (d its rows), marginalised analytically:
-        log p = -sum (blocks - 1 + c) ln(1 + Q/(blocks - 1)), a Student t for each Q.
+        prior 1/|covariance|, marginalised analytically:
+        log p = -sum (blocks + 1 - d) ln(1 + Q/(blocks - 1)), a Student t for each Q. With that
+        prior a parameter of one line has the interval of exact coverage; Jeffreys' |covariance|^-d
+        has the exponent `blocks`, and intervals that are too narrow where few parameters explain
+        many elements.
     scale : factor of V where the noise is known, for weights that are not inverse covariances.
     blocks : independent FRF estimates that each sample covariance was made from.
     """
@@ -60,21 +63,33 @@ class Noise:
             return np.asarray(-self.scale * cost)
         return np.asarray(-data / 2 * np.log(cost))
 
-    def of_squares(self, squares: Array, real: bool) -> Array:
-        """Return log p (W,) of estimated noise from Q (W, ...)."""
-        assert self.blocks is not None
-        dof = self.blocks - 1
-        power = dof + (0.5 if real else 1.0)
-        terms = np.log1p(squares / dof).reshape(len(squares), -1)
-        return np.asarray(-power * terms.sum(axis=1))
+    def power(self, elements: float) -> float:
+        """Return the exponent blocks + 1 - d of estimated noise.
 
-    def influence(self, squares: Array, real: bool) -> Array:
+        Raises
+        ------
+        InvalidInput : if there are too few blocks for so many elements.
+        """
+        assert self.blocks is not None
+        if self.blocks <= elements:
+            raise InvalidInput(
+                f"blocks: {self.blocks} give no covariance of {elements:g} elements; more blocks, "
+                "or variances of single elements, are needed"
+            )
+        return self.blocks + 1 - elements
+
+    def of_squares(self, squares: Array, elements: float) -> Array:
+        """Return log p (W,) of estimated noise from Q (W, ...) and d = `elements`."""
+        assert self.blocks is not None
+        terms = np.log1p(squares / (self.blocks - 1)).reshape(len(squares), -1)
+        return np.asarray(-self.power(elements) * terms.sum(axis=1))
+
+    def influence(self, squares: Array, elements: float) -> Array:
         """Return -d log p / dQ of estimated noise at Q."""
         assert self.blocks is not None
-        dof = self.blocks - 1
-        return np.asarray((dof + (0.5 if real else 1.0)) / (dof + squares))
+        return np.asarray(self.power(elements) / (self.blocks - 1 + squares))
 
-    def curvature(self, cost: float, data: int) -> float:
+    def curvature(self, cost: float, data: int, elements: float) -> float:
         """Return the factor of the Hessian of V that log p has near the fit, whose cost is V.
 
         Exact for known noise and an unknown scale, an average over data for estimated noise.
@@ -84,7 +99,10 @@ class Noise:
         if self.kind == "unknown":
             return data / (2 * cost)
         assert self.blocks is not None
-        return self.blocks / (self.blocks + 1)
+        # (blocks - 1)/(blocks - 1 + Q) is beta distributed with blocks - d and d degrees.
+        mean = (self.blocks - elements) / self.blocks
+        bent = self.blocks / (self.blocks + 1)
+        return self.power(elements) / (self.blocks - 1) * mean * bent
 
 
 def line_squares(root: Array | ComplexArray, error: Array | ComplexArray) -> Array:

@@ -83,6 +83,13 @@ class LogPosterior:
         """Number of real data."""
         return int(self.used.sum()) * (1 if self.kind.real else 2)
 
+    @property
+    def elements(self) -> float:
+        """Residuals that are judged together, d of `estimators.likelihood`."""
+        if is_full(self.weights, self.measured.shape):
+            return int(self.used.sum(axis=(2, 3)).max())
+        return 1.5 if self.kind.real else 1
+
     def __call__(self, ln_theta: Array) -> Array:
         """Return log p (W,), up to a constant, at `ln_theta` (W, p); minus infinity outside.
 
@@ -120,7 +127,7 @@ class LogPosterior:
     def _log_likelihood(self, theta: Array) -> Array:
         if self.noise.kind != "estimated":
             return self.noise.of_cost(self.costs(theta), self.data)
-        parts = [self.noise.of_squares(q, self.kind.real) for q in self._squares(theta)]
+        parts = [self.noise.of_squares(q, self.elements) for q in self._squares(theta)]
         return np.concatenate(parts)
 
     def _squares(self, parameters: Array) -> Iterator[Array]:
@@ -239,8 +246,8 @@ def log_posterior(fit: Fit, noise: Noise, prior: Prior | None = None) -> LogPost
         prior=prior,
         bounds=read_only(np.log(fit.bounds)),
     )
-    if noise.kind == "estimated" and target.kind.real:
-        _refuse_full_magnitudes(target)
+    if noise.kind == "estimated":
+        _check_estimated(target)
     cost = float(target.costs(theta[None])[0])
     if not np.isclose(cost, fit.data_cost, rtol=1e-6):
         raise SolverFailed(
@@ -275,9 +282,11 @@ def magnitude_adjustment(fit: Fit) -> float:
     return len(bread) / float(np.trace(np.linalg.lstsq(bread, meat)[0]))
 
 
-def _refuse_full_magnitudes(target: LogPosterior) -> None:
-    if is_full(target.weights, target.measured.shape):
+def _check_estimated(target: LogPosterior) -> None:
+    """Refuse estimated noise whose likelihood is not known."""
+    if target.kind.real and is_full(target.weights, target.measured.shape):
         raise InvalidInput(
             "noise: 'estimated' is not known for magnitudes with full weights; "
             "use the residual 'lls', or weights of single elements"
         )
+    target.noise.power(target.elements)

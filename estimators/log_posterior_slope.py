@@ -56,7 +56,7 @@ def _compiled(target: LogPosterior, theta: Array) -> Slope:
     assert target.kernel is not None
     found = target.kernel.normal_equations(theta)
     value = float(target.noise.of_cost(np.array([found.cost]), target.data)[0])
-    factor = target.noise.curvature(found.cost, target.data)
+    factor = target.noise.curvature(found.cost, target.data, target.elements)
     return Slope(-value, factor * found.gradient, factor * found.hessian)
 
 
@@ -69,15 +69,15 @@ def _written_out(target: LogPosterior, theta: Array) -> Slope:
     squares = line_squares(target.root, error)
     if target.noise.kind != "estimated":
         cost = float(squares.sum())
-        factor = target.noise.curvature(cost, target.data)
+        factor = target.noise.curvature(cost, target.data, target.elements)
         value = -float(target.noise.of_cost(np.array([cost]), target.data)[0])
         return Slope(value, *_normal(white, slopes, np.full(white.shape, factor)))
-    value = -float(target.noise.of_squares(squares[None], target.kind.real)[0])
+    value = -float(target.noise.of_squares(squares[None], target.elements)[0])
     if is_full(target.root, error.shape):
         each = np.broadcast_to(squares[..., None, None], white.shape)
     else:
         each = white.real**2 + white.imag**2
-    return Slope(value, *_normal(white, slopes, target.noise.influence(each, target.kind.real)))
+    return Slope(value, *_normal(white, slopes, target.noise.influence(each, target.elements)))
 
 
 def _normal(

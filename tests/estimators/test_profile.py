@@ -18,7 +18,7 @@ def noisy(relative=0.03, floor=0.01, seed=2):
     return simulate_frf(MODEL, POSITIONS[:2], OMEGA[2::5], RelativeNoise(relative, floor), rng)
 
 
-@pytest.mark.parametrize("noise", [Noise(), Noise("unknown"), Noise("estimated", blocks=5)])
+@pytest.mark.parametrize("noise", [Noise(), Noise("unknown"), Noise("estimated", blocks=7)])
 @pytest.mark.parametrize("weights", ["optimal", "full"])
 @pytest.mark.parametrize("residual", ["nls", "lls", "lls_magnitude"])
 def test_gradients_are_those_of_finite_differences(residual, weights, noise):
@@ -37,7 +37,13 @@ def test_gradients_are_those_of_finite_differences(residual, weights, noise):
 def test_estimated_magnitudes_with_full_weights_are_refused():
     found = fit(MODEL, exact(full_covariance((3, 23, 2, 2))), "lls_magnitude", "optimal")
     with pytest.raises(InvalidInput, match="'estimated' is not known for magnitudes"):
-        log_posterior(found, Noise("estimated", blocks=5))
+        log_posterior(found, Noise("estimated", blocks=7))
+
+
+def test_too_few_blocks_for_full_covariances_are_refused():
+    found = fit(MODEL, exact(full_covariance((3, 23, 2, 2))), "nls", "optimal")
+    with pytest.raises(InvalidInput, match="blocks: 4 give no covariance of 4 elements"):
+        log_posterior(found, Noise("estimated", blocks=4))
 
 
 @pytest.mark.parametrize(("residual", "weights"), [("nls", "optimal"), ("lls", "user")])
