@@ -13,7 +13,7 @@ import numpy as np
 from oed.certificate import Candidates
 from oed.constraints import Constraints
 from oed.criteria import Criterion
-from oed.exact import ExactDesign, exact_design, finished, relaxation
+from oed.exact import ExactDesign, exchanged, finished, relaxation
 from oed.exchange import WholeProblem
 from oed.plan_search import Search
 from oed.relaxed import Design
@@ -71,15 +71,14 @@ def best_plans(
     """
     if plans < 1:
         raise InvalidInput(f"plans: {plans!r}; at least one is needed")
-    first = exact_design(
+    problem, prices, weights, bound = relaxation(
         info, n_experiments, design, criterion=criterion, constraints=constraints, prior=prior
     )
-    problem, _, _, bound = relaxation(
-        info, n_experiments, design, criterion=criterion, constraints=constraints, prior=prior
-    )
+    first = exchanged(problem, prices, weights)
+    finished(problem, first, bound, per_experiment=True)  # refuses too few experiments
     search = Search(problem, plans, max_nodes, progress)
-    search.keep(first.repetitions)
-    for repetitions in _neighbours(problem, first.repetitions):
+    search.keep(first)
+    for repetitions in _neighbours(problem, first):
         search.keep(repetitions)
     best_bound = min(bound, search.run())
     found = sorted(search.found.values(), key=lambda pair: -pair[0])

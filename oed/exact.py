@@ -92,6 +92,17 @@ def exact_design(
     problem, prices, weights, bound = relaxation(
         info, n_experiments, design, criterion=criterion, constraints=constraints, prior=prior
     )
+    counts = exchanged(problem, prices, weights)
+    return finished(problem, counts, bound, per_experiment=constraints is None)
+
+
+def exchanged(problem: WholeProblem, prices: Array, weights: Array) -> IntArray:
+    """Return the best plan (Q,) that exchanges lead to from the relaxed weights.
+
+    Raises
+    ------
+    InvalidInput : if no whole plan that satisfies the constraints is found.
+    """
     pool = Pool(problem, _promising(prices, weights))
     plans = [exchange(pool, start) for start in _starts(problem, pool, weights)]
     if not plans:
@@ -99,7 +110,7 @@ def exact_design(
             f"constraints: no plan of whole experiments was found that satisfies "
             f"{', '.join(problem.allowed.names)} and the limits of each position"
         )
-    return finished(problem, max(plans, key=problem.value), bound, per_experiment=not constraints)
+    return max(plans, key=problem.value)
 
 
 def relaxation(
