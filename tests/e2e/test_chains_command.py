@@ -1,15 +1,12 @@
 """``oed chains``: records to masses, springs and couplings, on one page; mistakes in one line."""
 
-import contextlib
-import io
 import json
 import re
-import sys
 
 import numpy as np
 import pytest
+from conftest import oed
 
-from reports import cli
 from robotmodels.chain_responses import modally_damped
 from robotmodels.chains import CoupledChains
 from robotmodels.controller import Controller
@@ -22,21 +19,6 @@ CHAINS = CoupledChains(
     np.array([[0, 0.5], [0.5, 0]]),
 )
 SAMPLES, T, LINES = 1000, 0.005, np.arange(3, 101, 2)
-
-
-def oed(*words):
-    """Run the command line here; return its exit code, output and errors."""
-    out, err, argv = io.StringIO(), io.StringIO(), sys.argv
-    sys.argv = ["oed", *map(str, words)]
-    try:
-        with contextlib.redirect_stdout(out), contextlib.redirect_stderr(err):
-            cli.main()
-        code = 0
-    except SystemExit as ended:
-        code = int(ended.code or 0)
-    finally:
-        sys.argv = argv
-    return code, out.getvalue(), err.getvalue()
 
 
 def simulated(blocks=2, second=1.0):
