@@ -150,7 +150,7 @@ def sample_posterior(
         outside the bounds or without a cost, or a backend of another fit or seed.
     SolverFailed : if a cost is not a number, with the parameters.
     """
-    _check_sizes(len(fit.parameters), ensembles, walkers, steps, thin)
+    check_sizes(len(fit.parameters), ensembles, walkers, steps, thin)
     density = posterior_density(fit, noise=noise, scale=scale, blocks=blocks, prior=prior)
     proposal = laplace(fit, density)
     seeds = rng.integers(2**32, size=ensembles, dtype=np.int64)
@@ -204,7 +204,7 @@ def judged(
     )
 
 
-def _check_sizes(p: int, ensembles: int, walkers: int, steps: int, thin: int) -> None:
+def check_sizes(p: int, ensembles: int, walkers: int, steps: int, thin: int) -> None:
     if ensembles < 2:
         raise InvalidInput(f"ensembles: {ensembles}; at least 2 are needed to compare them")
     if walkers < max(2 * p, 8):

@@ -17,6 +17,7 @@ from oed import (
     study_measured,
     study_published,
     study_uncertainty,
+    study_validation,
 )
 from oed.fingerprint import file_digest
 from oed.information_set import InformationSet
@@ -102,12 +103,9 @@ def run_study(
     with _opened(study, progress, executor, fresh) as run:
         source = _source(run)
         fits = _fits(run, source)
-        theorem1 = study_uncertainty.theorem1(run, fits.result)
-        posterior = study_uncertainty.posterior(run, fits.result)
-        fitted = _fitted(run, source, fits)
-        return StudyResults(
-            **_planned(run, source), **fitted, theorem1=theorem1.value, posterior=posterior.value
-        )
+        judged, fitted = _judged(run, source, fits), _fitted(run, source, fits)
+        # Last: it says what all stages took.
+        return StudyResults(**_planned(run, source), **fitted, **judged)
 
 
 @contextmanager
@@ -117,7 +115,9 @@ def _opened(
     robot = load_robot(study.robot)
     plant = robot if study.truth is None else load_robot(study.truth)
     with open_stages(study.output / "stages", progress, fresh) as stages:
-        yield Run(study, robot, plant, stages, executor)
+        run = Run(study, robot, plant, stages, executor)
+        study_uncertainty.check_posterior(run)
+        yield run
 
 
 @dataclass(frozen=True, eq=False)
@@ -230,4 +230,23 @@ def _fitted(run: Run, source: _Source, fits: _Fits) -> dict[str, Any]:
         "fit": fits.result.value.fit,
         "fit_origin": fits.result.value.origin,
         "published": compared,
+    }
+
+
+def _judged(run: Run, source: _Source, fits: _Fits) -> dict[str, Any]:
+    """Return the fields that `StudyResults` has besides: how far to trust the fit."""
+    known = study_uncertainty.covariances(run, fits.result)
+    sampled = study_uncertainty.posterior(run, fits.result)
+    checked = study_uncertainty.checked(run, fits.result, known, sampled, fits.searches)
+    held_out = None
+    if run.study.validation is not None:
+        held_out = study_validation.held_out(
+            run, source.information, source.plan, fits.result, known
+        ).value
+    return {
+        "theorem1": known.value.theorem1,
+        "empirical": known.value.empirical,
+        "posterior": sampled.value,
+        "cross_check": checked.value,
+        "held_out": held_out,
     }

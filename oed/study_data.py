@@ -4,6 +4,8 @@ from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 
+import numpy as np
+
 from estimators.distortion import Distortion
 from estimators.exchange import read_frf
 from estimators.frf_estimate import FrfEstimate, simulate_frf
@@ -18,6 +20,7 @@ from oed.stages import Files, Report, Stage
 from oed.study_design import Plan
 from oed.study_run import Run
 from robotmodels import ElasticRobot
+from robotmodels.arrays import Array, IntArray
 from robotmodels.errors import InvalidInput
 
 
@@ -90,19 +93,9 @@ def experiment(
 
     def compute(folder: Path, report: Report | None) -> SimulatedExperiment:
         exact = plan.value.exact
-        prepared = prepare_in(
-            shaking,
-            run.robot,
-            info.value.positions[exact.support],
-            exact.repetitions[exact.support],
-            run.rng("data"),
-            run.stages.progress,
-        )
-        # Its progress is this stage's: planning takes a moment only.
-        progress = None if report is None else partial(_ignoring_names, report)
-        outcome = run_experiment(prepared, folder, progress, run.executor, run.plant)
-        limit = str(prepared.scaling.binding)
-        return SimulatedExperiment(folder / "records.h5", outcome, limit)
+        positions = info.value.positions[exact.support]
+        repetitions = exact.repetitions[exact.support]
+        return shaken(run, positions, repetitions, run.rng("data"), folder, report)
 
     inputs = {
         "robot": run.robot_digest,
@@ -115,21 +108,45 @@ def experiment(
     return run.stages.run("experiment", inputs, compute, Files(_save_experiment, _load_experiment))
 
 
+def shaken(
+    run: Run,
+    positions: Array,
+    repetitions: IntArray,
+    rng: np.random.Generator,
+    folder: Path,
+    report: Report | None,
+) -> SimulatedExperiment:
+    """Simulate the study's experiment in positions (Q, n); records.h5 is written to `folder`."""
+    shaking = run.study.data.experiment
+    assert shaking is not None
+    prepared = prepare_in(shaking, run.robot, positions, repetitions, rng)
+    # Its progress is that of the stage, whatever it calls itself.
+    progress = None if report is None else partial(_ignoring_names, report)
+    outcome = run_experiment(prepared, folder, progress, run.executor, run.plant)
+    return SimulatedExperiment(folder / "records.h5", outcome, str(prepared.scaling.binding))
+
+
+def frf_of(run: Run, records: Path) -> Data:
+    """Estimate FRFs from records as the study asks, visits of one position averaged."""
+    choice = run.study.data
+    found = measured_frf(
+        records,
+        choice.method,
+        covariance=choice.covariance,
+        structure=choice.structure,
+        delay=choice.delay,
+        hold=choice.hold,
+        robot=run.study.robot,
+    )
+    return Data(found.estimate, found.distortion, found.warnings)
+
+
 def frf_from_records(run: Run, records: Path, digest: str) -> Stage[Data]:
     """Return FRFs estimated from records, visits of one position averaged."""
     choice = run.study.data
 
     def compute(folder: Path, report: Report | None) -> Data:
-        found = measured_frf(
-            records,
-            choice.method,
-            covariance=choice.covariance,
-            structure=choice.structure,
-            delay=choice.delay,
-            hold=choice.hold,
-            robot=run.study.robot,
-        )
-        return Data(found.estimate, found.distortion, found.warnings)
+        return frf_of(run, records)
 
     inputs = {
         "robot": run.robot_digest,

@@ -33,6 +33,7 @@
       user_weights: {diagonal: 1.0, off_diagonal: 0.1, low: 3.0}    # zero below `low` [Hz]
       result: LLS15U             # left out: the likelihood, from where the estimators ended
     posterior: {ensembles: 4, walkers: 64, steps: 20000, r_hat: 1.01, ess: 4000}
+    validation: {count: 3}       # positions measured besides, to check predictions; left out: none
     compare_with: wernholt_moberg_2008    # left out, except to repeat the study of that paper
     output: ../out/ur10          # relative to this file, as every path in it
 
@@ -49,18 +50,15 @@ from pydantic import Field, NonNegativeFloat, PositiveFloat, PositiveInt, model_
 from oed.candidates_section import Candidates
 from oed.experiment_file import Shaking
 from oed.file_paths import existing_file, output_folder, robot_reference
+from oed.fit_section import FitChoice
 from oed.published_paper import ESTIMATORS
 from robotmodels.arrays import Array
-from robotmodels.errors import nearest
 from robotmodels.files import Strict, read_yaml
 from robotmodels.noise import RelativeNoise
 
 if TYPE_CHECKING:
     from oed.constraints import Constraints
     from oed.criteria import Criterion
-
-Residual = Literal["nls", "lls", "lls_magnitude"]
-Index = Annotated[int, Field(ge=0)]
 
 
 class Frequencies(Strict):
@@ -164,71 +162,6 @@ class DataChoice(Strict):
         return self.records is not None or self.frf is not None
 
 
-class WeightChoice(Strict):
-    """User-defined weights: of elements on and off the diagonal, zero below a frequency [Hz]."""
-
-    diagonal: NonNegativeFloat = 1.0
-    off_diagonal: NonNegativeFloat = 0.1
-    low: NonNegativeFloat = 0.0
-
-
-class Estimator(Strict):
-    """An estimator: residual, weights, and which of the plan's positions, counted from 0.
-
-    `reweight` repeats the best fit with optimal weights at its own FRF.
-    """
-
-    name: Annotated[str, Field(pattern=r"^[A-Za-z0-9_-]{1,40}$")]
-    residual: Residual
-    weights: Literal["user", "optimal", "combined"]
-    positions: Literal["all", "best"] | Annotated[tuple[Index, ...], Field(min_length=1)] = "all"
-    reweight: bool = False
-
-
-class FitChoice(Strict):
-    """Estimators, each from the same starts, perturbed by 10^U(-decades, decades)."""
-
-    residuals: Annotated[tuple[Residual, ...], Field(min_length=1)] = ("lls", "nls")
-    estimators: Annotated[tuple[Estimator, ...], Field(min_length=1)] | None = None
-    decades: Annotated[float, Field(ge=0, lt=3)] = 0.3  # fits seek within three decades
-    starts: PositiveInt = 4
-    user_weights: WeightChoice = WeightChoice()
-    result: str | None = None
-
-    @model_validator(mode="after")
-    def _each_once(self) -> Self:
-        if len(set(self.residuals)) < len(self.residuals):
-            raise ValueError("residuals: each residual can be named once only")
-        if self.estimators is not None and "residuals" in self.model_fields_set:
-            raise ValueError("residuals and estimators given; one of them is needed")
-        names = [estimator.name for estimator in self.used]
-        for name in names:
-            if names.count(name) > 1:
-                raise ValueError(f"estimators: the name {name!r} is used twice")
-        if self.result is not None and self.result not in names:
-            raise ValueError(
-                f"result: {self.result!r} is none of the estimators{nearest(self.result, names)}; "
-                f"there are {', '.join(names)}"
-            )
-        return self
-
-    @property
-    def used(self) -> tuple[Estimator, ...]:
-        """The estimators; a residual stands for its usual weights, all positions.
-
-        Log residuals start with user weights: [WM] section 7 finds that optimal weights, small at
-        resonances, fail from far starts where user weights do not.
-        """
-        if self.estimators is not None:
-            return self.estimators
-        return tuple(
-            Estimator(name=residual, residual=residual, weights="optimal")
-            if residual == "nls"
-            else Estimator(name=residual, residual=residual, weights="user", reweight=True)
-            for residual in self.residuals
-        )
-
-
 class PosteriorChoice(Strict):
     """Independent ensembles of emcee walkers, and when they have done enough steps.
 
@@ -241,6 +174,12 @@ class PosteriorChoice(Strict):
     steps: PositiveInt = 20_000
     r_hat: Annotated[float, Field(gt=1)] = 1.01
     ess: PositiveFloat = 4000.0
+
+
+class ValidationChoice(Strict):
+    """How many candidates that the plan does not use are measured to check predictions."""
+
+    count: PositiveInt
 
 
 class Study(Strict):
@@ -257,6 +196,7 @@ class Study(Strict):
     data: DataChoice = DataChoice()
     fit: FitChoice = FitChoice()
     posterior: PosteriorChoice = PosteriorChoice()
+    validation: ValidationChoice | None = None
     compare_with: Literal["wernholt_moberg_2008"] | None = None
     output: Path
 
@@ -265,7 +205,8 @@ class Study(Strict):
         needed = ("candidates", "frequencies", "noise")
         given = [key for key in needed if getattr(self, key) is not None]
         if self.data.measured:
-            useless = [*given, *(["truth"] if self.truth is not None else [])]
+            optional = [key for key in ("truth", "validation") if getattr(self, key) is not None]
+            useless = [*given, *optional]
             if useless:
                 raise ValueError(
                     f"{useless[0]}: of no use with measured data, whose positions, frequencies "

@@ -13,10 +13,10 @@ from estimators.least_squares import Fit, fit, reweighted
 from estimators.multistart import multistart, perturbed_starts
 from estimators.weights import MINIMUM_SNR, user_weights
 from oed.criteria import criterion as named_criterion
+from oed.fit_section import Estimator, WeightChoice
 from oed.information_set import InformationSet
 from oed.stages import Files, Report, Stage
 from oed.study_data import Data
-from oed.study_file import Estimator, WeightChoice
 from oed.study_run import Run
 from robotmodels import ElasticRobot
 from robotmodels.arrays import Array, IntArray
@@ -46,6 +46,12 @@ class Search:
     def weights(self) -> str:
         """Kind of the weights of `runs`."""
         return self.estimator.weights
+
+    @property
+    def is_likelihood(self) -> bool:
+        """Whether the cost is that of all data, weighted as the stated noise has it."""
+        kind = self.estimator
+        return (kind.residual, kind.weights, kind.positions) == ("nls", "optimal", "all")
 
     def reached(self, best: float | None = None) -> int:
         """Return how many starts ended at the cost `best`, by default the best of these."""
@@ -193,8 +199,7 @@ def best_likelihood(
     """
     found = []
     for name, one in searches.items():
-        kind = one.estimator
-        if (kind.residual, kind.weights, kind.positions) == ("nls", "optimal", "all"):
+        if one.is_likelihood:
             result = one.runs[0]
             found.append((result, f"perturbed start {start_number(starts, result) + 1}"))
         else:

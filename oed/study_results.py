@@ -5,8 +5,8 @@ from functools import cached_property
 
 import numpy as np
 
-from estimators.covariance import Uncertainty, covariance
-from estimators.cross_check import CrossCheck, cross_check
+from estimators.covariance import Uncertainty
+from estimators.cross_check import CrossCheck
 from estimators.distortion import Distortion
 from estimators.frf_estimate import FrfEstimate
 from estimators.identifiability import Identifiability, fit_information, identifiability
@@ -22,6 +22,7 @@ from oed.study_file import Study
 from oed.study_fits import Search
 from oed.study_published import Published
 from oed.study_run import truth_of
+from oed.study_validation import HeldOut
 from robotmodels import ElasticRobot
 from robotmodels.arrays import Array, IntArray
 
@@ -112,31 +113,18 @@ class StudyResults(FittedStudy):
 
     Attributes
     ----------
-    theorem1, posterior : uncertainty of the fit, two ways.
+    theorem1, empirical, posterior : uncertainty of the fit, three ways.
+    cross_check : all that is known of it side by side, with verdicts.
+    held_out : validation in positions that were not fitted; None unless the study asks for it.
     """
 
     theorem1: Uncertainty
+    empirical: Uncertainty
     posterior: Posterior
+    cross_check: CrossCheck
+    held_out: HeldOut | None
 
     @property
     def z_scores(self) -> Array:
         """(ln estimate - ln truth) / standard deviation of Theorem 1, (p,); NaN without truth."""
         return np.log(self.fit.parameters.values / self.truth) / self.theorem1.std
-
-    @cached_property
-    def cross_check(self) -> CrossCheck:
-        """All uncertainties of the fit side by side, with verdicts."""
-        same = (self.fit.residual, "optimal", "all")
-        runs = [
-            run
-            for search in self.searches.values()
-            for run in search.runs
-            if (search.estimator.residual, search.weights, search.estimator.positions) == same
-        ]
-        return cross_check(
-            self.fit,
-            theorem1=self.theorem1,
-            empirical=covariance(self.fit, "empirical"),
-            posterior=self.posterior,
-            multistart=runs,
-        )

@@ -13,7 +13,7 @@ from oed.study_file import Study
 from robotmodels import ElasticRobot
 from robotmodels.arrays import Array
 
-STREAMS = ("data", "starts", "posterior", "validation")
+STREAMS = ("data", "starts", "posterior", "validation", "held out", "importance")
 """Independent random numbers; a new one goes to the end, lest the others change."""
 
 

@@ -34,6 +34,8 @@ STUDY_MISTAKES = {
     "unknown residual": ("[lls, nls]", "[lls, mls]", ["fit.residuals", "'mls'"]),
     "residual twice": ("[lls, nls]", "[lls, lls]", ["fit", "once"]),
     "no noise": ("relative: 0.03, floor: 0.01", "relative: 0, floor: 0", ["noise", "positive"]),
+    "too few walkers": ("walkers: 16", "walkers: 4", ["posterior.walkers", "4", "8"]),
+    "unknown estimator": ("decades: 0.2", "result: LSL, decades: 0.2", ["'LSL'", "lls, nls"]),
     "output is a file": ("output: results/here", "output: robot.yaml", ["output", "folder"]),
 }
 

@@ -17,6 +17,7 @@ STAGES = {
     "result",
     "uncertainty",
     "posterior",
+    "cross-check",
 }
 INFORMATION = "stages/information/information.h5"
 

@@ -5,8 +5,8 @@ import pytest
 
 import oed.study_fits
 from estimators.frf_estimate import FrfEstimate
+from oed.fit_section import Estimator
 from oed.information_set import InformationSet
-from oed.study_file import Estimator
 from oed.study_fits import Search, best_likelihood, positions_of, start_number
 from robotmodels.errors import InvalidInput, NotIdentifiable
 
