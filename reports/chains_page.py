@@ -104,7 +104,7 @@ def _facts(shown: MeasuredChains) -> dict[str, str]:
 
 def worse_with_dampers(shown: MeasuredChains) -> float:
     """Return the misfit with dampers over that of the modes if it is clearly more, or 0."""
-    if shown.dampers is None:
+    if shown.dampers is None or shown.found.modes.data.scaled:
         return 0.0
     ratio = shown.dampers.misfit / max(shown.found.modes.misfit, 1e-300)
     return ratio if ratio > _CLEARLY_WORSE else 0.0

@@ -58,7 +58,7 @@ def costs_over_starts(costs: Mapping[str, Sequence[float]], best: Mapping[str, f
             axes.xaxis.set_major_locator(MaxNLocator(6))
         axes.xaxis.set_major_formatter(FuncFormatter(lambda x, _: significant(x, 3)))
         axes.xaxis.set_minor_formatter(NullFormatter())
-        axes.set_xlabel("cost over the best cost of that residual")
+        axes.set_xlabel("cost over the best cost of that estimator")
         axes.spines["left"].set_visible(False)
         return figure
 
@@ -75,8 +75,28 @@ def over_expected(ratio: Array, marked: IntArray) -> Drawing:
         axes.vlines(number, 1.0, ratio, color=palette.rule, lw=1.2)
         axes.plot(number, ratio, "o", color=palette.accent, ms=5)
         axes.plot(number[marked], ratio[marked], "o", color=palette.second, ms=5)
-        axes.xaxis.set_major_locator(MaxNLocator(12, integer=True))
+        if len(ratio) <= 20:
+            axes.set_xticks(number)
+        else:
+            axes.xaxis.set_major_locator(MaxNLocator(12, integer=True))
         axes.set(xlim=(0.4, len(ratio) + 0.6), xlabel="position", ylabel="over expected")
+        return figure
+
+    return draw
+
+
+def calibration(levels: Array, coverages: Sequence[Array], labels: Sequence[str]) -> Drawing:
+    """Return observed against nominal coverage, (L,) each, a curve per label."""
+
+    def draw(palette: Palette) -> Figure:
+        figure, axes = _single(palette, 4.2, 3.6)
+        axes.plot([0, 100], [0, 100], color=palette.muted, lw=0.8, dashes=(4, 3))
+        colours = (palette.accent, palette.second, palette.ink, palette.muted)
+        for coverage, label, colour in zip(coverages, labels, colours, strict=False):
+            axes.plot(100 * levels, 100 * coverage, color=colour, lw=1.4, label=label)
+        axes.set(xlim=(0, 100), ylim=(0, 100), aspect="equal")
+        axes.set(xlabel="nominal [%]", ylabel="observed [%]")
+        axes.legend(loc="upper left")
         return figure
 
     return draw

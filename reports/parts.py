@@ -1,5 +1,6 @@
 """What a page is made of: sections, figures, tables."""
 
+import re
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from typing import Literal
@@ -84,6 +85,11 @@ class Column:
     title: str
     kind: Literal["n", "u", "words", ""] = ""
     code: bool = False
+
+    @property
+    def heading(self) -> str:
+        """The title, its unit on one line."""
+        return re.sub(r"\[.*?\]", lambda unit: unit[0].replace(" ", "\u00a0"), self.title)
 
 
 @dataclass(frozen=True)

@@ -47,6 +47,11 @@ def percent(fraction: float) -> str:
     return f"{significant(100 * fraction, 2)}{THIN}%"
 
 
+def probability(value: float) -> str:
+    """Return a probability with two significant digits, or that it is next to none."""
+    return significant(value, 2) if value >= 1e-4 or not math.isfinite(value) else "< 0.0001"
+
+
 def efficiency(fraction: float) -> str:
     """Return an efficiency as a percentage, never rounded up: it is a certified lower bound."""
     return f"{fixed(math.floor(1e4 * fraction) / 100, 2)}{THIN}%"

@@ -16,9 +16,9 @@ def section(found: ResidualAnalysis, outputs: tuple[str, ...], motors: tuple[str
         found=found,
         chi2=text.significant(found.chi2, 6),
         dof=text.count(round(found.dof)),
-        p_value=text.significant(found.p_value, 2),
+        p_value=text.probability(found.p_value),
         correlation=text.fixed(float(found.autocorrelation[0]), 3),
-        whiteness=text.significant(found.whiteness_p_value, 2),
+        whiteness=text.probability(found.whiteness_p_value),
         outlying=text.listed([str(q + 1) for q in found.outlying]),
         positions=figure(
             "residuals-by-position",
@@ -33,11 +33,11 @@ def section(found: ResidualAnalysis, outputs: tuple[str, ...], motors: tuple[str
 def element_table(ratio: Array, outputs: tuple[str, ...], motors: tuple[str, ...]) -> Table:
     """Return chi squared over its expectation, (m, n), for each element."""
     rows: list[Row] = [
-        (f"to {output}", *(_number(float(value)) for value in row))
+        (output, *(_number(float(value)) for value in row))
         for output, row in zip(outputs, ratio, strict=True)
     ]
     caption = "Sum of squared residuals over its expectation, element by element; 1 for noise."
-    columns = [Column(""), *numbers(*(f"from {motor}" for motor in motors))]
+    columns = [Column("output"), *numbers(*(f"from {motor}" for motor in motors))]
     return table("residuals-by-element", caption, columns, rows)
 
 

@@ -69,3 +69,8 @@ def test_words():
     assert text.plural(1, "position") == "1 position"
     assert text.plural(13, "position") == "13 positions"
     assert text.listed(["a", "b", "c"]) == "a, b and c"
+
+
+def test_probabilities():
+    assert text.probability(0.0312) == "0.031"
+    assert text.probability(0.0) == text.probability(3e-9) == "< 0.0001"
