@@ -19,6 +19,7 @@ from reports.sections import (
     robot,
     summary,
     uncertainty,
+    validation,
 )
 
 
@@ -63,4 +64,5 @@ _IN_ORDER: tuple[Callable[[StudyResults], Section | None], ...] = (
     _cross_check,
     uncertainty.section,
     _identifiability,
+    validation.section,
 )

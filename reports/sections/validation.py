@@ -1,0 +1,80 @@
+"""Validation: how well the fit predicts frequency responses that it has not seen."""
+
+import numpy as np
+
+from estimators.validation import Validation
+from oed.study import StudyResults
+from oed.study_validation import HeldOut
+from reports import figures, text
+from reports.parts import Column, Number, Row, Section, Table, figure, numbers, table
+from reports.sections.places import prismatic
+from reports.template import filled
+
+
+def section(results: StudyResults) -> Section | None:
+    """Return the section; none where no position was held out."""
+    found = results.held_out
+    if found is None:
+        return None
+    body = filled(
+        "validation.html.j2",
+        found=found,
+        count=len(found.estimate.positions),
+        judged=judged_table(found),
+        positions=position_table(results, found),
+        calibration=figure(
+            "calibration",
+            figures.calibration(
+                found.theorem1.levels,
+                (found.theorem1.coverage, found.empirical.coverage),
+                ("Theorem 1", "empirical"),
+            ),
+            "Share of measured elements inside their predicted regions, against the nominal share",
+        ),
+    )
+    return Section("validation", "Validation", body)
+
+
+def judged_table(found: HeldOut) -> Table:
+    """Return misfit, its probability and coverage by both covariances."""
+    rows: list[Row] = []
+    for name, one in (("Theorem 1", found.theorem1), ("empirical", found.empirical)):
+        at, covered = _highest(one), one.coverage
+        rows.append(
+            [
+                name,
+                Number(text.significant(one.misfit), one.misfit),
+                Number(text.probability(one.probability), one.probability),
+                Number(text.percent(float(covered[at])), float(covered[at])),
+                str(one).split(";")[0],
+            ]
+        )
+    level = text.percent(float(found.theorem1.levels[_highest(found.theorem1)]))
+    columns = [
+        Column("covariance"),
+        *numbers("misfit per datum", "probability", f"inside {level} regions"),
+        Column("verdict", "words"),
+    ]
+    caption = (
+        "Predictions with the parameters’ covariance plus the noise; a misfit of 1 is expected."
+    )
+    return table("validation-table", caption, columns, rows)
+
+
+def position_table(results: StudyResults, found: HeldOut) -> Table:
+    """Return the coverage in each position that was held out."""
+    straight = prismatic(results)
+    rows: list[Row] = []
+    at = _highest(found.theorem1)
+    for q, position in enumerate(found.estimate.positions):
+        angles = ", ".join(text.places(position, straight))
+        shares = [float(one.by_position[q, at]) for one in (found.theorem1, found.empirical)]
+        rows.append([angles, *(Number(text.percent(share), share) for share in shares)])
+    level = text.percent(float(found.theorem1.levels[at]))
+    caption = f"Elements inside their {level} regions, position by position."
+    columns = [Column("position"), *numbers("Theorem 1", "empirical")]
+    return table("held-out", caption, columns, rows)
+
+
+def _highest(one: Validation) -> int:
+    return int(np.argmax(one.levels))
