@@ -98,10 +98,11 @@ def timed(info: Any, criterion: Any = "D", repeats: int = 3, **options: Any) -> 
 
 def own_times(info: oed.InformationSet) -> dict[str, Any]:
     """Return D-optimal designs by size and solver."""
-    return {
-        solver: {n: timed(part(info, n), solver=solver, repeats=r) for n in SIZES}
-        for solver, r in (("newton", 5), ("cvxpy", 1))
-    }
+    result: dict[str, Any] = {}
+    for solver, repeats in (("newton", 5), ("cvxpy", 1)):
+        result[solver] = {n: timed(part(info, n), "D", repeats, solver=solver) for n in SIZES}
+        print(f"  D, {solver}: {result[solver]}", flush=True)
+    return result
 
 
 def criteria_times(info: oed.InformationSet) -> dict[str, Any]:
