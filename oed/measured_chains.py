@@ -100,6 +100,13 @@ def _dampers(found: ChainIdentification) -> tuple[DamperFit | None, tuple[str, .
         return None, (f"dampers could not be fitted: {error}",)
     if not fitted.fit.converged:
         return fitted, (f"the fit of the dampers did not converge: {fitted.fit.message}",)
+    negative = np.flatnonzero(fitted.model.friction < -3 * fitted.friction_std)
+    if negative.size:
+        motors = ", ".join(str(i + 1) for i in negative)
+        return fitted, (
+            f"with dampers the friction of motor {motors} comes out negative: there is friction "
+            "elsewhere in the chain, which this model does not have",
+        )
     return fitted, ()
 
 

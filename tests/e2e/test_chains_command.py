@@ -2,11 +2,13 @@
 
 import json
 import re
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from conftest import oed
 
+from oed.measured_chains import measured_chains
 from robotmodels.chain_responses import modally_damped
 from robotmodels.chains import CoupledChains
 from robotmodels.controller import Controller
@@ -118,6 +120,27 @@ def test_mistakes_end_in_one_line(folder, words, message):
     assert code == 2
     assert message in err
     assert err.count("\n") == 1
+
+
+@pytest.mark.parametrize(
+    ("blocks", "periods", "experiments", "how"),
+    [(1, 1, 2, "local"), (4, 1, 2, "total"), (1, 4, 2, "noise"), (4, 4, 1, "local")],
+)
+def test_fewer_periods_blocks_or_experiments_still_serve(
+    tmp_path, blocks, periods, experiments, how
+):
+    whole = simulated(blocks=blocks)
+    part = replace(
+        whole,
+        reference=whole.reference[:, :, :experiments],
+        torque=whole.torque[:, :, :experiments, :periods],
+        angle=whole.angle[:, :, :experiments, :periods],
+        saturated=whole.saturated[:, :, :experiments, :periods],
+    )
+    part.save(tmp_path / "records.h5")
+    found = measured_chains(tmp_path / "records.h5", 2)
+    assert found.frf.covariance == how
+    assert found.found.structured.values == pytest.approx([1, 2, 2, 1.5, 900, 2500, 0.5], rel=0.01)
 
 
 def test_a_motor_without_torque_is_named(tmp_path):
