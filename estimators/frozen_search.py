@@ -1,4 +1,4 @@
-"""Fast searches: compiled normal equations at frozen equilibria, then exact ones."""
+"""Fast searches: compiled normal equations about equilibria that are frozen, or found anew."""
 
 from dataclasses import replace
 from typing import TYPE_CHECKING
@@ -34,19 +34,37 @@ _KERNEL_RESIDUALS: dict[str, Residual] = {
 }
 
 
-def can_freeze(problem: Problem, network: SpringNetwork) -> bool:
-    """Tell whether a problem is one for the compiled normal equations, and large enough.
-
-    The slope of a hardening spring follows its load: frozen equilibria would lead astray.
-    """
+def can_compile(problem: Problem, network: SpringNetwork) -> bool:
+    """Tell whether a problem is one for the compiled normal equations, and large enough."""
     shape = problem.estimate.response.shape
     if problem.loss != "linear" or is_full(problem.weights, shape):
         return False
     if not network.only_springs or network.measurement is not None:
         return False
-    if not np.isin(network.exponents, (0.0, 1.0)).all():
-        return False
     return int(np.prod(shape)) * len(network.parameters) >= WORTHWHILE
+
+
+def hardens(network: SpringNetwork) -> bool:
+    """Tell whether a spring's slope follows its load, so that frozen equilibria lead astray."""
+    return not bool(np.isin(network.exponents, (0.0, 1.0)).all())
+
+
+def renewed_search(
+    problem: Problem, start: Array, max_evaluations: int, tolerance: float
+) -> Outcome:
+    """Search as `exact_search` does, but with compiled normal equations at every point.
+
+    Cost and gradient are exact; the Hessian leaves out how the equilibria shift.
+
+    Raises
+    ------
+    IdentificationError : if the model has no FRF at the start.
+    """
+
+    def evaluate(values: Array) -> tuple[Array, Array]:
+        return CorrectedModel(problem, _network(problem, values), corrected=True)(values)
+
+    return trust_region(problem, evaluate, start, max_evaluations, tolerance)
 
 
 def frozen_search(

@@ -3,7 +3,7 @@
 import numpy as np
 
 from estimators.cost import Problem
-from estimators.frozen_search import can_freeze, frozen_search
+from estimators.frozen_search import can_compile, frozen_search, hardens, renewed_search
 from estimators.trust_region import START_FAILED, Outcome, exact_search
 from robotmodels.arrays import Array
 from robotmodels.errors import IdentificationError
@@ -17,9 +17,11 @@ def search(problem: Problem, start: Array, max_evaluations: int, tolerance: floa
     IdentificationError, numpy.linalg.LinAlgError : if the model has no FRF at the start.
     """
     network = problem.model.network(problem.estimate.positions, start)
-    if can_freeze(problem, network):
-        return frozen_search(problem, start, network, max_evaluations, tolerance)
-    return exact_search(problem, start, max_evaluations, tolerance)
+    if not can_compile(problem, network):
+        return exact_search(problem, start, max_evaluations, tolerance)
+    if hardens(network):
+        return renewed_search(problem, start, max_evaluations, tolerance)
+    return frozen_search(problem, start, network, max_evaluations, tolerance)
 
 
 def search_or_reason(

@@ -4,7 +4,14 @@ from test_least_squares import MODEL, noisy
 
 from estimators import Prior, fit, simulate_frf
 from estimators.cost import stated
-from estimators.frozen_search import CorrectedModel, can_freeze, frozen_search, squares
+from estimators.frozen_search import (
+    CorrectedModel,
+    can_compile,
+    frozen_search,
+    hardens,
+    renewed_search,
+    squares,
+)
 from estimators.trust_region import exact_search
 from robotmodels import InvalidInput, RelativeNoise, SolverFailed, load_robot
 from robotmodels.normal_equations import NormalEquations
@@ -78,25 +85,44 @@ def test_both_searches_end_at_the_same_minimum(robot, estimate, residual, weight
 def test_large_problems_of_springs_take_the_fast_way(robot, estimate, monkeypatch):
     problem = stated(robot, estimate, "lls", "user", BOUNDS)
     network = robot.network(estimate.positions)
-    assert not can_freeze(problem, network)  # too small to be worth it
+    assert not hardens(network)
+    assert not can_compile(problem, network)  # too small to be worth it
     monkeypatch.setattr("estimators.frozen_search.WORTHWHILE", 0)
-    assert can_freeze(problem, network)
+    assert can_compile(problem, network)
     robust = stated(robot, estimate, "lls", "user", BOUNDS, loss="huber")
-    assert not can_freeze(robust, network)
+    assert not can_compile(robust, network)
     eyes = np.broadcast_to(np.eye(36) + 0j, (3, 20, 36, 36))
-    assert not can_freeze(stated(robot, estimate, "nls", eyes, BOUNDS), network)
-    hardening = load_robot("manutec_r3_hardening")
-    frfs = simulate_frf(
-        hardening, np.zeros((1, 6)), OMEGA, RelativeNoise(), np.random.default_rng(0)
-    )
-    assert not can_freeze(
-        stated(hardening, frfs, "lls", "user", BOUNDS), hardening.network(np.zeros((1, 6)))
-    )
+    assert not can_compile(stated(robot, estimate, "nls", eyes, BOUNDS), network)
     asked = []
     monkeypatch.setattr(
         "estimators.search.frozen_search", lambda *a: asked.append(1) or frozen_search(*a)
     )
     assert fit(robot, estimate, start=1.1 * robot.parameters.values).converged
+    assert asked == [1]
+
+
+@pytest.mark.parametrize(("residual", "weights"), [("nls", "optimal"), ("lls", "user")])
+def test_hardening_gears_are_searched_with_equilibria_found_anew(residual, weights, monkeypatch):
+    robot = load_robot("manutec_r3_hardening")
+    rng = np.random.default_rng(0)
+    low, high = robot.position_limits.T
+    positions = low + (high - low) * rng.uniform(0.2, 0.8, (2, len(low)))
+    frfs = simulate_frf(robot, positions, OMEGA, RelativeNoise(), rng)
+    assert hardens(robot.network(positions))
+    problem = stated(robot, frfs, residual, weights, BOUNDS, None, None)
+    start = far(robot, decades=0.1)
+    slow, fast = (
+        exact_search(problem, start, 200, 1e-12),
+        renewed_search(problem, start, 200, 1e-12),
+    )
+    assert fast.status > 0
+    assert np.isclose(slow.cost, fast.cost, rtol=1e-8)
+    monkeypatch.setattr("estimators.frozen_search.WORTHWHILE", 0)
+    asked = []
+    monkeypatch.setattr(
+        "estimators.search.renewed_search", lambda *a: asked.append(1) or renewed_search(*a)
+    )
+    assert np.isclose(fit(robot, frfs, residual, weights, start).cost, slow.cost, rtol=1e-6)
     assert asked == [1]
 
 
