@@ -3,7 +3,7 @@ import sys
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from random_candidates import quadratic_regression, random_set
 
@@ -38,6 +38,7 @@ def test_equal_weights_have_a_gap():
     assert optimality_gap(np.ones(201), info.matrices) > 0.5
 
 
+@settings(max_examples=40, deadline=None)
 @given(seed=st.integers(0, 10**6))
 def test_efficiency_is_never_below_its_bound(seed):
     info = random_set(seed, 8, 3, 2)
