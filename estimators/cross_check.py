@@ -85,6 +85,7 @@ def cross_check(
     profiles: "Sequence[Profile]" = (),
     monte_carlo: "MonteCarlo | None" = None,
     multistart: Sequence[Fit] = (),
+    blocks: int | None = None,
 ) -> CrossCheck:
     """Return what the methods say of each parameter, and the verdict of the first rule that holds.
 
@@ -110,10 +111,11 @@ def cross_check(
         computed if not given.
     posterior, importance, profiles, monte_carlo : of the same fit, as far as computed.
     multistart : fits from many starts.
+    blocks : that the estimate's covariance was made from; None if it is known exactly.
 
     Raises
     ------
-    InvalidInput : if a method is about other parameters.
+    InvalidInput : if a method is about other parameters, or there are too few blocks.
     """
     names = fit.parameters.names
     for one in (theorem1, empirical, posterior, importance, monte_carlo):
@@ -131,7 +133,7 @@ def cross_check(
         importance = None
     found = Evidence(
         fit, theorem1, empirical, posterior, importance, tuple(profiles), monte_carlo,
-        tuple(multistart),
+        tuple(multistart), blocks,
     )  # fmt: skip
     notes += found.notes()
     table = found.table()

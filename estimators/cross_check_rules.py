@@ -9,8 +9,7 @@ import numpy as np
 from estimators.covariance import Uncertainty, covariance
 from estimators.least_squares import Fit
 from estimators.log_posterior import magnitude_adjustment
-from estimators.residuals import find_residual
-from estimators.weights import used_elements
+from estimators.misfit import Misfit, misfit
 from robotmodels.arrays import Array
 from robotmodels.errors import NotIdentifiable
 
@@ -56,6 +55,7 @@ class Evidence:
     profiles: "tuple[Profile, ...]"
     monte_carlo: "MonteCarlo | None"
     multistart: tuple[Fit, ...]
+    blocks: int | None
 
     @cached_property
     def theorem1(self) -> Uncertainty | NotIdentifiable:
@@ -89,28 +89,12 @@ class Evidence:
         return None
 
     @cached_property
-    def improbable(self) -> tuple[float, float] | None:
-        """2 V per degree of freedom and its probability, if noise does not explain it.
-
-        Of optimal weights only: 2 V of others is not chi square.
-        """
-        from scipy.stats import chi2
-
-        fit = self.fit
-        estimate, kind = fit.estimate, find_residual(fit.residual)
-        used = used_elements(fit.weights, estimate.response.shape)
-        if fit.weights.shape != estimate.response.shape or fit.loss != "linear":
+    def improbable(self) -> Misfit | None:
+        """The cost beside what noise lets expect, if noise does not explain it."""
+        if self.fit.loss != "linear":
             return None
-        noise = kind.noise(estimate.variance, estimate.response, used)
-        product = (fit.weights * noise)[used]
-        # Weights at a reweighted log fit's own FRF differ from the measured's at random.
-        if not 0.5 < np.median(product) < 2.0 or np.std(np.log(product)) > 1.0:
-            return None
-        dof = int(used.sum()) * (1 if kind.real else 2) - len(fit.parameters)
-        if dof < 1:
-            return None
-        probability = float(chi2.sf(2 * fit.data_cost, dof))
-        return (2 * fit.data_cost / dof, probability) if probability < IMPROBABLE else None
+        found = misfit(self.fit, self.blocks)
+        return found if found.probability < IMPROBABLE else None
 
     @cached_property
     def scatter(self) -> Array | None:
@@ -151,9 +135,9 @@ class Evidence:
         if not self.fit.converged:
             found.append(f"the fit has not converged: {self.fit.message}")
         if self.improbable is not None:
-            ratio, probability = self.improbable
             found.append(
-                f"2 V is {ratio:.3g} times what noise explains (probability {probability:.1g})"
+                f"the cost is {self.improbable.ratio:.3g} times what noise explains "
+                f"(probability {self.improbable.probability:.1g})"
             )
         return found
 
