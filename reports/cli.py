@@ -4,9 +4,11 @@ Exit codes: 0 when all went well; 2 for a mistake in a command or a file; 1 for 
 mistake, such as a full disk; 130 when interrupted, 128 + n when ended by signal n.
 """
 
+import os
 import re
 import signal
 import sys
+import threading
 from concurrent.futures.process import BrokenProcessPool
 from typing import Annotated
 
@@ -26,6 +28,9 @@ app = typer.Typer(
 )
 register_all(app)
 
+
+_PATIENCE = 10.0
+"""Time to end in order after a signal [s]."""
 
 _DISK_FULL = "the disk is full; free some space and run the same command again"
 
@@ -92,7 +97,14 @@ def _fail(message: str, code: int) -> None:
 
 
 def _end(number: int, _: object) -> None:
-    """End as at an error, so that what is half-written is taken away."""
+    """End as at an error, so that what is half-written is taken away.
+
+    An exit raised while compiled code calls back is swallowed; the process then ends a little
+    later. What stages have written outlives that, as it outlives a kill.
+    """
+    late = threading.Timer(_PATIENCE, os._exit, (128 + number,))
+    late.daemon = True
+    late.start()
     sys.exit(128 + number)
 
 
