@@ -125,6 +125,8 @@ def test_the_report_names_parameters_and_units():
         ({"residual": "log"}, "residual 'log' is none of"),
         ({"weights": "use"}, "did you mean 'user'"),
         ({"bounds": (2.0, 1.0)}, "bounds: .* are not factors"),
+        ({"bounds": np.ones((3, 6))}, r"bounds: shape \(3, 6\); two factors or \(2, 6\) values"),
+        ({"bounds": np.outer([2, 1], TRUTH)}, "bounds: k1 between 1800 and 900; 0 < low < high"),
         ({"start": TRUTH * 1e4}, r"start: k1 = 9e\+06 lies outside its bounds"),
         ({"start": TRUTH[:3]}, r"\(6,\) is needed"),
         ({"weights": np.zeros((3, 23, 2, 2))}, "6 parameters but only 0 real data"),
@@ -175,3 +177,11 @@ def test_a_trial_step_without_equilibrium_shortens_the_step():
     assert refused
     assert found.converged
     assert np.allclose(found.parameters.values, TRUTH, rtol=1e-3)
+
+
+def test_bounds_of_each_parameter():
+    bounds = np.outer([0.5, 2.0], TRUTH)
+    bounds[:, 0] = 950.0, 1200.0
+    found = fit(MODEL, exact(), start=TRUTH * 1.1, bounds=bounds)
+    assert np.isclose(found.parameters.values[0], 950.0)
+    assert "at a bound: k1" in found.message

@@ -151,6 +151,13 @@ def test_hopeless_searches_stop_and_say_so():
     assert same(some, again)
 
 
+def test_early_stop_without_room_to_go_on():
+    rule = EarlyStop(evaluations=6, factor=5.0)
+    found = multistart(MODEL, noisy(), starts(3), max_evaluations=3, early_stop=rule)
+    assert [one.status for one in found] == [0, 0, 0]
+    assert all("maximum number" in one.message for one in found)
+
+
 @pytest.mark.parametrize("arguments", [{"evaluations": 1}, {"factor": 1.0}, {"factor": np.nan}])
 def test_early_stop_refuses(arguments):
     with pytest.raises(InvalidInput, match="early_stop: evaluations"):
