@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from oed.experiment import prepare
-from oed.experiment_run import run_experiment
 from oed.experiment_file import load_experiment, per_motor, planned_positions
+from oed.experiment_run import run_experiment
 from oed.peaks import predicted_peaks
 from oed.plan import ExperimentPlan
 from robotmodels.errors import InvalidInput
