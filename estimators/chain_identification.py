@@ -149,8 +149,9 @@ def identify_chains(
         noise is taken to be relative, and its size from the misfit.
     first_masses : (M,) motor inertias, where a data sheet gives them: taken as exact, and the
         high-frequency gains (3) not used.
-    distortion : (F, M, M) standard deviations by nonlinear distortion, e.g. `Distortion.level`:
-        lines at the low end that friction distorts are left out.
+    distortion : (F, M, M) standard deviations of one block's FRF by nonlinear distortion, see
+        `Distortion.level`: lines at the low end that friction distorts are left out, others count
+        less.
 
     Raises
     ------

@@ -26,8 +26,8 @@ def _errors(found: "ChainIdentification") -> list[str]:
     if found.left_out:
         hertz = found.modes.data.omega[0] / (2 * np.pi)
         said.append(
-            f"the lowest {found.left_out} lines, below {hertz:.3g} Hz, are left out: friction "
-            "distorts them"
+            f"{found.left_out} at the low end, below {hertz:.3g} Hz, left out of the lines: "
+            "friction distorts what is there"
         )
     if found.excess:
         said.append(

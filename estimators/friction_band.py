@@ -17,13 +17,16 @@ def unfrictioned(data: Data, distortion: Array | None) -> tuple[Data, int]:
     """Return the data without the lines at the low end that friction distorts, and their number.
 
     A motor in friction hardly moves at low frequencies: there the distortion of its FRF is largest
-    and falls with frequency. Lines are left out up to the last one of the lower part of the band
-    that is distorted by more than 5 % and stands out of the rest.
+    and falls with frequency. Lines are left out from the lowest on while they are distorted by
+    more than 5 % and stand out of the rest. On those that stay, friction shifts the FRF by about
+    as much as it makes one block differ from the next, most near anti-resonances, where the motor
+    stands still: that is added to their errors.
 
     Parameters
     ----------
     data : FRFs of one position.
-    distortion : (F, M, M) standard deviations of the FRFs by distortion; None keeps all lines.
+    distortion : (F, M, M) standard deviations of one block's FRF by distortion; None keeps all
+        lines.
 
     Raises
     ------
@@ -37,7 +40,14 @@ def unfrictioned(data: Data, distortion: Array | None) -> tuple[Data, int]:
             f"distortion: shape {level.shape} given; {data.response.shape} is needed, as response"
         )
     first = friction_limit(data.omega, relative_distortion(data, level))
-    return (data.from_line(first), first) if first else (data, 0)
+    kept = data.from_line(first) if first else data
+    return kept.with_error(_smooth(level[first:] ** 2)), first
+
+
+def _smooth(variance: Array) -> Array:
+    """Return variances averaged over five lines: those from a few blocks scatter widely."""
+    padded = np.pad(np.nan_to_num(variance), [(2, 2), (0, 0), (0, 0)], mode="edge")
+    return np.asarray(np.lib.stride_tricks.sliding_window_view(padded, 5, axis=0).mean(axis=-1))
 
 
 def relative_distortion(data: Data, level: Array) -> Array:
@@ -50,11 +60,13 @@ def relative_distortion(data: Data, level: Array) -> Array:
 def friction_limit(omega: Array, relative: Array) -> int:
     """Return how many lines at the low end friction distorts, given relative distortions (F,).
 
-    A moving median over five lines keeps one wild line from deciding.
+    Only those from the lowest on without a break: anti-resonances further up, where the motor
+    stands still, are distorted too, but tell of the springs. A moving median over five lines
+    keeps one wild line from deciding.
     """
     padded = np.pad(relative, 2, mode="edge")
     smooth = np.median(np.lib.stride_tricks.sliding_window_view(padded, 5), axis=1)
     most = int(_MOST * len(omega))
     usual = float(np.median(smooth[most:]))
     bad = smooth[:most] > max(_LARGEST, _OUTSTANDING * usual)
-    return int(np.flatnonzero(bad)[-1]) + 1 if bad.any() else 0
+    return most if bad.all() else int(np.argmin(bad))

@@ -16,6 +16,7 @@ from robotmodels.records import Records, iterate_records
 Progress = Callable[[str, int, int], None]
 # Fewer blocks say too little about what differs from block to block.
 _FEWEST_BLOCKS = 4
+_DISTORTED = 2.0  # variance over blocks over that of noise, in the median
 
 
 @dataclass(frozen=True, eq=False)
@@ -122,11 +123,12 @@ def _method(first: Records) -> tuple[str, str, bool]:
 
 
 def _distortion(frf: MeasuredFrf, position: int) -> Array | None:
-    """Return standard deviations of the FRFs by distortion, or None where nobody knows."""
+    """Return standard deviations of a block's FRF by distortion, None where it does not show."""
     d = frf.distortion
     if d is None or d.blocks[position] < _FEWEST_BLOCKS:
         return None
-    return np.asarray(np.sqrt(np.maximum(d.total[position] - d.noise[position], 0.0)))
+    ratio = float(np.median(d.total[position] / d.noise[position]))
+    return d.level[position] if ratio > _DISTORTED else None
 
 
 def _first(path: Path) -> Records:

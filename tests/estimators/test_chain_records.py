@@ -15,10 +15,10 @@ from chain_experiments import (
 import robotmodels
 from estimators import estimate_frf
 from estimators.chain_identification import identify_chains
-from estimators.damper_fit import fit_dampers
+from oed.measured_chains import measured_chains
 from robotmodels.controller import default_controller
 from robotmodels.linear_plant import simulate_linear
-from robotmodels.records import Records
+from robotmodels.records import save_records
 
 
 def identified(records):
@@ -93,54 +93,58 @@ def test_stepped_sines_motor_after_motor():
 HARDENED = "{low: 8.0828e+05, high: 4.84e+06, torque: 1500.0}"
 
 
-@pytest.fixture(scope="module")
-def axis(tmp_path_factory):
+@pytest.fixture(scope="module", params=[0.0, 0.05], ids=["smooth", "Coulomb"])
+def axis(request, tmp_path_factory):
     """moberg_axis1 with its first spring hardened, as its published resonances have it."""
     library = Path(robotmodels.library.__file__).parent
     folder = tmp_path_factory.mktemp("robot")
     text = (library / "moberg_axis1.yaml").read_text(encoding="utf-8")
     assert HARDENED in text
     text = text.replace(HARDENED, "4.84e+06").replace("[g1.stiffness.high]", "[]")
+    assert "viscous: 6.0e-03" in text
+    text = text.replace("viscous: 6.0e-03", f"viscous: 6.0e-03, coulomb: {request.param}")
     (folder / "axis.yaml").write_text(text, encoding="utf-8")
     urdf = (library / "moberg_axis1.urdf").read_text(encoding="utf-8")
     (folder / "moberg_axis1.urdf").write_text(urdf, encoding="utf-8")
-    return robotmodels.load_robot(folder / "axis.yaml")
+    return robotmodels.load_robot(folder / "axis.yaml"), request.param
 
 
-def test_moberg_axis_as_one_chain_of_four_masses(axis):
-    """Dampings to 12 % bias the undamped result by per mille; the fit with dampers mends it."""
-    samples, lines = 4000, np.arange(3, 480, 2)
+def test_moberg_axis_as_one_chain_of_four_masses(axis, tmp_path):
+    """Dampings to 12 % bias the undamped result; the fit with dampers mends it.
+
+    Coulomb friction shifts the FRF by 10 to 18 % at the lowest lines and near anti-resonances;
+    what blocks scatter by tells where.
+    """
+    robot, friction = axis
+    samples, lines, blocks = 4000, np.arange(3, 480, 2), 4
     rng = np.random.default_rng(0)
-    spectrum = np.zeros((2, 1, samples // 2 + 1, 1), dtype=complex)
-    spectrum[:, 0, lines, 0] = np.exp(2j * np.pi * rng.random((2, len(lines))))
-    signals = np.fft.irfft(spectrum, samples, axis=2) * samples / 40
-    controller = default_controller(axis, 0.001)
-    records = Records.join(
-        list(
-            robotmodels.simulate(
-                axis,
-                np.zeros((1, 1)),
-                signals,
-                controller,
-                lines=lines,
-                rng=rng,
-                periods=5,
-                transient=3,
-                imperfections=robotmodels.Imperfections(friction=0, angle_noise=2e-5),
-            )
-        )
+    spectrum = np.zeros((blocks, 1, samples // 2 + 1, 1), dtype=complex)
+    spectrum[:, 0, lines, 0] = np.exp(2j * np.pi * rng.random((blocks, len(lines))))
+    save_records(
+        tmp_path / "records.h5",
+        robotmodels.simulate(
+            robot,
+            np.zeros((1, 1)),
+            np.fft.irfft(spectrum, samples, axis=2) * samples / 10,
+            default_controller(robot, 0.001),
+            lines=lines,
+            rng=rng,
+            periods=2,
+            transient=2,
+            imperfections=robotmodels.Imperfections(friction=1, angle_noise=2e-5),
+        ),
     )
-    estimate = estimate_frf(records, covariance="noise", transient=0)
-    found = identify_chains(
-        estimate.omega, estimate.response[0], 4, covariance=estimate.covariance[0]
-    )
-    hertz = found.modes.omega / (2 * np.pi)
-    assert hertz == pytest.approx([12.40, 19.12, 54.67], rel=1e-3)
-    assert found.modes.zeros[0] / (2 * np.pi) == pytest.approx([5.25, 15.38, 52.32], rel=2e-3)
+    shown = measured_chains(tmp_path / "records.h5", 4)
+    found, damped = shown.found, shown.dampers
+    within = 0.005 if friction else 0.001
+    assert found.modes.omega / (2 * np.pi) == pytest.approx([12.40, 19.12, 54.67], rel=within)
+    zeros = found.modes.zeros[0] / (2 * np.pi)
+    assert zeros == pytest.approx([5.25, 15.38, 52.32], rel=5 * within)
     truth = np.array([5e-3, 2e-3, 0.02, 0.02, 100, 110, 80])
-    assert found.structured.values == pytest.approx(truth, rel=0.01)
-    damped = fit_dampers(found)
-    assert damped.estimate.values == pytest.approx(truth, rel=3e-3)
-    assert damped.dampers[0] == pytest.approx([0.08, 0.06, 0.08], rel=0.02)
-    assert damped.model.friction[0] == pytest.approx(6e-3, rel=0.02)
-    assert abs(damped.model.delay) < 1e-5
+    assert found.structured.values == pytest.approx(truth, rel=0.03 if friction else 0.01)
+    assert damped.estimate.values == pytest.approx(truth, rel=0.01 if friction else 3e-3)
+    assert damped.dampers[0] == pytest.approx([0.08, 0.06, 0.08], rel=0.03)
+    assert abs(damped.model.delay) < 3e-5
+    assert (found.left_out > 0) == (friction > 0)
+    if not friction:
+        assert damped.model.friction[0] == pytest.approx(6e-3, rel=0.03)
