@@ -12,6 +12,7 @@ from estimators.chain_identification import ChainIdentification, identify_chains
 from estimators.chain_prediction import predict_masses
 from estimators.chain_start import chain_start_values
 from estimators.compare import Comparison, Loop, compare_methods, designed_loop, measured_loop
+from estimators.convergence import Target
 from estimators.covariance import Uncertainty, covariance
 from estimators.cross_check import CrossCheck, cross_check
 from estimators.damper_fit import DamperFit, fit_dampers
@@ -36,6 +37,7 @@ from estimators.identifiability import (
 from estimators.information import information
 from estimators.least_squares import Fit, fit, reweighted
 from estimators.local_model import local_frf
+from estimators.misfit import Misfit, misfit
 from estimators.monte_carlo import FrfExperiment, MonteCarlo, monte_carlo
 from estimators.multistart import EarlyStop, multistart, perturbed_starts
 from estimators.nonparametric import estimate_frf
@@ -76,6 +78,7 @@ __all__ = [
     "Identifiability",
     "ImportanceSample",
     "Loop",
+    "Misfit",
     "ModeBand",
     "MonteCarlo",
     "Posterior",
@@ -84,6 +87,7 @@ __all__ = [
     "ResidualAnalysis",
     "RigidLimit",
     "Settling",
+    "Target",
     "Uncertainty",
     "Validation",
     "WorkspaceMap",
@@ -109,6 +113,7 @@ __all__ = [
     "lls_magnitude",
     "local_frf",
     "measured_loop",
+    "misfit",
     "monte_carlo",
     "multistart",
     "nls",
