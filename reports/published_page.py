@@ -77,21 +77,21 @@ def _models(results: StudyResults, published: Published) -> Section:
 def _parameters(results: StudyResults, published: Published) -> Section:
     g = published.groups
     truth = np.log(published.reference.parameters.values / results.truth)
+    drawn = [
+        _parameter_figure(id, published, chosen, estimators, what, caption)
+        for id, chosen, estimators, what, caption in (
+            ("figure-5", g.gear_springs, ESTIMATORS, "gearbox springs", "figure 5 of the paper"),
+            ("figure-6", g.arm_springs, ESTIMATORS, "arm springs", "figure 6"),
+            ("figure-7a", g.gear_dampers, ESTIMATORS[:3], "gearbox dampers", "figure 7, above"),
+            ("figure-7b", g.arm_dampers, ESTIMATORS[:3], "arm dampers", "figure 7, below"),
+        )
+        if chosen
+    ]
     body = filled(
         "published_parameters.html.j2",
-        gears=_parameter_figure(
-            "figure-5", published, g.gear_springs, ESTIMATORS, "gearbox springs"
-        ),
-        arm=_parameter_figure("figure-6", published, g.arm_springs, ESTIMATORS, "arm springs"),
-        gear_dampers=_parameter_figure(
-            "figure-7a", published, g.gear_dampers, ESTIMATORS[:3], "gearbox dampers"
-        ),
-        arm_dampers=_parameter_figure(
-            "figure-7b", published, g.arm_dampers, ESTIMATORS[:3], "arm dampers"
-        ),
+        figures=drawn,
         table=tables.table_1(published, truth / published.theorem1.std),
         paper=tables.paper_table_1(),
-        count=published.table.count,
     )
     return Section("parameters", "Parameters", body)
 
@@ -102,11 +102,12 @@ def _parameter_figure(
     chosen: tuple[int, ...],
     estimators: tuple[str, ...],
     what: str,
+    like: str,
 ) -> Figure:
     labels = [published.evaluation.parameters[i].split(".")[0] for i in chosen]
     draw = figures.parameters(published.evaluation, chosen, estimators, labels)
     alt = f"Values of the {what} over those of the best model, for {', '.join(estimators)}"
-    return figure(id, draw, alt)
+    return figure(id, draw, alt, caption=f"{what[0].upper()}{what[1:]}, as {like}.")
 
 
 def _responses(results: StudyResults, published: Published) -> Section:

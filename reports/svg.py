@@ -6,6 +6,7 @@ import re
 from collections import Counter
 from collections.abc import Callable
 from dataclasses import dataclass, fields
+from functools import cache
 from html import escape
 from typing import Any
 
@@ -141,13 +142,15 @@ def _short_path(d: str) -> str:
     x, y, last = 0, 0, ""
     for command, arguments in re.findall(r"([MLCQz])([^MLCQz]*)", d):
         numbers = [round(10 * float(a)) for a in arguments.split()]
-        if command == "L":
-            step = _tenths(numbers[0] - x, numbers[1] - y)
-            out.append(
-                step if last == "L" and step[0] == "-" else (" " if last == "L" else "l") + step
-            )
-        else:
-            out.append(command + _tenths(*numbers))
+        straight = command == "L"
+        shown = [numbers[0] - x, numbers[1] - y] if straight else numbers
+        if not (straight and last == "L"):
+            out.append("l" if straight else command)
+        for number in shown:
+            word = _tenth(number)
+            # A minus or a second point parts numbers as well as a space does.
+            glued = word[0] == "-" or (word[0] == "." and "." in out[-1])
+            out.append(word if glued or out[-1].isalpha() else f" {word}")
         if len(numbers) >= 2:
             x, y = numbers[-2:]
         last = command
@@ -155,11 +158,10 @@ def _short_path(d: str) -> str:
     return "".join(out)
 
 
-def _tenths(*numbers: int) -> str:
-    """Return tenths as short as SVG allows: no leading zero, no space before a minus."""
-    text = " ".join(f"{number / 10:g}" for number in numbers)
-    text = re.sub(r"(^|[ -])0\.", r"\1.", text).replace(" -", "-")
-    return re.sub(r"(\.\d+) \.", r"\1.", text)
+@cache
+def _tenth(number: int) -> str:
+    """Return a number of tenths as short as SVG allows, without a leading zero."""
+    return re.sub(r"^(-?)0\.", r"\1.", f"{number / 10:g}")
 
 
 def _round_attribute(match: re.Match[str]) -> str:
