@@ -147,7 +147,7 @@ run(steps={steps}, store=Store(Path({path!r}), "killed"),
 
 
 def test_a_killed_run_loses_at_most_one_chunk(tmp_path):
-    path, steps = tmp_path / "chains.h5", 1200
+    path, steps = tmp_path / "chains.h5", 800
     folder = str(Path(__file__).parent)
     script = SCRIPT.format(folder=folder, steps=steps, path=str(path))
     rng, begun = np.random.default_rng(int(time.time())), 0
