@@ -99,15 +99,12 @@ class Stages:
         files : saves and loads the result; what is returned was always loaded.
         """
         key = json_digest({"stage": name, "package": version(PACKAGE), "inputs": inputs})
-        target, part = self.folder / name, self.folder / f"{name}.part"
-        record = None if self.fresh else _fitting(target, key)
-        kept = record is not None
-        if record is None:
-            record = None if self.fresh else self._finished_but_unnamed(target, part, key)
-        if record is None:
+        stage = None if self.fresh else self._kept(name, key, files)
+        if stage is None:
+            target, part = self.folder / name, self.folder / f"{name}.part"
             record = self._computed(name, key, part, compute, files)
             _rename(part, target)
-        stage = Stage(name, files.load(target), record["digest"], record["seconds"], kept)
+            stage = Stage(name, files.load(target), record["digest"], record["seconds"], False)
         self.finished[name] = stage
         if self.progress is not None:
             self.progress(name, 1, 1)
@@ -123,11 +120,20 @@ class Stages:
         """Stages that did not need computing."""
         return tuple(name for name, stage in self.finished.items() if stage.kept)
 
-    def _finished_but_unnamed(self, target: Path, part: Path, key: str) -> dict[str, Any] | None:
-        record = _fitting(part, key)
-        if record is not None:
-            _rename(part, target)
-        return record
+    def _kept(self, name: str, key: str, files: Files[T]) -> Stage[T] | None:
+        """Return what an earlier run finished, if it fits and can be read."""
+        target, part = self.folder / name, self.folder / f"{name}.part"
+        record = _fitting(target, key)
+        if record is None:
+            record = _fitting(part, key)
+            if record is None:
+                return None
+            _rename(part, target)  # it was killed just before
+        try:
+            value = files.load(target)
+        except InvalidInput:
+            return None  # of another form of this package, though of the same version
+        return Stage(name, value, record["digest"], record["seconds"], True)
 
     def _computed(
         self,

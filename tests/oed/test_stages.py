@@ -96,6 +96,22 @@ def test_a_stage_whose_files_were_changed_is_computed_again(tmp_path):
     assert chain.computed == ["c"]
 
 
+def test_a_stage_that_cannot_be_read_is_computed_again(tmp_path):
+    def unreadable(folder):
+        raise InvalidInput("of another form")
+
+    def compute(folder, report):
+        computed.append(1)
+        return np.zeros(1)
+
+    computed = []
+    with open_stages(tmp_path) as stages:
+        stages.run("a", {}, compute, ARRAY)
+    with open_stages(tmp_path) as stages, pytest.raises(InvalidInput):
+        stages.run("a", {}, compute, Files(ARRAY.save, unreadable))
+    assert computed == [1, 1]
+
+
 def test_a_mistake_leaves_no_trace_of_its_stage(tmp_path):
     def wrong(folder, report):
         (folder / "half").write_text("x")

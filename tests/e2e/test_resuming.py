@@ -1,0 +1,158 @@
+"""A study goes on from where it was stopped, and computes again only what a change asks for."""
+
+import json
+import random
+import shutil
+import subprocess
+import sys
+import time
+
+import numpy as np
+import pytest
+from conftest import ROBOT, STUDY, oed, write_study
+
+import estimators
+import robotmodels
+
+JSON = ("design.json", "fit.json", "uncertainty.json")
+
+
+def kept(out):
+    """Return the stages that a run's summary says it kept."""
+    line = next((line for line in out.splitlines() if line.strip().startswith("kept")), "")
+    return set(line.replace("kept", "", 1).split("(")[0].replace(",", " ").split())
+
+
+@pytest.fixture
+def copied(small_study, tmp_path):
+    """Return a function that runs a changed study on the results of the small one."""
+    folder, _ = small_study
+    shutil.copytree(folder, tmp_path / "results" / "here")
+
+    def run(*change):
+        code, out, err = oed("run", write_study(tmp_path, STUDY.replace(*change)), "--workers", 1)
+        assert (code, err) == (0, "")
+        return kept(out)
+
+    return run
+
+
+def test_an_unchanged_study_computes_nothing(copied, small_study, tmp_path):
+    folder, _ = small_study
+    assert copied("", "") == {p.name for p in (folder / "stages").iterdir()}
+    for name in JSON:
+        assert (tmp_path / "results" / "here" / name).read_bytes() == (folder / name).read_bytes()
+
+
+PLANNED = {"candidates", "information", "design", "data"}
+
+
+@pytest.mark.parametrize(
+    ("change", "unchanged", "computed"),
+    [
+        (("steps: 400", "steps: 405"), {*PLANNED, "fit-lls"}, {"posterior", "cross-check"}),
+        (("experiments: 5", "experiments: 6"), {"candidates", "information"}, {"design", "data"}),
+        (("relative: 0.03", "relative: 0.04"), {"candidates"}, {"information", "result"}),
+        # The best fit stays the same, and so does all that rests on it.
+        (("[lls, nls]", "[nls]"), {*PLANNED, "fit-nls", "posterior"}, {"result"}),
+    ],
+    ids=["posterior", "design", "noise", "one estimator less"],
+)
+def test_a_changed_key_recomputes_what_rests_on_it(change, unchanged, computed, copied):
+    found = copied(*change)
+    assert unchanged <= found
+    assert not found & computed
+
+
+def test_a_changed_robot_file_recomputes_all(copied, tmp_path):
+    path = write_study(tmp_path, robot=ROBOT.replace("damping: 60", "damping: 61"))
+    _, out, _ = oed("run", path, "--workers", 1)
+    assert kept(out) == set()
+
+
+def command(path):
+    """Return the words that run a study in a process of its own, with one thread of BLAS."""
+    return [sys.executable, "-m", "reports.cli", "run", str(path), "--workers", "1"]
+
+
+def test_killed_at_random_moments_it_ends_with_the_same_results(tmp_path):
+    whole, path = write_study(tmp_path / "whole"), write_study(tmp_path / "killed")
+    subprocess.run(command(whole), stdout=subprocess.DEVNULL, check=True)
+    output = path.parent / "results" / "here"
+    moments, done = random.Random(2), 0
+    for wanted in (2, 6, 8):  # stages to wait for before the kill
+        run = subprocess.Popen(command(path), stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+        limit = time.monotonic() + 120
+        while run.poll() is None and time.monotonic() < limit:
+            done = len(list((output / "stages").glob("*/stage.json")))
+            if done >= wanted:
+                time.sleep(moments.uniform(0.0, 0.3))
+                break
+            time.sleep(0.02)
+        run.kill()
+        run.wait()
+    assert done >= 8
+    end = subprocess.run(command(path), capture_output=True, text=True, check=True)
+    assert {"candidates", "information", "design", "fit-lls", "fit-nls"} <= kept(end.stdout)
+    for name in JSON:
+        same = (whole.parent / "results" / "here" / name).read_bytes()
+        assert (output / name).read_bytes() == same, name
+
+
+MEASURED = """\
+schema: study/1
+robot: robot.yaml
+data: {frf: frf.h5}
+fit: {residuals: [lls, nls], decades: 0.2, starts: 2}
+posterior: {ensembles: 2, walkers: 16, steps: 400}
+output: results/here
+"""
+
+
+@pytest.fixture
+def measured(tmp_path):
+    """Path of a study on measured FRFs, and what they were measured with."""
+    path = write_study(tmp_path, MEASURED)
+    robot = robotmodels.load_robot(tmp_path / "robot.yaml")
+    positions = np.array([[-1.0, 0.5], [-1.5, -1.0], [-2.0, 1.5], [-1.0, 0.5]])
+    noise = robotmodels.RelativeNoise(relative=0.03, floor=0.01)
+    omega = 2 * np.pi * np.geomspace(3, 60, 12)
+    data = estimators.simulate_frf(robot, positions, omega, noise, np.random.default_rng(1))
+    estimators.write_frf(tmp_path / "frf.h5", data)
+    return path, robot.parameters.values
+
+
+def test_measured_frfs_are_fitted_without_candidates(measured):
+    path, truth = measured
+    code, out, err = oed("run", path, "--workers", 1, "--json")
+    assert (code, err) == (0, "")
+    found = json.loads(out)
+    assert found["positions"] == 3  # two visits to one position are averaged
+    assert found["experiments"] == 4
+    fit = json.loads((path.parent / "results" / "here" / "fit.json").read_text())
+    estimate = np.array([row["estimate"] for row in fit["parameters"]])
+    std = np.array(list(found["relative_std"].values()))
+    assert np.abs(np.log(estimate / truth) / std).max() < 4
+    assert [row["truth"] for row in fit["parameters"]] == [None] * 4
+    assert "<h2" in (path.parent / "results" / "here" / "report.html").read_text()
+
+
+MISTAKES = {
+    "absent file": ("frf: frf.h5", "frf: frf_.h5", ["study.yaml", "data.frf", "frf_.h5"]),
+    "two sources": ("frf: frf.h5", "frf: frf.h5, records: r.h5", ["data", "records and frf"]),
+    "candidates": ("fit:", "candidates: {sobol: 8}\nfit:", ["candidates", "measured data"]),
+    "typing error": ("data: {frf", "data: {rfr", ["'data.rfr'", "'frf'"]),
+    "another robot": ("robot.yaml", "moberg_axis1", ["study.yaml", "frf.h5", "1 motors"]),
+}
+
+
+@pytest.mark.parametrize("mistake", MISTAKES)
+def test_mistakes_with_measured_data_name_file_and_key(mistake, measured):
+    path, _ = measured
+    right, wrong, words = MISTAKES[mistake]
+    path.write_text(MEASURED.replace(right, wrong, 1))
+    code, out, err = oed("run", path, "--workers", 1)
+    assert (code, out, len(err.splitlines())) == (2, "", 1)
+    for word in words:
+        assert word in err, err
+    assert not (path.parent / "results").exists()
