@@ -1,6 +1,7 @@
 # Two commands: `make study` and `make test`. Both make .venv first.
 PYTHON ?= python3
 VENV := .venv
+WORKERS ?= 2
 BIN := $(VENV)/bin
 # Two worker processes at most share the machine: one thread of linear algebra in each.
 export OMP_NUM_THREADS ?= 1
@@ -13,7 +14,7 @@ study: $(VENV)/installed
 	$(BIN)/oed run studies/ur10.yaml
 
 test: lint
-	$(BIN)/pytest -m "not slow" --cov --cov-report=term:skip-covered
+	$(BIN)/pytest --numprocesses $(WORKERS) -m "not slow" --cov --cov-report=term:skip-covered
 
 lint: $(VENV)/installed
 	$(BIN)/ruff check
