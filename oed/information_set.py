@@ -16,6 +16,7 @@ from robotmodels.arrays import Array, IntArray, read_only
 from robotmodels.errors import InvalidInput
 from robotmodels.noise import LoopNoise, RelativeNoise, SeparableNoise
 from robotmodels.overlap import overlapped
+from robotmodels.replacing import replacing
 from robotmodels.response import Elastic, sensitivity
 from robotmodels.spring_network import SpringNetwork
 
@@ -103,14 +104,11 @@ class InformationSet:
         """Write an HDF5 file with the datasets positions, matrices and names."""
         import h5py
 
-        target = Path(path)
         # A run that is interrupted while writing leaves no half file under the final name.
-        partial_file = target.with_name(target.name + ".part")
-        with h5py.File(partial_file, "w") as file:
+        with replacing(path) as unfinished, h5py.File(unfinished, "w") as file:
             file["positions"] = self.positions
             file["matrices"] = self.matrices
             file.create_dataset("names", data=list(self.names), dtype=h5py.string_dtype())
-        partial_file.replace(target)
 
     @staticmethod
     def open(path: str | os.PathLike[str]) -> "StoredInformation":

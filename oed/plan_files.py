@@ -20,6 +20,7 @@ from oed.multisine import Multisine
 from oed.plan import ExperimentPlan
 from robotmodels.errors import InvalidInput
 from robotmodels.files import Strict, read_yaml, reason
+from robotmodels.replacing import replacing
 
 _ARRAYS = ("phases", "amplitudes", "scale")
 
@@ -74,7 +75,6 @@ def save_plan(plan: ExperimentPlan, path: str | os.PathLike[str]) -> None:
     if target.suffix not in (".yaml", ".yml"):
         raise InvalidInput(f"{target}: a plan's file name ends in .yaml")
     arrays = target.with_suffix(".h5")
-    unfinished = [p.with_name(p.name + ".part") for p in (arrays, target)]
     values = {"phases": plan.phases, "amplitudes": plan.multisine.amplitudes, "scale": plan.scale}
     fingerprint = _fingerprint(values)
     text = yaml.safe_dump(
@@ -85,18 +85,15 @@ def save_plan(plan: ExperimentPlan, path: str | os.PathLike[str]) -> None:
         allow_unicode=True,
     )
     try:
-        with h5py.File(unfinished[0], "w") as file:
-            file.attrs["fingerprint"] = fingerprint
-            for name in _ARRAYS:
-                file[name] = values[name]
-        unfinished[1].write_text(text, encoding="utf-8")
-        for part, final in zip(unfinished, (arrays, target), strict=True):
-            os.replace(part, final)
+        # The inner one takes its place first: no plan names arrays that are not there.
+        with replacing(target) as unfinished, replacing(arrays) as unfinished_arrays:
+            with h5py.File(unfinished_arrays, "w") as file:
+                file.attrs["fingerprint"] = fingerprint
+                for name in _ARRAYS:
+                    file[name] = values[name]
+            unfinished.write_text(text, encoding="utf-8")
     except OSError as error:
         raise InvalidInput(f"{target}: cannot be written to ({reason(error)})") from None
-    finally:
-        for part in unfinished:
-            part.unlink(missing_ok=True)
 
 
 def load_plan(path: str | os.PathLike[str]) -> ExperimentPlan:

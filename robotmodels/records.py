@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from robotmodels.arrays import Array, IntArray, read_only
 from robotmodels.errors import InvalidInput
+from robotmodels.replacing import replacing
 
 SCHEMA = "records/1"
 _SIGNALS = ("reference", "torque", "angle", "saturated")
@@ -132,29 +133,23 @@ def save_records(path: str | os.PathLike[str], parts: Iterable[Records]) -> int:
     """
     import h5py
 
-    target = Path(path)
-    unfinished = target.with_name(target.name + ".part")
     count, first = 0, None
-    try:
-        with h5py.File(unfinished, "w") as file:
-            for records in parts:
-                if first is None:
-                    first = records
-                    file.attrs["schema"] = SCHEMA
-                    file.attrs["sample_time"] = records.sample_time
-                    file["lines"], file["detection"] = records.lines, records.detection
-                _check_alike(first, records, f"{path}: position {count}")
-                for i in range(len(records)):
-                    group = file.create_group(_group(count))
-                    group["position"] = records.positions[i]
-                    for name in _SIGNALS:
-                        group[name] = getattr(records, name)[i]
-                    count += 1
+    with replacing(path) as unfinished, h5py.File(unfinished, "w") as file:
+        for records in parts:
+            if first is None:
+                first = records
+                file.attrs["schema"] = SCHEMA
+                file.attrs["sample_time"] = records.sample_time
+                file["lines"], file["detection"] = records.lines, records.detection
+            _check_alike(first, records, f"{path}: position {count}")
+            for i in range(len(records)):
+                group = file.create_group(_group(count))
+                group["position"] = records.positions[i]
+                for name in _SIGNALS:
+                    group[name] = getattr(records, name)[i]
+                count += 1
         if first is None:
             raise InvalidInput(f"{path}: no records to write; at least one position is needed")
-        unfinished.replace(target)
-    finally:
-        unfinished.unlink(missing_ok=True)
     return count
 
 
