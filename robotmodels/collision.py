@@ -11,7 +11,6 @@ from functools import cached_property
 import coal
 import numpy as np
 import pinocchio as pin
-from scipy.spatial.transform import Rotation
 
 from robotmodels.arrays import Array, BoolArray
 from robotmodels.collision_shapes import RobotShapes, Shape, robot_shapes
@@ -234,7 +233,7 @@ def _shape(obstacle: Obstacle) -> Shape:
     at.translation = np.asarray(obstacle.center, dtype=float)
     if isinstance(obstacle, Box):
         # Roll, pitch and yaw turn about fixed axes, in this order.
-        at.rotation = Rotation.from_euler("xyz", obstacle.rpy).as_matrix()
+        at.rotation = pin.rpy.rpyToMatrix(np.array(obstacle.rpy, dtype=float))
         return Shape(obstacle.name, 0, at, coal.Box(*map(float, obstacle.size)))
     return Shape(obstacle.name, 0, at, coal.Sphere(float(obstacle.radius)))
 
