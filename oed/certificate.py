@@ -139,35 +139,37 @@ def optimality_gap(
         shares = not_negative(weights, len(matrices))
         if allowed.violation(shares) > 1e-6:
             raise InvalidInput("weights: they violate the constraints")
-    candidates = _Arrays(np.asarray(matrices, dtype=float))
+    matrices = np.asarray(matrices, dtype=float)
+    candidates = Matrices(tuple(str(i) for i in range(matrices.shape[-1])), matrices)
     objective = stated(criterion, candidates.names, candidates.samples)
     return certify(shares, candidates, objective, allowed, prior, witness).gap
 
 
 @dataclass(frozen=True, eq=False)
-class _Arrays:
-    """Candidates without names or positions."""
+class Matrices:
+    """Candidates without positions, as they are: matrices (Q, p, p) or (Q, K, p, p)."""
 
+    names: tuple[str, ...]
     matrices: Array
 
     def __len__(self) -> int:
         return len(self.matrices)
 
     @property
-    def names(self) -> tuple[str, ...]:
-        return tuple(str(i) for i in range(self.matrices.shape[-1]))
-
-    @property
     def samples(self) -> int:
+        """Number K of parameter values."""
         return 1 if self.matrices.ndim == 3 else self.matrices.shape[1]
 
     def take(self, indices: IntArray) -> Array:
+        """Return matrices, see `Candidates`."""
         return np.asarray(self.matrices[indices])
 
     def prices(self, weight: Array) -> Array:
+        """Return tr(W H_i), see `Candidates`."""
         return sensitivities(weight, self.matrices)
 
     def combined(self, weights: Array) -> Array:
+        """Return sum_i w_i H_i, see `Candidates`."""
         return np.asarray(np.tensordot(weights, self.matrices, axes=1))
 
 

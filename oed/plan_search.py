@@ -8,8 +8,7 @@ from itertools import count
 import numpy as np
 
 from oed.active_set import Problem, Solution, solve
-from oed.certificate import Candidates
-from oed.criteria import sensitivities
+from oed.certificate import Candidates, Matrices
 from oed.exchange import WholeProblem
 from oed.polytope import Polytope
 from robotmodels.arrays import Array, IntArray
@@ -18,27 +17,6 @@ from robotmodels.errors import IdentificationError
 _TOLERANCE = 1e-7  # of log values: plans closer than that are equally good
 _GAP = 1e-7
 _WHOLE = 1e-6
-
-
-@dataclass(frozen=True, eq=False)
-class _Few:
-    """Some candidates with their matrices at hand."""
-
-    names: tuple[str, ...]
-    samples: int
-    matrices: Array
-
-    def __len__(self) -> int:
-        return len(self.matrices)
-
-    def take(self, indices: IntArray) -> Array:
-        return np.asarray(self.matrices[indices])
-
-    def prices(self, weight: Array) -> Array:
-        return sensitivities(weight, self.matrices)
-
-    def combined(self, weights: Array) -> Array:
-        return np.asarray(np.tensordot(weights, self.matrices, axes=1))
 
 
 @dataclass(order=True)
@@ -111,7 +89,7 @@ class Search:
         lower, upper = self._tightened(allowed, constant, prices, lower, upper)
         used = np.flatnonzero(upper > 0)
         self.considered = len(used)
-        few = _Few(info.names, info.samples, info.take(used))
+        few = Matrices(info.names, info.take(used))
         part = replace(allowed, rows=allowed.rows[:, used])
         number = count()
         heap = [_Node(-np.inf, next(number), lower[used], upper[used])]
@@ -129,7 +107,7 @@ class Search:
         return max((value for value, _ in self.found.values()), default=np.inf)
 
     def _branches(
-        self, node: _Node, few: _Few, allowed: Polytope, used: IntArray
+        self, node: _Node, few: Matrices, allowed: Polytope, used: IntArray
     ) -> list[tuple[float, IntArray, IntArray]]:
         """Solve a node; return the bound and the limits of the parts it falls into."""
         lower, upper = node.lower, node.upper
@@ -158,7 +136,7 @@ class Search:
             self._keep_part(self._rounded(weights, lower, upper), used)
         return [(bound, *limits) for limits in _split(weights, lower, upper)]
 
-    def _solved(self, few: _Few, allowed: Polytope) -> Solution | None:
+    def _solved(self, few: Matrices, allowed: Polytope) -> Solution | None:
         problem = Problem(few, self.problem.objective, allowed, self.problem.prior)
         solver = "newton" if self.problem.objective.smooth else "cvxpy"
         try:
