@@ -89,6 +89,13 @@ def test_equal_samples_need_no_robustness():
     np.testing.assert_allclose(robust.design.weights, robust.nominal.weights, atol=1e-5)
 
 
+def test_a_plain_criterion_looks_at_the_first_sample():
+    samples = oed.InformationSamples(tuple(SETS))
+    design = oed.optimal_design(samples, "D", solver="newton")
+    assert design.value == pytest.approx(np.linalg.slogdet(design.information[0])[1])
+    assert design.value == pytest.approx(oed.optimal_design(SETS[0], "D").value, abs=1e-5)
+
+
 def test_a_sample_of_no_share_is_refused_and_shares_matter():
     heavy = oed.robust_design(SETS, "D", "average", shares=[1e6, 1, 1], solver="newton")
     np.testing.assert_allclose(heavy.efficiency, heavy.nominal_efficiency, atol=1e-4)
