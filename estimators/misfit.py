@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from estimators.covariance import weighted_noise
 from estimators.frf_estimate import is_full, vec
 from estimators.least_squares import Fit
-from estimators.model_error import reduced_cost
+from estimators.model_error import expected_cost
 from estimators.residuals import find_residual
 from estimators.weights import used_elements
 from robotmodels.errors import InvalidInput
@@ -33,8 +33,9 @@ class Misfit:
 def misfit(fit: Fit, blocks: int | None = None) -> Misfit:
     """Return the reduced cost of a fit and its probability.
 
-    Of normal noise a cost has the variance sum tr(W R W R); the chi square of the same mean and
-    variance stands for its distribution (Satterthwaite 1946), which is exact for optimal weights.
+    Of normal noise a cost has the variance sum tr(W R W R), of which the fitted parameters take
+    away as large a share as of the mean; the chi square of the same mean and variance stands for
+    its distribution (Satterthwaite 1946), which is exact for optimal weights and a linear model.
     Weights that are inverses of sample covariances over few blocks make the cost larger, as
     Hotelling's T^2 is, and let it scatter more; `blocks` takes that into account.
 
@@ -49,7 +50,8 @@ def misfit(fit: Fit, blocks: int | None = None) -> Misfit:
     """
     from scipy.stats import chi2
 
-    ratio = reduced_cost(fit)
+    expected = expected_cost(fit)
+    ratio = fit.data_cost / expected
     kind, estimate = find_residual(fit.residual), fit.estimate
     shape = estimate.response.shape
     used = used_elements(fit.weights, shape)
@@ -65,8 +67,9 @@ def misfit(fit: Fit, blocks: int | None = None) -> Misfit:
         elements = int(used.sum(axis=(2, 3)).max()) if whole else 1
         larger, wider = _hotelling(blocks, elements)
         ratio, spread = ratio / larger, spread * wider / larger**2
-    dof = 2 * mean**2 / spread
-    return Misfit(ratio, float(chi2.sf(ratio * dof, dof)))
+    # Mean^2 over variance, both of what is left after the fit.
+    dof = 2 * mean * expected / spread
+    return Misfit(float(ratio), float(chi2.sf(ratio * dof, dof)))
 
 
 def _trace(a: NDArray[Any], b: NDArray[Any], shape: tuple[int, ...]) -> float:

@@ -59,8 +59,18 @@ def empirical_parts(fit: "Fit", lags: int | None = None) -> tuple[Array, Array]:
 def reduced_cost(fit: "Fit") -> float:
     """Return the cost over what the estimate's covariance lets expect: one if all is as stated.
 
-    Data-part V against E V = sum tr(W R) (half of it for real residuals) minus what the fitted
-    parameters take away, p/2 for optimal weights.
+    Raises
+    ------
+    InvalidInput, SolverFailed : as `expected_cost`.
+    """
+    return float(fit.data_cost / expected_cost(fit))
+
+
+def expected_cost(fit: "Fit") -> float:
+    """Return the expectation of the cost's data part V after the fit, if all is as stated.
+
+    It is sum tr(W R) (half of it for real residuals) minus what the fitted parameters take away,
+    p/2 for optimal weights.
 
     Raises
     ------
@@ -78,7 +88,7 @@ def reduced_cost(fit: "Fit") -> float:
     estimate, values = fit.estimate, fit.parameters.values
     G = np.asarray(frequency_response(fit.model, estimate.positions, estimate.omega, values))
     expected = float(problem_of(fit).expected_squares(G).sum())
-    return float(fit.data_cost / (expected - taken + given))
+    return float(expected - taken + given)
 
 
 def loss_factors(loss: str) -> tuple[float, float]:
