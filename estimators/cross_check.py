@@ -98,7 +98,7 @@ def cross_check(
        the truth too seldom; or good fits from many starts scatter more than Theorem 1 allows.
     3. "posterior skewed": normal intervals are wrong although the model is right. A profile's ends
        lie at distances that differ by a quarter, or the posterior's skewness exceeds a half, or
-       its width differs from Theorem 1's by a quarter.
+       its width differs by a quarter from Theorem 1's, times what the weights alone make of it.
     4. "agree".
 
     The constants and their reasons are in `estimators.cross_check_rules`. Chains that have not

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from estimators.covariance import Uncertainty, covariance
+from estimators.covariance import Uncertainty, covariance, sandwich_parts
 from estimators.least_squares import Fit
 from estimators.log_posterior import magnitude_adjustment
 from estimators.misfit import Misfit, misfit
@@ -110,6 +110,21 @@ class Evidence:
         good = [np.log(f.parameters.values) for f in reached if f.cost <= best + slack]
         return np.std(good, axis=0, ddof=1) if len(good) > 1 else None
 
+    @cached_property
+    def weighting(self) -> Array:
+        """By how much the weights alone widen the posterior beside Theorem 1, (p,).
+
+        One with the noise's own weights; with others exp(-V) is no likelihood.
+        """
+        bread, _ = sandwich_parts(self.fit)
+        precision = magnitude_adjustment(self.fit) * bread
+        if self.fit.prior is not None:
+            precision = precision + self.fit.prior.information(self.fit.parameters.names)
+        size = np.sqrt(np.diagonal(precision))
+        size = np.where(size > 0, size, 1.0)
+        variance = np.diagonal(np.linalg.pinv(precision / np.outer(size, size), hermitian=True))
+        return np.asarray(np.sqrt(variance) / size / self.std)
+
     def table(self) -> dict[str, Array]:
         """Return standard deviations (p,) of each method there is."""
         columns = {"Theorem 1": self.std}
@@ -138,6 +153,12 @@ class Evidence:
             found.append(
                 f"the cost is {self.improbable.ratio:.3g} times what noise explains "
                 f"(probability {self.improbable.probability:.1g})"
+            )
+        if self.draws is not None and (np.abs(self.weighting - 1) > WIDTH).any():
+            found.append(
+                "the weights are not those of the noise: by them alone the posterior's widths are "
+                f"{np.nanmin(self.weighting):.2g} to {np.nanmax(self.weighting):.2g} times "
+                "Theorem 1's"
             )
         return found
 
@@ -212,7 +233,8 @@ def skew_evidence(found: Evidence, i: int) -> list[str]:
         skewness = float(np.mean((x - x.mean()) ** 3) / x.std() ** 3)
         if abs(skewness) > SKEWNESS:
             evidence.append(f"the posterior's skewness is {skewness:+.2f}")
-        ratio = float(x.std() / found.std[i])
+        ratio = float(x.std() / found.std[i] / found.weighting[i])
+        by_weights = " with these weights" if abs(found.weighting[i] - 1) > WIDTH else ""
         if abs(ratio - 1) > WIDTH:
-            evidence.append(f"the posterior is {ratio:.2g} times as wide as Theorem 1")
+            evidence.append(f"the posterior is {ratio:.2g} times as wide as Theorem 1{by_weights}")
     return evidence

@@ -186,3 +186,16 @@ def test_methods_about_other_parameters_are_refused(good):
     other = Uncertainty(("a",), np.eye(1), "constructed")
     with pytest.raises(InvalidInput, match="cross-check: Uncertainty is about a, the fit about k1"):
         cross_check(good, empirical=other)
+
+
+def test_what_the_weights_alone_make_of_the_posterior_is_no_skewness():
+    data = noisy(0.01, 0.003)
+    uneven = np.ones(data.response.shape[-2:])
+    uneven[0, 0] = 1e4
+    weighted = fit(MODEL, data, "nls", uneven)
+    sampled = importance_sample(weighted, rng=np.random.default_rng(1), draws=4000)
+    table = cross_check(weighted, importance=sampled)
+    widths = table.stds[table.methods.index("importance")] / table.stds[0]
+    assert np.abs(widths - 1).max() > 0.25
+    assert set(table.verdicts) == {"agree"}
+    assert any("the weights are not those of the noise" in note for note in table.notes)
