@@ -161,7 +161,7 @@ class Objective:
 
     def _size(self, information: Array) -> int:
         combinations = self.terms[0].mean.combinations
-        return information.shape[-1] if combinations is None else combinations.shape[1]
+        return int(information.shape[-1] if combinations is None else combinations.shape[1])
 
 
 def samples(information: Information) -> Sequence[Array]:
