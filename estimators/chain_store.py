@@ -6,12 +6,10 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
-import h5py
 import numpy as np
 
+from estimators.kept_file import KeptFile
 from robotmodels.arrays import Array, IntArray
-from robotmodels.errors import InvalidInput
-from robotmodels.replacing import replacing
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,8 +52,8 @@ class Store:
     """
 
     def __init__(self, path: Path, fingerprint: str) -> None:
-        self.path = path
-        self.fingerprint = fingerprint
+        other = "chains of another fit, seed or sampler setting"
+        self.file = KeptFile(path, fingerprint, "chains", other)
 
     def load(self) -> list[Chain] | None:
         """Return the chains of all ensembles, or None if there is no file.
@@ -64,18 +62,10 @@ class Store:
         ------
         InvalidInput : if the file holds something else.
         """
-        if not self.path.exists():
+        if not self.file.path.exists():
             return None
-        try:
-            with h5py.File(self.path, "r") as file:
-                if file.attrs.get("fingerprint") != self.fingerprint:
-                    raise InvalidInput(
-                        f"{self.path}: holds chains of another fit, seed or sampler setting; "
-                        "remove the file or name another"
-                    )
-                return [_read(file[_group(e)]) for e in range(len(file))]
-        except (OSError, KeyError) as error:
-            raise InvalidInput(f"{self.path}: is not an HDF5 file of chains ({error})") from error
+        with self.file.reading() as file:
+            return [_read(file[_group(e)]) for e in range(len(file))]
 
     def save(self, chains: Sequence[Chain]) -> None:
         """Write the chains of all ensembles.
@@ -84,14 +74,9 @@ class Store:
         ------
         InvalidInput : if the file cannot be written.
         """
-        try:
-            with replacing(self.path) as part, h5py.File(part, "w") as file:
-                file.attrs["fingerprint"] = self.fingerprint
-                for e, chain in enumerate(chains):
-                    _write(file.create_group(_group(e)), chain)
-                file.flush()
-        except OSError as error:
-            raise InvalidInput(f"{self.path}: cannot be written ({error})") from error
+        with self.file.writing() as file:
+            for e, chain in enumerate(chains):
+                _write(file.create_group(_group(e)), chain)
 
 
 def _group(ensemble: int) -> str:

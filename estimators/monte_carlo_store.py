@@ -6,9 +6,8 @@ from pathlib import Path
 import h5py
 import numpy as np
 
+from estimators.kept_file import KeptFile
 from robotmodels.arrays import Array
-from robotmodels.errors import InvalidInput
-from robotmodels.replacing import replacing
 
 Run = dict[str, Array] | str
 
@@ -23,8 +22,7 @@ class RunStore:
     """
 
     def __init__(self, path: Path, fingerprint: str) -> None:
-        self.path = path
-        self.fingerprint = fingerprint
+        self.file = KeptFile(path, fingerprint, "runs", "another series of experiments")
 
     def load(self) -> list[Run]:
         """Return the runs that are kept: arrays, or the reason why there are none.
@@ -33,19 +31,11 @@ class RunStore:
         ------
         InvalidInput : if the file holds something else.
         """
-        if not self.path.exists():
+        if not self.file.path.exists():
             return []
-        try:
-            with h5py.File(self.path, "r") as file:
-                if file.attrs.get("fingerprint") != self.fingerprint:
-                    raise InvalidInput(
-                        f"{self.path}: holds another series of experiments; remove the file or "
-                        "name another"
-                    )
-                reasons = file["reasons"].asstr()[:]
-                arrays = {name: file[name][:] for name in file if name != "reasons"}
-        except (OSError, KeyError) as error:
-            raise InvalidInput(f"{self.path}: is not an HDF5 file of runs ({error})") from error
+        with self.file.reading() as file:
+            reasons = file["reasons"].asstr()[:]
+            arrays = {name: file[name][:] for name in file if name != "reasons"}
         return [
             reason or {name: array[i] for name, array in arrays.items()}
             for i, reason in enumerate(reasons)
@@ -60,13 +50,9 @@ class RunStore:
         """
         shapes = next((run for run in runs if not isinstance(run, str)), {})
         reasons = [run if isinstance(run, str) else "" for run in runs]
-        try:
-            with replacing(self.path) as part, h5py.File(part, "w") as file:
-                file.attrs["fingerprint"] = self.fingerprint
-                file.create_dataset("reasons", data=reasons, dtype=h5py.string_dtype())
-                for name, like in shapes.items():
-                    nothing = np.full(np.shape(like), np.nan)
-                    rows = [nothing if isinstance(run, str) else run[name] for run in runs]
-                    file.create_dataset(name, data=np.stack(rows))
-        except OSError as error:
-            raise InvalidInput(f"{self.path}: cannot be written ({error})") from error
+        with self.file.writing() as file:
+            file.create_dataset("reasons", data=reasons, dtype=h5py.string_dtype())
+            for name, like in shapes.items():
+                nothing = np.full(np.shape(like), np.nan)
+                rows = [nothing if isinstance(run, str) else run[name] for run in runs]
+                file.create_dataset(name, data=np.stack(rows))

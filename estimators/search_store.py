@@ -6,12 +6,10 @@ from pathlib import Path
 import numpy as np
 
 from estimators.cost import Problem
+from estimators.kept_file import KeptFile
 from estimators.trust_region import Outcome
 from robotmodels.arrays import Array
-from robotmodels.errors import IdentificationError, InvalidInput
-from robotmodels.replacing import replacing
-
-SCHEMA = "searches/1"
+from robotmodels.errors import IdentificationError
 
 
 def problem_fingerprint(problem: Problem, max_evaluations: int, tolerance: float) -> str:
@@ -57,12 +55,13 @@ class SearchStore:
 
     Raises
     ------
-    InvalidInput : if the file is another one, or holds the searches of another problem.
+    InvalidInput : if the file is another one, holds the searches of another problem, or cannot be
+        written.
     """
 
     def __init__(self, path: Path, fingerprint: str) -> None:
-        self.path = path
-        self.fingerprint = fingerprint
+        other = "searches of another model, estimate or setting"
+        self.file = KeptFile(path, fingerprint, "searches", other)
         self._kept: dict[tuple[str, bytes], tuple[Array, Outcome]] = {}
         if path.exists():
             self._read()
@@ -79,8 +78,7 @@ class SearchStore:
         self._kept[stage, start.tobytes()] = start, outcome
         rows = [(stage, *row) for (stage, _), row in self._kept.items()]
         text = h5py.string_dtype()
-        with replacing(self.path) as unfinished, h5py.File(unfinished, "w") as file:
-            file.attrs["schema"], file.attrs["fingerprint"] = SCHEMA, self.fingerprint
+        with self.file.writing() as file:
             file.create_dataset("stage", data=[s for s, _, _ in rows], dtype=text)
             file["starts"] = np.array([start for _, start, _ in rows])
             file["values"] = np.array([o.values for _, _, o in rows])
@@ -90,20 +88,7 @@ class SearchStore:
             file.create_dataset("message", data=[o.message for _, _, o in rows], dtype=text)
 
     def _read(self) -> None:
-        import h5py
-
-        if not h5py.is_hdf5(self.path):
-            raise InvalidInput(f"{self.path}: is not an HDF5 file of searches")
-        with h5py.File(self.path, "r") as file:
-            if file.attrs.get("schema") != SCHEMA:
-                raise InvalidInput(
-                    f"{self.path}: 'schema' is {file.attrs.get('schema')!r}; {SCHEMA!r} is needed"
-                )
-            if file.attrs["fingerprint"] != self.fingerprint:
-                raise InvalidInput(
-                    f"{self.path}: holds searches of another model, estimate or setting; "
-                    "remove the file or name another"
-                )
+        with self.file.reading() as file:
             columns = [file[name][()] for name in ("values", "cost", "status", "evaluations")]
             texts = [file[name].asstr()[()] for name in ("stage", "message")]
             for start, stage, message, values, cost, status, evaluations in zip(
