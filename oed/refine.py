@@ -175,7 +175,8 @@ def refined_over(
     candidates, first = info, solved(info)
     design = first
     for done in range(1, max_rounds + 1):
-        slope = objective.price(objective.witness(design.information), design.information.shape)
+        # Of the solver's witness: for E and maximin the derivative is not unique.
+        slope = objective.price(design.witness, design.information.shape)
         prices = sensitivities(slope, check.matrices[len(info) :])
         best = np.argsort(-prices, kind="stable")[:_CLIMBS] + len(info)
         starts = [candidates.positions[design.support], check.positions[best]]

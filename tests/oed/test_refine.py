@@ -64,6 +64,25 @@ def test_prior_information_moves_the_support():
     assert used[np.argmax(result.design.weights[result.design.support])] == pytest.approx(1.0)
 
 
+def test_e_with_two_equal_eigenvalues_at_its_optimum():
+    """A linear function of two variables on a square: the corners, where M is the identity."""
+
+    def linear(x):
+        return x[:, :, None] * x[:, None, :]
+
+    angle = np.linspace(0, np.pi, 7)[:-1]
+    within = 0.6 * np.stack([np.cos(angle), np.sin(angle)], axis=1)
+    square = Region(np.array([[-1.0, 1.0]] * 2), linear, anywhere)
+    axis = np.linspace(-1, 1, 9)
+    finer = np.stack(np.meshgrid(axis, axis), axis=-1).reshape(-1, 2)
+    info = InformationSet(within, linear(within), ("a", "b"))
+    result = refined_over(info, square, finer, criterion="E")
+    assert result.converged
+    assert result.design.value == pytest.approx(1.0, abs=1e-6)
+    support = result.candidates.positions[result.design.support]
+    np.testing.assert_allclose(np.abs(support), 1.0, atol=1e-6)
+
+
 def test_nothing_to_gain_on_a_fine_grid():
     info = InformationSet(FINE, regression(FINE), ("a", "b", "c"))
     result = refined_over(info, line(), FINE)
