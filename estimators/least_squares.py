@@ -102,7 +102,8 @@ def fit(
     model : robot, or anything with its ``parameters`` and ``network``.
     estimate : FRFs to fit.
     residual : "nls" [WM] (4), "lls" [WM] (7) or "lls_magnitude".
-    weights : "user", "optimal", or an array, see `estimators.weights`.
+    weights : "user", "optimal", "optimal_diagonal", "combined", or an array, see
+        `estimators.weights`.
     start : (p,) parameter values; the model's own where None; "physics" or "chains" for rough ones
         from the FRFs, see `physics_start` and `chain_start_values`.
     bounds : factors of the model's own values between which parameters are sought, or (2, p)
