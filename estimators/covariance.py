@@ -74,10 +74,8 @@ class Uncertainty(Printed):
         """Return lower and upper ends, (p, 2), of the intervals about `values` (p,), SI units."""
         if not 0 < level < 1:
             raise InvalidInput(f"interval: level {level} does not lie between 0 and 1")
-        z = NormalDist().inv_cdf((1 + level) / 2)
-        spread = np.exp(z * self.std)
-        values = np.asarray(values, dtype=float)
-        return np.stack([values / spread, values * spread], axis=-1)
+        ends = log_normal_ends(np.asarray(values, dtype=float), self.std, level)
+        return np.stack(ends, axis=-1)
 
     def __str__(self) -> str:
         width = max(len(name) for name in self.names)
@@ -86,6 +84,12 @@ class Uncertainty(Printed):
             f"  {name:<{width}}  {std:.4g}" for name, std in zip(self.names, self.std, strict=True)
         ]
         return "\n".join(lines)
+
+
+def log_normal_ends(values: Array, std: Array, level: float) -> tuple[Array, Array]:
+    """Return both ends of the intervals about medians `values` with std of their logarithms."""
+    spread = np.exp(NormalDist().inv_cdf((1 + level) / 2) * std)
+    return values / spread, values * spread
 
 
 def covariance(fit: "Fit", method: str = "theorem1", lags: int | None = None) -> Uncertainty:

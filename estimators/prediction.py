@@ -3,20 +3,18 @@
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
-from statistics import NormalDist
 
 import numpy as np
 
-from estimators.covariance import Uncertainty
+from estimators.covariance import Uncertainty, log_normal_ends
 from robotmodels.arrays import Array, ComplexArray, read_only
+from robotmodels.differences import by_ln_theta
 from robotmodels.errors import InvalidInput
 from robotmodels.modes import anti_resonances, resonances
 from robotmodels.response import Elastic, sensitivity
 
 # Draws that are evaluated at most: quantiles of a 95 % interval to about a tenth of its width.
 DRAWS = 400
-# Step of ln theta in differences of resonances: rounding and curvature both stay below 1e-7.
-STEP = 1e-4
 
 Spread = Uncertainty | Array
 """A covariance of ln theta, for the delta method, or draws (N, p) of it."""
@@ -99,7 +97,7 @@ def predict_frf(
             np.sqrt(np.einsum("...p,pr,...r->...", part, spread.covariance, part))
             for part in (slope.real, slope.imag)
         )
-        lower, upper = _normal_ends(np.abs(G), magnitude, level)
+        lower, upper = log_normal_ends(np.abs(G), magnitude, level)
     else:
         responses = _responses(model, positions, omega, spread)
         apart = np.log(responses / G)
@@ -134,9 +132,9 @@ def predict_modes(
     theta = np.asarray(values, dtype=float)
     fitted = modes(theta)
     if isinstance(spread, Uncertainty):
-        slope = _differences(lambda x: np.log(modes(x)), theta)
+        slope = by_ln_theta(lambda x: np.log(modes(x)), theta)
         std = np.sqrt(np.einsum("...p,pr,...r->...", slope, spread.covariance, slope))
-        lower, upper = _normal_ends(fitted, std, level)
+        lower, upper = log_normal_ends(fitted, std, level)
     else:
         found = np.stack([modes(np.exp(x)) for x in _thinned(spread)])
         std = np.log(found).std(axis=0, ddof=1)
@@ -233,16 +231,6 @@ def _modes(model: Elastic, positions: Array, motor: int | None, theta: Array) ->
     return resonances(linear).frequencies if motor is None else anti_resonances(linear, motor)
 
 
-def _differences(function: Callable[[Array], Array], theta: Array) -> Array:
-    """Return the derivatives of `function` by ln theta, along a new last axis."""
-    columns = []
-    for i in range(len(theta)):
-        step = np.ones(len(theta))
-        step[i] = np.exp(STEP)
-        columns.append((function(theta * step) - function(theta / step)) / (2 * STEP))
-    return np.stack(columns, axis=-1)
-
-
 def _responses(model: Elastic, positions: Array, omega: Array, draws: Array) -> ComplexArray:
     from robotmodels import kernel
 
@@ -254,11 +242,6 @@ def _responses(model: Elastic, positions: Array, omega: Array, draws: Array) -> 
 def _thinned(draws: Array) -> Array:
     """Return at most DRAWS of the draws, evenly spaced."""
     return np.asarray(draws[:: -(-len(draws) // DRAWS)])
-
-
-def _normal_ends(values: Array, std: Array, level: float) -> tuple[Array, Array]:
-    factor = np.exp(NormalDist().inv_cdf((1 + level) / 2) * std)
-    return values / factor, values * factor
 
 
 def _quantiles(values: Array, level: float) -> tuple[Array, Array]:

@@ -7,11 +7,10 @@ predictions is tr(L M^-1) with L the mean of g g', which `ICriterion` takes.
 import numpy as np
 
 from robotmodels.arrays import Array, ComplexArray
+from robotmodels.differences import by_ln_theta
 from robotmodels.errors import InvalidInput
 from robotmodels.modes import resonances
 from robotmodels.response import Elastic, linearize, sensitivity
-
-_STEP = 1e-5
 
 
 def prediction_matrix(gradients: Array | ComplexArray, shares: Array | None = None) -> Array:
@@ -54,25 +53,16 @@ def log_resonance_gradients(robot: Elastic, positions: Array) -> Array:
     """Return the derivatives of ln frequencies of the resonances by ln theta, (Q, k, p).
 
     By central differences, the equilibria moving with the parameters. Two modes that cross within
-    the step of 1e-5 are exchanged; a mean over a workspace does not notice.
+    the step of 1e-4 are exchanged; a mean over a workspace does not notice.
 
     Parameters
     ----------
     robot : a model with `parameters` and `network(positions)`.
     positions : (Q, n) where resonances are to be predicted [rad].
     """
-    theta = robot.parameters.values
     positions = np.atleast_2d(np.asarray(positions, dtype=float))
 
-    def log_frequencies(index: int, step: float) -> Array:
-        moved = theta.copy()
-        moved[index] *= np.exp(step)
-        return np.log(resonances(linearize(robot, positions, moved)).frequencies)
+    def log_frequencies(theta: Array) -> Array:
+        return np.log(resonances(linearize(robot, positions, theta)).frequencies)
 
-    return np.stack(
-        [
-            (log_frequencies(i, _STEP) - log_frequencies(i, -_STEP)) / (2 * _STEP)
-            for i in range(len(theta))
-        ],
-        axis=-1,
-    )
+    return by_ln_theta(log_frequencies, robot.parameters.values)
