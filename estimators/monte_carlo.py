@@ -234,7 +234,7 @@ def monte_carlo(
     InvalidInput : for too few runs, an unknown method, or the store of another series.
     SolverFailed : if fewer than two runs have an answer, with the first reason.
     """
-    _check(model, runs, methods, level)
+    _check(runs, methods, level)
     from estimators.monte_carlo_store import RunStore
 
     Noise(noise, blocks=blocks)  # refuses what does not fit before the first run
@@ -266,7 +266,7 @@ def monte_carlo(
     )
 
 
-def _check(model: Elastic, runs: int, methods: Sequence[str], level: float) -> None:
+def _check(runs: int, methods: Sequence[str], level: float) -> None:
     if runs < 2:
         raise InvalidInput(f"runs: {runs}; at least 2 are needed")
     for method in methods:
