@@ -181,7 +181,7 @@ def information(
     positions: Array,
     omega: Array,
     noise: RelativeNoise | LoopNoise,
-    chunk: int = 64,
+    chunk: int = 256,
     executor: Executor | None = None,
     progress: Callable[[int, int], object] | None = None,
     store: str | os.PathLike[str] | None = None,
