@@ -11,7 +11,7 @@ from estimators.sag import sag_gradient
 from estimators.trust_region import Outcome, exact_search, trust_region
 from robotmodels.arrays import Array
 from robotmodels.errors import IdentificationError, SolverFailed
-from robotmodels.normal_equations import NormalEquations, Residual
+from robotmodels.normal_equations import NormalEquations
 from robotmodels.spring_network import SpringNetwork
 
 if TYPE_CHECKING:
@@ -27,11 +27,6 @@ ROUNDS = 8
 # Halvings of the way to a point where the robot has no equilibrium.
 HALVINGS = 8
 OUT_OF_EVALUATIONS = "The maximum number of function evaluations is exceeded"
-_KERNEL_RESIDUALS: dict[str, Residual] = {
-    "nls": "nls",
-    "lls": "lls",
-    "lls_magnitude": "lls_magnitude",
-}
 
 
 def can_compile(problem: Problem, network: SpringNetwork) -> bool:
@@ -172,8 +167,7 @@ def _kernel(problem: Problem, network: SpringNetwork) -> "CostKernel":
 
     estimate = problem.estimate
     weights = np.asarray(problem.weights, dtype=float)
-    residual = _KERNEL_RESIDUALS[problem.kind.name]
-    return CostKernel(network, estimate.omega, estimate.response, weights, residual)
+    return CostKernel(network, estimate.omega, estimate.response, weights, problem.kind.name)
 
 
 def _network(problem: Problem, values: Array) -> SpringNetwork:

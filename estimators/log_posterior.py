@@ -18,7 +18,6 @@ from estimators.weights import square_root, used_elements
 from robotmodels.arrays import Array, ComplexArray, read_only
 from robotmodels.errors import IdentificationError, InvalidInput, SolverFailed
 from robotmodels.linear_model import LinearModel
-from robotmodels.normal_equations import Residual as KernelResidual
 from robotmodels.response import Elastic
 from robotmodels.spring_network import SpringNetwork
 
@@ -27,11 +26,6 @@ if TYPE_CHECKING:
 
 # Matrix entries solved in one call when small systems are evaluated for many walkers.
 BATCH = 2**20
-_KERNEL_RESIDUALS: dict[str, KernelResidual] = {
-    "nls": "nls",
-    "lls": "lls",
-    "lls_magnitude": "lls_magnitude",
-}
 
 
 @dataclass(frozen=True, eq=False)
@@ -171,9 +165,7 @@ class LogPosterior:
         from robotmodels.kernel import CostKernel
 
         weights = np.asarray(self.weights, dtype=float)
-        return CostKernel(
-            self.network, self.omega, self.measured, weights, _KERNEL_RESIDUALS[self.kind.name]
-        )
+        return CostKernel(self.network, self.omega, self.measured, weights, self.kind.name)
 
     def __getstate__(self) -> dict[str, Any]:
         # Compiled code works on addresses: another process makes its own.

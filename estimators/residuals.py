@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from estimators.frf_estimate import is_full, place, vec
 from robotmodels.arrays import Array, ComplexArray
 from robotmodels.errors import InvalidInput, nearest
+from robotmodels.normal_equations import Residual as Name
 
 
 def nls(measured: ComplexArray, modelled: ComplexArray) -> ComplexArray:
@@ -52,7 +53,7 @@ class Residual:
     real : whether only the real part counts.
     """
 
-    name: str
+    name: Name
     relative: bool
     real: bool
 
@@ -106,7 +107,7 @@ class Residual:
         return np.asarray(covariance.real) if self.real or not full else covariance
 
 
-RESIDUALS = {
+RESIDUALS: dict[str, Residual] = {
     "nls": Residual("nls", relative=False, real=False),
     "lls": Residual("lls", relative=True, real=False),
     "lls_magnitude": Residual("lls_magnitude", relative=True, real=True),
