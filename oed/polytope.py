@@ -11,8 +11,6 @@ import numpy as np
 from robotmodels.arrays import Array
 from robotmodels.errors import InvalidInput, SolverFailed
 
-_FEASIBLE = 1e-9
-
 
 @dataclass(frozen=True, eq=False)
 class Polytope:
