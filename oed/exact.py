@@ -238,6 +238,8 @@ def _too_few(problem: WholeProblem, n_experiments: int) -> str:
         added = _most_informative(free, information)
         information = information + problem.candidates.take(np.array([added]))[0]
         enough += 1
+    if enough <= n_experiments:
+        return f"in other positions {enough} experiments suffice; limits may keep them out"
     few = f"n_experiments: {n_experiments} is too few"
     least = _least_experiments(problem)
     if least == enough:

@@ -98,10 +98,13 @@ def optimal_spectrum(
 
     Raises
     ------
-    InvalidInput : if lines and limits do not fit, or a line has no limit.
+    InvalidInput : if lines and limits do not fit, a line has no limit, or `max_rounds` is not
+        positive.
     NotIdentifiable : naming the parameters, if all lines in all positions leave some open.
     SolverFailed : if the gap stays above the tolerance.
     """
+    if max_rounds < 1:
+        raise InvalidInput(f"max_rounds: {max_rounds!r}; at least 1 is needed")
     shapes = _Spectra.checked(lines, names, limits, line_most)
     wanted = objective(criterion, names)
     if not wanted.smooth:

@@ -7,7 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from random_candidates import information_set, quadratic_regression, random_set
 
-from oed import exact_design, optimal_design
+from oed import Constraints, exact_design, optimal_design
 from oed.exact import efficient_rounding
 from robotmodels import InvalidInput, NotIdentifiable
 
@@ -136,6 +136,13 @@ def test_too_few_experiments_by_more_than_ranks():
         exact_design(info, 1)
     with pytest.raises(NotIdentifiable, match=r"k[123]; n_experiments: 2 is too few, 3 suffice"):
         exact_design(info, 2)
+
+
+def test_enough_experiments_kept_from_where_they_would_tell():
+    info = information_set([np.diag([1.0, 0.0]), np.diag([0.0, 1.0]), np.diag([2.0, 0.0])])
+    limits = Constraints(linear={"short": ([0.0, 1.0, 0.0], 0.5)})
+    with pytest.raises(NotIdentifiable, match="k1; in other positions 2 experiments suffice"):
+        exact_design(info, 4, constraints=limits)
 
 
 @pytest.mark.parametrize("n_experiments", [0, -3, 2.5, True, "15"])

@@ -113,6 +113,7 @@ def test_lines_of_a_robot():
         ),
         ({"line_most": -1.0}, "line_most: -1.0 is not a number > 0"),
         ({"criterion": "E"}, "criterion E is not smooth"),
+        ({"max_rounds": 0}, "max_rounds: 0; at least 1 is needed"),
     ],
 )
 def test_spectra_that_do_not_fit(change, message):
