@@ -55,9 +55,13 @@ def renewed_search(
     ------
     IdentificationError : if the model has no FRF at the start.
     """
+    kernel: CostKernel | None = None
 
     def evaluate(values: Array) -> tuple[Array, Array]:
-        return CorrectedModel(problem, _network(problem, values), corrected=True)(values)
+        nonlocal kernel
+        model = CorrectedModel(problem, _network(problem, values), True, kernel)
+        kernel = model.kernel
+        return model(values)
 
     return trust_region(problem, evaluate, start, max_evaluations, tolerance)
 
@@ -86,9 +90,10 @@ def frozen_search(
     ------
     IdentificationError : if the model has no FRF at the start.
     """
-    values, spent, cost = start, 0, np.inf
+    values, spent, cost, kernel = start, 0, np.inf, None
     for nth in range(ROUNDS):
-        model = CorrectedModel(problem, network, corrected=nth > 0)
+        model = CorrectedModel(problem, network, nth > 0, kernel)
+        kernel = model.kernel
         allowed = max(tolerance, ROUGH) if nth == 0 else tolerance
         found = trust_region(problem, model, values, max(max_evaluations - spent, 2), allowed)
         spent += found.evaluations
@@ -137,15 +142,23 @@ def squares(normal: NormalEquations) -> tuple[Array, Array]:
 class CorrectedModel:
     """Residuals and Jacobian equivalent to the cost about the equilibria of one network.
 
+    A `kernel` of the same problem about other equilibria spares to prepare the data again.
+
     Attributes
     ----------
     cost : at the network's own parameters.
     """
 
-    def __init__(self, problem: Problem, network: SpringNetwork, corrected: bool) -> None:
+    def __init__(
+        self,
+        problem: Problem,
+        network: SpringNetwork,
+        corrected: bool,
+        kernel: "CostKernel | None" = None,
+    ) -> None:
         self.problem = problem
         self.centre = network.parameters.values
-        self.kernel = _kernel(problem, network)
+        self.kernel = _kernel(problem, network) if kernel is None else kernel.at(network)
         self.shift = np.zeros(len(self.centre))
         if corrected:
             self.shift = sag_gradient(problem, network, self.kernel)
