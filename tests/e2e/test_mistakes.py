@@ -112,7 +112,7 @@ def test_a_run_interrupted_at_once_leaves_nothing(tmp_path, monkeypatch):
     assert {p.name for p in tmp_path.iterdir()} == {"study.yaml", "robot.yaml"}
 
 
-@pytest.mark.parametrize("workers", [1, 2])
+@pytest.mark.parametrize("workers", [pytest.param(1, marks=pytest.mark.slow), 2])
 def test_a_terminated_run_keeps_whole_stages_and_what_the_next_run_goes_on_from(workers, tmp_path):
     path = write_study(tmp_path, STUDY.replace("steps: 400", "steps: 1000000"))
     command = [sys.executable, "-m", "reports.cli", "run", str(path), "--workers", str(workers)]
