@@ -132,13 +132,16 @@ def _study(robot: ElasticRobot, reference: str, builtin: bool = False) -> str:
     for name, (low, high), number in zip(
         robot.motor_joints, robot.position_limits, points, strict=True
     ):
-        away = _MARGIN * (high - low)
+        half = (0.5 - _MARGIN) * (high - low)
+        if name not in robot.elements.prismatic:  # no point of the grid a whole turn from another
+            half = min(half, math.pi * (1 - 1 / max(number, 2)))
+        middle = (low + high) / 2
         joints.append(
             {
                 "name": _word(name),
                 "points": number,
-                "low": _yaml(low + away, 3),
-                "high": _yaml(high - away, 3),
+                "low": _yaml(middle - half, 3),
+                "high": _yaml(middle + half, 3),
             }
         )
     return filled_text(

@@ -40,7 +40,7 @@ def init(
     robot_file = next((path for path in paths if path.name == "robot.yaml"), None)
     lines = [starter.robot, *(f"  written  {path}" for path in paths)]
     if robot_file is not None:
-        lines.append("  next     replace the guesses in it, then:  oed check " + str(robot_file))
+        lines.append(f"  next     oed check {robot_file}, once its guesses are replaced")
     lines.append(f"  {'then' if robot_file else 'next'}     oed run {folder / 'study.yaml'}")
     say(
         lambda: "\n".join(lines),

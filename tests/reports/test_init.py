@@ -1,5 +1,6 @@
 import sys
 
+import numpy as np
 import pytest
 import yaml
 
@@ -140,3 +141,11 @@ def test_grids_stay_small():
         assert points[0] == 1
         assert min(points[1:]) >= 2
         assert product <= 600
+
+
+def test_grids_of_joints_that_turn_more_than_once_repeat_no_angle(tmp_path):
+    study = yaml.safe_load(starter_files("ur10", tmp_path).files["study.yaml"])
+    for joint, (low, high) in study["candidates"]["limits"].items():
+        points = np.linspace(low, high, study["candidates"]["per_joint"][joint])
+        apart = np.abs(np.exp(1j * points[:, None]) - np.exp(1j * points)) + 9 * np.eye(len(points))
+        assert apart.min() > 0.5, joint
