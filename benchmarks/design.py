@@ -12,13 +12,12 @@ import subprocess
 import sys
 import tempfile
 import time
-import venv
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from linearisation import HERE, best, hertz, machine
+from linearisation import HERE, best, hertz, machine, peer_python
 
 import oed
 import robotmodels
@@ -192,20 +191,9 @@ def million_times(info: oed.InformationSet, folder: Path) -> dict[str, Any]:
     return json.loads(run.stdout) | {"written_seconds": written, "gigabytes": size / 1e9}
 
 
-def peer_python() -> Path:
-    """Return the interpreter of the peers' own environment, made on the first run."""
-    home = HERE.parent / ".bench" / "design"
-    python = home / "bin" / "python"
-    if not (home / "installed").exists():
-        venv.create(home, with_pip=True)
-        subprocess.run([python, "-m", "pip", "install", "--quiet", *PACKAGES], check=True)
-        (home / "installed").touch()
-    return python
-
-
 def peer_times(info: oed.InformationSet, sizes: tuple[int, ...]) -> dict[str, Any]:
     """Return each peer's time and the gap of its weights, certified like our own."""
-    python, result = peer_python(), {}
+    python, result = peer_python("design", PACKAGES), {}
     white = whiten(info.matrices, info.total / len(info))
     with tempfile.TemporaryDirectory() as folder:
         source, target = Path(folder, "matrices.npy"), Path(folder, "out.npz")

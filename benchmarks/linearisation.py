@@ -12,7 +12,7 @@ import sys
 import tempfile
 import time
 import venv
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -152,13 +152,13 @@ def cost_rate(net: SpringNetwork, omega: Array, noise: RelativeNoise) -> dict[st
     return rates
 
 
-def peer_python() -> Path:
+def peer_python(name: str = "linearisation", packages: Sequence[str] = PACKAGES) -> Path:
     """Return the interpreter of the peers' own environment, made on the first run."""
-    home = HERE.parent / ".bench" / "linearisation"
+    home = HERE.parent / ".bench" / name
     python = home / "bin" / "python"
     if not (home / "installed").exists():
         venv.create(home, with_pip=True)
-        subprocess.run([python, "-m", "pip", "install", "--quiet", *PACKAGES], check=True)
+        subprocess.run([python, "-m", "pip", "install", "--quiet", *packages], check=True)
         (home / "installed").touch()
     return python
 

@@ -16,12 +16,11 @@ import os
 import subprocess
 import tempfile
 import time
-import venv
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from linearisation import HERE, machine
+from linearisation import HERE, machine, peer_python
 
 import estimators
 import robotmodels
@@ -111,7 +110,8 @@ def theirs(robot: robotmodels.ElasticRobot, records: Records, starts: Array) -> 
         }
         source.write_text(json.dumps(content))
         script = HERE / "time_domain_peer.py"
-        subprocess.run([peer_python(), script, source, target], check=True)
+        python = peer_python("time_domain", ["mujoco[sysid]>=4.0"])
+        subprocess.run([python, script, source, target], check=True)
         found = json.loads(target.read_text())
     result = judged(robot, np.array(found["values"]), found["seconds"], len(starts))
     return result | {
@@ -135,17 +135,6 @@ def judged(
         "damping_error_median": float(np.median(best[:, ~springs])),
         "seconds_per_start": seconds / starts,
     }
-
-
-def peer_python() -> Path:
-    """Return the interpreter of the rival's own environment, made on the first run."""
-    home = HERE.parent / ".bench" / "time_domain"
-    python = home / "bin" / "python"
-    if not (home / "installed").exists():
-        venv.create(home, with_pip=True)
-        subprocess.run([python, "-m", "pip", "install", "-q", "mujoco[sysid]>=4.0"], check=True)
-        (home / "installed").touch()
-    return python
 
 
 def main() -> None:
