@@ -3,51 +3,23 @@
 Everything is in units of the torque constant; the load's angle serves as judge only.
 """
 
-import os
-from pathlib import Path
-
 import numpy as np
 import pytest
-from scipy.io import loadmat
+from motor_bench import bench_data, bench_records
 
 from estimators import estimate_frf, identify_chains
 from estimators.chain_prediction import predict_masses
-from robotmodels.records import Records
 
-PATH = Path(__file__).parents[2].parent / "shared" / "data" / "motor_bench" / "MultisineTypeB.mat"
-LINES = np.arange(13, 250, 4)
-SAMPLES, PERIODS, RATE = 2500, 20, 2500.0
 MOTOR, LOAD, STIFFNESS = 0.004796, 0.004804, 552.5
-
-
-def records(data, angle):
-    def shaped(signal):
-        return np.asarray(signal, dtype=float).reshape(1, 1, 1, -1, SAMPLES, 1)
-
-    return Records(
-        positions=np.zeros((1, 1)),
-        sample_time=1 / RATE,
-        reference=shaped(data["ref"]),
-        torque=shaped(data["iq_adx"]),
-        angle=shaped(angle),
-        lines=LINES,
-        detection=np.arange(15, 249, 4),
-        saturated=np.zeros((1, 1, 1, PERIODS, 1), dtype=bool),
-    )
 
 
 @pytest.fixture(scope="module")
 def bench():
-    if not PATH.is_file():
-        message = f"{PATH} is absent: the motor bench's measurements, see shared/data"
-        if os.environ.get("CI") == "true":
-            pytest.fail(message)
-        pytest.skip(message)
-    return loadmat(PATH, squeeze_me=True)
+    return bench_data()
 
 
 def estimated(data, angle):
-    return estimate_frf(records(data, angle), covariance="noise", hold=False, transient=1)
+    return estimate_frf(bench_records(data, angle), covariance="noise", hold=False, transient=1)
 
 
 @pytest.fixture(scope="module", params=["with the noise's covariance", "noise unknown"])

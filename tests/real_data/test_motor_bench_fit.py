@@ -7,8 +7,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
-from scipy.io import loadmat
-from test_motor_bench_frf import LINES, PATH, PERIODS, RATE, SAMPLES, bench, estimate  # noqa: F401
+from motor_bench import LINES, PERIODS, RATE, SAMPLES, bench_data
+from test_motor_bench_frf import bench, estimate  # noqa: F401
 
 from estimators import Prior, covariance, estimate_frf, fit, identifiability, residual_analysis
 from estimators.chain_maps import ChainLayout
@@ -137,7 +137,7 @@ def test_chains_without_friction_and_delay_come_near(estimate):  # noqa: F811
 
 def test_the_load_side_is_predicted(bench, estimate, found):  # noqa: F811
     """The load's own encoder, never fitted: its angle over the motor's."""
-    data = loadmat(PATH, squeeze_me=True, variable_names=["theta_my"])
+    data = bench_data()
     shape = (1, 1, 1, PERIODS, SAMPLES, 1)
     load = -np.asarray(data["theta_my"], dtype=float).reshape(shape)  # its sign is reversed
     measured = estimate_frf(replace(bench, angle=load), covariance="noise", hold=False, transient=1)

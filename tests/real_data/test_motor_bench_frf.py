@@ -3,47 +3,20 @@
 The current was measured, not commanded, so no hold is to be corrected.
 """
 
-import os
-from pathlib import Path
-
 import numpy as np
 import pytest
-from scipy.io import loadmat
+from motor_bench import DETECTION, RATE, SAMPLES, bench_data, bench_records
 from scipy.optimize import least_squares
 
 from estimators import distortion, estimate_frf, local_frf, settling
 from estimators.spectra import spectra
 from robotmodels import IdentificationWarning
-from robotmodels.records import Records
-
-PATH = Path(__file__).parents[2].parent / "shared" / "data" / "motor_bench" / "MultisineTypeB.mat"
-LINES = np.arange(13, 250, 4)
-DETECTION = np.arange(15, 249, 4)
-SAMPLES, PERIODS, RATE = 2500, 20, 2500.0
 
 
 @pytest.fixture(scope="module")
 def bench():
-    if not PATH.is_file():
-        message = f"{PATH} is absent: the motor bench's measurements, see shared/data"
-        if os.environ.get("CI") == "true":
-            pytest.fail(message)
-        pytest.skip(message)
-    data = loadmat(PATH, squeeze_me=True, variable_names=["iq_adx", "theta_mx", "ref"])
-
-    def shaped(signal):
-        return np.asarray(signal, dtype=float).reshape(1, 1, 1, -1, SAMPLES, 1)
-
-    return Records(
-        positions=np.zeros((1, 1)),
-        sample_time=1 / RATE,
-        reference=shaped(data["ref"]),
-        torque=shaped(data["iq_adx"]),  # the current: everything in units of the torque constant
-        angle=shaped(data["theta_mx"]),
-        lines=LINES,
-        detection=DETECTION,
-        saturated=np.zeros((1, 1, 1, PERIODS, 1), dtype=bool),
-    )
+    data = bench_data()
+    return bench_records(data, data["theta_mx"])
 
 
 @pytest.fixture(scope="module")
