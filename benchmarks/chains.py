@@ -10,8 +10,8 @@ import time
 
 import numpy as np
 
-from estimators.chain_identification import identify_chains
-from estimators.inverse_eigenvalue import first_components, lanczos_chain
+from estimators.chains.identification import identify_chains
+from estimators.chains.inverse_eigenvalue import first_components, lanczos_chain
 from robotmodels.chain_responses import chain_response, modally_damped
 from robotmodels.chains import CoupledChains
 from robotmodels.errors import IdentificationError

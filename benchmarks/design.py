@@ -21,7 +21,7 @@ from linearisation import HERE, best, hertz, machine, peer_python
 
 import oed
 import robotmodels
-from oed.coordinates import whiten
+from oed.design.coordinates import whiten
 from robotmodels.arrays import Array
 
 SIZES = (1_000, 7_920, 20_000)

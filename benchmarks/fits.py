@@ -18,9 +18,9 @@ from linearisation import HERE, best, hertz, machine, peer_python, positions
 import robotmodels
 from robotmodels import kernel
 from robotmodels.arrays import Array, ComplexArray
+from robotmodels.elastic.spring_network import SpringNetwork
 from robotmodels.noise import RelativeNoise
 from robotmodels.normal_equations import NormalEquations, normal_equations
-from robotmodels.spring_network import SpringNetwork
 
 POSITIONS = 15
 FREQUENCIES = 100

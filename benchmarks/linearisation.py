@@ -22,9 +22,9 @@ import numpy as np
 import robotmodels
 from robotmodels import kernel
 from robotmodels.arrays import Array
-from robotmodels.kernel_layout import layout
+from robotmodels.elastic.spring_network import SpringNetwork
+from robotmodels.kernel.layout import layout
 from robotmodels.noise import RelativeNoise
-from robotmodels.spring_network import SpringNetwork
 
 HERE = Path(__file__).resolve().parent
 PEERS = ("numpy", "jax", "control")

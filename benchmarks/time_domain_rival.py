@@ -25,12 +25,12 @@ from linearisation import HERE, machine, peer_python
 import estimators
 import robotmodels
 from robotmodels.arrays import Array
-from robotmodels.controller import default_controller
-from robotmodels.plant import Imperfections, simulate
-from robotmodels.plant_mujoco import PlantBuilder
-from robotmodels.plant_urdf import read_tree
+from robotmodels.description.urdf import locate
+from robotmodels.plant.controller import default_controller
+from robotmodels.plant.mujoco_model import PlantBuilder
+from robotmodels.plant.simulation import Imperfections, simulate
+from robotmodels.plant.urdf import read_tree
 from robotmodels.records import Records
-from robotmodels.urdf import locate
 
 RESULTS = HERE / "results" / "time_domain_rival.json"
 SAMPLE_TIME, SAMPLES, PERIODS, REACH = 1e-3, 500, 3, 1.5

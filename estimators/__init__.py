@@ -6,19 +6,25 @@ Public names that need emcee or iminuit are imported when they are first used.
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
+from estimators.chains.damper_fit import DamperFit, fit_dampers
+
 # Functions that share their module's name must be bound here: importing the module later would
 # otherwise put the module in their place.
-from estimators.chain_identification import ChainIdentification, identify_chains
-from estimators.chain_prediction import predict_masses
-from estimators.chain_start import chain_start_values
-from estimators.compare import Comparison, Loop, compare_methods, designed_loop, measured_loop
-from estimators.convergence import Target
-from estimators.covariance import Uncertainty, covariance
-from estimators.cross_check import CrossCheck, cross_check
-from estimators.damper_fit import DamperFit, fit_dampers
-from estimators.design_outcome import DesignOutcome, compare_with_design
-from estimators.distortion import Distortion, distortion
-from estimators.exchange import (
+from estimators.chains.identification import ChainIdentification, identify_chains
+from estimators.chains.prediction import predict_masses
+from estimators.fitting.chain_start import chain_start_values
+from estimators.fitting.fit_files import read_fits, write_fits
+from estimators.fitting.least_squares import Fit, fit, reweighted
+from estimators.fitting.multistart import EarlyStop, multistart, perturbed_starts
+from estimators.fitting.priors import Prior
+from estimators.fitting.residual_analysis import ResidualAnalysis, residual_analysis
+from estimators.fitting.residuals import lls, lls_magnitude, nls
+from estimators.fitting.start_values import physics_start
+from estimators.fitting.weights import combined_weights, optimal_weights, user_weights
+from estimators.frf.compare import Comparison, Loop, compare_methods, designed_loop, measured_loop
+from estimators.frf.distortion import Distortion, distortion
+from estimators.frf.estimate import FrfEstimate, simulate_frf
+from estimators.frf.exchange import (
     read_distortion,
     read_frf,
     read_records,
@@ -26,22 +32,24 @@ from estimators.exchange import (
     write_frf,
     write_records,
 )
-from estimators.fit_files import read_fits, write_fits
-from estimators.frf_estimate import FrfEstimate, simulate_frf
-from estimators.identifiability import (
+from estimators.frf.local_model import local_frf
+from estimators.frf.nonparametric import estimate_frf
+from estimators.frf.rigid_limit import RigidLimit, check_rigid_limit
+from estimators.frf.stationarity import Settling, settling
+from estimators.information import information
+from estimators.uncertainty.convergence import Target
+from estimators.uncertainty.covariance import Uncertainty, covariance
+from estimators.uncertainty.cross_check import CrossCheck, cross_check
+from estimators.uncertainty.design_outcome import DesignOutcome, compare_with_design
+from estimators.uncertainty.identifiability import (
     Identifiability,
     best_additions,
     fit_information,
     identifiability,
 )
-from estimators.information import information
-from estimators.least_squares import Fit, fit, reweighted
-from estimators.local_model import local_frf
-from estimators.misfit import Misfit, misfit
-from estimators.monte_carlo import FrfExperiment, MonteCarlo, monte_carlo
-from estimators.multistart import EarlyStop, multistart, perturbed_starts
-from estimators.nonparametric import estimate_frf
-from estimators.prediction import (
+from estimators.uncertainty.misfit import Misfit, misfit
+from estimators.uncertainty.monte_carlo import FrfExperiment, MonteCarlo, monte_carlo
+from estimators.uncertainty.prediction import (
     FrfBand,
     ModeBand,
     WorkspaceMap,
@@ -49,19 +57,12 @@ from estimators.prediction import (
     predict_modes,
     workspace_map,
 )
-from estimators.priors import Prior
-from estimators.residual_analysis import ResidualAnalysis, residual_analysis
-from estimators.residuals import lls, lls_magnitude, nls
-from estimators.rigid_limit import RigidLimit, check_rigid_limit
-from estimators.start_values import physics_start
-from estimators.stationarity import Settling, settling
-from estimators.validation import Validation, validate
-from estimators.weights import combined_weights, optimal_weights, user_weights
+from estimators.uncertainty.validation import Validation, validate
 
 if TYPE_CHECKING:
-    from estimators.importance import ImportanceSample, importance_sample
-    from estimators.posterior import Posterior, sample_posterior
-    from estimators.profile import Profile, profile_likelihood
+    from estimators.uncertainty.importance import ImportanceSample, importance_sample
+    from estimators.uncertainty.posterior import Posterior, sample_posterior
+    from estimators.uncertainty.profile import Profile, profile_likelihood
 
 __all__ = [
     "ChainIdentification",
@@ -143,12 +144,12 @@ __all__ = [
 ]
 
 _LATER = {
-    "ImportanceSample": "estimators.importance",
-    "Posterior": "estimators.posterior",
-    "Profile": "estimators.profile",
-    "importance_sample": "estimators.importance",
-    "profile_likelihood": "estimators.profile",
-    "sample_posterior": "estimators.posterior",
+    "ImportanceSample": "estimators.uncertainty.importance",
+    "Posterior": "estimators.uncertainty.posterior",
+    "Profile": "estimators.uncertainty.profile",
+    "importance_sample": "estimators.uncertainty.importance",
+    "profile_likelihood": "estimators.uncertainty.profile",
+    "sample_posterior": "estimators.uncertainty.posterior",
 }
 
 

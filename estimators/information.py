@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from estimators.frf_estimate import is_full, vec
+from estimators.frf.estimate import is_full, vec
 from robotmodels.arrays import Array
 
 

@@ -7,37 +7,46 @@ from importlib import import_module
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from oed.branch_and_bound import BestPlans, best_plans
-    from oed.candidate_sources import Workcell, gathered_candidates
-    from oed.candidates import candidate_positions, sobol_positions
-    from oed.certificate import efficiency_bound, optimality_gap
-    from oed.constraints import Constraints, Group
-    from oed.crest import crest_factor, reduced_crest
-    from oed.criteria import AsCriterion, CCriterion, DsCriterion, ICriterion, MixtureCriterion
-    from oed.exact import ExactDesign, exact_design
-    from oed.information_set import InformationSet, information
-    from oed.moves import Move, MoveLimits, move
-    from oed.multisine import Multisine, band_multisine, fourier_matrix, random_phases
-    from oed.order import VisitingOrder, visiting_order
-    from oed.peaks import Peaks, predicted_peaks
-    from oed.plan import ExperimentPlan, experiment_plan
-    from oed.plan_export import export_csv, export_mat
-    from oed.position_files import read_positions
-    from oed.predictions import log_frf_gradients, log_resonance_gradients, prediction_matrix
-    from oed.refine import RefinedDesign, Region, refined_design, refined_over
-    from oed.relaxed import Design, optimal_design
-    from oed.robust import (
+    from oed.candidates.grids import candidate_positions, sobol_positions
+    from oed.candidates.position_files import read_positions
+    from oed.candidates.screening import Removal, ScreenedCandidates, screened_candidates
+    from oed.candidates.sources import Workcell, gathered_candidates
+    from oed.candidates.task_space import TaskBox, TaskPositions, task_space_positions
+    from oed.design.certificate import efficiency_bound, optimality_gap
+    from oed.design.constraints import Constraints, Group
+    from oed.design.criteria import (
+        AsCriterion,
+        CCriterion,
+        DsCriterion,
+        ICriterion,
+        MixtureCriterion,
+    )
+    from oed.design.predictions import log_frf_gradients, log_resonance_gradients, prediction_matrix
+    from oed.design.relaxed import Design, optimal_design
+    from oed.design.robust import (
         AverageCriterion,
         InformationSamples,
         MaximinCriterion,
         RobustDesign,
         robust_design,
     )
-    from oed.scaling import Binding, Limits, Scaling, scale
-    from oed.scoring import Addition, Score, score
-    from oed.screening import Removal, ScreenedCandidates, screened_candidates
-    from oed.sensors import Sensor, SensorDesign, optimal_sensors
-    from oed.sequential import (
+    from oed.design.sensors import Sensor, SensorDesign, optimal_sensors
+    from oed.design.spectrum import LineLimit, SpectrumDesign, optimal_spectrum
+    from oed.design.spectrum_lines import line_information, speed_cost
+    from oed.experiment.crest import crest_factor, reduced_crest
+    from oed.experiment.moves import Move, MoveLimits, move
+    from oed.experiment.multisine import Multisine, band_multisine, fourier_matrix, random_phases
+    from oed.experiment.peaks import Peaks, predicted_peaks
+    from oed.experiment.plan import ExperimentPlan, experiment_plan
+    from oed.experiment.plan_export import export_csv, export_mat
+    from oed.experiment.scaling import Binding, Limits, Scaling, scale
+    from oed.information_set import InformationSet, information
+    from oed.plans.branch_and_bound import BestPlans, best_plans
+    from oed.plans.exact import ExactDesign, exact_design
+    from oed.plans.order import VisitingOrder, visiting_order
+    from oed.plans.refine import RefinedDesign, Region, refined_design, refined_over
+    from oed.plans.scoring import Addition, Score, score
+    from oed.plans.sequential import (
         ExperimentCurve,
         Needed,
         NextExperiments,
@@ -46,92 +55,89 @@ if TYPE_CHECKING:
         measured_information,
         next_experiments,
     )
-    from oed.spectrum import LineLimit, SpectrumDesign, optimal_spectrum
-    from oed.spectrum_lines import line_information, speed_cost
     from oed.store import StoredInformation
-    from oed.task_space import TaskBox, TaskPositions, task_space_positions
 
 _HOMES = {
-    "Addition": "scoring",
-    "AsCriterion": "criteria",
-    "AverageCriterion": "robust",
-    "BestPlans": "branch_and_bound",
-    "Binding": "scaling",
-    "CCriterion": "criteria",
-    "Constraints": "constraints",
-    "Design": "relaxed",
-    "DsCriterion": "criteria",
-    "ExactDesign": "exact",
-    "ExperimentCurve": "sequential",
-    "ExperimentPlan": "plan",
-    "Group": "constraints",
-    "ICriterion": "criteria",
-    "InformationSamples": "robust",
+    "Addition": "plans.scoring",
+    "AsCriterion": "design.criteria",
+    "AverageCriterion": "design.robust",
+    "BestPlans": "plans.branch_and_bound",
+    "Binding": "experiment.scaling",
+    "CCriterion": "design.criteria",
+    "Constraints": "design.constraints",
+    "Design": "design.relaxed",
+    "DsCriterion": "design.criteria",
+    "ExactDesign": "plans.exact",
+    "ExperimentCurve": "plans.sequential",
+    "ExperimentPlan": "experiment.plan",
+    "Group": "design.constraints",
+    "ICriterion": "design.criteria",
+    "InformationSamples": "design.robust",
     "InformationSet": "information_set",
-    "Limits": "scaling",
-    "LineLimit": "spectrum",
-    "MaximinCriterion": "robust",
-    "MixtureCriterion": "criteria",
-    "Move": "moves",
-    "MoveLimits": "moves",
-    "Multisine": "multisine",
-    "Needed": "sequential",
-    "NextExperiments": "sequential",
-    "Peaks": "peaks",
-    "RefinedDesign": "refine",
-    "Region": "refine",
-    "Removal": "screening",
-    "RobustDesign": "robust",
-    "Scaling": "scaling",
-    "Score": "scoring",
-    "ScreenedCandidates": "screening",
-    "Sensor": "sensors",
-    "SensorDesign": "sensors",
-    "SpectrumDesign": "spectrum",
+    "Limits": "experiment.scaling",
+    "LineLimit": "design.spectrum",
+    "MaximinCriterion": "design.robust",
+    "MixtureCriterion": "design.criteria",
+    "Move": "experiment.moves",
+    "MoveLimits": "experiment.moves",
+    "Multisine": "experiment.multisine",
+    "Needed": "plans.sequential",
+    "NextExperiments": "plans.sequential",
+    "Peaks": "experiment.peaks",
+    "RefinedDesign": "plans.refine",
+    "Region": "plans.refine",
+    "Removal": "candidates.screening",
+    "RobustDesign": "design.robust",
+    "Scaling": "experiment.scaling",
+    "Score": "plans.scoring",
+    "ScreenedCandidates": "candidates.screening",
+    "Sensor": "design.sensors",
+    "SensorDesign": "design.sensors",
+    "SpectrumDesign": "design.spectrum",
     "StoredInformation": "store",
-    "TaskBox": "task_space",
-    "TaskPositions": "task_space",
-    "VisitingOrder": "order",
-    "Workcell": "candidate_sources",
-    "band_multisine": "multisine",
-    "best_plans": "branch_and_bound",
-    "candidate_positions": "candidates",
-    "crest_factor": "crest",
-    "efficiency_bound": "certificate",
-    "exact_design": "exact",
-    "experiment_curve": "sequential",
-    "experiment_plan": "plan",
-    "experiments_needed": "sequential",
-    "export_csv": "plan_export",
-    "export_mat": "plan_export",
-    "fourier_matrix": "multisine",
-    "gathered_candidates": "candidate_sources",
+    "TaskBox": "candidates.task_space",
+    "TaskPositions": "candidates.task_space",
+    "VisitingOrder": "plans.order",
+    "Workcell": "candidates.sources",
+    "band_multisine": "experiment.multisine",
+    "best_plans": "plans.branch_and_bound",
+    "candidate_positions": "candidates.grids",
+    "crest_factor": "experiment.crest",
+    "efficiency_bound": "design.certificate",
+    "exact_design": "plans.exact",
+    "experiment_curve": "plans.sequential",
+    "experiment_plan": "experiment.plan",
+    "experiments_needed": "plans.sequential",
+    "export_csv": "experiment.plan_export",
+    "export_mat": "experiment.plan_export",
+    "fourier_matrix": "experiment.multisine",
+    "gathered_candidates": "candidates.sources",
     "information": "information_set",
-    "line_information": "spectrum_lines",
-    "log_frf_gradients": "predictions",
-    "log_resonance_gradients": "predictions",
-    "measured_information": "sequential",
-    "move": "moves",
-    "next_experiments": "sequential",
-    "optimal_design": "relaxed",
-    "optimal_sensors": "sensors",
-    "optimal_spectrum": "spectrum",
-    "optimality_gap": "certificate",
-    "predicted_peaks": "peaks",
-    "prediction_matrix": "predictions",
-    "random_phases": "multisine",
-    "read_positions": "position_files",
-    "reduced_crest": "crest",
-    "refined_design": "refine",
-    "refined_over": "refine",
-    "robust_design": "robust",
-    "scale": "scaling",
-    "score": "scoring",
-    "screened_candidates": "screening",
-    "sobol_positions": "candidates",
-    "speed_cost": "spectrum_lines",
-    "task_space_positions": "task_space",
-    "visiting_order": "order",
+    "line_information": "design.spectrum_lines",
+    "log_frf_gradients": "design.predictions",
+    "log_resonance_gradients": "design.predictions",
+    "measured_information": "plans.sequential",
+    "move": "experiment.moves",
+    "next_experiments": "plans.sequential",
+    "optimal_design": "design.relaxed",
+    "optimal_sensors": "design.sensors",
+    "optimal_spectrum": "design.spectrum",
+    "optimality_gap": "design.certificate",
+    "predicted_peaks": "experiment.peaks",
+    "prediction_matrix": "design.predictions",
+    "random_phases": "experiment.multisine",
+    "read_positions": "candidates.position_files",
+    "reduced_crest": "experiment.crest",
+    "refined_design": "plans.refine",
+    "refined_over": "plans.refine",
+    "robust_design": "design.robust",
+    "scale": "experiment.scaling",
+    "score": "plans.scoring",
+    "screened_candidates": "candidates.screening",
+    "sobol_positions": "candidates.grids",
+    "speed_cost": "design.spectrum_lines",
+    "task_space_positions": "candidates.task_space",
+    "visiting_order": "plans.order",
 }
 
 __all__ = [

@@ -10,15 +10,15 @@ from typing import TYPE_CHECKING, overload
 
 import numpy as np
 
-from oed.matrix_checks import check_matrices, check_positions
-from oed.null_space import unidentifiable, weak_directions
+from oed.design.matrix_checks import check_matrices, check_positions
+from oed.design.null_space import unidentifiable, weak_directions
 from robotmodels.arrays import Array, IntArray, read_only
+from robotmodels.elastic.spring_network import SpringNetwork
 from robotmodels.errors import InvalidInput
 from robotmodels.noise import LoopNoise, RelativeNoise, SeparableNoise
 from robotmodels.overlap import overlapped
 from robotmodels.replacing import replacing
 from robotmodels.response import Elastic, sensitivity
-from robotmodels.spring_network import SpringNetwork
 
 if TYPE_CHECKING:
     from oed.store import StoredInformation

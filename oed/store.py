@@ -17,8 +17,8 @@ from types import TracebackType
 
 import numpy as np
 
-from oed.matrix_checks import check_matrices, check_positions
-from oed.null_space import unidentifiable, weak_directions
+from oed.design.matrix_checks import check_matrices, check_positions
+from oed.design.null_space import unidentifiable, weak_directions
 from robotmodels.arrays import Array, IntArray
 from robotmodels.errors import InvalidInput
 

@@ -7,8 +7,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullFormatter
 
-from estimators.modal_model import modal_response
-from estimators.modes import FittedModes
+from estimators.chains.modal_model import modal_response
+from estimators.chains.modes import FittedModes
 from reports.frf_figures import decibels
 from reports.svg import Palette
 from reports.text import fixed

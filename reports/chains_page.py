@@ -4,9 +4,9 @@ from pathlib import Path
 
 import numpy as np
 
-from estimators.chain_maps import ChainLayout
-from estimators.chain_order import WrongModeCount
-from oed.measured_chains import MeasuredChains
+from estimators.chains.maps import ChainLayout
+from estimators.chains.order import WrongModeCount
+from oed.experiment.measured_chains import MeasuredChains
 from reports import text
 from reports.chains_figures import found_panels, pole_zero_panels
 from reports.chains_summary import in_hertz, unit

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from oed.measured_chains import MeasuredChains
+from oed.experiment.measured_chains import MeasuredChains
 from reports import text
 from reports.columns import number, plain, plural, table
 from robotmodels.arrays import Array

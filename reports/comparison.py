@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from oed.study import StudyResults
+from oed.study.pipeline import StudyResults
 from reports import columns, text, uncertainty_figures
 from reports.parts import Cell, Column, Number, Row, Section, Table, figure, numbers, table
 from reports.summary import study_json

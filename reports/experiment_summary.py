@@ -5,8 +5,8 @@ from typing import Any
 
 import numpy as np
 
-from oed.experiment import Prepared
-from oed.experiment_run import Outcome
+from oed.experiment.build import Prepared
+from oed.experiment.run import Outcome
 from reports.columns import number, plain, plural, table
 from reports.text import duration
 

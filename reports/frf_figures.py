@@ -7,7 +7,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, MaxNLocator, NullFormatter
 
-from estimators.distortion import Distortion
+from estimators.frf.distortion import Distortion
 from reports.svg import Palette
 from reports.text import fixed
 from robotmodels.arrays import Array

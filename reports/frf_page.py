@@ -5,8 +5,8 @@ from typing import Any
 
 import numpy as np
 
-from estimators.compare import Comparison
-from oed.measured_frf import MeasuredFrf, Progress
+from estimators.frf.compare import Comparison
+from oed.experiment.measured_frf import MeasuredFrf, Progress
 from reports import response_panels, text
 from reports.frf_figures import detection_panels
 from reports.frf_summary import excess, ranked, relative_std

@@ -5,8 +5,8 @@ from typing import Any
 
 import numpy as np
 
-from estimators.compare import Comparison
-from oed.measured_frf import MeasuredFrf
+from estimators.frf.compare import Comparison
+from oed.experiment.measured_frf import MeasuredFrf
 from reports import text
 from reports.columns import number, plain, plural, table
 from robotmodels.arrays import Array

@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from oed.study import Progress, StudyResults
+from oed.study.pipeline import Progress, StudyResults
 from reports.sections import study_sections
 from reports.template import page
 

@@ -15,7 +15,7 @@ from rich.progress import (
     TimeRemainingColumn,
 )
 
-from oed.study import Progress as Report
+from oed.study.pipeline import Progress as Report
 
 
 @contextmanager

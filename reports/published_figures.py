@@ -8,7 +8,13 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullFormatter
 
-from oed.published import BEST_COUNT, REASONABLE_COST, REASONABLE_RANGE, REFERENCE, Evaluation
+from oed.published.estimators import (
+    BEST_COUNT,
+    REASONABLE_COST,
+    REASONABLE_RANGE,
+    REFERENCE,
+    Evaluation,
+)
 from reports.svg import Palette
 from reports.text import fixed, significant
 from robotmodels.arrays import Array, ComplexArray

@@ -5,10 +5,10 @@ from pathlib import Path
 import numpy as np
 
 import robotmodels
-from oed.published_paper import ESTIMATORS
-from oed.study import StudyResults
-from oed.study_fits import positions_of
-from oed.study_published import Published
+from oed.published.paper import ESTIMATORS
+from oed.study.fits import positions_of
+from oed.study.pipeline import StudyResults
+from oed.study.published import Published
 from reports import published_figures as figures
 from reports import published_tables as tables
 from reports.parts import Figure, Section, figure

@@ -2,14 +2,14 @@
 
 import numpy as np
 
-from oed.published_paper import (
+from oed.published.paper import (
     ALL_SPRINGS,
     ESTIMATORS,
     REASONABLE_BY_COST,
     REASONABLE_BY_SPRINGS,
 )
-from oed.published_paper import TABLE_1 as PAPER_TABLE
-from oed.study_published import Published
+from oed.published.paper import TABLE_1 as PAPER_TABLE
+from oed.study.published import Published
 from reports import text
 from reports.parts import Cell, Column, Number, Table, numbers, table
 from robotmodels.arrays import Array

@@ -8,9 +8,9 @@ import numpy as np
 
 from reports import text
 from reports.columns import decimals, hung, number, plural, table, vector, wrapped
-from robotmodels.diagnosis import Diagnosis, MotorState, ParameterState, SpringState
-from robotmodels.robot_file import Hardening, RobotFile
-from robotmodels.suspicions import Suspicion
+from robotmodels.description.diagnosis import Diagnosis, MotorState, ParameterState, SpringState
+from robotmodels.description.robot_file import Hardening, RobotFile
+from robotmodels.description.suspicions import Suspicion
 
 MAIN_SPRINGS = 3  # named per mode, if they hold at least a tenth of its energy
 _UNITS = {"acceleration": "rad/s²", "velocity": "rad/s", "position": "rad"}

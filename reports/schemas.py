@@ -15,9 +15,9 @@ def json_schema(kind: str) -> dict[str, Any]:
     ------
     InvalidInput : for another kind of file.
     """
-    from oed.experiment_file import Experiment
-    from oed.study_file import Study
-    from robotmodels.robot_file import RobotFile
+    from oed.experiment.file import Experiment
+    from oed.study.file import Study
+    from robotmodels.description.robot_file import RobotFile
 
     models: dict[str, type[Strict]] = dict(zip(KINDS, (Study, Experiment, RobotFile), strict=True))
     if kind not in models:

@@ -10,10 +10,10 @@ from typing import Any
 
 from reports.template import filled_text
 from robotmodels import ElasticRobot, load_robot
-from robotmodels.collision_shapes import robot_shapes
+from robotmodels.collision.shapes import robot_shapes
+from robotmodels.description.proposal import Drive, propose_drives
+from robotmodels.description.urdf_joints import UrdfJoint, moving_joints
 from robotmodels.errors import InvalidInput
-from robotmodels.proposal import Drive, propose_drives
-from robotmodels.urdf_joints import UrdfJoint, moving_joints
 
 MOST_CANDIDATES = 600
 """Candidates of a new study: a first answer within a minute."""
@@ -86,8 +86,8 @@ def _loaded(content: str, folder: Path) -> ElasticRobot:
     """Return the robot of a robot file that is still to be written: what cannot be used is not."""
     import yaml
 
+    from robotmodels.description.robot_file import RobotFile
     from robotmodels.files import parse
-    from robotmodels.robot_file import RobotFile
 
     return ElasticRobot(parse(yaml.safe_load(content), RobotFile, "robot.yaml"), folder)
 

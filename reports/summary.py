@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from oed.study import FittedStudy, PlannedStudy, StudyResults
+from oed.study.pipeline import FittedStudy, PlannedStudy, StudyResults
 from reports.columns import plain
 from reports.sections.fit import reached
 from reports.text import duration

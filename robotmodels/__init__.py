@@ -7,10 +7,11 @@ from robotmodels.chain_responses import (
     position_controlled,
 )
 from robotmodels.chains import CoupledChains
-from robotmodels.closed_loop import ClosedLoopNoise
-from robotmodels.collision import Surroundings, surroundings
-from robotmodels.controller import Controller, default_controller
-from robotmodels.elastic import ElasticRobot
+from robotmodels.collision.obstacles import Box, Plane, Sphere
+from robotmodels.collision.surroundings import Surroundings, surroundings
+from robotmodels.description.parameters import Parameters
+from robotmodels.elastic.robot import ElasticRobot
+from robotmodels.elastic.spring_network import SpringNetwork
 from robotmodels.errors import (
     IdentificationError,
     IdentificationWarning,
@@ -21,7 +22,6 @@ from robotmodels.errors import (
 )
 from robotmodels.library import builtin_robots, load_robot
 from robotmodels.linear_model import LinearModel
-from robotmodels.linear_plant import simulate_linear
 from robotmodels.modes import (
     anti_resonances,
     clamped,
@@ -30,12 +30,12 @@ from robotmodels.modes import (
     rigid_modes,
 )
 from robotmodels.noise import RelativeNoise
-from robotmodels.obstacles import Box, Plane, Sphere
-from robotmodels.parameters import Parameters
-from robotmodels.plant import Imperfections, simulate
+from robotmodels.plant.closed_loop import ClosedLoopNoise
+from robotmodels.plant.controller import Controller, default_controller
+from robotmodels.plant.linear import simulate_linear
+from robotmodels.plant.simulation import Imperfections, simulate
 from robotmodels.records import Records, iterate_records, save_records
 from robotmodels.response import frequency_response, linearize, sensitivity
-from robotmodels.spring_network import SpringNetwork
 
 __all__ = [
     "Box",

@@ -6,11 +6,11 @@ from functools import cached_property
 import numpy as np
 
 from robotmodels.arrays import Array, IntArray, read_only
+from robotmodels.description.parameters import Parameters
+from robotmodels.elastic.spring_network import Inertances, SpringNetwork
+from robotmodels.elastic.tangents import Tangents
 from robotmodels.errors import InvalidInput, nearest
 from robotmodels.linear_model import LinearModel
-from robotmodels.parameters import Parameters
-from robotmodels.spring_network import Inertances, SpringNetwork
-from robotmodels.tangents import Tangents
 
 
 @dataclass(frozen=True, eq=False)

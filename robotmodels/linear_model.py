@@ -5,8 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from robotmodels.arrays import Array, ComplexArray, read_only
+from robotmodels.elastic.measurement import Measurement, motor_measurement
 from robotmodels.errors import InvalidInput
-from robotmodels.measurement import Measurement, motor_measurement
 
 
 @dataclass(frozen=True, eq=False)

@@ -6,8 +6,8 @@ from typing import Protocol, runtime_checkable
 import numpy as np
 
 from robotmodels.arrays import Array, ComplexArray
+from robotmodels.elastic.spring_network import SpringNetwork
 from robotmodels.errors import InvalidInput
-from robotmodels.spring_network import SpringNetwork
 
 
 class LoopNoise(Protocol):

@@ -6,7 +6,7 @@ from typing import Literal
 import numpy as np
 
 from robotmodels.arrays import Array, ComplexArray
-from robotmodels.spring_network import SpringNetwork
+from robotmodels.elastic.spring_network import SpringNetwork
 
 Residual = Literal["nls", "lls", "lls_magnitude"]
 

@@ -5,11 +5,11 @@ from typing import Protocol, runtime_checkable
 import numpy as np
 
 from robotmodels.arrays import Array, ComplexArray, real_numbers
+from robotmodels.description.parameters import Parameters
+from robotmodels.elastic.spring_network import SpringNetwork
+from robotmodels.elastic.tangents import Tangents
 from robotmodels.errors import InvalidInput
 from robotmodels.linear_model import LinearModel
-from robotmodels.parameters import Parameters
-from robotmodels.spring_network import SpringNetwork
-from robotmodels.tangents import Tangents
 
 
 class Elastic(Protocol):

@@ -44,10 +44,10 @@ def chains(
     Example: oed chains records.h5 --masses 3
     """
     one_thread_each()
-    from estimators.chain_order import WrongModeCount
-    from estimators.exchange import write_frf
-    from oed.measured_chains import measured_chains
-    from oed.study_output import staged_folder
+    from estimators.chains.order import WrongModeCount
+    from estimators.frf.exchange import write_frf
+    from oed.experiment.measured_chains import measured_chains
+    from oed.study.output import staged_folder
     from reports.chains_page import write_chains_page, write_modes_page
     from reports.chains_summary import chains_json, chains_summary, write_chains
     from reports.progress import progress_bars

@@ -35,8 +35,8 @@ def check(
     from reports.check_options import read_band, read_position
     from reports.robot_summary import robot_json, robot_summary
     from robotmodels import load_robot
-    from robotmodels.diagnosis import diagnose
-    from robotmodels.suspicions import suspicions
+    from robotmodels.description.diagnosis import diagnose
+    from robotmodels.description.suspicions import suspicions
 
     model = load_robot(robot)
     diagnosis = diagnose(model, read_position(model, position), read_band(band))

@@ -20,7 +20,7 @@ def design(
 
     Example: oed design studies/ur10.yaml
     """
-    from oed.study import design_study
+    from oed.study.pipeline import design_study
     from reports.summary import study_json, study_summary
 
     results = compute_study(study, design_study, workers, fresh)

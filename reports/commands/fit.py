@@ -20,7 +20,7 @@ def fit(
 
     Example: oed fit studies/ur10.yaml
     """
-    from oed.study import fit_study
+    from oed.study.pipeline import fit_study
     from reports.summary import study_json, study_summary
 
     results = compute_study(study, fit_study, workers, fresh)

@@ -54,9 +54,9 @@ def frf(
     Example: oed frf out/manutec_r3_experiment/records.h5 --robot manutec_r3
     """
     one_thread_each()
-    from estimators.exchange import write_frf
-    from oed.measured_frf import measured_frf
-    from oed.study_output import staged_folder
+    from estimators.frf.exchange import write_frf
+    from oed.experiment.measured_frf import measured_frf
+    from oed.study.output import staged_folder
     from reports.frf_page import write_frf_page
     from reports.frf_summary import frf_json, frf_summary
     from reports.progress import progress_bars

@@ -30,7 +30,7 @@ def report(
 
     Example: oed report studies/ur10.yaml more_positions.yaml -o comparison.html
     """
-    from oed.study import run_study
+    from oed.study.pipeline import run_study
     from reports.comparison import comparison_json, comparison_summary, write_comparison
     from reports.page import write_report
     from reports.summary import study_json, study_summary

@@ -24,8 +24,8 @@ def run(
     Example: oed run studies/ur10.yaml
     """
     # Imported here: `oed --help` need not wait for the numerics.
-    from oed.published_output import write_published_json
-    from oed.study import run_study
+    from oed.published.output import write_published_json
+    from oed.study.pipeline import run_study
     from reports.page import write_report
     from reports.published_page import write_published
     from reports.summary import study_json, study_summary

@@ -20,7 +20,7 @@ def sample(
 
     Example: oed sample studies/ur10.yaml
     """
-    from oed.study import run_study
+    from oed.study.pipeline import run_study
     from reports.summary import study_json, study_summary
 
     results = compute_study(study, run_study, workers, fresh)

@@ -26,10 +26,10 @@ def simulate(
     Example: oed simulate studies/manutec_r3_experiment.yaml
     """
     one_thread_each()
-    from oed.experiment import prepare
-    from oed.experiment_file import load_experiment
-    from oed.experiment_run import run_experiment
-    from oed.study_output import staged_folder
+    from oed.experiment.build import prepare
+    from oed.experiment.file import load_experiment
+    from oed.experiment.run import run_experiment
+    from oed.study.output import staged_folder
     from reports.experiment_summary import experiment_json, experiment_summary
     from reports.progress import progress_bars
 

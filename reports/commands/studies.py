@@ -10,7 +10,7 @@ from reports.commands.options import about
 from reports.workers import one_thread_each, process_pool
 
 if TYPE_CHECKING:
-    from oed.study_results import PlannedStudy
+    from oed.study.results import PlannedStudy
 
 StudyFile = Annotated[Path, typer.Argument(help="Study file, such as studies/ur10.yaml.")]
 Fresh = Annotated[
@@ -34,13 +34,13 @@ def compute_study(
     Parameters
     ----------
     study : file.
-    step : `oed.study.design_study`, `fit_study` or `run_study`.
+    step : `oed.study.pipeline.design_study`, `fit_study` or `run_study`.
     workers, fresh : as the options say.
     pages : writes pages beside the files.
     """
     one_thread_each()
-    from oed.study_file import load_study
-    from oed.study_output import staged_folder, write_results
+    from oed.study.file import load_study
+    from oed.study.output import staged_folder, write_results
     from reports.progress import progress_bars
 
     content = load_study(study)

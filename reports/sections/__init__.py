@@ -2,7 +2,7 @@
 
 from collections.abc import Callable
 
-from oed.study import Progress, StudyResults
+from oed.study.pipeline import Progress, StudyResults
 from reports.parts import Section
 from reports.sections import (
     candidates,

@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from oed.screening import ScreenedCandidates
-from oed.study import StudyResults
+from oed.candidates.screening import ScreenedCandidates
+from oed.study.pipeline import StudyResults
 from reports import text
 from reports.parts import Column, Number, Row, Section, Table, numbers, table
 from reports.sections.places import place_numbers

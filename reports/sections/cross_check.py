@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from estimators.cross_check import CrossCheck
+from estimators.uncertainty.cross_check import CrossCheck
 from reports import text
 from reports.parts import Cell, Column, Number, Section, Table, numbers, table
 from reports.template import filled

@@ -1,6 +1,6 @@
 """The design: how good the chosen positions are, and the proof of it."""
 
-from oed.study import StudyResults
+from oed.study.pipeline import StudyResults
 from reports import figures, text
 from reports.parts import Section, figure
 from reports.template import filled

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from oed.study import FittedStudy, StudyResults, start_number
+from oed.study.pipeline import FittedStudy, StudyResults, start_number
 from reports import figures, text
 from reports.parts import Column, Number, Section, Table, figure, numbers, table
 from reports.template import filled

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from estimators.identifiability import Identifiability
+from estimators.uncertainty.identifiability import Identifiability
 from reports import text
 from reports.parts import Column, Number, Section, Table, numbers, table
 from reports.template import filled

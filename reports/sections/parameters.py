@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from oed.study import StudyResults
+from oed.study.pipeline import StudyResults
 from reports import text, uncertainty_figures
 from reports.parts import Cell, Column, Number, Section, Table, figure, numbers
 from reports.template import filled

@@ -1,6 +1,6 @@
 """How positions are written."""
 
-from oed.study import StudyResults
+from oed.study.pipeline import StudyResults
 from reports import text
 from reports.parts import Number
 from robotmodels.arrays import Array

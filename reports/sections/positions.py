@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 from markupsafe import Markup
 
-from oed.study import StudyResults
+from oed.study.pipeline import StudyResults
 from reports import robot_pictures, text
 from reports.parts import Cell, Number, Section, Table, numbers, table
 from reports.sections.places import place_numbers, prismatic

@@ -1,7 +1,7 @@
 """Provenance: from what the results were computed, with what, and how to do it again."""
 
-from oed.fingerprint import file_digest, json_digest, robot_digest
-from oed.study import StudyResults
+from oed.study.fingerprint import file_digest, json_digest, robot_digest
+from oed.study.pipeline import StudyResults
 from reports import text
 from reports.parts import Column, Number, Section, Table, numbers, table
 from reports.template import filled

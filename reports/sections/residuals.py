@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from estimators.residual_analysis import ResidualAnalysis
+from estimators.fitting.residual_analysis import ResidualAnalysis
 from reports import figures, text
 from reports.parts import Column, Number, Row, Section, Table, figure, numbers, table
 from reports.template import filled

@@ -3,7 +3,7 @@
 import numpy as np
 
 import robotmodels
-from oed.study import StudyResults
+from oed.study.pipeline import StudyResults
 from reports import response_panels
 from reports.page_budget import lines_drawn
 from reports.parts import Figure, Section, figure

@@ -1,10 +1,10 @@
 """The robot: its motors and springs, as its file gives them."""
 
-from oed.study import StudyResults
+from oed.study.pipeline import StudyResults
 from reports import text
 from reports.parts import Column, Number, Row, Section, Table, numbers, table
 from reports.template import filled
-from robotmodels.robot_file import Hardening, Spring
+from robotmodels.description.robot_file import Hardening, Spring
 
 
 def section(results: StudyResults) -> Section:

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from oed.study import StudyResults
+from oed.study.pipeline import StudyResults
 from reports import text
 from reports.parts import Section
 from reports.template import filled

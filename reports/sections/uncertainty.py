@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from estimators.posterior import ESS, R_HAT, TIMES
-from oed.study import StudyResults
+from estimators.uncertainty.posterior import ESS, R_HAT, TIMES
+from oed.study.pipeline import StudyResults
 from reports import text, uncertainty_figures
 from reports.parts import Column, Figure, Number, Section, Table, figure, numbers, table
 from reports.template import filled

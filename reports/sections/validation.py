@@ -2,9 +2,9 @@
 
 import numpy as np
 
-from estimators.validation import Validation
-from oed.study import StudyResults
-from oed.study_validation import HeldOut
+from estimators.uncertainty.validation import Validation
+from oed.study.pipeline import StudyResults
+from oed.study.validation import HeldOut
 from reports import figures, text
 from reports.parts import Column, Number, Row, Section, Table, figure, numbers, table
 from reports.sections.places import prismatic

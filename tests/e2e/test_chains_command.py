@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 from conftest import oed
 
-from oed.measured_chains import measured_chains
+from oed.experiment.measured_chains import measured_chains
 from robotmodels.chain_responses import modally_damped
 from robotmodels.chains import CoupledChains
-from robotmodels.controller import Controller
-from robotmodels.linear_plant import simulate_linear
+from robotmodels.plant.controller import Controller
+from robotmodels.plant.linear import simulate_linear
 from robotmodels.records import Records
 
 CHAINS = CoupledChains(

@@ -105,7 +105,7 @@ def test_a_run_interrupted_at_once_leaves_nothing(tmp_path, monkeypatch):
     def interrupted(*args, **kwargs):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("oed.study.run_study", interrupted)
+    monkeypatch.setattr("oed.study.pipeline.run_study", interrupted)
     path = write_study(tmp_path)
     code, out, _ = oed("run", path, "--workers", 1)
     assert (code, out) == (130, "")
@@ -145,7 +145,7 @@ def test_killed_worker_is_one_line(tmp_path, monkeypatch):
     def killed(*args, **kwargs):
         raise BrokenProcessPool
 
-    monkeypatch.setattr("oed.study.run_study", killed)
+    monkeypatch.setattr("oed.study.pipeline.run_study", killed)
     code, out, err = oed("run", write_study(tmp_path), "--workers", 1)
     assert (code, out) == (1, "")
     assert err.startswith("error: a worker process was killed")

@@ -9,9 +9,9 @@ from conftest import ROBOT, STUDY, oed, write_study
 
 import estimators
 import robotmodels
-from oed.published_paper import CONCLUSIONS, ESTIMATORS
-from oed.stage_files import read_dataclass
-from oed.study_data import Data
+from oed.published.paper import CONCLUSIONS, ESTIMATORS
+from oed.study.data import Data
+from oed.study.stage_files import read_dataclass
 
 MODEL = ROBOT + "  - {name: b3x, joint: elbow_joint, axis: x, stiffness: 5.0e4, damping: 50}\n"
 PLANT = MODEL.replace("stiffness: 4.0e4", "stiffness: {low: 3.4e4, high: 5.0e4, torque: 300}")

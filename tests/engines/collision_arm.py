@@ -3,7 +3,7 @@
 from pathlib import Path
 
 from robotmodels import ElasticRobot
-from robotmodels.robot_file import RobotFile
+from robotmodels.description.robot_file import RobotFile
 
 _INERTIAL = (
     '<inertial><origin xyz="0 0 0.2"/><mass value="2"/>'

@@ -16,9 +16,9 @@ from pathlib import Path
 import mujoco
 import numpy as np
 
-from robotmodels.plant_mujoco import PlantBuilder
-from robotmodels.plant_urdf import read_tree
-from robotmodels.robot_file import Hardening, RobotFile
+from robotmodels.description.robot_file import Hardening, RobotFile
+from robotmodels.plant.mujoco_model import PlantBuilder
+from robotmodels.plant.urdf import read_tree
 
 
 @dataclass(frozen=True, eq=False)

@@ -7,7 +7,7 @@ from typing import Any
 import yaml
 
 from robotmodels import ElasticRobot
-from robotmodels.robot_file import RobotFile
+from robotmodels.description.robot_file import RobotFile
 
 HERE = Path(__file__).parent
 

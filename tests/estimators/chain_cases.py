@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from estimators.chain_maps import ChainLayout
+from estimators.chains.maps import ChainLayout
 from robotmodels.chains import CoupledChains
 
 MASSES = np.array([[0.7, 2, 3], [4, 5, 6], [7, 8, 9]])

@@ -4,8 +4,8 @@ import numpy as np
 
 from robotmodels.chain_responses import modally_damped
 from robotmodels.chains import CoupledChains
-from robotmodels.controller import Controller
-from robotmodels.linear_plant import simulate_linear
+from robotmodels.plant.controller import Controller
+from robotmodels.plant.linear import simulate_linear
 
 MASSES = np.array([[0.7, 2, 3], [4, 5, 6], [7, 8, 9]])
 SPRINGS = np.array([[1000.0, 2000], [3000, 4000], [5000, 6000]])

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from chain_cases import CHAINS, OMEGA, noisy
 
-from estimators.chain_identification import identify_chains
-from estimators.chain_order import WrongModeCount
-from estimators.inverse_eigenvalue import coupled_inertia, first_components, stepwise_chain
+from estimators.chains.identification import identify_chains
+from estimators.chains.inverse_eigenvalue import coupled_inertia, first_components, stepwise_chain
+from estimators.chains.order import WrongModeCount
 from robotmodels.chain_responses import chain_response, modally_damped
 from robotmodels.errors import InvalidInput, NotIdentifiable
 from robotmodels.modes import anti_resonances, resonances

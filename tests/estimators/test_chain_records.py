@@ -14,10 +14,10 @@ from chain_experiments import (
 
 import robotmodels
 from estimators import estimate_frf
-from estimators.chain_identification import identify_chains
-from oed.measured_chains import measured_chains
-from robotmodels.controller import default_controller
-from robotmodels.linear_plant import simulate_linear
+from estimators.chains.identification import identify_chains
+from oed.experiment.measured_chains import measured_chains
+from robotmodels.plant.controller import default_controller
+from robotmodels.plant.linear import simulate_linear
 from robotmodels.records import save_records
 
 

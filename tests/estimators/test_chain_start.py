@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from estimators import simulate_frf
-from estimators.chain_start import chain_start_values
+from estimators.fitting.chain_start import chain_start_values
 from robotmodels import RelativeNoise, load_robot
 from robotmodels.errors import InvalidInput, NotIdentifiable
 

@@ -6,8 +6,8 @@ from linear_gaussian import NAMES, TRUTH, closed_form, fitted, simulated
 from scipy.stats import norm, t
 
 from estimators import covariance, importance_sample, profile_likelihood, sample_posterior
-from estimators.convergence import Target, effective_size, r_hat
-from estimators.priors import Prior
+from estimators.fitting.priors import Prior
+from estimators.uncertainty.convergence import Target, effective_size, r_hat
 
 
 @pytest.fixture(scope="module")

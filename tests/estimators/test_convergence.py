@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 from arviz_stats.base.array import array_stats
 
-from estimators.convergence import (
+from estimators.uncertainty.convergence import (
     Target,
     autocorrelation_time,
     burn_in,

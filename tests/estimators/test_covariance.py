@@ -6,8 +6,8 @@ from test_frf_estimate import full_covariance
 from test_least_squares import MODEL, TRUTH, exact, noisy
 
 from estimators import Uncertainty, covariance, fit, information, multistart, simulate_frf
-from estimators.covariance import sandwich, weighted_noise
-from estimators.residuals import find_residual
+from estimators.fitting.residuals import find_residual
+from estimators.uncertainty.covariance import sandwich, weighted_noise
 from robotmodels import (
     InvalidInput,
     NotIdentifiable,

@@ -21,7 +21,7 @@ from estimators import (
     sample_posterior,
     simulate_frf,
 )
-from estimators.convergence import Target
+from estimators.uncertainty.convergence import Target
 from robotmodels import InvalidInput, RelativeNoise, SpringNetwork
 
 

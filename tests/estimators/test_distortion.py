@@ -5,11 +5,11 @@ import pytest
 from closed_loop import DETECTION, LINES, Bench, bench_records, truth
 
 from estimators import distortion, estimate_frf
-from estimators.distortion import detection_lines
-from estimators.local_model import interpolated
+from estimators.frf.distortion import detection_lines
+from estimators.frf.local_model import interpolated
 from robotmodels import InvalidInput, load_robot
-from robotmodels.controller import default_controller
-from robotmodels.plant import Imperfections, simulate
+from robotmodels.plant.controller import default_controller
+from robotmodels.plant.simulation import Imperfections, simulate
 from robotmodels.records import Records
 
 HERTZ = 2 * np.pi

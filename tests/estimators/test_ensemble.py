@@ -14,9 +14,15 @@ import h5py
 import numpy as np
 import pytest
 
-from estimators.chain_store import Store
-from estimators.ensemble import IndependentMove, Sampler, SnookerMove, marks, run_ensembles
-from estimators.laplace import StudentT
+from estimators.uncertainty.ensemble import (
+    IndependentMove,
+    Sampler,
+    SnookerMove,
+    marks,
+    run_ensembles,
+)
+from estimators.uncertainty.laplace import StudentT
+from estimators.uncertainty.walker_store import Store
 from robotmodels import InvalidInput
 
 P = 5
@@ -139,7 +145,7 @@ SCRIPT = """
 import json, sys
 sys.path.insert(0, {folder!r})
 from test_ensemble import run
-from estimators.chain_store import Store
+from estimators.uncertainty.walker_store import Store
 from pathlib import Path
 run(steps={steps}, store=Store(Path({path!r}), "killed"),
     progress=lambda done, total: print(json.dumps([done, total]), flush=True))

@@ -7,8 +7,8 @@ from closed_loop import LINES, SAMPLES, Bench, bench_records, truth
 
 import estimators
 from estimators import estimate_frf
-from estimators.frf_methods import METHODS
-from estimators.record_checks import check_condition
+from estimators.frf.methods import METHODS
+from estimators.frf.record_checks import check_condition
 from robotmodels import IdentificationWarning, InvalidInput
 from robotmodels.records import Records
 

@@ -2,8 +2,8 @@ import numpy as np
 import pytest
 from closed_loop import FEEDBACK, RESPONSE, circular, loop_spectra
 
-from estimators.frf_estimate import vec
-from estimators.frf_methods import (
+from estimators.frf.estimate import vec
+from estimators.frf.methods import (
     METHODS,
     error_power,
     experiment_weights,

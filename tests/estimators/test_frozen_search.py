@@ -3,8 +3,8 @@ import pytest
 from test_least_squares import MODEL, noisy
 
 from estimators import Prior, fit, simulate_frf
-from estimators.cost import stated
-from estimators.frozen_search import (
+from estimators.fitting.cost import stated
+from estimators.fitting.frozen_search import (
     CorrectedModel,
     can_compile,
     frozen_search,
@@ -12,7 +12,7 @@ from estimators.frozen_search import (
     renewed_search,
     squares,
 )
-from estimators.trust_region import exact_search
+from estimators.fitting.trust_region import exact_search
 from robotmodels import InvalidInput, RelativeNoise, SolverFailed, load_robot
 from robotmodels.normal_equations import NormalEquations
 
@@ -87,7 +87,7 @@ def test_large_problems_of_springs_take_the_fast_way(robot, estimate, monkeypatc
     network = robot.network(estimate.positions)
     assert not hardens(network)
     assert not can_compile(problem, network)  # too small to be worth it
-    monkeypatch.setattr("estimators.frozen_search.WORTHWHILE", 0)
+    monkeypatch.setattr("estimators.fitting.frozen_search.WORTHWHILE", 0)
     assert can_compile(problem, network)
     robust = stated(robot, estimate, "lls", "user", BOUNDS, loss="huber")
     assert not can_compile(robust, network)
@@ -95,7 +95,7 @@ def test_large_problems_of_springs_take_the_fast_way(robot, estimate, monkeypatc
     assert not can_compile(stated(robot, estimate, "nls", eyes, BOUNDS), network)
     asked = []
     monkeypatch.setattr(
-        "estimators.search.frozen_search", lambda *a: asked.append(1) or frozen_search(*a)
+        "estimators.fitting.search.frozen_search", lambda *a: asked.append(1) or frozen_search(*a)
     )
     assert fit(robot, estimate, start=1.1 * robot.parameters.values).converged
     assert asked == [1]
@@ -117,10 +117,10 @@ def test_hardening_gears_are_searched_with_equilibria_found_anew(residual, weigh
     )
     assert fast.status > 0
     assert np.isclose(slow.cost, fast.cost, rtol=1e-8)
-    monkeypatch.setattr("estimators.frozen_search.WORTHWHILE", 0)
+    monkeypatch.setattr("estimators.fitting.frozen_search.WORTHWHILE", 0)
     asked = []
     monkeypatch.setattr(
-        "estimators.search.renewed_search", lambda *a: asked.append(1) or renewed_search(*a)
+        "estimators.fitting.search.renewed_search", lambda *a: asked.append(1) or renewed_search(*a)
     )
     assert np.isclose(fit(robot, frfs, residual, weights, start).cost, slow.cost, rtol=1e-6)
     assert asked == [1]
@@ -197,7 +197,7 @@ def test_numbers_that_are_not_finite_are_refused():
 
 
 def test_models_that_do_not_sag_need_no_correction(monkeypatch):
-    monkeypatch.setattr("estimators.frozen_search.WORTHWHILE", 0)
+    monkeypatch.setattr("estimators.fitting.frozen_search.WORTHWHILE", 0)
     start = 1.3 * MODEL.parameters.values
     fast = fit(MODEL, noisy(), "nls", "optimal", start=start)
     monkeypatch.undo()

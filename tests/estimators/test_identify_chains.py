@@ -5,15 +5,15 @@ import pytest
 from chain_cases import CHAINS, COUPLINGS, MASSES, OMEGA, SPRINGS, TRUTH, noisy
 
 import estimators
-from estimators.chain_identification import identify_chains
-from estimators.chain_maps import ChainLayout, forward_map, inverse_map, inverse_slope
-from estimators.chain_prediction import predict_masses
-from estimators.damper_fit import fit_dampers
-from estimators.inverse_eigenvalue import (
+from estimators.chains.damper_fit import fit_dampers
+from estimators.chains.identification import identify_chains
+from estimators.chains.inverse_eigenvalue import (
     first_components,
     lanczos_chain,
     stepwise_chain,
 )
+from estimators.chains.maps import ChainLayout, forward_map, inverse_map, inverse_slope
+from estimators.chains.prediction import predict_masses
 from robotmodels.chain_responses import chain_response, modally_damped
 from robotmodels.chains import CoupledChains
 from robotmodels.modes import anti_resonances, resonances

@@ -80,7 +80,7 @@ def test_one_evaluation_serves_residual_and_jacobian(monkeypatch):
         calls.append(1)
         return sensitivity(*args, **kwargs)
 
-    monkeypatch.setattr("estimators.cost.sensitivity", counted)
+    monkeypatch.setattr("estimators.fitting.cost.sensitivity", counted)
     found = fit(MODEL, noisy())
     assert found.evaluations == len(calls)
     assert len(calls) < 15

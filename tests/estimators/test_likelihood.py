@@ -5,7 +5,7 @@ import pytest
 from scipy.integrate import quad
 from scipy.stats import t
 
-from estimators.likelihood import Noise
+from estimators.uncertainty.likelihood import Noise
 
 
 def test_the_scale_is_integrated_out():

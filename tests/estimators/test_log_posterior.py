@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 
 from estimators import covariance, fit, sample_posterior, simulate_frf
-from estimators.convergence import Target
-from estimators.likelihood import Noise
-from estimators.log_posterior import log_posterior
+from estimators.uncertainty.convergence import Target
+from estimators.uncertainty.likelihood import Noise
+from estimators.uncertainty.log_posterior import log_posterior
 from robotmodels import CoupledChains, ElasticRobot, RelativeNoise, load_robot
-from robotmodels.robot_file import RobotFile
+from robotmodels.description.robot_file import RobotFile
 
 OMEGA = 2 * np.pi * np.geomspace(0.5, 12, 40)
 CHAINS = CoupledChains(

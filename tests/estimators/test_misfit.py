@@ -6,7 +6,7 @@ from test_frf_estimate import full_covariance
 from test_least_squares import MODEL
 
 from estimators import FrfEstimate, fit, simulate_frf
-from estimators.misfit import misfit
+from estimators.uncertainty.misfit import misfit
 from robotmodels import InvalidInput, RelativeNoise, frequency_response
 
 TRUTH = frequency_response(MODEL, POSITIONS[:1], OMEGA)

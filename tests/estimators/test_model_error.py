@@ -4,7 +4,7 @@ from scipy.stats import norm
 from two_chains import circular, drawn, truth, two_chains, with_errors
 
 from estimators import Prior, covariance, fit, multistart
-from estimators.model_error import loss_factors, reduced_cost
+from estimators.uncertainty.model_error import loss_factors, reduced_cost
 from robotmodels import CoupledChains, InvalidInput, RelativeNoise, SolverFailed
 
 MODEL = two_chains()

@@ -7,12 +7,12 @@ from test_frf_estimate import full_covariance
 from test_least_squares import MODEL, TRUTH, exact
 
 from estimators import covariance, fit, sample_posterior, simulate_frf
-from estimators.convergence import Target
-from estimators.ensemble import Sampler, run_ensembles
-from estimators.likelihood import Noise
-from estimators.log_posterior import log_posterior
-from estimators.posterior import judged
-from estimators.priors import Prior
+from estimators.fitting.priors import Prior
+from estimators.uncertainty.convergence import Target
+from estimators.uncertainty.ensemble import Sampler, run_ensembles
+from estimators.uncertainty.likelihood import Noise
+from estimators.uncertainty.log_posterior import log_posterior
+from estimators.uncertainty.posterior import judged
 from robotmodels import InvalidInput, RelativeNoise, SolverFailed
 
 

@@ -7,9 +7,9 @@ from test_frf_estimate import full_covariance
 from test_least_squares import MODEL, exact
 
 from estimators import covariance, fit, profile_likelihood, simulate_frf
-from estimators.likelihood import Noise
-from estimators.log_posterior import log_posterior
-from estimators.log_posterior_slope import slope
+from estimators.uncertainty.likelihood import Noise
+from estimators.uncertainty.log_posterior import log_posterior
+from estimators.uncertainty.log_posterior_slope import slope
 from robotmodels import InvalidInput, RelativeNoise
 
 

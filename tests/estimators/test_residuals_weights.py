@@ -12,8 +12,8 @@ from estimators import (
     simulate_frf,
     user_weights,
 )
-from estimators.residuals import RESIDUALS, find_residual
-from estimators.weights import chosen_weights, square_root, used_elements, whiten
+from estimators.fitting.residuals import RESIDUALS, find_residual
+from estimators.fitting.weights import chosen_weights, square_root, used_elements, whiten
 from robotmodels import InvalidInput, RelativeNoise, frequency_response, sensitivity
 
 

@@ -7,7 +7,7 @@ from random_candidates import information_set, random_set
 from scipy.optimize import linprog
 
 from oed import Constraints, Group, optimal_design, optimality_gap
-from oed.polytope import Polytope
+from oed.design.polytope import Polytope
 from robotmodels import InvalidInput
 
 Q = 120

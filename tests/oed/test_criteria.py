@@ -4,7 +4,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from random_candidates import random_set
 
-from oed.criteria import criterion, sensitivities
+from oed.design.criteria import criterion, sensitivities
 from robotmodels import InvalidInput
 
 

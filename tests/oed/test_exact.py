@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from random_candidates import information_set, quadratic_regression, random_set
 
 from oed import Constraints, exact_design, optimal_design
-from oed.exact import efficient_rounding
+from oed.plans.exact import efficient_rounding
 from robotmodels import InvalidInput, NotIdentifiable
 
 

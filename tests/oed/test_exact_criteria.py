@@ -14,8 +14,8 @@ from oed import (
     exact_design,
     optimal_design,
 )
-from oed.criteria import objective
-from oed.gains import log_values
+from oed.design.criteria import objective
+from oed.design.gains import log_values
 from oed.store import write_store
 from robotmodels import InvalidInput, NotIdentifiable
 

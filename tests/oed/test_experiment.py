@@ -3,11 +3,11 @@ import json
 import numpy as np
 import pytest
 
-from oed.experiment import prepare
-from oed.experiment_file import load_experiment, per_motor, planned_positions
-from oed.experiment_run import run_experiment
-from oed.peaks import predicted_peaks
-from oed.plan import ExperimentPlan
+from oed.experiment.build import prepare
+from oed.experiment.file import load_experiment, per_motor, planned_positions
+from oed.experiment.peaks import predicted_peaks
+from oed.experiment.plan import ExperimentPlan
+from oed.experiment.run import run_experiment
 from robotmodels.errors import InvalidInput
 from robotmodels.records import Records
 

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from random_candidates import information_set, random_set
 
 from oed import InformationSet, candidate_positions, information
-from oed.null_space import unidentifiable, weak_directions
+from oed.design.null_space import unidentifiable, weak_directions
 from robotmodels import (
     InvalidInput,
     Parameters,

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from oed import MoveLimits, move, visiting_order
-from oed.moves import move_times
+from oed.experiment.moves import move_times
 from robotmodels import InvalidInput
 
 LIMITS = MoveLimits(("a", "b"), [[-3, 3], [-3, 3]], [1.0, 2.0], [2.0, 5.0])
@@ -49,7 +49,7 @@ def test_many_positions_on_a_line_are_visited_along_it():
 
 
 def test_beyond_twelve_it_comes_close_to_the_best(monkeypatch):
-    import oed.order as module
+    import oed.plans.order as module
 
     ratios = []
     for seed in range(5):

@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
-from estimators.covariance import Uncertainty
-from oed.published import Evaluation
-from oed.published_conclusions import agreed, conclusions, contest
-from oed.published_paper import CONCLUSIONS, ESTIMATORS, TABLE_1
-from oed.published_table import Groups, Table1, found_share, groups_of, hardest_spring, table_1
+from estimators.uncertainty.covariance import Uncertainty
+from oed.published.conclusions import agreed, conclusions, contest
+from oed.published.estimators import Evaluation
+from oed.published.paper import CONCLUSIONS, ESTIMATORS, TABLE_1
+from oed.published.table import Groups, Table1, found_share, groups_of, hardest_spring, table_1
 from robotmodels import load_robot
 
 N = 40

@@ -8,8 +8,8 @@ from hypothesis import strategies as st
 from random_candidates import information_set, quadratic_regression, random_set
 
 from oed import optimal_design
-from oed.coordinates import whiten
-from oed.duplicates import distinct
+from oed.design.coordinates import whiten
+from oed.design.duplicates import distinct
 from robotmodels import InvalidInput, NotIdentifiable, SolverFailed
 
 SOLVERS = ["cvxpy", "newton"]

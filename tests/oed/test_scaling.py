@@ -8,11 +8,11 @@ from two_axes import CONTROLLER, RATIOS, N, T, TwoAxes, plan, run
 
 import robotmodels
 from oed import Limits, band_multisine, experiment_plan, predicted_peaks, scale
-from oed.peaks import PlannedLoop
-from oed.start import sampled_loop
+from oed.experiment.peaks import PlannedLoop
+from oed.experiment.start import sampled_loop
 from robotmodels import InvalidInput, LinearModel
-from robotmodels.controller import Controller, default_controller
-from robotmodels.measurement import Measurement
+from robotmodels.elastic.measurement import Measurement
+from robotmodels.plant.controller import Controller, default_controller
 
 AXES = TwoAxes()
 NOTHING_HELD = np.zeros((2, 2))

@@ -8,10 +8,10 @@ from hypothesis import strategies as st
 from random_candidates import information_set, random_set
 
 import oed
-import oed.active_set
-from oed.criteria import objective
-from oed.inner_problem import InnerProblem
-from oed.newton import newton
+import oed.design.active_set
+from oed.design.criteria import objective
+from oed.design.inner_problem import InnerProblem
+from oed.design.newton import newton
 from robotmodels import InvalidInput, SolverFailed
 
 
@@ -85,7 +85,7 @@ def test_cvxpy_takes_over_from_newton(monkeypatch):
     def stuck(*_):
         raise SolverFailed("interior-point method stopped 0.1 from its goal")
 
-    monkeypatch.setattr(oed.active_set, "newton", stuck)
+    monkeypatch.setattr(oed.design.active_set, "newton", stuck)
     design = oed.optimal_design(random_set(1, 30, 3, 2), solver="newton", tolerance=1e-5)
     assert design.solver == "interior-point method stopped 0.1 from its goal: cvxpy, clarabel"
     assert design.gap <= 1e-5

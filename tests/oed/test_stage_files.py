@@ -4,7 +4,7 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 
-from oed.stage_files import ARRAY, read_dataclass, write_dataclass
+from oed.study.stage_files import ARRAY, read_dataclass, write_dataclass
 from robotmodels.errors import InvalidInput
 
 

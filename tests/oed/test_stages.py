@@ -10,8 +10,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from oed.stage_files import ARRAY
-from oed.stages import Files, open_stages
+from oed.study.stage_files import ARRAY
+from oed.study.stages import Files, open_stages
 from robotmodels.errors import InvalidInput
 
 
@@ -73,7 +73,7 @@ def test_the_same_result_of_another_setting_changes_nothing_below(tmp_path):
 def test_another_version_of_the_package_recomputes_all(tmp_path, monkeypatch):
     chain = Chain(tmp_path)
     chain.run()
-    monkeypatch.setattr("oed.stages.version", lambda package: "9.9")
+    monkeypatch.setattr("oed.study.stages.version", lambda package: "9.9")
     chain.run()
     assert chain.computed == ["a", "b", "c"]
 
@@ -163,7 +163,7 @@ def test_a_folder_that_cannot_be_made_is_named(tmp_path):
 WORK = """
 import sys, time
 from pathlib import Path
-from oed.stages import Files, open_stages
+from oed.study.stages import Files, open_stages
 
 NUMBER = Files(
     lambda value, folder: (folder / "sum").write_text(repr(value)),

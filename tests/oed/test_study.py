@@ -3,11 +3,11 @@ from dataclasses import dataclass, field
 import numpy as np
 import pytest
 
-import oed.study_fits
-from estimators.frf_estimate import FrfEstimate
-from oed.fit_section import Estimator
+import oed.study.fits
+from estimators.frf.estimate import FrfEstimate
 from oed.information_set import InformationSet
-from oed.study_fits import Search, best_likelihood, positions_of, start_number
+from oed.study.fit_section import Estimator
+from oed.study.fits import Search, best_likelihood, positions_of, start_number
 from robotmodels.errors import InvalidInput, NotIdentifiable
 
 STARTS = np.array([[1.0, 2.0], [3.0, 1.0], [2.0, 2.0]])
@@ -38,7 +38,7 @@ def search(estimator, *runs):
 @pytest.fixture
 def refine_to(monkeypatch):
     def set_cost(cost):
-        monkeypatch.setattr(oed.study_fits, "fit", lambda *args, start: Ended(cost, start))
+        monkeypatch.setattr(oed.study.fits, "fit", lambda *args, start: Ended(cost, start))
 
     return set_cost
 

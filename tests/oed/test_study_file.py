@@ -3,7 +3,7 @@ import math
 import numpy as np
 import pytest
 
-from oed.study_file import Frequencies, load_study
+from oed.study.file import Frequencies, load_study
 from robotmodels.errors import InvalidInput
 
 LEAST = """\

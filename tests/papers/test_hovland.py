@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from estimators.chain_identification import identify_chains
-from estimators.inverse_eigenvalue import (
+from estimators.chains.identification import identify_chains
+from estimators.chains.inverse_eigenvalue import (
     coupled_inertia,
     first_components,
     lanczos_chain,

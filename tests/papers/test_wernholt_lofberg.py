@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import oed
-from oed.coordinates import whiten
+from oed.design.coordinates import whiten
 from robotmodels import RelativeNoise, load_robot
 
 SPRINGS = 12

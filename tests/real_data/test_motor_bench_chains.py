@@ -8,7 +8,7 @@ import pytest
 from motor_bench import bench_data, bench_records
 
 from estimators import estimate_frf, identify_chains
-from estimators.chain_prediction import predict_masses
+from estimators.chains.prediction import predict_masses
 
 MOTOR, LOAD, STIFFNESS = 0.004796, 0.004804, 552.5
 

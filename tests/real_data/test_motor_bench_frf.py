@@ -9,7 +9,7 @@ from motor_bench import DETECTION, RATE, SAMPLES, bench_data, bench_records
 from scipy.optimize import least_squares
 
 from estimators import distortion, estimate_frf, local_frf, settling
-from estimators.spectra import spectra
+from estimators.frf.spectra import spectra
 from robotmodels import IdentificationWarning
 
 

@@ -8,12 +8,12 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from oed.measured_frf import measured_frf
+from oed.experiment.measured_frf import measured_frf
 from reports.frf_figures import decibels
 from reports.frf_page import level_table, write_frf_page
 from reports.frf_summary import excess, frf_summary
-from robotmodels.closed_loop import hold_response
 from robotmodels.errors import InvalidInput
+from robotmodels.plant.closed_loop import hold_response
 from robotmodels.records import Records
 
 SAMPLES, T, BLOCKS, PERIODS = 200, 0.005, 6, 3

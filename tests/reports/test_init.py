@@ -4,12 +4,12 @@ import numpy as np
 import pytest
 import yaml
 
-from oed.study_file import load_study
+from oed.study.file import load_study
 from reports import cli
 from reports.starter_files import grid_points, starter_files, write_starter_files
 from robotmodels import InvalidInput, load_robot
-from robotmodels.proposal import propose_drives
-from robotmodels.urdf_joints import moving_joints
+from robotmodels.description.proposal import propose_drives
+from robotmodels.description.urdf_joints import moving_joints
 
 URDF = """\
 <robot name="arm">

@@ -5,7 +5,7 @@ import pytest
 
 import estimators
 import oed
-from estimators.identifiability import identifiability
+from estimators.uncertainty.identifiability import identifiability
 
 
 @pytest.fixture(scope="module")

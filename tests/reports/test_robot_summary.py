@@ -13,8 +13,8 @@ from reports import cli
 from reports.check_options import read_band, read_position
 from reports.robot_summary import robot_json, robot_summary
 from robotmodels import ElasticRobot, InvalidInput
-from robotmodels.diagnosis import diagnose
-from robotmodels.suspicions import suspicions
+from robotmodels.description.diagnosis import diagnose
+from robotmodels.description.suspicions import suspicions
 
 
 def shown(robot: ElasticRobot, position: list[float] | None = None) -> str:

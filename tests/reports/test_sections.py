@@ -6,9 +6,9 @@ from html import unescape
 import numpy as np
 import pytest
 
-from estimators.cross_check import CrossCheck
-from estimators.identifiability import identifiability
-from estimators.residual_analysis import ResidualAnalysis
+from estimators.fitting.residual_analysis import ResidualAnalysis
+from estimators.uncertainty.cross_check import CrossCheck
+from estimators.uncertainty.identifiability import identifiability
 from reports.page_budget import BUDGET, lines_drawn
 from reports.parts import Column, Number, Section, numbers, table
 from reports.sections import cross_check, residuals

@@ -4,9 +4,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from robotmodels.measurement import Measurement
-from robotmodels.parameters import Parameters
-from robotmodels.spring_network import Inertances, SpringNetwork
+from robotmodels.description.parameters import Parameters
+from robotmodels.elastic.measurement import Measurement
+from robotmodels.elastic.spring_network import Inertances, SpringNetwork
 
 
 def _parameters(stiffness, damping):

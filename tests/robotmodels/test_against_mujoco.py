@@ -11,9 +11,9 @@ from mujoco_arm import MujocoArm
 from robots import CRANE, PANDA, SENSED, SPLIT, WALL, built
 
 from robotmodels import ElasticRobot, frequency_response, load_robot, sensitivity
-from robotmodels.equilibrium import gravity
-from robotmodels.robot_file import RobotFile
-from robotmodels.urdf import locate
+from robotmodels.description.robot_file import RobotFile
+from robotmodels.description.urdf import locate
+from robotmodels.elastic.equilibrium import gravity
 
 OMEGA = 2 * np.pi * np.geomspace(2.0, 80.0, 6)
 NAMES = ("ur10", "split", "wall", "panda", "crane")

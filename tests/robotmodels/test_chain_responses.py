@@ -11,11 +11,11 @@ from robotmodels.chain_responses import (
     position_controlled,
 )
 from robotmodels.chains import CoupledChains
-from robotmodels.closed_loop import hold_response
-from robotmodels.controller import Controller
 from robotmodels.errors import InvalidInput, SolverFailed
-from robotmodels.linear_plant import sampled_loop, simulate_linear
 from robotmodels.modes import damped_modes, resonances
+from robotmodels.plant.closed_loop import hold_response
+from robotmodels.plant.controller import Controller
+from robotmodels.plant.linear import sampled_loop, simulate_linear
 
 COUPLINGS = np.array([[0.0, 0.5, -0.4], [0.5, 0, 0.3], [-0.4, 0.3, 0]])
 CHAINS = CoupledChains(

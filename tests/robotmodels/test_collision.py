@@ -9,8 +9,8 @@ from collision_arm import ORIGINS, SHAPES, arm, shape, urdf
 from scipy.spatial.transform import Rotation
 
 from robotmodels import Box, InvalidInput, Plane, Sphere, load_robot, surroundings
-from robotmodels.plant_urdf import read_tree
-from robotmodels.urdf import locate
+from robotmodels.description.urdf import locate
+from robotmodels.plant.urdf import read_tree
 
 STRAIGHT = np.zeros(3)
 

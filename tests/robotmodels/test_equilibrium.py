@@ -6,7 +6,7 @@ from robots import CRANE, PENDULUM, SPLIT, WALL, built, changed, with_spring
 from scipy.optimize import brentq
 
 from robotmodels import NoEquilibrium, frequency_response, linearize
-from robotmodels.equilibrium import gravity
+from robotmodels.elastic.equilibrium import gravity
 
 GRAVITY_TORQUE = 4 * 9.81 * 0.5  # of the level pendulum [N m]
 

@@ -13,19 +13,17 @@ import numpy as np
 import pytest
 from spring_networks import NETWORKS, robot
 
-from robotmodels import (
-    kernel,
-    kernel_cost,
-    kernel_factor,
-    kernel_information,
-    kernel_normal,
-    kernel_reduce,
-    kernel_separable,
-    kernel_slopes,
-    kernel_solve,
-)
+from robotmodels import kernel
 from robotmodels.errors import InvalidInput
-from robotmodels.kernel_layout import layout
+from robotmodels.kernel import cost as kernel_cost
+from robotmodels.kernel import factor as kernel_factor
+from robotmodels.kernel import fisher as kernel_information
+from robotmodels.kernel import normal as kernel_normal
+from robotmodels.kernel import reduce as kernel_reduce
+from robotmodels.kernel import separable as kernel_separable
+from robotmodels.kernel import slopes as kernel_slopes
+from robotmodels.kernel import solve as kernel_solve
+from robotmodels.kernel.layout import layout
 from robotmodels.noise import RelativeNoise
 
 NOISE = RelativeNoise()

@@ -10,7 +10,7 @@ from spring_networks import NETWORKS, robot
 
 from robotmodels import kernel
 from robotmodels.errors import InvalidInput
-from robotmodels.kernel_layout import layout
+from robotmodels.kernel.layout import layout
 
 OMEGA = 2 * np.pi * np.linspace(2, 80, 21)
 RESIDUALS = ("nls", "lls", "lls_magnitude")

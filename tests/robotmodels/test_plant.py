@@ -19,10 +19,10 @@ from robotmodels import (
     default_controller,
     simulate,
 )
-from robotmodels.plant import IDEAL
-from robotmodels.plant_mujoco import build_plant
-from robotmodels.plant_rest import find_rest
-from robotmodels.urdf import locate
+from robotmodels.description.urdf import locate
+from robotmodels.plant.mujoco_model import build_plant
+from robotmodels.plant.rest import find_rest
+from robotmodels.plant.simulation import IDEAL
 
 T = 5e-4
 UR10_POSITION = np.array([[0.3, -1.0, 1.0, 0.5, 0.7, 0.2]])

@@ -7,7 +7,7 @@ import yaml
 from robots import HERE, PENDULUM, SPLIT, changed, with_spring
 
 from robotmodels import InvalidInput, load_robot
-from robotmodels.robot_file import Hardening, RobotFile, read_robot_file
+from robotmodels.description.robot_file import Hardening, RobotFile, read_robot_file
 
 
 def refusal(path: Path, content: dict | str) -> str:

@@ -10,7 +10,7 @@ from mujoco_arm import MujocoArm
 from robots import CRANE, HERE, SPLIT, built, changed, with_spring
 
 from robotmodels import InvalidInput, frequency_response
-from robotmodels.urdf import locate
+from robotmodels.description.urdf import locate
 
 OMEGA = 2 * np.pi * np.geomspace(2.0, 80.0, 5)
 GROUND = """

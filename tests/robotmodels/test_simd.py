@@ -4,33 +4,31 @@ import numpy as np
 import pytest
 from numba import njit
 
-from robotmodels import kernel_log, kernel_memory, simd
+from robotmodels.kernel import logarithm, memory, simd
 
 
 @njit
 def _arithmetic(x, y, out):
-    a, b = kernel_memory.load_complex(x, 0), kernel_memory.load_complex(y, 0)
-    c, d = kernel_memory.load_complex(x, 2), kernel_memory.load(y, 2)
-    kernel_memory.store(out, 0, a + b)
-    kernel_memory.store(out, 2, a - b)
-    kernel_memory.store(out, 4, a * b)
-    kernel_memory.store(out, 6, a * d)
-    kernel_memory.store(out, 8, simd.fma(a, b, c))
-    kernel_memory.store(out, 10, simd.fma(a, d, c))
-    kernel_memory.store(out, 12, simd.fma_conjugate(a, b, c))
-    kernel_memory.store(out, 14, simd.pack(simd.fma(a.real, d, c.real), a.imag / d))
-    kernel_memory.store(out, 16, simd.pack(simd.minimum(a.real, d), simd.maximum(a.real, d)))
-    kernel_memory.store(
-        out, 18, simd.pack(simd.splat(2.5), simd.where_greater(a.real, d, d, a.imag))
-    )
-    kernel_memory.store(out, 20, kernel_log.log(a))
-    kernel_memory.store(out, 22, simd.split_exponent(d * d))
-    kernel_memory.put(out, 24 * simd.LANES, kernel_memory.scalar(x, 3) + simd.lane_sum(d))
+    a, b = memory.load_complex(x, 0), memory.load_complex(y, 0)
+    c, d = memory.load_complex(x, 2), memory.load(y, 2)
+    memory.store(out, 0, a + b)
+    memory.store(out, 2, a - b)
+    memory.store(out, 4, a * b)
+    memory.store(out, 6, a * d)
+    memory.store(out, 8, simd.fma(a, b, c))
+    memory.store(out, 10, simd.fma(a, d, c))
+    memory.store(out, 12, simd.fma_conjugate(a, b, c))
+    memory.store(out, 14, simd.pack(simd.fma(a.real, d, c.real), a.imag / d))
+    memory.store(out, 16, simd.pack(simd.minimum(a.real, d), simd.maximum(a.real, d)))
+    memory.store(out, 18, simd.pack(simd.splat(2.5), simd.where_greater(a.real, d, d, a.imag)))
+    memory.store(out, 20, logarithm.log(a))
+    memory.store(out, 22, simd.split_exponent(d * d))
+    memory.put(out, 24 * simd.LANES, memory.scalar(x, 3) + simd.lane_sum(d))
     return simd.any_negative(d)
 
 
 def _numbers(places, rng):
-    buffer = kernel_memory.aligned(places)
+    buffer = memory.aligned(places)
     buffer[:] = rng.normal(size=buffer.size)
     return buffer
 
@@ -42,8 +40,8 @@ def _complex(buffer, place):
 
 def test_operations_agree_with_numpy_in_every_lane():
     rng = np.random.default_rng(1)
-    x, y, out = _numbers(4, rng), _numbers(3, rng), kernel_memory.aligned(25)
-    negative = _arithmetic(*(kernel_memory.address(array) for array in (x, y, out)))
+    x, y, out = _numbers(4, rng), _numbers(3, rng), memory.aligned(25)
+    negative = _arithmetic(*(memory.address(array) for array in (x, y, out)))
     a, c, b = _complex(x, 0), _complex(x, 2), _complex(y, 0)
     d = y[2 * simd.LANES :]
     exponent = np.floor(np.log2(d * d / np.sqrt(0.5)))
@@ -66,18 +64,18 @@ def test_operations_agree_with_numpy_in_every_lane():
     assert out[24 * simd.LANES] == pytest.approx(x[3] + d.sum())
     assert negative
     y[2 * simd.LANES :] = 1.0
-    assert not _arithmetic(*(kernel_memory.address(array) for array in (x, y, out)))
+    assert not _arithmetic(*(memory.address(array) for array in (x, y, out)))
 
 
 def test_logarithm_is_accurate_over_all_magnitudes_and_angles():
     rng = np.random.default_rng(2)
-    out = kernel_memory.aligned(25)
+    out = memory.aligned(25)
     y = _numbers(3, rng)
     for scale in (1e-140, 1e-5, 1.0, 1e5, 1e140):
         for _ in range(50):
             x = _numbers(4, rng)
             x[: 2 * simd.LANES] *= scale * 10 ** rng.uniform(-4, 4, 2 * simd.LANES)
-            _arithmetic(*(kernel_memory.address(array) for array in (x, y, out)))
+            _arithmetic(*(memory.address(array) for array in (x, y, out)))
             np.testing.assert_allclose(
                 _complex(out, 20).imag, np.angle(_complex(x, 0)), rtol=4e-15, atol=0
             )
@@ -88,6 +86,6 @@ def test_logarithm_is_accurate_over_all_magnitudes_and_angles():
 
 def test_buffers_are_aligned_and_only_contiguous_arrays_have_an_address():
     for places in range(1, 9):
-        assert kernel_memory.address(kernel_memory.aligned(places)) % 64 == 0
+        assert memory.address(memory.aligned(places)) % 64 == 0
     with pytest.raises(ValueError, match="contiguous"):
-        kernel_memory.address(np.zeros((4, 4))[:, ::2])
+        memory.address(np.zeros((4, 4))[:, ::2])

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.optimize import brentq
 
-from robotmodels.spring_laws import SpringLaws
+from robotmodels.description.spring_laws import SpringLaws
 
 LOW, HIGH, TORQUE = 2e4, 6e4, 80.0
 

@@ -7,9 +7,9 @@ import pytest
 from robots import CRANE, HERE, PANDA, PENDULUM, WALL, built, changed
 
 from robotmodels import InvalidInput, load_robot
-from robotmodels.elastic import ElasticRobot
-from robotmodels.robot_file import RobotFile
-from robotmodels.urdf import locate, rigid_model
+from robotmodels.description.robot_file import RobotFile
+from robotmodels.description.urdf import locate, rigid_model
+from robotmodels.elastic.robot import ElasticRobot
 
 LAMP = 'ixx="0.02" ixy="0" ixz="0" iyy="0.03" iyz="0" izz="0.03"'
 LOOP = '<joint name="l" type="fixed"><parent link="hand"/><child link="floor"/></joint>'

@@ -1,0 +1,153 @@
+"""Dampers by nonlinear optimisation from the undamped result, [HBH] section 5."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from estimators.chains.damped_chains import DampedChains
+from estimators.chains.estimate import ChainEstimate
+from estimators.chains.identification import ChainIdentification
+from estimators.chains.modal_data import Data
+from estimators.fitting.least_squares import Fit, fit
+from estimators.frf.estimate import FrfEstimate
+from estimators.uncertainty.covariance import Uncertainty, covariance
+from robotmodels.arrays import Array, ComplexArray
+from robotmodels.modes import resonances
+
+_LEAST = 1e-2  # of the mean damper, to begin with
+
+
+@dataclass(frozen=True, eq=False)
+class DamperFit:
+    """Chains with dampers, motor friction and delay, all fitted together.
+
+    Attributes
+    ----------
+    fit : by `estimators.fit`; its parameters are those of `DampedChains`.
+    model : the fitted chains.
+    uncertainty : of ln of the fit's parameters, Theorem 1.
+    estimate : masses, springs and couplings, with their covariance in SI units.
+    """
+
+    fit: Fit
+    model: DampedChains
+    uncertainty: Uncertainty
+    estimate: ChainEstimate
+
+    @property
+    def dampers(self) -> Array:
+        """(M, N - 1) [N s/m]."""
+        return self.model.dampers.reshape(self.model.layout.chains, -1)
+
+    @property
+    def dampers_std(self) -> Array:
+        """Standard deviations of the dampers, (M, N - 1) [N s/m]."""
+        s = self.model.layout.modes
+        return np.asarray(
+            self.dampers * self.uncertainty.std[s : 2 * s].reshape(self.dampers.shape)
+        )
+
+    @property
+    def friction_std(self) -> Array:
+        """Standard deviations of the motors' viscous friction, (M,) [N s/m]."""
+        m = self.model.layout.chains
+        values = self.fit.parameters.values
+        return np.asarray((values * self.uncertainty.std)[-m - 1 : -1])
+
+    @property
+    def delay_std(self) -> float:
+        """Standard deviation of the delay [s]."""
+        return float(self.fit.parameters.values[-1] * self.uncertainty.std[-1])
+
+    @property
+    def misfit(self) -> float:
+        """Cost over its expectation, as `FittedModes.misfit`."""
+        cost, weights = self.fit.cost, np.asarray(self.fit.weights)
+        expected = float(np.sum(self.fit.estimate.variance * weights))
+        size = 2 * self.fit.estimate.response.size
+        return cost / (expected * max(size - len(self.fit.parameters), 1) / size)
+
+    @property
+    def response(self) -> ComplexArray:
+        """The fitted FRFs, (F, M, M)."""
+        return self.model.linear_model().frequency_response(self.fit.estimate.omega)
+
+
+def fit_dampers(found: ChainIdentification) -> DamperFit:
+    """Fit dampers parallel to the springs, and everything else with them.
+
+    The search begins at the identified chains; the first dampers are those, none negative, whose
+    modal damping is nearest to the measured one.
+
+    Raises
+    ------
+    NotIdentifiable : if the data do not say all parameters.
+    """
+    start = _start(found)
+    estimate = as_estimate(found.modes.data, found.modes.cost)
+    result = fit(
+        start, estimate, residual="nls", weights=1 / found.modes.data.deviations[None] ** 2
+    )
+    uncertainty = covariance(result)
+    model = start.at(result.parameters.values)
+    return DamperFit(result, model, uncertainty, _structure(result, uncertainty, model, found))
+
+
+def as_estimate(data: Data, cost: float) -> FrfEstimate:
+    """Return the FRFs as `FrfEstimate`; where the noise was guessed, of the size of the misfit."""
+    spread = data.covariance * (2 * cost / data.size if data.scaled else 1.0)
+    return FrfEstimate(
+        np.zeros((1, data.chains)),
+        data.omega,
+        data.response[None],
+        spread[None],
+        np.ones(1, dtype=np.int64),
+    )
+
+
+def _start(found: ChainIdentification) -> DampedChains:
+    from scipy.optimize import nnls
+
+    layout, modes = found.structured.layout, found.modes
+    chains = found.chains
+    undamped = resonances(chains.linear_model())
+    network = chains.network(np.zeros((1, 0)))
+    stretch = (network.incidence() @ undamped.shapes) ** 2
+    wanted = 2 * modes.damping * modes.omega
+    dampers = nnls(stretch.T, wanted)[0]
+    # One time constant for all springs is the fallback: damping in proportion to stiffness.
+    share = float(np.median(wanted / modes.omega**2))
+    least = _LEAST * max(share, 1e-9) * chains.springs.ravel()
+    m = layout.chains
+    masses, _, _ = layout.split(found.structured.values)
+    i, j = np.triu_indices(m, 1)
+    begin = sum(modes.layout.sizes[:4])
+    std = np.sqrt(np.diag(modes.covariance))[begin : begin + m + 1]
+    last = np.sqrt(masses[i, -1] * masses[j, -1])
+    signed = np.array([*modes.friction, modes.delay])
+    offsets = np.concatenate([-last, signed - np.abs(signed) - 10 * std])
+    return DampedChains(
+        layout,
+        np.array(found.structured.values),
+        np.maximum(dampers, least),
+        np.array(modes.friction),
+        modes.delay,
+        offsets,
+    )
+
+
+def _structure(
+    result: Fit, uncertainty: Uncertainty, model: DampedChains, found: ChainIdentification
+) -> ChainEstimate:
+    """Return theta with its covariance, from that of ln of the fit's parameters."""
+    layout = model.layout
+    s, d = layout.modes, layout.chains * layout.masses
+    pairs = len(layout.names) - layout.positive
+    order = np.concatenate(
+        [2 * s + np.arange(d), np.arange(s), 2 * s + d + np.arange(pairs)]
+    ).astype(np.int64)
+    scale = result.parameters.values[order]
+    spread = uncertainty.covariance[np.ix_(order, order)] * np.outer(scale, scale)
+    return ChainEstimate(
+        layout, model.theta, spread, "least squares with dampers", found.inverse.condition
+    )

@@ -1,0 +1,215 @@
+"""Estimated masses, springs and couplings of chains, and how far to trust them."""
+
+from dataclasses import dataclass
+from statistics import NormalDist
+
+import numpy as np
+
+from estimators.chains.maps import ChainLayout, forward_map, inverse_map, inverse_slope
+from estimators.chains.modal_model import modal_response, modal_sensitivity
+from estimators.chains.modes import FittedModes
+from robotmodels.arrays import Array
+from robotmodels.chains import CoupledChains
+from robotmodels.errors import NotIdentifiable
+
+_ROUNDS = 60
+
+
+@dataclass(frozen=True, eq=False)
+class ChainEstimate:
+    """Masses, springs and couplings with their covariance.
+
+    Attributes
+    ----------
+    layout : what is where.
+    values : (k,) in SI units, couplings with their signs.
+    covariance : (k, k) of the values themselves, not of their logarithms [SI].
+    method : where they come from.
+    condition : largest growth of a relative error from poles and gains to parameters [-].
+    """
+
+    layout: ChainLayout
+    values: Array
+    covariance: Array
+    method: str
+    condition: float
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the parameters, those of `CoupledChains`."""
+        return self.layout.names
+
+    @property
+    def units(self) -> tuple[str, ...]:
+        """Units of the parameters along a line; kg m^2 and N m/rad about an axis."""
+        return tuple("N/m" if name.startswith("K") else "kg" for name in self.names)
+
+    @property
+    def std(self) -> Array:
+        """Standard deviations, (k,), in SI units; zero for what was given."""
+        return np.asarray(np.sqrt(np.maximum(np.diag(self.covariance), 0.0)))
+
+    @property
+    def relative_std(self) -> Array:
+        """Standard deviations over magnitudes, (k,)."""
+        return np.asarray(self.std / np.maximum(np.abs(self.values), 1e-300))
+
+    def interval(self, level: float = 0.95) -> Array:
+        """Return lower and upper ends, (k, 2), symmetric in ln for masses and springs."""
+        z = NormalDist().inv_cdf((1 + level) / 2)
+        ends = np.stack([self.values - z * self.std, self.values + z * self.std], axis=-1)
+        p = self.layout.positive
+        spread = np.exp(z * self.relative_std[:p])
+        ends[:p] = np.stack([self.values[:p] / spread, self.values[:p] * spread], axis=-1)
+        return ends
+
+    @property
+    def chains(self) -> CoupledChains:
+        """The chains, undamped."""
+        return CoupledChains(*self.layout.split(self.values))
+
+    def __str__(self) -> str:
+        width = max(len(name) for name in self.names)
+        lines = [f"{self.method}, condition {self.condition:.3g}"]
+        for name, value, unit, std in zip(
+            self.names, self.values, self.units, self.std, strict=True
+        ):
+            lines.append(f"  {name:<{width}}  {value:12.6g} +- {std:<10.3g} {unit}")
+        return "\n".join(lines)
+
+
+def inverse_estimate(
+    found: FittedModes, layout: ChainLayout, first_masses: Array | None
+) -> ChainEstimate:
+    """Return the solution of the inverse eigenvalue problem for fitted modes, [HBH] 3.4.
+
+    The covariance is that of the modes carried through every step (delta method).
+
+    Raises
+    ------
+    NotIdentifiable : if a mass, a spring or the mass matrix comes out not positive: more masses
+        than these data support.
+    """
+    p = layout.modal.size
+    x = found.x[:p]
+    with np.errstate(all="ignore"):
+        theta = inverse_map(x, layout, first_masses)
+    check_physical(theta, layout)
+    slope = inverse_slope(x, layout, first_masses)
+    covariance = slope @ found.covariance[:p, :p] @ slope.T
+    if first_masses is not None:
+        covariance[layout.first] = covariance[:, layout.first] = 0.0
+    return ChainEstimate(
+        layout, theta, covariance, "inverse eigenvalue problem", _condition(slope, x, theta, layout)
+    )
+
+
+def structured_estimate(
+    found: FittedModes, start: ChainEstimate, first_masses: Array | None
+) -> tuple[ChainEstimate, float]:
+    """Return the maximum-likelihood chains, their damping free mode by mode, and the cost.
+
+    Poles and zeros of M > 1 chains of N > 1 masses are more numbers than the chains have
+    parameters; the inverse problem takes just enough of them, this uses all.
+
+    Raises
+    ------
+    NotIdentifiable : if the parameters' information is singular.
+    """
+    from scipy.optimize import least_squares
+
+    layout, data, modal = start.layout, found.data, found.layout
+    p, k = layout.modal.size, len(start.values)
+    free = np.ones(k, dtype=bool)
+    if first_masses is not None:
+        free[layout.first] = False
+    free_all = np.concatenate([free, np.ones(modal.size - p, dtype=bool)])
+
+    def theta_at(v: Array) -> Array:
+        theta = start.values.copy()
+        theta[: layout.positive] *= np.exp(v[: layout.positive])
+        theta[layout.positive :] += v[layout.positive : k]
+        return theta
+
+    def full(u: Array) -> Array:
+        v = np.zeros(len(free_all))
+        v[free_all] = u
+        return v
+
+    def residuals(u: Array) -> Array:
+        v = full(u)
+        try:
+            x, _ = forward_map(theta_at(v), layout, found.shapes)
+        except np.linalg.LinAlgError:
+            return np.full(data.size, 1e6)
+        G = modal_response(np.concatenate([x, found.x[p:] + v[k:]]), modal, data.omega)
+        return data.whitened(G - data.response)[:, 0]
+
+    def jacobian(u: Array) -> Array:
+        v = full(u)
+        x, slope = forward_map(theta_at(v), layout, found.shapes)
+        J = modal_sensitivity(np.concatenate([x, found.x[p:] + v[k:]]), modal, data.omega)[1]
+        white = data.whitened(J)
+        return np.concatenate([white[:, :p] @ slope, white[:, p:]], axis=1)[:, free_all]
+
+    solved = least_squares(
+        residuals,
+        np.zeros(int(free_all.sum())),
+        jac=jacobian,
+        x_scale="jac",
+        ftol=1e-10,
+        xtol=1e-11,
+        gtol=1e-15,
+        max_nfev=_ROUNDS,
+    )
+    theta, cost = theta_at(full(solved.x)), float(2 * solved.cost)
+    white = jacobian(solved.x)
+    covariance = np.zeros((k, k))
+    names = tuple(n for n, f in zip(layout.names, free, strict=True) if f) + modal.names[p:]
+    inner = data.covariance_of(white, cost, names)
+    scale = np.where(np.arange(k) < layout.positive, theta, 1.0)[free]
+    size = int(free.sum())
+    covariance[np.ix_(free, free)] = inner[:size, :size] * np.outer(scale, scale)
+    return (
+        ChainEstimate(
+            layout, theta, covariance, "maximum likelihood, damping free by modes", start.condition
+        ),
+        cost,
+    )
+
+
+def check_physical(theta: Array, layout: ChainLayout) -> None:
+    """Refuse masses, springs and couplings that no chains have.
+
+    Raises
+    ------
+    NotIdentifiable : naming the parameters.
+    """
+    p = layout.positive
+    wrong = [n for n, v in zip(layout.names[:p], theta[:p], strict=True) if not v > 0]
+    remedy = (
+        f"{layout.masses} masses a chain are more than these FRFs support; give fewer, "
+        "or measure more lines with less noise"
+    )
+    if wrong:
+        raise NotIdentifiable(tuple(wrong), f"not positive: {remedy}")
+    masses, _, couplings = layout.split(theta)
+    if np.linalg.eigvalsh(np.diag(masses[:, -1]) + couplings)[0] <= 0:
+        raise NotIdentifiable(
+            tuple(layout.names[p:]), f"mass matrix not positive definite: {remedy}"
+        )
+
+
+def _condition(slope: Array, x: Array, theta: Array, layout: ChainLayout) -> float:
+    """Return the norm of d ln theta / d ln (J, lambda, weights); couplings against their masses."""
+    m, n = layout.chains, layout.modes
+    scale_theta = np.abs(theta)
+    masses, _, _ = layout.split(theta)
+    last = masses[:, -1]
+    i, j = np.triu_indices(m, 1)
+    scale_theta[layout.positive :] = np.sqrt(last[i] * last[j])
+    inertia = layout.modal.split(x)[0]
+    diagonal = np.sqrt(np.outer(np.diag(inertia), np.diag(inertia)))[np.triu_indices(m)]
+    # lambda = omega^2 and w = phi^2: half the slopes by their logarithms.
+    scale_x = np.concatenate([diagonal, np.full(n, 0.5), 0.5 * np.abs(x[len(diagonal) + n :])])
+    return float(np.linalg.norm(slope * scale_x / scale_theta[:, None], 2))

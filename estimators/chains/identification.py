@@ -1,0 +1,240 @@
+"""Inverse eigenvalue identification of coupled chains from FRFs, [HBH] in full, with covariance."""
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from estimators.chains.estimate import ChainEstimate, inverse_estimate, structured_estimate
+from estimators.chains.maps import ChainLayout, forward_map, inverse_map, inverse_slope
+from estimators.chains.modal_data import Data, prepared
+from estimators.chains.modes import FittedModes, Shapes, fit_modes, with_excess
+from estimators.chains.order import (
+    OrderProposal,
+    WrongModeCount,
+    check_not_too_few,
+    check_not_too_many,
+    propose_order,
+)
+from estimators.frf.friction_band import unfrictioned
+from robotmodels.arrays import Array, ComplexArray
+from robotmodels.chains import CoupledChains
+from robotmodels.errors import InvalidInput, NotIdentifiable
+from robotmodels.response import check_omega
+
+# FRFs whose imaginary part is below this share are computed for undamped chains, not measured.
+_ROUNDING = 1e-10
+_MISFIT = 2.0  # over noise, from which on errors beyond the noise are allowed for
+
+
+@dataclass(frozen=True, eq=False)
+class ChainIdentification:
+    """Chains identified from FRFs.
+
+    Attributes
+    ----------
+    modes : poles, zeros and gains.
+    inverse : solution of the inverse eigenvalue problem.
+    structured : maximum-likelihood chains started from it; the result, which `masses`, `springs`
+        and `couplings` show.
+    cost : of the structured fit; what it exceeds the modes' by tells whether these are chains.
+    order : how N was proposed, or None where it was given.
+    left_out : lines at the low end left out for friction.
+    excess : relative error added to the covariance given, so that it explains the misfit; 0 where
+        it did.
+    """
+
+    modes: FittedModes
+    inverse: ChainEstimate
+    structured: ChainEstimate
+    cost: float
+    order: OrderProposal | None
+    left_out: int
+    excess: float
+
+    @property
+    def masses(self) -> Array:
+        """(M, N) [kg]."""
+        return np.asarray(self.structured.layout.split(self.structured.values)[0])
+
+    @property
+    def springs(self) -> Array:
+        """(M, N - 1) [N/m]."""
+        return np.asarray(self.structured.layout.split(self.structured.values)[1])
+
+    @property
+    def couplings(self) -> Array:
+        """(M, M), zero diagonal [kg]."""
+        return np.asarray(self.structured.layout.split(self.structured.values)[2])
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of masses, springs and couplings, in the order of `covariance`."""
+        return self.structured.names
+
+    @property
+    def covariance(self) -> Array:
+        """(k, k) of the values in SI units."""
+        return self.structured.covariance
+
+    @property
+    def n_masses(self) -> int:
+        """Number N of masses in a chain."""
+        return self.structured.layout.masses
+
+    @property
+    def chains(self) -> CoupledChains:
+        """The chains, undamped; for dampers see `estimators.fit_dampers`."""
+        return self.structured.chains
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """What looks doubtful, one sentence each."""
+        from estimators.chains.notes import notes
+
+        return notes(self)
+
+    @property
+    def misfit(self) -> float:
+        """Squared residuals of the modes over their expectation; near 1 where noise is all."""
+        return float("nan") if self.modes.data.scaled else self.modes.misfit
+
+    @cached_property
+    def structure_p_value(self) -> float:
+        """Probability by chance of modes at least as unlike any chains' as these.
+
+        Modes of M > 1 chains of N > 2 masses are more numbers than the chains have parameters. What
+        the inverse problem and back again changes them by, h, is tested against its own
+        covariance (Wald). NaN where nothing is to be tested.
+        """
+        from scipy.stats import chi2
+
+        layout, found = self.inverse.layout, self.modes
+        p, k = layout.modal.size, len(self.inverse.values)
+        spare = p - k
+        if spare < 1 or found.data.undamped:
+            return float("nan")
+        x = found.x[:p]
+        theta = inverse_map(x, layout)
+        back, slope = forward_map(theta, layout, found.shapes)
+        scale = np.where(np.arange(k) < layout.positive, theta, 1.0)
+        H = slope @ (inverse_slope(x, layout) / scale[:, None]) - np.eye(p)
+        values, vectors = np.linalg.eigh(H @ found.covariance[:p, :p] @ H.T)
+        parts = (vectors.T @ (back - x))[-spare:] ** 2 / values[-spare:]
+        return float(chi2.sf(parts.sum(), spare))
+
+    def __str__(self) -> str:
+        return f"{self.structured}\n{self.inverse}"
+
+
+def identify_chains(
+    omega: Array,
+    response: ComplexArray,
+    n_masses: int | None = None,
+    *,
+    covariance: NDArray[Any] | None = None,
+    first_masses: Array | None = None,
+    distortion: Array | None = None,
+) -> ChainIdentification:
+    """Identify masses, springs and couplings of chains from their motors' FRFs.
+
+    Parameters
+    ----------
+    omega : (F,) increasing [rad/s].
+    response : (F, M, M) motor torque to motor acceleration, no motor held.
+    n_masses : N; proposed from the data where None.
+    covariance : (F, M, M) variances or (F, M M, M M) of vec(G), see `FrfEstimate`. Without it the
+        noise is taken to be relative, and its size from the misfit.
+    first_masses : (M,) motor inertias, where a data sheet gives them: taken as exact, and the
+        high-frequency gains (3) not used.
+    distortion : (F, M, M) standard deviations of one block's FRF by nonlinear distortion, see
+        `Distortion.level`: lines at the low end that friction distorts are left out, others count
+        less.
+
+    Raises
+    ------
+    InvalidInput : for shapes that do not fit, N < 2, or motors that answer to no torque.
+    WrongModeCount : if the FRFs show more or fewer modes than M (N - 1); an InvalidInput.
+    NotIdentifiable : if the order is too high for the data, naming parameters.
+    """
+    data, motors = _checked(omega, response, n_masses, covariance, first_masses)
+    data, left_out = unfrictioned(data, distortion)
+    order = propose_order(data) if n_masses is None else None
+    layout = ChainLayout(data.chains, order.n_masses if order is not None else int(n_masses or 0))
+    found, excess = _modes(data, layout)
+    inverse = inverse_estimate(found, layout, motors)
+    if data.undamped:
+        return ChainIdentification(found, inverse, inverse, found.cost, order, left_out, 0.0)
+    structured, cost = structured_estimate(found, inverse, motors)
+    return ChainIdentification(found, inverse, structured, cost, order, left_out, excess)
+
+
+def _modes(data: Data, layout: ChainLayout) -> tuple[FittedModes, float]:
+    """Return the modes, as many as the chains have, and the excess error, or refuse."""
+    if data.undamped:
+        from estimators.chains.rational import exact_poles
+
+        squares = exact_poles(data.omega, data.response.real)
+        if len(squares) != layout.modes:
+            raise WrongModeCount(data, np.sqrt(squares), layout.modes, layout.masses)
+        return fit_modes(data, layout.modes), 0.0
+    if data.size < 2 * (layout.modal.size + 2 * layout.modes + data.chains):
+        raise NotIdentifiable(
+            (f"{layout.modes} modes",),
+            f"{len(data.omega)} lines are too few; measure more, or give fewer masses",
+        )
+    found = fit_modes(data, layout.modes)
+    check_not_too_many(found, layout.masses)
+    excess = 0.0
+    if not data.scaled and found.misfit > _MISFIT:
+        for _ in range(2):
+            enlarged, excess = with_excess(replace(found, data=data))
+            kind: Shapes = "complex" if found.layout.turned else "auto"
+            found = fit_modes(enlarged, layout.modes, shapes=kind)
+    check_not_too_few(found, layout.masses)
+    return found, excess
+
+
+def _checked(
+    omega: Array,
+    response: ComplexArray,
+    n_masses: int | None,
+    covariance: NDArray[Any] | None,
+    first_masses: Array | None,
+) -> tuple[Data, Array | None]:
+    omega = check_omega(omega)
+    G = np.asarray(response, dtype=complex)
+    if G.ndim != 3 or G.shape[0] != len(omega) or G.shape[1] != G.shape[2]:
+        raise InvalidInput(
+            f"response: shape {G.shape} given; ({len(omega)}, M, M), one row and column per motor, "
+            "is needed"
+        )
+    if len(omega) < 2 or not (np.diff(omega) > 0).all():
+        raise InvalidInput("omega: two or more increasing frequencies are needed")
+    if n_masses is not None and n_masses < 2:
+        raise InvalidInput(
+            f"n_masses: {n_masses}; a chain needs at least 2 (a single mass has no spring, and "
+            "its FRF is 1/mass)"
+        )
+    m = G.shape[1]
+    for i in range(m):
+        if not np.isfinite(G[:, :, i]).all():
+            raise InvalidInput(f"response: not finite from motor {i + 1}; was it excited at all?")
+        if not G[:, i, i].any():
+            raise InvalidInput(f"response: zero from motor {i + 1} to itself; was it excited?")
+    undamped = covariance is None and bool(np.abs(G.imag).max() <= _ROUNDING * np.abs(G).max())
+    motors = None
+    if first_masses is not None:
+        motors = np.broadcast_to(np.asarray(first_masses, dtype=float), (m,))
+        if not (np.isfinite(motors) & (motors > 0)).all():
+            raise InvalidInput(f"first_masses: {motors.tolist()} are not {m} positive numbers")
+    if covariance is not None:
+        covariance = np.asarray(covariance)
+        if covariance.shape not in (G.shape, (len(omega), m * m, m * m)):
+            raise InvalidInput(
+                f"covariance: shape {covariance.shape}; {G.shape} or "
+                f"{(len(omega), m * m, m * m)} is needed"
+            )
+    return prepared(omega, G, covariance, undamped), motors

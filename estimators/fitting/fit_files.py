@@ -1,0 +1,180 @@
+"""Fits as files: all that `Fit` holds, but for the model and the estimate.
+
+HDF5 with ``schema`` "fits/1". Attributes ``residual`` and so on lie in one group ``fit_00000`` per
+fit (in five digits, in the order given). Weights are many numbers and mostly shared: they lie once
+in ``weights_0``, ``weights_1``, ..., and each fit names its own.
+"""
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from estimators.fitting.least_squares import Fit
+from estimators.fitting.priors import Prior
+from estimators.fitting.residuals import find_residual
+from estimators.fitting.robust import check_loss
+from estimators.frf.estimate import FrfEstimate, is_full
+from robotmodels.arrays import Array, ComplexArray, IntArray, read_only
+from robotmodels.description.parameters import Parameters
+from robotmodels.errors import InvalidInput
+from robotmodels.replacing import replacing
+from robotmodels.response import Elastic
+
+SCHEMA = "fits/1"
+
+
+def write_fits(path: str | Path, fits: Sequence[Fit]) -> None:
+    """Write fits of one model to HDF5, replacing the file.
+
+    Fits may differ in residual, weights and positions.
+
+    Raises
+    ------
+    InvalidInput : if there is no fit, or they differ in their parameters' names.
+    """
+    import h5py
+
+    if not fits:
+        raise InvalidInput(f"{path}: no fits to write")
+    names = fits[0].parameters.names
+    if any(one.parameters.names != names for one in fits):
+        raise InvalidInput(f"{path}: fits of different parameters cannot share a file")
+    weights: list[Array | ComplexArray] = []
+    with replacing(path) as unfinished, h5py.File(unfinished, "w") as file:
+        file.attrs["schema"] = SCHEMA
+        file.create_dataset("names", data=list(names), dtype=h5py.string_dtype())
+        for i, one in enumerate(fits):
+            place = _place(one.weights, weights)
+            if place == len(weights):
+                weights.append(one.weights)
+                file[f"weights_{place}"] = one.weights
+            _write_fit(file.create_group(f"fit_{i:05d}"), one, place)
+
+
+def read_fits(path: str | Path, model: Elastic, estimate: FrfEstimate) -> tuple[Fit, ...]:
+    """Read what `write_fits` wrote.
+
+    Parameters
+    ----------
+    model : that was fitted.
+    estimate : that it was fitted to; positions a fit left out are left out again.
+
+    Raises
+    ------
+    InvalidInput : if the file is absent or another one, or belongs to another model or estimate.
+    """
+    import h5py
+
+    if not Path(path).is_file():
+        raise InvalidInput(f"{path}: no such file")
+    if not h5py.is_hdf5(path):
+        raise InvalidInput(f"{path}: is not an HDF5 file of fits")
+    with h5py.File(path, "r") as file:
+        if file.attrs.get("schema") != SCHEMA:
+            raise InvalidInput(
+                f"{path}: 'schema' is {file.attrs.get('schema')!r}; {SCHEMA!r} is needed"
+            )
+        names = tuple(file["names"].asstr()[()])
+        if names != model.parameters.names:
+            raise InvalidInput(
+                f"{path}: fits of {', '.join(names)}; the model's free parameters are "
+                f"{', '.join(model.parameters.names)}"
+            )
+        groups = sorted(name for name in file if name.startswith("fit_"))
+        weights = {name: file[name][()] for name in file if name.startswith("weights_")}
+        estimates: dict[bytes, FrfEstimate] = {}
+        return tuple(
+            _read_fit(str(path), file[name], weights, model, estimate, estimates) for name in groups
+        )
+
+
+def _place(weights: Array | ComplexArray, known: list[Array | ComplexArray]) -> int:
+    """Return where the weights are among the known ones, the end if they are new."""
+    for i, other in enumerate(known):
+        if weights is other or (weights.shape == other.shape and np.array_equal(weights, other)):
+            return i
+    return len(known)
+
+
+def _write_fit(group: Any, one: Fit, weights: int) -> None:
+    group.attrs.update(
+        residual=one.residual,
+        loss=one.loss,
+        cost=one.cost,
+        status=one.status,
+        message=one.message,
+        evaluations=one.evaluations,
+        weights=f"weights_{weights}",
+    )
+    group["values"] = one.parameters.values
+    group["start"] = one.start
+    group["bounds"] = one.bounds
+    group["positions"] = one.estimate.positions
+    if one.prior is not None:
+        group.attrs["prior_names"] = list(one.prior.names)
+        group["prior_values"], group["prior_std"] = one.prior.values, one.prior.std
+
+
+def _read_fit(
+    path: str,
+    group: Any,
+    weights: dict[str, Any],
+    model: Elastic,
+    estimate: FrfEstimate,
+    estimates: dict[bytes, FrfEstimate],
+) -> Fit:
+    said, positions = group.attrs, group["positions"][()]
+    key = positions.tobytes()
+    if key not in estimates:
+        chosen = _chosen(path, positions, estimate)
+        whole = len(chosen) == len(estimate.positions)
+        estimates[key] = estimate if whole else estimate.subset(chosen)
+    prior = None
+    if "prior_names" in said:
+        prior = Prior(tuple(said["prior_names"]), group["prior_values"][()], group["prior_std"][()])
+    array = weights[said["weights"]]
+    try:
+        is_full(array, estimates[key].response.shape)
+    except InvalidInput:
+        raise InvalidInput(
+            f"{path}: weights of shape {array.shape} do not fit an estimate of shape "
+            f"{estimates[key].response.shape}"
+        ) from None
+    own = model.parameters
+    return Fit(
+        model=model,
+        estimate=estimates[key],
+        residual=find_residual(said["residual"]).name,
+        weights=read_only(array),
+        parameters=Parameters(own.names, group["values"][()], own.units),
+        cost=float(said["cost"]),
+        start=read_only(group["start"][()]),
+        bounds=read_only(group["bounds"][()]),
+        status=int(said["status"]),
+        message=str(said["message"]),
+        evaluations=int(said["evaluations"]),
+        prior=prior,
+        loss=check_loss(said["loss"]),
+    )
+
+
+def _chosen(path: str, positions: Array, estimate: FrfEstimate) -> IntArray:
+    """Return which of the estimate's positions a fit used."""
+    if positions.shape == estimate.positions.shape and np.array_equal(
+        positions, estimate.positions
+    ):
+        return np.arange(len(positions))
+    chosen = []
+    for position in positions:
+        same = np.flatnonzero(
+            [p.shape == position.shape and bool((p == position).all()) for p in estimate.positions]
+        )
+        if not same.size:
+            raise InvalidInput(
+                f"{path}: a fit used position {np.round(position, 4).tolist()}, which the "
+                "estimate does not have"
+            )
+        chosen.append(int(same[0]))
+    return np.array(chosen)

@@ -1,0 +1,178 @@
+"""Weighted least squares fits of a model to FRF estimates."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from estimators.fitting.cost import Problem, stated
+from estimators.fitting.priors import Prior
+from estimators.fitting.residuals import find_residual
+from estimators.fitting.search import search
+from estimators.fitting.start_values import named_start
+from estimators.fitting.trust_region import Outcome
+from estimators.fitting.weights import optimal_weights
+from estimators.frf.estimate import FrfEstimate
+from robotmodels.arrays import Array, ComplexArray, IntArray, read_only
+from robotmodels.description.parameters import Parameters
+from robotmodels.notebook import Printed
+from robotmodels.response import Elastic, frequency_response
+
+
+@dataclass(frozen=True, eq=False)
+class Fit(Printed):
+    """The end of one search, converged or not.
+
+    Attributes
+    ----------
+    model, estimate : what was fitted to what.
+    residual : "nls", "lls" or "lls_magnitude".
+    weights : Lambda^-1, (Q, F, m, n) or (Q, F, m n, m n).
+    parameters : fitted values; the start's where the search could not begin.
+    cost : what was minimised: V of [WM] (4b) or (7b), with the prior's part and the loss if there
+        are any; infinite where the search could not begin.
+    start : (p,) values.
+    bounds : (2, p) values.
+    status : of `scipy.optimize.least_squares` (1 to 4 converged, 0 out of evaluations), -1 where
+        the search could not begin, -2 where it was stopped early (`multistart`).
+    message : the reason in words.
+    evaluations : of the FRF and its sensitivities.
+    prior : what was known before, see `Prior`.
+    loss : "linear", or the robust loss.
+    """
+
+    model: Elastic
+    estimate: FrfEstimate
+    residual: str
+    weights: Array | ComplexArray
+    parameters: Parameters
+    cost: float
+    start: Array
+    bounds: Array
+    status: int
+    message: str
+    evaluations: int
+    prior: Prior | None = None
+    loss: str = "linear"
+
+    @property
+    def converged(self) -> bool:
+        """Whether a local minimum was reached."""
+        return self.status > 0
+
+    @property
+    def data_cost(self) -> float:
+        """The cost without the prior's part."""
+        if self.prior is None:
+            return self.cost
+        return self.cost - float(self.prior.cost(self.parameters.names, self.parameters.values))
+
+    def __str__(self) -> str:
+        p = self.parameters
+        width = max(len(name) for name in p.names)
+        lines = [
+            f"{self.residual} fit: {'converged' if self.converged else 'NOT converged'}, "
+            f"cost {self.cost:.6g}, {self.evaluations} evaluations ({self.message})"
+        ]
+        for name, value, unit, start in zip(p.names, p.values, p.units, self.start, strict=True):
+            lines.append(f"  {name:<{width}}  {value:12.6g} {unit:<10} start x {value / start:.4g}")
+        return "\n".join(lines)
+
+
+def fit(
+    model: Elastic,
+    estimate: FrfEstimate,
+    residual: str = "lls",
+    weights: str | NDArray[Any] = "user",
+    start: Array | str | None = None,
+    bounds: tuple[float, float] | Array = (1e-3, 1e3),
+    max_evaluations: int = 200,
+    tolerance: float = 1e-10,
+    *,
+    positions: Sequence[int] | IntArray | None = None,
+    prior: Prior | None = None,
+    loss: str = "linear",
+) -> Fit:
+    """Return the fit found from one start: a local minimum, if it converged.
+
+    Parameters
+    ----------
+    model : robot, or anything with its ``parameters`` and ``network``.
+    estimate : FRFs to fit.
+    residual : "nls" [WM] (4), "lls" [WM] (7) or "lls_magnitude".
+    weights : "user", "optimal", "optimal_diagonal", "combined", or an array, see
+        `estimators.fitting.weights`.
+    start : (p,) parameter values; the model's own where None; "physics" or "chains" for rough ones
+        from the FRFs, see `physics_start` and `chain_start_values`.
+    bounds : factors of the model's own values between which parameters are sought, or (2, p)
+        values [SI].
+    max_evaluations : of the FRFs and their sensitivities, after which the search gives up.
+    tolerance : relative change of cost and of ln theta, and gradient, at which the search ends.
+    positions : which of the estimate's positions to fit; all where None.
+    prior : what is known of some parameters beforehand.
+    loss : "linear", or "soft_l1", "huber" or "cauchy", under which residuals far outside their
+        standard deviation, by the estimate's covariance, count less.
+
+    Raises
+    ------
+    InvalidInput : for unknown names, misfitting arrays, a start outside the bounds, fewer data
+        than parameters, or a logarithm of zero.
+    IdentificationError : if the model has no FRF at the start.
+    """
+    problem = stated(model, estimate, residual, weights, bounds, positions, prior, loss)
+    if isinstance(start, str):
+        start = np.clip(named_start(start, model, problem.estimate), *problem.bounds)
+    begin = problem.checked_start(start)
+    return as_fit(problem, begin, search(problem, begin, max_evaluations, tolerance))
+
+
+def reweighted(found: Fit, rounds: int = 2, tolerance: float = 1e-10) -> Fit:
+    """Return the fit repeated with optimal weights evaluated at its own FRF, not the measured.
+
+    [WM] (8) with the measured FRF correlates weights with errors. Over tens of thousands of noisy
+    elements that bias outgrows the standard deviations; at the FRF of a good fit it vanishes, and
+    no element need be left out. Costs of fits weighted by their own models do not compare: find
+    the best of many starts first.
+    """
+    for _ in range(rounds):
+        model, estimate, values = found.model, found.estimate, found.parameters.values
+        G = np.asarray(frequency_response(model, estimate.positions, estimate.omega, values))
+        weights = optimal_weights(estimate, found.residual, G)
+        problem = problem_of(replace(found, weights=weights))
+        found = as_fit(problem, values, search(problem, values, 200, tolerance))
+    return found
+
+
+def problem_of(found: Fit) -> Problem:
+    """Return the problem that a fit is the end of."""
+    return Problem(
+        model=found.model,
+        estimate=found.estimate,
+        kind=find_residual(found.residual),
+        weights=found.weights,
+        bounds=found.bounds,
+        prior=found.prior,
+        loss=found.loss,
+    )
+
+
+def as_fit(problem: Problem, start: Array, found: Outcome) -> Fit:
+    """Return a search's outcome together with the problem it belongs to."""
+    own = problem.model.parameters
+    return Fit(
+        model=problem.model,
+        estimate=problem.estimate,
+        residual=problem.kind.name,
+        weights=problem.weights,
+        parameters=Parameters(own.names, found.values, own.units),
+        cost=found.cost,
+        start=read_only(start),
+        bounds=problem.bounds,
+        status=found.status,
+        message=found.message,
+        evaluations=found.evaluations,
+        prior=problem.prior,
+        loss=problem.loss,
+    )

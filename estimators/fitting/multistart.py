@@ -1,0 +1,210 @@
+"""Fits from many starts: in parallel, resumable, none lost."""
+
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import Executor, as_completed
+from dataclasses import dataclass, replace
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from estimators.fitting.cost import Problem, stated
+from estimators.fitting.least_squares import Fit, as_fit
+from estimators.fitting.priors import Prior
+from estimators.fitting.search import search_or_reason
+from estimators.fitting.search_store import SearchStore, problem_fingerprint
+from estimators.fitting.trust_region import START_FAILED, STOPPED, Outcome
+from estimators.frf.estimate import FrfEstimate
+from robotmodels.arrays import Array, IntArray
+from robotmodels.description.parameters import Parameters
+from robotmodels.errors import InvalidInput
+from robotmodels.response import Elastic
+
+Progress = Callable[[int, int], object]
+
+
+@dataclass(frozen=True)
+class EarlyStop:
+    """Which searches are given up before they end.
+
+    Every start is first searched for `evaluations`. A search that has not ended then, and whose
+    cost exceeds `factor` times the least cost of all starts so far, is stopped there: its fit has
+    the status -2 and says so in its message. The rule depends on nothing but the starts: neither
+    on their order nor on the executor.
+    """
+
+    evaluations: int = 40
+    factor: float = 100.0
+
+    def __post_init__(self) -> None:
+        if self.evaluations < 2 or not (np.isfinite(self.factor) and self.factor > 1):
+            raise InvalidInput(
+                f"early_stop: evaluations = {self.evaluations}, factor = {self.factor:g}; at least "
+                "2 and more than 1 are needed"
+            )
+
+
+def perturbed_starts(
+    parameters: Parameters, n: int, decades: float, rng: np.random.Generator
+) -> Array:
+    """Return (n, p) values multiplied by 10^U(-decades, decades), [WM] section 6."""
+    if n < 1 or not (np.isfinite(decades) and decades >= 0):
+        raise InvalidInput(f"perturbed_starts: n = {n}, decades = {decades}; at least 1 and 0")
+    exponents = rng.uniform(-decades, decades, (n, len(parameters)))
+    return np.asarray(parameters.values * 10.0**exponents)
+
+
+def multistart(
+    model: Elastic,
+    estimate: FrfEstimate,
+    starts: Array | Sequence[Array],
+    residual: str = "lls",
+    weights: str | NDArray[Any] = "user",
+    bounds: tuple[float, float] | Array = (1e-3, 1e3),
+    max_evaluations: int = 200,
+    tolerance: float = 1e-10,
+    *,
+    executor: Executor | None = None,
+    progress: Progress | None = None,
+    positions: Sequence[int] | IntArray | None = None,
+    prior: Prior | None = None,
+    loss: str = "linear",
+    early_stop: EarlyStop | None = None,
+    store: str | Path | None = None,
+) -> tuple[Fit, ...]:
+    """Return the fits from all `starts` (N, p), the least cost first.
+
+    A start at which the model has no FRF gives a fit that is not converged, of infinite cost and
+    with the reason as its message. Other arguments as in `fit`.
+
+    Parameters
+    ----------
+    executor : runs the searches; in sequence where None.
+    progress : called with the number of finished searches and their total.
+    early_stop : gives up hopeless searches; None pursues all to their end.
+    store : HDF5 file that keeps every search as soon as it has ended. A run that was interrupted,
+        or one with more starts, goes on from it.
+
+    Raises
+    ------
+    InvalidInput : as `fit`; if there is no start; if the store holds searches of something else.
+    """
+    problem = stated(model, estimate, residual, weights, bounds, positions, prior, loss)
+    points = [problem.checked_start(np.asarray(start, dtype=float)) for start in starts]
+    if not points:
+        raise InvalidInput("multistart: no starts were given")
+    kept = None
+    if store is not None:
+        kept = SearchStore(Path(store), problem_fingerprint(problem, max_evaluations, tolerance))
+    runs = _Runs(problem, max_evaluations, tolerance, executor, kept)
+    found: dict[int, Outcome] = {}
+
+    def finish(i: int, outcome: Outcome) -> None:
+        found[i] = outcome
+        if progress is not None:
+            progress(len(found), len(points))
+
+    begun: dict[int, Outcome | None] = dict.fromkeys(range(len(points)))
+    stage = "whole"
+    if early_stop is not None:
+        begun = _begin(runs, points, early_stop, max_evaluations, finish)
+        stage = f"after {early_stop.evaluations}"
+    for i, outcome in runs.searches(stage, points, begun, max_evaluations):
+        finish(i, outcome)
+    fits = [as_fit(problem, point, found[i]) for i, point in enumerate(points)]
+    return tuple(sorted(fits, key=lambda one: one.cost))
+
+
+@dataclass(frozen=True, eq=False)
+class _Runs:
+    """Runs searches of one problem, and keeps what has ended."""
+
+    problem: Problem
+    max_evaluations: int
+    tolerance: float
+    executor: Executor | None
+    store: SearchStore | None
+
+    def searches(
+        self, stage: str, points: list[Array], begun: dict[int, Outcome | None], limit: int
+    ) -> Iterator[tuple[int, Outcome]]:
+        """Yield the outcomes of the starts `begun`, as they end.
+
+        Parameters
+        ----------
+        stage : the name under which they are stored.
+        points : all starts.
+        begun : which of them, and what an earlier search from there came to.
+        limit : of evaluations, the earlier ones included.
+        """
+        waiting = {}
+        for i, before in begun.items():
+            stored = None if self.store is None else self.store.load(stage, points[i])
+            if stored is not None:
+                yield i, stored
+            else:
+                waiting[i] = before
+        one = partial(_search_on, self.problem, limit=limit, tolerance=self.tolerance)
+        for i, outcome in self._ran(one, points, waiting):
+            if self.store is not None:
+                self.store.append(stage, points[i], outcome)
+            yield i, outcome
+
+    def _ran(
+        self,
+        one: Callable[[Array, Outcome | None], Outcome],
+        points: list[Array],
+        waiting: dict[int, Outcome | None],
+    ) -> Iterator[tuple[int, Outcome]]:
+        if self.executor is None:
+            for i, before in waiting.items():
+                yield i, one(points[i], before)
+            return
+        futures = {self.executor.submit(one, points[i], before): i for i, before in waiting.items()}
+        try:
+            for future in as_completed(futures):
+                yield futures[future], future.result()
+        finally:
+            for future in futures:
+                future.cancel()
+
+
+def _begin(
+    runs: _Runs,
+    points: list[Array],
+    rule: EarlyStop,
+    max_evaluations: int,
+    finish: Callable[[int, Outcome], None],
+) -> dict[int, Outcome | None]:
+    """Search every start for a while; finish those that ended or are hopeless, return the rest."""
+    limit = min(rule.evaluations, max_evaluations)
+    everyone: dict[int, Outcome | None] = dict.fromkeys(range(len(points)))
+    first = dict(runs.searches(f"first {limit}", points, everyone, limit))
+    least = min(outcome.cost for outcome in first.values())
+    rest: dict[int, Outcome | None] = {}
+    for i, outcome in sorted(first.items()):
+        if outcome.status != 0 or limit == max_evaluations:
+            finish(i, outcome)
+        elif outcome.cost > rule.factor * least:
+            message = (
+                f"stopped early: cost {outcome.cost:.4g} after {outcome.evaluations} evaluations "
+                f"is more than {rule.factor:g} times the least of all starts, {least:.4g}"
+            )
+            finish(i, replace(outcome, status=STOPPED, message=message))
+        else:
+            rest[i] = outcome
+    return rest
+
+
+def _search_on(
+    problem: Problem, start: Array, before: Outcome | None, *, limit: int, tolerance: float
+) -> Outcome:
+    """Search from `start`, or from where an earlier search ended."""
+    if before is None:
+        return search_or_reason(problem, start, limit, tolerance)
+    after = search_or_reason(problem, before.values, limit - before.evaluations, tolerance)
+    if after.status == START_FAILED:
+        return replace(before, message=f"not pursued: {after.message}")
+    return replace(after, evaluations=before.evaluations + after.evaluations)

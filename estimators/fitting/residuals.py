@@ -1,0 +1,130 @@
+"""Residuals between measured and modelled FRFs, and what a logarithm does to noise and slopes.
+
+Residual, weights and positions are independent choices: the six estimators of [WM] are products
+of them.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from estimators.frf.estimate import is_full, place, vec
+from robotmodels.arrays import Array, ComplexArray
+from robotmodels.errors import InvalidInput, nearest
+from robotmodels.normal_equations import Residual as Name
+
+
+def nls(measured: ComplexArray, modelled: ComplexArray) -> ComplexArray:
+    """Nonlinear least squares residual, [WM] (4c)."""
+    return np.asarray(measured - modelled)
+
+
+def lls(measured: ComplexArray, modelled: ComplexArray) -> ComplexArray:
+    """Log residual, [WM] (7c); the ratio keeps the phase in (-pi, pi].
+
+    Raises
+    ------
+    InvalidInput : if an FRF is zero or not finite, with position, frequency and element.
+    """
+    for name, response in (("measured", measured), ("modelled", modelled)):
+        wrong = np.argwhere(~np.isfinite(response) | (response == 0))
+        if wrong.size:
+            raise InvalidInput(
+                f"{name} FRF: {response[tuple(wrong[0])]} at {place(wrong[0])} has no logarithm; "
+                "give that element the weight zero, or use the residual 'nls'"
+            )
+    return np.asarray(np.log(measured / modelled))
+
+
+def lls_magnitude(measured: ComplexArray, modelled: ComplexArray) -> Array:
+    """Log residual of the magnitudes only: LLSM of [WM] 6, the real part of (7c)."""
+    return np.asarray(lls(measured, modelled).real)
+
+
+@dataclass(frozen=True)
+class Residual:
+    """A residual with its derivative and the noise it passes on.
+
+    Attributes
+    ----------
+    name : as in `RESIDUALS`.
+    relative : whether it is a logarithm, so that noise and slopes are divided by G.
+    real : whether only the real part counts.
+    """
+
+    name: Name
+    relative: bool
+    real: bool
+
+    def error(
+        self, measured: ComplexArray, modelled: ComplexArray, used: NDArray[np.bool_] | None = None
+    ) -> Array | ComplexArray:
+        """Return the residual (Q, F, m, n); no logarithm is taken, and 0 returned, if not `used`.
+
+        Raises
+        ------
+        InvalidInput : if a logarithm is taken of zero or of a number that is not finite.
+        """
+        if used is not None:
+            measured = np.where(used, measured, 1.0 + 0j)
+            modelled = np.where(used, modelled, 1.0 + 0j)
+        if not self.relative:
+            return nls(measured, modelled)
+        return lls_magnitude(measured, modelled) if self.real else lls(measured, modelled)
+
+    def jacobian(
+        self,
+        modelled: ComplexArray,
+        sensitivity: ComplexArray,
+        used: NDArray[np.bool_] | None = None,
+    ) -> Array | ComplexArray:
+        """Return d residual / d ln theta, (Q, F, m, n, p), from dG/d ln theta: -J or -J/G."""
+        if used is not None:
+            modelled = np.where(used, modelled, 1.0 + 0j)
+            sensitivity = np.where(used[..., None], sensitivity, 0.0)
+        slope = -sensitivity / modelled[..., None] if self.relative else -sensitivity
+        return np.asarray(slope.real) if self.real else np.asarray(slope)
+
+    def noise(
+        self,
+        covariance: Array | ComplexArray,
+        response: ComplexArray,
+        used: NDArray[np.bool_] | None = None,
+    ) -> Array | ComplexArray:
+        """Return the residual's covariance R from the FRF's: to first order G_d^-1 Lambda G_d^-H.
+
+        log(1 + eta/G) = eta/G + ...; of a circular eta/G with covariance R the real part has the
+        covariance Re R / 2. The half is left out here: the factor 2 in `information` counts real
+        and imaginary parts alike, so Re R is what fits there, and in the optimal weights.
+        """
+        full = is_full(covariance, response.shape)
+        if self.relative:
+            g = response if used is None else np.where(used, response, 1.0 + 0j)
+            v = vec(g)
+            outer = v[..., :, None] * np.conj(v[..., None, :]) if full else np.abs(g) ** 2
+            covariance = np.asarray(covariance / outer)
+        return np.asarray(covariance.real) if self.real or not full else covariance
+
+
+RESIDUALS: dict[str, Residual] = {
+    "nls": Residual("nls", relative=False, real=False),
+    "lls": Residual("lls", relative=True, real=False),
+    "lls_magnitude": Residual("lls_magnitude", relative=True, real=True),
+}
+
+
+def find_residual(name: str | Residual) -> Residual:
+    """Return the residual called `name`, or `name` itself if it is one.
+
+    Raises
+    ------
+    InvalidInput : if there is none of that name.
+    """
+    if isinstance(name, Residual):
+        return name
+    if name not in RESIDUALS:
+        raise InvalidInput(
+            f"residual {name!r} is none of {', '.join(RESIDUALS)}{nearest(name, RESIDUALS)}"
+        )
+    return RESIDUALS[name]

@@ -1,0 +1,38 @@
+"""Searches for a local minimum of a fit's cost, from one start."""
+
+import numpy as np
+
+from estimators.fitting.cost import Problem
+from estimators.fitting.frozen_search import can_compile, frozen_search, hardens, renewed_search
+from estimators.fitting.trust_region import START_FAILED, Outcome, exact_search
+from robotmodels.arrays import Array
+from robotmodels.errors import IdentificationError
+
+
+def search(problem: Problem, start: Array, max_evaluations: int, tolerance: float) -> Outcome:
+    """Return the minimum found from `start` (p,): compiled code for large problems of springs.
+
+    Raises
+    ------
+    IdentificationError, numpy.linalg.LinAlgError : if the model has no FRF at the start.
+    """
+    network = problem.model.network(problem.estimate.positions, start)
+    if not can_compile(problem, network):
+        return exact_search(problem, start, max_evaluations, tolerance)
+    if hardens(network):
+        return renewed_search(problem, start, max_evaluations, tolerance)
+    return frozen_search(problem, start, network, max_evaluations, tolerance)
+
+
+def search_or_reason(
+    problem: Problem, start: Array, max_evaluations: int, tolerance: float
+) -> Outcome:
+    """Return what a search came to, or why it could not begin or go on.
+
+    Whatever a start's numbers can cause is kept with its reason: in a pool it would end all.
+    """
+    try:
+        return search(problem, start, max_evaluations, tolerance)
+    except (IdentificationError, ArithmeticError, ValueError, np.linalg.LinAlgError) as error:
+        reason = " ".join(str(error).split()) or type(error).__name__
+        return Outcome(start, np.inf, START_FAILED, f"no FRF at the start: {reason}", 1)

@@ -1,0 +1,98 @@
+"""Searches that have ended, kept in a file so that an interrupted multistart can go on."""
+
+import hashlib
+from pathlib import Path
+
+import numpy as np
+
+from estimators.fitting.cost import Problem
+from estimators.fitting.trust_region import Outcome
+from estimators.kept_file import KeptFile
+from robotmodels.arrays import Array
+from robotmodels.errors import IdentificationError
+
+
+def problem_fingerprint(problem: Problem, max_evaluations: int, tolerance: float) -> str:
+    """Return a number that changes with anything that changes the outcome of a search."""
+    estimate, parameters = problem.estimate, problem.model.parameters
+    prior = problem.prior
+    known = None if prior is None else (prior.names, prior.values.tolist(), prior.std.tolist())
+    said = (problem.kind.name, problem.loss, known, parameters.names, max_evaluations, tolerance)
+    digest = hashlib.sha256(repr(said).encode())
+    arrays = [
+        parameters.values,
+        problem.bounds,
+        problem.weights,
+        estimate.positions,
+        estimate.omega,
+        estimate.response,
+    ]
+    if problem.loss != "linear":
+        arrays.append(estimate.covariance)
+    for array in [*arrays, *_model_arrays(problem)]:
+        digest.update(repr(array.shape).encode())
+        digest.update(np.ascontiguousarray(array).tobytes())
+    return digest.hexdigest()
+
+
+def _model_arrays(problem: Problem) -> list[Array]:
+    """Return what tells one model from another: its own linear model in the positions."""
+    try:
+        network = problem.model.network(problem.estimate.positions)
+    except IdentificationError:
+        return []  # a model without equilibrium at its own values is told by those alone
+    return [
+        network.mass,
+        network.damping,
+        network.stiffness,
+        network.selector,
+        *network.coefficients,
+    ]
+
+
+class SearchStore:
+    """Outcomes by stage and start, in an HDF5 file that is whole at any time.
+
+    Raises
+    ------
+    InvalidInput : if the file is another one, holds the searches of another problem, or cannot be
+        written.
+    """
+
+    def __init__(self, path: Path, fingerprint: str) -> None:
+        other = "searches of another model, estimate or setting"
+        self.file = KeptFile(path, fingerprint, "searches", other)
+        self._kept: dict[tuple[str, bytes], tuple[Array, Outcome]] = {}
+        if path.exists():
+            self._read()
+
+    def load(self, stage: str, start: Array) -> Outcome | None:
+        """Return the outcome of `start` (p,), or None."""
+        found = self._kept.get((stage, start.tobytes()))
+        return None if found is None else found[1]
+
+    def append(self, stage: str, start: Array, outcome: Outcome) -> None:
+        """Add an outcome; the file is replaced by a new one."""
+        import h5py
+
+        self._kept[stage, start.tobytes()] = start, outcome
+        rows = [(stage, *row) for (stage, _), row in self._kept.items()]
+        text = h5py.string_dtype()
+        with self.file.writing() as file:
+            file.create_dataset("stage", data=[s for s, _, _ in rows], dtype=text)
+            file["starts"] = np.array([start for _, start, _ in rows])
+            file["values"] = np.array([o.values for _, _, o in rows])
+            file["cost"] = np.array([o.cost for _, _, o in rows])
+            file["status"] = np.array([o.status for _, _, o in rows])
+            file["evaluations"] = np.array([o.evaluations for _, _, o in rows])
+            file.create_dataset("message", data=[o.message for _, _, o in rows], dtype=text)
+
+    def _read(self) -> None:
+        with self.file.reading() as file:
+            columns = [file[name][()] for name in ("values", "cost", "status", "evaluations")]
+            texts = [file[name].asstr()[()] for name in ("stage", "message")]
+            for start, stage, message, values, cost, status, evaluations in zip(
+                file["starts"][()], *texts, *columns, strict=True
+            ):
+                outcome = Outcome(values, float(cost), int(status), message, int(evaluations))
+                self._kept[stage, start.tobytes()] = start, outcome

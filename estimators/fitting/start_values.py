@@ -1,0 +1,173 @@
+"""Start values from physics: rigid bodies, and springs from where each axis stands still."""
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from estimators.fitting.weights import MINIMUM_SNR
+from estimators.frf.estimate import FrfEstimate
+from robotmodels.arrays import Array
+from robotmodels.elastic.spring_network import SpringNetwork
+from robotmodels.errors import InvalidInput, nearest
+from robotmodels.response import Elastic
+
+# ln |G| that a dip must lie below its surroundings to be no noise.
+PROMINENCE = 0.7
+# Torsions of the structure are stiffer than gears: [WM] section 6 and the published robots of the
+# library have them at one to two times the frequency.
+TORSIONS = 1.5
+DAMPING_RATIO = 0.03
+STARTS = ("physics", "chains")
+
+
+def physics_start(
+    model: Elastic, estimate: FrfEstimate, drives: Mapping[int, float] | None = None
+) -> Array:
+    """Return rough values (p,) of springs and dampers from measured FRFs and the rigid robot alone.
+
+    Where motor i stands still, at an anti-resonance w_a of G_ii, the arm swings on its gear:
+    k_i = J w_a^2 with J the arm's rigid inertia about that axis; without one, at a resonance w_r,
+    k_i = w_r^2 J J_m/(J + J_m). The most pronounced one counts, and the median over positions; it
+    may be another axis', so a gear can be wrong by ten. Other torsions get J (1.5 w)^2 with w the
+    geometric mean of the axes' frequencies, dampers a damping ratio of 3 %; what is neither spring
+    nor damper keeps the model's own value. Tied parameters get the mean.
+
+    Parameters
+    ----------
+    drives : arm-side stiffnesses of gears that are known better, by motor counted from 0
+        [N m/rad], such as the inverse eigenvalue problem's.
+
+    Raises
+    ------
+    InvalidInput : if no axis shows an anti-resonance or a resonance, the FRFs are not square, or
+        `drives` has a motor without elastic drive.
+    """
+    network = model.network(estimate.positions)
+    gears = _gears(network)
+    if estimate.response.shape[2] < network.selector.shape[1]:
+        raise InvalidInput(
+            f"start: FRFs of shape {estimate.response.shape[2:]} do not show all "
+            f"{network.selector.shape[1]} motors"
+        )
+    stiffness = {motor: _gear_stiffness(network, estimate, motor, s) for motor, s in gears.items()}
+    for motor, value in (drives or {}).items():
+        if motor not in gears:
+            raise InvalidInput(
+                f"start: motor {motor} (counted from 0) has no elastic drive"
+                f"{nearest(str(motor), map(str, gears))}"
+            )
+        stiffness[motor] = float(value)
+    known = {gears[motor]: value for motor, value in stiffness.items() if np.isfinite(value)}
+    if not known:
+        low, high = estimate.omega[[0, -1]] / (2 * np.pi)
+        raise InvalidInput(
+            f"start: no motor's FRF has an anti-resonance or a resonance from {low:.3g} to "
+            f"{high:.3g} Hz; give start values, or measure further up"
+        )
+    return _as_parameters(network, *_springs(network, known))
+
+
+def named_start(name: str, model: Elastic, estimate: FrfEstimate) -> Array:
+    """Return the start values (p,) called "physics" or "chains".
+
+    "chains" are those of `estimators.chain_start_values`, the inverse eigenvalue problem of each
+    axis, in the first position.
+
+    Raises
+    ------
+    InvalidInput : for another name, or chains of a model that is no robot, or as those functions.
+    NotIdentifiable : as `chain_start_values`.
+    """
+    if name not in STARTS:
+        raise InvalidInput(
+            f"start: {name!r} is neither parameter values nor one of {', '.join(STARTS)}"
+            f"{nearest(name, STARTS)}"
+        )
+    if name == "physics":
+        return physics_start(model, estimate)
+    from estimators.fitting.chain_start import chain_start_values
+    from robotmodels.elastic.robot import ElasticRobot
+
+    if not isinstance(model, ElasticRobot):
+        raise InvalidInput("start: 'chains' needs a robot; 'physics' serves any model")
+    return chain_start_values(model, estimate)
+
+
+def _gears(network: SpringNetwork) -> dict[int, int]:
+    """Return which spring joins each motor to the arm."""
+    motors = {int(np.argmax(np.abs(column))): i for i, column in enumerate(network.selector.T)}
+    return {
+        motors[end]: s
+        for s, ends in enumerate(network.ends.tolist())
+        for end in ends
+        if end in motors and -1 not in ends
+    }
+
+
+def _inertias(network: SpringNetwork, s: int) -> tuple[Array, Array]:
+    """Return the rigid inertias (Q,) at both ends of a spring; infinite at the ground."""
+    linear = network.linear_model()
+    first, second = (
+        linear.mass[:, end, end] if end >= 0 else np.full(len(linear.mass), np.inf)
+        for end in network.ends[s]
+    )
+    return first, second
+
+
+def _gear_stiffness(network: SpringNetwork, estimate: FrfEstimate, motor: int, s: int) -> float:
+    """Return a gear's stiffness, the median over positions; not a number if none shows it."""
+    ends = network.ends[s].tolist()
+    own = int(np.argmax(np.abs(network.selector[:, motor])))
+    both = _inertias(network, s)
+    rotor, arm = both[ends.index(own)], both[1 - ends.index(own)]
+    found = []
+    # What lies below the noise shows no dips of its own.
+    size = np.abs(estimate.response[:, :, motor, motor])
+    noise = MINIMUM_SNR * np.sqrt(estimate.variance[:, :, motor, motor])
+    for q, level in enumerate(np.log(np.maximum(size, noise))):
+        dip, peak = (_deepest_dip(sign * level, estimate.omega) for sign in (1, -1))
+        if np.isfinite(dip):
+            found.append(arm[q] * dip**2)
+        elif np.isfinite(peak):
+            found.append(peak**2 / (1 / arm[q] + 1 / rotor[q]))
+    return float(np.exp(np.median(np.log(found)))) if found else np.nan
+
+
+def _deepest_dip(level: Array, omega: Array) -> float:
+    """Return the frequency of the most pronounced minimum of (F,) levels, if there is one."""
+    from scipy.signal import find_peaks
+
+    dips, shape = find_peaks(-level, prominence=PROMINENCE)
+    if not dips.size:
+        return np.nan
+    return float(omega[dips[np.argmax(shape["prominences"])]])
+
+
+def _springs(network: SpringNetwork, known: dict[int, float]) -> tuple[Array, Array]:
+    """Return stiffnesses and dampings (s,) of all springs from those of some gears."""
+    reduced = np.empty(len(network.ends))
+    for s in range(len(network.ends)):
+        first, second = _inertias(network, s)
+        with np.errstate(divide="ignore"):
+            reduced[s] = np.exp(np.mean(np.log(1 / (1 / first + 1 / second))))
+    arm = np.array([np.exp(np.mean(np.log(max(_inertias(network, s), key=np.sum)))) for s in known])
+    frequency = float(np.exp(np.mean(np.log(np.array(list(known.values())) / arm)) / 2))
+    torsion = network.ends.min(axis=1) < 0
+    stiffness = reduced * np.where(torsion, TORSIONS * frequency, frequency) ** 2
+    for s, value in known.items():
+        stiffness[s] = value
+    natural = np.sqrt(stiffness / reduced)
+    return stiffness, 2 * DAMPING_RATIO * stiffness / natural
+
+
+def _as_parameters(network: SpringNetwork, stiffness: Array, damping: Array) -> Array:
+    """Return the parameters (p,) that come nearest to springs and dampers (s,)."""
+    theta = network.parameters.values
+    exponents = network.exponents.mean(axis=0)
+    now = np.concatenate([network.spring_stiffness, network.spring_damping], axis=1)
+    wanted = np.concatenate([stiffness, damping])
+    with np.errstate(divide="ignore"):
+        change = np.log(wanted) - np.mean(np.log(now), axis=0)
+    acting = exponents.any(axis=1) & np.isfinite(change)
+    step = np.linalg.lstsq(exponents[acting], change[acting], rcond=None)[0]
+    return np.asarray(theta * np.exp(step))

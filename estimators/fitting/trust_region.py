@@ -1,0 +1,116 @@
+"""Searches in a trust region about ln theta, by scipy."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from estimators.fitting.cost import Problem
+from robotmodels.arrays import Array
+from robotmodels.errors import IdentificationError
+
+START_FAILED = -1
+STOPPED = -2
+
+
+@dataclass(frozen=True, eq=False)
+class Outcome:
+    """What a search came to: values (p,), cost, and status, message, evaluations as in `Fit`."""
+
+    values: Array
+    cost: float
+    status: int
+    message: str
+    evaluations: int
+
+
+class _Point:
+    """Residuals and Jacobian about a start; the last point is kept, so one evaluation serves both.
+
+    A trial step at which the robot has no equilibrium counts as infinitely bad, which makes the
+    trust region shrink.
+    """
+
+    def __init__(self, evaluate: Callable[[Array], tuple[Array, Array]], reference: Array) -> None:
+        self.evaluate = evaluate
+        self.reference = reference
+        self.evaluations = 0
+        self._x: Array | None = None
+        self._last: tuple[Array, Array] | None = None
+
+    def at(self, x: Array) -> tuple[Array, Array]:
+        if self._last is None or self._x is None or not np.array_equal(x, self._x):
+            self.evaluations += 1
+            self._last = self.evaluate(self.reference * np.exp(x))
+            self._x = x.copy()
+        return self._last
+
+    def residuals(self, x: Array) -> Array:
+        try:
+            values = self.at(x)[0]
+        except (IdentificationError, np.linalg.LinAlgError):
+            if self._last is None:
+                raise
+            return np.full(len(self._last[0]), np.inf)
+        return values
+
+    def jacobian(self, x: Array) -> Array:
+        return self.at(x)[1]
+
+
+def exact_search(problem: Problem, start: Array, max_evaluations: int, tolerance: float) -> Outcome:
+    """Search with exact residuals and derivatives, equilibria found anew at every point."""
+    loss = None if problem.loss == "linear" else problem.robust
+    return trust_region(problem, problem.evaluate, start, max_evaluations, tolerance, loss)
+
+
+def trust_region(
+    problem: Problem,
+    evaluate: Callable[[Array], tuple[Array, Array]],
+    start: Array,
+    max_evaluations: int,
+    tolerance: float,
+    loss: Callable[[Array], Array] | None = None,
+    box: Array | None = None,
+) -> Outcome:
+    """Minimise the squares that `evaluate` gives, inside the problem's bounds, from `start` (p,).
+
+    Parameters
+    ----------
+    evaluate : residuals (r,) and their Jacobian by ln theta (r, p) at values (p,).
+    loss : of squared residuals, with its derivatives; none where None.
+    box : (2, p) values to stay between instead of the problem's bounds.
+    """
+    from scipy.optimize import least_squares
+
+    # About the start x = 0, so the first trust region is one e-fold whatever the units.
+    bounds = problem.bounds if box is None else box
+    point = _Point(evaluate, start)
+    chosen: Any = "linear" if loss is None else loss
+    found = least_squares(
+        point.residuals,
+        np.zeros_like(start),
+        jac=point.jacobian,
+        bounds=tuple(np.log(bounds / start)),
+        ftol=tolerance,
+        xtol=tolerance,
+        gtol=tolerance,
+        max_nfev=max_evaluations,
+        loss=chosen,
+    )
+    values = np.clip(start * np.exp(found.x), *bounds)
+    return Outcome(
+        values=values,
+        cost=2 * float(found.cost),
+        status=int(found.status),
+        message=_message(problem, found),
+        evaluations=point.evaluations,
+    )
+
+
+def _message(problem: Problem, found: Any) -> str:
+    names = problem.model.parameters.names
+    stuck = [name for name, side in zip(names, found.active_mask, strict=True) if side]
+    at = f"; at a bound: {', '.join(stuck)}" if stuck else ""
+    return str(found.message).rstrip(".") + at

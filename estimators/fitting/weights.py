@@ -1,0 +1,279 @@
+"""Weights: inverse weighting matrices of a fit's cost, element by element or full."""
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from estimators.fitting.residuals import Residual, find_residual
+from estimators.frf.estimate import FrfEstimate, is_full, place, unvec, vec
+from robotmodels.arrays import Array, ComplexArray
+from robotmodels.errors import InvalidInput, nearest
+
+KINDS = ("user", "optimal", "optimal_diagonal", "combined")
+# Relative error of the model that combined weights allow for where the noise is smaller.
+FLOOR = 0.1
+# 10 dB, above which the bias of a log residual is negligible ([WM] 5.1, after Pintelon and
+# Schoukens 2001, p. 207).
+MINIMUM_SNR = float(np.sqrt(10.0))
+
+
+def user_weights(
+    estimate: FrfEstimate,
+    diagonal: float = 1.0,
+    off_diagonal: float = 0.1,
+    from_omega: float = 0.0,
+    minimum_snr: float = MINIMUM_SNR,
+    elements: NDArray[Any] | None = None,
+) -> Array:
+    """Return [WM]'s rough weights (Q, F, m, n): constant per element, zero where FRFs are poor.
+
+    Parameters
+    ----------
+    diagonal, off_diagonal : weights of the elements on and off the diagonal.
+    from_omega : weights below this frequency [rad/s] are zero.
+    minimum_snr : weights are zero where |G| is below this many of its standard deviations.
+    elements : (m, n) weights of the elements instead of `diagonal` and `off_diagonal`.
+
+    Raises
+    ------
+    InvalidInput : for a negative number, or weights of elements that the FRFs do not have.
+    """
+    for name, value in (
+        ("diagonal", diagonal),
+        ("off_diagonal", off_diagonal),
+        ("from_omega", from_omega),
+        ("minimum_snr", minimum_snr),
+    ):
+        if not (np.isfinite(value) and value >= 0):
+            raise InvalidInput(f"weights.{name}: {value!r} is not a number >= 0")
+    m, n = estimate.response.shape[-2:]
+    element = np.where(np.eye(m, n, dtype=bool), diagonal, off_diagonal)
+    if elements is not None:
+        element = _checked_elements(np.asarray(elements), (m, n))
+    good = clear(estimate, minimum_snr) & (estimate.omega >= from_omega)[:, None, None]
+    return np.asarray(np.where(good, element, 0.0))
+
+
+def _checked_elements(elements: NDArray[Any], shape: tuple[int, int]) -> Array:
+    """Return weights of the elements (m, n) of every FRF."""
+    if elements.shape != shape:
+        beyond = [k for k, (a, b) in enumerate(zip(elements.shape, shape, strict=False)) if a > b]
+        last = tuple(k - 1 for k in elements.shape)
+        missing = f"; there is no element {last}" if beyond and elements.ndim == 2 else ""
+        raise InvalidInput(
+            f"weights.elements: shape {elements.shape} for FRFs of {shape[0]} outputs and "
+            f"{shape[1]} inputs{missing}"
+        )
+    wrong = np.argwhere(~(np.isfinite(elements) & (elements >= 0)))
+    if wrong.size:
+        i, j = wrong[0]
+        raise InvalidInput(
+            f"weights.elements: {elements[i, j]:g} of element ({i}, {j}) is not a number >= 0"
+        )
+    return elements.astype(float)
+
+
+def clear(estimate: FrfEstimate, minimum_snr: float) -> NDArray[np.bool_]:
+    """Return which elements (Q, F, m, n) are at least so many of their standard deviations."""
+    return np.asarray(np.abs(estimate.response) >= minimum_snr * np.sqrt(estimate.variance))
+
+
+def optimal_weights(
+    estimate: FrfEstimate,
+    residual: str | Residual,
+    response: ComplexArray | None = None,
+    minimum_snr: float = 0.0,
+    *,
+    diagonal: bool = False,
+) -> Array | ComplexArray:
+    """Return the weights of least covariance: [WM] (6) for nls, (8) for log residuals.
+
+    Parameters
+    ----------
+    residual : whose noise is to be whitened, "nls", "lls" or "lls_magnitude".
+    response : (Q, F, m, n) at which (8) is evaluated. None takes the measured FRF as [WM] do; its
+        errors then correlate with the weights, a bias of the order of the relative variance. The
+        FRF of a previous fit avoids it, see `estimators.reweighted`.
+    minimum_snr : elements below so many of their standard deviations are left out.
+    diagonal : use the variances only, as [WM] 6 do; a full covariance needs more blocks than
+        elements.
+
+    Returns
+    -------
+    (Q, F, m, n) real for independent elements, (Q, F, m n, m n) Hermitian otherwise.
+
+    Raises
+    ------
+    InvalidInput : if a covariance is not positive definite, with position and frequency.
+    """
+    kind = find_residual(residual)
+    at = estimate.response if response is None else np.asarray(response)
+    used = clear(estimate, minimum_snr)
+    if kind.relative:
+        used &= at != 0  # an infinite relative error
+    covariance = estimate.variance if diagonal else estimate.covariance
+    noise = kind.noise(covariance, at, used)
+    return _inverse(noise, used, estimate)
+
+
+def combined_weights(
+    estimate: FrfEstimate,
+    residual: str | Residual,
+    shape: Array | None = None,
+    floor: float = FLOOR,
+    response: ComplexArray | None = None,
+    minimum_snr: float = 0.0,
+    *,
+    diagonal: bool = True,
+) -> Array | ComplexArray:
+    """Return the user's weights times those of the noise and of a model error together.
+
+    [WM] section 7: optimal weights suppose that the model can describe everything, and say little
+    at resonances; user weights say nothing of the noise. These are U^1/2 (R + floor^2 I)^-1 U^1/2
+    with R the residual's noise covariance: optimal where the noise exceeds `floor`, relatively, and
+    the user's where it does not. For nls, floor^2 |G|^2 takes the place of floor^2.
+
+    Parameters
+    ----------
+    shape : the user's weights U (Q, F, m, n); `user_weights` where None.
+    floor : relative error of the model [-].
+    diagonal : use the variances only.
+    residual, response, minimum_snr : as in `optimal_weights`.
+
+    Raises
+    ------
+    InvalidInput : if the floor is not positive, or the user's weights do not fit.
+    """
+    if not (np.isfinite(floor) and floor > 0):
+        raise InvalidInput(f"weights.floor: {floor!r} is not a positive number")
+    kind = find_residual(residual)
+    at = estimate.response if response is None else np.asarray(response)
+    user = user_weights(estimate, minimum_snr=minimum_snr) if shape is None else np.asarray(shape)
+    if user.shape != at.shape:
+        raise InvalidInput(f"weights.shape: {user.shape} given; {at.shape} is needed")
+    used = clear(estimate, minimum_snr) & (user > 0)
+    if kind.relative:
+        used &= at != 0
+    noise = kind.noise(estimate.variance if diagonal else estimate.covariance, at, used)
+    error = floor**2 * (np.ones(at.shape) if kind.relative else np.abs(at) ** 2)
+    if not is_full(noise, at.shape):
+        weights: NDArray[Any] = user * _inverse(noise + error, used, estimate)
+    else:
+        root = np.sqrt(vec(user))
+        both = noise + vec(error)[..., None] * np.eye(noise.shape[-1])
+        weights = root[..., :, None] * _inverse(both, used, estimate) * root[..., None, :]
+    return weights
+
+
+def _inverse(
+    noise: NDArray[Any], used: NDArray[np.bool_], estimate: FrfEstimate
+) -> Array | ComplexArray:
+    """Return the inverse of the noise of the elements `used`, zero for the others.
+
+    Raises
+    ------
+    InvalidInput : if a covariance is not positive definite, with position and frequency.
+    """
+    if not is_full(noise, used.shape):
+        return np.asarray(np.where(used, 1.0 / np.where(used, noise, 1.0), 0.0))
+    # Elements left out must not correlate with the others either.
+    kept = vec(used)
+    pairs = kept[..., :, None] & kept[..., None, :]
+    noise = np.where(pairs, noise, np.eye(kept.shape[-1]))
+    size = np.sqrt(np.diagonal(noise, axis1=-2, axis2=-1).real)
+    outer = size[..., :, None] * size[..., None, :]
+    smallest = np.linalg.eigvalsh(noise / outer)[..., 0]
+    bad = np.argwhere(smallest < 1e-12)
+    if bad.size:
+        raise InvalidInput(
+            f"covariance: the matrix at {place(bad[0], estimate.omega)} is not positive definite; "
+            f"average over more than {size.shape[-1]} blocks, or keep its diagonal only"
+        )
+    inverse = np.linalg.inv(noise / outer) / outer
+    inverse = (inverse + np.conj(np.swapaxes(inverse, -1, -2))) / 2
+    return np.asarray(np.where(pairs, inverse, 0.0))
+
+
+def chosen_weights(
+    weights: str | NDArray[Any], estimate: FrfEstimate, kind: Residual
+) -> Array | ComplexArray:
+    """Return the weights a fit was asked for, by name or as an array, checked.
+
+    Named weights leave out elements below 10 dB where a logarithm is taken.
+
+    Raises
+    ------
+    InvalidInput : if the name is unknown, or an array does not fit or is not a weight.
+    """
+    if isinstance(weights, str):
+        if weights not in KINDS:
+            raise InvalidInput(
+                f"weights {weights!r} are none of {', '.join(KINDS)}, nor an array"
+                f"{nearest(weights, KINDS)}"
+            )
+        minimum_snr = MINIMUM_SNR if kind.relative else 0.0
+        if weights == "user":
+            return user_weights(estimate, minimum_snr=minimum_snr)
+        if weights == "combined":
+            return combined_weights(estimate, kind, minimum_snr=minimum_snr)
+        return optimal_weights(
+            estimate, kind, minimum_snr=minimum_snr, diagonal=weights == "optimal_diagonal"
+        )
+    array = np.asarray(weights)
+    if array.ndim == 2:
+        return user_weights(estimate, minimum_snr=0.0, elements=array)
+    if not is_full(array, estimate.response.shape):
+        if np.iscomplexobj(array):
+            raise InvalidInput("weights: one weight per element must be a real number")
+        wrong = np.argwhere(~(np.isfinite(array) & (array >= 0)))
+        if wrong.size:
+            raise InvalidInput(
+                f"weights: {array[tuple(wrong[0])]:g} at {place(wrong[0], estimate.omega)} "
+                "is not a number >= 0"
+            )
+        return np.array(array, dtype=float)
+    size = np.sqrt(np.abs(np.diagonal(array, axis1=-2, axis2=-1)))
+    skew = np.abs(array - np.conj(np.swapaxes(array, -1, -2)))
+    bad = np.argwhere(~(skew <= 1e-9 * size[..., :, None] * size[..., None, :]).all(axis=(-2, -1)))
+    if bad.size:
+        raise InvalidInput(
+            f"weights: the matrix at {place(bad[0], estimate.omega)} is not Hermitian and finite"
+        )
+    eigenvalues = np.linalg.eigvalsh(array)
+    bad = np.argwhere(eigenvalues[..., 0] < -1e-12 * np.abs(eigenvalues[..., -1]))
+    if bad.size:
+        raise InvalidInput(
+            f"weights: the matrix at {place(bad[0], estimate.omega)} is not positive semidefinite"
+        )
+    # A real residual sees the real part only.
+    return np.array(array.real if kind.real else array)
+
+
+def used_elements(weights: Array | ComplexArray, shape: tuple[int, ...]) -> NDArray[np.bool_]:
+    """Return which elements (Q, F, m, n) carry any weight."""
+    if not is_full(weights, shape):
+        return np.asarray(weights > 0)
+    diagonal = np.diagonal(weights, axis1=-2, axis2=-1).real
+    return np.asarray(unvec(diagonal > 0, shape[-2]))
+
+
+def square_root(weights: Array | ComplexArray, shape: tuple[int, ...]) -> Array | ComplexArray:
+    """Return S with S^H S = weights; whitened residuals are S times residuals."""
+    if not is_full(weights, shape):
+        return np.asarray(np.sqrt(weights))
+    values, vectors = np.linalg.eigh(weights)
+    root = np.sqrt(np.clip(values, 0.0, None))
+    return np.ascontiguousarray(root[..., :, None] * np.conj(np.swapaxes(vectors, -1, -2)))
+
+
+def whiten(root: Array | ComplexArray, values: NDArray[Any]) -> NDArray[Any]:
+    """Return S times residuals (Q, F, m, n), or times Jacobians (Q, F, m, n, p), as (Q, F, mn, .).
+
+    The last axis has length one for residuals.
+    """
+    columns = values[..., None] if values.ndim == 4 else values
+    stacked = np.moveaxis(vec(np.moveaxis(columns, -1, 2)), 2, -1)
+    if is_full(root, columns.shape[:4]):
+        return np.asarray(root @ stacked)
+    return np.asarray(vec(root)[..., None] * stacked)

@@ -1,0 +1,165 @@
+"""Noise and nonlinear distortion told apart, by repetition and by lines left out.
+
+Periods of one experiment differ by noise, blocks with new phases by noise and by the stochastic
+part of nonlinear distortions (Pintelon and Schoukens 2001, ch. 3). An odd multisine that leaves
+out some odd lines shows odd distortions there and even ones at the even lines.
+"""
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+import numpy as np
+
+from estimators.frf.local_model import interpolated
+from estimators.frf.nonparametric import (
+    Transient,
+    diagonal,
+    each_position,
+    usable_spectra,
+    with_covariance,
+)
+from estimators.frf.spectra import Spectra, spectra
+from robotmodels.arrays import Array, ComplexArray, IntArray
+from robotmodels.errors import InvalidInput
+from robotmodels.records import Records
+
+
+@dataclass(frozen=True, eq=False)
+class Distortion:
+    """How uncertain FRFs are, why, and what the motors' motion holds between excited lines.
+
+    Attributes
+    ----------
+    positions : (Q, n) [rad].
+    omega : (F,) excited lines [rad/s].
+    noise : (Q, F, m, n) variances of the FRF by noise, from what periods do not repeat.
+    total : (Q, F, m, n) by noise and distortion, from blocks; NaN where there is one block.
+    blocks : (Q,) blocks averaged.
+    output : (Q, F, m) rms acceleration at the excited lines, over blocks and experiments.
+    odd_omega, even_omega : (O,) and (V,) detection lines within the excited band [rad/s].
+    odd, even : (Q, O, m) and (Q, V, m) rms of Y - G U there: what the linear response to the
+        torque at these lines does not explain [rad/s^2].
+    odd_noise, even_noise : the rms that noise alone would have there.
+    odd_raw, even_raw : rms of Y there, the response to the torque included.
+    """
+
+    positions: Array
+    omega: Array
+    noise: Array
+    total: Array
+    blocks: IntArray
+    output: Array
+    odd_omega: Array
+    even_omega: Array
+    odd: Array
+    even: Array
+    odd_noise: Array
+    even_noise: Array
+    odd_raw: Array
+    even_raw: Array
+
+    @property
+    def level(self) -> Array:
+        """Standard deviation (Q, F, m, n) of one block's FRF by distortion: total less noise."""
+        excess = np.maximum(self.total - self.noise, 0.0)
+        return np.asarray(np.sqrt(excess * self.blocks[:, None, None, None]))
+
+    @property
+    def odd_level(self) -> Array:
+        """Odd distortion (Q, O, m) with the noise's part taken off [rad/s^2]."""
+        return np.asarray(np.sqrt(np.maximum(self.odd**2 - self.odd_noise**2, 0.0)))
+
+    @property
+    def even_level(self) -> Array:
+        """Even distortion (Q, V, m) with the noise's part taken off [rad/s^2]."""
+        return np.asarray(np.sqrt(np.maximum(self.even**2 - self.even_noise**2, 0.0)))
+
+
+def distortion(
+    records: Records | Iterable[Records],
+    method: str = "ari",
+    *,
+    hold: bool = True,
+    delay: float = 0.0,
+    transient: Transient = "auto",
+) -> Distortion:
+    """Return noise and distortion levels of the FRFs that `estimate_frf` finds.
+
+    Between excited lines the FRF is interpolated, see `estimators.frf.local_model.interpolated`; as
+    the torque is small there, so is the error that this makes.
+
+    Parameters
+    ----------
+    records, method, hold, delay, transient : as in `estimators.estimate_frf`.
+
+    Raises
+    ------
+    InvalidInput : if there are less than two periods, or as `estimate_frf` does.
+    """
+    rows: list[dict[str, Array]] = []
+    positions, omega, gaps = [], np.array([]), (np.array([]), np.array([]))
+    for count, part in enumerate(each_position(records)):
+        who = f"position {count + 1}"
+        found = usable_spectra(part, who, method, hold=hold, delay=delay, transient=transient)
+        if found.periods < 2:
+            raise InvalidInput(f"{who}: one period; distortion needs at least 2, to see the noise")
+        response, noise = with_covariance(found, method, "noise", who)
+        outputs = response.shape[1]
+        total = np.full(response.shape, np.nan)
+        if len(found.present) > 1:
+            total = diagonal(with_covariance(found, method, "total", who)[1], outputs)
+        row = {"noise": diagonal(noise, outputs), "total": total, "output": _rms(found)}
+        lines = detection_lines(part)
+        first = part.torque.shape[3] - found.periods
+        for name, k in zip(("odd", "even"), lines, strict=True):
+            between = spectra(part, 0, k, hold, delay, first)
+            row |= _between(name, between, found.omega, response)
+        rows.append(row | {"blocks": np.array(len(found.present))})
+        positions.append(part.positions[0])
+        unit = 2 * np.pi / (part.samples * part.sample_time)
+        omega, gaps = found.omega, (unit * lines[0], unit * lines[1])
+    if not rows:
+        raise InvalidInput("records: none given; at least one position is needed")
+    stacked = {name: np.array([row[name] for row in rows]) for name in rows[0]}
+    blocks = stacked.pop("blocks").astype(np.int64)
+    return Distortion(
+        positions=np.array(positions),
+        omega=omega,
+        odd_omega=gaps[0],
+        even_omega=gaps[1],
+        blocks=blocks,
+        **stacked,
+    )
+
+
+def detection_lines(records: Records) -> tuple[IntArray, IntArray]:
+    """Return the odd and the even detection lines within the excited band.
+
+    Odd ones are declared; every even line that is not excited is one where all excited are odd.
+    """
+    first, last = int(records.lines[0]), int(records.lines[-1])
+    inside = records.detection[(records.detection >= first) & (records.detection <= last)]
+    even = np.arange(first + first % 2, last + 1, 2)
+    if (records.lines % 2 == 0).any():
+        even = even[:0]
+    return inside[inside % 2 == 1], even
+
+
+def _rms(found: Spectra) -> Array:
+    """Return the rms (F, m) of period-averaged outputs over the experiments that are present."""
+    power = np.abs(found.output.mean(axis=1)) ** 2
+    return np.asarray(np.sqrt(power.sum(axis=(0, 3)) / found.present.sum()))
+
+
+def _between(name: str, found: Spectra, omega: Array, response: ComplexArray) -> dict[str, Array]:
+    count = int(found.present.sum())
+    G = interpolated(found.omega, omega, response)
+    error = (found.output - G @ found.input).mean(axis=1)
+    power = (np.abs(error) ** 2).sum(axis=(0, 3)) / count
+    alone = found.noise_output - G @ found.noise_input
+    noise = (np.abs(alone) ** 2).mean(axis=1).sum(axis=(0, 3)) / count
+    return {
+        name: np.sqrt(power),
+        f"{name}_noise": np.sqrt(noise),
+        f"{name}_raw": _rms(found),
+    }

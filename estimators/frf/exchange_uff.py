@@ -1,0 +1,209 @@
+"""FRFs as universal files, dataset 58 (function at nodal degree of freedom), through pyuff.
+
+Each element of each FRF is a function of type 4, binary with double precision: response node =
+output + 1, reference node = input + 1, both rotations (direction 4), rad/s^2 over N m, abscissa in
+Hz. The version number is the position's number, from 1. Functions of type 0 hold the variance of
+each element in the same way, and, with the words "positions" and "repetitions" in ID line 1, the
+positions' coordinates, one function a position, and the repetitions.
+
+Responses, variances, positions and repetitions keep every bit, frequencies all but the last, for
+the conversion to Hz. Of full covariances the diagonal is kept: UFF has no place for the rest.
+"""
+
+import warnings
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from estimators.frf.estimate import FrfEstimate
+from robotmodels.arrays import Array, ComplexArray
+from robotmodels.errors import InvalidInput
+from robotmodels.files import reason
+from robotmodels.noise import RelativeNoise
+
+_FRF, _GENERAL = 4, 0
+_ROTATION, _FREQUENCY, _ACCELERATION, _FORCE = 4, 18, 12, 13
+_NAME = "elastic robot FRF"
+
+
+def write_frf(path: Path, estimate: FrfEstimate) -> None:
+    """Write FRFs and their variances."""
+    Q, F, m, n = estimate.response.shape
+    if F < 2:
+        raise InvalidInput(f"{path}: one frequency; UFF 58 is written from two on")
+    hertz = estimate.omega / (2 * np.pi)
+    sets = []
+    for q in range(Q):
+        for i, j in np.ndindex(m, n):
+            title = f"position {q + 1}, output {i + 1}, input {j + 1}"
+            place = {"ver_num": q + 1, "rsp_node": i + 1, "ref_node": j + 1}
+            sets.append(_function(_FRF, _NAME, title, hertz, estimate.response[q, :, i, j], place))
+            values = estimate.variance[q, :, i, j]
+            sets.append(_function(_GENERAL, "variance", title, hertz, values, place))
+        place = {"ver_num": q + 1, "rsp_node": 0, "ref_node": 0}
+        sets.append(_vector("positions", estimate.positions[q], place))
+    counts = estimate.repetitions.astype(float)
+    sets.append(_vector("repetitions", counts, {"ver_num": 0, "rsp_node": 0, "ref_node": 0}))
+    _write_sets(path, sets)
+
+
+def read_frf(
+    path: Path, positions: Array | None = None, noise: RelativeNoise | None = None
+) -> FrfEstimate:
+    """Read FRFs; see `estimators.frf.exchange.read_frf`."""
+    sets = [s for s in _read_sets(path) if s["type"] == 58]
+    responses = [s for s in sets if s["func_type"] == _FRF]
+    if not responses:
+        raise InvalidInput("no frequency response function (dataset 58 of type 4)")
+    axes = _axes(responses)
+    omega = 2 * np.pi * responses[0]["x"]
+    response = np.asarray(_gathered(responses, axes, responses[0]["x"]), dtype=complex)
+    variances = [s for s in sets if s["id1"].strip() == "variance"]
+    if variances:
+        variance = np.asarray(_gathered(variances, axes, responses[0]["x"]).real, dtype=float)
+    elif noise is not None:
+        variance = noise.variance(response)
+    else:
+        raise InvalidInput("no variances; give the law of the errors as noise=RelativeNoise(...)")
+    found = sorted((s for s in sets if s["id1"].strip() == "positions"), key=_version)
+    if found:
+        positions = np.array([_trimmed(s) for s in found])
+    elif positions is None:
+        raise InvalidInput("no positions; give them as positions=... (Q, n) [rad]")
+    counts = [_trimmed(s) for s in sets if s["id1"].strip() == "repetitions"]
+    repetitions = counts[0] if counts else np.ones(len(response))
+    return FrfEstimate(
+        np.asarray(positions, dtype=float), omega, response, variance, repetitions.astype(np.int64)
+    )
+
+
+def _function(
+    kind: int, name: str, title: str, x: Array, data: NDArray[Any], place: dict[str, int]
+) -> dict[str, Any]:
+    ordinate, divisor = (_ACCELERATION, _FORCE) if kind == _FRF else (0, 0)
+    return place | {
+        "type": 58,
+        "binary": 1,
+        "id1": name,
+        "id2": title,
+        "func_type": kind,
+        "rsp_dir": _ROTATION,
+        "ref_dir": _ROTATION,
+        "abscissa_spacing": 0,
+        "abscissa_spec_data_type": _FREQUENCY if place["rsp_node"] else 0,
+        "abscissa_axis_units_lab": "Hz" if place["rsp_node"] else "NONE",
+        "ordinate_spec_data_type": ordinate,
+        "ordinate_axis_units_lab": "rad/s^2" if kind == _FRF else "NONE",
+        "orddenom_spec_data_type": divisor,
+        "orddenom_axis_units_lab": "N m" if kind == _FRF else "NONE",
+        "data": data,
+        "x": x,
+    }
+
+
+def _vector(name: str, values: Array, place: dict[str, int]) -> dict[str, Any]:
+    """Return a function of the index; a second point is added to a single one, as pyuff needs."""
+    data = np.append(values, 0.0) if len(values) == 1 else values
+    return _function(
+        _GENERAL, name, f"{len(values)} values", np.arange(1.0, len(data) + 1), data, place
+    )
+
+
+def _trimmed(one: dict[str, Any]) -> Array:
+    return np.asarray(one["data"].real[: int(one["id2"].split()[0])])
+
+
+def _write_sets(path: Path, sets: list[dict[str, Any]]) -> None:
+    """Write sets one by one, and mend the number of bytes that pyuff puts in their headers.
+
+    It counts 8 bytes a point, whatever a point holds, and other programs rely on it. A file of its
+    own for each set spares pyuff reading all that was written before.
+    """
+    import pyuff
+
+    single = path.with_name(f"{path.name}.set")
+    try:
+        with path.open("wb") as file:
+            for one in sets:
+                single.unlink(missing_ok=True)
+                with _files_left_open():
+                    pyuff.UFF(str(single)).write_sets(one, mode="add")
+                content = single.read_bytes()
+                numbers = 3 if np.iscomplexobj(one["data"]) else 2
+                count = b"%12d" % (8 * numbers * len(one["data"]))
+                at = content.index(b"58b") + len(b"58b") + 6 + 6 + 12
+                file.write(content[:at] + count + content[at + 12 :])
+    finally:
+        single.unlink(missing_ok=True)
+
+
+def _read_sets(path: Path) -> list[dict[str, Any]]:
+    import pyuff
+
+    try:
+        with _files_left_open():
+            found = pyuff.UFF(str(path)).read_sets()
+    except Exception as error:  # pyuff raises nothing more particular
+        raise InvalidInput(f"not a universal file that pyuff can read ({reason(error)})") from None
+    return found if isinstance(found, list) else [found]
+
+
+@contextmanager
+def _files_left_open() -> Iterator[None]:
+    """Accept that pyuff leaves its files to be closed when it is done with them."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", ResourceWarning)
+        yield
+
+
+def _version(one: dict[str, Any]) -> int:
+    return int(one["ver_num"])
+
+
+def _axes(sets: list[dict[str, Any]]) -> list[list[Any]]:
+    """Return the positions' numbers, the outputs' and the inputs' degrees of freedom."""
+    outputs = {(s["rsp_node"], s["rsp_dir"]) for s in sets}
+    inputs = {(s["ref_node"], s["ref_dir"]) for s in sets}
+    return [sorted({_version(s) for s in sets}), sorted(outputs), sorted(inputs)]
+
+
+def _gathered(sets: list[dict[str, Any]], axes: list[list[Any]], x: Array) -> ComplexArray:
+    """Put functions into one (Q, F, m, n) array.
+
+    Raises
+    ------
+    InvalidInput : naming an element that is missing, given twice, not an acceleration or at other
+        frequencies.
+    """
+    numbers, outputs, inputs = axes
+    values = np.full((len(numbers), len(outputs), len(inputs), len(x)), np.nan, dtype=complex)
+    for s in sets:
+        response, reference = (s["rsp_node"], s["rsp_dir"]), (s["ref_node"], s["ref_dir"])
+        who = f"function {s['id2'].strip()!r}, nodes {response[0]} and {reference[0]}"
+        if s["func_type"] == _FRF and s["ordinate_spec_data_type"] not in (0, 1, _ACCELERATION):
+            raise InvalidInput(
+                f"{who}: ordinate of type {s['ordinate_spec_data_type']}; accelerations (12) are "
+                "needed"
+            )
+        if not np.array_equal(s["x"], x):
+            raise InvalidInput(f"{who}: its frequencies differ from those of the first function")
+        place = (
+            numbers.index(_version(s)),
+            outputs.index(response),
+            inputs.index(reference),
+        )
+        if not np.isnan(values[place]).all():
+            raise InvalidInput(f"{who}: given twice")
+        values[place] = s["data"]
+    gap = np.argwhere(np.isnan(values).all(axis=-1))
+    if len(gap):
+        q, i, j = gap[0]
+        raise InvalidInput(
+            f"no function for position {numbers[q]}, response node {outputs[i][0]}, reference node "
+            f"{inputs[j][0]}"
+        )
+    return np.asarray(np.moveaxis(values, -1, 1))

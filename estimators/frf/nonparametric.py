@@ -1,0 +1,236 @@
+"""FRFs from records, with their covariance: [WM] section 4."""
+
+from collections.abc import Iterable, Iterator
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from estimators.frf.estimate import FrfEstimate, unvec
+from estimators.frf.methods import (
+    SUMMING,
+    error_power,
+    find_method,
+    jackknife,
+    noise_covariance,
+)
+from estimators.frf.record_checks import check_condition, check_periods, check_records, warn
+from estimators.frf.spectra import Spectra, spectra
+from estimators.frf.stationarity import settling
+from robotmodels.arrays import Array, ComplexArray
+from robotmodels.errors import InvalidInput, nearest
+from robotmodels.records import Records
+
+Transient = int | Literal["auto"]
+
+
+def estimate_frf(
+    records: Records | Iterable[Records],
+    method: str = "ari",
+    *,
+    covariance: str = "total",
+    structure: str = "full",
+    hold: bool = True,
+    delay: float = 0.0,
+    transient: Transient = "auto",
+) -> FrfEstimate:
+    """Estimate motor torque to motor acceleration FRFs, and the covariance of the estimate.
+
+    Periods are averaged first, then blocks by the chosen method. Blocks with a missing experiment
+    are left out with a warning, except where the method sums over experiments (h1, jio) and uses
+    the rest; blocks that are missing altogether are passed over, and `repetitions` counts those
+    that were used.
+
+    Parameters
+    ----------
+    records : experiments, or any iterable of them, e.g. `robotmodels.records.iterate_records`;
+        one position at a time is held in memory.
+    method : "ari", "har", "log", "h1" or "jio"; `estimators.compare_methods` helps to choose.
+    covariance : "total", over blocks, or "noise", from what does not repeat from period to period,
+        which misses the distortions by nonlinearities and is all that one block can give.
+    structure : "full" matrices of vec(G), of rank B - 1 at most for the total one, or their
+        "diagonal".
+    hold : whether the torque is held over a sample.
+    delay : of the measured angle after the torque [s].
+    transient : periods to drop at the start of each experiment; "auto" drops those that differ
+        from later ones, see `estimators.settling`, and warns when it does.
+
+    Raises
+    ------
+    InvalidInput : naming position, block, line and condition number where torques are dependent,
+        and whatever else keeps the records from being used.
+    """
+    find_method(method)
+    check_choice("covariance", covariance, ("total", "noise"))
+    check_choice("structure", structure, ("full", "diagonal"))
+    positions, responses, repetitions = [], [], []
+    covariances: list[NDArray[Any]] = []
+    omega: Array | None = None
+    for count, part in enumerate(each_position(records)):
+        who = f"position {count + 1}"
+        found = usable_spectra(part, who, method, hold=hold, delay=delay, transient=transient)
+        if omega is not None and not np.array_equal(omega, found.omega):
+            raise InvalidInput(f"{who}: its frequencies differ from those of position 1")
+        omega = found.omega
+        response, error = with_covariance(found, method, covariance, who)
+        positions.append(part.positions[0])
+        responses.append(response)
+        covariances.append(structured(error, structure, response.shape[1]))
+        repetitions.append(len(found.present))
+    if omega is None:
+        raise InvalidInput("records: none given; at least one position is needed")
+    return FrfEstimate(
+        np.array(positions),
+        omega,
+        np.array(responses),
+        np.array(covariances),
+        np.array(repetitions, dtype=np.int64),
+    )
+
+
+def each_position(records: Records | Iterable[Records]) -> Iterator[Records]:
+    """Return the records of one position after the other, Q = 1 each."""
+    for part in [records] if isinstance(records, Records) else records:
+        for index in range(len(part)):
+            yield part.at(index)
+
+
+def usable_spectra(
+    records: Records,
+    who: str,
+    method: str,
+    *,
+    hold: bool = True,
+    delay: float = 0.0,
+    transient: Transient = "auto",
+) -> Spectra:
+    """Return the checked spectra of one position, without transients and missing blocks.
+
+    Raises
+    ------
+    InvalidInput : as `estimate_frf` does.
+    """
+    check_records(records, 0, who)
+    found = spectra(records, hold=hold, delay=delay)
+    check_periods(found, who)
+    n, E = found.input.shape[-2:]
+    if n > E:
+        raise InvalidInput(
+            f"{who}: {E} experiments a block for {n} motors; {n} are needed, or "
+            "estimators.local_frf (oed frf --local), which borrows from neighbouring lines"
+        )
+    if n < E and method not in SUMMING:
+        raise InvalidInput(
+            f"{who}: {E} experiments a block for {n} motors; {method} needs {n}, "
+            f"{' and '.join(SUMMING)} take any number"
+        )
+    if method == "jio" and not found.reference.any():
+        raise InvalidInput(f"{who}: jio needs the reference, which is zero; use another method")
+    first = first_period(found, transient, who)
+    found = spectra(records, hold=hold, delay=delay, first=first) if first else found
+    found = _without_missing(found, method, who)
+    _check_inputs(found, method, records.lines.astype(float), who)
+    return found
+
+
+def with_covariance(
+    found: Spectra, method: str, covariance: str, who: str
+) -> tuple[ComplexArray, ComplexArray]:
+    """Return the FRF (F, m, n) and its covariance (F, m n, m n), "total" or "noise".
+
+    Raises
+    ------
+    InvalidInput : if there are too few blocks, or periods, for a covariance.
+    """
+    B, P = found.input.shape[:2]
+    Y, U, R = (a.swapaxes(0, 1) for a in found.averaged())
+    if covariance == "total":
+        if B < 2:
+            raise InvalidInput(
+                f"{who}: one block; a total covariance needs at least 2 with new phases, or "
+                "covariance='noise' from two periods or more"
+            )
+        response, error = jackknife(find_method(method), Y, U, R)
+    else:
+        if P < 2:
+            raise InvalidInput(f"{who}: one period; a noise covariance needs at least 2")
+        response = find_method(method)(Y, U, R)
+        noise = (np.moveaxis(a, 2, 0) for a in (found.noise_output, found.noise_input))
+        error = noise_covariance(method, error_power(response, *noise), U, R)
+    return response, above_rounding(error, response)
+
+
+def above_rounding(covariance: ComplexArray, response: ComplexArray) -> ComplexArray:
+    """Raise the variances (F, m n, m n) to those of rounding errors, Hermitian to the last bit."""
+    covariance = (covariance + np.conj(np.swapaxes(covariance, -1, -2))) / 2
+    size = np.abs(response).max(axis=(-2, -1))
+    i = np.arange(covariance.shape[-1])
+    least = (4 * np.finfo(float).eps * size[:, None]) ** 2
+    covariance[:, i, i] = np.maximum(covariance[:, i, i].real, least)
+    return np.asarray(covariance)
+
+
+def structured(covariance: ComplexArray, structure: str, outputs: int) -> Array | ComplexArray:
+    """Return covariances "full", (F, m n, m n), as they are, or their "diagonal", (F, m, n)."""
+    single = covariance.shape[-1] == 1  # a matrix of one element is a variance
+    return covariance if structure == "full" and not single else diagonal(covariance, outputs)
+
+
+def diagonal(covariance: ComplexArray, outputs: int) -> Array:
+    """Return the variances (F, m, n) of (F, m n, m n) covariances."""
+    return np.asarray(unvec(np.diagonal(covariance, axis1=-2, axis2=-1).real, outputs))
+
+
+def first_period(found: Spectra, transient: Transient, who: str) -> int:
+    """Return how many periods to drop: so many, or those not settled ("auto"), with a warning."""
+    if transient != "auto":
+        return transient
+    judged = settling(found)
+    if judged.first:
+        warn(
+            f"{who}: the first {judged.first} of {found.periods} periods dropped: they differ "
+            f"from later ones by {judged.deviations[0]:.2g} of the signal, more than chance allows"
+        )
+    if not judged.settled:
+        warn(f"{who}: no period agrees with the later ones; the experiments never settled")
+    return judged.first
+
+
+def _without_missing(found: Spectra, method: str, who: str) -> Spectra:
+    some, every = np.asarray(found.present.any(axis=1)), found.complete
+    partial = some & ~every
+    if method in SUMMING or not partial.any():
+        return found.blocks(some)
+    warn(
+        f"{who}: blocks {_numbers(partial)} lack experiments and are left out; "
+        f"{' and '.join(SUMMING)} would use what they have"
+    )
+    if not every.any():
+        raise InvalidInput(f"{who}: no block is complete, as {method} needs")
+    return found.blocks(every)
+
+
+def _numbers(which: NDArray[np.bool_]) -> str:
+    """Return which are true, counted from 1."""
+    return ", ".join(str(i + 1) for i in np.flatnonzero(which))
+
+
+def _check_inputs(found: Spectra, method: str, lines: Array, who: str) -> None:
+    averaged = found.input.mean(axis=1)  # (B, F, n, E)
+    if method in SUMMING:
+        together = np.concatenate(list(averaged), axis=-1)
+        check_condition(together, found.omega, lines, who)
+        if method == "jio":
+            references = np.concatenate(list(found.reference[:, 0]), axis=-1)
+            check_condition(references, found.omega, lines, who, "references")
+        return
+    for b, block in enumerate(averaged):
+        check_condition(block, found.omega, lines, f"{who}, block {b + 1}")
+
+
+def check_choice(name: str, value: str, known: tuple[str, ...]) -> None:
+    """Refuse a value that is not one of those known."""
+    if value not in known:
+        raise InvalidInput(
+            f"{name} {value!r} is none of {', '.join(known)}{nearest(str(value), known)}"
+        )

@@ -1,0 +1,138 @@
+"""What can be wrong with records before any FRF is estimated from them."""
+
+import warnings
+
+import numpy as np
+from numpy.typing import NDArray
+
+from estimators.frf.spectra import Spectra
+from robotmodels.arrays import Array, ComplexArray
+from robotmodels.errors import IdentificationWarning, InvalidInput
+from robotmodels.records import Records
+
+# A designed reference has all of its power at its lines, rounding and a controller's
+# interpolation aside. A torque under friction has some elsewhere.
+REFERENCE_SHARE = 0.9
+TORQUE_SHARE = 0.5
+# Beyond this condition number rounding and the faintest noise decide, not the experiments.
+SINGULAR = 1e8
+POOR = 1e3
+
+
+def warn(message: str) -> None:
+    """Warn a user of something in the data."""
+    warnings.warn(message, IdentificationWarning, stacklevel=3)
+
+
+def check_records(records: Records, index: int = 0, name: str | None = None) -> None:
+    """Refuse what is not periodic at the declared lines; warn of what only looks wrong.
+
+    Parameters
+    ----------
+    index : position to be checked.
+    name : how messages call the position; its number, counted from 1, by default.
+
+    Raises
+    ------
+    InvalidInput : if all is missing, the reference differs from period to period or has its power
+        elsewhere, or a motor is not driven at all.
+    """
+    who = name or f"position {index + 1}"
+    present = ~records.missing[index]
+    if not present.any():
+        raise InvalidInput(f"{who}: every experiment is missing; leave the position out")
+    _check_reference(records.reference[index], records, present, who)
+    _check_torque(records, index, present, who)
+    met = records.saturated[index].any(axis=2) & present[..., None]  # (B, E, n)
+    if met.any():
+        motors = ", ".join(str(j + 1) for j in np.flatnonzero(met.any(axis=(0, 1))))
+        warn(
+            f"{who}: the torque limit was met by motors {motors} in "
+            f"{int(met.any(axis=2).sum())} of {int(present.sum())} experiments; clipped torques "
+            "distort the FRF, excite less"
+        )
+
+
+def _check_reference(
+    reference: Array, records: Records, present: NDArray[np.bool_], who: str
+) -> None:
+    used = reference[present]  # (experiments, P, N, n)
+    size = np.abs(used).max(initial=0.0)
+    if size == 0:
+        return  # not recorded
+    apart = np.abs(used - used[:, :1]).max(axis=(0, 2, 3))
+    if apart.max() > 1e-6 * size:
+        period = int(np.argmax(apart > 1e-6 * size))
+        raise InvalidInput(
+            f"{who}: the reference is not periodic: period {period + 1} differs from period 1 by "
+            f"{apart[period] / size:.2g} of its largest value; are there {records.samples} "
+            "samples a period?"
+        )
+    share = _share(used[:, 0], records)
+    if share < REFERENCE_SHARE:
+        raise InvalidInput(
+            f"{who}: only {100 * share:.3g} % of the reference's power lies at the declared lines; "
+            f"are there {records.samples} samples a period, and are the lines right?"
+        )
+
+
+def _check_torque(records: Records, index: int, present: NDArray[np.bool_], who: str) -> None:
+    torque = records.torque[index][present].mean(axis=1)  # (experiments, N, n)
+    varies = np.abs(torque - torque.mean(axis=1, keepdims=True)).max(axis=(0, 1))
+    if (varies == 0).any():
+        motor = int(np.argmax(varies == 0))
+        raise InvalidInput(
+            f"{who}: the torque of motor {motor + 1} is constant in every experiment"
+        )
+    share = _share(torque, records)
+    if share < TORQUE_SHARE:
+        warn(
+            f"{who}: only {100 * share:.3g} % of the torque's power lies at the declared lines; "
+            f"are there {records.samples} samples a period, and are the lines right?"
+        )
+
+
+def _share(signal: Array, records: Records) -> float:
+    """Return which part of the power of (experiments, N, n), means aside, is at the lines."""
+    power = (np.abs(np.fft.rfft(signal, axis=1)[:, 1:]) ** 2).sum(axis=(0, 2))
+    return float(power[records.lines - 1].sum() / power.sum())
+
+
+def check_periods(found: Spectra, who: str) -> None:
+    """Warn if periods differ more than they agree."""
+    for name, signal in (("torque", found.input), ("angle", found.output)):
+        mean = signal.mean(axis=1, keepdims=True)
+        scatter = np.abs(signal - mean) ** 2
+        if scatter.mean() > np.mean(np.abs(mean) ** 2):
+            warn(
+                f"{who}: the {name}'s periods differ more than they agree; not periodic, not "
+                "settled, or buried in noise"
+            )
+
+
+def check_condition(
+    inputs: ComplexArray, omega: Array, lines: Array, who: str, what: str = "torques"
+) -> None:
+    """Refuse inputs (F, n, E) that do not move the n motors independently of each other.
+
+    Rows are scaled first: motors of different size are no fault.
+
+    Raises
+    ------
+    InvalidInput : naming line, frequency and condition number.
+    """
+    size = np.sqrt(np.mean(np.abs(inputs) ** 2, axis=-1, keepdims=True))
+    scaled = inputs / np.where(size == 0, 1.0, size)
+    values = np.linalg.svd(scaled, compute_uv=False)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        condition = np.where(values[:, -1] > 0, values[:, 0] / values[:, -1], np.inf)
+    worst = int(np.argmax(condition))
+    if condition[worst] < POOR:
+        return
+    message = (
+        f"{who}: the {what} at line {int(lines[worst])} ({omega[worst] / (2 * np.pi):.6g} Hz) are "
+        f"nearly dependent, condition number {condition[worst]:.2g}; "
+    )
+    if condition[worst] > SINGULAR:
+        raise InvalidInput(message + "excite the motors by orthogonal signals, one set a block")
+    warn(message + "the FRF there is poor")

@@ -1,0 +1,80 @@
+"""Visits of one position made one: FRFs measured there again and again, averaged."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from estimators.frf.distortion import Distortion
+from estimators.frf.estimate import FrfEstimate
+from robotmodels.arrays import Array, IntArray
+
+_SAME = 9
+"""Decimals [rad or m] to which visits of one position agree."""
+
+_LEVELS = ("output", "odd", "even", "odd_noise", "even_noise", "odd_raw", "even_raw")
+
+
+def visits_of(positions: Array) -> list[IntArray]:
+    """Return for each distinct position the indices of its visits, in order of the first."""
+    rounded = np.round(positions, _SAME) + 0.0
+    _, first, group = np.unique(rounded, axis=0, return_index=True, return_inverse=True)
+    return [np.flatnonzero(group.ravel() == g) for g in np.argsort(first)]
+
+
+def merge_visits(estimate: FrfEstimate) -> FrfEstimate:
+    """Return one FRF per distinct position, the mean over its visits by number of experiments.
+
+    Errors of different visits are independent: the mean sum_v w_v G_v has the covariance
+    sum_v w_v^2 C_v. Estimated covariances are not used as weights, they scatter too much.
+    """
+    visits = visits_of(estimate.positions)
+    if len(visits) == len(estimate.positions):
+        return estimate
+    weights = _shares(estimate.repetitions, visits)
+    squares = [w**2 for w in weights]
+    return FrfEstimate(
+        estimate.positions[[v[0] for v in visits]],
+        estimate.omega,
+        _sums(estimate.response, visits, weights),
+        _sums(estimate.covariance, visits, squares),
+        np.array([estimate.repetitions[v].sum() for v in visits]),
+    )
+
+
+def merge_distortion(found: Distortion) -> Distortion:
+    """Return noise and distortion levels of the FRFs that `merge_visits` gives.
+
+    Variances are those of the mean; levels of motion are root mean squares over visits.
+    """
+    visits = visits_of(found.positions)
+    if len(visits) == len(found.positions):
+        return found
+    weights = _shares(found.blocks, visits)
+    squares = [w**2 for w in weights]
+    levels: dict[str, Any] = {
+        name: np.sqrt(_sums(getattr(found, name) ** 2, visits, weights)) for name in _LEVELS
+    }
+    return replace(
+        found,
+        positions=found.positions[[v[0] for v in visits]],
+        noise=_sums(found.noise, visits, squares),
+        total=_sums(found.total, visits, squares),
+        blocks=np.array([found.blocks[v].sum() for v in visits]),
+        **levels,
+    )
+
+
+def _shares(counts: IntArray, visits: Sequence[IntArray]) -> list[Array]:
+    return [counts[v] / counts[v].sum() for v in visits]
+
+
+def _sums(
+    values: NDArray[Any], visits: Sequence[IntArray], weights: Sequence[Array]
+) -> NDArray[Any]:
+    """Return the weighted sum over the visits of each position."""
+    return np.stack(
+        [np.tensordot(w, values[v], axes=1) for v, w in zip(visits, weights, strict=True)]
+    )

@@ -1,0 +1,96 @@
+"""Design meets outcome: the covariance that a design promised against what came out."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from estimators.uncertainty.covariance import Uncertainty
+from robotmodels.arrays import Array, read_only
+from robotmodels.errors import InvalidInput, NotIdentifiable
+
+# An outcome of repeated experiments is another than promised once in a thousand by chance.
+IMPROBABLE = 1e-3
+
+
+@dataclass(frozen=True, eq=False)
+class DesignOutcome:
+    """How a covariance that came out compares with the one that was predicted.
+
+    Attributes
+    ----------
+    names : p parameters.
+    ratio : (p,) standard deviations that came out over those predicted.
+    directions : (p,) the same for the directions in which they differ most, smallest first.
+    efficiency : (det predicted / det outcome)^(1/p), one if the design kept its promise.
+    probability : that repeated experiments scatter as little, or as much, as they did if the
+        prediction is right, two-sided; not a number where the outcome is no sample.
+    """
+
+    names: tuple[str, ...]
+    ratio: Array
+    directions: Array
+    efficiency: float
+    probability: float
+
+    @property
+    def as_predicted(self) -> bool:
+        """Whether the outcome does not contradict the prediction; within 10 % if no sample."""
+        if np.isfinite(self.probability):
+            return self.probability > IMPROBABLE
+        return bool(self.directions[0] >= 0.9 and self.directions[-1] <= 1.1)
+
+    def __str__(self) -> str:
+        worst = int(np.argmax(self.ratio))
+        return (
+            f"{'as' if self.as_predicted else 'NOT as'} predicted: efficiency "
+            f"{self.efficiency:.3g}, standard deviations {self.ratio.min():.3g} to "
+            f"{self.ratio.max():.3g} times the predicted ones, most for {self.names[worst]}"
+        )
+
+
+def compare_with_design(
+    predicted: Uncertainty, outcome: Uncertainty, samples: int | None = None
+) -> DesignOutcome:
+    """Return how the outcome of an experiment compares with the prediction of its design.
+
+    Parameters
+    ----------
+    predicted : inverse of the design's information at the parameters it was made for.
+    outcome : of the fit, the posterior, or repeated experiments.
+    samples : number of experiments that an outcome's sample covariance was made from. Then
+        (samples - 1) tr(predicted^-1 outcome) is chi square with p (samples - 1) degrees.
+
+    Raises
+    ------
+    InvalidInput : if the two are about different parameters, or there are fewer than 2 samples.
+    NotIdentifiable : if the predicted covariance is singular.
+    """
+    if predicted.names != outcome.names:
+        raise InvalidInput(
+            f"outcome: about {', '.join(outcome.names)}, the prediction about "
+            f"{', '.join(predicted.names)}"
+        )
+    if samples is not None and samples < 2:
+        raise InvalidInput(f"samples: {samples}; at least 2 are needed")
+    std = predicted.std
+    values, vectors = np.linalg.eigh(predicted.correlation)
+    if not values[0] > 0:
+        raise NotIdentifiable(predicted.names, "predict from a design of full rank")
+    white = (vectors / np.sqrt(values)).T / std
+    squares = np.linalg.eigvalsh(white @ outcome.covariance @ white.T)
+    probability = float("nan")
+    if samples is not None:
+        from scipy.stats import chi2
+
+        tail = chi2.cdf((samples - 1) * squares.sum(), len(std) * (samples - 1))
+        probability = float(2 * min(tail, 1 - tail))
+    squares = np.maximum(squares, 0.0)
+    with np.errstate(divide="ignore"):
+        efficiency = float(np.exp(-np.mean(np.log(squares))))
+    return DesignOutcome(
+        names=predicted.names,
+        ratio=read_only(outcome.std / std),
+        directions=read_only(np.sqrt(squares)),
+        efficiency=efficiency,
+        probability=probability,
+    )

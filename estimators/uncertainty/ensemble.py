@@ -1,0 +1,199 @@
+"""Ensembles of walkers: moves, and running side by side until enough. Wraps emcee."""
+
+from collections.abc import Callable, Iterator
+from concurrent.futures import Executor
+from dataclasses import dataclass
+
+import emcee
+import numpy as np
+
+from estimators.uncertainty.laplace import StudentT
+from estimators.uncertainty.walker_store import Chain, Store
+from robotmodels.arrays import Array, IntArray
+
+LogProbability = Callable[[Array], Array]
+
+# Snapshots between two checks, and between two writes: at least so many, and a share of the past.
+CHUNK = 20
+CHUNK_SHARE = 0.1
+
+# Shares of the moves; without a proposal the first two share the third's part.
+DE, SNOOKER, INDEPENDENT = 0.4, 0.1, 0.5
+
+
+class SnookerMove(emcee.moves.RedBlueMove):  # type: ignore[misc]  # emcee has no types
+    """Snooker update of ter Braak and Vrugt (2008).
+
+    x' = x + gamma (P z1 - P z2) with P the orthogonal projection onto the line through x and z,
+    accepted with the factor (|x' - z| / |x - z|)^(p - 1). emcee 3.1.6's own divides the direction
+    by the root of its length, so its steps depend on where they start, and halves the exponent:
+    it samples another distribution.
+    """
+
+    def __init__(self, gamma: float = 1.7) -> None:
+        super().__init__(nsplits=4)
+        self.gamma = gamma
+
+    def get_proposal(
+        self, sample: Array, complement: list[Array], random: np.random.RandomState
+    ) -> tuple[Array, Array]:
+        """Return proposals (w, p) for walkers `sample`, and logarithms of their factors (w,)."""
+        w, p = sample.shape
+        order = np.argsort(random.random_sample((w, 3)), axis=1)
+        picks = np.stack([c[random.randint(len(c), size=w)] for c in complement])
+        z, z1, z2 = (picks[order[:, i], np.arange(w)] for i in range(3))
+        delta = sample - z
+        before = np.linalg.norm(delta, axis=1)
+        # A walker exactly on z has no line: it stays, with a factor that rejects.
+        with np.errstate(invalid="ignore", divide="ignore"):
+            direction = delta / before[:, None]
+            along = self.gamma * np.einsum("wp,wp->w", direction, z1 - z2)
+            proposal = sample + along[:, None] * direction
+            after = np.linalg.norm(proposal - z, axis=1)
+            factor = (p - 1) * np.log(after / before)
+        apart = (before > 0) & (after > 0)
+        return np.where(apart[:, None], proposal, sample), np.where(apart, factor, -np.inf)
+
+
+@dataclass(frozen=True, eq=False)
+class IndependentMove:
+    """Independence Metropolis proposals: draws that do not depend on where a walker is.
+
+    Exact whatever the target. Where the proposal resembles it a walker forgets its past within a
+    few such steps; where not, they are rejected and the other moves do the work.
+    """
+
+    proposal: StudentT
+
+    def __call__(self, walkers: Array, random: np.random.RandomState) -> tuple[Array, Array]:
+        """Return proposals (w, p), and logarithms of their factors (w,)."""
+        new = self.proposal.draw(len(walkers), random)
+        return new, self.proposal.log_density(walkers) - self.proposal.log_density(new)
+
+
+def moves(proposal: StudentT | None) -> list[tuple[emcee.moves.Move, float]]:
+    """Return emcee's weighted moves: DE, corrected snooker, and independent ones if possible."""
+    rest = 1.0 if proposal is None else 1.0 - INDEPENDENT
+    mix = [
+        (emcee.moves.DEMove(), rest * DE / (DE + SNOOKER)),
+        (SnookerMove(), rest * SNOOKER / (DE + SNOOKER)),
+    ]
+    if proposal is not None:
+        mix.append((emcee.moves.MHMove(IndependentMove(proposal)), INDEPENDENT))
+    return mix
+
+
+@dataclass(frozen=True, eq=False)
+class Sampler:
+    """What advances an ensemble: picklable, so that another process can.
+
+    Attributes
+    ----------
+    log_probability : (w, p) -> (w,); minus infinity outside the support.
+    thin : steps from one snapshot to the next.
+    proposal : of the independent moves; None for none.
+    """
+
+    log_probability: LogProbability
+    thin: int
+    proposal: StudentT | None = None
+
+    def start(self, walkers: Array, seed: int) -> Chain:
+        """Return an ensemble at `walkers` (W, p) that has not moved yet."""
+        w = len(walkers)
+        state = tuple(np.random.RandomState(seed).get_state(legacy=True))
+        return Chain(walkers[None], np.full((1, w), np.nan), np.zeros(w, dtype=np.int64), state)
+
+    def advance(self, task: tuple[Chain, int]) -> Chain:
+        """Return the next snapshots of a chain."""
+        chain, snapshots = task
+        walkers, p = chain.walkers.shape[1:]
+        sampler = emcee.EnsembleSampler(
+            walkers, p, self.log_probability, moves=moves(self.proposal), vectorize=True
+        )
+        # emcee's wrapper of it would print a traceback when interrupted.
+        sampler.log_prob_fn = self.log_probability
+        last = chain.log_probability[-1]
+        state = emcee.State(
+            chain.walkers[-1].copy(),
+            log_prob=None if np.isnan(last).any() else last.copy(),
+            random_state=chain.random_state,
+        )
+        state = sampler.run_mcmc(state, snapshots, thin_by=self.thin, skip_initial_state_check=True)
+        return Chain(
+            sampler.get_chain(),
+            sampler.get_log_prob(),
+            sampler.backend.accepted.astype(np.int64),
+            tuple(state.random_state),
+        )
+
+
+def marks(limit: int) -> Iterator[int]:
+    """Return the numbers of snapshots at which chains are checked and written, up to `limit`."""
+    t = 0
+    while t < limit:
+        t = min(limit, t + max(CHUNK, int(CHUNK_SHARE * t)))
+        yield t
+
+
+def run_ensembles(
+    sampler: Sampler,
+    starts: Array,
+    seeds: IntArray,
+    limit: int,
+    enough: Callable[[Array], bool] | None = None,
+    store: Store | None = None,
+    progress: Callable[[int, int], object] | None = None,
+    executor: Executor | None = None,
+) -> tuple[Array, float]:
+    """Return chains (E, T, W, p) of independent ensembles, and the fraction of proposals taken.
+
+    The result depends neither on the executor nor on interruptions.
+
+    Parameters
+    ----------
+    starts : (E, W, p).
+    seeds : (E,).
+    limit : snapshots after which to stop in any case.
+    enough : told the chains so far, whether to stop; None goes on to the limit.
+    store : where the chains are kept, and from where they go on.
+    progress : called with the steps of all ensembles, and with those up to the limit; at the end
+        with the steps done, twice.
+    executor : advances the ensembles; in sequence where None.
+    """
+    stored = None if store is None else store.load()
+    begun = [sampler.start(w, int(s)) for w, s in zip(starts, seeds, strict=True)]
+    chains = begun if stored is None else stored
+    per_snapshot = sampler.thin * len(chains)
+    done, mark = 0 if stored is None else len(chains[0].walkers), 0
+    for mark in marks(limit):
+        if mark > done:
+            more = _advanced(sampler, chains, mark - done, executor)
+            fresh = chains is begun
+            chains = (
+                more if fresh else [c.followed_by(m) for c, m in zip(chains, more, strict=True)]
+            )
+            done = mark
+            if store is not None:
+                store.save(chains)
+            if progress is not None:
+                progress(per_snapshot * mark, per_snapshot * limit)
+        if enough is not None and enough(np.stack([c.walkers[:mark] for c in chains])):
+            break
+    if progress is not None:
+        progress(per_snapshot * mark, per_snapshot * mark)
+    # emcee counts what was taken in the steps it keeps.
+    taken = np.mean([c.accepted.mean() for c in chains]) / done
+    return np.stack([c.walkers[:mark] for c in chains]), float(taken)
+
+
+def _advanced(
+    sampler: Sampler, chains: list[Chain], snapshots: int, executor: Executor | None
+) -> list[Chain]:
+    # The last snapshot is all that another process needs.
+    tasks = [
+        (Chain(c.walkers[-1:], c.log_probability[-1:], c.accepted, c.random_state), snapshots)
+        for c in chains
+    ]
+    one = sampler.advance
+    return list(map(one, tasks) if executor is None else executor.map(one, tasks))

@@ -1,0 +1,291 @@
+"""What data do not tell: weak directions in parameter names, and what would help."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from estimators.fitting.least_squares import Fit
+from estimators.uncertainty.covariance import sandwich_parts
+from estimators.uncertainty.log_posterior import magnitude_adjustment
+from robotmodels.arrays import Array, IntArray, read_only
+from robotmodels.errors import InvalidInput
+from robotmodels.notebook import Printed
+
+# Relative standard deviation above which a direction counts as weak: a factor of 1.35 either way.
+LIMIT = 0.3
+# Wider than this many e-folds is not known at all; it also makes singular matrices regular.
+UNKNOWN = 1e3
+# A direction belongs to the parameters that hold this share of its squared length.
+SHARE = 0.9
+
+
+@dataclass(frozen=True, eq=False)
+class Advice:
+    """One step towards parameters that data tell.
+
+    Attributes
+    ----------
+    kind : "fix" or "tie".
+    names : the parameter to fix, or those to tie.
+    std : of the direction that is weak without this step [-].
+    text : the step in words.
+    """
+
+    kind: str
+    names: tuple[str, ...]
+    std: float
+    text: str
+
+
+@dataclass(frozen=True, eq=False)
+class Identifiability(Printed):
+    """What an information matrix says about p parameters.
+
+    Attributes
+    ----------
+    names : of the parameters.
+    singular_values : (p,) of the whitened Jacobian, largest first: one over the standard deviation
+        of each direction of ln theta.
+    directions : (p, p) unit vectors of ln theta in rows, in that order.
+    std : (p,) of each parameter; infinite if it is not known at all.
+    alone : (p,) of each parameter if all others were known.
+    inflation : (p, p) by which freeing parameter j (row) widens parameter i (column); one on the
+        diagonal.
+    advice : steps after which no direction is weak, in order.
+    limit : standard deviation above which a direction is weak.
+    """
+
+    names: tuple[str, ...]
+    singular_values: Array
+    directions: Array
+    std: Array
+    alone: Array
+    inflation: Array
+    advice: tuple[Advice, ...]
+    limit: float
+
+    @property
+    def direction_std(self) -> Array:
+        """Standard deviations of the directions, (p,), smallest first."""
+        with np.errstate(divide="ignore"):
+            found = 1 / self.singular_values
+        return np.where(found < UNKNOWN / 2, found, np.inf)
+
+    @property
+    def price(self) -> Array:
+        """What each free parameter costs, (p,): mean factor by which it widens the others."""
+        p = len(self.names)
+        with np.errstate(divide="ignore"):
+            mean = np.exp(np.log(self.inflation).sum(axis=1) / max(p - 1, 1))
+        return np.asarray(mean)
+
+    def weak(self) -> tuple[str, ...]:
+        """Return the weak directions in words, the weakest first."""
+        order = np.argsort(-self.direction_std, kind="stable")
+        return tuple(
+            f"{in_names(self.directions[k], self.names)} is {_known(self.direction_std[k])}"
+            for k in order
+            if self.direction_std[k] > self.limit
+        )
+
+    def __str__(self) -> str:
+        width = max(len(name) for name in self.names)
+        lines = [f"{'':<{width}}  {'std':>9}  {'alone':>9}  costs others"]
+        for i, name in enumerate(self.names):
+            lines.append(
+                f"{name:<{width}}  {self.std[i]:9.3g}  {self.alone[i]:9.3g}  x {self.price[i]:.3g}"
+            )
+        lines += [f"weak: {text}" for text in self.weak()]
+        lines += [step.text for step in self.advice]
+        return "\n".join(lines)
+
+
+def identifiability(
+    information: Array, names: Sequence[str], limit: float = LIMIT
+) -> Identifiability:
+    """Return what an information matrix on ln theta, (p, p), does and does not tell.
+
+    Parameters
+    ----------
+    information : of a fit (`fit_information`), a plan, or a position; it may be singular.
+    names : p parameters.
+    limit : standard deviation above which a direction is weak.
+
+    Raises
+    ------
+    InvalidInput : if the matrix does not fit the names, is not finite or symmetric, or has a
+        negative eigenvalue.
+    """
+    matrix = _checked(information, len(names))
+    values, vectors = np.linalg.eigh(matrix)
+    covariance = _inverse(matrix)
+    std = np.sqrt(np.diag(covariance))
+    with np.errstate(divide="ignore"):
+        alone = 1 / np.sqrt(np.diag(matrix))
+    correlation = covariance / np.outer(std, std)
+    left = np.maximum(1 - correlation**2, 1e-24)
+    inflation = 1 / np.sqrt(left)
+    np.fill_diagonal(inflation, 1.0)
+    return Identifiability(
+        names=tuple(names),
+        singular_values=read_only(np.sqrt(np.maximum(values[::-1], 0.0))),
+        directions=read_only(_signed(vectors.T[::-1])),
+        std=read_only(np.where(std < UNKNOWN / 2, std, np.inf)),
+        alone=read_only(alone),
+        inflation=read_only(inflation),
+        advice=_advice(matrix, tuple(names), limit),
+        limit=limit,
+    )
+
+
+def fit_information(fit: Fit) -> Array:
+    """Return the information on ln theta at a fit, (p, p), its prior included.
+
+    With weights that are not inverse covariances it is scaled as the posterior is.
+
+    Raises
+    ------
+    SolverFailed : if the fit has no finite cost.
+    """
+    bread, _ = sandwich_parts(fit)
+    known = 0.0 if fit.prior is None else fit.prior.information(fit.parameters.names)
+    return np.asarray(magnitude_adjustment(fit) * bread + known)
+
+
+@dataclass(frozen=True, eq=False)
+class Additions:
+    """What each of C more measurements would do.
+
+    Attributes
+    ----------
+    order : (C,) candidates, the best first.
+    gain : (C,) factor by which the mean standard deviation of the chosen parameters falls.
+    std : (C, p) of ln theta afterwards.
+    """
+
+    order: IntArray
+    gain: Array
+    std: Array
+
+
+def best_additions(
+    information: Array,
+    candidates: Array,
+    names: Sequence[str],
+    parameters: Sequence[str] | None = None,
+) -> Additions:
+    """Return which more measurements, positions or sensors, would help most.
+
+    Parameters
+    ----------
+    information : (p, p) that there is already; it may be singular.
+    candidates : (C, p, p) that each more measurement would add.
+    names : p parameters.
+    parameters : those that should become better known, by the geometric mean of their standard
+        deviations; the volume of the joint confidence region of all where None.
+
+    Raises
+    ------
+    InvalidInput : if matrices do not fit, or a parameter is unknown.
+    """
+    matrix = _checked(information, len(names))
+    more = np.asarray(candidates, dtype=float)
+    if more.ndim != 3 or more.shape[1:] != matrix.shape or not len(more):
+        raise InvalidInput(
+            f"candidates: shape {more.shape} given; (C, {len(names)}, {len(names)}) is needed"
+        )
+    unknown = [name for name in parameters or () if name not in names]
+    if unknown:
+        raise InvalidInput(f"parameters: {unknown[0]!r} is none of {', '.join(names)}")
+    after = _inverse(matrix + more)
+    std = np.sqrt(np.diagonal(after, axis1=-2, axis2=-1))
+    if parameters is None:
+        logs = (np.linalg.slogdet(_inverse(matrix))[1] - np.linalg.slogdet(after)[1]) / 2
+        gain = np.exp(logs / len(names))
+    else:
+        columns = [list(names).index(name) for name in parameters]
+        before = np.sqrt(np.diag(_inverse(matrix)))
+        gain = np.exp(np.mean(np.log(before[columns] / std[:, columns]), axis=1))
+    order = np.argsort(-gain, kind="stable")
+    return Additions(read_only(order), read_only(gain), read_only(std))
+
+
+def in_names(direction: Array, names: Sequence[str]) -> str:
+    """Return a direction (p,) of ln theta as a product of powers, small ones left out."""
+    size = np.round(np.abs(direction), 6)  # equal ones in the order of the names
+    order = [i for i in np.argsort(-size, kind="stable") if size[i] > 0.2 * size.max()]
+    return " ".join(f"{names[i]}^{direction[i]:+.2f}" for i in order)
+
+
+def _known(std: float) -> str:
+    return f"known to {100 * std:.2g} %" if np.isfinite(std) else "not known at all"
+
+
+def _signed(directions: Array) -> Array:
+    """Return directions whose largest component is positive."""
+    largest = np.argmax(np.round(np.abs(directions), 6), axis=1)
+    return np.asarray(directions * np.sign(directions[np.arange(len(largest)), largest])[:, None])
+
+
+def _checked(information: Array, p: int) -> Array:
+    matrix = np.asarray(information, dtype=float)
+    if matrix.shape != (p, p) or not np.isfinite(matrix).all():
+        raise InvalidInput(
+            f"information: shape {matrix.shape}, finite: {bool(np.isfinite(matrix).all())}; a "
+            f"finite ({p}, {p}) matrix is needed"
+        )
+    size = np.abs(matrix).max()
+    if not np.allclose(matrix, matrix.T, rtol=0, atol=1e-9 * size):
+        raise InvalidInput("information: the matrix is not symmetric")
+    lowest = np.linalg.eigvalsh(matrix)[0]
+    if lowest < -1e-9 * size:
+        raise InvalidInput(f"information: the eigenvalue {lowest:.3g} is negative")
+    return np.asarray((matrix + matrix.T) / 2)
+
+
+def _inverse(matrices: Array) -> Array:
+    """Return inverses (..., p, p); what is not known at all gets the variance UNKNOWN^2."""
+    regular = matrices + np.eye(matrices.shape[-1]) / UNKNOWN**2
+    size = np.sqrt(np.diagonal(regular, axis1=-2, axis2=-1))
+    outer = size[..., :, None] * size[..., None, :]
+    return np.asarray(np.linalg.inv(regular / outer) / outer)
+
+
+def _advice(information: Array, names: tuple[str, ...], limit: float) -> tuple[Advice, ...]:
+    """Return what to fix or tie until no direction is weak, one step at a time."""
+    steps = []
+    while len(names):
+        values, vectors = np.linalg.eigh(information)
+        std = min(1 / np.sqrt(max(values[0], UNKNOWN**-2)), UNKNOWN)
+        if std <= limit:
+            break
+        step, kept, mixing = _step(vectors[:, 0], names, std if std < UNKNOWN / 2 else np.inf)
+        steps.append(step)
+        information, names = mixing.T @ information @ mixing, kept
+    return tuple(steps)
+
+
+def _step(
+    direction: Array, names: tuple[str, ...], std: float
+) -> tuple[Advice, tuple[str, ...], Array]:
+    """Return a step against one weak direction, the names left, and d old / d new (p, p - 1)."""
+    order = np.argsort(-np.abs(direction), kind="stable")
+    shares = np.cumsum(direction[order] ** 2)
+    count = int(np.searchsorted(shares, SHARE)) + 1
+    guilty = [names[i] for i in order[:count]]
+    first = int(order[0])
+    kept = tuple(name for i, name in enumerate(names) if i != first)
+    mixing = np.delete(np.eye(len(names)), first, axis=1)
+    if count == 2 and direction[order[0]] * direction[order[1]] < 0 and _alike(*guilty):
+        mixing[first, kept.index(guilty[1])] = 1.0
+        text = f"tie {guilty[0]} and {guilty[1]}: their ratio is {_known(std)}"
+        return Advice("tie", tuple(guilty), std, text), kept, mixing
+    said = guilty[0] if count == 1 else in_names(direction, names)
+    text = f"fix {guilty[0]}, or measure it otherwise: {said} is {_known(std)}"
+    return Advice("fix", (guilty[0],), std, text), kept, mixing
+
+
+def _alike(first: str, second: str) -> bool:
+    """Whether two parameters are of one kind, such as two stiffnesses."""
+    return first.rpartition(".")[2] == second.rpartition(".")[2] or "." not in first + second

@@ -1,0 +1,293 @@
+"""Repeated simulated experiments: whether intervals cover the truth as often as they say."""
+
+from collections.abc import Callable, Sequence
+from concurrent.futures import Executor
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from estimators.fitting.least_squares import fit, reweighted
+from estimators.fitting.residuals import find_residual
+from estimators.frf.estimate import FrfEstimate, simulate_frf
+from estimators.uncertainty.covariance import Uncertainty
+from estimators.uncertainty.interval_methods import INTERVAL_METHODS, intervals_of
+from estimators.uncertainty.likelihood import Noise
+from robotmodels.arrays import Array, BoolArray, IntArray, read_only
+from robotmodels.errors import IdentificationError, InvalidInput, SolverFailed, nearest
+from robotmodels.noise import RelativeNoise
+from robotmodels.notebook import Printed
+from robotmodels.response import Elastic
+
+Experiment = Callable[[np.random.Generator], FrfEstimate]
+
+# Runs between two writes.
+CHUNK = 20
+
+
+@dataclass(frozen=True, eq=False)
+class FrfExperiment:
+    """An experiment at the level of FRFs: the true model's, with errors of a known law.
+
+    Attributes
+    ----------
+    model : the true one.
+    positions, omega, noise, repetitions : as in `estimators.simulate_frf`.
+    """
+
+    model: Elastic
+    positions: Array
+    omega: Array
+    noise: RelativeNoise
+    repetitions: IntArray | None = None
+
+    def __call__(self, rng: np.random.Generator) -> FrfEstimate:
+        """Return one simulated estimate."""
+        return simulate_frf(
+            self.model, self.positions, self.omega, self.noise, rng, self.repetitions
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class MonteCarlo(Printed):
+    """What came out of N repeated experiments, runs without an answer left out.
+
+    Attributes
+    ----------
+    names : p parameters.
+    truth : (p,) [SI]; not a number for those that are not known.
+    methods : k, of `INTERVAL_METHODS`.
+    level : nominal coverage of the intervals.
+    estimates : (N, p) of ln theta.
+    stds : (N, k, p) of ln theta that each method claims.
+    intervals : (N, k, p, 2) of ln theta.
+    costs : (N,) of the fits.
+    failures : reasons of the runs without an answer.
+    """
+
+    names: tuple[str, ...]
+    truth: Array
+    methods: tuple[str, ...]
+    level: float
+    estimates: Array
+    stds: Array
+    intervals: Array
+    costs: Array
+    failures: tuple[str, ...]
+
+    def uncertainty(self) -> Uncertainty:
+        """Return the estimates' scatter."""
+        covariance = np.atleast_2d(np.cov(self.estimates, rowvar=False, ddof=1))
+        return Uncertainty(self.names, covariance, "Monte Carlo")
+
+    @property
+    def bias(self) -> Array:
+        """Mean error of ln theta, (p,)."""
+        return np.asarray(self.estimates.mean(axis=0) - np.log(self.truth))
+
+    @property
+    def bias_error(self) -> Array:
+        """Standard error of the bias, (p,)."""
+        return np.asarray(self.uncertainty().std / np.sqrt(len(self.estimates)))
+
+    def covered(self, method: str) -> BoolArray:
+        """Return whose interval holds the truth, (N, p)."""
+        ends = self.intervals[:, self._index(method)]
+        truth = np.log(self.truth)
+        return np.asarray((ends[..., 0] <= truth) & (truth <= ends[..., 1]))
+
+    def coverage(self, method: str) -> Array:
+        """Return the share of runs whose interval holds the truth, (p,); not a number if unknown.
+
+        Raises
+        ------
+        InvalidInput : for a method whose intervals were not computed.
+        """
+        shares = self.covered(method).mean(axis=0)
+        return np.where(np.isfinite(self.truth), shares, np.nan)
+
+    def overall(self, method: str) -> float:
+        """Return the coverage over all parameters whose truth is known."""
+        return float(np.nanmean(self.coverage(method)))
+
+    def band(self, probability: float = 0.99) -> tuple[float, float]:
+        """Return where the coverage of one exact interval lies with `probability`, binomial."""
+        from scipy.stats import binom
+
+        n = len(self.estimates)
+        low, high = (
+            float(binom.ppf(tail, n, self.level)) / n
+            for tail in ((1 - probability) / 2, (1 + probability) / 2)
+        )
+        return low, high
+
+    def covers(self, method: str) -> BoolArray:
+        """Return for which parameters, (p,), a method covers at least as often as it should."""
+        return np.asarray(self.coverage(method) >= self.band()[0])
+
+    def _index(self, method: str) -> int:
+        if method not in self.methods:
+            raise InvalidInput(
+                f"Monte Carlo: {method!r} is none of the methods {', '.join(self.methods)}"
+                f"{nearest(method, self.methods)}"
+            )
+        return self.methods.index(method)
+
+    def __str__(self) -> str:
+        low, high = self.band()
+        lines = [
+            f"{len(self.estimates)} experiments, {len(self.failures)} without an answer; "
+            f"{100 * self.level:g} % intervals, an exact one would cover {low:.3f} to {high:.3f}"
+        ]
+        for method in self.methods:
+            shares = self.coverage(method)
+            worst = int(np.nanargmin(shares))
+            lines.append(
+                f"  {method:<10} covers {self.overall(method):.3f}, least {shares[worst]:.3f} "
+                f"for {self.names[worst]}"
+            )
+        return "\n".join(lines)
+
+
+@dataclass(frozen=True, eq=False)
+class Recipe:
+    """What is done with every simulated experiment; arguments of `monte_carlo`."""
+
+    experiment: Experiment
+    model: Elastic
+    residual: str
+    weights: str | NDArray[Any]
+    methods: tuple[str, ...]
+    level: float
+    noise: str
+    blocks: int | None
+
+    def run(self, seed: int) -> "dict[str, Array] | str":
+        """Return the arrays of one run, or the reason why there are none."""
+        rng = np.random.default_rng(seed)
+        p = len(self.model.parameters)
+        try:
+            found = fit(self.model, self.experiment(rng), self.residual, self.weights)
+            if self.weights == "optimal" and find_residual(self.residual).relative:
+                # Weights at the measured FRF correlate with its errors.
+                found = reweighted(found, rounds=1)
+            if not found.converged:
+                return f"not converged: {found.message}"
+            stds, ends = np.empty((len(self.methods), p)), np.empty((len(self.methods), p, 2))
+            for i, method in enumerate(self.methods):
+                stds[i], ends[i] = intervals_of(
+                    found, method, self.level, rng, noise=self.noise, blocks=self.blocks
+                )
+        except (IdentificationError, np.linalg.LinAlgError) as error:
+            return str(error)
+        return {
+            "estimates": np.log(found.parameters.values),
+            "stds": stds,
+            "intervals": ends,
+            "costs": np.array(found.cost),
+        }
+
+
+def monte_carlo(
+    experiment: Experiment,
+    model: Elastic,
+    *,
+    rng: np.random.Generator,
+    runs: int = 500,
+    residual: str = "nls",
+    weights: str | NDArray[Any] = "optimal",
+    truth: Array | None = None,
+    methods: Sequence[str] = ("theorem1",),
+    level: float = 0.95,
+    noise: str = "known",
+    blocks: int | None = None,
+    store: str | Path | None = None,
+    executor: Executor | None = None,
+    progress: Callable[[int, int], object] | None = None,
+) -> MonteCarlo:
+    """Return estimates and intervals of many simulated experiments, each fitted from the truth.
+
+    Parameters
+    ----------
+    experiment : makes one estimate: an `FrfExperiment`, or any function of a random generator,
+        such as a closed-loop simulation followed by `estimate_frf`. Its model may differ from the
+        one that is fitted: that is how model errors are studied.
+    model : what is fitted, from its own parameter values on.
+    rng : source of the runs' seeds.
+    residual, weights : of the fits, as in `estimators.fit`. Optimal weights of log residuals are
+        renewed once at the fit's own FRF.
+    truth : (p,) [SI] what intervals should cover; the model's own values where None; not a number
+        for a parameter without a true value.
+    methods : whose intervals to compute: "theorem1", "scaled" and "empirical" (see `covariance`),
+        "posterior" (by importance sampling, by emcee where its weights fail), "profile".
+    level : of the intervals.
+    noise, blocks : of posterior and profile, as in `sample_posterior`.
+    store : HDF5 file that keeps the runs; an interrupted series goes on from it.
+    executor : takes one run at a time; in sequence where None.
+    progress : called with the runs done and their number.
+
+    Raises
+    ------
+    InvalidInput : for too few runs, an unknown method, or the store of another series.
+    SolverFailed : if fewer than two runs have an answer, with the first reason.
+    """
+    _check(runs, methods, level)
+    from estimators.uncertainty.monte_carlo_store import RunStore
+
+    Noise(noise, blocks=blocks)  # refuses what does not fit before the first run
+    recipe = Recipe(experiment, model, residual, weights, tuple(methods), level, noise, blocks)
+    seeds = rng.integers(2**63 - 1, size=runs, dtype=np.int64)
+    kept = None if store is None else RunStore(Path(store), _fingerprint(recipe, int(seeds[0])))
+    results: list[dict[str, Array] | str] = [] if kept is None else kept.load()[:runs]
+    while len(results) < runs:
+        tasks = [int(s) for s in seeds[len(results) : len(results) + CHUNK]]
+        one = partial(Recipe.run, recipe)
+        results += map(one, tasks) if executor is None else executor.map(one, tasks)
+        if kept is not None:
+            kept.save(results)
+        if progress is not None:
+            progress(len(results), runs)
+    good = [r for r in results if not isinstance(r, str)]
+    failures = tuple(r for r in results if isinstance(r, str))
+    if len(good) < 2:
+        raise SolverFailed(f"Monte Carlo: {len(good)} of {runs} runs have an answer; {failures[0]}")
+    arrays = {name: read_only(np.stack([r[name] for r in good])) for name in good[0]}
+    values = model.parameters.values if truth is None else np.asarray(truth, dtype=float)
+    return MonteCarlo(
+        names=model.parameters.names,
+        truth=read_only(values),
+        methods=tuple(methods),
+        level=level,
+        failures=failures,
+        **arrays,
+    )
+
+
+def _check(runs: int, methods: Sequence[str], level: float) -> None:
+    if runs < 2:
+        raise InvalidInput(f"runs: {runs}; at least 2 are needed")
+    for method in methods:
+        if method not in INTERVAL_METHODS:
+            raise InvalidInput(
+                f"methods: {method!r} is none of {', '.join(INTERVAL_METHODS)}"
+                f"{nearest(method, INTERVAL_METHODS)}"
+            )
+    if not 0 < level < 1:
+        raise InvalidInput(f"level: {level} does not lie between 0 and 1")
+
+
+def _fingerprint(recipe: Recipe, seed: int) -> str:
+    """Return what tells one series from another: its settings and its first experiment."""
+    import hashlib
+
+    first = recipe.experiment(np.random.default_rng(seed))
+    weights = recipe.weights if isinstance(recipe.weights, str) else recipe.weights.tobytes()
+    noise = recipe.noise, recipe.blocks
+    settings = (recipe.residual, weights, recipe.methods, recipe.level, noise, seed)
+    digest = hashlib.sha256(repr(settings).encode())
+    for array in (first.response, recipe.model.parameters.values):
+        digest.update(" ".join(f"{x:.5g}" for x in array.ravel()).encode())
+    return digest.hexdigest()

@@ -1,0 +1,295 @@
+"""The posterior of a fit's parameters, sampled with emcee until it is good enough."""
+
+import hashlib
+from collections.abc import Callable
+from concurrent.futures import Executor
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from estimators.fitting.least_squares import Fit
+from estimators.fitting.priors import Prior
+from estimators.uncertainty.convergence import ESS, R_HAT, TIMES, Target, diagnose, enough
+from estimators.uncertainty.covariance import Uncertainty
+from estimators.uncertainty.ensemble import Sampler, run_ensembles
+from estimators.uncertainty.laplace import StudentT, laplace
+from estimators.uncertainty.likelihood import Noise
+from estimators.uncertainty.log_posterior import LogPosterior, posterior_density
+from estimators.uncertainty.walker_store import Store
+from robotmodels.arrays import Array, IntArray, read_only
+from robotmodels.errors import InvalidInput
+from robotmodels.notebook import Printed
+
+# Draws of the walkers' starts before giving up.
+ROUNDS = 20
+
+__all__ = ["ESS", "R_HAT", "TIMES", "Posterior", "sample_posterior"]
+
+
+@dataclass(frozen=True, eq=False)
+class Posterior(Printed):
+    """Draws of ln theta, and whether to trust them.
+
+    Attributes
+    ----------
+    names : p parameters.
+    chains : (ensembles, snapshots, walkers, p) of ln theta after burn-in.
+    r_hat : (p,) across ensembles; walkers of one ensemble are not independent.
+    ess : (p,) effective number of draws in all ensembles.
+    autocorrelation_time : (p,) [steps].
+    burn_in : steps left out.
+    steps : of each ensemble, burn-in included.
+    acceptance : fraction of proposals taken.
+    noise : what was taken to be known of the noise.
+    converged : whether R-hat, effective sizes and length are good enough.
+    message : if not, which parameter is worst and what to do.
+    """
+
+    names: tuple[str, ...]
+    chains: Array
+    r_hat: Array
+    ess: Array
+    autocorrelation_time: Array
+    burn_in: int
+    steps: int
+    acceptance: float
+    noise: Noise
+    converged: bool
+    message: str
+
+    @property
+    def scale(self) -> float:
+        """The factor of the cost, see `sample_posterior`."""
+        return self.noise.scale
+
+    @property
+    def draws(self) -> Array:
+        """All draws of ln theta, (N, p)."""
+        return self.chains.reshape(-1, self.chains.shape[-1])
+
+    def uncertainty(self) -> Uncertainty:
+        """Return the draws' covariance."""
+        draws = self.draws
+        return Uncertainty(
+            self.names,
+            np.cov(draws, rowvar=False, ddof=1).reshape(draws.shape[1], draws.shape[1]),
+            "emcee",
+        )
+
+    def interval(self, level: float = 0.95) -> Array:
+        """Return central credible intervals, (p, 2), of the parameters [SI]."""
+        if not 0 < level < 1:
+            raise InvalidInput(f"interval: level {level} does not lie between 0 and 1")
+        ends = np.quantile(self.draws, [(1 - level) / 2, (1 + level) / 2], axis=0)
+        return np.asarray(np.exp(ends.T))
+
+    def __str__(self) -> str:
+        width = max(len(name) for name in self.names)
+        lines = [f"posterior: {self.message}; acceptance {self.acceptance:.2f}"]
+        for name, std, r, n in zip(
+            self.names, self.uncertainty().std, self.r_hat, self.ess, strict=True
+        ):
+            lines.append(f"  {name:<{width}}  std {std:.4g}  R-hat {r:.3f}  ESS {n:.0f}")
+        return "\n".join(lines)
+
+
+def sample_posterior(
+    fit: Fit,
+    *,
+    rng: np.random.Generator,
+    ensembles: int = 4,
+    walkers: int = 64,
+    steps: int = 20_000,
+    thin: int = 5,
+    noise: str = "known",
+    scale: float | None = None,
+    blocks: int | None = None,
+    prior: Prior | None = None,
+    target: Target | None = None,
+    starts: Array | None = None,
+    backend: str | Path | None = None,
+    progress: Callable[[int, int], object] | None = None,
+    executor: Executor | None = None,
+) -> Posterior:
+    """Return draws from the likelihood of a fit's cost V times the prior, within the fit's bounds.
+
+    For nls with optimal weights and known noise exp(-V) is the exact likelihood. For other weights
+    V is multiplied by a scale that makes the posterior as wide as Theorem 1 on average:
+    p / tr(bread^-1 meat), one for optimal weights (the magnitude adjustment of Pauli, Racugno and
+    Ventura 2011). Single parameters' widths may still differ from Theorem 1's then.
+
+    Sampling ends once the chains meet the target, after 3 autocorrelation times of burn-in.
+    Moves: half independent draws from a Student t about the mode, half differential evolution
+    with a fifth of snooker updates.
+
+    Parameters
+    ----------
+    rng : source of the seeds and starts.
+    ensembles : independent ones, at least 2, for R-hat.
+    walkers : in each, at least twice the parameters.
+    steps : of each ensemble at most.
+    thin : steps from one stored snapshot to the next.
+    noise : "known", "unknown" (but for one common factor) or "estimated" (the weights are inverse
+        sample covariances): see `estimators.uncertainty.likelihood.Noise`.
+    scale : factor of V where the noise is known; None for the one above.
+    blocks : that estimated noise was estimated from.
+    prior : None takes the fit's own.
+    target : R-hat and least effective sample size at which to stop; 1.01 and 4000 where None.
+    starts : (walkers, p) or (ensembles, walkers, p) parameter values [SI]; None draws them about
+        the mode.
+    backend : HDF5 file, read by ``emcee.backends.HDFBackend(path, name="ensemble_0")``; a run that
+        was interrupted goes on from it, as does one with more steps. None keeps the chains in
+        memory only.
+    progress : called with the steps done in all ensembles, and the most there can be.
+    executor : advances the ensembles; in sequence where None.
+
+    Raises
+    ------
+    InvalidInput : for too few ensembles, walkers or steps, noise settings that do not fit, a start
+        outside the bounds or without a cost, or a backend of another fit or seed.
+    SolverFailed : if a cost is not a number, with the parameters.
+    """
+    check_sizes(len(fit.parameters), ensembles, walkers, steps, thin)
+    density = posterior_density(fit, noise=noise, scale=scale, blocks=blocks, prior=prior)
+    proposal = laplace(fit, density)
+    seeds = rng.integers(2**32, size=ensembles, dtype=np.int64)
+    first = _given(starts, density, ensembles, walkers)
+    if first is None:
+        rngs = [np.random.default_rng(int(seed)) for seed in seeds]
+        first = np.stack([_ball(proposal, density, walkers, one) for one in rngs])
+    _check_starts(density, first)
+    aim = target or Target()
+    chains, acceptance = run_ensembles(
+        Sampler(density, thin, proposal),
+        first,
+        seeds,
+        steps // thin,
+        lambda so_far: enough(so_far, aim),
+        None if backend is None else Store(Path(backend), _fingerprint(fit, density, seeds, thin)),
+        progress,
+        executor,
+    )
+    return judged(density.names, chains, thin, acceptance, density.noise, aim)
+
+
+def judged(
+    names: tuple[str, ...],
+    chains: Array,
+    thin: int,
+    acceptance: float,
+    noise: Noise,
+    target: Target | None = None,
+) -> Posterior:
+    """Return the posterior of chains (E, T, W, p): burn-in left out, convergence examined."""
+    found = diagnose(names, chains, target or Target())
+    steps = int(np.ceil(found.needed * thin / 100) * 100)
+    message = "converged"
+    if found.faults:
+        message = f"not converged: {'; '.join(found.faults)}; run about {steps} steps"
+    elif found.short:
+        message = f"converged, {found.short}: that takes about {steps} steps"
+    return Posterior(
+        names,
+        read_only(chains[:, found.burn_in :]),
+        found.r_hat,
+        found.ess,
+        found.autocorrelation_time * thin,
+        found.burn_in * thin,
+        chains.shape[1] * thin,
+        acceptance,
+        noise,
+        not found.faults,
+        message,
+    )
+
+
+def check_sizes(p: int, ensembles: int, walkers: int, steps: int, thin: int) -> None:
+    if ensembles < 2:
+        raise InvalidInput(f"ensembles: {ensembles}; at least 2 are needed to compare them")
+    if walkers < max(2 * p, 8):
+        raise InvalidInput(
+            f"walkers: {walkers} are too few for {p} parameters; "
+            f"at least {max(2 * p, 8)} are needed"
+        )
+    if thin < 1 or steps // thin < 10:
+        raise InvalidInput(
+            f"steps: {steps} steps, thinned by {thin}, leave fewer than 10 snapshots"
+        )
+
+
+def _ball(
+    proposal: StudentT, density: LogPosterior, walkers: int, rng: np.random.Generator
+) -> Array:
+    """Return starts (W, p) drawn from the proposal, mirrored at the bounds.
+
+    Draws without a finite cost are drawn again, closer to the mode; those left after all rounds
+    are for `_check_starts` to refuse.
+    """
+    low, high = density.bounds
+    found = np.empty((walkers, len(low)))
+    missing = np.ones(walkers, dtype=bool)
+    for shrink in 0.8 ** np.arange(ROUNDS):
+        draws = proposal.center + shrink * (proposal.draw(walkers, rng) - proposal.center)
+        draws = np.where(draws < low, 2 * low - draws, draws)
+        draws = np.where(draws > high, 2 * high - draws, draws)
+        # What is wider than the bounds twice over is spread evenly.
+        outside = (draws < low) | (draws > high)
+        draws = np.where(outside, rng.uniform(low, high, draws.shape), draws)
+        found[missing] = draws[missing]
+        missing[missing] = ~np.isfinite(density(found[missing]))
+        if not missing.any():
+            break
+    return found
+
+
+def _given(
+    starts: Array | None, density: LogPosterior, ensembles: int, walkers: int
+) -> Array | None:
+    """Return a user's starts as (E, W, p) of ln theta."""
+    if starts is None:
+        return None
+    values, p = np.asarray(starts, dtype=float), len(density.names)
+    shapes = ((walkers, p), (ensembles, walkers, p))
+    if values.shape not in shapes:
+        raise InvalidInput(
+            f"starts: shape {values.shape} given; {shapes[0]} or {shapes[1]} is needed"
+        )
+    values = np.broadcast_to(values, shapes[1])
+    low, high = np.exp(density.bounds)
+    wrong = np.argwhere(~((values >= low) & (values <= high)))
+    if wrong.size:
+        e, w, i = wrong[0]
+        raise InvalidInput(
+            f"starts: {density.names[i]} = {values[e, w, i]:g} of walker {w} lies outside its "
+            f"bounds [{low[i]:g}, {high[i]:g}]"
+        )
+    return np.asarray(np.log(values))
+
+
+def _check_starts(density: LogPosterior, starts: Array) -> None:
+    """Refuse walkers that start where there is no cost."""
+    flat = starts.reshape(-1, starts.shape[-1])
+    wrong = ~np.isfinite(density(flat))
+    if wrong.any():
+        raise InvalidInput(
+            f"starts: {wrong.sum()} of {len(flat)} walkers start without a finite cost, one at "
+            f"{density.described(np.exp(flat[np.argmax(wrong)]))}; start closer to the fit, or "
+            "fix what the data do not tell"
+        )
+
+
+def _fingerprint(fit: Fit, density: LogPosterior, seeds: IntArray, thin: int) -> str:
+    """Return a digest of what the chains depend on; rounded where computed, not given."""
+    settings = (fit.residual, density.names, density.noise.kind, density.noise.blocks, thin)
+    digest = hashlib.sha256(repr(settings).encode())
+    estimate = fit.estimate
+    for given in (estimate.positions, estimate.omega, estimate.response, seeds):
+        digest.update(np.ascontiguousarray(given).tobytes())
+    computed = [fit.weights, fit.parameters.values, fit.bounds, np.array(density.noise.scale)]
+    if density.prior is not None:
+        computed += [density.prior.values, density.prior.std]
+        digest.update(repr(density.prior.names).encode())
+    for array in computed:
+        digest.update("".join(f"{x:.5g} " for x in np.ravel(array)).encode())
+    return digest.hexdigest()

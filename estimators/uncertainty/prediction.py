@@ -1,0 +1,249 @@
+"""What a fit predicts elsewhere: bands of FRFs, resonances and anti-resonances."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import partial
+
+import numpy as np
+
+from estimators.uncertainty.covariance import Uncertainty, log_normal_ends
+from robotmodels.arrays import Array, ComplexArray, read_only
+from robotmodels.differences import by_ln_theta
+from robotmodels.errors import InvalidInput
+from robotmodels.modes import anti_resonances, resonances
+from robotmodels.response import Elastic, sensitivity
+
+# Draws that are evaluated at most: quantiles of a 95 % interval to about a tenth of its width.
+DRAWS = 400
+
+Spread = Uncertainty | Array
+"""A covariance of ln theta, for the delta method, or draws (N, p) of it."""
+
+
+@dataclass(frozen=True, eq=False)
+class FrfBand:
+    """Predicted FRFs.
+
+    Attributes
+    ----------
+    omega : (F,) [rad/s].
+    response : (Q, F, m, n) at the fit.
+    magnitude_std : (Q, F, m, n) of ln |G| [-].
+    phase_std : (Q, F, m, n) [rad].
+    lower, upper : (Q, F, m, n) ends of the band of |G|.
+    level : nominal coverage of each point of the band.
+    """
+
+    omega: Array
+    response: ComplexArray
+    magnitude_std: Array
+    phase_std: Array
+    lower: Array
+    upper: Array
+    level: float
+
+
+@dataclass(frozen=True, eq=False)
+class ModeBand:
+    """Predicted resonances, or anti-resonances, lowest first.
+
+    Attributes
+    ----------
+    frequencies : (Q, k) at the fit [rad/s].
+    std : (Q, k) of ln frequency [-].
+    lower, upper : (Q, k) ends of the intervals [rad/s].
+    level : nominal coverage of each interval.
+    """
+
+    frequencies: Array
+    std: Array
+    lower: Array
+    upper: Array
+    level: float
+
+
+def predict_frf(
+    model: Elastic,
+    values: Array,
+    positions: Array,
+    omega: Array,
+    spread: Spread,
+    level: float = 0.95,
+) -> FrfBand:
+    """Return FRFs in any positions with their uncertainty, that of the parameters alone.
+
+    The delta method takes ln G as linear in ln theta; near lightly damped resonances that are not
+    well known draws of a posterior are better.
+
+    Parameters
+    ----------
+    model : robot.
+    values : (p,) fitted parameters [SI].
+    positions : (Q, n) [rad], measured in or not.
+    omega : (F,) [rad/s].
+    spread : covariance of ln theta, or draws (N, p) of it; of more than 400 draws every so many.
+    level : of the band.
+
+    Raises
+    ------
+    InvalidInput : for a level outside (0, 1), or a spread of other parameters.
+    IdentificationError : if the model has no FRF in a position.
+    """
+    spread = _checked(model, spread, level)
+    G, J = sensitivity(model, positions, omega, values)
+    if isinstance(spread, Uncertainty):
+        slope = J / G[..., None]
+        magnitude, phase = (
+            np.sqrt(np.einsum("...p,pr,...r->...", part, spread.covariance, part))
+            for part in (slope.real, slope.imag)
+        )
+        lower, upper = log_normal_ends(np.abs(G), magnitude, level)
+    else:
+        responses = _responses(model, positions, omega, spread)
+        apart = np.log(responses / G)
+        magnitude, phase = apart.real.std(axis=0, ddof=1), apart.imag.std(axis=0, ddof=1)
+        lower, upper = _quantiles(np.abs(responses), level)
+    return FrfBand(np.asarray(omega), G, magnitude, phase, lower, upper, level)
+
+
+def predict_modes(
+    model: Elastic,
+    values: Array,
+    positions: Array,
+    spread: Spread,
+    *,
+    motor: int | None = None,
+    level: float = 0.95,
+) -> ModeBand:
+    """Return undamped resonances in any positions, or the zeros of one motor's own FRF.
+
+    Parameters
+    ----------
+    motor : 0 to n - 1 for the anti-resonances of that motor; None for resonances.
+    model, values, positions, spread, level : as in `predict_frf`.
+
+    Raises
+    ------
+    InvalidInput : for a level outside (0, 1), a spread of other parameters, or no such motor.
+    IdentificationError : if the model has no equilibrium in a position.
+    """
+    spread = _checked(model, spread, level)
+    modes = partial(_modes, model, np.asarray(positions, dtype=float), motor)
+    theta = np.asarray(values, dtype=float)
+    fitted = modes(theta)
+    if isinstance(spread, Uncertainty):
+        slope = by_ln_theta(lambda x: np.log(modes(x)), theta)
+        std = np.sqrt(np.einsum("...p,pr,...r->...", slope, spread.covariance, slope))
+        lower, upper = log_normal_ends(fitted, std, level)
+    else:
+        found = np.stack([modes(np.exp(x)) for x in _thinned(spread)])
+        std = np.log(found).std(axis=0, ddof=1)
+        lower, upper = _quantiles(found, level)
+    return ModeBand(fitted, std, lower, upper, level)
+
+
+@dataclass(frozen=True, eq=False)
+class WorkspaceMap:
+    """How well FRFs and resonances are known all over the workspace.
+
+    Attributes
+    ----------
+    positions : (Q, n) [rad].
+    frequencies : (Q, k) lowest resonances [rad/s].
+    mode_std : (Q, k) of ln frequency [-].
+    response_std : (Q,) root mean square of std ln |G| over frequencies and diagonal elements [-].
+    worst_std : (Q,) largest of them [-].
+    """
+
+    positions: Array
+    frequencies: Array
+    mode_std: Array
+    response_std: Array
+    worst_std: Array
+
+
+def workspace_map(
+    model: Elastic,
+    values: Array,
+    positions: Array,
+    omega: Array,
+    uncertainty: Uncertainty,
+    *,
+    modes: int = 3,
+    chunk: int = 20,
+    progress: Callable[[int, int], object] | None = None,
+) -> WorkspaceMap:
+    """Return the predicted uncertainty in many positions, by the delta method.
+
+    Parameters
+    ----------
+    modes : lowest resonances to look at.
+    chunk : positions at a time.
+    progress : called with the positions done and their number.
+    model, values, positions, omega, uncertainty : as in `predict_frf`.
+
+    Raises
+    ------
+    InvalidInput, IdentificationError : as `predict_frf` and `predict_modes`.
+    """
+    positions = np.asarray(positions, dtype=float)
+    rows = []
+    for first in range(0, len(positions), chunk):
+        some = positions[first : first + chunk]
+        band = predict_frf(model, values, some, omega, uncertainty)
+        known = predict_modes(model, values, some, uncertainty)
+        own = np.diagonal(band.magnitude_std, axis1=-2, axis2=-1)
+        rows.append(
+            (
+                known.frequencies[:, :modes],
+                known.std[:, :modes],
+                np.sqrt(np.mean(own**2, axis=(1, 2))),
+                own.max(axis=(1, 2)),
+            )
+        )
+        if progress is not None:
+            progress(min(first + chunk, len(positions)), len(positions))
+    parts = (read_only(np.concatenate(part)) for part in zip(*rows, strict=True))
+    return WorkspaceMap(read_only(positions), *parts)
+
+
+def _checked(model: Elastic, spread: Spread, level: float) -> Spread:
+    if not 0 < level < 1:
+        raise InvalidInput(f"prediction: level {level} does not lie between 0 and 1")
+    names = model.parameters.names
+    if isinstance(spread, Uncertainty):
+        if spread.names != names:
+            raise InvalidInput(
+                f"prediction: an uncertainty of {', '.join(spread.names)} for the parameters "
+                f"{', '.join(names)}"
+            )
+        return spread
+    draws = np.asarray(spread, dtype=float)
+    if draws.ndim != 2 or draws.shape[1] != len(names) or len(draws) < 2:
+        raise InvalidInput(
+            f"prediction: draws of shape {draws.shape}; (N, {len(names)}), at least two, are needed"
+        )
+    return draws
+
+
+def _modes(model: Elastic, positions: Array, motor: int | None, theta: Array) -> Array:
+    linear = model.network(positions, theta).linear_model()
+    return resonances(linear).frequencies if motor is None else anti_resonances(linear, motor)
+
+
+def _responses(model: Elastic, positions: Array, omega: Array, draws: Array) -> ComplexArray:
+    from robotmodels import kernel
+
+    positions = np.asarray(positions, dtype=float)
+    networks = (model.network(positions, np.exp(x)) for x in _thinned(draws))
+    return np.stack([kernel.frequency_response(network, omega) for network in networks])
+
+
+def _thinned(draws: Array) -> Array:
+    """Return at most DRAWS of the draws, evenly spaced."""
+    return np.asarray(draws[:: -(-len(draws) // DRAWS)])
+
+
+def _quantiles(values: Array, level: float) -> tuple[Array, Array]:
+    low, high = np.quantile(values, [(1 - level) / 2, (1 + level) / 2], axis=0)
+    return low, high

@@ -1,0 +1,194 @@
+"""Which candidate positions a robot can take: what is removed, and why."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from robotmodels.arrays import Array, BoolArray, IntArray, read_only, real_numbers
+from robotmodels.collision.surroundings import Surroundings
+from robotmodels.elastic.rigid_pose import holding_torques, unloaded
+from robotmodels.elastic.robot import ElasticRobot
+from robotmodels.errors import InvalidInput
+from robotmodels.notebook import Printed
+
+# A limit typed with fewer digits than the robot file's is not met wrongly.
+_SLACK = 1e-9
+_SAME = 1e-9  # [rad] or [m]: positions that round to the same multiple are one
+
+
+@dataclass(frozen=True)
+class Removal:
+    """A reason for which positions were removed.
+
+    Attributes
+    ----------
+    reason : "duplicate", "joint limits", "holding torque", "obstacle" or "self-collision".
+    what : the joint, the motor, the link and the obstacle, or the two links.
+    count : positions of which it is true; one position can be counted under several.
+    """
+
+    reason: str
+    what: str
+    count: int
+
+
+@dataclass(frozen=True, eq=False)
+class ScreenedCandidates(Printed):
+    """Positions that a robot can take, and what was removed.
+
+    Attributes
+    ----------
+    positions : (Q, n) that are left.
+    kept : (Q,) their places among those given.
+    given : number of positions given.
+    removed : number of positions by reason, each under the first that applies, in this order.
+    removals : what was in the way, the most frequent first.
+    notes : what was not checked.
+    """
+
+    positions: Array
+    kept: IntArray
+    given: int
+    removed: dict[str, int]
+    removals: tuple[Removal, ...]
+    notes: tuple[str, ...]
+
+    def __len__(self) -> int:
+        return len(self.positions)
+
+    def __str__(self) -> str:
+        return _summary(len(self), self.given, self.removed)
+
+
+def screened_candidates(
+    robot: ElasticRobot,
+    positions: Array,
+    surroundings: Surroundings | None = None,
+    *,
+    torque_limits: float | Sequence[float] | Array | None = None,
+    progress: Callable[[int, int], object] | None = None,
+) -> ScreenedCandidates:
+    """Return the `positions` that the robot can take, and why the others are removed.
+
+    Checks are made in the order of `Removal.reason`, all at the rigid pose: elastic deflections
+    are neglected.
+
+    Parameters
+    ----------
+    robot : the robot.
+    positions : (Q, n) [rad or m].
+    surroundings : what the robot may collide with, by `robotmodels.surroundings`; None checks no
+        collisions.
+    torque_limits : on the motor shafts, (n,) or one number [N m]; what holds the arm and its
+        payload against gravity must not be more.
+    progress : called with the number of positions compared with the surroundings and their total.
+
+    Raises
+    ------
+    InvalidInput : if there is no position, none is left (counted by reason), or shapes or signs
+        do not fit.
+    """
+    positions = _checked(positions, list(robot.motor_names))
+    screen = _Screen(np.arange(len(positions)))
+    screen.remove("duplicate", ["an earlier position"], _repeated(positions))
+    low, high = robot.position_limits.T
+    left = positions[screen.left]
+    inside = (left >= low - _SLACK) & (left <= high + _SLACK)
+    screen.remove("joint limits", [f"joint {joint!r}" for joint in robot.motor_joints], ~inside)
+    if torque_limits is not None:
+        limits = _torque_limits(torque_limits, robot.motor_names)
+        torques = np.abs(holding_torques(robot, unloaded(robot, positions[screen.left])))
+        screen.remove(
+            "holding torque", [f"motor {m!r}" for m in robot.motor_names], torques > limits
+        )
+    notes: tuple[str, ...] = ("collisions are not checked",)
+    if surroundings is not None:
+        touching = surroundings.touching(positions[screen.left], progress)
+        screen.remove_pairs(surroundings, touching)
+        notes = (*surroundings.shapes.notes, "the ways between positions are not checked")
+    if not len(screen.left):
+        summary = _summary(0, len(positions), screen.removed)
+        worst = max(screen.removals, key=lambda removal: removal.count)
+        raise InvalidInput(f"{summary}; most often {worst.reason}, {worst.what} ({worst.count})")
+    return ScreenedCandidates(
+        positions=read_only(positions[screen.left]),
+        kept=read_only(screen.left),
+        given=len(positions),
+        removed=screen.removed,
+        removals=tuple(sorted(screen.removals, key=lambda removal: -removal.count)),
+        notes=notes,
+    )
+
+
+@dataclass(eq=False)
+class _Screen:
+    """Positions left so far, by index, and what removed the others."""
+
+    left: IntArray
+    removed: dict[str, int] = field(default_factory=dict)
+    removals: list[Removal] = field(default_factory=list)
+
+    def remove(self, reason: str, whats: Sequence[str], wrong: BoolArray) -> None:
+        """Remove those of the positions left with any True in their row of (left, whats)."""
+        gone = wrong.any(axis=1)
+        self.removed[reason] = int(gone.sum())
+        self.left = self.left[~gone]
+        counts = wrong.sum(axis=0)
+        self.removals += [
+            Removal(reason, what, int(count))
+            for what, count in zip(whats, counts, strict=True)
+            if count
+        ]
+
+    def remove_pairs(self, surroundings: Surroundings, touching: BoolArray) -> None:
+        """Remove positions in which links touch obstacles, then those in which links touch."""
+        pairs = surroundings.pairs
+        whats = [f"{pair.first!r} and {pair.second!r}" for pair in pairs]
+        for reason in ("obstacle", "self-collision"):
+            chosen = [k for k, p in enumerate(pairs) if p.obstacle == (reason == "obstacle")]
+            wrong = touching[:, chosen]
+            self.remove(reason, [whats[k] for k in chosen], wrong)
+            touching = touching[~wrong.any(axis=1)]
+
+
+def _summary(left: int, given: int, removed: dict[str, int]) -> str:
+    why = ", ".join(f"{count} {reason}" for reason, count in removed.items() if count)
+    line = f"{left} of {given} candidate positions are left"
+    return f"{line}; removed: {why}" if why else line
+
+
+def _checked(positions: Array, motors: list[str]) -> Array:
+    positions = real_numbers(positions, "positions")
+    if positions.ndim != 2 or positions.shape[1] != len(motors) or not len(positions):
+        raise InvalidInput(
+            f"positions: an array of shape {positions.shape} was given; (Q, {len(motors)}) is "
+            f"needed, one column per motor: {', '.join(motors)}"
+        )
+    wrong = ~np.isfinite(positions).all(axis=1)
+    if wrong.any():
+        raise InvalidInput(f"positions: position {int(np.argmax(wrong))} is not finite")
+    return positions
+
+
+def _repeated(positions: Array) -> BoolArray:
+    """Return which positions repeat an earlier one, (Q, 1)."""
+    _, first = np.unique(np.round(positions / _SAME), axis=0, return_index=True)
+    repeated = np.ones((len(positions), 1), dtype=bool)
+    repeated[first] = False
+    return repeated
+
+
+def _torque_limits(given: float | Sequence[float] | Array, motors: Sequence[str]) -> Array:
+    limits = real_numbers(given, "torque_limits")
+    if limits.shape not in ((), (len(motors),)):
+        raise InvalidInput(
+            f"torque_limits: shape {limits.shape}; one number or ({len(motors)},) is needed"
+        )
+    limits = np.broadcast_to(limits, (len(motors),))
+    for motor, limit in zip(motors, limits, strict=True):
+        if not limit > 0:
+            raise InvalidInput(
+                f"torque_limits of motor {motor!r}: {limit:g} N m; a positive number is needed"
+            )
+    return limits

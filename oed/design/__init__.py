@@ -1,0 +1,1 @@
+"""Relaxed designs: criteria, constraints, the convex problems, and certificates."""

@@ -1,0 +1,237 @@
+"""Criteria: what the parameters are wanted for.
+
+`optimal_design` and `exact_design` take the names "D", "A" and "E", or one of the objects below.
+A criterion is anything with a name that can state its `Objective` for given parameters; value,
+gradient, solvers and certificates are written once, for objectives.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Protocol, runtime_checkable
+
+import numpy as np
+
+from oed.design.matrix_means import Kind, MatrixMean
+from oed.design.objective import Objective, Term
+from robotmodels.arrays import Array, real_numbers
+from robotmodels.errors import InvalidInput, nearest
+
+
+@runtime_checkable
+class Criterion(Protocol):
+    """What a user wants of a design."""
+
+    @property
+    def name(self) -> str:
+        """What reports call it."""
+        ...
+
+    def objective(self, names: Sequence[str], samples: int = 1) -> Objective:
+        """Return the function of the information for these p parameters, `samples` of theta."""
+        ...
+
+
+def _plain(kind: Kind) -> Objective:
+    return Objective(kind, ((Term(MatrixMean(kind)),),))
+
+
+# D: the volume of the confidence ellipsoid, whatever the units; A: the sum of the variances;
+# E: the most uncertain combination of the parameters.
+CRITERIA: dict[str, Objective] = {kind: _plain(kind) for kind in ("D", "A", "E")}
+
+
+@dataclass(frozen=True, eq=False)
+class CCriterion:
+    """The variance of one combination of the parameters, c' theta.
+
+    Attributes
+    ----------
+    vector : (p,).
+    """
+
+    vector: Array
+    name: str = "c"
+
+    def objective(self, names: Sequence[str], samples: int = 1) -> Objective:
+        """Return minus c' M^-1 c.
+
+        Raises
+        ------
+        InvalidInput : if the vector does not fit the names, or is zero.
+        """
+        c = real_numbers(self.vector, "criterion c: vector")
+        if c.shape != (len(names),) or not np.isfinite(c).all() or not c.any():
+            raise InvalidInput(
+                f"criterion c: vector of shape {c.shape}; {len(names)} finite numbers, one for "
+                "each parameter and not all zero, are needed"
+            )
+        return Objective(self.name, ((Term(MatrixMean("A", c[:, None])),),))
+
+
+@dataclass(frozen=True)
+class DsCriterion:
+    """The volume of the confidence ellipsoid of some parameters; the others are nuisance.
+
+    Attributes
+    ----------
+    interest : names of the parameters of interest.
+    """
+
+    interest: tuple[str, ...]
+    name: str = "D_s"
+    kind: Kind = "D"
+
+    def objective(self, names: Sequence[str], samples: int = 1) -> Objective:
+        """Return minus the log determinant of their block of the covariance.
+
+        Raises
+        ------
+        InvalidInput : if a name is unknown or repeated, or there is none.
+        """
+        wanted = (self.interest,) if isinstance(self.interest, str) else tuple(self.interest)
+        if not wanted or len(set(wanted)) != len(wanted):
+            raise InvalidInput(f"criterion {self.name}: interest {wanted!r}; distinct names needed")
+        for name in wanted:
+            if name not in names:
+                raise InvalidInput(
+                    f"criterion {self.name}: parameter {name!r} is not known{nearest(name, names)}"
+                )
+        selector = np.eye(len(names))[:, [list(names).index(name) for name in wanted]]
+        return Objective(self.name, ((Term(MatrixMean(self.kind, selector)),),))
+
+
+@dataclass(frozen=True)
+class AsCriterion(DsCriterion):
+    """The sum of the variances of some parameters; the others are nuisance."""
+
+    name: str = "A_s"
+    kind: Kind = "A"
+
+
+@dataclass(frozen=True, eq=False)
+class ICriterion:
+    """The mean variance of predictions, tr(L M^-1).
+
+    Attributes
+    ----------
+    matrix : L, (p, p), the mean of g g' over the predictions' gradients g by the parameters;
+        see `prediction_matrix`.
+    """
+
+    matrix: Array
+    name: str = "I"
+
+    def objective(self, names: Sequence[str], samples: int = 1) -> Objective:
+        """Return minus tr(L M^-1).
+
+        Raises
+        ------
+        InvalidInput : if L does not fit the names, or is not symmetric, positive semidefinite.
+        """
+        L, p = real_numbers(self.matrix, "criterion I: matrix"), len(names)
+        if L.shape != (p, p) or not np.isfinite(L).all():
+            raise InvalidInput(
+                f"criterion I: matrix of shape {L.shape}; finite numbers of shape {(p, p)} needed"
+            )
+        eigenvalues, vectors = np.linalg.eigh(0.5 * (L + L.T))
+        small = 1e-12 * abs(eigenvalues).max()
+        if eigenvalues[-1] <= 0 or eigenvalues[0] < -small or abs(L - L.T).max() > 1e3 * small:
+            raise InvalidInput(
+                "criterion I: the matrix is not symmetric, positive semidefinite and nonzero; "
+                "`prediction_matrix` makes one from gradients"
+            )
+        used = eigenvalues > small
+        root = vectors[:, used] * np.sqrt(eigenvalues[used])
+        return Objective(self.name, ((Term(MatrixMean("A", root)),),))
+
+
+@dataclass(frozen=True, eq=False)
+class MixtureCriterion:
+    """A compromise: the product of efficiencies, each to the power of its share.
+
+    Attributes
+    ----------
+    criteria : the criteria.
+    shares : of each, positive; they are scaled to sum to one. Equal if None.
+    """
+
+    criteria: Sequence[str | Criterion]
+    shares: Sequence[float] | None = None
+
+    @property
+    def name(self) -> str:
+        """The names of its parts."""
+        return " + ".join(c if isinstance(c, str) else c.name for c in self.criteria)
+
+    def objective(self, names: Sequence[str], samples: int = 1) -> Objective:
+        """Return the shared sum of the parts' log values.
+
+        Raises
+        ------
+        InvalidInput : if there is no part, shares do not fit, or a part is a maximin.
+        """
+        parts = [objective(c, names, samples) for c in self.criteria]
+        shares = checked_shares(self.shares, len(parts), f"criterion {self.name}")
+        for part in parts:
+            if len(part.groups) > 1:
+                raise InvalidInput(
+                    f"criterion {self.name}: {part.name} cannot be part of a mixture"
+                )
+        terms = tuple(
+            Term(term.mean, share * term.share, term.sample)
+            for part, share in zip(parts, shares, strict=True)
+            for term in part.groups[0]
+        )
+        return Objective(self.name, (terms,))
+
+
+def objective(wanted: str | Criterion, names: Sequence[str], samples: int = 1) -> Objective:
+    """Return the objective of a criterion, or of a criterion's name.
+
+    Raises
+    ------
+    InvalidInput : if there is no criterion of that name, or it does not fit the parameters.
+    """
+    if isinstance(wanted, str):
+        return criterion(wanted)
+    if not isinstance(wanted, Criterion):
+        raise InvalidInput(f"criterion {wanted!r} is neither a name nor a criterion")
+    return wanted.objective(tuple(names), samples)
+
+
+def criterion(name: str) -> Objective:
+    """Return the criterion of that name.
+
+    Raises
+    ------
+    InvalidInput : if there is none.
+    """
+    if name not in CRITERIA:
+        raise InvalidInput(
+            f"criterion {name!r} is not known{nearest(name, CRITERIA)}; "
+            f"there are {', '.join(CRITERIA)}, and objects such as CCriterion"
+        )
+    return CRITERIA[name]
+
+
+def sensitivities(gradient: Array, matrices: Array) -> Array:
+    """Return tr(W H_i), (Q,), of candidates (Q, ..., p, p): the sensitivity function of a design.
+
+    With samples of theta, W and H_i have an axis for them, and the traces are summed.
+    """
+    return np.asarray(matrices.reshape(len(matrices), -1) @ gradient.ravel())
+
+
+def checked_shares(shares: Sequence[float] | None, count: int, what: str) -> Array:
+    """Return `count` positive shares that sum to one.
+
+    Raises
+    ------
+    InvalidInput : starting with `what`, if there are not as many, or one is not positive.
+    """
+    if count == 0:
+        raise InvalidInput(f"{what}: at least one is needed")
+    array = np.ones(count) if shares is None else real_numbers(shares, f"{what}: shares")
+    if array.shape != (count,) or not (np.isfinite(array) & (array > 0)).all():
+        raise InvalidInput(f"{what}: shares {shares!r}; {count} positive numbers are needed")
+    return np.asarray(array / array.sum())

@@ -1,0 +1,47 @@
+"""Refuse what is no information matrix, naming the candidate."""
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from oed.design.null_space import unit_diagonal_scaling
+from robotmodels.arrays import Array
+from robotmodels.errors import InvalidInput
+
+_SYMMETRY_TOLERANCE = 1e-9
+
+
+def check_positions(positions: Array) -> None:
+    """Refuse positions (Q, n) that are not finite, naming the candidate."""
+    _refuse(~np.isfinite(positions).all(axis=1), "a position that is not finite", 0)
+
+
+def check_matrices(matrices: Array, first: int = 0) -> None:
+    """Refuse matrices (n, p, p) that are no information; the first one is candidate `first`.
+
+    Raises
+    ------
+    InvalidInput : naming the candidate, if one is not finite, symmetric or positive semidefinite,
+        all to rounding.
+    """
+    _refuse(~np.isfinite(matrices).all(axis=(1, 2)), "a matrix that is not finite", first)
+    s = unit_diagonal_scaling(matrices)
+    # What is zero but for rounding is judged against the largest entry.
+    least = np.where(s > 0, s, np.inf).min(axis=1, keepdims=True)
+    s = np.where(s > 0, s, np.where(np.isfinite(least), least, 1.0))
+    scaled = s[:, :, None] * matrices * s[:, None, :]
+    skew = np.abs(scaled - np.swapaxes(scaled, 1, 2)).max(axis=(1, 2))
+    _refuse(skew > _SYMMETRY_TOLERANCE, "a matrix that is not symmetric", first)
+    try:  # one factorisation of all is much cheaper than their eigenvalues
+        np.linalg.cholesky(scaled + _SYMMETRY_TOLERANCE * np.eye(matrices.shape[-1]))
+    except np.linalg.LinAlgError:
+        lowest = np.linalg.eigvalsh(scaled)[:, 0]
+        _refuse(
+            lowest < -0.5 * _SYMMETRY_TOLERANCE, "a matrix that is not positive semidefinite", first
+        )
+
+
+def _refuse(wrong: ArrayLike, what: str, first: int) -> None:
+    wrong = np.asarray(wrong)
+    if wrong.any():
+        index, count = first + int(np.argmax(wrong)), int(wrong.sum())
+        raise InvalidInput(f"candidate {index} has {what} ({count} of {len(wrong)} do)")

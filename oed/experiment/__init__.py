@@ -1,0 +1,1 @@
+"""From a plan to signals and back: multisines, limits, files, simulated and measured data."""

@@ -1,0 +1,154 @@
+"""From records to identified chains: FRFs, modes, masses, springs, couplings, dampers."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from estimators.chains.damper_fit import DamperFit, fit_dampers
+from estimators.chains.identification import ChainIdentification, identify_chains
+from oed.experiment.measured_frf import MeasuredFrf, measured_frf
+from robotmodels.arrays import Array
+from robotmodels.errors import IdentificationError, InvalidInput
+from robotmodels.records import Records, iterate_records
+
+Progress = Callable[[str, int, int], None]
+# Fewer blocks say too little about what differs from block to block.
+_FEWEST_BLOCKS = 4
+_DISTORTED = 2.0  # variance over blocks over that of noise, in the median
+
+
+@dataclass(frozen=True, eq=False)
+class MeasuredChains:
+    """Chains identified from the records of one position.
+
+    Attributes
+    ----------
+    frf : FRFs of all positions, and how they were estimated.
+    position : index of the one that was used.
+    found : the identification.
+    dampers : the fit with dampers, or None where it failed.
+    warnings : what a user should know, each said once.
+    """
+
+    frf: MeasuredFrf
+    position: int
+    found: ChainIdentification
+    dampers: DamperFit | None
+    warnings: tuple[str, ...]
+
+
+def measured_chains(
+    path: Path,
+    n_masses: int | None = None,
+    *,
+    position: int = 0,
+    delay: float = 0.0,
+    hold: bool = True,
+    first_masses: Array | None = None,
+    progress: Progress | None = None,
+) -> MeasuredChains:
+    """Read records of motor torques and angles and identify chains from them.
+
+    Multisines: as many experiments a block as motors. Stepped sines: any number of experiments,
+    each with some of the lines; a line is then judged by the experiments that excite it.
+
+    Parameters
+    ----------
+    path : records as HDF5, MATLAB or CSV file.
+    n_masses : N; proposed from the data where None.
+    position : index of the position, from 0.
+    delay, hold : as in `estimators.estimate_frf`; a delay is estimated in any case.
+    first_masses : motors' inertias (M,), where known.
+
+    Raises
+    ------
+    InvalidInput : if the file cannot be used, or there is no such position; or as
+        `estimators.identify_chains`.
+    NotIdentifiable : as `estimators.identify_chains`.
+    """
+    first = _first(path)
+    _check_excitation(first, path)
+    method, covariance, local = _method(first)
+    frf = measured_frf(
+        path, method, covariance=covariance, local=local, delay=delay, hold=hold, progress=progress
+    )
+    count = len(frf.estimate.positions)
+    if not 0 <= position < count:
+        raise InvalidInput(f"{path}: position {position + 1}; there are positions 1 to {count}")
+    if progress is not None:
+        progress("chains", 0, 0)
+    e = frf.estimate
+    found = identify_chains(
+        e.omega,
+        e.response[position],
+        n_masses,
+        covariance=e.covariance[position],
+        first_masses=first_masses,
+        distortion=_distortion(frf, position),
+    )
+    dampers, reason = _dampers(found)
+    if progress is not None:
+        progress("chains", 1, 1)
+    return MeasuredChains(frf, position, found, dampers, (*frf.warnings, *found.notes, *reason))
+
+
+def _dampers(found: ChainIdentification) -> tuple[DamperFit | None, tuple[str, ...]]:
+    try:
+        fitted = fit_dampers(found)
+    except IdentificationError as error:
+        return None, (f"dampers could not be fitted: {error}",)
+    if not fitted.fit.converged:
+        return fitted, (f"the fit of the dampers did not converge: {fitted.fit.message}",)
+    negative = np.flatnonzero(fitted.model.friction < -3 * fitted.friction_std)
+    if negative.size:
+        motors = ", ".join(str(i + 1) for i in negative)
+        return fitted, (
+            f"with dampers the friction of motor {motors} comes out negative: there is friction "
+            "elsewhere in the chain, which this model does not have",
+        )
+    return fitted, ()
+
+
+def _method(first: Records) -> tuple[str, str, bool]:
+    """Return how FRFs are best estimated from such records: method, covariance, local."""
+    _, blocks, experiments, periods, _, motors = first.torque.shape
+    if experiments < motors or (periods < 2 and blocks < 2):
+        return "ari", "noise", True
+    covariance = "noise" if periods > 1 else "total"
+    if experiments == motors:
+        return "ari", covariance, False
+    return ("jio" if first.reference.any() else "h1"), covariance, False
+
+
+def _distortion(frf: MeasuredFrf, position: int) -> Array | None:
+    """Return standard deviations of a block's FRF by distortion, None where it does not show."""
+    d = frf.distortion
+    if d is None or d.blocks[position] < _FEWEST_BLOCKS:
+        return None
+    ratio = float(np.median(d.total[position] / d.noise[position]))
+    return d.level[position] if ratio > _DISTORTED else None
+
+
+def _first(path: Path) -> Records:
+    from estimators.frf.exchange import read_records
+
+    if path.suffix.lower() not in (".h5", ".hdf5"):
+        return read_records(path).at(0)
+    found = next(iter(iterate_records(path)), None)
+    if found is None:
+        raise InvalidInput(f"{path}: no records in it; at least one position is needed")
+    return found
+
+
+def _check_excitation(first: Records, path: Path) -> None:
+    """Refuse motors that no experiment moves: their FRFs would be noise over noise."""
+    spectrum = np.abs(np.fft.rfft(np.nan_to_num(first.torque[0]), axis=3)[:, :, :, first.lines])
+    largest = spectrum.max(axis=(0, 1, 2, 3))
+    for motor, level in enumerate(largest):
+        if not level > 0:
+            raise InvalidInput(
+                f"{path}: motor {motor + 1} has no torque at any excited line; excite every motor "
+                "in some experiment of each block"
+            )

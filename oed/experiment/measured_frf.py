@@ -1,0 +1,227 @@
+"""From records to FRFs and all that is known of their errors."""
+
+import warnings
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from estimators.frf.compare import Comparison, compare_methods, measured_loop
+from estimators.frf.distortion import Distortion, distortion
+from estimators.frf.estimate import FrfEstimate
+from estimators.frf.exchange import read_records
+from estimators.frf.local_model import local_frf
+from estimators.frf.methods import find_method
+from estimators.frf.nonparametric import estimate_frf
+from estimators.frf.rigid_limit import check_rigid_limit
+from estimators.frf.visits import merge_distortion, merge_visits, visits_of
+from robotmodels import ElasticRobot, frequency_response, load_robot
+from robotmodels.arrays import ComplexArray, IntArray
+from robotmodels.errors import IdentificationWarning, InvalidInput
+from robotmodels.records import Records, iterate_records
+
+Progress = Callable[[str, int, int], None]
+"""Called with the stage's name, the steps done and the steps in all (0: not known yet)."""
+
+_LOCAL_MODEL: dict[str, Any] = {"order": 2, "denominator": 2}
+"""Follows a resonance that is narrow against the window of lines."""
+
+
+@dataclass(frozen=True, eq=False)
+class MeasuredFrf:
+    """FRFs estimated from records.
+
+    Attributes
+    ----------
+    first : records of the first visit; the others have its shape.
+    visits : for each position the visits to it, as they are numbered in the records from 0.
+    missing : experiments that the records of all positions lack.
+    method, covariance, delay : how they were estimated; the delay in s. The method "local" has
+        the covariance "local", from residuals.
+    estimate : FRFs with their covariance.
+    distortion : noise and distortion apart; None where there is one measured period only, or
+        where the method is local.
+    robot : whose linear model goes with them, or None.
+    modelled : (Q, F, n, n) FRFs of that model, or None.
+    comparison : of the methods on the loop of the first position, or None.
+    warnings : what a user should know of the data, each said once.
+    """
+
+    first: Records
+    visits: tuple[IntArray, ...]
+    missing: int
+    method: str
+    covariance: str
+    delay: float
+    estimate: FrfEstimate
+    distortion: Distortion | None
+    robot: ElasticRobot | None
+    modelled: ComplexArray | None
+    comparison: Comparison | None
+    warnings: tuple[str, ...]
+
+    @property
+    def motors(self) -> tuple[str, ...]:
+        """Names of the motors, numbers where no robot is given."""
+        if self.robot is not None:
+            return tuple(self.robot.motor_names)
+        return tuple(f"motor {i + 1}" for i in range(self.estimate.response.shape[3]))
+
+
+def measured_frf(
+    path: Path,
+    method: str = "ari",
+    *,
+    covariance: str = "total",
+    structure: str = "full",
+    local: bool = False,
+    delay: float = 0.0,
+    hold: bool = True,
+    robot: str | None = None,
+    compare: bool = False,
+    runs: int = 200,
+    progress: Progress | None = None,
+) -> MeasuredFrf:
+    """Read records and estimate their FRFs, one per position: visits to it are averaged.
+
+    Parameters
+    ----------
+    path : records as HDF5, MATLAB or CSV file.
+    method, covariance, structure, delay, hold : as in `estimators.estimate_frf`.
+    local : whether neighbouring lines stand in for experiments, see `estimators.local_frf`; this
+        takes the place of method and covariance, and serves where there are fewer experiments
+        than motors.
+    robot : name or file of the robot that was measured.
+    compare : whether to compare the methods on the loop of the first position, by simulation.
+    runs : simulated campaigns of the comparison; their seed is fixed.
+
+    Raises
+    ------
+    InvalidInput : if a file cannot be used, or the robot is another one, or the records lack what
+        the covariance or the comparison needs.
+    """
+    find_method(method)
+    if not np.isfinite(delay):
+        raise InvalidInput(f"delay: {delay!r} s is not a time")
+    elastic = None if robot is None else load_robot(robot)
+    report = _silent if progress is None else progress
+    signals: dict[str, Any] = {"delay": delay, "hold": hold}
+    with _collected() as said:
+        source = _Source(path)
+        _check_robot(source.first, elastic, path)
+        with _stage(report, "FRFs"):
+            if local:
+                method = covariance = "local"
+                visits = local_frf(source, structure=structure, **_LOCAL_MODEL, **signals)
+            else:
+                visits = estimate_frf(
+                    source, method, covariance=covariance, structure=structure, **signals
+                )
+            estimate, missing = merge_visits(visits), source.missing
+        with _stage(report, "distortion"):
+            apart = None if _inseparable(source, local) else distortion(source, method, **signals)
+        modelled = None if elastic is None else _modelled(estimate, elastic, path)
+        ranking = None
+        if compare:
+            with _stage(report, "comparison"):
+                loop = measured_loop(source.first, 0, **signals)
+                ranking = compare_methods(loop, runs, rng=np.random.default_rng(0))
+    return MeasuredFrf(
+        source.first,
+        tuple(visits_of(visits.positions)),
+        missing,
+        method,
+        covariance,
+        delay,
+        estimate,
+        apart and merge_distortion(apart),
+        elastic,
+        modelled,
+        ranking,
+        tuple(said),
+    )
+
+
+@contextmanager
+def _stage(report: Progress, name: str) -> Iterator[None]:
+    report(name, 0, 0)
+    yield
+    report(name, 1, 1)
+
+
+def _inseparable(source: "_Source", local: bool) -> bool:
+    """Whether noise cannot be told from distortion, and say why."""
+    why = "the local method" if local else "one measured period"
+    if inseparable := local or source.first.torque.shape[3] == 1:
+        warnings.warn(
+            f"{why}: noise and distortion cannot be told apart",
+            IdentificationWarning,
+            stacklevel=1,
+        )
+    return inseparable
+
+
+def _modelled(estimate: FrfEstimate, robot: ElasticRobot, path: Path) -> ComplexArray:
+    """Return the FRFs of the robot's linear model where others were measured."""
+    modelled = np.asarray(frequency_response(robot, estimate.positions, estimate.omega))
+    if modelled.shape != estimate.response.shape:
+        raise InvalidInput(
+            f"{path}: FRFs of shape {estimate.response.shape[2:]}, those of the robot "
+            f"{robot.name!r} are {modelled.shape[2:]}"
+        )
+    check_rigid_limit(estimate, robot)
+    return modelled
+
+
+@contextmanager
+def _collected() -> Iterator[list[str]]:
+    """Give a list of the warnings about the data, each once; others go where they would."""
+    said: list[str] = []
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always", IdentificationWarning)
+        yield said
+    for warning in caught:
+        if not issubclass(warning.category, IdentificationWarning):
+            warnings.warn_explicit(
+                warning.message, warning.category, warning.filename, warning.lineno
+            )
+        elif str(warning.message) not in said:
+            said.append(str(warning.message))
+
+
+class _Source:
+    """Records that can be read again and again; HDF5 files one position at a time."""
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self.lazy = path.suffix.lower() in (".h5", ".hdf5")
+        self.read: list[Records] = [] if self.lazy else [read_records(path)]
+        self.missing = 0
+        found = next(iter(iterate_records(path)), None) if self.lazy else self.read[0].at(0)
+        if found is None:
+            raise InvalidInput(f"{path}: no records in it; at least one position is needed")
+        self.first = found
+
+    def __iter__(self) -> Iterator[Records]:
+        """Yield records and count the experiments that are missing."""
+        self.missing = 0
+        for part in iterate_records(self.path) if self.lazy else self.read:
+            self.missing += int(part.missing.sum())
+            yield part
+
+
+def _silent(stage: str, done: int, total: int) -> None:
+    """Report to nobody."""
+
+
+def _check_robot(records: Records, robot: ElasticRobot | None, path: Path) -> None:
+    if robot is None:
+        return
+    n, motors = records.positions.shape[1], tuple(robot.motor_names)
+    if n != len(motors):
+        raise InvalidInput(
+            f"{path}: {n} motors; the robot {robot.name!r} has {len(motors)}: {', '.join(motors)}"
+        )

@@ -1,0 +1,129 @@
+"""Plans for a robot controller: reference trajectories as CSV or MATLAB files.
+
+A controller is told motor positions on the arm side [rad] and motor speeds on the motor shaft
+[rad/s]: during a move both belong to the same path; under excitation the position rests and the
+speed is the multisine's. One sample per sample time of the plan.
+"""
+
+import csv
+import os
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from oed.experiment.plan import ExperimentPlan
+from robotmodels.arrays import Array
+from robotmodels.errors import InvalidInput
+
+_SEQUENCE = ("step", "kind", "file", "visit", "position", "block", "experiment", "repeats", "drop")
+
+
+def export_csv(
+    plan: ExperimentPlan,
+    folder: str | os.PathLike[str],
+    gear_ratios: Sequence[float] | Array,
+) -> None:
+    """Write CSV files into `folder`; ``sequence.csv`` says in which order to play them.
+
+    ``sequence.csv`` has a row per step: its kind (move or excitation), the file, visit, position,
+    block, experiment (all counted from 1), how often in a row to repeat the file, and how many of
+    these periods to drop as transient. Every other file holds ``time`` [s], ``<motor>.position``
+    [rad, arm side] and ``<motor>.speed`` [rad/s, motor shaft].
+
+    Parameters
+    ----------
+    gear_ratios : (n,) motor angle per arm angle.
+
+    Raises
+    ------
+    InvalidInput : if the folder cannot be written to, or there is not a ratio for every motor.
+    """
+    from oed.study.output import staged_folder
+
+    ratios = _checked_ratios(plan, gear_ratios)
+    header = ["time", *(f"{m}.position" for m in plan.motors), *(f"{m}.speed" for m in plan.motors)]
+    rows: list[tuple[Any, ...]] = [_SEQUENCE]
+    with staged_folder(Path(folder)) as stage:
+        for row, positions, speeds in _steps(plan, ratios):
+            time = np.arange(len(positions)) * plan.multisine.sample_time
+            table = np.column_stack([time, positions, speeds])
+            name = stage / str(row[1])
+            np.savetxt(name, table, "%.12g", ",", header=",".join(header), comments="")
+            rows.append((len(rows), *row))
+        with (stage / "sequence.csv").open("w", newline="", encoding="utf-8") as file:
+            csv.writer(file, lineterminator="\n").writerows(rows)
+
+
+def export_mat(
+    plan: ExperimentPlan,
+    folder: str | os.PathLike[str],
+    gear_ratios: Sequence[float] | Array,
+) -> None:
+    """Write one MATLAB file per visit into `folder`: ``visit_001.mat``, ...
+
+    Variables: ``robot``, ``motors`` (cell array), ``visit`` and ``position_number`` (counted from
+    1), ``position`` (1, n) [rad, arm side], ``move_position`` (K, n) [rad, arm side] and
+    ``move_speed`` (K, n) [rad/s, motor shaft] of the move that leads there, ``reference``
+    (N, n, experiments, blocks) [rad/s, motor shaft], one period each, ``periods``,
+    ``transient_periods``, ``sample_time`` [s], ``lines``, ``detection``, ``gear_ratios``.
+
+    Raises
+    ------
+    InvalidInput : as `export_csv`.
+    """
+    from scipy.io import savemat
+
+    from oed.study.output import staged_folder
+
+    ratios = _checked_ratios(plan, gear_ratios)
+    with staged_folder(Path(folder)) as stage:
+        for visit, q in enumerate(plan.visits):
+            path = plan.move_to(visit)
+            content: dict[str, Any] = {
+                "robot": plan.robot,
+                "motors": np.array(plan.motors, dtype=object),
+                "visit": visit + 1,
+                "position_number": int(q) + 1,
+                "position": plan.positions[q],
+                "move_position": path.positions,
+                "move_speed": ratios * path.speeds,
+                "reference": np.transpose(plan.reference(visit), (2, 3, 1, 0)),
+                "periods": plan.periods,
+                "transient_periods": plan.transient_periods,
+                "sample_time": plan.multisine.sample_time,
+                "lines": plan.multisine.lines,
+                "detection": plan.multisine.detection,
+                "gear_ratios": ratios,
+            }
+            savemat(stage / f"visit_{visit + 1:03d}.mat", content, do_compression=True)
+
+
+def _steps(plan: ExperimentPlan, ratios: Array) -> Iterator[tuple[tuple[Any, ...], Array, Array]]:
+    """Yield, per step, its row of the sequence, positions (K, n) and speeds (K, n)."""
+    repeats = plan.periods + plan.transient_periods
+    for visit, q in enumerate(plan.visits):
+        name, place = f"visit_{visit + 1:03d}", (visit + 1, int(q) + 1)
+        path = plan.move_to(visit)
+        if len(path):
+            row: tuple[Any, ...] = ("move", f"{name}_move.csv", *place, "", "", 1, "")
+            yield row, path.positions, ratios * path.speeds
+        rest = np.tile(plan.positions[q], (plan.multisine.samples, 1))
+        for block, experiments in enumerate(plan.reference(visit), start=1):
+            for experiment, speeds in enumerate(experiments, start=1):
+                file = f"{name}_block_{block:02d}_experiment_{experiment:02d}.csv"
+                drop = plan.transient_periods
+                row = ("excitation", file, *place, block, experiment, repeats, drop)
+                yield row, rest, speeds
+
+
+def _checked_ratios(plan: ExperimentPlan, given: Sequence[float] | Array) -> Array:
+    ratios = np.asarray(given, dtype=float)
+    n = len(plan.motors)
+    if ratios.shape != (n,) or not (np.isfinite(ratios) & (ratios != 0)).all():
+        raise InvalidInput(
+            f"gear_ratios: {n} numbers other than zero are needed, one per motor: "
+            f"{', '.join(plan.motors)}"
+        )
+    return ratios

@@ -1,0 +1,208 @@
+"""Plans on disk: a YAML file to read and an HDF5 file of arrays beside it.
+
+``PLAN.yaml`` (``schema: plan/1``) holds everything a person looks for; ``duration`` [s] is there to
+be read only, it follows from the rest. ``PLAN.h5`` has the datasets ``phases`` (V, B, F, n) [rad],
+``amplitudes`` (F, n) [rad/s] and ``scale`` (V,), and the attribute ``fingerprint`` that the YAML
+file repeats, so that two files of different plans cannot be taken for one.
+"""
+
+import hashlib
+import os
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+import yaml
+from pydantic import Field
+
+from oed.experiment.moves import MoveLimits
+from oed.experiment.multisine import Multisine
+from oed.experiment.plan import ExperimentPlan
+from robotmodels.errors import InvalidInput
+from robotmodels.files import Strict, read_yaml, reason
+from robotmodels.replacing import replacing
+
+_ARRAYS = ("phases", "amplitudes", "scale")
+
+
+class MultisineSection(Strict):
+    """Lines of the multisine."""
+
+    samples: int
+    sample_time: float
+    odd: bool
+    lines: list[int]
+    detection: list[int]
+
+
+class MovesSection(Strict):
+    """Limits of the moves, arm side."""
+
+    positions: list[tuple[float, float]]
+    speed: list[float]
+    acceleration: list[float]
+    start: list[float]
+
+
+class PlanFile(Strict):
+    """A plan file, ``schema: plan/1``."""
+
+    schema_: Literal["plan/1"] = Field(alias="schema")
+    robot: str
+    motors: list[str]
+    duration: float
+    blocks: int
+    periods: int
+    transient_periods: int
+    repetitions: list[int]
+    positions: list[list[float]]
+    moves: MovesSection
+    multisine: MultisineSection
+    signals: str
+    fingerprint: str
+
+
+def save_plan(plan: ExperimentPlan, path: str | os.PathLike[str]) -> None:
+    """Write the YAML file `path`, and the arrays beside it as ``.h5``; each appears complete.
+
+    Raises
+    ------
+    InvalidInput : if the path does not end in .yaml or .yml, or cannot be written to.
+    """
+    import h5py
+
+    target = Path(path)
+    if target.suffix not in (".yaml", ".yml"):
+        raise InvalidInput(f"{target}: a plan's file name ends in .yaml")
+    arrays = target.with_suffix(".h5")
+    values = {"phases": plan.phases, "amplitudes": plan.multisine.amplitudes, "scale": plan.scale}
+    fingerprint = _fingerprint(values)
+    text = yaml.safe_dump(
+        _document(plan, arrays.name, fingerprint),
+        sort_keys=False,
+        default_flow_style=None,
+        width=100,
+        allow_unicode=True,
+    )
+    try:
+        # The inner one takes its place first: no plan names arrays that are not there.
+        with replacing(target) as unfinished, replacing(arrays) as unfinished_arrays:
+            with h5py.File(unfinished_arrays, "w") as file:
+                file.attrs["fingerprint"] = fingerprint
+                for name in _ARRAYS:
+                    file[name] = values[name]
+            unfinished.write_text(text, encoding="utf-8")
+    except OSError as error:
+        raise InvalidInput(f"{target}: cannot be written to ({reason(error)})") from None
+
+
+def load_plan(path: str | os.PathLike[str]) -> ExperimentPlan:
+    """Read a plan.
+
+    Raises
+    ------
+    InvalidInput : naming the file and what is wrong in it.
+    """
+    path = Path(path)
+    plan = read_yaml(path, PlanFile)
+    arrays = _read_arrays(path.parent / plan.signals, plan.fingerprint)
+    try:
+        built = ExperimentPlan(
+            robot=plan.robot,
+            positions=_matrix("positions", plan.positions),
+            repetitions=np.array(plan.repetitions, dtype=np.int64),
+            multisine=Multisine(
+                samples=plan.multisine.samples,
+                sample_time=plan.multisine.sample_time,
+                lines=np.array(plan.multisine.lines, dtype=np.int64),
+                inputs=len(plan.motors),
+                amplitudes=arrays["amplitudes"],
+                detection=np.array(plan.multisine.detection, dtype=np.int64),
+                odd=plan.multisine.odd,
+            ),
+            phases=arrays["phases"],
+            periods=plan.periods,
+            transient_periods=plan.transient_periods,
+            moves=MoveLimits(
+                motors=tuple(plan.motors),
+                positions=np.array(plan.moves.positions),
+                speed=np.array(plan.moves.speed),
+                acceleration=np.array(plan.moves.acceleration),
+            ),
+            scale=arrays["scale"],
+            start=np.array(plan.moves.start),
+        )
+    except InvalidInput as error:
+        raise InvalidInput(f"{path}: {error}") from None
+    if built.blocks != plan.blocks:
+        raise InvalidInput(
+            f"{path}: blocks: {plan.blocks}, but {plan.signals} holds the phases of {built.blocks}"
+        )
+    return built
+
+
+def _document(plan: ExperimentPlan, signals: str, fingerprint: str) -> dict[str, Any]:
+    sine, moves = plan.multisine, plan.moves
+    start = plan.positions[0] if plan.start is None else plan.start
+    return {
+        "schema": "plan/1",
+        "robot": plan.robot,
+        "motors": list(plan.motors),
+        "duration": plan.duration,
+        "blocks": plan.blocks,
+        "periods": plan.periods,
+        "transient_periods": plan.transient_periods,
+        "repetitions": plan.repetitions.tolist(),
+        "positions": plan.positions.tolist(),
+        "moves": {
+            "positions": moves.positions.tolist(),
+            "speed": moves.speed.tolist(),
+            "acceleration": moves.acceleration.tolist(),
+            "start": start.tolist(),
+        },
+        "multisine": {
+            "samples": sine.samples,
+            "sample_time": float(sine.sample_time),
+            "odd": bool(sine.odd),
+            "lines": sine.lines.tolist(),
+            "detection": sine.detection.tolist(),
+        },
+        "signals": signals,
+        "fingerprint": fingerprint,
+    }
+
+
+def _read_arrays(path: Path, fingerprint: str) -> dict[str, Any]:
+    import h5py
+
+    if not path.is_file():
+        raise InvalidInput(f"{path}: no such file; it holds the phases of the plan")
+    if not h5py.is_hdf5(path):
+        raise InvalidInput(f"{path}: not an HDF5 file; the phases of the plan are needed")
+    with h5py.File(path, "r") as file:
+        for name in _ARRAYS:
+            if name not in file:
+                found = ", ".join(file) or "nothing"
+                raise InvalidInput(f"{path}: dataset {name!r} is missing (found: {found})")
+        values = {name: file[name][()] for name in _ARRAYS}
+    if _fingerprint(values) != fingerprint:
+        raise InvalidInput(
+            f"{path}: its signals are not those of the plan that names it (fingerprint "
+            f"{_fingerprint(values)}, the plan has {fingerprint}); keep both files together"
+        )
+    return values
+
+
+def _fingerprint(values: dict[str, Any]) -> str:
+    digest = hashlib.sha256()
+    for name in _ARRAYS:
+        array = np.ascontiguousarray(values[name], dtype="<f8")
+        digest.update(f"{name}{array.shape}".encode())
+        digest.update(array.tobytes())
+    return digest.hexdigest()[:16]
+
+
+def _matrix(name: str, rows: list[list[float]]) -> Any:
+    if len({len(row) for row in rows}) != 1:
+        raise InvalidInput(f"{name}: rows of equal length are needed, one number per motor")
+    return np.array(rows)

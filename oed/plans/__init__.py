@@ -1,0 +1,1 @@
+"""Whole plans: how many experiments go where, in which order, and what comes next."""

@@ -1,0 +1,114 @@
+"""The best whole plans, and the proof that they are: branch and bound over repetitions.
+
+Every node limits how often each candidate is used. Its relaxed optimum bounds all plans in it, and
+the same tangent says how much each candidate costs at least: what would bring a plan below those
+already found is ruled out before branching. On the whole set this leaves few candidates.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from oed.design.certificate import Candidates
+from oed.design.constraints import Constraints
+from oed.design.criteria import Criterion
+from oed.design.relaxed import Design
+from oed.plans.exact import ExactDesign, exchanged, finished, relaxation
+from oed.plans.exchange import WholeProblem
+from oed.plans.plan_search import Search
+from robotmodels.arrays import Array, IntArray
+from robotmodels.errors import InvalidInput
+
+
+@dataclass(frozen=True, eq=False)
+class BestPlans:
+    """The best different plans.
+
+    Attributes
+    ----------
+    plans : the best first, each with the efficiency certified by the search.
+    proven : whether no other plan is better than the last of them.
+    efficiency : of the first against every plan of whole experiments, at least; 1 if proven.
+    considered : candidates that the first bound left.
+    nodes : relaxed problems solved.
+    """
+
+    plans: tuple[ExactDesign, ...]
+    proven: bool
+    efficiency: float
+    considered: int
+    nodes: int
+
+
+def best_plans(
+    info: Candidates,
+    n_experiments: int = 15,
+    plans: int = 1,
+    design: Design | None = None,
+    *,
+    criterion: str | Criterion | None = None,
+    constraints: Constraints | None = None,
+    prior: Array | None = None,
+    max_nodes: int = 500,
+    progress: Callable[[int, int], object] | None = None,
+) -> BestPlans:
+    """Return the best different plans of whole experiments.
+
+    Of plans whose values differ by less than one part in ten million any may be returned.
+
+    Parameters
+    ----------
+    info, n_experiments, design, criterion, constraints, prior : as in `exact_design`.
+    plans : how many.
+    max_nodes : relaxed problems to solve at most; if that is not enough the answer says so.
+    progress : called with the number of them solved and `max_nodes`.
+
+    Raises
+    ------
+    InvalidInput : if `plans` is not positive, or as `exact_design`.
+    NotIdentifiable : as `exact_design`.
+    """
+    if plans < 1:
+        raise InvalidInput(f"plans: {plans!r}; at least one is needed")
+    problem, prices, weights, bound = relaxation(
+        info, n_experiments, design, criterion=criterion, constraints=constraints, prior=prior
+    )
+    first = exchanged(problem, prices, weights)
+    finished(problem, first, bound, per_experiment=True)  # refuses too few experiments
+    search = Search(problem, plans, max_nodes, progress)
+    search.keep(first)
+    for repetitions in _neighbours(problem, first):
+        search.keep(repetitions)
+    best_bound = min(bound, search.run())
+    found = sorted(search.found.values(), key=lambda pair: -pair[0])
+    result = [
+        finished(problem, counts, best_bound, per_experiment=constraints is None)
+        for _, counts in found
+    ]
+    proven = search.finished and len(result) == plans
+    return BestPlans(
+        plans=tuple(result),
+        proven=proven or (search.finished and search.exhausted),
+        efficiency=1.0 if search.finished else result[0].efficiency,
+        considered=search.considered,
+        nodes=search.nodes,
+    )
+
+
+def _neighbours(problem: WholeProblem, counts: IntArray, most: int = 64) -> list[IntArray]:
+    """Return plans one exchange away, into the candidates of the highest prices."""
+    information = problem.information(counts)
+    objective = problem.objective
+    slope = objective.price(objective.witness(information), information.shape)
+    prices = problem.candidates.prices(slope)
+    size = min(most, len(prices))
+    plans = []
+    for entering in np.argpartition(-prices, size - 1)[:size]:
+        for leaving in np.flatnonzero(counts > problem.least):
+            if leaving != entering:
+                other = counts.copy()
+                other[leaving] -= 1
+                other[entering] += 1
+                plans.append(other)
+    return plans

@@ -1,0 +1,286 @@
+"""The exact design: how many whole experiments go to each candidate position.
+
+Rounding of the relaxed weights gives a start, exchanges over all candidates improve it, and the
+relaxed optimum bounds how much better any other plan could be.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from oed.design.certificate import (
+    Candidates,
+    certify,
+    checked_weights,
+    efficiency_bound,
+    not_negative,
+)
+from oed.design.constraints import Constraints
+from oed.design.criteria import CRITERIA, Criterion
+from oed.design.criteria import objective as stated
+from oed.design.null_space import unidentifiable, weak_directions
+from oed.design.polytope import Polytope
+from oed.design.relaxed import Design, checked_prior, optimal_design
+from oed.plans.exchange import Pool, WholeProblem, exchange, fill
+from oed.plans.rounding import efficient_rounding as efficient_rounding
+from robotmodels.arrays import Array, IntArray, read_only
+from robotmodels.errors import InvalidInput, NotIdentifiable
+from robotmodels.notebook import Printed
+
+_POOL = 256  # candidates that exchanges begin with, at least
+
+
+@dataclass(frozen=True, eq=False)
+class ExactDesign(Printed):
+    """Whole experiments per candidate, with a certified efficiency.
+
+    Attributes
+    ----------
+    repetitions : (Q,) experiments in each candidate position.
+    efficiency : lower bound on the efficiency against every plan within the same limits, whole or
+        not, taken from the relaxed design and its gap; for D it is (det M / det M_best)^(1/p).
+    value : of the criterion, comparable with `Design.value`: of the information per experiment
+        (for D: log det), or of all of it where constraints say how many experiments.
+    support : indices of the candidates used.
+    information : (p, p), or (K, p, p) for samples, of the whole plan: the prior and sum_i n_i H_i.
+    names : p parameter names.
+    criterion : name of what was maximised.
+    """
+
+    repetitions: IntArray
+    efficiency: float
+    value: float
+    support: IntArray
+    information: Array
+    names: tuple[str, ...]
+    criterion: str = "D"
+
+    @property
+    def n_experiments(self) -> int:
+        """Number of experiments of the plan."""
+        return int(self.repetitions.sum())
+
+    def __str__(self) -> str:
+        return (
+            f"{self.criterion}: {self.n_experiments} experiments in {len(self.support)} of "
+            f"{len(self.repetitions)} candidates, efficiency >= {self.efficiency:.4f}"
+        )
+
+
+def exact_design(
+    info: Candidates,
+    n_experiments: int = 15,
+    design: Design | None = None,
+    *,
+    criterion: str | Criterion | None = None,
+    constraints: Constraints | None = None,
+    prior: Array | None = None,
+) -> ExactDesign:
+    """Return an efficient plan of whole experiments.
+
+    Parameters
+    ----------
+    info : information of each candidate, in memory or in a store.
+    n_experiments : number of experiments, where the constraints name neither a number nor a time.
+    design : relaxed design of the same problem; computed if None. Its gap is certified anew.
+    criterion : "D", "A", "E" or an object of `oed.design.criteria`; by default the design's, or D.
+    constraints : limits on the experiments.
+    prior : (p, p) or (K, p, p), information there is before these experiments.
+
+    Raises
+    ------
+    InvalidInput : if `n_experiments` is not a positive whole number, `design` does not fit, or no
+        whole plan satisfies the constraints.
+    NotIdentifiable : naming the parameters, if so few experiments leave a direction open (and
+        how many are needed), or all candidates together do.
+    """
+    problem, prices, weights, bound = relaxation(
+        info, n_experiments, design, criterion=criterion, constraints=constraints, prior=prior
+    )
+    counts = exchanged(problem, prices, weights)
+    return finished(problem, counts, bound, per_experiment=constraints is None)
+
+
+def exchanged(problem: WholeProblem, prices: Array, weights: Array) -> IntArray:
+    """Return the best plan (Q,) that exchanges lead to from the relaxed weights.
+
+    Raises
+    ------
+    InvalidInput : if no whole plan that satisfies the constraints is found.
+    """
+    pool = Pool(problem, _promising(prices, weights))
+    plans = [exchange(pool, start) for start in _starts(problem, pool, weights)]
+    if not plans:
+        raise InvalidInput(
+            f"constraints: no plan of whole experiments was found that satisfies "
+            f"{', '.join(problem.allowed.names)} and the limits of each position"
+        )
+    return max(plans, key=problem.value)
+
+
+def relaxation(
+    info: Candidates,
+    n_experiments: int,
+    design: Design | None = None,
+    *,
+    criterion: str | Criterion | None = None,
+    constraints: Constraints | None = None,
+    prior: Array | None = None,
+) -> tuple[WholeProblem, Array, Array, float]:
+    """Return the whole problem, prices and weights (Q,) of its relaxation, and a log bound.
+
+    No allowed weights, whole or not, have a log value above the bound. Arguments and errors are
+    those of `exact_design`.
+    """
+    objective = stated(_criterion(criterion, design), info.names, info.samples)
+    allowed = _allowed(n_experiments, constraints, len(info))
+    known = checked_prior(prior, info)
+    if design is None:
+        solver = "newton" if objective.smooth else "cvxpy"
+        design = optimal_design(info, objective, allowed, known, solver=solver)
+        weights = design.weights
+    elif constraints is None:
+        weights = float(allowed.bounds[0]) * checked_weights(design.weights, len(info))
+    else:
+        weights = not_negative(design.weights, len(info))
+    reference = info.combined(weights) if known is None else info.combined(weights) + known
+    rows = np.array(list(design.multipliers.values()))
+    certificate = certify(
+        weights,
+        info,
+        objective,
+        allowed,
+        known,
+        design.witness if len(design.witness) == len(objective.terms) else None,
+        rows if rows.shape == allowed.bounds.shape else None,
+    )
+    if not np.isfinite(certificate.gap):
+        names = unidentifiable(_first(reference), info.names)
+        raise NotIdentifiable(names or info.names, "the relaxed design is singular")
+    bound = objective.log_value(reference) - float(np.log(efficiency_bound(certificate.gap)))
+    problem = WholeProblem(info, objective, allowed, reference, known)
+    return problem, certificate.prices, weights, bound
+
+
+def finished(
+    problem: WholeProblem, counts: IntArray, log_bound: float, per_experiment: bool
+) -> ExactDesign:
+    """Return whole numbers (Q,) as a design.
+
+    Raises
+    ------
+    NotIdentifiable : naming the parameters that the plan leaves open.
+    """
+    information = problem.information(counts)
+    log_value = problem.objective.log_value(information)
+    if not log_value > -np.inf:
+        names = problem.candidates.names
+        open_names = unidentifiable(_first(information), names) or names
+        raise NotIdentifiable(open_names, _too_few(problem, int(counts.sum())))
+    share = information / counts.sum() if per_experiment else information
+    return ExactDesign(
+        repetitions=read_only(counts),
+        efficiency=min(1.0, float(np.exp(log_value - log_bound))),
+        value=problem.objective.value(share),
+        support=read_only(np.flatnonzero(counts)),
+        information=read_only(information),
+        names=problem.candidates.names,
+        criterion=problem.objective.name,
+    )
+
+
+def _criterion(given: str | Criterion | None, design: Design | None) -> str | Criterion:
+    if given is not None:
+        return given
+    if design is None or design.criterion in CRITERIA:
+        return "D" if design is None else design.criterion
+    raise InvalidInput(
+        f"design: it is for criterion {design.criterion}; give the same one as `criterion`"
+    )
+
+
+def _allowed(n_experiments: int, constraints: Constraints | None, n_candidates: int) -> Polytope:
+    whole = isinstance(n_experiments, (int, np.integer)) and not isinstance(n_experiments, bool)
+    if not whole or n_experiments < 1:
+        raise InvalidInput(f"n_experiments: {n_experiments!r} is not a whole number >= 1")
+    if constraints is None:
+        shares = Polytope.shares(n_candidates)
+        return replace(shares, bounds=np.array([float(n_experiments)]))
+    if constraints.experiments is None and constraints.time is None:
+        constraints = replace(constraints, experiments=float(n_experiments))
+    return constraints.polytope(n_candidates)
+
+
+def _promising(prices: Array, weights: Array) -> IntArray:
+    """Return the relaxed design's support and the candidates of the highest prices."""
+    size = min(len(prices), max(_POOL, 16 * int(np.count_nonzero(weights))))
+    best = np.argpartition(-prices, size - 1)[:size]
+    return np.union1d(best, np.flatnonzero(weights))
+
+
+def _starts(problem: WholeProblem, pool: Pool, weights: Array) -> Iterator[IntArray]:
+    """Yield different allowed plans: weights rounded in two ways, or additions one by one."""
+    floored = np.floor(weights + 1e-9).astype(np.int64)
+    starts = [fill(pool, np.maximum(floored, problem.least))]
+    total = weights.sum()
+    if round(total) >= np.count_nonzero(weights) and abs(total - round(total)) < 1e-6:
+        rounded = efficient_rounding(weights / total, round(total))
+        if (rounded >= problem.least).all() and not np.array_equal(rounded, starts[0]):
+            starts.append(rounded)
+    else:
+        starts.append(fill(pool, problem.least))
+    yield from (plan for plan in starts if plan.any() and problem.feasible(plan))
+
+
+def _too_few(problem: WholeProblem, n_experiments: int) -> str:
+    """Return the remedy for a plan with too few experiments."""
+    objective, prior = problem.objective, problem.prior
+    information = np.zeros_like(problem.reference) if prior is None else prior.copy()
+    free = replace(problem, allowed=Polytope.shares(len(problem.candidates)))
+    enough = 0
+    # Additions raise the rank every time, as all candidates together have full rank.
+    while not objective.log_value(information) > -np.inf:
+        added = _most_informative(free, information)
+        information = information + problem.candidates.take(np.array([added]))[0]
+        enough += 1
+    if enough <= n_experiments:
+        return f"in other positions {enough} experiments suffice; limits may keep them out"
+    few = f"n_experiments: {n_experiments} is too few"
+    least = _least_experiments(problem)
+    if least == enough:
+        return f"{few}, {enough} are needed"
+    if least > n_experiments:
+        return f"{few}, at least {least} are needed and {enough} suffice"
+    return f"{few}, {enough} suffice"
+
+
+def _most_informative(problem: WholeProblem, information: Array) -> int:
+    """Return the candidate that informs most on what is still open."""
+    ridged = information + 1e-9 * problem.reference
+    slope = problem.objective.price(problem.objective.witness(ridged), ridged.shape)
+    return int(np.argmax(problem.candidates.prices(slope)))
+
+
+def _least_experiments(problem: WholeProblem) -> int:
+    """Return how many experiments the ranks of the candidates ask for, at least two.
+
+    It is 1 where there is a prior, or not every parameter is asked for.
+    """
+    if problem.prior is not None or weak_directions(_first(problem.reference)).shape[1]:
+        return 1
+    if any(term.mean.combinations is not None for term in problem.objective.terms):
+        return 1
+    largest, p = 1, len(problem.candidates.names)
+    for start in range(0, len(problem.candidates), 2048):
+        block = np.arange(start, min(start + 2048, len(problem.candidates)))
+        matrices = problem.candidates.take(block).reshape(len(block), -1, p, p)[:, 0]
+        eigenvalues = np.linalg.eigvalsh(matrices)
+        ranks = (eigenvalues > 1e-12 * eigenvalues[:, -1:]).sum(axis=1)
+        largest = max(largest, int(ranks.max()))
+    return max(-(-p // largest), 2)
+
+
+def _first(information: Array) -> Array:
+    """Return the information of the first sample of theta."""
+    return information if information.ndim == 2 else np.asarray(information[0])

@@ -1,0 +1,250 @@
+"""What to measure next, and how much more: designs after what has been measured already."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from oed.design.certificate import Candidates
+from oed.design.constraints import Constraints
+from oed.design.criteria import Criterion
+from oed.design.null_space import weak_directions
+from oed.design.relaxed import checked_prior
+from oed.plans.exact import ExactDesign, exact_design
+from oed.plans.scoring import standard_deviations
+from robotmodels.arrays import Array, IntArray, read_only
+from robotmodels.errors import InvalidInput, NotIdentifiable, nearest
+
+
+@dataclass(frozen=True, eq=False)
+class NextExperiments:
+    """The best experiments to add, and what they are expected to bring.
+
+    Attributes
+    ----------
+    plan : the experiments; its information includes what there was.
+    before : (p,) standard deviations of what there was; infinite where it leaves a direction open.
+    after : (p,) predicted with the plan.
+    """
+
+    plan: ExactDesign
+    before: Array
+    after: Array
+
+
+@dataclass(frozen=True, eq=False)
+class ExperimentCurve:
+    """Plans of growing numbers of experiments: what each further one buys.
+
+    Attributes
+    ----------
+    counts : (C,) numbers of experiments; those that cannot identify every parameter are left out.
+    std : (C, p) predicted standard deviations, relative ones where parameters are ln theta.
+    efficiency : (C,) certified, of each plan against all of as many experiments.
+    plans : one for each number.
+    names : p parameter names.
+    """
+
+    counts: IntArray
+    std: Array
+    efficiency: Array
+    plans: tuple[ExactDesign, ...]
+    names: tuple[str, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class Needed:
+    """How many experiments a wanted accuracy takes.
+
+    Attributes
+    ----------
+    n_experiments : to add to what there is; 0 if that is enough.
+    plan : that reaches it, or None for 0.
+    std : (p,) predicted.
+    critical : the parameter that asks for the most.
+    """
+
+    n_experiments: int
+    plan: ExactDesign | None
+    std: Array
+    critical: str
+
+
+def next_experiments(
+    info: Candidates,
+    n_experiments: int,
+    known: Array | None = None,
+    *,
+    criterion: str | Criterion = "D",
+    constraints: Constraints | None = None,
+) -> NextExperiments:
+    """Return the experiments that add most to what is known.
+
+    Parameters
+    ----------
+    info : of each candidate, computed at the parameters fitted so far.
+    n_experiments : how many to add.
+    known : (p, p) information of all that was measured: `measured_information`, or the inverse of
+        the fit's covariance of ln theta.
+    criterion, constraints : as in `exact_design`.
+
+    Raises
+    ------
+    InvalidInput, NotIdentifiable : as `exact_design`.
+    """
+    prior = checked_prior(known, info)
+    plan = exact_design(
+        info, n_experiments, criterion=criterion, constraints=constraints, prior=prior
+    )
+    before = np.full(len(info.names), np.inf) if prior is None else _std(prior)
+    return NextExperiments(plan, read_only(before), read_only(_std(plan.information)))
+
+
+def measured_information(info: Candidates, repetitions: Sequence[int] | IntArray) -> Array:
+    """Return the information, (p, p), of experiments there are: sum_i n_i H_i.
+
+    Parameters
+    ----------
+    info : of each position measured, by `information` at the fitted parameters.
+    repetitions : (Q,) experiments in each.
+
+    Raises
+    ------
+    InvalidInput : if there are not as many numbers as positions, or one is negative.
+    """
+    counts = np.asarray(repetitions, dtype=float)
+    if counts.shape != (len(info),) or not (counts >= 0).all():
+        raise InvalidInput(
+            f"repetitions: shape {counts.shape}; {len(info)} numbers >= 0, one for each position, "
+            "are needed"
+        )
+    return info.combined(counts)
+
+
+def experiment_curve(
+    info: Candidates,
+    counts: Sequence[int],
+    known: Array | None = None,
+    *,
+    criterion: str | Criterion = "D",
+    constraints: Constraints | None = None,
+    progress: Callable[[int, int], object] | None = None,
+) -> ExperimentCurve:
+    """Return the best plans of several numbers of experiments beside what they promise.
+
+    Parameters
+    ----------
+    info, known, criterion, constraints : as in `next_experiments`.
+    counts : numbers of experiments.
+    progress : called with the number of plans done and their total.
+
+    Raises
+    ------
+    InvalidInput : if no number is given.
+    NotIdentifiable : naming the parameters, if even the largest number is too small.
+    """
+    numbers = sorted({int(n) for n in counts})
+    if not numbers:
+        raise InvalidInput("counts: none given; at least one number of experiments is needed")
+    kept, plans = [], []
+    for i, n in enumerate(numbers):
+        try:
+            found = next_experiments(info, n, known, criterion=criterion, constraints=constraints)
+        except NotIdentifiable:
+            if n == numbers[-1]:
+                raise
+        else:
+            kept.append(n)
+            plans.append(found.plan)
+        if progress is not None:
+            progress(i + 1, len(numbers))
+    return ExperimentCurve(
+        counts=read_only(np.array(kept)),
+        std=read_only(np.array([_std(plan.information) for plan in plans])),
+        efficiency=read_only(np.array([plan.efficiency for plan in plans])),
+        plans=tuple(plans),
+        names=info.names,
+    )
+
+
+def experiments_needed(
+    info: Candidates,
+    std: float,
+    known: Array | None = None,
+    *,
+    parameters: Sequence[str] | None = None,
+    criterion: str | Criterion = "D",
+    constraints: Constraints | None = None,
+    most: int = 1000,
+) -> Needed:
+    """Return how many experiments bring every standard deviation to at most `std`.
+
+    Of plans that `exact_design` finds for the criterion; one for the worst parameter, such as E
+    or A, may do with fewer. Numbers are doubled, then halved in between.
+
+    Parameters
+    ----------
+    info, known, criterion, constraints : as in `next_experiments`.
+    std : wanted, relative where parameters are ln theta: 0.01 is one percent.
+    parameters : names of those that count; all by default.
+    most : experiments to consider.
+
+    Raises
+    ------
+    InvalidInput : if `std` is not positive, a name is unknown, or `most` experiments are too few
+        (saying what they reach).
+    """
+    if not (np.isfinite(std) and std > 0):
+        raise InvalidInput(f"std: {std!r}; a positive number is needed (0.01 for one percent)")
+    chosen = _chosen(info.names, parameters)
+    prior = checked_prior(known, info)
+    reached: dict[int, tuple[ExactDesign | None, Array]] = {}
+
+    def enough(n: int) -> bool:
+        plan: ExactDesign | None = None
+        values = np.full(len(info.names), np.inf) if prior is None else _std(prior)
+        if n > 0:
+            try:
+                plan = next_experiments(
+                    info, n, known, criterion=criterion, constraints=constraints
+                ).plan
+                values = _std(plan.information)
+            except NotIdentifiable:
+                values = np.full(len(info.names), np.inf)
+        reached[n] = plan, values
+        return bool(values[chosen].max() <= std)
+
+    low, high = -1, 0
+    while not enough(high):
+        if high >= most:
+            worst = chosen[int(np.argmax(reached[high][1][chosen]))]
+            raise InvalidInput(
+                f"std: {std:g} is out of reach of {most} experiments: {info.names[worst]!r} comes "
+                f"to {reached[high][1][worst]:.3g}; allow more, or free fewer parameters"
+            )
+        low, high = high, min(max(1, 2 * high), most)
+    while high - low > 1:
+        middle = (low + high) // 2
+        low, high = (low, middle) if enough(middle) else (middle, high)
+    plan, values = reached[high]
+    worst = chosen[int(np.argmax(values[chosen]))]
+    return Needed(high, plan, read_only(values), info.names[worst])
+
+
+def _chosen(names: tuple[str, ...], parameters: Sequence[str] | None) -> list[int]:
+    if parameters is None:
+        return list(range(len(names)))
+    for name in parameters:
+        if name not in names:
+            raise InvalidInput(f"parameters: {name!r} is not known{nearest(name, names)}")
+    if not parameters:
+        raise InvalidInput("parameters: none given; at least one is needed")
+    return [names.index(name) for name in parameters]
+
+
+def _std(information: Array) -> Array:
+    """Return standard deviations (p,), infinite where the information is singular."""
+    first = information if information.ndim == 2 else information[0]
+    if weak_directions(first).shape[1]:
+        return np.full(len(first), np.inf)
+    return standard_deviations(first)

@@ -1,0 +1,206 @@
+"""The stages of a study that give its data: simulated, from records or from FRFs."""
+
+from dataclasses import dataclass, replace
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+
+from estimators.frf.distortion import Distortion
+from estimators.frf.estimate import FrfEstimate, simulate_frf
+from estimators.frf.exchange import read_frf
+from estimators.frf.visits import merge_visits
+from oed.experiment.build import prepare_in
+from oed.experiment.measured_frf import measured_frf
+from oed.experiment.run import Outcome, run_experiment
+from oed.information_set import InformationSet
+from oed.study.design import Plan
+from oed.study.fingerprint import file_digest
+from oed.study.run import Run
+from oed.study.stage_files import dataclass_files, read_dataclass, write_dataclass
+from oed.study.stages import Files, Report, Stage
+from robotmodels import ElasticRobot
+from robotmodels.arrays import Array, IntArray
+from robotmodels.errors import InvalidInput
+
+
+@dataclass(frozen=True, eq=False)
+class Data:
+    """What is fitted, and what is known of how it was measured.
+
+    Attributes
+    ----------
+    estimate : FRFs, one for each position.
+    distortion : noise and distortion apart; None without repeated periods.
+    warnings : what a user should know of the records.
+    """
+
+    estimate: FrfEstimate
+    distortion: Distortion | None = None
+    warnings: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, eq=False)
+class SimulatedExperiment:
+    """A simulated experiment.
+
+    Attributes
+    ----------
+    records : file of its records.
+    outcome : what the simulation met.
+    limit : the limit that sets the amplitudes, in words.
+    """
+
+    records: Path
+    outcome: Outcome
+    limit: str
+
+
+def noisy_frf(run: Run, info: Stage[InformationSet], plan: Stage[Plan]) -> Stage[Data]:
+    """Return FRFs in the plan's positions with errors by the noise law."""
+    frequencies, noise = run.study.frequencies, run.study.noise
+    assert frequencies is not None
+    assert noise is not None
+
+    def compute(folder: Path, report: Report | None) -> Data:
+        exact = plan.value.exact
+        return Data(
+            simulate_frf(
+                run.plant,
+                info.value.positions[exact.support],
+                frequencies.omega(),
+                noise.law(),
+                run.rng("data"),
+                repetitions=exact.repetitions[exact.support],
+            )
+        )
+
+    inputs = {
+        "plant": run.plant_digest,
+        "information": info.digest,
+        "design": plan.digest,
+        **run.settings("frequencies", "noise", "seed"),
+    }
+    return run.stages.run("data", inputs, compute, dataclass_files(Data))
+
+
+def experiment(
+    run: Run, info: Stage[InformationSet], plan: Stage[Plan]
+) -> Stage[SimulatedExperiment]:
+    """Return the plan's experiments, simulated in closed loop."""
+    shaking = run.study.data.experiment
+    assert shaking is not None
+
+    def compute(folder: Path, report: Report | None) -> SimulatedExperiment:
+        exact = plan.value.exact
+        positions = info.value.positions[exact.support]
+        repetitions = exact.repetitions[exact.support]
+        return shaken(run, positions, repetitions, run.rng("data"), folder, report)
+
+    inputs = {
+        "robot": run.robot_digest,
+        "plant": run.plant_digest,
+        "information": info.digest,
+        "design": plan.digest,
+        "experiment": shaking.model_dump(mode="json"),
+        **run.settings("seed"),
+    }
+    return run.stages.run("experiment", inputs, compute, Files(_save_experiment, _load_experiment))
+
+
+def shaken(
+    run: Run,
+    positions: Array,
+    repetitions: IntArray,
+    rng: np.random.Generator,
+    folder: Path,
+    report: Report | None,
+) -> SimulatedExperiment:
+    """Simulate the study's experiment in positions (Q, n); records.h5 is written to `folder`."""
+    shaking = run.study.data.experiment
+    assert shaking is not None
+    prepared = prepare_in(shaking, run.robot, positions, repetitions, rng)
+    # Its progress is that of the stage, whatever it calls itself.
+    progress = None if report is None else partial(_ignoring_names, report)
+    outcome = run_experiment(prepared, folder, progress, run.executor, run.plant)
+    return SimulatedExperiment(folder / "records.h5", outcome, str(prepared.scaling.binding))
+
+
+def frf_of(run: Run, records: Path) -> Data:
+    """Estimate FRFs from records as the study asks, visits of one position averaged."""
+    choice = run.study.data
+    found = measured_frf(
+        records,
+        choice.method,
+        covariance=choice.covariance,
+        structure=choice.structure,
+        delay=choice.delay,
+        hold=choice.hold,
+        robot=run.study.robot,
+    )
+    return Data(found.estimate, found.distortion, found.warnings)
+
+
+def frf_from_records(run: Run, records: Path, digest: str) -> Stage[Data]:
+    """Return FRFs estimated from records, visits of one position averaged."""
+    choice = run.study.data
+
+    def compute(folder: Path, report: Report | None) -> Data:
+        return frf_of(run, records)
+
+    inputs = {
+        "robot": run.robot_digest,
+        "records": digest,
+        **{k: getattr(choice, k) for k in ("method", "covariance", "delay", "hold", "structure")},
+    }
+    return run.stages.run("data", inputs, compute, dataclass_files(Data))
+
+
+def frf_from_file(run: Run, path: Path) -> Stage[Data]:
+    """Return measured FRFs.
+
+    Raises
+    ------
+    InvalidInput : if they do not have the robot's motors and outputs.
+    """
+
+    def compute(folder: Path, report: Report | None) -> Data:
+        estimate = read_frf(path)
+        _check_shape(estimate, run.robot, path)
+        if run.study.data.structure == "diagonal":
+            estimate = replace(estimate, covariance=estimate.variance)
+        return Data(merge_visits(estimate))
+
+    inputs = {
+        "robot": run.robot_digest,
+        "frf": file_digest(path),
+        "structure": run.study.data.structure,
+    }
+    return run.stages.run("data", inputs, compute, dataclass_files(Data))
+
+
+def _check_shape(estimate: FrfEstimate, robot: ElasticRobot, path: Path) -> None:
+    needed = len(robot.output_names), len(robot.motor_names)
+    if estimate.response.shape[2:] != needed or estimate.positions.shape[1] != needed[1]:
+        raise InvalidInput(
+            f"{path}: FRFs of shape {estimate.response.shape[2:]} in positions of "
+            f"{estimate.positions.shape[1]} angles; the robot {robot.name!r} has "
+            f"{needed[0]} outputs and {needed[1]} motors"
+        )
+
+
+def _ignoring_names(report: Report, stage: str, done: int, total: int) -> None:
+    report(done, total)
+
+
+def _save_experiment(value: SimulatedExperiment, folder: Path) -> None:
+    write_dataclass(folder / "outcome.h5", value.outcome)
+    (folder / "limit.txt").write_text(value.limit, encoding="utf-8")
+
+
+def _load_experiment(folder: Path) -> SimulatedExperiment:
+    return SimulatedExperiment(
+        folder / "records.h5",
+        read_dataclass(folder / "outcome.h5", Outcome),
+        (folder / "limit.txt").read_text(encoding="utf-8"),
+    )

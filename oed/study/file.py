@@ -1,0 +1,256 @@
+"""The schema of a study file: which robot, where it may be put, how to measure and to fit.
+
+.. code-block:: yaml
+
+    schema: study/1
+    robot: ur10                  # a built-in robot, or the path of a robot file
+    truth: hardening.yaml        # left out: the same; the robot that the data are simulated with
+    seed: 1
+    frequencies: {low: 2.0, high: 80.0, count: 80, spacing: log}    # [Hz], of the design
+    noise: {relative: 0.03, floor: 0.01}     # parts of an element and of the largest element
+    candidates: {per_joint: {elbow_joint: 5}, limits: {elbow_joint: [-2.5, 2.5]}}    # and more,
+                                 # see `oed.study.candidates_section`
+    design:
+      criterion: D               # A, E; or Ds, As with  interest: [g1.stiffness, ...]
+      experiments: 15
+      most: 1                    # in one position; left out: any number
+      tolerance: 1.0e-6          # certified gap
+      solver: cvxpy              # or newton, which is faster and takes every criterion but E
+    data:                        # left out: FRFs with that noise; one of the first three
+      experiment: {...}          # simulated in closed loop, keys as in an experiment file
+      records: records.h5        # measured
+      frf: frf.h5                # measured
+      method: ari                # of the FRFs from records: ari, har, log, h1 or jio
+      covariance: total          # or noise, which misses distortion
+      structure: diagonal        # or full
+    fit:
+      starts: 4                  # the same for all estimators,
+      decades: 0.3               # each value multiplied by 10^U(-0.3, 0.3)
+      residuals: [lls, nls]      # lls with user weights, nls with optimal ones; or
+      estimators:
+        - {name: LLS15U, residual: lls, weights: user}
+        - {name: LLS1U, residual: lls, weights: user, positions: best}    # or all, or [0, 3]
+      user_weights: {diagonal: 1.0, off_diagonal: 0.1, low: 3.0}    # zero below `low` [Hz]
+      result: LLS15U             # left out: the likelihood, from where the estimators ended
+    posterior: {ensembles: 4, walkers: 64, steps: 20000, r_hat: 1.01, ess: 4000}
+    validation: {count: 3}       # positions measured besides, to check predictions; left out: none
+    compare_with: wernholt_moberg_2008    # left out, except to repeat the study of that paper
+    output: ../out/ur10          # relative to this file, as every path in it
+
+With measured data, the positions are those of the data: `candidates` is left out.
+"""
+
+import math
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Literal, Self
+
+import numpy as np
+from pydantic import Field, NonNegativeFloat, PositiveFloat, PositiveInt, model_validator
+
+from oed.experiment.file import Shaking
+from oed.published.paper import ESTIMATORS
+from oed.study.candidates_section import Candidates
+from oed.study.file_paths import existing_file, output_folder, robot_reference
+from oed.study.fit_section import FitChoice
+from robotmodels.arrays import Array
+from robotmodels.files import Strict, read_yaml
+from robotmodels.noise import RelativeNoise
+
+if TYPE_CHECKING:
+    from oed.design.constraints import Constraints
+    from oed.design.criteria import Criterion
+
+
+class Frequencies(Strict):
+    """The frequency grid [Hz], ends included."""
+
+    low: PositiveFloat
+    high: PositiveFloat
+    count: PositiveInt
+    spacing: Literal["log", "linear"] = "log"
+
+    @model_validator(mode="after")
+    def _rising(self) -> Self:
+        if self.high <= self.low:
+            raise ValueError(f"high ({self.high:g} Hz) must be above low ({self.low:g} Hz)")
+        return self
+
+    def omega(self) -> Array:
+        """Return the grid, (F,) [rad/s]."""
+        space = np.geomspace if self.spacing == "log" else np.linspace
+        return np.asarray(2 * math.pi * space(self.low, self.high, self.count))
+
+
+class Noise(Strict):
+    """The noise law of `RelativeNoise`: parts of the element and of the largest element [-]."""
+
+    relative: NonNegativeFloat
+    floor: NonNegativeFloat
+
+    @model_validator(mode="after")
+    def _positive(self) -> Self:
+        if self.relative == 0 and self.floor == 0:
+            raise ValueError("relative and floor are both zero; one must be positive")
+        return self
+
+    def law(self) -> RelativeNoise:
+        """Return the noise law."""
+        return RelativeNoise(relative=self.relative, floor=self.floor)
+
+
+class DesignChoice(Strict):
+    """What to maximise, how many experiments, how many in one position, which gap to certify.
+
+    Ds and As judge the parameters of `interest` only; the others are nuisance.
+    """
+
+    criterion: Literal["D", "A", "E", "Ds", "As"] = "D"
+    interest: tuple[str, ...] = ()
+    experiments: PositiveInt = 15
+    most: PositiveInt | None = None
+    tolerance: PositiveFloat = 1e-6
+    solver: Literal["cvxpy", "newton"] = "cvxpy"
+
+    @model_validator(mode="after")
+    def _interest(self) -> Self:
+        if (self.criterion in ("Ds", "As")) != bool(self.interest):
+            needed = "needs" if self.criterion in ("Ds", "As") else "has no"
+            raise ValueError(
+                f"interest: criterion {self.criterion} {needed} parameters of interest"
+            )
+        return self
+
+    def wanted(self) -> "str | Criterion":
+        """Return the criterion."""
+        from oed.design.criteria import AsCriterion, DsCriterion
+
+        if self.criterion == "Ds":
+            return DsCriterion(self.interest)
+        return AsCriterion(self.interest) if self.criterion == "As" else self.criterion
+
+    def constraints(self) -> "Constraints | None":
+        """Return the limits on experiments; None where shares need only sum to one."""
+        from oed.design.constraints import Constraints
+
+        if self.most is None:
+            return None
+        return Constraints(experiments=self.experiments, most=self.most)
+
+
+class DataChoice(Strict):
+    """Where the FRFs come from; from the noise law where none of the first three is given."""
+
+    experiment: Shaking | None = None
+    records: Path | None = None
+    frf: Path | None = None
+    method: Literal["ari", "har", "log", "h1", "jio"] = "ari"
+    covariance: Literal["total", "noise"] = "total"
+    structure: Literal["diagonal", "full"] = "diagonal"
+    delay: float = 0.0
+    hold: bool = True
+
+    @model_validator(mode="after")
+    def _one_source(self) -> Self:
+        given = [k for k in ("experiment", "records", "frf") if getattr(self, k) is not None]
+        if len(given) > 1:
+            raise ValueError(f"{' and '.join(given)} given; one of them is needed")
+        return self
+
+    @property
+    def measured(self) -> bool:
+        """Whether the data come from files."""
+        return self.records is not None or self.frf is not None
+
+
+class PosteriorChoice(Strict):
+    """Independent ensembles of emcee walkers, and when they have done enough steps.
+
+    They stop when R-hat is at most `r_hat` and the effective sample size of every parameter at
+    least `ess`, or after `steps` each.
+    """
+
+    ensembles: Annotated[int, Field(ge=2)] = 4
+    walkers: PositiveInt = 64
+    steps: PositiveInt = 20_000
+    r_hat: Annotated[float, Field(gt=1)] = 1.01
+    ess: PositiveFloat = 4000.0
+
+
+class ValidationChoice(Strict):
+    """How many candidates that the plan does not use are measured to check predictions."""
+
+    count: PositiveInt
+
+
+class Study(Strict):
+    """A study file, ``schema: study/1``; paths in it are relative to the file."""
+
+    schema_: Literal["study/1"] = Field(alias="schema")
+    robot: str
+    truth: str | None = None
+    seed: Annotated[int, Field(ge=0)] = 1
+    frequencies: Frequencies | None = None
+    noise: Noise | None = None
+    candidates: Candidates | None = None
+    design: DesignChoice = DesignChoice()
+    data: DataChoice = DataChoice()
+    fit: FitChoice = FitChoice()
+    posterior: PosteriorChoice = PosteriorChoice()
+    validation: ValidationChoice | None = None
+    compare_with: Literal["wernholt_moberg_2008"] | None = None
+    output: Path
+
+    @model_validator(mode="after")
+    def _data_or_candidates(self) -> Self:
+        needed = ("candidates", "frequencies", "noise")
+        given = [key for key in needed if getattr(self, key) is not None]
+        if self.data.measured:
+            optional = [key for key in ("truth", "validation") if getattr(self, key) is not None]
+            useless = [*given, *optional]
+            if useless:
+                raise ValueError(
+                    f"{useless[0]}: of no use with measured data, whose positions, frequencies "
+                    "and noise are their own; leave it out"
+                )
+            return self
+        missing = [key for key in needed if key not in given]
+        if missing:
+            raise ValueError(f"missing key {missing[0]!r}")
+        return self
+
+    @model_validator(mode="after")
+    def _six_estimators(self) -> Self:
+        names = [estimator.name for estimator in self.fit.used]
+        missing = [name for name in ESTIMATORS if name not in names]
+        if self.compare_with is not None and missing:
+            raise ValueError(
+                f"compare_with: {self.compare_with} needs the estimators {', '.join(ESTIMATORS)}; "
+                f"{', '.join(missing)} missing in fit.estimators"
+            )
+        return self
+
+
+def load_study(path: str | Path) -> Study:
+    """Read a study file; the paths inside it become absolute.
+
+    Raises
+    ------
+    InvalidInput : if the file is absent, is not YAML, or does not fit the schema; the key is named.
+    """
+    path = Path(path)
+    study = read_yaml(path, Study)
+    files = {
+        key: existing_file(path, f"data.{key}", file)
+        for key in ("records", "frf")
+        if (file := getattr(study.data, key)) is not None
+    }
+    changed: dict[str, object] = {
+        "output": output_folder(path, study.output),
+        "robot": robot_reference(path, study.robot),
+        "truth": None if study.truth is None else robot_reference(path, study.truth),
+        "data": study.data.model_copy(update=files),
+    }
+    if study.candidates is not None:
+        lists = [existing_file(path, "candidates.files", file) for file in study.candidates.files]
+        changed["candidates"] = study.candidates.model_copy(update={"files": tuple(lists)})
+    return study.model_copy(update=changed)

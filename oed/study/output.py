@@ -1,0 +1,205 @@
+"""What a study leaves behind for other programs: three JSON files beside its stages.
+
+SI units and radians, except frequencies [Hz]; covariances are for ln theta. Nothing in these
+files depends on the clock or on where they lie: the same seed gives the same files.
+
+``design.json``
+    ``candidates``: how many; ``relaxed``: ``criterion``, ``support`` (indices of candidates in
+    ``stages/information/information.h5``), their ``weights``, ``value``, certified ``gap``;
+    ``exact``: ``experiments`` and ``efficiency`` (certified lower bound against the relaxed
+    optimum); ``positions``: the positions to measure in, each with ``candidate``, ``position``
+    [rad, in the order of ``motors``], ``weight``, ``repetitions``.
+``fit.json``
+    ``parameters``: name, unit, ``truth`` (null where it is not known), ``estimate``;
+    ``residual``, ``cost``, ``origin`` of the chosen fit; ``estimators``: what each estimator came
+    to: ``residual``, ``weights``, ``positions`` (how many), ``estimate``, ``cost``, ``converged``;
+    ``starts``: per estimator, the runs with ``start`` number and ``values``, ``cost`` (null where
+    the search could not begin), ``converged``, ``evaluations``, ``message``, best first.
+``uncertainty.json``
+    ``theorem1`` and ``emcee``: relative ``std`` and ``correlation``; ``convergence``: ``r_hat``,
+    ``ess``, ``autocorrelation_time`` [steps], ``acceptance``, ``converged``, ``message``;
+    ``z``: (ln estimate - ln truth) / std of Theorem 1, null where no truth is known.
+``stages/``
+    what each stage computed, see `oed.study.stages`; among it ``information/information.h5`` with
+    ``positions`` (Q, n), ``matrices`` (Q, p, p) and ``names``, ``fit-NAME/runs.h5`` (see
+    `estimators.read_fits`) and ``posterior/posterior.h5``, the chains (see `emcee.backends`).
+"""
+
+import json
+import os
+import shutil
+import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from oed.study.fits import Search, start_number
+from oed.study.results import FittedStudy, PlannedStudy, StudyResults
+from oed.study.stages import write_atomically
+from robotmodels.arrays import Array
+from robotmodels.errors import InvalidInput
+
+
+@contextmanager
+def staged_folder(folder: Path) -> Iterator[Path]:
+    """Give a folder to write in; its files move to `folder`, one by one whole, if all went well.
+
+    Raises
+    ------
+    InvalidInput : if `folder` cannot be written to.
+    """
+    absent = [p for p in (folder, *folder.parents) if not p.exists()]
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        stage = Path(tempfile.mkdtemp(prefix=".unfinished-", dir=folder))
+    except OSError as error:
+        raise InvalidInput(f"output: {folder} cannot be written to ({error.strerror})") from None
+    try:
+        yield stage
+        for file in sorted(stage.iterdir()):
+            os.replace(file, folder / file.name)
+    finally:
+        shutil.rmtree(stage)
+        for path in absent:  # deepest first: take away what was made in vain
+            if not any(path.iterdir()):
+                path.rmdir()
+
+
+def write_results(results: PlannedStudy, folder: Path) -> None:
+    """Write design.json, fit.json and uncertainty.json into `folder`, as far as there are."""
+    documents = {"design": design_document(results)}
+    if isinstance(results, FittedStudy):
+        documents["fit"] = fit_document(results)
+    if isinstance(results, StudyResults):
+        documents["uncertainty"] = uncertainty_document(results)
+    for name, document in documents.items():
+        text = json.dumps(document, indent=1, allow_nan=False) + "\n"
+        write_atomically(folder / f"{name}.json", text)
+
+
+def design_document(results: PlannedStudy) -> dict[str, Any]:
+    """Return the content of design.json."""
+    design, exact = results.design, results.exact
+    support = np.flatnonzero(design.weights)
+    study = results.study
+    omega = results.omega if study.frequencies is None else study.frequencies.omega()
+    return {
+        **_header("design/1", results),
+        "motors": list(results.robot.motor_names),
+        "parameters": list(results.robot.parameters.names),
+        "frequencies_hz": _numbers(omega / (2 * np.pi)),
+        "noise": None if study.noise is None else study.noise.model_dump(),
+        "candidates": len(design.weights),
+        "relaxed": {
+            "criterion": design.criterion,
+            "support": support.tolist(),
+            "weights": _numbers(design.weights[support]),
+            "value": float(design.value),
+            "gap": float(design.gap),
+        },
+        "exact": {
+            "experiments": int(exact.repetitions.sum()),
+            "efficiency": float(exact.efficiency),
+        },
+        "positions": [
+            {
+                "candidate": int(i),
+                "position": _numbers(results.information.positions[i]),
+                "weight": float(design.weights[i]),
+                "repetitions": int(exact.repetitions[i]),
+            }
+            for i in results.used
+        ],
+    }
+
+
+def fit_document(results: FittedStudy) -> dict[str, Any]:
+    """Return the content of fit.json."""
+    fit = results.fit
+    fitted = fit.parameters
+    rows = zip(fitted.names, fitted.units, results.truth, fitted.values, strict=True)
+    return {
+        **_header("fit/1", results),
+        "residual": fit.residual,
+        "cost": float(fit.cost),
+        "origin": results.fit_origin,
+        "parameters": [
+            {"name": name, "unit": unit, "truth": _number(truth), "estimate": float(estimate)}
+            for name, unit, truth, estimate in rows
+        ],
+        "estimators": {
+            name: {
+                "residual": search.estimator.residual,
+                "weights": search.weights,
+                "positions": len(search.result.estimate.positions),
+                "estimate": _numbers(search.result.parameters.values),
+                "cost": float(search.result.cost),
+                "converged": search.result.converged,
+            }
+            for name, search in results.searches.items()
+        },
+        "starts": {
+            name: _runs(search, results.starts) for name, search in results.searches.items()
+        },
+    }
+
+
+def _runs(search: Search, starts: Array) -> list[dict[str, Any]]:
+    return [
+        {
+            "start": start_number(starts, run),
+            "values": _numbers(run.start),
+            "cost": _number(run.cost),
+            "converged": run.converged,
+            "evaluations": run.evaluations,
+            "message": run.message,
+        }
+        for run in search.runs
+    ]
+
+
+def uncertainty_document(results: StudyResults) -> dict[str, Any]:
+    """Return the content of uncertainty.json."""
+    posterior, sampled = results.posterior, results.posterior.uncertainty()
+    return {
+        **_header("uncertainty/1", results),
+        "parameters": list(results.theorem1.names),
+        "theorem1": {
+            "std": _numbers(results.theorem1.std),
+            "correlation": _numbers(results.theorem1.correlation),
+        },
+        "emcee": {"std": _numbers(sampled.std), "correlation": _numbers(sampled.correlation)},
+        "convergence": {
+            "r_hat": _numbers(posterior.r_hat),
+            "ess": _numbers(posterior.ess),
+            "autocorrelation_time": _numbers(posterior.autocorrelation_time),
+            "acceptance": float(np.mean(posterior.acceptance)),
+            "converged": bool(posterior.converged),
+            "message": posterior.message,
+        },
+        "z": _numbers(results.z_scores),
+    }
+
+
+def _header(schema: str, results: PlannedStudy) -> dict[str, Any]:
+    return {
+        "schema": schema,
+        "robot": results.robot.name,
+        "seed": results.study.seed,
+        "versions": results.versions,
+    }
+
+
+def _numbers(array: NDArray[Any]) -> Any:
+    """Return nested lists of plain numbers, with null where there is none."""
+    if array.ndim > 1:
+        return [_numbers(row) for row in array]
+    return [_number(value) for value in array]
+
+
+def _number(value: float) -> float | None:
+    return float(value) if np.isfinite(value) else None

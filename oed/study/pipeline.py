@@ -1,0 +1,250 @@
+"""From a study file to its results: where to measure, what comes out, how certain it is.
+
+Each function goes one step further than the one before, and keeps what it computes: the next, in
+the same process or another, goes on from there.
+"""
+
+from collections.abc import Iterator, Mapping
+from concurrent.futures import Executor
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from typing import Any
+
+from oed.candidates.screening import ScreenedCandidates
+from oed.information_set import InformationSet
+from oed.study import data as study_data
+from oed.study import design as study_design
+from oed.study import fits as study_fits
+from oed.study import measured as study_measured
+from oed.study import published as study_published
+from oed.study import uncertainty as study_uncertainty
+from oed.study import validation as study_validation
+from oed.study.data import Data, SimulatedExperiment
+from oed.study.design import Plan
+from oed.study.file import Study
+from oed.study.fingerprint import file_digest
+from oed.study.fits import Chosen, Search, start_number
+from oed.study.results import FittedStudy, PlannedStudy, StudyResults
+from oed.study.run import Run
+from oed.study.stages import Progress, Stage, open_stages, versions
+from robotmodels import load_robot
+from robotmodels.arrays import Array
+
+__all__ = [
+    "FittedStudy",
+    "PlannedStudy",
+    "Progress",
+    "Search",
+    "StudyResults",
+    "design_study",
+    "fit_study",
+    "run_study",
+    "start_number",
+]
+
+
+def design_study(
+    study: Study,
+    progress: Progress | None = None,
+    *,
+    executor: Executor | None = None,
+    fresh: bool = False,
+) -> PlannedStudy:
+    """Compute where to measure; of measured data, how good that was.
+
+    Parameters, errors and what is kept: see `run_study`.
+    """
+    with _opened(study, progress, executor, fresh) as run:
+        return PlannedStudy(**_planned(run, _plan(run)))
+
+
+def fit_study(
+    study: Study,
+    progress: Progress | None = None,
+    *,
+    executor: Executor | None = None,
+    fresh: bool = False,
+) -> FittedStudy:
+    """Compute where to measure, take or simulate the data, and fit them.
+
+    Parameters, errors and what is kept: see `run_study`.
+    """
+    with _opened(study, progress, executor, fresh) as run:
+        source = _source(run)
+        fitted = _fitted(run, source, _fits(run, source))
+        return FittedStudy(**_planned(run, source), **fitted)
+
+
+def run_study(
+    study: Study,
+    progress: Progress | None = None,
+    *,
+    executor: Executor | None = None,
+    fresh: bool = False,
+) -> StudyResults:
+    """Compute a study, stage by stage; the same seed gives the same results.
+
+    Stages are kept in the folder ``stages`` of the study's output: what an earlier run computed
+    from the same settings and data is not computed again, and an interrupted run goes on.
+
+    Parameters
+    ----------
+    study : a study, see `oed.study.file.load_study`.
+    progress : told how far each stage is.
+    executor : runs information matrices, simulations, fits and ensembles in parallel.
+    fresh : compute every stage again.
+
+    Raises
+    ------
+    IdentificationError : where the study cannot be computed, naming what is at fault.
+    """
+    with _opened(study, progress, executor, fresh) as run:
+        source = _source(run)
+        fits = _fits(run, source)
+        judged, fitted = _judged(run, source, fits), _fitted(run, source, fits)
+        # Last: it says what all stages took.
+        return StudyResults(**_planned(run, source), **fitted, **judged)
+
+
+@contextmanager
+def _opened(
+    study: Study, progress: Progress | None, executor: Executor | None, fresh: bool
+) -> Iterator[Run]:
+    robot = load_robot(study.robot)
+    plant = robot if study.truth is None else load_robot(study.truth)
+    with open_stages(study.output / "stages", progress, fresh) as stages:
+        run = Run(study, robot, plant, stages, executor)
+        study_uncertainty.check_posterior(run)
+        yield run
+
+
+@dataclass(frozen=True, eq=False)
+class _Planned:
+    """Where to measure."""
+
+    information: Stage[InformationSet]
+    plan: Stage[Plan]
+    omega: Array
+    candidates: ScreenedCandidates | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class _Source(_Planned):
+    """Where to measure and what was measured."""
+
+    data: Stage[Data] = field(kw_only=True)
+    experiment: SimulatedExperiment | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class _Fits:
+    """What was fitted."""
+
+    starts: Array
+    searches: Mapping[str, Stage[Search]]
+    result: Stage[Chosen]
+
+
+def _plan(run: Run) -> _Planned:
+    if run.study.data.measured:
+        return _measured(run)
+    found = study_design.candidates(run)
+    info = study_design.candidate_information(run, found)
+    frequencies = run.study.frequencies
+    assert frequencies is not None
+    return _Planned(info, study_design.plan(run, info), frequencies.omega(), found.value)
+
+
+def _source(run: Run) -> _Source:
+    return _measured(run) if run.study.data.measured else _simulated(run)
+
+
+def _simulated(run: Run) -> _Source:
+    """Design the experiments and simulate them."""
+    planned = _plan(run)
+    info, plan, shaken = planned.information, planned.plan, None
+    if run.study.data.experiment is None:
+        data = study_data.noisy_frf(run, info, plan)
+    else:
+        shaken = study_data.experiment(run, info, plan)
+        data = study_data.frf_from_records(run, shaken.value.records, shaken.digest)
+    omega, experiment = data.value.estimate.omega, None if shaken is None else shaken.value
+    return _Source(info, plan, omega, planned.candidates, data=data, experiment=experiment)
+
+
+def _measured(run: Run) -> _Source:
+    """Take the data from files; where they were measured is the plan."""
+    choice = run.study.data
+    if choice.records is not None:
+        data = study_data.frf_from_records(run, choice.records, file_digest(choice.records))
+    else:
+        assert choice.frf is not None
+        data = study_data.frf_from_file(run, choice.frf)
+    info = study_measured.measured_information(run, data)
+    plan = study_measured.measured_plan(run, info, data)
+    return _Source(info, plan, data.value.estimate.omega, data=data)
+
+
+def _fits(run: Run, source: _Source) -> _Fits:
+    starts = study_fits.starts_of(run)
+    searches = {
+        estimator.name: study_fits.search(
+            run, estimator, source.data, source.information.value, starts
+        )
+        for estimator in run.study.fit.used
+    }
+    return _Fits(starts, searches, study_fits.chosen(run, source.data, searches, starts))
+
+
+def _planned(run: Run, planned: _Planned) -> dict[str, Any]:
+    """Return the fields of a `PlannedStudy`."""
+    return {
+        "study": run.study,
+        "robot": run.robot,
+        "plant": None if run.study.data.measured else run.plant,
+        "candidates": planned.candidates,
+        "information": planned.information.value,
+        "design": planned.plan.value.design,
+        "exact": planned.plan.value.exact,
+        "omega": planned.omega,
+        "seconds": run.stages.seconds,
+        "kept": run.stages.kept,
+        "versions": versions(),
+    }
+
+
+def _fitted(run: Run, source: _Source, fits: _Fits) -> dict[str, Any]:
+    """Return the fields that a `FittedStudy` has besides."""
+    data, compared = source.data.value, None
+    if run.study.compare_with is not None:
+        compared = study_published.compared(run, source.data, fits.searches, fits.starts)
+    return {
+        "estimate": data.estimate,
+        "distortion": data.distortion,
+        "warnings": data.warnings,
+        "experiment": source.experiment,
+        "starts": fits.starts,
+        "searches": {name: stage.value for name, stage in fits.searches.items()},
+        "fit": fits.result.value.fit,
+        "fit_origin": fits.result.value.origin,
+        "published": compared,
+    }
+
+
+def _judged(run: Run, source: _Source, fits: _Fits) -> dict[str, Any]:
+    """Return the fields that `StudyResults` has besides: how far to trust the fit."""
+    known = study_uncertainty.covariances(run, fits.result)
+    sampled = study_uncertainty.posterior(run, fits.result)
+    checked = study_uncertainty.checked(run, fits.result, known, sampled, fits.searches)
+    held_out = None
+    if run.study.validation is not None:
+        held_out = study_validation.held_out(
+            run, source.information, source.plan, fits.result, known
+        ).value
+    return {
+        "theorem1": known.value.theorem1,
+        "empirical": known.value.empirical,
+        "posterior": sampled.value,
+        "cross_check": checked.value,
+        "held_out": held_out,
+    }

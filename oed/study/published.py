@@ -1,0 +1,102 @@
+"""The stage of a study that repeats [WM] section 6: its estimators beside theirs."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from estimators.fitting.least_squares import Fit
+from estimators.uncertainty.covariance import Uncertainty, covariance
+from oed.published.conclusions import Judged, conclusions
+from oed.published.estimators import REFERENCE, Evaluation, evaluate
+from oed.published.paper import ESTIMATORS
+from oed.published.table import Groups, Table1, groups_of, hardest_spring, table_1
+from oed.study.data import Data
+from oed.study.fits import Search, weights_of
+from oed.study.run import Run, truth_of
+from oed.study.stage_files import dataclass_files
+from oed.study.stages import Report, Stage
+from robotmodels.arrays import Array
+
+
+@dataclass(frozen=True, eq=False)
+class Published:
+    """All that the paper shows, from this study's data.
+
+    Attributes
+    ----------
+    evaluation : all models of the six estimators.
+    reference : the best LLS15U fit.
+    theorem1 : of it.
+    table : as Table 1.
+    groups : parameters of gearboxes and arm.
+    hardest : the arm spring that is left out of the second share.
+    conclusions : the seven, judged.
+    """
+
+    evaluation: Evaluation
+    reference: Fit
+    theorem1: Uncertainty
+    table: Table1
+    groups: Groups
+    hardest: str
+    conclusions: tuple[Judged, ...]
+
+    @property
+    def by_cost(self) -> dict[str, float]:
+        """Part of each estimator's models with a reasonable cost."""
+        share = self.evaluation.reasonable_by_cost.mean(axis=1)
+        return dict(zip(ESTIMATORS, share.tolist(), strict=True))
+
+    @property
+    def by_springs(self) -> dict[str, float]:
+        """Part of each estimator's models with reasonable springs, the hardest one left out."""
+        share = self.evaluation.reasonable_by_springs((self.hardest,)).mean(axis=1)
+        return dict(zip(ESTIMATORS, share.tolist(), strict=True))
+
+    @property
+    def by_all_springs(self) -> dict[str, float]:
+        """Part of each estimator's models with all springs reasonable."""
+        share = self.evaluation.reasonable_by_springs().mean(axis=1)
+        return dict(zip(ESTIMATORS, share.tolist(), strict=True))
+
+
+def compared(
+    run: Run, data: Stage[Data], searches: Mapping[str, Stage[Search]], starts: Array
+) -> Published:
+    """Return this study's figures, table and verdicts."""
+    evaluation = _evaluation(run, data, searches, starts).value
+    reference = searches[REFERENCE].value.runs[0]
+    theorem1, groups = covariance(reference), groups_of(run.robot)
+    table = table_1(evaluation, theorem1)
+    plant = None if run.study.data.measured else run.plant
+    return Published(
+        evaluation,
+        reference,
+        theorem1,
+        table,
+        groups,
+        hardest_spring(evaluation, theorem1, groups),
+        conclusions(evaluation, theorem1, table, groups, truth_of(run.robot, plant)),
+    )
+
+
+def _evaluation(
+    run: Run, data: Stage[Data], searches: Mapping[str, Stage[Search]], starts: Array
+) -> Stage[Evaluation]:
+    estimate = data.value.estimate
+
+    def compute(folder: Path, report: Report | None) -> Evaluation:
+        found = {name: searches[name].value for name in ESTIMATORS}
+        kind, choice = found[REFERENCE].estimator, run.study.fit.user_weights
+        user = np.asarray(weights_of(kind, estimate, choice))
+        return evaluate(run.robot, estimate, found, user, starts, run.executor, report)
+
+    inputs = {
+        "robot": run.robot_digest,
+        "data": data.digest,
+        "fits": {name: searches[name].digest for name in ESTIMATORS},
+        "user_weights": run.study.fit.user_weights.model_dump(mode="json"),
+    }
+    return run.stages.run("published", inputs, compute, dataclass_files(Evaluation))

@@ -1,0 +1,130 @@
+"""What a study computed, as far as it went: a plan, a fit, a result with its uncertainty."""
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from estimators.fitting.least_squares import Fit
+from estimators.fitting.residual_analysis import ResidualAnalysis, residual_analysis
+from estimators.frf.distortion import Distortion
+from estimators.frf.estimate import FrfEstimate
+from estimators.uncertainty.covariance import Uncertainty
+from estimators.uncertainty.cross_check import CrossCheck
+from estimators.uncertainty.identifiability import Identifiability, fit_information, identifiability
+from estimators.uncertainty.posterior import Posterior
+from oed.candidates.screening import ScreenedCandidates
+from oed.design.relaxed import Design
+from oed.information_set import InformationSet
+from oed.plans.exact import ExactDesign
+from oed.study.data import SimulatedExperiment
+from oed.study.file import Study
+from oed.study.fits import Search
+from oed.study.published import Published
+from oed.study.run import truth_of
+from oed.study.validation import HeldOut
+from robotmodels import ElasticRobot
+from robotmodels.arrays import Array, IntArray
+
+
+@dataclass(frozen=True, eq=False)
+class PlannedStudy:
+    """Where to measure, and from what that was computed.
+
+    Attributes
+    ----------
+    study, robot : what was asked.
+    plant : the robot behind simulated data; None where data were measured.
+    candidates : that the robot can take and why others were left out; None where data were
+        measured.
+    information, design, exact : candidates, relaxed optimum, integer plan. With measured data the
+        candidates are the measured positions and the plan is what was measured.
+    omega : (F,) of the data, or of the design where there are none yet [rad/s].
+    seconds : time per stage, when it was computed.
+    kept : stages that earlier runs had computed.
+    versions : of Python and of the packages that computed.
+    """
+
+    study: Study
+    robot: ElasticRobot
+    plant: ElasticRobot | None
+    candidates: ScreenedCandidates | None
+    information: InformationSet
+    design: Design
+    exact: ExactDesign
+    omega: Array
+    seconds: dict[str, float]
+    kept: tuple[str, ...]
+    versions: dict[str, str]
+
+    @property
+    def used(self) -> IntArray:
+        """Indices of the candidates that the plan measures in."""
+        return self.exact.support
+
+    @property
+    def truth(self) -> Array:
+        """The parameters behind simulated data, (p,) SI; NaN where there is none of that name."""
+        return truth_of(self.robot, self.plant)
+
+
+@dataclass(frozen=True, eq=False)
+class FittedStudy(PlannedStudy):
+    """A plan, the data and what was fitted to them.
+
+    Attributes
+    ----------
+    estimate : FRFs at the plan's positions.
+    distortion : noise and distortion of records, or None.
+    warnings : about the data.
+    experiment : what a simulation in closed loop met, or None.
+    starts : (starts, p) perturbed start values in SI units.
+    searches : the fits of each estimator, by name.
+    fit : the study's result: the estimator that the study names, or else NLS with optimal weights
+        (the likelihood of the stated noise), best of all.
+    fit_origin : where the search for `fit` began, for people.
+    published : the estimators beside those of [WM]; None unless the study asks for it.
+    """
+
+    estimate: FrfEstimate
+    distortion: Distortion | None
+    warnings: tuple[str, ...]
+    experiment: SimulatedExperiment | None
+    starts: Array
+    searches: dict[str, Search]
+    fit: Fit
+    fit_origin: str
+    published: Published | None
+
+    @cached_property
+    def residuals(self) -> ResidualAnalysis:
+        """What the fit leaves unexplained."""
+        return residual_analysis(self.fit)
+
+    @cached_property
+    def identifiability(self) -> Identifiability:
+        """Which combinations of parameters the data tell least."""
+        return identifiability(fit_information(self.fit), self.fit.parameters.names)
+
+
+@dataclass(frozen=True, eq=False)
+class StudyResults(FittedStudy):
+    """All a study computed.
+
+    Attributes
+    ----------
+    theorem1, empirical, posterior : uncertainty of the fit, three ways.
+    cross_check : all that is known of it side by side, with verdicts.
+    held_out : validation in positions that were not fitted; None unless the study asks for it.
+    """
+
+    theorem1: Uncertainty
+    empirical: Uncertainty
+    posterior: Posterior
+    cross_check: CrossCheck
+    held_out: HeldOut | None
+
+    @property
+    def z_scores(self) -> Array:
+        """(ln estimate - ln truth) / standard deviation of Theorem 1, (p,); NaN without truth."""
+        return np.log(self.fit.parameters.values / self.truth) / self.theorem1.std

@@ -1,0 +1,248 @@
+"""Stages of a long computation: each is computed once and kept while nothing it rests on changes.
+
+A stage lives in a folder of its name::
+
+    design/            the files that the stage saved
+        stage.json     ``key``, ``digest``, ``seconds``, ``versions``
+    posterior.part/    a stage that is not finished: what it needs to go on
+
+The key is a hash of the stage's settings, of the results it rests on (their digests) and of this
+package's version; the digest is a hash of the stage's files. A stage whose key fits is loaded
+instead of computed. A run may be killed at any moment: a finished stage appears under its name by
+one renaming, and an unfinished one goes on from what its own files hold.
+"""
+
+import fcntl
+import json
+import os
+import platform
+import shutil
+import time
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass
+from functools import partial
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any, Generic, TypeVar
+
+from oed.study.fingerprint import folder_digest, json_digest
+from robotmodels.errors import IdentificationError, InvalidInput
+
+T = TypeVar("T")
+Progress = Callable[[str, int, int], None]
+"""Called with the stage's name, the steps done and the steps in all (0: not known yet)."""
+Report = Callable[[int, int], None]
+
+PACKAGE = "elastic-robot-oed"
+_PACKAGES = (PACKAGE, "numpy", "scipy", "pin", "mujoco", "cvxpy", "clarabel", "emcee", "numba")
+_RECORD, _KEY = "stage.json", "key"
+_OWN = frozenset({_RECORD, f"{_RECORD}.part", _KEY})
+
+
+@dataclass(frozen=True)
+class Files(Generic[T]):
+    """How a stage's result is saved to a folder and loaded from it, bit for bit."""
+
+    save: Callable[[T, Path], None]
+    load: Callable[[Path], T]
+
+
+@dataclass(frozen=True, eq=False)
+class Stage(Generic[T]):
+    """A finished stage.
+
+    Attributes
+    ----------
+    name : of the stage.
+    value : its result.
+    digest : hash of its files, for the keys of stages that rest on it.
+    seconds : that its computation took.
+    kept : whether it was loaded rather than computed.
+    """
+
+    name: str
+    value: T
+    digest: str
+    seconds: float
+    kept: bool
+
+
+class Stages:
+    """Stages in one folder.
+
+    Attributes
+    ----------
+    finished : all stages so far, by name.
+    """
+
+    def __init__(self, folder: Path, progress: Progress | None = None, fresh: bool = False) -> None:
+        self.folder = folder
+        self.progress = progress
+        self.fresh = fresh
+        self.finished: dict[str, Stage[Any]] = {}
+
+    def run(
+        self,
+        name: str,
+        inputs: Mapping[str, Any],
+        compute: Callable[[Path, Report | None], T],
+        files: Files[T],
+    ) -> Stage[T]:
+        """Return a stage, loaded if it fits, computed and saved otherwise.
+
+        Parameters
+        ----------
+        name : of the stage and its folder.
+        inputs : plain data that decide its result: settings, digests of other stages.
+        compute : is given a folder, whose files outlive an interruption, and the progress.
+        files : saves and loads the result; what is returned was always loaded.
+        """
+        key = json_digest({"stage": name, "package": version(PACKAGE), "inputs": inputs})
+        stage = None if self.fresh else self._kept(name, key, files)
+        if stage is None:
+            target, part = self.folder / name, self.folder / f"{name}.part"
+            record = self._computed(name, key, part, compute, files)
+            _rename(part, target)
+            stage = Stage(name, files.load(target), record["digest"], record["seconds"], False)
+        self.finished[name] = stage
+        if self.progress is not None:
+            self.progress(name, 1, 1)
+        return stage
+
+    @property
+    def seconds(self) -> dict[str, float]:
+        """What each stage took when it was computed."""
+        return {name: stage.seconds for name, stage in self.finished.items()}
+
+    @property
+    def kept(self) -> tuple[str, ...]:
+        """Stages that did not need computing."""
+        return tuple(name for name, stage in self.finished.items() if stage.kept)
+
+    def _kept(self, name: str, key: str, files: Files[T]) -> Stage[T] | None:
+        """Return what an earlier run finished, if it fits and can be read."""
+        target, part = self.folder / name, self.folder / f"{name}.part"
+        record = _fitting(target, key)
+        if record is None:
+            record = _fitting(part, key)
+            if record is None:
+                return None
+            _rename(part, target)  # it was killed just before
+        try:
+            value = files.load(target)
+        except InvalidInput:
+            return None  # of another form of this package, though of the same version
+        return Stage(name, value, record["digest"], record["seconds"], True)
+
+    def _computed(
+        self,
+        name: str,
+        key: str,
+        part: Path,
+        compute: Callable[[Path, Report | None], T],
+        files: Files[T],
+    ) -> dict[str, Any]:
+        _prepare(part, key, self.fresh)
+        begun = time.perf_counter()
+        report = None if self.progress is None else partial(self.progress, name)
+        if report is not None:
+            report(0, 0)
+        try:
+            files.save(compute(part, report), part)
+        except IdentificationError:
+            shutil.rmtree(part)  # it would fail again: there is nothing to go on from
+            raise
+        record = {
+            "key": key,
+            "digest": folder_digest(part, _OWN),
+            "seconds": time.perf_counter() - begun,
+            "versions": versions(),
+        }
+        write_atomically(part / _RECORD, json.dumps(record, indent=1) + "\n")
+        return record
+
+
+@contextmanager
+def open_stages(
+    folder: Path, progress: Progress | None = None, fresh: bool = False
+) -> Iterator[Stages]:
+    """Give the stages in `folder`, which no other process can use meanwhile.
+
+    Parameters
+    ----------
+    folder : is made, and taken away again where nothing came to be in it.
+    progress : told how far each stage is.
+    fresh : compute every stage again.
+
+    Raises
+    ------
+    InvalidInput : if the folder cannot be written to, or another process is using it.
+    """
+    absent = [p for p in (folder, *folder.parents) if not p.exists()]
+    lock = folder / ".lock"
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        file = lock.open("w")
+    except OSError as error:
+        raise InvalidInput(f"output: {folder} cannot be written to ({error.strerror})") from None
+    with file:
+        try:
+            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            raise InvalidInput(f"output: {folder} is in use by another run") from None
+        try:
+            yield Stages(folder, progress, fresh)
+        finally:
+            lock.unlink(missing_ok=True)
+            for path in absent:  # deepest first: take away what was made in vain
+                if not any(path.iterdir()):
+                    path.rmdir()
+
+
+def versions() -> dict[str, str]:
+    """Return the versions of Python and of the packages that compute."""
+    return {"python": platform.python_version()} | {p: version(p) for p in _PACKAGES}
+
+
+def write_atomically(path: Path, text: str) -> None:
+    """Write a text file that appears under its name when it is whole."""
+    unfinished = path.with_name(path.name + ".part")
+    unfinished.write_text(text, encoding="utf-8")
+    os.replace(unfinished, path)
+
+
+def _fitting(folder: Path, key: str) -> dict[str, Any] | None:
+    """Return the record of a finished stage if it has that key and its files are as they were."""
+    try:
+        record = json.loads((folder / _RECORD).read_text(encoding="utf-8"))
+    except (OSError, ValueError):
+        return None
+    if not isinstance(record, dict) or record.get("key") != key:
+        return None
+    whole = record.get("digest") == folder_digest(folder, _OWN)
+    return record if whole else None
+
+
+def _prepare(part: Path, key: str, fresh: bool) -> None:
+    """Make the folder of an unfinished stage; keep what an interrupted run left of the same."""
+    try:
+        same = (part / _KEY).read_text(encoding="utf-8") == key
+    except OSError:
+        same = False
+    if same and not fresh:
+        return
+    shutil.rmtree(part, ignore_errors=True)
+    part.mkdir()
+    write_atomically(part / _KEY, key)
+
+
+def _rename(part: Path, target: Path) -> None:
+    """Put a finished stage in the place of an older one."""
+    (part / _KEY).unlink(missing_ok=True)
+    old = target.with_name(f"{target.name}.old")
+    shutil.rmtree(old, ignore_errors=True)
+    if target.exists():
+        os.replace(target, old)
+    os.replace(part, target)
+    shutil.rmtree(old, ignore_errors=True)

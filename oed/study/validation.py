@@ -1,0 +1,95 @@
+"""The stage of a study that predicts FRFs in positions it did not measure in, and measures them."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from estimators.frf.estimate import FrfEstimate, simulate_frf
+from estimators.uncertainty.validation import Validation, validate
+from oed.information_set import InformationSet
+from oed.study.data import frf_of, shaken
+from oed.study.design import Plan
+from oed.study.fits import Chosen
+from oed.study.run import Run
+from oed.study.stage_files import dataclass_files
+from oed.study.stages import Report, Stage
+from oed.study.uncertainty import Covariances
+from robotmodels.arrays import Array
+from robotmodels.errors import InvalidInput
+
+
+@dataclass(frozen=True, eq=False)
+class HeldOut:
+    """FRFs in positions that were not fitted, and how they lie in their predicted bands.
+
+    Attributes
+    ----------
+    estimate : the FRFs.
+    theorem1, empirical : judged with the one covariance and with the other.
+    """
+
+    estimate: FrfEstimate
+    theorem1: Validation
+    empirical: Validation
+
+
+def held_out(
+    run: Run,
+    info: Stage[InformationSet],
+    plan: Stage[Plan],
+    result: Stage[Chosen],
+    known: Stage[Covariances],
+) -> Stage[HeldOut]:
+    """Return the validation in candidates that the plan does not use.
+
+    Raises
+    ------
+    InvalidInput : if there are too few of them.
+    """
+    positions = _positions(run, info.value, plan.value)
+
+    def compute(folder: Path, report: Report | None) -> HeldOut:
+        estimate = _measured(run, positions, folder, report)
+        fit = result.value.fit
+        judged = [
+            validate(run.robot, fit.parameters.values, estimate, uncertainty)
+            for uncertainty in (known.value.theorem1, known.value.empirical)
+        ]
+        return HeldOut(estimate, *judged)
+
+    inputs = {
+        "robot": run.robot_digest,
+        "plant": run.plant_digest,
+        "positions": positions.tolist(),
+        "result": result.digest,
+        "uncertainty": known.digest,
+        **run.settings("data", "frequencies", "noise", "seed"),
+    }
+    return run.stages.run("validation", inputs, compute, dataclass_files(HeldOut))
+
+
+def _positions(run: Run, info: InformationSet, plan: Plan) -> Array:
+    choice = run.study.validation
+    assert choice is not None
+    free = np.flatnonzero(plan.exact.repetitions == 0)
+    if len(free) < choice.count:
+        raise InvalidInput(
+            f"validation.count: {choice.count} positions; {len(free)} candidates are not measured"
+        )
+    chosen = run.rng("validation").choice(free, choice.count, replace=False)
+    return np.asarray(info.positions[np.sort(chosen)])
+
+
+def _measured(run: Run, positions: Array, folder: Path, report: Report | None) -> FrfEstimate:
+    """Return FRFs measured as the study's own, once in each position."""
+    once, rng = np.ones(len(positions), dtype=np.int64), run.rng("held out")
+    if run.study.data.experiment is None:
+        frequencies, noise = run.study.frequencies, run.study.noise
+        assert frequencies is not None
+        assert noise is not None
+        return simulate_frf(run.plant, positions, frequencies.omega(), noise.law(), rng, once)
+    found = shaken(run, positions, once, rng, folder, report)
+    estimate = frf_of(run, found.records).estimate
+    found.records.unlink()
+    return estimate

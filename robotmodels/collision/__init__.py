@@ -1,0 +1,1 @@
+"""Where a robot would touch itself or what stands around it."""

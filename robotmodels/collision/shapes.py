@@ -1,0 +1,217 @@
+"""What a robot's links look like to a collision: the URDF's ``<collision>`` shapes, or capsules."""
+
+import os
+import xml.etree.ElementTree as ET
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import coal
+import numpy as np
+import pinocchio as pin
+
+from robotmodels.arrays import Array
+from robotmodels.description.urdf import locate
+from robotmodels.elastic.robot import ElasticRobot
+from robotmodels.errors import InvalidInput
+
+LINE_RADIUS = 1e-3
+"""Of links that have neither shape nor radius: lines between joints, to a millimetre [m]."""
+
+_PACKAGE = "package://"
+
+
+@dataclass(frozen=True, eq=False)
+class Shape:
+    """A rigid shape on a link.
+
+    Attributes
+    ----------
+    link : the link's name.
+    joint : number of the rigid model's joint that moves it, 0 for the ground.
+    placement : in the frame of that joint.
+    hull : the shape, or the convex hull of its mesh.
+    mesh : the surface of a mesh, else None.
+    """
+
+    link: str
+    joint: int
+    placement: pin.SE3
+    hull: coal.CollisionGeometry
+    mesh: coal.CollisionGeometry | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class RobotShapes:
+    """The shapes of a robot, and what has none.
+
+    Attributes
+    ----------
+    shapes : of all links that have one.
+    solid : whether they are the links' own; lines between joints are not.
+    notes : what is not checked, one sentence each.
+    """
+
+    shapes: tuple[Shape, ...]
+    solid: bool
+    notes: tuple[str, ...]
+
+
+def robot_shapes(robot: ElasticRobot, link_radius: float | None = None) -> RobotShapes:
+    """Return the collision shapes of the URDF; without any, capsules from joint to joint.
+
+    Parameters
+    ----------
+    robot : gives the URDF and the joints held rigid.
+    link_radius : of the capsules [m], for a URDF without collision shapes.
+
+    Raises
+    ------
+    InvalidInput : if a shape of the URDF cannot be read, or `link_radius` is not positive or is
+        given although the URDF has shapes.
+    """
+    if link_radius is not None and not (np.isfinite(link_radius) and link_radius > 0):
+        raise InvalidInput(f"link_radius: {link_radius!r} m; a positive length is needed")
+    path = locate(robot.file.urdf, robot.folder)
+    drawn, missing = _drawn(robot.rigid, path)
+    if drawn and link_radius is not None:
+        raise InvalidInput(
+            f"link_radius: {path.name} has collision shapes of its own, which are used; leave "
+            "the radius out"
+        )
+    if drawn:
+        return RobotShapes(drawn, True, (*_notes(robot, drawn, missing), *_payload_note(robot)))
+    capsules = tuple(_capsules(robot.rigid, link_radius or LINE_RADIUS))
+    why = f"{path.name} has no collision shapes" if not missing else "; ".join(missing)
+    if link_radius is None:
+        note = (
+            f"{why}: self-collision is not checked, and obstacles only against the lines between "
+            "joints; a link_radius would make capsules of them"
+        )
+    else:
+        note = f"{why}: links are taken for capsules of radius {link_radius:g} m between joints"
+    return RobotShapes(capsules, link_radius is not None, (note, *_payload_note(robot)))
+
+
+def _drawn(rigid: pin.Model, path: Path) -> tuple[tuple[Shape, ...], tuple[str, ...]]:
+    """Return the shapes of a URDF, and a sentence on each mesh that is not there."""
+    robot, missing = _with_meshes_found(path)
+    xml = ET.tostring(robot, encoding="unicode")
+    try:
+        geometry = pin.buildGeomFromUrdfString(rigid, xml, pin.COLLISION)
+    except (ValueError, RuntimeError) as error:
+        raise InvalidInput(f"{path}: collision shapes: {' '.join(str(error).split())}") from None
+    # A link with a mistake in it is skipped without an error.
+    for link in robot.findall("link"):
+        name, asked = link.get("name"), len(link.findall("collision"))
+        read = sum(rigid.frames[o.parentFrame].name == name for o in geometry.geometryObjects)
+        if read < asked:
+            raise InvalidInput(
+                f"{path}: link {name!r}: of its {asked} collision shapes {read} can be read; "
+                "each needs <geometry> with a box, cylinder, sphere or mesh and its numbers"
+            )
+    shapes = []
+    for item in geometry.geometryObjects:
+        link = rigid.frames[item.parentFrame].name
+        hull, mesh = item.geometry, None
+        if isinstance(hull, coal.BVHModelBase):
+            mesh = hull
+            mesh.buildConvexHull(True, "Qt")  # Qhull's option for triangular faces
+            hull = mesh.convex
+        shapes.append(Shape(link, int(item.parentJoint), item.placement, hull, mesh))
+    return tuple(shapes), missing
+
+
+def _with_meshes_found(path: Path) -> tuple[ET.Element, tuple[str, ...]]:
+    """Return the URDF with absolute mesh paths, without the meshes not found, and their names."""
+    robot = ET.parse(path).getroot()
+    for limit in robot.iter("limit"):  # the parser insists on what nothing here needs
+        for key in ("effort", "velocity"):
+            limit.attrib.setdefault(key, "0")
+    missing = []
+    for link in robot.findall("link"):
+        for collision in link.findall("collision"):
+            mesh = collision.find("geometry/mesh")
+            if mesh is None:
+                continue
+            given = mesh.get("filename", "")
+            found = _mesh_file(given, path)
+            if found is None:
+                missing.append(f"link {link.get('name')!r}: its mesh {given} is not found")
+                link.remove(collision)
+            else:
+                mesh.set("filename", str(found))
+    for part in ("visual", "material"):
+        for link in (robot, *robot.findall("link")):
+            for element in link.findall(part):
+                link.remove(element)
+    return robot, tuple(missing)
+
+
+def _mesh_file(given: str, urdf: Path) -> Path | None:
+    """Return where a mesh is.
+
+    A ``package://NAME/...`` is sought in folders NAME, or that hold NAME, around the URDF and on
+    ROS's search paths.
+    """
+    if not given.startswith(_PACKAGE):
+        path = Path(given.removeprefix("file://"))
+        path = path if path.is_absolute() else urdf.parent / path
+        return path if path.is_file() else None
+    inside = Path(given.removeprefix(_PACKAGE))
+    ros = ("ROS_PACKAGE_PATH", "AMENT_PREFIX_PATH")
+    places = [Path(p) for v in ros for p in os.environ.get(v, "").split(os.pathsep) if p]
+    for folder in (*urdf.parents, *places, *(p / "share" for p in places)):
+        candidates = [folder / inside]
+        if folder.name == inside.parts[0]:
+            candidates.append(folder.parent / inside)
+        for candidate in candidates:
+            if candidate.is_file():
+                return candidate
+    return None
+
+
+def _notes(
+    robot: ElasticRobot, shapes: tuple[Shape, ...], missing: tuple[str, ...]
+) -> Iterator[str]:
+    yield from (f"{sentence}; it is not checked for collisions" for sentence in missing)
+    seen = {shape.joint for shape in shapes}
+    for joint in range(1, robot.rigid.njoints):
+        if joint not in seen and robot.rigid.inertias[joint].mass > 0:
+            link = _link_of(robot.rigid, joint)
+            yield f"link {link!r} has no collision shape and is not checked"
+
+
+def _payload_note(robot: ElasticRobot) -> tuple[str, ...]:
+    payload = robot.file.payload
+    if payload is None or payload.mass == 0:
+        return ()
+    return (f"the payload on {payload.link!r} has no shape and is not checked for collisions",)
+
+
+def _capsules(rigid: pin.Model, radius: float) -> Iterator[Shape]:
+    """Yield a capsule from each joint's origin to those of the joints it carries, or its end."""
+    for joint in range(rigid.njoints):
+        ends = [
+            rigid.jointPlacements[child].translation
+            for child in range(1, rigid.njoints)
+            if rigid.parents[child] == joint
+        ]
+        if not ends:
+            placements = (f.placement for f in rigid.frames if f.parentJoint == joint)
+            ends = [max((p.translation for p in placements), key=np.linalg.norm)]
+        for end in ends:
+            length = float(np.linalg.norm(end))
+            if length > LINE_RADIUS:
+                at = pin.SE3(_towards(end / length), end / 2)
+                yield Shape(_link_of(rigid, joint), joint, at, coal.Capsule(radius, length))
+
+
+def _towards(direction: Array) -> Array:
+    """Return a rotation matrix whose z axis is the unit vector `direction`."""
+    return np.asarray(pin.Quaternion.FromTwoVectors(np.array([0.0, 0.0, 1.0]), direction).matrix())
+
+
+def _link_of(rigid: pin.Model, joint: int) -> str:
+    links = [f.name for f in rigid.frames if f.parentJoint == joint and f.type == pin.BODY]
+    return str(links[0]) if links else str(rigid.names[joint])

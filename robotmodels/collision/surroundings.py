@@ -1,0 +1,273 @@
+"""Where a robot would touch itself or what stands around it.
+
+Shapes are checked at the rigid pose: elastic deflections, far smaller than any sensible margin,
+are neglected.
+"""
+
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import coal
+import numpy as np
+import pinocchio as pin
+
+from robotmodels.arrays import Array, BoolArray
+from robotmodels.collision.obstacles import Box, Obstacle, Plane
+from robotmodels.collision.obstacles import floor as floor_at
+from robotmodels.collision.shapes import RobotShapes, Shape, robot_shapes
+from robotmodels.elastic.rigid_pose import configurations
+from robotmodels.elastic.robot import ElasticRobot
+from robotmodels.errors import InvalidInput, nearest
+
+_SAMPLES = 32  # positions, and one more, in all of which what is built to touch does so
+
+
+@dataclass(frozen=True)
+class Pair:
+    """Two things that are compared; the second is a link or an obstacle."""
+
+    first: str
+    second: str
+    obstacle: bool
+
+
+@dataclass(frozen=True, eq=False)
+class Surroundings:
+    """A robot among obstacles.
+
+    Links are compared with each other by their convex hulls first, and by the surfaces of their
+    meshes where the hulls touch; with obstacles by their hulls, which is on the safe side. What
+    the ground carries is not compared with obstacles. Never compared with each other are links
+    that one joint moves together; neighbours, on either side of one joint, which often overlap at
+    their bearing and are kept apart by the joint's limits; links that touch in all of 33
+    positions spread over the joints' ranges, hence by design; and the pairs of `ignored`.
+
+    Attributes
+    ----------
+    robot : the robot.
+    shapes : of its links, see `robot_shapes`.
+    obstacles : what stands around it.
+    self_collision : whether links are compared with each other.
+    margin : distance below which two things count as touching [m].
+    ignored : pairs of links that may touch.
+
+    Raises
+    ------
+    InvalidInput : if the margin is negative, two obstacles have one name, or `ignored` names a
+        link without a shape.
+    """
+
+    robot: ElasticRobot
+    shapes: RobotShapes
+    obstacles: tuple[Obstacle, ...] = ()
+    self_collision: bool = True
+    margin: float = 0.0
+    ignored: tuple[tuple[str, str], ...] = ()
+
+    def __post_init__(self) -> None:
+        links = list(dict.fromkeys(shape.link for shape in self.shapes.shapes))
+        for link in (link for pair in self.ignored for link in pair):
+            if link not in links:
+                raise InvalidInput(
+                    f"ignored: {link!r} is not a link with a collision shape"
+                    f"{nearest(link, links)}; there are {', '.join(links)}"
+                )
+        if not (np.isfinite(self.margin) and self.margin >= 0):
+            raise InvalidInput(f"margin: {self.margin!r} m; a length >= 0 is needed")
+        names = [obstacle.name for obstacle in self.obstacles]
+        for name in names:
+            if names.count(name) > 1:
+                raise InvalidInput(f"obstacles: the name {name!r} is used twice; names are unique")
+
+    @property
+    def pairs(self) -> tuple[Pair, ...]:
+        """What is compared: links with links, then links with obstacles."""
+        return tuple(self._groups)
+
+    @cached_property
+    def built_touching(self) -> tuple[tuple[str, str], ...]:
+        """Links that are not compared because they are built to touch."""
+        return tuple(dict.fromkeys(self._names(pair) for pair in self._apart[1]))
+
+    def touching(
+        self, positions: Array, progress: Callable[[int, int], object] | None = None
+    ) -> BoolArray:
+        """Return which of `pairs` touch, (Q, pairs), at `positions` (Q, n) within their limits."""
+        q = configurations(self.robot, positions)
+        hits = self._checker(q, progress)
+        touching = np.zeros((len(q), len(self._groups)), dtype=bool)
+        for k, group in enumerate(self._groups.values()):
+            touching[:, k] = hits[:, group].any(axis=1)
+        return touching
+
+    @cached_property
+    def _things(self) -> tuple[Shape, ...]:
+        return (*self.shapes.shapes, *(_shape(obstacle) for obstacle in self.obstacles))
+
+    @cached_property
+    def _groups(self) -> dict[Pair, list[int]]:
+        """Compared shapes by the pair of things they belong to."""
+        groups: dict[Pair, list[int]] = {}
+        for k, (i, j) in enumerate(self._checker.pairs):
+            pair = Pair(*self._names((i, j)), j >= len(self.shapes.shapes))
+            groups.setdefault(pair, []).append(k)
+        return groups
+
+    @cached_property
+    def _checker(self) -> "_Checker":
+        shapes = self.shapes.shapes
+        pairs = list(self._apart[0])
+        for j in range(len(shapes), len(self._things)):
+            pairs += [(i, j) for i, shape in enumerate(shapes) if shape.joint]
+        return _Checker(self.robot.rigid, self._things, pairs, self.margin)
+
+    @cached_property
+    def _apart(self) -> tuple[list[tuple[int, int]], list[tuple[int, int]]]:
+        """Return the pairs of link shapes to compare, and those built to touch."""
+        if not (self.self_collision and self.shapes.solid):
+            return [], []
+        shapes = self.shapes.shapes
+        ignored = {frozenset(pair) for pair in self.ignored}
+        pairs = [
+            (i, j)
+            for j in range(len(shapes))
+            for i in range(j)
+            if not _together(self.robot.rigid, shapes[i].joint, shapes[j].joint)
+            and frozenset((shapes[i].link, shapes[j].link)) not in ignored
+        ]
+        low, high = self.robot.position_limits.T
+        spread = np.vstack([0.5 * (low + high), low + _even(_SAMPLES, len(low)) * (high - low)])
+        check = _Checker(self.robot.rigid, shapes, pairs, self.margin)
+        always = np.all(check(configurations(self.robot, spread)), axis=0)
+        built = {pairs[k] for k in np.flatnonzero(always)}
+        return [p for p in pairs if p not in built], [p for p in pairs if p in built]
+
+    def _names(self, pair: tuple[int, int]) -> tuple[str, str]:
+        return self._things[pair[0]].link, self._things[pair[1]].link
+
+
+class _Checker:
+    """Compares pairs of shapes."""
+
+    def __init__(
+        self,
+        rigid: pin.Model,
+        shapes: Sequence[Shape],
+        pairs: Sequence[tuple[int, int]],
+        margin: float,
+    ) -> None:
+        self.rigid, self.shapes, self.pairs = rigid, shapes, tuple(pairs)
+        self.geometry = pin.GeometryModel()
+        for i, shape in enumerate(shapes):
+            name = f"{shape.link} {i}"
+            item = pin.GeometryObject(name, shape.joint, 0, shape.placement, shape.hull)
+            self.geometry.addGeometryObject(item)
+        for i, j in self.pairs:
+            self.geometry.addCollisionPair(pin.CollisionPair(i, j))
+        self.placed = pin.GeometryData(self.geometry)
+        for request in self.placed.collisionRequests:
+            request.security_margin = margin
+        self.request = coal.CollisionRequest()
+        self.request.security_margin = margin
+
+    def __call__(
+        self, configured: Array, progress: Callable[[int, int], object] | None = None
+    ) -> BoolArray:
+        """Return which pairs touch, (Q, pairs)."""
+        touching = np.zeros((len(configured), len(self.pairs)), dtype=bool)
+        data = self.rigid.createData()
+        for k, q in enumerate(configured):
+            if self.pairs and pin.computeCollisions(
+                self.rigid, data, self.geometry, self.placed, q, False
+            ):
+                touching[k, list(self._confirmed())] = True
+            if progress is not None and ((k + 1) % 1000 == 0 or k + 1 == len(configured)):
+                progress(k + 1, len(configured))
+        return touching
+
+    def _confirmed(self) -> Iterator[int]:
+        """Yield the pairs whose hulls touch and, if both have one, their meshes."""
+        for k, result in enumerate(self.placed.collisionResults):
+            if result.isCollision() and (self._meshes_touch(k) is not False):
+                yield k
+
+    def _meshes_touch(self, pair: int) -> bool | None:
+        """Return whether the surfaces of both meshes touch; None where there are not two."""
+        i, j = self.pairs[pair]
+        first, second = self.shapes[i].mesh, self.shapes[j].mesh
+        if first is None or second is None:
+            return None
+        at = [coal.Transform3s(p.rotation, p.translation) for p in self._places(i, j)]
+        result = coal.CollisionResult()
+        return bool(coal.collide(first, at[0], second, at[1], self.request, result))
+
+    def _places(self, i: int, j: int) -> tuple[pin.SE3, pin.SE3]:
+        return self.placed.oMg[i], self.placed.oMg[j]
+
+
+def _even(count: int, n: int) -> Array:
+    """Return points (count, n) spread over the unit cube, a Kronecker sequence.
+
+    Its steps are powers of the root of x^(n + 1) = x + 1, for n = 1 the golden ratio.
+    """
+    root = 2.0
+    for _ in range(60):
+        root = (1 + root) ** (1 / (n + 1))
+    return np.asarray(np.outer(np.arange(1, count + 1), root ** -np.arange(1.0, n + 1)) % 1.0)
+
+
+def _together(rigid: pin.Model, first: int, second: int) -> bool:
+    """Return whether two joints are one or follow each other."""
+    a, b = sorted((first, second))
+    return a == b or bool(rigid.parents[b] == a)
+
+
+def _shape(obstacle: Obstacle) -> Shape:
+    """Return an obstacle as a shape on the ground."""
+    at = pin.SE3.Identity()
+    if isinstance(obstacle, Plane):
+        return Shape(
+            obstacle.name, 0, at, coal.Halfspace(obstacle.direction, float(obstacle.offset))
+        )
+    at.translation = np.asarray(obstacle.center, dtype=float)
+    if isinstance(obstacle, Box):
+        # Roll, pitch and yaw turn about fixed axes, in this order.
+        at.rotation = pin.rpy.rpyToMatrix(np.array(obstacle.rpy, dtype=float))
+        return Shape(obstacle.name, 0, at, coal.Box(*map(float, obstacle.size)))
+    return Shape(obstacle.name, 0, at, coal.Sphere(float(obstacle.radius)))
+
+
+def surroundings(
+    robot: ElasticRobot,
+    *,
+    floor: float | None = None,
+    obstacles: Iterable[Obstacle] = (),
+    self_collision: bool = True,
+    link_radius: float | None = None,
+    margin: float = 0.0,
+    ignored: Iterable[tuple[str, str]] = (),
+) -> Surroundings:
+    """Return a robot with its collision shapes among obstacles.
+
+    Parameters
+    ----------
+    robot : the robot.
+    floor : height of the floor above the root link's origin, against gravity [m]; None for none.
+    obstacles : planes, boxes and spheres in the root link's frame.
+    self_collision, margin, ignored : as `Surroundings`.
+    link_radius : takes links for capsules [m], where the URDF has no collision shapes.
+
+    Raises
+    ------
+    InvalidInput : as `Surroundings`, `robot_shapes` and `obstacles.floor`.
+    """
+    ground = () if floor is None else (floor_at(floor, robot.file.gravity),)
+    return Surroundings(
+        robot,
+        robot_shapes(robot, link_radius),
+        (*ground, *obstacles),
+        self_collision,
+        margin,
+        tuple((first, second) for first, second in ignored),
+    )

@@ -1,0 +1,298 @@
+"""A robot at a glance: bodies, parameters, motors, springs under load, modes; all in SI units."""
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from robotmodels.arrays import Array
+from robotmodels.description.robot_file import Choice, Hardening
+from robotmodels.elastic.bodies import Body, bodies
+from robotmodels.elastic.equilibrium import Equilibrium, gravity, mass_matrices
+from robotmodels.elastic.robot import ElasticRobot
+from robotmodels.elastic.spring_network import SpringNetwork
+from robotmodels.errors import InvalidInput, SolverFailed
+from robotmodels.linear_model import LinearModel
+from robotmodels.modes import anti_resonances, damped_modes, resonances, rigid_modes
+from robotmodels.response import linearize, sensitivity
+
+FREQUENCIES = 80  # over the band, logarithmic
+BAND = (2.0, 80.0)  # default [Hz]
+State = Literal["free", "fixed", "tied"]
+
+
+@dataclass(frozen=True)
+class ParameterState:
+    """A number of the robot file that could be estimated.
+
+    Attributes
+    ----------
+    name, value, unit : in SI units.
+    state : free, fixed, or tied to the free parameter `tied_to`.
+    sensitivity : largest |dG / d ln value| of any FRF in the band at this position, each relative
+        to the largest FRF of the same output at the same frequency [-].
+    """
+
+    name: str
+    value: float
+    unit: str
+    state: State
+    tied_to: str | None
+    sensitivity: float
+
+
+@dataclass(frozen=True)
+class MotorState:
+    """A motor and its drive at a position.
+
+    Attributes
+    ----------
+    name, joint, gear_ratio : as in the robot file.
+    inertia, viscous : on the motor shaft [kg m^2], [N m s/rad].
+    reflected : inertia times ratio squared [kg m^2; kg where the joint is prismatic].
+    load : inertia about the joint's axis of all that the joint carries, in the same unit.
+    spring : name of its drive spring; None where the drive is rigid.
+    prismatic : whether the joint is.
+    angle : position [rad or m].
+    torque : motor torque that holds the arm there [N m].
+    anti_resonances : undamped zeros of the motor's own FRF [rad/s].
+    """
+
+    name: str
+    joint: str
+    gear_ratio: float
+    inertia: float
+    viscous: float
+    reflected: float
+    load: float
+    spring: str | None
+    prismatic: bool
+    angle: float
+    torque: float
+    anti_resonances: tuple[float, ...]
+
+
+@dataclass(frozen=True)
+class SpringState:
+    """A spring in equilibrium.
+
+    Attributes
+    ----------
+    name, axis : as in the robot file.
+    place : its joint, or the link it cuts.
+    at : where it cuts the link [m]; None at a joint.
+    linear : whether it is a spring of a prismatic joint, in N/m and m.
+    sag : elongation under gravity [rad or m].
+    torque : spring torque of that elongation [N m or N].
+    rest, stiffness : its slope unloaded and under this load [N m/rad or N/m].
+    gravity : what gravity adds to the stiffness of its coordinate [N m/rad or N/m].
+    """
+
+    name: str
+    axis: str
+    place: str
+    at: tuple[float, float, float] | None
+    linear: bool
+    sag: float
+    torque: float
+    rest: float
+    stiffness: float
+    gravity: float
+
+
+@dataclass(frozen=True)
+class Mode:
+    """A damped flexible mode that oscillates.
+
+    Attributes
+    ----------
+    frequency : magnitude of the pole [rad/s].
+    damping_ratio : [-].
+    energy : share of each spring in the elastic energy, in file order [-].
+    """
+
+    frequency: float
+    damping_ratio: float
+    energy: tuple[float, ...]
+
+
+@dataclass(frozen=True)
+class Diagnosis:
+    """A robot at a position.
+
+    Attributes
+    ----------
+    robot, source, coordinates, outputs : names, and where the numbers come from.
+    measured, delay : what the motors' outputs are, and the common delay [s].
+    band : lowest and highest angular frequency of interest [rad/s].
+    bodies, parameters, motors, springs : parameters in the order of the robot's elements.
+    resonances : undamped flexible modes [rad/s].
+    modes : damped ones that oscillate; empty if they cannot be told from rigid ones.
+    overdamped : magnitudes of real poles, two for each overdamped mode [rad/s].
+    modes_failed : why `modes` is empty; else empty.
+    rigid_squares : squared frequencies of the rigid modes, one per motor, as gravity leaves
+        them; negative where it would tip the arm over if the motors ran free [rad^2/s^2].
+    """
+
+    robot: str
+    source: str
+    coordinates: tuple[str, ...]
+    outputs: tuple[str, ...]
+    measured: str
+    delay: float
+    band: tuple[float, float]
+    bodies: tuple[Body, ...]
+    parameters: tuple[ParameterState, ...]
+    motors: tuple[MotorState, ...]
+    springs: tuple[SpringState, ...]
+    resonances: tuple[float, ...]
+    modes: tuple[Mode, ...]
+    overdamped: tuple[float, ...]
+    modes_failed: str
+    rigid_squares: tuple[float, ...]
+
+
+def diagnose(
+    robot: ElasticRobot, position: Array, band: tuple[float, float] | None = None
+) -> Diagnosis:
+    """Return what there is to know about `robot` at `position` (n,), at its own parameter values.
+
+    Parameters
+    ----------
+    robot : any robot.
+    position : (n,) [rad or m].
+    band : angular frequencies of interest [rad/s]; 2 to 80 Hz by default.
+
+    Raises
+    ------
+    InvalidInput : if the position has a wrong size or is outside the joint limits, or the band is
+        not a pair of rising positive frequencies.
+    NoEquilibrium : if a spring is too weak for gravity.
+    """
+    low, high = (2 * np.pi * f for f in BAND) if band is None else band
+    if not (np.isfinite([low, high]).all() and 0 < low < high):
+        raise InvalidInput(f"band: {low:g} to {high:g} rad/s are not rising positive frequencies")
+    position = np.asarray(position, dtype=float)
+    everything = _all_free(robot)
+    network = everything.network(position[None])
+    at = everything.equilibrium(position[None])
+    model = linearize(everything, position)
+    modes, overdamped, failed = _modes(model, network)
+    return Diagnosis(
+        robot=robot.name,
+        source=robot.file.source,
+        coordinates=robot.coordinate_names,
+        outputs=robot.output_names,
+        measured=robot.file.output,
+        delay=robot.file.delay,
+        band=(low, high),
+        bodies=bodies(robot),
+        parameters=_parameters(robot, everything, position, (low, high)),
+        motors=_motors(robot, position, at, model),
+        springs=_springs(robot, at),
+        resonances=_floats(resonances(model).frequencies),
+        modes=modes,
+        overdamped=overdamped,
+        modes_failed=failed,
+        rigid_squares=_floats(rigid_modes(model).squares),
+    )
+
+
+def _all_free(robot: ElasticRobot) -> ElasticRobot:
+    """Return the robot with every parameter free, so that the fixed ones can be looked at too."""
+    choice = Choice(extra=robot.file.parameters.extra)
+    return ElasticRobot(robot.file.model_copy(update={"parameters": choice}), robot.folder)
+
+
+def _parameters(
+    robot: ElasticRobot, everything: ElasticRobot, position: Array, band: tuple[float, float]
+) -> tuple[ParameterState, ...]:
+    omega = np.geomspace(*band, FREQUENCIES)
+    G, J = sensitivity(everything, position[None], omega, sag=False)
+    of_output = np.abs(G).max(axis=-1)[..., None, None]
+    relative = (np.abs(J) / of_output).max(axis=(0, 1, 2, 3))
+    states, table = [], everything.parameters
+    for i, (name, tie) in enumerate(zip(table.names, robot.elements.ties, strict=True)):
+        head = robot.parameters.names[int(np.argmax(tie))] if tie.any() else None
+        tied = head if head != name else None
+        state: State = "tied" if tied else "free" if head else "fixed"
+        value, change = float(table.values[i]), float(relative[i])
+        states.append(ParameterState(name, value, table.units[i], state, tied, change))
+    return tuple(states)
+
+
+def _motors(
+    robot: ElasticRobot, position: Array, at: Equilibrium, model: LinearModel
+) -> tuple[MotorState, ...]:
+    layout, file = robot.layout, robot.file
+    torques = gravity(layout.arm, at.coordinates)[0][0]
+    loads = np.diag(mass_matrices(layout.arm, at.coordinates)[0])
+    states = []
+    for j, motor in enumerate(file.motors):
+        joint, spring = layout.drives[j], layout.drive_springs[j]
+        states.append(
+            MotorState(
+                name=motor.name,
+                joint=motor.joint,
+                gear_ratio=motor.gear_ratio,
+                inertia=motor.inertia,
+                viscous=motor.viscous,
+                reflected=motor.inertia * motor.gear_ratio**2,
+                load=float(loads[joint]),
+                spring=None if spring is None else file.springs[spring].name,
+                prismatic=motor.joint in robot.elements.prismatic,
+                angle=float(position[j]),
+                torque=float(torques[joint]) / motor.gear_ratio,
+                anti_resonances=_floats(anti_resonances(model, j)),
+            )
+        )
+    return tuple(states)
+
+
+def _springs(robot: ElasticRobot, at: Equilibrium) -> tuple[SpringState, ...]:
+    layout = robot.layout
+    torques, slopes = gravity(layout.arm, at.coordinates)
+    states = []
+    for i, (spring, c) in enumerate(zip(robot.file.springs, layout.sprung, strict=True)):
+        k = spring.stiffness
+        states.append(
+            SpringState(
+                name=spring.name,
+                axis=spring.axis,
+                place=str(spring.joint or spring.link),
+                at=spring.at,
+                linear=spring.axis == "drive" and spring.joint in robot.elements.prismatic,
+                sag=float(at.elongations[0, i]),
+                torque=-float(torques[0, c]),
+                rest=k.low if isinstance(k, Hardening) else k,
+                stiffness=float(at.slopes[0, i]),
+                gravity=float(slopes[0, c, c]),
+            )
+        )
+    return tuple(states)
+
+
+def _modes(
+    model: LinearModel, network: SpringNetwork
+) -> tuple[tuple[Mode, ...], tuple[float, ...], str]:
+    """Return the oscillating modes, the real poles, and why there are none."""
+    try:
+        damped = damped_modes(model)
+    except SolverFailed as error:
+        return (), (), str(error)
+    elongations = network.incidence() @ damped.shapes
+    energy = network.spring_stiffness[0][:, None] * np.abs(elongations) ** 2
+    energy /= energy.sum(axis=0)
+    modes = [
+        Mode(float(frequency), float(ratio), _floats(share))
+        for frequency, ratio, share in zip(
+            damped.frequencies, damped.damping_ratios, energy.T, strict=True
+        )
+    ]
+    real = damped.poles.imag == 0
+    oscillating = tuple(mode for mode, is_real in zip(modes, real, strict=True) if not is_real)
+    return oscillating, _floats(damped.frequencies[real]), ""
+
+
+def _floats(array: Array) -> tuple[float, ...]:
+    return tuple(float(x) for x in array)

@@ -1,0 +1,1 @@
+"""From a robot file to equations of motion: bodies, torsions, equilibrium, derivatives."""

@@ -1,0 +1,158 @@
+"""The elastic arm as a Pinocchio model: torsion joints inserted before drives and at cuts."""
+
+from dataclasses import dataclass
+
+import numpy as np
+import pinocchio as pin
+
+from robotmodels.arrays import Array
+from robotmodels.description.robot_file import RobotFile
+from robotmodels.description.urdf import unknown_joint
+from robotmodels.elastic.segments import Segment, link_frame, segments
+from robotmodels.errors import InvalidInput
+
+_AXES = {"x": np.eye(3)[0], "y": np.eye(3)[1], "z": np.eye(3)[2]}
+_REVOLUTE = {"x": pin.JointModelRX, "y": pin.JointModelRY, "z": pin.JointModelRZ}
+_PRISMATIC = {"x": pin.JointModelPX, "y": pin.JointModelPY, "z": pin.JointModelPZ}
+
+
+@dataclass(frozen=True, eq=False)
+class Arm:
+    """A Pinocchio model whose joints are the drives and the passive torsions.
+
+    Attributes
+    ----------
+    model : one degree of freedom per joint; joint names are URDF joint names and spring names.
+    coordinate : place of each joint name in the configuration vector.
+    urdf_joints : names of the URDF's joints, base to tool.
+    """
+
+    model: pin.Model
+    coordinate: dict[str, int]
+    urdf_joints: tuple[str, ...]
+
+
+def build_arm(file: RobotFile, rigid: pin.Model) -> Arm:
+    """Insert the passive torsions of `file` into the rigid model.
+
+    Raises
+    ------
+    InvalidInput : if a spring or payload names a joint or link that does not exist, a torsion
+        axis is not orthogonal to its drive, or a part cut off a link is not physically consistent.
+    """
+    return _Builder(file, rigid).build()
+
+
+class _Builder:
+    def __init__(self, file: RobotFile, rigid: pin.Model) -> None:
+        self.file = file
+        self.rigid = rigid
+        self.motions = motions(rigid)
+        self.model = pin.Model()
+        self.model.name = file.name
+        self.model.gravity.linear = np.array(file.gravity)
+        self.joint_springs = {
+            name: [s for s in file.springs if s.joint == name and s.axis != "drive"]
+            for name in rigid.names
+        }
+
+    def build(self) -> Arm:
+        self._check_names()
+        self._add_body(0, 0)
+        names = list(self.model.names)[1:]
+        order = {n: self.model.joints[self.model.getJointId(n)].idx_q for n in names}
+        urdf_joints = tuple(n for n in names if self.rigid.existJointName(n))
+        return Arm(self.model, order, urdf_joints)
+
+    def _check_names(self) -> None:
+        joints = list(self.rigid.names)[1:]
+        for sensor in self.file.accelerometers:
+            link_frame(self.rigid, sensor.link, f"accelerometer {sensor.name!r}")
+        for spring in self.file.springs:
+            if spring.joint is not None and spring.joint not in joints:
+                what = f"spring {spring.name!r}: {spring.joint!r}"
+                raise InvalidInput(unknown_joint(what, spring.joint, joints, self.file.lock))
+        for kind, items in (("spring", self.file.springs), ("motor", self.file.motors)):
+            for item in items:
+                if item.name in (*joints, *self.file.lock):
+                    raise InvalidInput(f"{kind} {item.name!r} has the name of a joint of the URDF")
+
+    def _add_body(self, old: int, new: int) -> None:
+        """Add the body of rigid joint `old` to the new joint `new`, then all that it carries."""
+        children = [c for c in range(1, self.rigid.njoints) if self.rigid.parents[c] == old]
+        # The joint that each part is fastened to, and where that joint is.
+        fastened: dict[Segment | None, tuple[int, pin.SE3]] = {None: (new, pin.SE3.Identity())}
+        for segment in segments(self.file, self.rigid, old):
+            joint, placement = fastened[segment.parent]
+            for spring in segment.springs:
+                at = placement.actInv(segment.placement)
+                joint = self._add_joint(joint, _REVOLUTE[spring.axis](), at, spring.name)
+                placement = segment.placement
+            fastened[segment] = joint, placement
+            if joint:
+                self.model.appendBodyToJoint(joint, segment.inertia, placement.inverse())
+            self._add_sensors(segment, joint, placement)
+            for child in children:
+                if self._carrier(child) in segment.links:
+                    self._add_drive(child, joint, placement)
+
+    def _add_sensors(self, segment: Segment, joint: int, placement: pin.SE3) -> None:
+        for sensor in self.file.accelerometers:
+            who = f"accelerometer {sensor.name!r}"
+            link = link_frame(self.rigid, sensor.link, who)
+            if link in segment.links and joint == 0:
+                raise InvalidInput(f"{who}: link {sensor.link!r} does not move")
+            if link in segment.links:
+                at = self.rigid.frames[link].placement * pin.SE3(np.eye(3), np.array(sensor.at))
+                frame = pin.Frame(sensor.name, joint, placement.actInv(at), pin.OP_FRAME)
+                self.model.addFrame(frame)
+
+    def _add_drive(self, old: int, parent: int, placement: pin.SE3) -> None:
+        name = self.rigid.names[old]
+        joint = _one_coordinate(self.motions[old - 1])
+        drive_axis = self.motions[old - 1][:3] + self.motions[old - 1][3:]
+        at = placement.actInv(self.rigid.jointPlacements[old])
+        for spring in self.joint_springs[name]:
+            if abs(_AXES[spring.axis] @ drive_axis) > 1e-6:
+                raise InvalidInput(
+                    f"spring {spring.name!r}: axis {spring.axis!r} is not orthogonal to the drive "
+                    f"axis {(np.round(drive_axis, 3) + 0.0).tolist()} of joint {name!r}"
+                )
+            parent = self._add_joint(parent, _REVOLUTE[spring.axis](), at, spring.name)
+            at = pin.SE3.Identity()
+        self._add_body(old, self._add_joint(parent, joint, at, name))
+
+    def _add_joint(self, parent: int, joint: pin.JointModel, at: pin.SE3, name: str) -> int:
+        return int(self.model.addJoint(parent, joint, at, name))
+
+    def _carrier(self, joint: int) -> int:
+        """Return the body frame that carries rigid joint `joint`."""
+        frame = self.rigid.frames[self.rigid.getFrameId(self.rigid.names[joint], pin.JOINT)]
+        return int(frame.parentFrame)
+
+
+def motions(rigid: pin.Model) -> Array:
+    """Return the unit twists of the joints in their own frames, (njoints - 1, 6), linear first."""
+    data = rigid.createData()
+    pin.computeJointJacobians(rigid, data, pin.neutral(rigid))
+    return np.array(
+        [
+            # Pinocchio returns a vector where there is but one joint.
+            pin.getJointJacobian(rigid, data, i, pin.LOCAL).reshape(6, -1)[:, rigid.joints[i].idx_v]
+            for i in range(1, rigid.njoints)
+        ]
+    )
+
+
+def _one_coordinate(motion: Array) -> pin.JointModel:
+    """Return the joint of a unit twist; a continuous joint becomes an unlimited revolute one."""
+    linear, angular = motion[:3], motion[3:]
+    axis, aligned, oblique = (
+        (angular, _REVOLUTE, pin.JointModelRevoluteUnaligned)
+        if np.any(angular)
+        else (linear, _PRISMATIC, pin.JointModelPrismaticUnaligned)
+    )
+    for name, unit in _AXES.items():
+        if np.array_equal(axis, unit):
+            return aligned[name]()
+    return oblique(axis)

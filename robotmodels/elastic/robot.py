@@ -1,0 +1,299 @@
+"""The elastic robot: an arm, its motors, its springs, and which of their numbers are free."""
+
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+
+import numpy as np
+import pinocchio as pin
+
+from robotmodels.arrays import Array, real_numbers
+from robotmodels.description.elements import Elements
+from robotmodels.description.parameters import Parameters
+from robotmodels.description.robot_file import RobotFile
+from robotmodels.description.urdf import locate, rigid_model, unknown_joint
+from robotmodels.description.urdf_check import mimics
+from robotmodels.elastic.arm import Arm, build_arm, motions
+from robotmodels.elastic.equilibrium import Equilibrium, find_equilibrium
+from robotmodels.elastic.layout import Layout
+from robotmodels.elastic.rigid_pose import configurations
+from robotmodels.elastic.segments import check_bodies
+from robotmodels.elastic.skeleton import Skeleton, check_mass, skeleton
+from robotmodels.elastic.spring_network import SpringNetwork, incidence
+from robotmodels.elastic.tangents import Tangents, differentiate
+from robotmodels.errors import InvalidInput
+
+
+@dataclass(frozen=True, eq=False)
+class ElasticRobot:
+    """A robot with lumped elasticity.
+
+    Coordinates of its linear models are the arm's (drives and passive torsions, base to tool),
+    then the motors with an elastic drive, in motor order, on the arm side (see `Layout`).
+
+    Attributes
+    ----------
+    file : the robot file.
+    folder : where relative paths in it start.
+    """
+
+    file: RobotFile
+    folder: Path = Path()
+
+    def __post_init__(self) -> None:
+        self._check_joints()
+        check_bodies(self.file, self.rigid)
+        check_mass(self.layout)
+        _ = self.parameters  # a robot that exists can be used
+
+    @property
+    def name(self) -> str:
+        """Name of the robot."""
+        return self.file.name
+
+    @cached_property
+    def rigid(self) -> pin.Model:
+        """The rigid Pinocchio model, joints of `lock` held."""
+        return rigid_model(locate(self.file.urdf, self.folder), self.file.lock)
+
+    @cached_property
+    def arm(self) -> Arm:
+        """The elastic arm."""
+        return build_arm(self.file, self.rigid)
+
+    @cached_property
+    def layout(self) -> Layout:
+        """Which coordinate belongs to which joint, motor and spring."""
+        return Layout(self.file, self.arm)
+
+    @cached_property
+    def elements(self) -> Elements:
+        """Every number that could be a parameter, and which are free."""
+        prismatic = frozenset(
+            name
+            for name, motion in zip(list(self.rigid.names)[1:], motions(self.rigid), strict=True)
+            if not motion[3:].any()
+        )
+        return Elements(self.file, prismatic)
+
+    def _layout(self, theta: Array) -> Layout:
+        """Return the layout whose arm has the payload and the cuts of `theta`."""
+        if not self.elements.extra_columns:
+            return self.layout
+        file = self.elements.file_at(theta)
+        moved = any(a.at != b.at for a, b in zip(file.springs, self.file.springs, strict=True))
+        same = file.payload == self.file.payload and not moved
+        return Layout(file, self.arm if same else build_arm(file, self.rigid))
+
+    @cached_property
+    def parameters(self) -> Parameters:
+        """The free parameters."""
+        return self.elements.parameters
+
+    @property
+    def motor_names(self) -> tuple[str, ...]:
+        """Names of the n motors."""
+        return tuple(m.name for m in self.file.motors)
+
+    @property
+    def motor_joints(self) -> tuple[str, ...]:
+        """Names of the driven joints, in motor order."""
+        return tuple(m.joint for m in self.file.motors)
+
+    @property
+    def output_names(self) -> tuple[str, ...]:
+        """Names of the m outputs: motors, then accelerometers."""
+        return (*self.motor_names, *(a.name for a in self.file.accelerometers))
+
+    @property
+    def coordinate_names(self) -> tuple[str, ...]:
+        """Names of the d coordinates of the linear models."""
+        return self.layout.names
+
+    @cached_property
+    def position_limits(self) -> Array:
+        """Lower and upper joint limits of the motors' joints, (n, 2) [rad or m].
+
+        A continuous joint, which has none, is given one turn.
+        """
+        limits = []
+        for name in self.motor_joints:
+            joint = self.rigid.joints[self.rigid.getJointId(name)]
+            limits.append(
+                (-np.pi, np.pi)
+                if joint.nq == 2
+                else (
+                    self.rigid.lowerPositionLimit[joint.idx_q],
+                    self.rigid.upperPositionLimit[joint.idx_q],
+                )
+            )
+        return np.array(limits)
+
+    def equilibrium(self, positions: Array, parameters: Array | None = None) -> Equilibrium:
+        """Find the static equilibria at `positions` (Q, n).
+
+        Raises
+        ------
+        NoEquilibrium : if a spring gives way.
+        InvalidInput : if a position is outside the joint limits, or an array has a wrong shape.
+        """
+        positions = self._check_positions(positions)
+        theta = self.parameters.check(parameters)
+        layout = self._layout(theta)
+        start = np.zeros((len(positions), layout.arm_size))
+        start[:, layout.drives] = positions
+        return find_equilibrium(
+            layout.arm,
+            start,
+            layout.sprung,
+            layout.held,
+            self.elements.laws(theta),
+            springs=[
+                f"spring {s.name!r} of {f'joint {s.joint!r}' if s.joint else f'link {s.link!r}'}"
+                for s in self.file.springs
+            ],
+            places=lambda i: f"position {i}, {np.round(positions[i], 3).tolist()}",
+        )
+
+    def network(self, positions: Array, parameters: Array | None = None) -> SpringNetwork:
+        """Return the spring network about the equilibria at `positions` (Q, n).
+
+        Raises
+        ------
+        NoEquilibrium, InvalidInput : as `equilibrium`.
+        """
+        theta = self.parameters.check(parameters)
+        return self._network(self.equilibrium(positions, theta), theta)
+
+    def _network(self, at: Equilibrium, theta: Array) -> SpringNetwork:
+        rest = self._skeleton(theta, at.coordinates)
+        plain = self.file.output == "acceleration" and not self.file.accelerometers
+        plain = plain and rest.measurement.delay == 0 and bool(np.all(rest.measurement.gain == 1))
+        return SpringNetwork(
+            mass=rest.mass,
+            damping=rest.damping,
+            stiffness=rest.stiffness,
+            selector=rest.selector,
+            ends=self.layout.ends,
+            spring_stiffness=at.slopes,
+            spring_damping=np.tile(self.elements.dampings(theta), (len(rest.mass), 1)),
+            exponents=self.elements.exponents(theta, at.elongations),
+            parameters=Parameters(self.parameters.names, theta, self.parameters.units),
+            measurement=None if plain else rest.measurement,
+            inertances=self.elements.inertances(theta, self.layout.motors),
+            beyond=tuple(self.parameters.names[j] for j in self.elements.extra_columns),
+        )
+
+    def tangents(
+        self, positions: Array, parameters: Array | None = None, *, sag: bool = True
+    ) -> Tangents | None:
+        """Return what the network's own sensitivities leave out; None if that is nothing.
+
+        With `sag`, how the equilibrium's shift with ln theta changes everything; always, the
+        direct effect of parameters that are neither spring nor damper.
+
+        Raises
+        ------
+        NoEquilibrium, InvalidInput : as `equilibrium`.
+        """
+        return self.linearization(positions, parameters, sag=sag)[1]
+
+    def linearization(
+        self, positions: Array, parameters: Array | None = None, *, sag: bool = True
+    ) -> tuple[SpringNetwork, Tangents | None]:
+        """Return `network` and `tangents` about the same equilibria, found once.
+
+        Raises
+        ------
+        NoEquilibrium, InvalidInput : as `equilibrium`.
+        """
+        theta = self.parameters.check(parameters)
+        at = self.equilibrium(positions, theta)
+        none = not sag and not self.elements.extra_columns
+        return self._network(at, theta), None if none else self._tangents(at, theta, sag)
+
+    def _tangents(self, at: Equilibrium, theta: Array, sag: bool) -> Tangents:
+        extra = self.elements.extra_columns
+        shift = np.zeros((*at.coordinates.shape, len(theta)))
+        fixed = differentiate(self._skeleton, theta, at.coordinates, shift, extra)
+        if not sag:
+            return fixed
+        load = self.elements.torque_derivatives(theta, at.elongations)  # (Q, s, p)
+        arm, sprung, held = self.layout.arm_size, self.layout.sprung, self.layout.held
+        K = self._skeleton(theta, at.coordinates).stiffness[:, :arm, :arm]
+        K[:, sprung, sprung] += at.slopes
+        force = np.swapaxes(fixed.gravity, 1, 2)[:, :arm].copy()
+        force[:, sprung] += load
+        force[:, held] = K[:, held, :] = K[:, :, held] = 0.0
+        K[:, held, held] = 1.0
+        shift = np.asarray(-np.linalg.solve(K, force))
+        moved = [j for j in range(len(theta)) if j in extra or shift[..., j].any()]
+        tangents = differentiate(self._skeleton, theta, at.coordinates, shift, moved)
+        law = self.elements.laws(theta)
+        if law.linear:
+            return tangents
+        # The network's exponents hold each spring's torque; correct for its change.
+        slide = shift[:, sprung] + load / at.slopes[..., None]
+        hardening = law.stiffening(at.elongations)[..., None] * slide
+        ends = incidence(self.layout.ends, self.layout.size)
+        change = np.einsum("qsp,si,sj->qpij", hardening, ends, ends, optimize=True)
+        return tangents.stiffened(change)
+
+    def _skeleton(self, theta: Array, coordinates: Array) -> Skeleton:
+        return skeleton(self._layout(theta), coordinates, self.elements.free_motors)
+
+    def skeleton_points(self, position: Array) -> Array:
+        """Return the joint origins from base to tool, (k, 3) [m], springs unloaded.
+
+        Where branches move, those of the longest chain; the tool is the last frame of its end.
+
+        Raises
+        ------
+        InvalidInput : if the position (n,) has a wrong shape or is outside the joint limits.
+        """
+        (position,) = self._check_positions(real_numbers(position, "position")[None])
+        (q,) = configurations(self, position[None])
+        data = self.rigid.createData()
+        pin.framesForwardKinematics(self.rigid, data, q)
+        chain = max(map(list, self.rigid.supports), key=len)  # from the ground, joint 0
+        tool = max(i for i, f in enumerate(self.rigid.frames) if f.parentJoint == chain[-1])
+        origins = [data.oMi[joint].translation for joint in chain]
+        return np.array([*origins, data.oMf[tool].translation])
+
+    def _check_joints(self) -> None:
+        joints = list(self.rigid.names)[1:]
+        for motor in self.file.motors:
+            if motor.joint not in joints:
+                what = f"motor {motor.name!r}: {motor.joint!r}"
+                raise InvalidInput(unknown_joint(what, motor.joint, joints, self.file.lock))
+        held = {*self.motor_joints, *(s.joint for s in self.file.springs if s.axis == "drive")}
+        loose = [j for j in joints if j not in held]
+        if loose:
+            raise InvalidInput(
+                f"joints without motor or drive spring: {', '.join(loose)}; "
+                "give each a motor or hold it under 'lock'"
+            )
+        for joint, leader in mimics(locate(self.file.urdf, self.folder)).items():
+            if joint in joints:
+                raise InvalidInput(
+                    f"joint {joint!r} mimics {leader!r}; coupled joints are not supported, "
+                    "hold it under 'lock'"
+                )
+
+    def _check_positions(self, positions: Array) -> Array:
+        positions = real_numbers(positions, "positions")
+        n = len(self.file.motors)
+        if positions.ndim != 2 or positions.shape[1] != n:
+            raise InvalidInput(
+                f"positions: an array of shape {positions.shape} was given, (Q, {n}) is needed, "
+                f"one column per motor: {', '.join(self.motor_names)}"
+            )
+        low, high = self.position_limits.T
+        outside = ~((positions >= low - 1e-9) & (positions <= high + 1e-9))
+        if outside.any():
+            i, j = np.argwhere(outside)[0]
+            raise InvalidInput(
+                f"position {i}: joint {self.motor_joints[j]!r} at {positions[i, j]:.4g} is outside "
+                f"its limits [{low[j]:.4g}, {high[j]:.4g}]"
+            )
+        return positions

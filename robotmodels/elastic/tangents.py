@@ -1,0 +1,144 @@
+"""What frozen equilibria leave out: derivatives of everything but the springs themselves."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from robotmodels.arrays import Array, ComplexArray, IntArray
+from robotmodels.elastic.skeleton import Skeleton
+from robotmodels.linear_model import LinearModel
+
+# Relative step of the central differences. Mass, inertia, gain and delay enter linearly or
+# quadratically, where they are exact but for rounding; angles and locations are smooth.
+STEP = 1e-4
+
+
+@dataclass(frozen=True, eq=False)
+class Tangents:
+    """Derivatives by ln theta of mass, damping and stiffness, and of what is measured.
+
+    Attributes
+    ----------
+    mass, damping, stiffness : (Q, p, d, d).
+    gravity : (Q, p, d) of the gravity torques.
+    position, acceleration : (Q, p, m, d) of `Measurement.position` and `.acceleration`.
+    ln_gain : (p, n) of the logarithms of the torque gains.
+    delay : (p,) of the delay [s].
+    """
+
+    mass: Array
+    damping: Array
+    stiffness: Array
+    gravity: Array
+    position: Array
+    acceleration: Array
+    ln_gain: Array
+    delay: Array
+
+    def stiffened(self, stiffness: Array) -> "Tangents":
+        """Return the tangents with `stiffness` (Q, p, d, d) added."""
+        return replace(self, stiffness=self.stiffness + stiffness)
+
+    def sensitivity(
+        self,
+        omega: Array,
+        model: LinearModel,
+        receptances: tuple[ComplexArray, ComplexArray] | None = None,
+    ) -> ComplexArray:
+        """Return the part of dG/d ln theta they add, (Q, F, m, n, p).
+
+        dG = -Z^T (dK + j omega dD - omega^2 dM) X + dC X, then gains and delay. `receptances` are X
+        and Z of the model, where they are known.
+        """
+        w = np.asarray(omega, dtype=float)[:, None, None, None]
+        X, Z = model.receptances(omega) if receptances is None else receptances
+        late = np.exp(-1j * w * model.measured.delay)
+        J = np.zeros((*Z.shape[:2], Z.shape[-1], X.shape[-1], len(self.delay)), dtype=complex)
+        moved = self._columns(self.mass, self.damping, self.stiffness)
+        if len(moved):
+            force = _times(self.stiffness[:, moved], X) - w**2 * _times(self.mass[:, moved], X)
+            if self.damping.any():
+                force += 1j * w * _times(self.damping[:, moved], X)
+            q, f, d, n, p = force.shape
+            answer = np.swapaxes(Z, -1, -2) @ force.reshape(q, f, d, n * p)
+            J[..., moved] -= answer.reshape(q, f, -1, n, p)
+        seen = self._columns(self.position, self.acceleration)
+        if len(seen):
+            change = _times(self.position[:, seen], X) - w**2 * _times(
+                self.acceleration[:, seen], X
+            )
+            J[..., seen] += late * change
+        if self.ln_gain.any() or self.delay.any():
+            G = model.frequency_response(omega)[..., None]
+            J += G * (self.ln_gain.T - 1j * w * self.delay)
+        return J
+
+    def _columns(self, *derivatives: Array) -> IntArray:
+        """Return the parameters by which any of the derivatives is not zero."""
+        return np.flatnonzero(sum(a.any(axis=(0, 2, 3)) for a in derivatives))
+
+
+def differentiate(
+    rest: Callable[[Array, Array], Skeleton],
+    theta: Array,
+    coordinates: Array,
+    shift: Array,
+    columns: Sequence[int],
+) -> Tangents:
+    """Differentiate a skeleton along ln theta by central differences.
+
+    Parameters
+    ----------
+    rest : the skeleton as a function of theta (p,) and the arm's coordinates (Q, d).
+    theta, coordinates : where.
+    shift : (Q, d, p) derivative of the coordinates by ln theta.
+    columns : parameters to differentiate by; the other derivatives are zero.
+    """
+    derivatives = {
+        name: np.zeros((len(theta), *array.shape))
+        for name, array in _arrays(rest(theta, coordinates)).items()
+    }
+    for j in columns:
+        factor = np.ones(len(theta))
+        factor[j] += STEP
+        plus = _arrays(rest(theta * factor, coordinates + STEP * shift[..., j]))
+        factor[j] -= 2 * STEP
+        minus = _arrays(rest(theta * factor, coordinates - STEP * shift[..., j]))
+        for name, derivative in derivatives.items():
+            derivative[j] = (plus[name] - minus[name]) / (2 * STEP)
+    count = len(coordinates)
+    damping = np.broadcast_to(derivatives["damping"], (count, *derivatives["damping"].shape))
+    return Tangents(
+        mass=np.swapaxes(derivatives["mass"], 0, 1),
+        damping=damping,
+        stiffness=np.swapaxes(derivatives["stiffness"], 0, 1),
+        gravity=np.swapaxes(derivatives["gravity"], 0, 1),
+        position=np.swapaxes(derivatives["position"], 0, 1),
+        acceleration=np.swapaxes(derivatives["acceleration"], 0, 1),
+        ln_gain=derivatives["ln_gain"],
+        delay=derivatives["delay"],
+    )
+
+
+def _arrays(rest: Skeleton) -> dict[str, Array]:
+    return {
+        "mass": rest.mass,
+        "damping": rest.damping,
+        "stiffness": rest.stiffness,
+        "gravity": rest.gravity,
+        "position": rest.measurement.position,
+        "acceleration": rest.measurement.acceleration,
+        "ln_gain": np.log(rest.measurement.gain),
+        "delay": np.array(rest.measurement.delay),
+    }
+
+
+def _times(derivative: Array, columns: ComplexArray) -> ComplexArray:
+    """Return derivative (Q, p, m, d) times columns (Q, F, d, n), as (Q, F, m, n, p)."""
+    q, f, d, n = columns.shape
+    p, m = derivative.shape[1:3]
+    # One real product: real and imaginary parts lie side by side.
+    flat = np.ascontiguousarray(columns.transpose(0, 2, 1, 3)).view(float).reshape(q, d, -1)
+    product = (derivative.reshape(q, p * m, d) @ flat).view(complex)
+    return np.ascontiguousarray(product.reshape(q, p, m, f, n).transpose(0, 3, 2, 4, 1))

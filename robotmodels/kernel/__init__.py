@@ -1,0 +1,155 @@
+"""FRFs, Fisher information, residual costs and their derivatives of spring networks, fast.
+
+The formulas are those of `SpringNetwork`, which is the reference. Here one vector register holds
+eight frequencies (`simd`), motors are eliminated by formula (`layout`), the arm is
+factorised without pivoting (`solve`), and positions are shared out over threads.
+"""
+
+import numpy as np
+
+from robotmodels.arrays import Array, ComplexArray
+from robotmodels.elastic.spring_network import SpringNetwork
+from robotmodels.kernel.cells import CostKernel, check_complete, positive_frequencies
+from robotmodels.kernel.fisher import informations
+from robotmodels.kernel.layout import Layout, layout
+from robotmodels.kernel.memory import address, aligned
+from robotmodels.kernel.separable import separable_informations
+from robotmodels.kernel.simd import LANES
+from robotmodels.kernel.solve import responses
+from robotmodels.kernel.threads import over_threads
+from robotmodels.kernel.work import network_tables, workspace
+from robotmodels.noise import RelativeNoise, SeparableNoise
+from robotmodels.normal_equations import NormalEquations, Residual
+
+__all__ = ["CostKernel", "NormalEquations", "costs", "frequency_response", "information"]
+
+
+def frequency_response(network: SpringNetwork, omega: Array) -> ComplexArray:
+    """Return G, (Q, F, m, n), at `omega` [rad/s]; as a rule from motor torque to acceleration.
+
+    Other outputs, and motors that act on several coordinates, take the way of the reference.
+
+    Raises
+    ------
+    InvalidInput : if a frequency is not positive and finite.
+    """
+    w = positive_frequencies(omega)
+    plan = layout(network)
+    if plan is None:
+        return network.frequency_response(w)
+    n = len(plan.motors)
+    out = np.empty((len(network.mass), w.size, n, n), dtype=complex)
+    frequencies, _ = _padded(w)
+    tables = network_tables(network)
+
+    def run(start: int, stop: int) -> None:
+        space = workspace(plan, network, tables)
+        responses(space.at, address(frequencies), w.size, start, stop, address(out.view(float)))
+
+    over_threads(run, len(out), work_per_item=frequencies.size // LANES)
+    return out
+
+
+def information(
+    network: SpringNetwork, omega: Array, noise: RelativeNoise | SeparableNoise
+) -> Array:
+    """Return the Fisher information on ln theta, (Q, p, p), equilibria held fixed.
+
+    2 sum_F Re(conj(Psi) Lambda^-1 Psi^T), with Lambda the noise law at the modelled FRF, and Psi
+    the derivatives of vec G at the frequencies `omega` [rad/s]. Of a separable law (such as
+    `ClosedLoopNoise`) only the factors are used.
+
+    Raises
+    ------
+    InvalidInput : if a frequency is not positive and finite, or a free parameter acts on more than
+        the network's terms.
+    """
+    w = positive_frequencies(omega)
+    check_complete(network)
+    plan = layout(network)
+    p = len(network.parameters)
+    out = np.empty((len(network.mass), p, p))
+    if not isinstance(noise, RelativeNoise):
+        return _separable_information(network, plan, w, noise.factors(network, w), out)
+    if plan is None:
+        return _reference_information(network, w, noise)
+    frequencies, mask = _padded(w)
+    tables = network_tables(network)
+
+    def run(start: int, stop: int) -> None:
+        space = workspace(plan, network, tables)
+        lines = address(frequencies), address(mask), w.size
+        law = float(noise.relative), float(noise.floor)
+        informations(space.at, *lines, *law, start, stop, address(out))
+
+    over_threads(run, len(out), work_per_item=2 * frequencies.size // LANES)
+    return out
+
+
+def costs(
+    network: SpringNetwork,
+    omega: Array,
+    measured: ComplexArray,
+    weights: Array,
+    parameters: Array,
+    residual: Residual = "nls",
+) -> Array:
+    """Return the costs, (W,), of W sets of parameters, (W, p): a `CostKernel` used once."""
+    return CostKernel(network, omega, measured, weights, residual)(parameters)
+
+
+def _separable_information(
+    network: SpringNetwork,
+    plan: Layout | None,
+    omega: Array,
+    factors: tuple[ComplexArray, ComplexArray],
+    out: Array,
+) -> Array:
+    """Return the information with the inverse covariance U kron inv(V) of the factors U, V."""
+    power, outputs = factors[0], _inverse(factors[1])
+    if plan is None:
+        _, J = network.sensitivity(omega)
+        weighted = np.einsum("qfml,qflip,qfni->qfmnp", outputs, J, power, optimize=True)
+        return np.asarray(2 * np.einsum("qfmnp,qfmnr->qpr", J.conj(), weighted, optimize=True).real)
+    # The kernel's sensitivities lack w^2.
+    doubles = [
+        np.ascontiguousarray(x, dtype=complex).view(float)
+        for x in (power, omega[:, None, None] ** 4 * outputs)
+    ]
+    frequencies, _ = _padded(omega)
+    tables = network_tables(network)
+
+    def run(start: int, stop: int) -> None:
+        space, buffer = workspace(plan, network, tables), aligned(4 * len(plan.motors) ** 2)
+        places = address(frequencies), *(address(x) for x in (*doubles, buffer)), omega.size
+        separable_informations(space.at, *places, start, stop, address(out))
+
+    over_threads(run, len(out), work_per_item=2 * frequencies.size // LANES)
+    return out
+
+
+def _inverse(matrices: ComplexArray) -> ComplexArray:
+    """Return the inverses; of diagonal matrices, at the price of a division."""
+    diagonal = np.einsum("...ii->...i", matrices)
+    if np.count_nonzero(matrices) > np.count_nonzero(diagonal):
+        return np.asarray(np.linalg.inv(matrices))
+    return np.asarray(np.eye(matrices.shape[-1]) / diagonal[..., None])
+
+
+def _padded(omega: Array) -> tuple[Array, Array]:
+    """Return `omega` as whole vectors, the last frequency repeated, and ones where it is not."""
+    blocks = -(-omega.size // LANES)
+    filled, mask = aligned(blocks), aligned(blocks)
+    if omega.size:
+        filled[:] = np.pad(omega, (0, blocks * LANES - omega.size), mode="edge")
+    mask[: omega.size] = 1.0
+    return filled, mask
+
+
+def _reference_information(network: SpringNetwork, omega: Array, noise: RelativeNoise) -> Array:
+    """Return the information by plain numpy: what the kernel does not know."""
+    G, J = network.sensitivity(omega)
+    weights = 1.0 / noise.variance(G)
+    return np.asarray(
+        2 * np.einsum("qfmnp,qfmn,qfmnr->qpr", J.conj(), weights, J, optimize=True).real
+    )

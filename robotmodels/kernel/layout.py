@@ -1,0 +1,150 @@
+"""Which coordinates of a spring network are eliminated how, and in which order."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from robotmodels.arrays import Array, IntArray
+from robotmodels.elastic.spring_network import SpringNetwork
+
+BLOCK = 3
+"""Rows and columns of the register blocks of the factorisation."""
+GROUND, MOTOR, INERTANCE, MOTOR_INERTANCE = -1, -2, -3, -4
+"""What a term joins its row to, where that is no row (see `Layout`)."""
+
+
+@dataclass(frozen=True, eq=False)
+class Layout:
+    """A network's structure, the same at every position.
+
+    Motors that only their own spring ties to the rest are eliminated by formula; what remains
+    is factorised in the order [coordinates without needed springs, with them, driven by motors].
+
+    Attributes
+    ----------
+    order : (size,) coordinate of each row of the factorisation; -1 pads the front to whole blocks.
+        Its last n rows are the coordinates that the n motors drive.
+    pad : number of padding rows.
+    first : first row that a needed spring touches or a motor drives.
+    motors : (n, 3) the coordinate of an eliminated motor, its spring and its inertance or -1; or
+        -1 thrice where the motor moves its row rigidly.
+    gears : (n,) the selector's entries.
+    inner : (.., 3) terms between rows: term, row, and the other row or a code.
+    needed : (m, 3) terms whose sensitivity is asked for: the same.
+
+    Terms are numbered as in `SpringNetwork`. A code stands for `GROUND`, a spring to the ground;
+    `MOTOR`, a spring to the eliminated motor of the row; `INERTANCE` of the row; `MOTOR_INERTANCE`,
+    that of the row's eliminated motor.
+    """
+
+    order: IntArray
+    pad: int
+    first: int
+    motors: IntArray
+    gears: Array
+    inner: IntArray
+    needed: IntArray
+
+
+def needed_terms(network: SpringNetwork) -> IntArray:
+    """Return the terms of which a free parameter sets one of the coefficients."""
+    exponents = network.coefficient_exponents
+    moved = np.any(exponents != 0, axis=(0, 2)) if len(exponents) else np.ones(exponents.shape[1])
+    return np.flatnonzero(np.any(moved.reshape(2, -1), axis=0))
+
+
+def layout(network: SpringNetwork) -> Layout | None:
+    """Return the layout of `network`; None where the kernel does not know it.
+
+    It knows motors that act on one coordinate each, and their accelerations as outputs.
+    """
+    S, ends = np.asarray(network.selector), np.asarray(network.ends)
+    n = S.shape[1]
+    if network.measurement is not None or np.any(np.count_nonzero(S, axis=0) != 1):
+        return None
+    acted = np.abs(S).argmax(axis=0)
+    if len(set(acted)) < n:
+        return None
+    motors = _eliminated(network, acted)
+    driven = [
+        _other_end(ends[s], m) if m >= 0 else a for (m, s), a in zip(motors, acted, strict=True)
+    ]
+    moving = [] if network.inertances is None else network.inertances.coordinates.tolist()
+    ends = np.concatenate([ends.reshape(-1, 2), [(c, INERTANCE) for c in moving] or ends[:0]])
+    needed = needed_terms(network)
+    touched = {int(c) for s in needed for c in ends[s] if c >= 0}
+    inner = [c for c in range(S.shape[0]) if c not in set(motors[:, 0]) | set(driven)]
+    free = [c for c in inner if c not in touched]
+    pad = -(len(inner) + n) % BLOCK
+    order = np.array(
+        [-1] * pad + free + [c for c in inner if c in touched] + driven, dtype=np.int64
+    )
+    row = {int(c): i for i, c in enumerate(order) if c >= 0}
+    row |= {code: code for code in (GROUND, INERTANCE)}
+    own = {}  # terms of eliminated motors
+    inertances = np.full(n, -1, dtype=np.int64)
+    for i, ((motor, spring), c) in enumerate(zip(motors, driven, strict=True)):
+        if motor >= 0:
+            own[int(spring)] = row[c], MOTOR
+        if motor in moving:
+            inertances[i] = len(network.ends) + moving.index(int(motor))
+            own[int(inertances[i])] = row[c], MOTOR_INERTANCE
+    table = np.array(
+        [(t, *own.get(t, (row.get(int(a)), row.get(int(b))))) for t, (a, b) in enumerate(ends)],
+        dtype=np.int64,
+    ).reshape(-1, 3)
+    return Layout(
+        order=order,
+        pad=pad,
+        first=pad + len(free),
+        motors=np.column_stack([motors, inertances]),
+        gears=S[acted, np.arange(n)].astype(float),
+        inner=table[~np.isin(table[:, 2], (MOTOR, MOTOR_INERTANCE))],
+        needed=table[needed],
+    )
+
+
+def reduced(plan: Layout) -> Layout:
+    """Return the layout of what is left when rows before `plan.first` have been eliminated."""
+    kept = plan.order[plan.first :]
+    pad = -len(kept) % BLOCK
+    needed = plan.needed.copy()
+    needed[:, 1:] += np.where(needed[:, 1:] >= 0, pad - plan.first, 0)
+    return replace(
+        plan,
+        order=np.concatenate([np.full(pad, -1, dtype=np.int64), kept]),
+        pad=pad,
+        first=pad,
+        inner=plan.inner[:0],
+        needed=needed,
+    )
+
+
+def _other_end(ends: IntArray, coordinate: int) -> int:
+    return int(ends[1] if ends[0] == coordinate else ends[0])
+
+
+def _eliminated(network: SpringNetwork, acted: IntArray) -> IntArray:
+    """Return, (n, 2), the coordinate and the spring of motors that only that spring ties."""
+    motors = np.full((len(acted), 2), -1, dtype=np.int64)
+    taken = {int(c) for c in acted}
+    coupled = _coupled(network)
+    for i, c in enumerate(acted):
+        springs = np.flatnonzero(np.any(network.ends == c, axis=1))
+        if len(springs) != 1 or coupled[c]:
+            continue
+        other = _other_end(network.ends[springs[0]], c)
+        if other >= 0 and other != c and other not in taken:
+            motors[i] = c, springs[0]
+            taken.add(other)
+    return motors
+
+
+def _coupled(network: SpringNetwork) -> NDArray[np.bool_]:
+    """Return which coordinates, (d,), more than springs couple to others."""
+    d = network.mass.shape[-1]
+    together = np.zeros((d, d), dtype=bool)
+    for matrix in (network.mass, network.damping, network.stiffness):
+        together |= np.any(matrix.reshape(-1, d, d), axis=0)
+    return np.asarray((together & ~np.eye(d, dtype=bool)).any(axis=1))
