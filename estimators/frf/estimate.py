@@ -139,12 +139,24 @@ def simulate_frf(
     rng : source of the errors.
     repetitions : (Q,) experiments averaged in each position; one where None.
     """
+    truth = np.asarray(frequency_response(model, positions, omega))
+    return noisy_frf(truth, positions, omega, noise, rng, repetitions)
+
+
+def noisy_frf(
+    truth: ComplexArray,
+    positions: Array,
+    omega: Array,
+    noise: RelativeNoise,
+    rng: np.random.Generator,
+    repetitions: Sequence[int] | IntArray | None = None,
+) -> FrfEstimate:
+    """Return FRFs `truth` (Q, F, m, n) with circular complex normal errors, as `simulate_frf`."""
     positions = np.asarray(positions, dtype=float)
     count = _checked_repetitions(
         np.ones(len(positions), dtype=np.int64) if repetitions is None else repetitions,
         len(positions),
     )
-    truth = np.asarray(frequency_response(model, positions, omega))
     variance = noise.variance(truth) / count[:, None, None, None]
     parts = rng.standard_normal((2, *truth.shape)) * np.sqrt(variance / 2)
     response = truth + parts[0] + 1j * parts[1]

@@ -3,7 +3,7 @@
 from collections.abc import Callable, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass
-from functools import partial
+from functools import cached_property, partial
 from pathlib import Path
 from typing import Any
 
@@ -12,15 +12,15 @@ from numpy.typing import NDArray
 
 from estimators.fitting.least_squares import fit, reweighted
 from estimators.fitting.residuals import find_residual
-from estimators.frf.estimate import FrfEstimate, simulate_frf
+from estimators.frf.estimate import FrfEstimate, noisy_frf
 from estimators.uncertainty.covariance import Uncertainty
 from estimators.uncertainty.interval_methods import INTERVAL_METHODS, intervals_of
 from estimators.uncertainty.likelihood import Noise
-from robotmodels.arrays import Array, BoolArray, IntArray, read_only
+from robotmodels.arrays import Array, BoolArray, ComplexArray, IntArray, read_only
 from robotmodels.errors import IdentificationError, InvalidInput, SolverFailed, nearest
 from robotmodels.noise import RelativeNoise
 from robotmodels.notebook import Printed
-from robotmodels.response import Elastic
+from robotmodels.response import Elastic, frequency_response
 
 Experiment = Callable[[np.random.Generator], FrfEstimate]
 
@@ -44,10 +44,15 @@ class FrfExperiment:
     noise: RelativeNoise
     repetitions: IntArray | None = None
 
+    @cached_property
+    def response(self) -> ComplexArray:
+        """The true FRFs, (Q, F, m, n), found once for all runs."""
+        return np.asarray(frequency_response(self.model, self.positions, self.omega))
+
     def __call__(self, rng: np.random.Generator) -> FrfEstimate:
         """Return one simulated estimate."""
-        return simulate_frf(
-            self.model, self.positions, self.omega, self.noise, rng, self.repetitions
+        return noisy_frf(
+            self.response, self.positions, self.omega, self.noise, rng, self.repetitions
         )
 
 
