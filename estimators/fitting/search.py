@@ -1,5 +1,7 @@
 """Searches for a local minimum of a fit's cost, from one start."""
 
+from dataclasses import replace
+
 import numpy as np
 
 from estimators.fitting.cost import Problem
@@ -21,7 +23,17 @@ def search(problem: Problem, start: Array, max_evaluations: int, tolerance: floa
         return exact_search(problem, start, max_evaluations, tolerance)
     if hardens(network):
         return renewed_search(problem, start, max_evaluations, tolerance)
-    return frozen_search(problem, start, network, max_evaluations, tolerance)
+    found = frozen_search(problem, start, network, max_evaluations, tolerance)
+    return found if found.status else _with_own_cost(problem, found)
+
+
+def _with_own_cost(problem: Problem, found: Outcome) -> Outcome:
+    """Return an unfinished search with the cost about its own equilibria, not those held last."""
+    try:
+        residuals, _ = problem.evaluate(found.values)
+    except IdentificationError as error:
+        return replace(found, cost=np.inf, message=f"{found.message}: {error}")
+    return replace(found, cost=float(residuals @ residuals))
 
 
 def search_or_reason(

@@ -12,6 +12,7 @@ from estimators.fitting.frozen_search import (
     renewed_search,
     squares,
 )
+from estimators.fitting.search import search
 from estimators.fitting.trust_region import exact_search
 from robotmodels import InvalidInput, RelativeNoise, SolverFailed, load_robot
 from robotmodels.normal_equations import NormalEquations
@@ -142,6 +143,17 @@ def test_running_out_of_evaluations_is_told(robot, estimate):
         found = frozen(problem, far(robot), limit)
         assert found.status == 0
         assert found.evaluations <= limit
+
+
+def test_an_unfinished_fit_has_the_cost_of_its_own_equilibria(robot, estimate, monkeypatch):
+    monkeypatch.setattr("estimators.fitting.frozen_search.WORTHWHILE", 0)
+    problem = stated(robot, estimate, "nls", "optimal", BOUNDS)
+    start = far(robot)
+    unfinished = search(problem, start, 7, 1e-10)
+    assert unfinished.status == 0
+    residuals, _ = problem.evaluate(unfinished.values)
+    assert unfinished.cost == pytest.approx(residuals @ residuals, rel=1e-10)
+    assert frozen(problem, start, 7).cost != pytest.approx(unfinished.cost, rel=1e-6)
 
 
 class Weak:
