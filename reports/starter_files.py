@@ -44,6 +44,8 @@ def starter_files(robot: str, folder: Path) -> StarterFiles:
     InvalidInput : if there is no such robot, or it cannot be used.
     """
     if not robot.endswith((".urdf", ".xml")):
+        if not robot.endswith((".yaml", ".yml")) and Path(robot).is_file():
+            raise InvalidInput(f"{robot}: a URDF (.urdf, .xml) or a robot file (.yaml) is needed")
         found = load_robot(robot)
         known = not robot.endswith((".yaml", ".yml"))
         reference = robot if known else _from(folder, Path(robot))

@@ -12,6 +12,7 @@ from pydantic import BaseModel, ConfigDict, ValidationError, ValidationInfo, fie
 from pydantic_core import PydanticCustomError
 
 from robotmodels.errors import InvalidInput, nearest
+from robotmodels.file_kinds import misplaced, needed
 
 
 class Strict(BaseModel):
@@ -59,13 +60,16 @@ def read_yaml(path: Path, schema: type[_Section]) -> _Section:
     except FileNotFoundError:
         raise InvalidInput(f"{path}: no such file") from None
     except (OSError, UnicodeDecodeError) as error:
-        raise InvalidInput(f"{path}: cannot be read: {reason(error)}") from None
+        wanted = f"; {needed(schema)} is needed" if isinstance(error, UnicodeDecodeError) else ""
+        raise InvalidInput(f"{path}: cannot be read: {reason(error)}{wanted}") from None
     except yaml.MarkedYAMLError as error:
         mark = error.problem_mark
         line = f"line {mark.line + 1}: " if mark else ""
-        raise InvalidInput(f"{path}: {line}not valid YAML: {error.problem}") from None
+        wrong = f"{line}not valid YAML: {error.problem}"
+        raise InvalidInput(f"{path}: {wrong}; {needed(schema)} is needed") from None
     except yaml.YAMLError as error:
-        raise InvalidInput(f"{path}: not valid YAML: {' '.join(str(error).split())}") from None
+        wrong = f"not valid YAML: {' '.join(str(error).split())}"
+        raise InvalidInput(f"{path}: {wrong}; {needed(schema)} is needed") from None
     return parse(content, schema, str(path))
 
 
@@ -100,6 +104,8 @@ def parse(content: object, schema: type[_Section], source: str) -> _Section:
     if not isinstance(content, dict):
         found = "nothing" if content is None else type(content).__name__
         raise InvalidInput(f"{source}: a mapping of keys to values is needed, found {found}")
+    if other := misplaced(content, schema):
+        raise InvalidInput(f"{source}: {other}")
     try:
         return schema.model_validate(content)
     except ValidationError as error:

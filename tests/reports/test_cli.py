@@ -57,6 +57,41 @@ def test_mistakes_end_in_one_line(oed, words, said):
     assert said in err
 
 
+ROBOT, STUDY = "schema: robot/1\nname: a\n", "schema: study/1\nrobot: ur10\n"
+EXPERIMENT = "schema: experiment/1\nrobot: ur10\n"
+
+
+@pytest.mark.parametrize(
+    ("command", "content", "said"),
+    [
+        ("run", ROBOT, ("a robot file (schema: robot/1), which `oed check` takes", "study/1")),
+        ("report", EXPERIMENT, ("which `oed simulate` takes", "a study (YAML, schema: study/1)")),
+        ("check", STUDY, ("a study (schema: study/1), which `oed run` takes", "robot/1")),
+        ("init", STUDY, ("a study (schema: study/1)", "a robot file")),
+        ("simulate", STUDY, ("which `oed run` takes", "an experiment (YAML, schema")),
+        ("run", "# Title\n\nSome: text: here\n", ("line 3: not valid YAML", "a study (YAML, ")),
+        ("run", "schema: study/2\n", ("schema: input should be 'study/1'",)),
+    ],
+)
+def test_a_file_of_another_kind_is_told_with_the_command_that_takes_it(
+    oed, tmp_path, command, content, said
+):
+    path = tmp_path / "given.yaml"
+    path.write_text(content, encoding="utf-8")
+    code, out, err = oed(command, str(path))
+    assert (code, out) == (2, "")
+    assert len(err.splitlines()) == 1
+    for words in ("given.yaml", *said):
+        assert words in err
+
+
+def test_init_says_which_files_it_takes(oed, tmp_path):
+    (tmp_path / "README.md").write_text("# Title\n", encoding="utf-8")
+    code, _, err = oed("init", str(tmp_path / "README.md"))
+    assert code == 2
+    assert "a URDF (.urdf, .xml) or a robot file (.yaml) is needed" in err
+
+
 def test_help_shows_examples(oed):
     code, out, _ = oed("run", "--help")
     assert code == 0
