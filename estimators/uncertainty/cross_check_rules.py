@@ -165,7 +165,7 @@ class Evidence:
     def covering(self) -> tuple[str, ...] | None:
         """Return the methods that cover the truth often enough for every parameter."""
         mc = self.monte_carlo
-        if mc is None:
+        if mc is None or not mc.methods:
             return None
         known = np.isfinite(mc.truth)
         return tuple(m for m in mc.methods if bool(mc.covers(m)[known].all()))

@@ -1,0 +1,275 @@
+"""Plans side by side in Monte Carlo: what each one promises, and what its experiments give."""
+
+from collections.abc import Callable, Mapping
+from concurrent.futures import Executor
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from estimators.uncertainty.covariance import Uncertainty
+from estimators.uncertainty.monte_carlo import FrfExperiment, MonteCarlo, monte_carlo
+from oed.design.certificate import Candidates
+from oed.design.criteria import Criterion
+from oed.design.criteria import objective as stated
+from oed.design.null_space import unidentifiable
+from oed.trials.held import held
+from oed.trials.scatter import ratio_interval, std_interval
+from robotmodels.arrays import Array, IntArray, read_only
+from robotmodels.errors import InvalidInput, NotIdentifiable
+from robotmodels.noise import RelativeNoise
+from robotmodels.notebook import Printed
+from robotmodels.response import Elastic
+
+LEVEL = 0.95
+
+
+@dataclass(frozen=True, eq=False)
+class PlanTrial:
+    """A plan, what it promises and what repeated experiments by it gave.
+
+    Attributes
+    ----------
+    name : of the plan.
+    support, repetitions : (k,) candidates it measures in, and experiments in each.
+    unidentified : parameters that it leaves open; nothing was simulated if there are any.
+    promised : covariance by the information at the true values ([WM] Theorem 1); None if open.
+    found : repeated experiments; None if open.
+    """
+
+    name: str
+    support: IntArray
+    repetitions: IntArray
+    unidentified: tuple[str, ...] = ()
+    promised: Uncertainty | None = None
+    found: MonteCarlo | None = None
+
+    @property
+    def std(self) -> Array:
+        """Standard deviations of ln theta over the experiments, (p,); infinite where open."""
+        if self.found is None:
+            return np.array([np.inf])
+        return self.found.uncertainty().std
+
+    def std_interval(self) -> Array:
+        """Return where each true standard deviation lies with 95 %, (p, 2), by chi square."""
+        if self.found is None:
+            return np.array([[np.inf, np.inf]])
+        return std_interval(self.std, len(self.found.estimates), LEVEL)
+
+
+@dataclass(frozen=True, eq=False)
+class PlanComparison(Printed):
+    """A plan against its rivals, the plan first.
+
+    Efficiencies say how many experiments of the plan are worth as much as one of a rival, by the
+    criterion; the plan's own is one.
+
+    Attributes
+    ----------
+    criterion : its name.
+    trials : K plans.
+    promised : (K,) efficiencies by information.
+    found : (K,) efficiencies by the scatter of repeated experiments; zero where a plan leaves
+        parameters open.
+    interval : (K, 2) where the true ones lie with 95 %, each by itself, of normal estimates.
+    held : whether fits held the equilibria of the true values.
+    """
+
+    criterion: str
+    trials: tuple[PlanTrial, ...]
+    promised: Array
+    found: Array
+    interval: Array
+    held: bool
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the p parameters."""
+        own = self.trials[0].promised
+        assert own is not None  # else there would be no comparison
+        return own.names
+
+    @property
+    def beaten(self) -> tuple[str, ...]:
+        """Rivals that the plan beats by more than chance explains."""
+        return self._rivals(self.interval[:, 1] < 1)
+
+    @property
+    def better(self) -> tuple[str, ...]:
+        """Rivals that beat the plan by more than chance explains."""
+        return self._rivals(self.interval[:, 0] > 1)
+
+    def _rivals(self, which: Array) -> tuple[str, ...]:
+        pairs = zip(self.trials[1:], which[1:], strict=True)
+        return tuple(trial.name for trial, chosen in pairs if chosen)
+
+    def __str__(self) -> str:
+        plan = self.trials[0]
+        assert plan.found is not None
+        lines = [
+            f"{plan.name} beats {len(self.beaten)} of {len(self.trials) - 1} rivals by "
+            f"{self.criterion}, {len(plan.found.estimates)} simulated experiments each"
+        ]
+        for k, trial in enumerate(self.trials[1:], start=1):
+            low, high = self.interval[k]
+            lines.append(
+                f"  {trial.name:<12} worth {self.found[k]:.2f} ({low:.2f} to {high:.2f}), "
+                f"promised {self.promised[k]:.2f}"
+                if not trial.unidentified
+                else f"  {trial.name:<12} leaves open {', '.join(trial.unidentified)}"
+            )
+        return "\n".join(lines)
+
+
+def compare_plans(
+    model: Elastic,
+    info: Candidates,
+    positions: Array,
+    plans: Mapping[str, IntArray],
+    omega: Array,
+    noise: RelativeNoise,
+    *,
+    rng: np.random.Generator,
+    runs: int | None = None,
+    criterion: str | Criterion = "D",
+    executor: Executor | None = None,
+    progress: Callable[[int, int], object] | None = None,
+    store: str | Path | None = None,
+) -> PlanComparison:
+    """Return what plans are worth beside the first one, in simulated experiments.
+
+    FRFs of the model, with errors by the noise law, are fitted from the true values by least
+    squares with the noise's own weights (NLS), `runs` times for each plan.
+
+    Parameters
+    ----------
+    model : the true one, which is also fitted.
+    info : information of each candidate, for the model's own values.
+    positions : (Q, n) of the candidates.
+    plans : experiments (Q,) in each candidate, by name; the first plan is compared with the rest.
+    omega, noise : of an experiment, as in `oed.information`.
+    rng : source of all errors.
+    runs : experiments simulated for each plan; the larger of 100 and 2 p where None.
+    criterion : by which plans are compared.
+    executor : takes one run at a time; in sequence where None.
+    progress : called with the runs done and their number.
+    store : folder that keeps finished runs; an interrupted comparison goes on from it.
+
+    Raises
+    ------
+    InvalidInput : if there are too few runs for p parameters, or a plan does not fit.
+    NotIdentifiable, SolverFailed : if the first plan leaves parameters open, or cannot be fitted.
+    """
+    p = len(info.names)
+    runs = max(100, 2 * p) if runs is None else runs
+    if runs < p + 3:
+        raise InvalidInput(f"runs: {runs}; at least {p + 3} are needed for {p} parameters")
+    series = _Series(model, positions, omega, noise, runs, executor)
+    planned = [_planned(info, name, counts) for name, counts in plans.items()]
+    if planned[0].unidentified:
+        raise NotIdentifiable(planned[0].unidentified, f"{planned[0].name}: measure elsewhere too")
+    possible = sum(trial.promised is not None for trial in planned)
+    trials, holds = [], True
+    for k, (trial, generator) in enumerate(zip(planned, rng.spawn(len(planned)), strict=True)):
+        if trial.promised is None:
+            trials.append(trial)
+            continue
+        before = sum(one.promised is not None for one in planned[:k])
+        done, total = before * runs, possible * runs
+        tell = None if progress is None else _Shifted(progress, done, total)
+        file = None if store is None else Path(store) / f"plan_{k:02d}.h5"
+        found, was_held = series.run(trial, generator, tell, file)
+        trials.append(replace(trial, found=found))
+        holds = holds and was_held
+    return _judged(criterion, info.names, tuple(trials), holds)
+
+
+@dataclass(frozen=True)
+class _Shifted:
+    """Progress of one of several series, in all of them."""
+
+    progress: Callable[[int, int], object]
+    before: int
+    total: int
+
+    def __call__(self, done: int, of: int) -> None:
+        self.progress(self.before + done, self.total)
+
+
+@dataclass(frozen=True, eq=False)
+class _Series:
+    """What repeated experiments of all plans have in common."""
+
+    model: Elastic
+    positions: Array
+    omega: Array
+    noise: RelativeNoise
+    runs: int
+    executor: Executor | None
+
+    def run(
+        self,
+        trial: PlanTrial,
+        rng: np.random.Generator,
+        progress: "_Shifted | None",
+        store: Path | None,
+    ) -> tuple[MonteCarlo, bool]:
+        """Return repeated experiments by a plan, and whether equilibria were held."""
+        places = np.asarray(self.positions[trial.support])
+        fitted = held(self.model, places)
+        experiment = FrfExperiment(fitted, places, self.omega, self.noise, trial.repetitions)
+        _ = experiment.response  # found here: the processes of a pool need not repeat it
+        found = monte_carlo(
+            experiment,
+            fitted,
+            rng=rng,
+            runs=self.runs,
+            methods=(),
+            executor=self.executor,
+            progress=progress,
+            store=store,
+        )
+        return found, fitted is not self.model
+
+
+def _planned(info: Candidates, name: str, counts: IntArray) -> PlanTrial:
+    if counts.shape != (len(info),) or not counts.any() or (counts < 0).any():
+        raise InvalidInput(
+            f"plan {name!r}: experiments of shape {counts.shape}; whole numbers for each of "
+            f"{len(info)} candidates are needed, not all zero"
+        )
+    support = np.flatnonzero(counts)
+    total = info.combined(counts.astype(float))
+    trial = PlanTrial(name, read_only(support), read_only(counts[support]))
+    if names := unidentifiable(total, info.names):
+        return replace(trial, unidentified=names)
+    size = np.sqrt(np.diagonal(total))
+    covariance = np.linalg.inv(total / np.outer(size, size)) / np.outer(size, size)
+    return replace(trial, promised=Uncertainty(info.names, covariance, "Theorem 1"))
+
+
+def _judged(
+    criterion: str | Criterion, names: tuple[str, ...], trials: tuple[PlanTrial, ...], holds: bool
+) -> PlanComparison:
+    wanted = stated(criterion, names)
+    own, promised, found = trials[0], [], []
+    assert own.promised is not None
+    assert own.found is not None
+    for trial in trials[1:]:
+        if trial.promised is None or trial.found is None:
+            promised.append(0.0)
+            found.append((0.0, 0.0, 0.0))
+            continue
+        matrices = [np.linalg.inv(one.covariance) for one in (trial.promised, own.promised)]
+        promised.append(wanted.efficiency(*matrices))
+        found.append(ratio_interval(wanted, trial.found, own.found, LEVEL))
+    efficiencies = np.array([(1.0, 1.0, 1.0), *found])
+    return PlanComparison(
+        criterion=wanted.name,
+        trials=trials,
+        promised=read_only(np.array([1.0, *promised])),
+        found=read_only(efficiencies[:, 0]),
+        interval=read_only(efficiencies[:, 1:]),
+        held=holds,
+    )

@@ -1,0 +1,56 @@
+"""How well the scatter of N normal estimates is known: by chi square and by Wishart draws."""
+
+import numpy as np
+
+from estimators.uncertainty.monte_carlo import MonteCarlo
+from oed.design.objective import Objective
+from robotmodels.arrays import Array
+
+DRAWS = 400
+"""Of a Wishart distribution: quantiles of 95 % to a tenth of the interval's width."""
+
+
+def std_interval(std: Array, samples: int, level: float) -> Array:
+    """Return where true standard deviations lie, (p, 2), given those of so many samples, (p,)."""
+    from scipy.stats import chi2
+
+    tails = np.array([(1 + level) / 2, (1 - level) / 2])
+    factors = np.sqrt((samples - 1) / chi2.ppf(tails, samples - 1))
+    return np.asarray(std[:, None] * factors)
+
+
+def ratio_interval(
+    objective: Objective, one: MonteCarlo, other: MonteCarlo, level: float
+) -> tuple[float, float, float]:
+    """Return the efficiency of one scatter against another, and the ends of its interval.
+
+    Efficiencies are the criterion's, of the inverse sample covariances. Their errors are those of
+    draws from Wishart distributions about the samples (a parametric bootstrap; for D exact), whose
+    median is taken away.
+    """
+    rng = np.random.default_rng(0)  # of the method, not of the experiments
+    errors = _errors(objective, one, rng) - _errors(objective, other, rng)
+    values = [_log_value(objective, mc.uncertainty().covariance) for mc in (one, other)]
+    apart = values[0] - values[1]
+    low, middle, high = np.quantile(errors, [(1 - level) / 2, 0.5, (1 + level) / 2])
+    value, lower, upper = np.exp([apart - middle, apart - high, apart - low])
+    return float(value), float(lower), float(upper)
+
+
+def _log_value(objective: Objective, covariance: Array) -> float:
+    return objective.log_value(np.linalg.inv(covariance))
+
+
+def _errors(objective: Objective, found: MonteCarlo, rng: np.random.Generator) -> Array:
+    """Return what sampling adds to the log value, (DRAWS,)."""
+    covariance, n = found.uncertainty().covariance, len(found.estimates)
+    root = np.linalg.cholesky(covariance)
+    own, errors = _log_value(objective, covariance), np.empty(DRAWS)
+    p = len(covariance)
+    for k in range(DRAWS):
+        # Bartlett's decomposition of a Wishart matrix of n - 1 degrees of freedom.
+        triangle = np.tril(rng.standard_normal((p, p)), -1)
+        triangle[np.diag_indices(p)] = np.sqrt(rng.chisquare(n - 1 - np.arange(p)))
+        drawn = root @ triangle / np.sqrt(n - 1)
+        errors[k] = _log_value(objective, drawn @ drawn.T) - own
+    return errors
