@@ -4,13 +4,18 @@ import json
 import math
 import os
 import re
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
+from reports import text
 from reports.template import filled_text
 from robotmodels import ElasticRobot, load_robot
 from robotmodels.collision.shapes import robot_shapes
+from robotmodels.description.idle_joints import idle_joints
 from robotmodels.description.proposal import Drive, propose_drives
 from robotmodels.description.urdf_joints import UrdfJoint, moving_joints
 from robotmodels.errors import InvalidInput
@@ -129,7 +134,8 @@ def _entries(drive: Drive) -> dict[str, Any]:
 
 
 def _study(robot: ElasticRobot, reference: str, builtin: bool = False) -> str:
-    points = grid_points(len(robot.motor_joints))
+    idle = idle_joints(robot)
+    points = grid_points([name not in idle for name in robot.motor_joints])
     joints = []
     for name, (low, high), number in zip(
         robot.motor_joints, robot.position_limits, points, strict=True
@@ -155,21 +161,24 @@ def _study(robot: ElasticRobot, reference: str, builtin: bool = False) -> str:
         joints=joints,
         shapes=robot_shapes(robot).solid,
         candidates=math.prod(points),
-        first_alone=points[0] == 1,
+        idle=text.listed([_word(name) for name in idle]),
         units="[rad; m]" if robot.elements.prismatic else "[rad]",
         walkers=max(64, 4 * len(robot.parameters.names)),
     )
 
 
-def grid_points(joints: int) -> list[int]:
-    """Return points per joint: one at the first, as many as are affordable at the others."""
-    points = [1 if joints > 1 else 7] + [1] * (joints - 1)
-    product, grown = points[0], joints > 1
+def grid_points(varied: Sequence[bool]) -> list[int]:
+    """Return points per joint: one where a joint need not be `varied`, else what is affordable."""
+    points = [1] * len(varied)
+    most = 7 if sum(varied) == 1 else 5
+    grown = True
     while grown:
         grown = False
-        for j in range(1, joints):
-            if points[j] < 5 and product // points[j] * (points[j] + 1) <= MOST_CANDIDATES:
-                product = product // points[j] * (points[j] + 1)
+        for j in np.flatnonzero(varied):
+            if (
+                points[j] < most
+                and math.prod(points) // points[j] * (points[j] + 1) <= MOST_CANDIDATES
+            ):
                 points[j] += 1
                 grown = True
     return points
@@ -180,14 +189,14 @@ def _from(folder: Path, path: Path) -> str:
     return Path(os.path.relpath(path.resolve(), folder.resolve())).as_posix()
 
 
-def _word(text: str) -> str:
+def _word(word: str) -> str:
     """Return a text that YAML reads as one, quoted where it must be."""
-    plain = re.fullmatch(r"[A-Za-z_./][\w./-]*(:[\w./-]+)*", text)
-    return text if plain and text.lower() not in _NOT_TEXT else json.dumps(text)
+    plain = re.fullmatch(r"[A-Za-z_./][\w./-]*(:[\w./-]+)*", word)
+    return word if plain and word.lower() not in _NOT_TEXT else json.dumps(word)
 
 
 def _yaml(value: float, digits: int = 2) -> str:
     """Return a number that YAML reads as one."""
-    text = f"{float(f'{value:.{digits - 1}e}'):g}" if digits < 3 else f"{value:.{digits}f}"
-    mantissa, e, exponent = text.partition("e")
-    return text if not e else f"{mantissa if '.' in mantissa else mantissa + '.0'}e{exponent}"
+    word = f"{float(f'{value:.{digits - 1}e}'):g}" if digits < 3 else f"{value:.{digits}f}"
+    mantissa, e, exponent = word.partition("e")
+    return word if not e else f"{mantissa if '.' in mantissa else mantissa + '.0'}e{exponent}"

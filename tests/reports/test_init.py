@@ -8,6 +8,7 @@ from oed.study.file import load_study
 from reports import cli
 from reports.starter_files import grid_points, starter_files, write_starter_files
 from robotmodels import InvalidInput, load_robot
+from robotmodels.description.idle_joints import idle_joints
 from robotmodels.description.proposal import propose_drives
 from robotmodels.description.urdf_joints import moving_joints
 
@@ -132,15 +133,31 @@ def test_a_file_in_the_way_of_the_folder(urdf, tmp_path):
 
 
 def test_grids_stay_small():
-    assert grid_points(1) == [7]
+    assert grid_points([True]) == [7]
+    assert grid_points([False, True]) == [1, 7]
+    assert grid_points([False]) == [1]
     for joints in range(2, 9):
-        points = grid_points(joints)
-        product = 1
-        for number in points:
-            product *= number
-        assert points[0] == 1
-        assert min(points[1:]) >= 2
-        assert product <= 600
+        for first in (True, False):
+            points = grid_points([first] + [True] * (joints - 1))
+            assert (points[0] == 1) != first
+            assert min(points[1:]) >= 2
+            assert np.prod(points) <= 600
+
+
+def test_joints_that_no_response_depends_on_stay_where_they_are(urdf, tmp_path):
+    assert idle_joints(load_robot("manutec_r3")) == ("joint1",)
+    assert idle_joints(load_robot("xarm7")) == ()  # a torsion lies below its first joint
+    starter = starter_files(str(urdf), tmp_path)
+    path = tmp_path / "robot.yaml"
+    path.write_text(starter.files["robot.yaml"], encoding="utf-8")
+    assert idle_joints(load_robot(path)) == ("turn",)
+    path.write_text(starter.files["robot.yaml"].replace("[0.0, 0.0, -9.81]", "[1.0, 0.0, -9.81]"))
+    assert idle_joints(load_robot(path)) == ()
+
+
+def test_a_foundation_takes_several_angles_of_the_first_joint(tmp_path):
+    study = yaml.safe_load(starter_files("ur10", tmp_path).files["study.yaml"])
+    assert study["candidates"]["per_joint"]["shoulder_pan_joint"] >= 3
 
 
 def test_grids_of_joints_that_turn_more_than_once_repeat_no_angle(tmp_path):
