@@ -8,19 +8,22 @@ export OMP_NUM_THREADS ?= 1
 export OPENBLAS_NUM_THREADS ?= 1
 export MPLBACKEND ?= Agg
 
-.PHONY: study test slow lint bench docs clean
+.PHONY: study test coverage slow lint bench docs clean
 
 study: $(VENV)/installed
 	$(BIN)/oed run studies/ur10.yaml
 
 test: lint
-	$(BIN)/pytest --numprocesses $(WORKERS) -m "not slow" --cov --cov-report=term:skip-covered
+	$(BIN)/pytest --numprocesses $(WORKERS) -m "not slow"
 
 lint: $(VENV)/installed
 	$(BIN)/ruff check
 	$(BIN)/ruff format --check
 	$(BIN)/mypy
 	$(BIN)/lint-imports
+
+coverage: $(VENV)/installed
+	$(BIN)/pytest --numprocesses $(WORKERS) -m "not slow" --cov --cov-report=term:skip-covered
 
 slow: $(VENV)/installed
 	$(BIN)/pytest -m slow
