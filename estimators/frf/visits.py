@@ -67,6 +67,15 @@ def merge_distortion(found: Distortion) -> Distortion:
     )
 
 
+def distortion_in(found: Distortion, positions: IntArray) -> Distortion:
+    """Return the noise and distortion levels in some positions (k,), counted from 0."""
+    chosen: dict[str, Any] = {
+        name: getattr(found, name)[positions]
+        for name in ("positions", "noise", "total", "blocks", *_LEVELS)
+    }
+    return replace(found, **chosen)
+
+
 def _shares(counts: IntArray, visits: Sequence[IntArray]) -> list[Array]:
     return [counts[v] / counts[v].sum() for v in visits]
 

@@ -10,10 +10,11 @@ from oed.candidates.grids import candidate_positions, sobol_positions
 from oed.candidates.position_files import read_positions
 from oed.candidates.screening import ScreenedCandidates, screened_candidates
 from oed.candidates.task_space import TaskBox, task_space_positions
-from robotmodels.arrays import Array
+from robotmodels.arrays import Array, real_numbers
 from robotmodels.collision.obstacles import Obstacle
-from robotmodels.collision.surroundings import surroundings
+from robotmodels.collision.surroundings import Surroundings, surroundings
 from robotmodels.elastic.robot import ElasticRobot
+from robotmodels.errors import InvalidInput
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,6 +40,25 @@ class Workcell:
     ignored: Sequence[tuple[str, str]] = ()
     torque_limits: float | Sequence[float] | None = None
 
+    def surroundings(self, robot: ElasticRobot) -> Surroundings | None:
+        """Return what `robot` is compared with; None where nothing can be in its way.
+
+        Raises
+        ------
+        InvalidInput : as `robotmodels.surroundings`.
+        """
+        if self.floor is None and not self.obstacles and not self.self_collision:
+            return None
+        return surroundings(
+            robot,
+            floor=self.floor,
+            obstacles=self.obstacles,
+            self_collision=self.self_collision,
+            link_radius=self.link_radius,
+            margin=self.margin,
+            ignored=self.ignored,
+        )
+
 
 def gathered_candidates(
     robot: ElasticRobot,
@@ -48,6 +68,7 @@ def gathered_candidates(
     sobol: int = 0,
     boxes: Iterable[TaskBox] = (),
     files: Iterable[str | Path] = (),
+    listed: Sequence[Sequence[float]] | Array = (),
     workcell: Workcell | None = None,
     rng: np.random.Generator | None = None,
     progress: Callable[[int, int], object] | None = None,
@@ -64,6 +85,7 @@ def gathered_candidates(
     sobol : number of Sobol points; 0 for none.
     boxes : in task space.
     files : lists of positions, as in `read_positions`.
+    listed : (k, n) positions by hand.
     workcell : what may be in the way; None checks joint limits and duplicates only.
     rng : scrambles the Sobol points and draws the starts of the inverse kinematics; None takes
         the plain Sobol points, and a fixed seed for the starts.
@@ -76,7 +98,7 @@ def gathered_candidates(
     cell = Workcell(self_collision=False) if workcell is None else workcell
     boxes, files = tuple(boxes), tuple(files)
     found, notes = [], []
-    if per_joint is not None or not (sobol or boxes or files):
+    if per_joint is not None or not (sobol or boxes or files or len(listed)):
         found.append(candidate_positions(robot, per_joint, limits))
     if sobol:
         found.append(sobol_positions(robot, sobol, limits, rng))
@@ -90,22 +112,23 @@ def gathered_candidates(
                 f"{box.link!r} are out of reach"
             )
     found += [read_positions(path, robot) for path in files]
-    around = None
-    if cell.floor is not None or cell.obstacles or cell.self_collision:
-        around = surroundings(
-            robot,
-            floor=cell.floor,
-            obstacles=cell.obstacles,
-            self_collision=cell.self_collision,
-            link_radius=cell.link_radius,
-            margin=cell.margin,
-            ignored=cell.ignored,
-        )
+    found += [_by_hand(listed, robot)] if len(listed) else []
     screened = screened_candidates(
         robot,
         np.concatenate(found),
-        around,
+        cell.surroundings(robot),
         torque_limits=cell.torque_limits,
         progress=progress,
     )
     return replace(screened, notes=(*notes, *screened.notes))
+
+
+def _by_hand(listed: Sequence[Sequence[float]] | Array, robot: ElasticRobot) -> Array:
+    n = len(robot.motor_names)
+    for i, row in enumerate(listed):
+        if len(row) != n:
+            raise InvalidInput(
+                f"positions[{i}]: {len(row)} angles; {n} are needed, one per motor "
+                f"({', '.join(robot.motor_names)})"
+            )
+    return real_numbers(listed, "positions")

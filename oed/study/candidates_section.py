@@ -8,6 +8,7 @@
       sobol: 2048                                # points that fill the ranges evenly
       boxes:                                     # points that a tool is to reach
         - {link: tool0, low: [0.4, -0.3, 0.2], high: [0.8, 0.3, 0.6], points: [3, 3, 3]}
+      positions: [[0.0, -1.2, 0.4]]              # by hand
       files: [taught.csv]                        # lists of positions
       floor: 0.0                                 # height above the root link's origin [m]
       obstacles:                                 # in the root link's frame [m, rad]
@@ -38,8 +39,8 @@ if TYPE_CHECKING:
     from robotmodels import ElasticRobot
     from robotmodels.collision.obstacles import Obstacle
 
-MOST_CANDIDATES = 250_000
-"""Their matrices stay in memory: 1.4 GB at 26 parameters."""
+MOST_CANDIDATES = 5_000_000
+"""Their positions stay in memory: 240 MB of six joints. See `oed.study.design` for matrices."""
 
 Vector = tuple[float, float, float]
 
@@ -98,6 +99,7 @@ class Candidates(Strict):
     limits: dict[str, tuple[float, float]] = {}
     sobol: PositiveInt | None = None
     boxes: tuple[BoxChoice, ...] = ()
+    positions: tuple[tuple[float, ...], ...] = ()
     files: tuple[Path, ...] = ()
     floor: float | None = None
     obstacles: tuple[ObstacleChoice, ...] = ()
@@ -146,6 +148,7 @@ class Candidates(Strict):
             sobol=self.sobol or 0,
             boxes=[TaskBox(**box.model_dump()) for box in self.boxes],
             files=self.files,
+            listed=self.positions,
             workcell=cell,
             progress=progress,
         )

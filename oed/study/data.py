@@ -13,8 +13,7 @@ from estimators.frf.visits import merge_visits
 from oed.experiment.build import prepare_in
 from oed.experiment.measured_frf import measured_frf
 from oed.experiment.run import Outcome, run_experiment
-from oed.information_set import InformationSet
-from oed.study.design import Plan
+from oed.study.design import Information, Plan
 from oed.study.fingerprint import file_digest
 from oed.study.run import Run
 from oed.study.stage_files import dataclass_files, read_dataclass, write_dataclass
@@ -56,7 +55,7 @@ class SimulatedExperiment:
     limit: str
 
 
-def noisy_frf(run: Run, info: Stage[InformationSet], plan: Stage[Plan]) -> Stage[Data]:
+def noisy_frf(run: Run, info: Stage[Information], plan: Stage[Plan]) -> Stage[Data]:
     """Return FRFs in the plan's positions with errors by the noise law."""
     frequencies, noise = run.study.frequencies, run.study.noise
     assert frequencies is not None
@@ -84,9 +83,7 @@ def noisy_frf(run: Run, info: Stage[InformationSet], plan: Stage[Plan]) -> Stage
     return run.stages.run("data", inputs, compute, dataclass_files(Data))
 
 
-def experiment(
-    run: Run, info: Stage[InformationSet], plan: Stage[Plan]
-) -> Stage[SimulatedExperiment]:
+def experiment(run: Run, info: Stage[Information], plan: Stage[Plan]) -> Stage[SimulatedExperiment]:
     """Return the plan's experiments, simulated in closed loop."""
     shaking = run.study.data.experiment
     assert shaking is not None

@@ -1,24 +1,56 @@
 """The stages of a study up to its plan: candidates, information, design."""
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 
+import numpy as np
+
 from oed.candidates.screening import ScreenedCandidates
+from oed.design.constraints import Constraints
+from oed.design.criteria import Criterion, objective
 from oed.design.relaxed import Design, optimal_design
+from oed.design.robust import (
+    AverageCriterion,
+    InformationSamples,
+    MaximinCriterion,
+    RobustDesign,
+    robust_design,
+)
 from oed.information_set import InformationSet, information
 from oed.plans.exact import ExactDesign, exact_design
+from oed.plans.order import VisitingOrder, visiting_order
+from oed.store import StoredInformation
+from oed.study.at_values import AtValues
+from oed.study.design_section import DesignChoice, Moves
 from oed.study.fingerprint import file_digest
 from oed.study.run import Run
-from oed.study.stage_files import INFORMATION, dataclass_files
+from oed.study.stage_files import INFORMATION, STORE, STORED, dataclass_files
 from oed.study.stages import Report, Stage
+from robotmodels import ElasticRobot
+from robotmodels.arrays import Array
+
+Information = InformationSet | StoredInformation
+
+LARGEST_IN_MEMORY = 256 * 2**20
+"""Bytes of information matrices; more are kept in a file and read in chunks."""
 
 
 @dataclass(frozen=True, eq=False)
 class Plan:
-    """Where to measure: the relaxed optimum, and whole experiments."""
+    """Where to measure.
+
+    Attributes
+    ----------
+    design, exact : the relaxed optimum, and whole experiments.
+    robust : what the design keeps at each sample of theta; None where it is for one theta.
+    order : of the positions of `exact.support`; None where the study says nothing of moves.
+    """
 
     design: Design
     exact: ExactDesign
+    robust: RobustDesign | None = None
+    order: VisitingOrder | None = None
 
 
 def candidates(run: Run) -> Stage[ScreenedCandidates]:
@@ -37,50 +69,114 @@ def candidates(run: Run) -> Stage[ScreenedCandidates]:
     return run.stages.run("candidates", inputs, compute, dataclass_files(ScreenedCandidates))
 
 
-def candidate_information(run: Run, found: Stage[ScreenedCandidates]) -> Stage[InformationSet]:
+def candidate_information(run: Run, found: Stage[ScreenedCandidates]) -> Stage[Information]:
     """Return the information of an experiment in each candidate."""
+    return _information(run, found, "information", run.robot)
+
+
+def sampled_information(run: Run, found: Stage[ScreenedCandidates]) -> list[Stage[Information]]:
+    """Return the same for the further samples of theta that a robust design asks for."""
+    choice = run.study.design.robust
+    if choice is None:
+        return []
+    values = choice.values(run.robot, run.rng("robust"))
+    return [
+        _information(run, found, f"information-{k}", AtValues(run.robot, values[k]))
+        for k in range(1, len(values))
+    ]
+
+
+def _information(
+    run: Run, found: Stage[ScreenedCandidates], name: str, robot: ElasticRobot | AtValues
+) -> Stage[Information]:
     frequencies, noise = run.study.frequencies, run.study.noise
     assert frequencies is not None
     assert noise is not None
+    asked = robot, found.value.positions, frequencies.omega(), noise.law()
 
     def compute(folder: Path, report: Report | None) -> InformationSet:
-        return information(
-            run.robot,
-            found.value.positions,
-            omega=frequencies.omega(),
-            noise=noise.law(),
-            executor=run.executor,
-            progress=report,
-        )
+        return information(*asked, executor=run.executor, progress=report)
+
+    def write(folder: Path, report: Report | None) -> StoredInformation:
+        return information(*asked, executor=run.executor, progress=report, store=folder / STORE)
 
     inputs = {
         "robot": run.robot_digest,
         "candidates": found.digest,
         **run.settings("frequencies", "noise"),
+        **({} if robot is run.robot else {"values": robot.parameters.values.tolist()}),
     }
-    return run.stages.run("information", inputs, compute, INFORMATION)
+    if len(found.value) * len(robot.parameters) ** 2 * 8 > LARGEST_IN_MEMORY:
+        return run.stages.run(name, inputs, write, STORED)
+    return run.stages.run(name, inputs, compute, INFORMATION)
 
 
-def plan(run: Run, info: Stage[InformationSet]) -> Stage[Plan]:
-    """Return the design and the plan of whole experiments."""
+def plan(
+    run: Run, info: Stage[Information], sampled: Sequence[Stage[Information]] = ()
+) -> Stage[Plan]:
+    """Return the design, the plan of whole experiments and the order of its positions."""
     choice = run.study.design
 
     def compute(folder: Path, report: Report | None) -> Plan:
-        design = optimal_design(
-            info.value,
-            choice.wanted(),
-            choice.constraints(),
-            tolerance=choice.tolerance,
-            solver=choice.solver,
-        )
-        exact = exact_design(
-            info.value,
-            choice.experiments,
-            design,
-            criterion=choice.wanted(),
-            constraints=choice.constraints(),
-        )
-        return Plan(design, exact)
+        positions = np.asarray(info.value.positions)
+        constraints = choice.constraints(run.robot, positions)
+        if choice.robust is None:
+            found = _for_one(choice, info.value, constraints)
+        else:
+            sets = (info.value, *(stage.value for stage in sampled))
+            found = _for_all(choice, choice.robust.kind, InformationSamples(sets), constraints)
+        return replace(found, order=_order(run, positions, found.exact))
 
-    inputs = {"information": info.digest, **run.settings("design")}
+    inputs = {
+        "information": info.digest,
+        "samples": [stage.digest for stage in sampled],
+        **run.settings("design"),
+    }
     return run.stages.run("design", inputs, compute, dataclass_files(Plan))
+
+
+def _for_one(choice: DesignChoice, info: Information, constraints: Constraints | None) -> Plan:
+    """Return the plan that is best at the robot file's values."""
+    wanted = choice.wanted()
+    design = optimal_design(
+        info, wanted, constraints, tolerance=choice.tolerance, solver=choice.solver
+    )
+    exact = exact_design(
+        info, choice.experiments, design, criterion=wanted, constraints=constraints
+    )
+    return Plan(design, exact)
+
+
+def _for_all(
+    choice: DesignChoice, kind: str, samples: InformationSamples, constraints: Constraints | None
+) -> Plan:
+    """Return the plan that holds for samples of theta."""
+    wanted = choice.wanted()
+    robust = robust_design(
+        samples,
+        wanted,
+        kind,
+        constraints=constraints,
+        tolerance=choice.tolerance,
+        solver=choice.solver,
+    )
+    criterion: Criterion = AverageCriterion(wanted)
+    if kind == "maximin":
+        base = objective(wanted, samples.names)
+        values = np.array([base.log_value(matrix) for matrix in robust.design.information])
+        criterion = MaximinCriterion(wanted, (values - np.log(robust.efficiency)).tolist())
+    exact = exact_design(
+        samples, choice.experiments, robust.design, criterion=criterion, constraints=constraints
+    )
+    return Plan(robust.design, exact, robust)
+
+
+def _order(run: Run, positions: Array, exact: ExactDesign) -> VisitingOrder | None:
+    """Return in which order to visit the plan's positions; None where no moves are asked for."""
+    choice = run.study.design
+    if choice.moves is None and choice.time is None:
+        return None
+    moves = choice.moves or Moves()
+    home = moves.start(run.robot, positions)
+    places = np.asarray(positions[exact.support])
+    return visiting_order(places, moves.limits(run.robot), home, back=True)

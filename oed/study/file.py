@@ -10,12 +10,11 @@
     noise: {relative: 0.03, floor: 0.01}     # parts of an element and of the largest element
     candidates: {per_joint: {elbow_joint: 5}, limits: {elbow_joint: [-2.5, 2.5]}}    # and more,
                                  # see `oed.study.candidates_section`
-    design:
-      criterion: D               # A, E; or Ds, As with  interest: [g1.stiffness, ...]
-      experiments: 15
-      most: 1                    # in one position; left out: any number
-      tolerance: 1.0e-6          # certified gap
-      solver: cvxpy              # or newton, which is faster and takes every criterion but E
+    design: {criterion: D, experiments: 15}    # and more, see `oed.study.design_section`
+    compare:                     # the plan in simulated experiments, beside rivals of as many
+      random: 5                  # experiments in random candidates, so many plans;
+      grid: {elbow_joint: 5}     # a grid by hand; left out: spread evenly over all joints' ranges
+      runs: 200                  # experiments simulated by each plan; 0: no comparison
     data:                        # left out: FRFs with that noise; one of the first three
       experiment: {...}          # simulated in closed loop, keys as in an experiment file
       records: records.h5        # measured
@@ -33,16 +32,20 @@
       user_weights: {diagonal: 1.0, off_diagonal: 0.1, low: 3.0}    # zero below `low` [Hz]
       result: LLS15U             # left out: the likelihood, from where the estimators ended
     posterior: {ensembles: 4, walkers: 64, steps: 20000, r_hat: 1.01, ess: 4000}
-    validation: {count: 3}       # positions measured besides, to check predictions; left out: none
+    profiles: 3                  # likelihoods, of so many of the least certain parameters
+    validation: {count: 3}       # positions that check predictions; left out: none. Of measured
+                                 # data  {positions: [0, 4]}  or  {share: 0.2},  then not fitted
     compare_with: wernholt_moberg_2008    # left out, except to repeat the study of that paper
     output: ../out/ur10          # relative to this file, as every path in it
 
-With measured data, the positions are those of the data: `candidates` is left out.
+With measured data, the positions are those of the data: `candidates` is left out. Plans are
+compared where data are simulated by the noise law; where `compare` is given, with others too, but
+always with FRFs of `robot` and errors by the noise law.
 """
 
 import math
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal, Self
+from typing import Annotated, Literal, Self
 
 import numpy as np
 from pydantic import Field, NonNegativeFloat, PositiveFloat, PositiveInt, model_validator
@@ -50,15 +53,12 @@ from pydantic import Field, NonNegativeFloat, PositiveFloat, PositiveInt, model_
 from oed.experiment.file import Shaking
 from oed.published.paper import ESTIMATORS
 from oed.study.candidates_section import Candidates
+from oed.study.design_section import DesignChoice
 from oed.study.file_paths import existing_file, output_folder, robot_reference
-from oed.study.fit_section import FitChoice
+from oed.study.fit_section import FitChoice, Index
 from robotmodels.arrays import Array
 from robotmodels.files import Strict, read_yaml
 from robotmodels.noise import RelativeNoise
-
-if TYPE_CHECKING:
-    from oed.design.constraints import Constraints
-    from oed.design.criteria import Criterion
 
 
 class Frequencies(Strict):
@@ -96,45 +96,6 @@ class Noise(Strict):
     def law(self) -> RelativeNoise:
         """Return the noise law."""
         return RelativeNoise(relative=self.relative, floor=self.floor)
-
-
-class DesignChoice(Strict):
-    """What to maximise, how many experiments, how many in one position, which gap to certify.
-
-    Ds and As judge the parameters of `interest` only; the others are nuisance.
-    """
-
-    criterion: Literal["D", "A", "E", "Ds", "As"] = "D"
-    interest: tuple[str, ...] = ()
-    experiments: PositiveInt = 15
-    most: PositiveInt | None = None
-    tolerance: PositiveFloat = 1e-6
-    solver: Literal["cvxpy", "newton"] = "cvxpy"
-
-    @model_validator(mode="after")
-    def _interest(self) -> Self:
-        if (self.criterion in ("Ds", "As")) != bool(self.interest):
-            needed = "needs" if self.criterion in ("Ds", "As") else "has no"
-            raise ValueError(
-                f"interest: criterion {self.criterion} {needed} parameters of interest"
-            )
-        return self
-
-    def wanted(self) -> "str | Criterion":
-        """Return the criterion."""
-        from oed.design.criteria import AsCriterion, DsCriterion
-
-        if self.criterion == "Ds":
-            return DsCriterion(self.interest)
-        return AsCriterion(self.interest) if self.criterion == "As" else self.criterion
-
-    def constraints(self) -> "Constraints | None":
-        """Return the limits on experiments; None where shares need only sum to one."""
-        from oed.design.constraints import Constraints
-
-        if self.most is None:
-            return None
-        return Constraints(experiments=self.experiments, most=self.most)
 
 
 class DataChoice(Strict):
@@ -177,9 +138,31 @@ class PosteriorChoice(Strict):
 
 
 class ValidationChoice(Strict):
-    """How many candidates that the plan does not use are measured to check predictions."""
+    """Which positions check predictions instead of being fitted.
 
-    count: PositiveInt
+    Of simulated data `count` candidates that the plan does not use; of measured data some of their
+    positions, counted from 0, or a share of them drawn at random.
+    """
+
+    count: PositiveInt | None = None
+    positions: Annotated[tuple[Index, ...], Field(min_length=1)] | None = None
+    share: Annotated[float, Field(gt=0, lt=1)] | None = None
+
+    @model_validator(mode="after")
+    def _one(self) -> Self:
+        given = [k for k in ("count", "positions", "share") if getattr(self, k) is not None]
+        if len(given) != 1:
+            found = " and ".join(given) or "none of count, positions and share"
+            raise ValueError(f"{found} given; one of them is needed")
+        return self
+
+
+class CompareChoice(Strict):
+    """Rivals of the plan, and how many experiments are simulated by each plan."""
+
+    random: Annotated[int, Field(ge=0, le=100)] = 3
+    grid: Annotated[dict[str, PositiveInt], Field(min_length=1)] | None = None
+    runs: Annotated[int, Field(ge=0)] | None = None
 
 
 class Study(Strict):
@@ -195,7 +178,9 @@ class Study(Strict):
     design: DesignChoice = DesignChoice()
     data: DataChoice = DataChoice()
     fit: FitChoice = FitChoice()
+    compare: CompareChoice = CompareChoice()
     posterior: PosteriorChoice = PosteriorChoice()
+    profiles: Annotated[int, Field(ge=0)] = 3
     validation: ValidationChoice | None = None
     compare_with: Literal["wernholt_moberg_2008"] | None = None
     output: Path
@@ -205,18 +190,34 @@ class Study(Strict):
         needed = ("candidates", "frequencies", "noise")
         given = [key for key in needed if getattr(self, key) is not None]
         if self.data.measured:
-            optional = [key for key in ("truth", "validation") if getattr(self, key) is not None]
+            optional = [key for key in ("truth", "compare") if key in self.model_fields_set]
             useless = [*given, *optional]
             if useless:
                 raise ValueError(
                     f"{useless[0]}: of no use with measured data, whose positions, frequencies "
                     "and noise are their own; leave it out"
                 )
-            return self
+            return self._checks("positions or share", ("positions", "share"))
         missing = [key for key in needed if key not in given]
         if missing:
             raise ValueError(f"missing key {missing[0]!r}")
+        return self._checks("count", ("count",))
+
+    def _checks(self, needed: str, keys: tuple[str, ...]) -> Self:
+        """Refuse a validation for data of another kind."""
+        chosen = self.validation
+        if chosen is not None and all(getattr(chosen, key) is None for key in keys):
+            kind = "measured" if self.data.measured else "simulated"
+            raise ValueError(f"validation: {needed} is needed for {kind} data")
         return self
+
+    @property
+    def compares(self) -> bool:
+        """Whether the plan is compared with rivals in simulated experiments."""
+        if self.data.measured or self.compare.runs == 0:
+            return False
+        by_law = self.data.experiment is None and self.truth is None
+        return by_law or "compare" in self.model_fields_set
 
     @model_validator(mode="after")
     def _six_estimators(self) -> Self:

@@ -13,8 +13,8 @@ from estimators.fitting.multistart import multistart, perturbed_starts
 from estimators.fitting.weights import MINIMUM_SNR, user_weights
 from estimators.frf.estimate import FrfEstimate
 from oed.design.criteria import criterion as named_criterion
-from oed.information_set import InformationSet
 from oed.study.data import Data
+from oed.study.design import Information
 from oed.study.fit_section import Estimator, WeightChoice
 from oed.study.run import Run
 from oed.study.stages import Files, Report, Stage
@@ -77,7 +77,7 @@ def search(
     run: Run,
     estimator: Estimator,
     data: Stage[Data],
-    info: InformationSet,
+    info: Information,
     starts: Array,
 ) -> Stage[Search]:
     """Return the fits of an estimator from all starts.
@@ -145,7 +145,7 @@ def chosen(
     return run.stages.run("result", inputs, compute, Files(_save_chosen, load))
 
 
-def positions_of(estimator: Estimator, estimate: FrfEstimate, info: InformationSet) -> IntArray:
+def positions_of(estimator: Estimator, estimate: FrfEstimate, info: Information) -> IntArray:
     """Return which positions of the data an estimator uses.
 
     "best" is the single one whose information is largest (D), as LLS1U of [WM] 6.
@@ -159,7 +159,7 @@ def positions_of(estimator: Estimator, estimate: FrfEstimate, info: InformationS
     if estimator.positions == "all":
         return np.arange(count)
     if estimator.positions == "best":
-        matrices = [info.matrices[_candidate(info, p)] for p in estimate.positions]
+        matrices = list(info.take(np.array([_candidate(info, p) for p in estimate.positions])))
         values = [named_criterion("D").value(matrix) for matrix in matrices]
         if not np.isfinite(max(values)):
             raise NotIdentifiable(
@@ -220,7 +220,7 @@ def start_number(starts: Array, run: Fit) -> int:
 _STORE = "searches.h5"
 
 
-def _candidate(info: InformationSet, position: Array) -> int:
+def _candidate(info: Information, position: Array) -> int:
     return int(np.argmin(np.abs(info.positions - position).max(axis=1)))
 
 

@@ -11,7 +11,6 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from oed.candidates.screening import ScreenedCandidates
-from oed.information_set import InformationSet
 from oed.study import data as study_data
 from oed.study import design as study_design
 from oed.study import fits as study_fits
@@ -19,11 +18,13 @@ from oed.study import measured as study_measured
 from oed.study import published as study_published
 from oed.study import uncertainty as study_uncertainty
 from oed.study import validation as study_validation
+from oed.study.comparison import compared
 from oed.study.data import Data, SimulatedExperiment
-from oed.study.design import Plan
+from oed.study.design import Information, Plan
 from oed.study.file import Study
 from oed.study.fingerprint import file_digest
 from oed.study.fits import Chosen, Search, start_number
+from oed.study.held_out import Split, split_data
 from oed.study.results import FittedStudy, PlannedStudy, StudyResults
 from oed.study.run import Run
 from oed.study.stages import Progress, Stage, open_stages, versions
@@ -101,7 +102,8 @@ def run_study(
     with _opened(study, progress, executor, fresh) as run:
         source = _source(run)
         fits = _fits(run, source)
-        judged, fitted = _judged(run, source, fits), _fitted(run, source, fits)
+        fitted = _fitted(run, source, fits)
+        judged = _judged(run, source, fits)
         # Last: it says what all stages took.
         return StudyResults(**_planned(run, source), **fitted, **judged)
 
@@ -122,7 +124,7 @@ def _opened(
 class _Planned:
     """Where to measure."""
 
-    information: Stage[InformationSet]
+    information: Stage[Information]
     plan: Stage[Plan]
     omega: Array
     candidates: ScreenedCandidates | None = None
@@ -134,6 +136,7 @@ class _Source(_Planned):
 
     data: Stage[Data] = field(kw_only=True)
     experiment: SimulatedExperiment | None = None
+    split: Stage[Split] | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -150,9 +153,10 @@ def _plan(run: Run) -> _Planned:
         return _measured(run)
     found = study_design.candidates(run)
     info = study_design.candidate_information(run, found)
+    plan = study_design.plan(run, info, study_design.sampled_information(run, found))
     frequencies = run.study.frequencies
     assert frequencies is not None
-    return _Planned(info, study_design.plan(run, info), frequencies.omega(), found.value)
+    return _Planned(info, plan, frequencies.omega(), found.value)
 
 
 def _source(run: Run) -> _Source:
@@ -180,9 +184,12 @@ def _measured(run: Run) -> _Source:
     else:
         assert choice.frf is not None
         data = study_data.frf_from_file(run, choice.frf)
+    split = None if run.study.validation is None else split_data(run, data)
+    if split is not None:
+        data = Stage(data.name, split.value.fitted, split.digest, split.seconds, split.kept)
     info = study_measured.measured_information(run, data)
     plan = study_measured.measured_plan(run, info, data)
-    return _Source(info, plan, data.value.estimate.omega, data=data)
+    return _Source(info, plan, data.value.estimate.omega, data=data, split=split)
 
 
 def _fits(run: Run, source: _Source) -> _Fits:
@@ -206,6 +213,8 @@ def _planned(run: Run, planned: _Planned) -> dict[str, Any]:
         "information": planned.information.value,
         "design": planned.plan.value.design,
         "exact": planned.plan.value.exact,
+        "robust": planned.plan.value.robust,
+        "order": planned.plan.value.order,
         "omega": planned.omega,
         "seconds": run.stages.seconds,
         "kept": run.stages.kept,
@@ -232,19 +241,37 @@ def _fitted(run: Run, source: _Source, fits: _Fits) -> dict[str, Any]:
 
 
 def _judged(run: Run, source: _Source, fits: _Fits) -> dict[str, Any]:
-    """Return the fields that `StudyResults` has besides: how far to trust the fit."""
-    known = study_uncertainty.covariances(run, fits.result)
-    sampled = study_uncertainty.posterior(run, fits.result)
-    checked = study_uncertainty.checked(run, fits.result, known, sampled, fits.searches)
-    held_out = None
-    if run.study.validation is not None:
-        held_out = study_validation.held_out(
-            run, source.information, source.plan, fits.result, known
-        ).value
+    """Return the fields that `StudyResults` has besides: how far to trust plan and fit."""
+    comparison = None
+    if run.study.compares:
+        comparison = compared(run, source.information, source.plan)
+    covariances = study_uncertainty.covariances(run, fits.result)
+    known = study_uncertainty.Known(
+        covariances,
+        study_uncertainty.posterior(run, fits.result),
+        study_uncertainty.profiles(run, fits.result, covariances),
+        comparison,
+    )
+    checked = study_uncertainty.checked(run, fits.result, known, fits.searches)
+    held_out = _held_out(run, source, fits, covariances)
     return {
-        "theorem1": known.value.theorem1,
-        "empirical": known.value.empirical,
-        "posterior": sampled.value,
+        "theorem1": covariances.value.theorem1,
+        "empirical": covariances.value.empirical,
+        "posterior": known.posterior.value,
         "cross_check": checked.value,
-        "held_out": held_out,
+        "held_out": None if held_out is None else held_out.value,
+        "comparison": None if comparison is None else comparison.value,
     }
+
+
+def _held_out(
+    run: Run,
+    source: _Source,
+    fits: _Fits,
+    known: Stage[study_uncertainty.Covariances],
+) -> Stage[study_validation.HeldOut] | None:
+    if run.study.validation is None:
+        return None
+    if source.split is not None:
+        return study_validation.held_back(run, source.split, fits.result, known)
+    return study_validation.held_out(run, source.information, source.plan, fits.result, known)

@@ -15,14 +15,17 @@ from estimators.uncertainty.identifiability import Identifiability, fit_informat
 from estimators.uncertainty.posterior import Posterior
 from oed.candidates.screening import ScreenedCandidates
 from oed.design.relaxed import Design
-from oed.information_set import InformationSet
+from oed.design.robust import RobustDesign
 from oed.plans.exact import ExactDesign
+from oed.plans.order import VisitingOrder
 from oed.study.data import SimulatedExperiment
+from oed.study.design import Information
 from oed.study.file import Study
 from oed.study.fits import Search
 from oed.study.published import Published
 from oed.study.run import truth_of
 from oed.study.validation import HeldOut
+from oed.trials.comparison import PlanComparison
 from robotmodels import ElasticRobot
 from robotmodels.arrays import Array, IntArray
 
@@ -39,6 +42,8 @@ class PlannedStudy:
         measured.
     information, design, exact : candidates, relaxed optimum, integer plan. With measured data the
         candidates are the measured positions and the plan is what was measured.
+    robust : what a robust design keeps at each sample of theta; None where it is for one theta.
+    order : in which the positions of the plan are visited; None where the study does not ask.
     omega : (F,) of the data, or of the design where there are none yet [rad/s].
     seconds : time per stage, when it was computed.
     kept : stages that earlier runs had computed.
@@ -49,9 +54,11 @@ class PlannedStudy:
     robot: ElasticRobot
     plant: ElasticRobot | None
     candidates: ScreenedCandidates | None
-    information: InformationSet
+    information: Information
     design: Design
     exact: ExactDesign
+    robust: RobustDesign | None
+    order: VisitingOrder | None
     omega: Array
     seconds: dict[str, float]
     kept: tuple[str, ...]
@@ -116,6 +123,7 @@ class StudyResults(FittedStudy):
     theorem1, empirical, posterior : uncertainty of the fit, three ways.
     cross_check : all that is known of it side by side, with verdicts.
     held_out : validation in positions that were not fitted; None unless the study asks for it.
+    comparison : the plan beside rivals in simulated experiments; None where there is none.
     """
 
     theorem1: Uncertainty
@@ -123,6 +131,7 @@ class StudyResults(FittedStudy):
     posterior: Posterior
     cross_check: CrossCheck
     held_out: HeldOut | None
+    comparison: PlanComparison | None
 
     @property
     def z_scores(self) -> Array:

@@ -13,7 +13,16 @@ from oed.study.stages import Stages
 from robotmodels import ElasticRobot
 from robotmodels.arrays import Array
 
-STREAMS = ("data", "starts", "posterior", "validation", "held out", "importance")
+STREAMS = (
+    "data",
+    "starts",
+    "posterior",
+    "validation",
+    "held out",
+    "importance",
+    "robust",
+    "comparison",
+)
 """Independent random numbers; a new one goes to the end, lest the others change."""
 
 

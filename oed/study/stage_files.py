@@ -11,6 +11,7 @@ import numpy as np
 from estimators.frf.estimate import FrfEstimate
 from estimators.frf.exchange import read_frf, write_frf
 from oed.information_set import InformationSet
+from oed.store import StoredInformation
 from oed.study.stages import Files
 from robotmodels.arrays import Array, read_only
 from robotmodels.errors import InvalidInput
@@ -64,6 +65,12 @@ ARRAY: Files[Array] = Files(_save_array, _load_array)
 INFORMATION: Files[InformationSet] = Files(
     save=lambda info, folder: info.save(folder / "information.h5"),
     load=lambda folder: InformationSet.load(folder / "information.h5"),
+)
+STORE = "information.store"
+"""Matrices that are read in chunks, see `oed.store`; a computation writes it itself."""
+STORED: Files[StoredInformation] = Files(
+    save=lambda info, folder: None,
+    load=lambda folder: StoredInformation.open(folder / STORE),
 )
 FRF: Files[FrfEstimate] = Files(
     save=lambda estimate, folder: write_frf(folder / "frf.h5", estimate),

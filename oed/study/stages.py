@@ -30,6 +30,7 @@ from oed.study.fingerprint import folder_digest, json_digest
 from robotmodels.errors import IdentificationError, InvalidInput
 
 T = TypeVar("T")
+Result = TypeVar("Result", covariant=True)
 Progress = Callable[[str, int, int], None]
 """Called with the stage's name, the steps done and the steps in all (0: not known yet)."""
 Report = Callable[[int, int], None]
@@ -49,7 +50,7 @@ class Files(Generic[T]):
 
 
 @dataclass(frozen=True, eq=False)
-class Stage(Generic[T]):
+class Stage(Generic[Result]):
     """A finished stage.
 
     Attributes
@@ -62,7 +63,7 @@ class Stage(Generic[T]):
     """
 
     name: str
-    value: T
+    value: Result
     digest: str
     seconds: float
     kept: bool

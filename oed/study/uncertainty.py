@@ -4,16 +4,21 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
+import numpy as np
+
 from estimators.fitting.least_squares import Fit
 from estimators.uncertainty.convergence import Target
 from estimators.uncertainty.covariance import Uncertainty, covariance
 from estimators.uncertainty.cross_check import CrossCheck, cross_check
 from estimators.uncertainty.importance import importance_sample
+from estimators.uncertainty.monte_carlo import MonteCarlo
 from estimators.uncertainty.posterior import Posterior, check_sizes, sample_posterior
+from estimators.uncertainty.profile import Profile, profile_likelihood
 from oed.study.fits import Chosen, Search
 from oed.study.run import Run
 from oed.study.stage_files import dataclass_files
 from oed.study.stages import Report, Stage
+from oed.trials.comparison import PlanComparison
 from robotmodels.errors import InvalidInput
 
 THIN = 5
@@ -79,36 +84,79 @@ def posterior(run: Run, result: Stage[Chosen]) -> Stage[Posterior]:
     return run.stages.run("posterior", inputs, compute, dataclass_files(Posterior))
 
 
+@dataclass(frozen=True, eq=False)
+class Profiles:
+    """Profile likelihoods of some parameters."""
+
+    found: tuple[Profile, ...]
+
+
+def profiles(run: Run, result: Stage[Chosen], known: Stage[Covariances]) -> Stage[Profiles] | None:
+    """Return profile likelihoods of the least certain parameters, as many as the study asks for."""
+    count, std = run.study.profiles, known.value.theorem1.std
+    if not count:
+        return None
+    chosen = np.sort(np.argsort(-std, kind="stable")[:count])
+    names = [known.value.theorem1.names[i] for i in chosen]
+
+    def compute(folder: Path, report: Report | None) -> Profiles:
+        fit = result.value.fit
+        return Profiles(profile_likelihood(fit, names, executor=run.executor, progress=report))
+
+    inputs = {"robot": run.robot_digest, "result": result.digest, "parameters": names}
+    return run.stages.run("profiles", inputs, compute, dataclass_files(Profiles))
+
+
+@dataclass(frozen=True, eq=False)
+class Known:
+    """What the stages before a cross-check found; the last two as far as there are any."""
+
+    covariances: Stage[Covariances]
+    posterior: Stage[Posterior]
+    profiles: Stage[Profiles] | None
+    comparison: Stage[PlanComparison] | None
+
+
 def checked(
-    run: Run,
-    result: Stage[Chosen],
-    known: Stage[Covariances],
-    sampled: Stage[Posterior],
-    searches: Mapping[str, Stage[Search]],
+    run: Run, result: Stage[Chosen], known: Known, searches: Mapping[str, Stage[Search]]
 ) -> Stage[CrossCheck]:
     """Return what the methods say of each parameter, side by side, with a verdict."""
     name = run.study.fit.result or _likelihood(searches)
     runs: tuple[Fit, ...] = () if name is None else searches[name].value.runs
+    repeated = _repeated(run, result, known)
 
     def compute(folder: Path, report: Report | None) -> CrossCheck:
         return cross_check(
             result.value.fit,
-            theorem1=known.value.theorem1,
-            empirical=known.value.empirical,
-            posterior=sampled.value,
+            theorem1=known.covariances.value.theorem1,
+            empirical=known.covariances.value.empirical,
+            posterior=known.posterior.value,
             importance=importance_sample(result.value.fit, rng=run.rng("importance")),
+            profiles=() if known.profiles is None else known.profiles.value.found,
+            monte_carlo=repeated,
             multistart=[one for one in runs if one.converged],
         )
 
     inputs = {
         "robot": run.robot_digest,
         "result": result.digest,
-        "uncertainty": known.digest,
-        "posterior": sampled.digest,
+        "uncertainty": known.covariances.digest,
+        "posterior": known.posterior.digest,
+        "profiles": None if known.profiles is None else known.profiles.digest,
+        "comparison": None if known.comparison is None else known.comparison.digest,
         "runs": None if name is None else searches[name].digest,
         **run.settings("seed"),
     }
     return run.stages.run("cross-check", inputs, compute, dataclass_files(CrossCheck))
+
+
+def _repeated(run: Run, result: Stage[Chosen], known: Known) -> MonteCarlo | None:
+    """Return repeated experiments by the plan, where the data and the fit are of the same kind."""
+    by_law = run.study.data.experiment is None and run.plant is run.robot
+    likelihood = result.value.fit.residual == "nls" and run.study.fit.result is None
+    if known.comparison is None or not (by_law and likelihood):
+        return None
+    return known.comparison.value.trials[0].found
 
 
 def _likelihood(searches: Mapping[str, Stage[Search]]) -> str | None:

@@ -7,10 +7,10 @@ import numpy as np
 
 from estimators.frf.estimate import FrfEstimate, simulate_frf
 from estimators.uncertainty.validation import Validation, validate
-from oed.information_set import InformationSet
 from oed.study.data import frf_of, shaken
-from oed.study.design import Plan
+from oed.study.design import Information, Plan
 from oed.study.fits import Chosen
+from oed.study.held_out import Split
 from oed.study.run import Run
 from oed.study.stage_files import dataclass_files
 from oed.study.stages import Report, Stage
@@ -36,7 +36,7 @@ class HeldOut:
 
 def held_out(
     run: Run,
-    info: Stage[InformationSet],
+    info: Stage[Information],
     plan: Stage[Plan],
     result: Stage[Chosen],
     known: Stage[Covariances],
@@ -50,13 +50,7 @@ def held_out(
     positions = _positions(run, info.value, plan.value)
 
     def compute(folder: Path, report: Report | None) -> HeldOut:
-        estimate = _measured(run, positions, folder, report)
-        fit = result.value.fit
-        judged = [
-            validate(run.robot, fit.parameters.values, estimate, uncertainty)
-            for uncertainty in (known.value.theorem1, known.value.empirical)
-        ]
-        return HeldOut(estimate, *judged)
+        return _judged(run, _measured(run, positions, folder, report), result, known)
 
     inputs = {
         "robot": run.robot_digest,
@@ -69,9 +63,38 @@ def held_out(
     return run.stages.run("validation", inputs, compute, dataclass_files(HeldOut))
 
 
-def _positions(run: Run, info: InformationSet, plan: Plan) -> Array:
+def held_back(
+    run: Run, split: Stage[Split], result: Stage[Chosen], known: Stage[Covariances]
+) -> Stage[HeldOut]:
+    """Return the validation in measured positions that were not fitted."""
+
+    def compute(folder: Path, report: Report | None) -> HeldOut:
+        return _judged(run, split.value.held_out, result, known)
+
+    inputs = {
+        "robot": run.robot_digest,
+        "split": split.digest,
+        "result": result.digest,
+        "uncertainty": known.digest,
+    }
+    return run.stages.run("validation", inputs, compute, dataclass_files(HeldOut))
+
+
+def _judged(
+    run: Run, estimate: FrfEstimate, result: Stage[Chosen], known: Stage[Covariances]
+) -> HeldOut:
+    values = result.value.fit.parameters.values
+    judged = [
+        validate(run.robot, values, estimate, uncertainty)
+        for uncertainty in (known.value.theorem1, known.value.empirical)
+    ]
+    return HeldOut(estimate, *judged)
+
+
+def _positions(run: Run, info: Information, plan: Plan) -> Array:
     choice = run.study.validation
     assert choice is not None
+    assert choice.count is not None  # the schema asks for it where data are simulated
     free = np.flatnonzero(plan.exact.repetitions == 0)
     if len(free) < choice.count:
         raise InvalidInput(

@@ -15,7 +15,7 @@ from oed.design.criteria import objective as stated
 from oed.design.null_space import unidentifiable
 from oed.trials.held import held
 from oed.trials.scatter import ratio_interval, std_interval
-from robotmodels.arrays import Array, IntArray, read_only
+from robotmodels.arrays import Array, BoolArray, IntArray, read_only
 from robotmodels.errors import InvalidInput, NotIdentifiable
 from robotmodels.noise import RelativeNoise
 from robotmodels.notebook import Printed
@@ -43,6 +43,12 @@ class PlanTrial:
     unidentified: tuple[str, ...] = ()
     promised: Uncertainty | None = None
     found: MonteCarlo | None = None
+
+    @property
+    def information(self) -> Array:
+        """What the plan promises, (p, p)."""
+        assert self.promised is not None  # asked of plans that identify everything
+        return np.asarray(np.linalg.inv(self.promised.covariance))
 
     @property
     def std(self) -> Array:
@@ -100,7 +106,7 @@ class PlanComparison(Printed):
         """Rivals that beat the plan by more than chance explains."""
         return self._rivals(self.interval[:, 0] > 1)
 
-    def _rivals(self, which: Array) -> tuple[str, ...]:
+    def _rivals(self, which: BoolArray) -> tuple[str, ...]:
         pairs = zip(self.trials[1:], which[1:], strict=True)
         return tuple(trial.name for trial, chosen in pairs if chosen)
 
@@ -254,15 +260,13 @@ def _judged(
 ) -> PlanComparison:
     wanted = stated(criterion, names)
     own, promised, found = trials[0], [], []
-    assert own.promised is not None
     assert own.found is not None
     for trial in trials[1:]:
         if trial.promised is None or trial.found is None:
             promised.append(0.0)
             found.append((0.0, 0.0, 0.0))
             continue
-        matrices = [np.linalg.inv(one.covariance) for one in (trial.promised, own.promised)]
-        promised.append(wanted.efficiency(*matrices))
+        promised.append(wanted.efficiency(trial.information, own.information))
         found.append(ratio_interval(wanted, trial.found, own.found, LEVEL))
     efficiencies = np.array([(1.0, 1.0, 1.0), *found])
     return PlanComparison(

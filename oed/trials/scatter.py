@@ -38,7 +38,7 @@ def ratio_interval(
 
 
 def _log_value(objective: Objective, covariance: Array) -> float:
-    return objective.log_value(np.linalg.inv(covariance))
+    return objective.log_value(np.asarray(np.linalg.inv(covariance)))
 
 
 def _errors(objective: Objective, found: MonteCarlo, rng: np.random.Generator) -> Array:

@@ -16,7 +16,9 @@ STAGES = {
     "fit-nls",
     "result",
     "uncertainty",
+    "comparison",
     "posterior",
+    "profiles",
     "cross-check",
 }
 INFORMATION = "stages/information/information.h5"

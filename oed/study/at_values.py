@@ -1,0 +1,54 @@
+"""A robot at other values of its free parameters."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from robotmodels.arrays import Array
+from robotmodels.description.parameters import Parameters
+from robotmodels.elastic.spring_network import SpringNetwork
+from robotmodels.elastic.tangents import Tangents
+from robotmodels.response import BeyondSprings, Elastic
+
+
+@dataclass(frozen=True, eq=False)
+class AtValues:
+    """An elastic system whose own parameter values are others.
+
+    Attributes
+    ----------
+    model : the system.
+    values : (p,) in the order of its parameters [SI].
+    """
+
+    model: Elastic
+    values: Array
+
+    @property
+    def parameters(self) -> Parameters:
+        """The free parameters."""
+        own = self.model.parameters
+        return Parameters(own.names, np.asarray(self.values), own.units)
+
+    def network(self, positions: Array, parameters: Array | None = None) -> SpringNetwork:
+        """Return the spring network about the equilibria at `positions` (Q, n)."""
+        return self.model.network(positions, self._own(parameters))
+
+    def tangents(
+        self, positions: Array, parameters: Array | None = None, *, sag: bool = True
+    ) -> Tangents | None:
+        """Return what the network's sensitivities leave out."""
+        if not isinstance(self.model, BeyondSprings):
+            return None
+        return self.model.tangents(positions, self._own(parameters), sag=sag)
+
+    def linearization(
+        self, positions: Array, parameters: Array | None = None, *, sag: bool = True
+    ) -> tuple[SpringNetwork, Tangents | None]:
+        """Return `network` and `tangents` about the same equilibria."""
+        if not isinstance(self.model, BeyondSprings):
+            return self.network(positions, parameters), None
+        return self.model.linearization(positions, self._own(parameters), sag=sag)
+
+    def _own(self, parameters: Array | None) -> Array:
+        return np.asarray(self.values) if parameters is None else parameters

@@ -1,0 +1,82 @@
+"""The stage of a study that tries its plan, beside rivals, in simulated experiments."""
+
+from pathlib import Path
+
+import numpy as np
+
+from oed.study.design import Information, Plan
+from oed.study.run import Run
+from oed.study.stage_files import dataclass_files
+from oed.study.stages import Files, Report, Stage
+from oed.trials.comparison import PlanComparison, compare_plans
+from oed.trials.rivals import even_plan, grid_plan, random_plan
+from robotmodels.arrays import IntArray
+from robotmodels.errors import InvalidInput
+
+OPTIMAL = "optimal"
+
+
+def compared(run: Run, info: Stage[Information], plan: Stage[Plan]) -> Stage[PlanComparison]:
+    """Return the plan beside rivals of as many experiments, in experiments by the noise law.
+
+    Raises
+    ------
+    InvalidInput : if the designer's grid does not fit, or there are too few runs.
+    """
+    frequencies, noise = run.study.frequencies, run.study.noise
+    assert frequencies is not None
+    assert noise is not None
+
+    def compute(folder: Path, report: Report | None) -> PlanComparison:
+        rng = run.rng("comparison")
+        try:
+            return compare_plans(
+                run.robot,
+                info.value,
+                info.value.positions,
+                _plans(run, info.value, plan.value, rng),
+                frequencies.omega(),
+                noise.law(),
+                rng=rng,
+                runs=run.study.compare.runs,
+                criterion=run.study.design.wanted(),
+                executor=run.executor,
+                progress=report,
+                store=folder,
+            )
+        except InvalidInput as error:
+            raise InvalidInput(f"compare.{error}") from None
+
+    inputs = {
+        "robot": run.robot_digest,
+        "information": info.digest,
+        "design": plan.digest,
+        "criterion": run.settings("design")["design"]["criterion"],
+        **run.settings("compare", "frequencies", "noise", "seed"),
+    }
+    return run.stages.run("comparison", inputs, compute, Files(_save, _KEPT.load))
+
+
+def _plans(
+    run: Run, info: Information, plan: Plan, rng: np.random.Generator
+) -> dict[str, IntArray]:
+    """Return the plan and its rivals by name."""
+    choice, count = run.study.compare, plan.exact.n_experiments
+    plans = {OPTIMAL: plan.exact.repetitions}
+    if choice.grid is None:
+        plans["evenly spread"] = even_plan(info.positions, count)
+    else:
+        joints = tuple(run.robot.motor_joints)
+        plans["grid by hand"] = grid_plan(info.positions, count, choice.grid, joints)
+    for k in range(choice.random):
+        plans[f"random {k + 1}"] = random_plan(len(info), count, rng)
+    return plans
+
+
+_KEPT = dataclass_files(PlanComparison)
+
+
+def _save(value: PlanComparison, folder: Path) -> None:
+    _KEPT.save(value, folder)
+    for store in folder.glob("plan_*.h5"):
+        store.unlink()
