@@ -2,11 +2,12 @@
 
 from dataclasses import replace
 from typing import TYPE_CHECKING
+from weakref import WeakKeyDictionary
 
 import numpy as np
 
 from estimators.fitting.cost import Problem
-from estimators.fitting.sag import sag_gradient
+from estimators.fitting.sag import Sag, with_sag
 from estimators.fitting.trust_region import Outcome, exact_search, trust_region
 from estimators.frf.estimate import is_full
 from robotmodels.arrays import Array
@@ -18,7 +19,7 @@ if TYPE_CHECKING:
     from robotmodels.kernel import CostKernel
 
 # Fewer numbers than this in the Jacobian are faster by numpy than compiled code is loaded.
-WORTHWHILE = 200_000
+WORTHWHILE = 80_000
 # A first search need not be better than the equilibria of its start.
 ROUGH = 1e-4
 # Renewals of the equilibria. Two or three do; where springs are so soft that more are needed, the
@@ -55,13 +56,9 @@ def renewed_search(
     ------
     IdentificationError : if the model has no FRF at the start.
     """
-    kernel: CostKernel | None = None
 
     def evaluate(values: Array) -> tuple[Array, Array]:
-        nonlocal kernel
-        model = CorrectedModel(problem, _network(problem, values), True, kernel)
-        kernel = model.kernel
-        return model(values)
+        return CorrectedModel(problem, *with_sag(problem, values))(values)
 
     return trust_region(problem, evaluate, start, max_evaluations, tolerance)
 
@@ -80,7 +77,8 @@ def frozen_search(
     of V that is exact in cost and gradient there and costs a few products of small matrices. Its
     minimum is the next point, until a minimum is the point itself: there cost and gradient of V
     are exact (the first-order corrected models of Alexandrov and Lewis 2001). The first time, far
-    away, s is left out.
+    away, s is left out. The search ends where the next point would gain nothing, judging by how
+    much less the last one gained than the one before.
 
     Parameters
     ----------
@@ -90,22 +88,26 @@ def frozen_search(
     ------
     IdentificationError : if the model has no FRF at the start.
     """
-    values, spent, cost, kernel = start, 0, np.inf, None
+    values, spent, cost, gain = start, 0, np.inf, np.inf
+    sag: Sag | None = None
     for nth in range(ROUNDS):
-        model = CorrectedModel(problem, network, nth > 0, kernel)
-        kernel = model.kernel
+        model = CorrectedModel(problem, network, sag if nth else None)
         allowed = max(tolerance, ROUGH) if nth == 0 else tolerance
         found = trust_region(problem, model, values, max(max_evaluations - spent, 2), allowed)
         spent += found.evaluations
         end = replace(found, evaluations=spent)
-        if nth and (found.status == 0 or model.cost - found.cost <= tolerance * found.cost):
-            return end
+        if nth:
+            before, gain = gain, model.cost - found.cost
+            ratio = gain / before if np.isfinite(before) and before > gain else 1.0
+            next_gain = gain * ratio
+            if found.status == 0 or next_gain <= tolerance * found.cost:
+                return end
         if spent > max_evaluations - 2:
             return replace(end, status=0, message=OUT_OF_EVALUATIONS)
         if nth and model.cost > cost * (1 + tolerance):
             break
         cost = model.cost if nth else cost
-        values, network = _reachable(problem, values, found.values, network)
+        values, network, sag = _reachable(problem, values, found.values, network, sag)
     found = exact_search(problem, values, max_evaluations - spent, tolerance)
     return replace(found, evaluations=spent + found.evaluations)
 
@@ -142,26 +144,18 @@ def squares(normal: NormalEquations) -> tuple[Array, Array]:
 class CorrectedModel:
     """Residuals and Jacobian equivalent to the cost about the equilibria of one network.
 
-    A `kernel` of the same problem about other equilibria spares to prepare the data again.
-
     Attributes
     ----------
     cost : at the network's own parameters.
     """
 
-    def __init__(
-        self,
-        problem: Problem,
-        network: SpringNetwork,
-        corrected: bool,
-        kernel: "CostKernel | None" = None,
-    ) -> None:
+    def __init__(self, problem: Problem, network: SpringNetwork, sag: Sag | None) -> None:
         self.problem = problem
         self.centre = network.parameters.values
-        self.kernel = _kernel(problem, network) if kernel is None else kernel.at(network)
+        self.kernel = _kernel(problem, network)
         self.shift = np.zeros(len(self.centre))
-        if corrected:
-            self.shift = sag_gradient(problem, network, self.kernel)
+        if sag is not None:
+            self.shift = sag.gradient(network, self.kernel)
         self.cost = np.nan
 
     def __call__(self, values: Array) -> tuple[Array, Array]:
@@ -175,16 +169,20 @@ class CorrectedModel:
         return squares(found)
 
 
+# Data are prepared once for all starts: most of what a kernel does before its first evaluation.
+_PREPARED: "WeakKeyDictionary[Problem, CostKernel]" = WeakKeyDictionary()
+
+
 def _kernel(problem: Problem, network: SpringNetwork) -> "CostKernel":
     from robotmodels.kernel import CostKernel
 
-    estimate = problem.estimate
-    weights = np.asarray(problem.weights, dtype=float)
-    return CostKernel(network, estimate.omega, estimate.response, weights, problem.kind.name)
-
-
-def _network(problem: Problem, values: Array) -> SpringNetwork:
-    return problem.model.network(problem.estimate.positions, values)
+    prepared = _PREPARED.get(problem)
+    if prepared is not None:
+        return prepared.at(network)
+    estimate, weights = problem.estimate, np.asarray(problem.weights, dtype=float)
+    kernel = CostKernel(network, estimate.omega, estimate.response, weights, problem.kind.name)
+    _PREPARED[problem] = kernel
+    return kernel
 
 
 def _with_prior(problem: Problem, values: Array, data: NormalEquations) -> NormalEquations:
@@ -198,12 +196,14 @@ def _with_prior(problem: Problem, values: Array, data: NormalEquations) -> Norma
 
 
 def _reachable(
-    problem: Problem, values: Array, wanted: Array, network: SpringNetwork
-) -> tuple[Array, SpringNetwork]:
+    problem: Problem, values: Array, wanted: Array, network: SpringNetwork, sag: Sag | None
+) -> tuple[Array, SpringNetwork, Sag | None]:
     """Return `wanted`, or the first of its halvings towards `values` that has an equilibrium."""
     for _ in range(HALVINGS):
         try:
-            return wanted, _network(problem, wanted)
+            if sag is not None and sag.near(wanted):
+                return wanted, problem.model.network(problem.estimate.positions, wanted), sag
+            return wanted, *with_sag(problem, wanted)
         except IdentificationError:
             wanted = np.sqrt(values * wanted)
-    return values, network
+    return values, network, sag

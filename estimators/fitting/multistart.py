@@ -23,6 +23,10 @@ from robotmodels.errors import InvalidInput
 from robotmodels.response import Elastic
 
 Progress = Callable[[int, int], object]
+# A start, and what an earlier search from there came to.
+_Begun = tuple[Array, Outcome | None]
+# Tasks into which the starts are parted: few enough that handing out the problem costs little.
+TASKS = 32
 
 
 @dataclass(frozen=True)
@@ -146,26 +150,32 @@ class _Runs:
                 yield i, stored
             else:
                 waiting[i] = before
-        one = partial(_search_on, self.problem, limit=limit, tolerance=self.tolerance)
-        for i, outcome in self._ran(one, points, waiting):
+        several = partial(_search_several, self.problem, limit=limit, tolerance=self.tolerance)
+        for i, outcome in self._ran(several, points, waiting):
             if self.store is not None:
                 self.store.append(stage, points[i], outcome)
             yield i, outcome
 
     def _ran(
         self,
-        one: Callable[[Array, Outcome | None], Outcome],
+        several: Callable[[list[_Begun]], list[Outcome]],
         points: list[Array],
         waiting: dict[int, Outcome | None],
     ) -> Iterator[tuple[int, Outcome]]:
+        every = list(waiting)
         if self.executor is None:
-            for i, before in waiting.items():
-                yield i, one(points[i], before)
+            for i in every:
+                yield i, several([(points[i], waiting[i])])[0]
             return
-        futures = {self.executor.submit(one, points[i], before): i for i, before in waiting.items()}
+        size = -(-len(every) // TASKS)
+        shares = [every[k : k + size] for k in range(0, len(every), size)]
+        futures = {
+            self.executor.submit(several, [(points[i], waiting[i]) for i in share]): share
+            for share in shares
+        }
         try:
             for future in as_completed(futures):
-                yield futures[future], future.result()
+                yield from zip(futures[future], future.result(), strict=True)
         finally:
             for future in futures:
                 future.cancel()
@@ -198,13 +208,19 @@ def _begin(
     return rest
 
 
-def _search_on(
-    problem: Problem, start: Array, before: Outcome | None, *, limit: int, tolerance: float
-) -> Outcome:
-    """Search from `start`, or from where an earlier search ended."""
-    if before is None:
-        return search_or_reason(problem, start, limit, tolerance)
-    after = search_or_reason(problem, before.values, limit - before.evaluations, tolerance)
-    if after.status == START_FAILED:
-        return replace(before, message=f"not pursued: {after.message}")
-    return replace(after, evaluations=before.evaluations + after.evaluations)
+def _search_several(
+    problem: Problem, begun: list[_Begun], *, limit: int, tolerance: float
+) -> list[Outcome]:
+    """Search from starts, or from where earlier searches ended."""
+    found = []
+    for start, before in begun:
+        if before is None:
+            found.append(search_or_reason(problem, start, limit, tolerance))
+            continue
+        after = search_or_reason(problem, before.values, limit - before.evaluations, tolerance)
+        if after.status == START_FAILED:
+            found.append(replace(before, message=f"not pursued: {after.message}"))
+        else:
+            spent = before.evaluations + after.evaluations
+            found.append(replace(after, evaluations=spent))
+    return found

@@ -1,3 +1,5 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from test_least_squares import MODEL, noisy
@@ -12,13 +14,14 @@ from estimators.fitting.frozen_search import (
     renewed_search,
     squares,
 )
+from estimators.fitting.sag import with_sag
 from estimators.fitting.search import search
 from estimators.fitting.trust_region import exact_search
 from robotmodels import InvalidInput, RelativeNoise, SolverFailed, load_robot
 from robotmodels.normal_equations import NormalEquations
 
 BOUNDS = (1e-3, 1e3)
-OMEGA = 2 * np.pi * np.geomspace(3.0, 60.0, 20)
+OMEGA = 2 * np.pi * np.geomspace(3.0, 60.0, 12)
 
 
 @pytest.fixture(scope="module")
@@ -54,13 +57,13 @@ def test_cost_and_gradient_are_those_of_the_whitened_residuals(robot, estimate, 
     problem = stated(robot, estimate, residual, "user", BOUNDS, None, known(robot))
     values = far(robot)
     f, slope = problem.evaluate(values)
-    network = robot.network(estimate.positions, values)
-    r, J = CorrectedModel(problem, network, corrected=True)(values)
+    network, sag = with_sag(problem, values)
+    r, J = CorrectedModel(problem, network, sag)(values)
     assert np.isclose(r @ r, f @ f, rtol=1e-12)
     gradient = slope.T @ f
     assert np.abs(J.T @ r - gradient).max() < 1e-9 * np.abs(gradient).max()
     # Frozen equilibria give the same cost, and a gradient that lacks the shift.
-    r, J = CorrectedModel(problem, network, corrected=False)(values)
+    r, J = CorrectedModel(problem, network, None)(values)
     assert np.isclose(r @ r, f @ f, rtol=1e-12)
     apart = np.abs(J.T @ r - gradient).max() / np.abs(gradient).max()
     assert 1e-6 < apart < 0.05
@@ -69,18 +72,44 @@ def test_cost_and_gradient_are_those_of_the_whitened_residuals(robot, estimate, 
 @pytest.mark.parametrize(
     ("residual", "weights"), [("nls", "optimal"), ("lls", "user"), ("lls_magnitude", "combined")]
 )
-def test_both_searches_end_at_the_same_minimum(robot, estimate, residual, weights):
+def test_the_exact_search_finds_nothing_better(robot, estimate, residual, weights):
     problem = stated(robot, estimate, residual, weights, BOUNDS, None, known(robot))
-    start = far(robot, decades=0.15)
-    slow, fast = exact_search(problem, start, 200, 1e-12), frozen(problem, start, 200, 1e-12)
+    fast = frozen(problem, far(robot, decades=0.15), 200, 1e-12)
     assert fast.status > 0
+    slow = exact_search(problem, fast.values, 4, 1e-12)
     assert np.isclose(slow.cost, fast.cost, rtol=1e-9)
-    f, slope = problem.evaluate(fast.values)
-    hessian = 2 * slope.T @ slope
-    apart = np.log(fast.values / slow.values)
-    assert np.sqrt(apart @ hessian @ apart / 2) < 1e-2 * np.sqrt(fast.cost / len(f))
-    step = np.linalg.solve(hessian, 2 * slope.T @ f)
-    assert np.sqrt(step @ hessian @ step / 2) < 1e-2 * np.sqrt(fast.cost / len(f))
+    assert stands(problem, fast)
+
+
+def stands(problem, found):
+    """Tell whether a step of Gauss and Newton, derivatives exact, is small beside the noise."""
+    f, slope = problem.evaluate(found.values)
+    free = (found.values > 1.001 * problem.bounds[0]) & (found.values < 0.999 * problem.bounds[1])
+    step = np.linalg.lstsq(slope[:, free], f)[0]
+    return np.linalg.norm(slope[:, free] @ step) < 1e-2 * np.sqrt(found.cost / len(f))
+
+
+def test_a_point_beside_the_minimum_does_not_stand(robot, estimate):
+    problem = stated(robot, estimate, "lls", "user", BOUNDS)
+    fast = frozen(problem, robot.parameters.values)
+    assert stands(problem, fast)
+    assert not stands(problem, replace(fast, values=fast.values * 1.001))
+
+
+def test_shifts_of_equilibria_carry_to_a_point_nearby(robot, estimate):
+    problem = stated(robot, estimate, "lls", "user", BOUNDS)
+    values = robot.parameters.values
+    near = values * np.exp(0.03 * np.random.default_rng(3).uniform(-1, 1, len(values)))
+    _, sag = with_sag(problem, values)
+    network, exact = with_sag(problem, near)
+    assert sag.near(near)
+    kernel = CorrectedModel(problem, network, None).kernel
+    expected = exact.gradient(network, kernel)
+    apart = np.abs(sag.gradient(network, kernel) - expected).max() / np.abs(expected).max()
+    assert apart < 2e-3  # of equilibria's part of the gradient
+    stiff, damped = (np.array([end in n for n in robot.parameters.names]) for end in (".st", ".da"))
+    assert not sag.near(np.where(stiff, 1.2, 1.0) * values)
+    assert sag.near(np.where(damped, 9.0, 1.0) * values)  # dampers shift nothing
 
 
 def test_large_problems_of_springs_take_the_fast_way(robot, estimate, monkeypatch):
@@ -92,7 +121,7 @@ def test_large_problems_of_springs_take_the_fast_way(robot, estimate, monkeypatc
     assert can_compile(problem, network)
     robust = stated(robot, estimate, "lls", "user", BOUNDS, loss="huber")
     assert not can_compile(robust, network)
-    eyes = np.broadcast_to(np.eye(36) + 0j, (3, 20, 36, 36))
+    eyes = np.broadcast_to(np.eye(36) + 0j, (3, 12, 36, 36))
     assert not can_compile(stated(robot, estimate, "nls", eyes, BOUNDS), network)
     asked = []
     monkeypatch.setattr(
@@ -111,19 +140,16 @@ def test_hardening_gears_are_searched_with_equilibria_found_anew(residual, weigh
     frfs = simulate_frf(robot, positions, OMEGA, RelativeNoise(), rng)
     assert hardens(robot.network(positions))
     problem = stated(robot, frfs, residual, weights, BOUNDS, None, None)
-    start = far(robot, decades=0.1)
-    slow, fast = (
-        exact_search(problem, start, 200, 1e-12),
-        renewed_search(problem, start, 200, 1e-12),
-    )
+    start = far(robot, decades=0.05)
+    fast = renewed_search(problem, start, 200, 1e-12)
     assert fast.status > 0
-    assert np.isclose(slow.cost, fast.cost, rtol=1e-8)
+    assert stands(problem, fast)
     monkeypatch.setattr("estimators.fitting.frozen_search.WORTHWHILE", 0)
     asked = []
     monkeypatch.setattr(
         "estimators.fitting.search.renewed_search", lambda *a: asked.append(1) or renewed_search(*a)
     )
-    assert np.isclose(fit(robot, frfs, residual, weights, start).cost, slow.cost, rtol=1e-6)
+    assert np.isclose(fit(robot, frfs, residual, weights, start).cost, fast.cost, rtol=1e-6)
     assert asked == [1]
 
 
