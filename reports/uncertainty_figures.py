@@ -7,6 +7,7 @@ import corner
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
 from matplotlib.patches import PathPatch
 from matplotlib.path import Path
 from matplotlib.ticker import FuncFormatter, MaxNLocator, NullFormatter
@@ -68,8 +69,17 @@ def intervals(
     return draw
 
 
-def deviations(names: Sequence[str], stds: Sequence[Array], studies: Sequence[str]) -> Drawing:
-    """Return relative standard deviations, (p,) of each study, on a logarithmic axis."""
+def deviations(
+    names: Sequence[str],
+    stds: Sequence[Array],
+    studies: Sequence[str],
+    ends: Sequence[Array | None] | None = None,
+) -> Drawing:
+    """Return relative standard deviations on a logarithmic axis.
+
+    stds : (p,) of each study, or (k, p) of several that share a name.
+    ends : (p, 2) between which the true ones of a study lie, drawn as a bar; None for no bar.
+    """
 
     def draw(palette: Palette) -> Figure:
         groups = _groups(names)
@@ -77,27 +87,41 @@ def deviations(names: Sequence[str], stds: Sequence[Array], studies: Sequence[st
         figure = Figure(figsize=(8.2, 0.95 + 0.2 * longest), layout="constrained")
         grid = figure.subplots(1, len(groups), squeeze=False)[0]
         colours = (palette.accent, palette.second, palette.ink, palette.muted)
+        bars = [None] * len(stds) if ends is None else ends
         for axes, (title, group) in zip(grid, groups.items(), strict=True):
-            for k, (std, study) in enumerate(zip(stds, studies, strict=True)):
-                colour = colours[k % len(colours)]
-                axes.plot(100 * std[group], range(len(group)), "o", color=colour, ms=4, label=study)
+            # The first study last, on top of the others.
+            for k in reversed(range(len(stds))):
+                colour, bar = colours[k % len(colours)], bars[k]
+                x = 100 * np.atleast_2d(stds[k])[:, group]
+                y = np.tile(np.arange(len(group)), len(x))
+                axes.plot(x.ravel(), y, "o", color=colour, ms=4 if len(x) == 1 else 2.5)
+                if bar is not None:
+                    axes.hlines(range(len(group)), *100 * bar[group].T, color=colour, lw=1.4)
             axes.set_yticks(range(len(group)), [names[i].rsplit(".", 1)[0] for i in group])
             axes.set(ylim=(longest - 0.4, -0.6), xscale="log", title=title)
             axes.set_xlabel("relative standard deviation [%]")
-            low, high = axes.get_xlim()
-            if high < 10 * low:
-                axes.xaxis.set_major_locator(MaxNLocator(5, steps=[1, 2, 5, 10]))
-            axes.xaxis.set_major_formatter(FuncFormatter(lambda x, _: f"{x:g}"))
-            axes.xaxis.set_minor_formatter(NullFormatter())
-            axes.tick_params(axis="y", length=0)
-            axes.grid(True)
-            axes.set_axisbelow(True)
-            axes.spines["left"].set_visible(False)
-        handles, _ = grid[0].get_legend_handles_labels()
+            _plain_decades(axes)
+        handles = [
+            Line2D([], [], marker="o", ls="", ms=4, color=colours[k % len(colours)])
+            for k in range(len(stds))
+        ]
         figure.legend(handles, studies, loc="outside upper right", ncols=len(studies))
         return figure
 
     return draw
+
+
+def _plain_decades(axes: Axes) -> None:
+    """Write a logarithmic axis of numbers in plain figures, with ticks where it is short."""
+    low, high = axes.get_xlim()
+    if high < 10 * low:
+        axes.xaxis.set_major_locator(MaxNLocator(5, steps=[1, 2, 5, 10]))
+    axes.xaxis.set_major_formatter(FuncFormatter(lambda x, _: f"{x:g}"))
+    axes.xaxis.set_minor_formatter(NullFormatter())
+    axes.tick_params(axis="y", length=0)
+    axes.grid(True)
+    axes.set_axisbelow(True)
+    axes.spines["left"].set_visible(False)
 
 
 def correlation_map(names: Sequence[str], correlation: Array) -> Drawing:

@@ -14,7 +14,7 @@ from oed.design.criteria import Criterion
 from oed.design.criteria import objective as stated
 from oed.design.null_space import unidentifiable
 from oed.trials.held import held
-from oed.trials.scatter import ratio_interval, std_interval
+from oed.trials.scatter import clearly_smaller, ratio_interval, std_interval
 from robotmodels.arrays import Array, BoolArray, IntArray, read_only
 from robotmodels.errors import InvalidInput, NotIdentifiable
 from robotmodels.noise import RelativeNoise
@@ -105,6 +105,20 @@ class PlanComparison(Printed):
     def better(self) -> tuple[str, ...]:
         """Rivals that beat the plan by more than chance explains."""
         return self._rivals(self.interval[:, 0] > 1)
+
+    def more_certain(self, rival: int) -> tuple[int, int, int]:
+        """Return how many parameters the plan makes more certain than a rival does.
+
+        The second number counts those where chance does not explain it (F test, 95 %), the third
+        those that a rival, by the same measure, makes more certain than the plan.
+        """
+        own, other = self.trials[0].found, self.trials[rival].found
+        assert own is not None
+        if other is None:
+            return len(self.names), len(self.names), 0
+        fewer = own.uncertainty().std < other.uncertainty().std
+        clear = clearly_smaller(own, other, LEVEL), clearly_smaller(other, own, LEVEL)
+        return int(fewer.sum()), int(clear[0].sum()), int(clear[1].sum())
 
     def _rivals(self, which: BoolArray) -> tuple[str, ...]:
         pairs = zip(self.trials[1:], which[1:], strict=True)

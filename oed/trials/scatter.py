@@ -4,7 +4,7 @@ import numpy as np
 
 from estimators.uncertainty.monte_carlo import MonteCarlo
 from oed.design.objective import Objective
-from robotmodels.arrays import Array
+from robotmodels.arrays import Array, BoolArray
 
 DRAWS = 400
 """Of a Wishart distribution: quantiles of 95 % to a tenth of the interval's width."""
@@ -17,6 +17,18 @@ def std_interval(std: Array, samples: int, level: float) -> Array:
     tails = np.array([(1 + level) / 2, (1 - level) / 2])
     factors = np.sqrt((samples - 1) / chi2.ppf(tails, samples - 1))
     return np.asarray(std[:, None] * factors)
+
+
+def clearly_smaller(one: MonteCarlo, other: MonteCarlo, level: float) -> BoolArray:
+    """Return which standard deviations of one are below the other's by more than chance, (p,).
+
+    By the F test of two variances; chance finds one as clear in a share 1 - `level` of cases.
+    """
+    from scipy.stats import f
+
+    samples = len(one.estimates) - 1, len(other.estimates) - 1
+    ratio = (one.uncertainty().std / other.uncertainty().std) ** 2
+    return np.asarray(ratio < f.ppf(1 - level, *samples))
 
 
 def ratio_interval(

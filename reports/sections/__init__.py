@@ -6,6 +6,7 @@ from oed.study.pipeline import Progress, StudyResults
 from reports.parts import Section
 from reports.sections import (
     candidates,
+    comparison,
     cross_check,
     design,
     experiment,
@@ -56,6 +57,7 @@ _IN_ORDER: tuple[Callable[[StudyResults], Section | None], ...] = (
     candidates.section,
     design.section,
     positions.section,
+    comparison.section,
     experiment.section,
     responses.section,
     fit.section,

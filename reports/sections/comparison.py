@@ -1,0 +1,132 @@
+"""Plans compared: what simulated experiments by the plan and by its rivals gave."""
+
+import numpy as np
+
+from oed.study.comparison import OPTIMAL
+from oed.study.pipeline import StudyResults
+from oed.trials.comparison import PlanComparison, PlanTrial
+from reports import text, uncertainty_figures
+from reports.parts import Cell, Column, Figure, Number, Section, Table, figure, numbers, table
+from reports.template import filled
+from robotmodels.arrays import Array
+
+
+def section(results: StudyResults) -> Section | None:
+    """Return the section; none where no experiments were simulated by plans."""
+    found = results.comparison
+    if found is None:
+        return None
+    own = found.trials[0]
+    assert own.found is not None
+    assert own.promised is not None
+    ratio, ends = own.std / own.promised.std, own.std_interval()
+    inside = (ends[:, 0] <= own.promised.std) & (own.promised.std <= ends[:, 1])
+    body = filled(
+        "comparison.html.j2",
+        found=found,
+        study=results.study,
+        runs=len(own.found.estimates),
+        experiments=int(own.repetitions.sum()),
+        grid=results.study.compare.grid,
+        best=_best(found),
+        ratios=(text.fixed(float(ratio.min()), 2), text.fixed(float(ratio.max()), 2)),
+        inside=int(inside.sum()),
+        plans=plan_table(found),
+        stds=std_table(found),
+        picture=picture(found),
+    )
+    return Section("comparison", "Plans compared", body)
+
+
+def plan_table(found: PlanComparison) -> Table:
+    """Return what each plan is worth, promised and found."""
+    rows: list[list[Cell]] = []
+    p = len(found.names)
+    for k, trial in enumerate(found.trials):
+        row: list[Cell] = [trial.name, Number(str(len(trial.support)), len(trial.support))]
+        worth = (found.promised[k], found.found[k], *found.interval[k])
+        row += [Number(text.fixed(float(v), 2), float(v)) for v in worth[:2]]
+        if not k:
+            rows.append([*row, "–", "–", "–"])
+            continue
+        _, clear, against = found.more_certain(k)
+        between = f"{text.fixed(float(worth[2]), 2)} to {text.fixed(float(worth[3]), 2)}"
+        note = f"leaves open {text.listed(list(trial.unidentified))}"
+        row += [note if trial.unidentified else between, Number(f"{clear} of {p}", clear)]
+        rows.append([*row, Number(str(against), against)])
+    columns = [
+        Column("plan"),
+        *numbers("positions", "worth, promised", "worth, found"),
+        Column("with 95 % between"),
+        *numbers("optimal is surer of", "less sure of"),
+    ]
+    caption = (
+        "What one experiment of each plan is worth in experiments of the optimal plan, by "
+        "information and by the scatter of simulated experiments; parameters of which a plan is "
+        "surer than chance explains (F test, 5 %)."
+    )
+    return table("plans", caption, columns, rows)
+
+
+def std_table(found: PlanComparison) -> Table:
+    """Return standard deviations of every parameter, promised and found, plan by plan."""
+    groups = _groups(found)
+    rows: list[list[Cell]] = []
+    for i, name in enumerate(found.names):
+        row: list[Cell] = [name]
+        for _, trials in groups:
+            promised = _mean([t.promised.std[i] for t in trials if t.promised is not None])
+            std = _mean([t.std[i] for t in trials if t.found is not None])
+            row += [_number(promised), _number(std)]
+        rows.append(row)
+    titles = [f"{name}: {what}" for name, _ in groups for what in ("Theorem 1", "found")]
+    caption = (
+        "Relative standard deviations by Theorem 1, and found over the simulated experiments; of "
+        "random plans the geometric mean."
+    )
+    return table("plan-stds", caption, [Column("parameter", code=True), *numbers(*titles)], rows)
+
+
+def picture(found: PlanComparison) -> Figure:
+    """Return standard deviations found, with the intervals of the plan and of the designer's."""
+    shown = [
+        (name, [trial for trial in trials if trial.found is not None])
+        for name, trials in _groups(found)
+    ]
+    shown = [(name, trials) for name, trials in shown if trials]
+    stds: list[Array] = [np.stack([t.std for t in trials]) for _, trials in shown]
+    ends = [trials[0].std_interval() if len(trials) == 1 else None for _, trials in shown]
+    drawing = uncertainty_figures.deviations(found.names, stds, [name for name, _ in shown], ends)
+    return figure(
+        "plan-deviations",
+        drawing,
+        "Standard deviations of every parameter over simulated experiments, by each plan",
+    )
+
+
+def _groups(found: PlanComparison) -> list[tuple[str, list[PlanTrial]]]:
+    """Return the plan, the designer's, and all random ones together."""
+    single = [trial for trial in found.trials if not trial.name.startswith("random")]
+    random = [trial for trial in found.trials if trial.name.startswith("random")]
+    groups = [(trial.name, [trial]) for trial in single]
+    return [*groups, ("random", random)] if random else groups
+
+
+def _best(found: PlanComparison) -> dict[str, str]:
+    """Return the best of the rivals: its name, and what it is worth."""
+    k = 1 + int(np.argmax(found.found[1:])) if len(found.trials) > 1 else 0
+    low, high = (text.fixed(float(v), 2) for v in found.interval[k])
+    return {
+        "name": found.trials[k].name if k else OPTIMAL,
+        "worth": text.fixed(float(found.found[k]), 2),
+        "low": low,
+        "high": high,
+    }
+
+
+def _mean(stds: list[float]) -> float:
+    return float(np.exp(np.mean(np.log(stds)))) if stds else float("nan")
+
+
+def _number(std: float) -> Number:
+    return Number(text.percent(std) if np.isfinite(std) else "–", std)
