@@ -8,7 +8,8 @@ import numpy as np
 from robotmodels.arrays import Array
 from robotmodels.description.robot_file import Choice, Hardening
 from robotmodels.elastic.bodies import Body, bodies
-from robotmodels.elastic.equilibrium import Equilibrium, gravity, mass_matrices
+from robotmodels.elastic.dynamics import gravity, mass_matrices
+from robotmodels.elastic.equilibrium import Equilibrium
 from robotmodels.elastic.robot import ElasticRobot
 from robotmodels.elastic.spring_network import SpringNetwork
 from robotmodels.errors import InvalidInput, SolverFailed
@@ -225,7 +226,7 @@ def _motors(
     robot: ElasticRobot, position: Array, at: Equilibrium, model: LinearModel
 ) -> tuple[MotorState, ...]:
     layout, file = robot.layout, robot.file
-    torques = gravity(layout.arm, at.coordinates)[0][0]
+    torques = gravity(layout.arm, at.coordinates).torques[0]
     loads = np.diag(mass_matrices(layout.arm, at.coordinates)[0])
     states = []
     for j, motor in enumerate(file.motors):
@@ -251,7 +252,8 @@ def _motors(
 
 def _springs(robot: ElasticRobot, at: Equilibrium) -> tuple[SpringState, ...]:
     layout = robot.layout
-    torques, slopes = gravity(layout.arm, at.coordinates)
+    load = gravity(layout.arm, at.coordinates)
+    torques, slopes = load.torques, load.slopes
     states = []
     for i, (spring, c) in enumerate(zip(robot.file.springs, layout.sprung, strict=True)):
         k = spring.stiffness

@@ -1,6 +1,7 @@
 """Spring characteristics: linear, and cubic ones that harden with torque."""
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -23,12 +24,12 @@ class SpringLaws:
     high: Array
     torque: Array
 
-    @property
+    @cached_property
     def linear(self) -> bool:
         """Whether no spring hardens."""
         return not np.isfinite(self.torque).any()
 
-    @property
+    @cached_property
     def kappa(self) -> Array:
         """Cubic coefficients, (s,) [N m/rad^3]."""
         k: Array = (self.high - self.low) * (2 * self.low + self.high) ** 2 / (27 * self.torque**2)
@@ -44,6 +45,8 @@ class SpringLaws:
 
         The torque of a hardening spring is convex: Newton's method from above converges.
         """
+        if self.linear:
+            return np.asarray(torques / self.low)
         load, kappa = np.abs(torques), np.maximum(self.kappa, 0.0)
         cubic = np.full(load.shape, np.inf)
         np.cbrt(np.divide(load, kappa, where=kappa > 0, out=cubic), out=cubic)

@@ -1,11 +1,12 @@
 """The elastic arm as a Pinocchio model: torsion joints inserted before drives and at cuts."""
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 import pinocchio as pin
 
-from robotmodels.arrays import Array
+from robotmodels.arrays import Array, BoolArray, IntArray
 from robotmodels.description.robot_file import RobotFile
 from robotmodels.description.urdf import unknown_joint
 from robotmodels.elastic.segments import Segment, link_frame, segments
@@ -30,6 +31,26 @@ class Arm:
     model: pin.Model
     coordinate: dict[str, int]
     urdf_joints: tuple[str, ...]
+
+    @cached_property
+    def carries(self) -> BoolArray:
+        """Whether the joint of one coordinate moves that of another, or is it, (d, d)."""
+        place = [joint.idx_v for joint in self.model.joints]
+        found = np.zeros((self.model.nv, self.model.nv), dtype=bool)
+        for chain in list(self.model.supports)[1:]:
+            found[[place[joint] for joint in list(chain)[1:]], place[chain[-1]]] = True
+        return found
+
+    @property
+    def serial(self) -> bool:
+        """Whether of any two joints one carries the other."""
+        return bool(np.all(self.carries | self.carries.T))
+
+    @cached_property
+    def carrier_first(self) -> IntArray:
+        """Place of each entry i, j of a (d, d) matrix, or of j, i where that one carries it."""
+        places = np.arange(self.carries.size).reshape(self.carries.shape)
+        return np.where(self.carries, places, places.T).ravel()
 
 
 def build_arm(file: RobotFile, rigid: pin.Model) -> Arm:

@@ -4,14 +4,16 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import pinocchio as pin
 
 from robotmodels.arrays import Array, IntArray
 from robotmodels.description.spring_laws import SpringLaws
 from robotmodels.elastic.arm import Arm
+from robotmodels.elastic.dynamics import Gravity, gravity, gravity_torques
 from robotmodels.errors import NoEquilibrium
 
 LARGEST_DEFLECTION = 0.5  # [rad] or [m]: beyond it a lumped spring is no model of elasticity
+_SMALL = 0.3
+"""Gravity's share of the springs' stiffness below which a series solves Newton's equations."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -28,35 +30,6 @@ class Equilibrium:
     coordinates: Array
     elongations: Array
     slopes: Array
-
-
-def gravity(arm: Arm, coordinates: Array) -> tuple[Array, Array]:
-    """Return gravity torques g, (Q, d), and dg/dq, (Q, d, d), at `coordinates` (Q, d)."""
-    data = arm.model.createData()
-    torques = np.empty(coordinates.shape)
-    slopes = np.empty((*coordinates.shape, coordinates.shape[1]))
-    for i, q in enumerate(coordinates):
-        slopes[i] = pin.computeGeneralizedGravityDerivatives(arm.model, data, q)
-        torques[i] = data.g  # a by-product
-    return torques, slopes
-
-
-def gravity_torques(arm: Arm, coordinates: Array) -> Array:
-    """Return gravity torques g, (Q, d), at `coordinates` (Q, d)."""
-    data = arm.model.createData()
-    torques = np.empty(coordinates.shape)
-    for i, q in enumerate(coordinates):
-        torques[i] = pin.computeGeneralizedGravity(arm.model, data, q)
-    return torques
-
-
-def mass_matrices(arm: Arm, coordinates: Array) -> Array:
-    """Return the mass matrices (Q, d, d) at `coordinates` (Q, d)."""
-    data = arm.model.createData()
-    mass = np.empty((*coordinates.shape, coordinates.shape[1]))
-    for i, q in enumerate(coordinates):
-        mass[i] = pin.crba(arm.model, data, q)
-    return mass
 
 
 def find_equilibrium(
@@ -85,28 +58,33 @@ def find_equilibrium(
     NoEquilibrium : if a spring gives way, naming it, the position and its torque.
     """
     q = _first_guess(arm, start, sprung, law)
+    # The last step's error is about its square, times how fast stiffness changes on the way.
+    last = 1e-6 if law.linear else 1e-8
     moving = np.arange(len(q))  # positions whose Newton iteration has not ended
     for _ in range(30):
         torques, slopes = law((q - start)[np.ix_(moving, sprung)])
-        residual, K = gravity(arm, q[moving])
+        load = gravity(arm, q[moving])
+        residual = load.torques
         residual[:, sprung] += torques
-        K[:, sprung, sprung] += slopes
         residual[:, held] = 0.0
-        K[:, held, :] = K[:, :, held] = 0.0
-        K[:, held, held] = 1.0
+        stiffness = np.full(residual.shape, np.inf)  # of what rigid drives hold
+        stiffness[:, sprung] = slopes
+        stiff = bool(np.all(load.slope_bounds < _SMALL * stiffness))  # hence stable
+        K = None if stiff else _total(stiffness, load)
         try:
-            step = np.linalg.solve(K, residual[..., None])[..., 0]
+            step = _series(stiffness, load, residual) if K is None else _solve(K, residual)
         except np.linalg.LinAlgError:  # singular, hence not stable either
-            _check_stable(K, sprung, moving, springs, places)
+            if K is not None:
+                _check_stable(K, sprung, moving, springs, places)
             raise
         q[moving] -= step
         bent = np.abs(q - start)[np.ix_(moving, sprung)].max(axis=1, initial=0.0)
         if (bent > LARGEST_DEFLECTION).any():
             i = int(moving[np.argmax(bent)])
             raise _gives_way(arm, start[i], q[i], sprung, springs, places(i))
-        # Newton's error is at most about the square of its last step: only rounding is left.
-        done = np.abs(step).max(axis=1, initial=0.0) < 1e-8
-        _check_stable(K[done], sprung, moving[done], springs, places)
+        done = np.abs(step).max(axis=1, initial=0.0) < last
+        if K is not None:
+            _check_stable(K[done], sprung, moving[done], springs, places)
         moving = moving[~done]
         if not len(moving):
             elongations = (q - start)[:, sprung]
@@ -116,17 +94,43 @@ def find_equilibrium(
 
 
 def _first_guess(arm: Arm, start: Array, sprung: IntArray, law: SpringLaws) -> Array:
-    """Return coordinates near the equilibrium by three cheap steps: each spring carries its load.
+    """Return coordinates near the equilibrium: each spring carries its load.
 
-    A step leaves gravity's stiffness over the spring's, about a hundredth, of the error.
+    Gravity is linearised at `start`; a round leaves gravity's stiffness over the spring's, about a
+    hundredth, of the error.
     """
-    q = np.array(start, dtype=float)
+    load = gravity(arm, start)
+    deflection, held = np.zeros(start.shape), load.torques
     for _ in range(3):
-        deflection = law.elongations(-gravity_torques(arm, q)[:, sprung])
-        # Where a spring is weak, Newton does better from the unloaded coordinates.
-        deflection[np.abs(deflection).max(axis=1, initial=0.0) > LARGEST_DEFLECTION] = 0.0
-        q[:, sprung] = start[:, sprung] + deflection
-    return q
+        deflection[:, sprung] = law.elongations(-held[:, sprung])
+        held = load.torques + load.slopes_times(deflection)
+    # Where a spring is weak, Newton does better from the unloaded coordinates.
+    deflection[np.abs(deflection).max(axis=1, initial=0.0) > LARGEST_DEFLECTION] = 0.0
+    return np.asarray(start + deflection)
+
+
+def _series(stiffness: Array, load: Gravity, residual: Array) -> Array:
+    """Solve (stiffness + dg/dq) x = residual where the springs' stiffness, (Q, d), prevails."""
+    step = residual / stiffness
+    for _ in range(30):  # so many where gravity's share is the largest; as a rule three do
+        last, step = step, (residual - load.slopes_times(step)) / stiffness
+        if np.abs(step - last).max(initial=0.0) < 1e-15:
+            break
+    return np.asarray(step)
+
+
+def _solve(matrices: Array, residual: Array) -> Array:
+    """Solve matrices (Q, d, d) x = residual (Q, d)."""
+    return np.asarray(np.linalg.solve(matrices, residual[..., None])[..., 0], dtype=float)
+
+
+def _total(stiffness: Array, load: Gravity) -> Array:
+    """Return the stiffness of springs and gravity; rigid coordinates apart, with the unit one."""
+    free = np.isfinite(stiffness)
+    K = np.where(free[:, :, None] & free[:, None, :], load.slopes, 0.0)
+    diagonal = np.einsum("qii->qi", K)
+    diagonal += np.where(free, stiffness, 1.0)
+    return np.asarray(K)
 
 
 def _gives_way(

@@ -8,7 +8,7 @@ import numpy as np
 import pinocchio as pin
 
 from robotmodels.arrays import Array
-from robotmodels.elastic.equilibrium import gravity_torques
+from robotmodels.elastic.dynamics import gravity_torques
 
 if TYPE_CHECKING:
     from robotmodels.elastic.robot import ElasticRobot

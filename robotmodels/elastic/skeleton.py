@@ -8,7 +8,7 @@ import pinocchio as pin
 
 from robotmodels.arrays import Array
 from robotmodels.description.robot_file import RobotFile
-from robotmodels.elastic.equilibrium import gravity, mass_matrices
+from robotmodels.elastic.dynamics import mass_and_gravity, mass_matrices
 from robotmodels.elastic.layout import Layout
 from robotmodels.elastic.measurement import Measurement
 from robotmodels.errors import InvalidInput
@@ -42,10 +42,9 @@ def skeleton(layout: Layout, coordinates: Array, without: Collection[int] = ()) 
     """Return the skeleton at the arm's `coordinates` (Q, arm size), `without` some motors' mass."""
     file, size, arm = layout.file, layout.size, slice(0, layout.arm_size)
     count = len(coordinates)
-    mass, stiffness = np.zeros((2, count, size, size))
-    torques = np.zeros((count, size))
-    mass[:, arm, arm] = mass_matrices(layout.arm, coordinates)
-    torques[:, arm], stiffness[:, arm, arm] = gravity(layout.arm, coordinates)
+    mass, gravity = mass_and_gravity(layout.arm, coordinates, size)
+    stiffness, torques = np.zeros((count, size, size)), np.zeros((count, size))
+    stiffness[:, arm, arm], torques[:, arm] = gravity.slopes, gravity.torques
     damping = np.zeros((size, size))
     selector = np.zeros((size, len(file.motors)))
     for j, (c, motor) in enumerate(zip(layout.motors, file.motors, strict=True)):

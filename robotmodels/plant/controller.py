@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from robotmodels.arrays import Array, ComplexArray, read_only
-from robotmodels.elastic.equilibrium import mass_matrices
+from robotmodels.elastic.dynamics import mass_matrices
 from robotmodels.elastic.robot import ElasticRobot
 from robotmodels.errors import InvalidInput
 

@@ -13,7 +13,7 @@ from robots import CRANE, PANDA, SENSED, SPLIT, WALL, built
 from robotmodels import ElasticRobot, frequency_response, load_robot, sensitivity
 from robotmodels.description.robot_file import RobotFile
 from robotmodels.description.urdf import locate
-from robotmodels.elastic.equilibrium import gravity
+from robotmodels.elastic.dynamics import gravity
 
 OMEGA = 2 * np.pi * np.geomspace(2.0, 80.0, 6)
 NAMES = ("ur10", "split", "wall", "panda", "crane")
@@ -98,7 +98,8 @@ def test_mass_matrices(name: str) -> None:
 def test_gravity_and_its_derivative(name: str) -> None:
     c = case(name)
     d = arm_size(c.robot)
-    torques, slopes = gravity(c.robot.arm, c.coordinates[:, :d])
+    load = gravity(c.robot.arm, c.coordinates[:, :d])
+    torques, slopes = load.torques, load.slopes
     back = np.argsort(c.order)
     expected = np.array([c.judge.gravity(q[back])[c.order] for q in c.coordinates])
     by_q = np.array(

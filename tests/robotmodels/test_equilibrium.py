@@ -6,7 +6,7 @@ from robots import CRANE, PENDULUM, SPLIT, WALL, built, changed, with_spring
 from scipy.optimize import brentq
 
 from robotmodels import NoEquilibrium, frequency_response, linearize
-from robotmodels.elastic.equilibrium import gravity
+from robotmodels.elastic.dynamics import gravity
 
 GRAVITY_TORQUE = 4 * 9.81 * 0.5  # of the level pendulum [N m]
 
@@ -40,7 +40,7 @@ def test_springs_and_gravity_balance(content: dict) -> None:
     positions = rng.uniform(*robot.position_limits.T, (20, len(robot.motor_names)))
     at = robot.equilibrium(positions)
     torques = robot.elements.laws(robot.parameters.values)(at.elongations)[0]
-    load = gravity(robot.arm, at.coordinates)[0]
+    load = gravity(robot.arm, at.coordinates).torques
     for i, name in enumerate(s.name if s.axis != "drive" else s.joint for s in robot.file.springs):
         c = robot.arm.coordinate[name]
         np.testing.assert_allclose(load[:, c], -torques[:, i], atol=1e-9 * np.abs(load).max())
@@ -76,7 +76,7 @@ def test_a_weak_spring_is_named_with_its_joint_the_position_and_the_torque() -> 
     with pytest.raises(NoEquilibrium) as error:
         frequency_response(robot, positions, np.array([10.0]))
     message = str(error.value)
-    torque = gravity(robot.arm, np.zeros((1, robot.arm.model.nv)))[0]
+    torque = gravity(robot.arm, np.zeros((1, robot.arm.model.nv))).torques
     load = abs(torque[0, robot.arm.coordinate["shoulder_lift_joint"]])
     assert "position 1, [0.0, 0.0, 0.0, 0.0, 0.0, 0.0]" in message
     assert "spring 'd2' of joint 'shoulder_lift_joint' gives way" in message
@@ -86,7 +86,7 @@ def test_a_weak_spring_is_named_with_its_joint_the_position_and_the_torque() -> 
 
 @pytest.mark.parametrize("share", [0.9, 1.0])
 def test_an_upright_pendulum_on_a_weak_spring_is_not_stable(share: float) -> None:
-    falling = -gravity(built(PENDULUM).arm, np.array([[np.pi / 2]]))[1][0, 0, 0]
+    falling = -gravity(built(PENDULUM).arm, np.array([[np.pi / 2]])).slopes[0, 0, 0]
     assert falling == pytest.approx(GRAVITY_TORQUE)
     weak = built(with_spring(PENDULUM, "g", stiffness=share * falling))
     with pytest.raises(NoEquilibrium, match=r"not stable: gravity overcomes spring 'g' of joint"):

@@ -1,0 +1,112 @@
+"""Mass and gravity of an elastic arm, by Pinocchio, one call per position.
+
+A joint turns all that it carries, and with it what the joints among that do to the potential:
+with L_j = d(sum of m c)/dq_j and w_i the axis of joint i (zero where it slides), which carries j,
+g_j = -gravity . L_j and dg_j/dq_i = (w_i x gravity) . L_j.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+import pinocchio as pin
+
+from robotmodels.arrays import Array
+from robotmodels.elastic.arm import Arm
+
+
+@dataclass(frozen=True, eq=False)
+class Gravity:
+    """Gravity on an arm at Q coordinate vectors.
+
+    Attributes
+    ----------
+    arm : the arm.
+    turned : (3, Q, d) w x gravity of each joint.
+    moments : (3, Q, d) L of each joint.
+    """
+
+    arm: Arm
+    turned: Array
+    moments: Array
+
+    @property
+    def torques(self) -> Array:
+        """The gravity torques g, (Q, d)."""
+        return -np.tensordot(self.arm.model.gravity.linear, self.moments, 1)
+
+    @property
+    def slopes(self) -> Array:
+        """The derivatives dg/dq, (Q, d, d)."""
+        products = np.moveaxis(self.turned, 0, 2) @ np.moveaxis(self.moments, 0, 1).copy()
+        places = self.arm.carrier_first
+        slopes = products.reshape(-1, places.size)[:, places]
+        if not self.arm.serial:
+            slopes *= (self.arm.carries | self.arm.carries.T).ravel()
+        return np.asarray(slopes.reshape(products.shape))
+
+    def slopes_times(self, shift: Array) -> Array:
+        """Return dg/dq times `shift`, (Q, d), without forming dg/dq."""
+        carries = self.arm.carries
+        carried = (self.moments * shift) @ carries.T
+        carriers = (self.turned * shift) @ (carries & ~carries.T)
+        return np.asarray((self.turned * carried + self.moments * carriers).sum(axis=0))
+
+    @property
+    def slope_bounds(self) -> Array:
+        """Bounds on the sum of magnitudes in each row of dg/dq, (Q, d)."""
+        carries = self.arm.carries
+        turned, moments = (np.sqrt((a * a).sum(axis=0)) for a in (self.turned, self.moments))
+        return np.asarray(turned * (moments @ carries.T) + moments * (turned @ carries))
+
+
+def gravity(arm: Arm, coordinates: Array) -> Gravity:
+    """Return gravity at `coordinates` (Q, d)."""
+    model, data = arm.model, arm.model.createData()
+    axes, moments = (np.empty((*coordinates.shape, k)) for k in (6, 3))
+    turning, moving = _columns(data.J, 6), _columns(data.Jcom, 3)
+    for i, q in enumerate(coordinates):
+        pin.jacobianCenterOfMass(model, data, q)
+        axes[i] = turning
+        moments[i] = moving
+    return _gravity(arm, axes, moments * data.mass[0])
+
+
+def mass_and_gravity(arm: Arm, coordinates: Array, size: int) -> tuple[Array, Gravity]:
+    """Return mass matrices padded with zeros, (Q, size, size), and gravity at `coordinates`."""
+    model, data = arm.model, arm.model.createData()
+    axes, moments = np.empty((2, *coordinates.shape, 6))
+    mass = np.zeros((len(coordinates), size, size))
+    own = mass[:, : model.nv, : model.nv]
+    # On the way to the mass matrix, columns of Ag become the momentum of all that a joint moves.
+    turning, moving, matrix = (
+        _columns(a, k) for a, k in ((data.J, 6), (data.Ag, 6), (data.M, model.nv))
+    )
+    for i, q in enumerate(coordinates):
+        pin.crba(model, data, q, pin.Convention.WORLD)
+        axes[i] = turning
+        moments[i] = moving
+        own[i] = matrix
+    return mass, _gravity(arm, axes, moments[..., :3])
+
+
+def mass_matrices(arm: Arm, coordinates: Array) -> Array:
+    """Return the mass matrices (Q, d, d) at `coordinates` (Q, d)."""
+    return mass_and_gravity(arm, coordinates, arm.model.nv)[0]
+
+
+def gravity_torques(arm: Arm, coordinates: Array) -> Array:
+    """Return gravity torques g, (Q, d), at `coordinates` (Q, d)."""
+    return gravity(arm, coordinates).torques
+
+
+def _columns(matrix: Array, rows: int) -> Array:
+    """Return a view of the columns, one per joint, of what Pinocchio will fill: as they lie."""
+    return np.asarray(matrix.T.reshape(-1, rows))  # with one joint, a vector
+
+
+def _gravity(arm: Arm, axes: Array, moments: Array) -> Gravity:
+    """Return gravity from the joints' twists, (Q, d, 6), and L, (Q, d, 3)."""
+    gx, gy, gz = arm.model.gravity.linear
+    cross = np.array([[0.0, -gz, gy], [gz, 0.0, -gx], [-gy, gx, 0.0]])
+    turned = np.moveaxis(axes[..., 3:] @ cross, 2, 0)
+    return Gravity(arm, turned.copy(), np.moveaxis(moments, 2, 0).copy())
