@@ -16,6 +16,8 @@ from reports.text import fixed
 from robotmodels.arrays import Array, ComplexArray
 
 _DEEPEST = 160.0  # of a panel [dB]
+# Percentiles of what is drawn that may lie below a panel; a model dips far under any noise.
+_LEAST_LEVEL, _LEAST_FITTED = 5.0, 2.0
 # Between columns, rows, and a magnitude and its phase, in widths and heights of the magnitude.
 _GAP_X, _GAP_Y, _GAP_PHASE = 0.09, 0.16, 0.05
 _PHASE = 0.5  # height of a phase
@@ -73,7 +75,7 @@ def response_panels(
     One pair of axes holds all panels: drawing them as axes of their own takes ten times as long.
     """
     below = [part for part in (noise, distortion) if part is not None]
-    low, high = _level_range(np.abs(measured), below)
+    low, high = _level_range(np.abs(measured), below, fitted)
     scales = _Scales(omega / (2 * np.pi), low, high)
 
     curves = _Curves(measured, std, fitted, noise, distortion)
@@ -167,14 +169,18 @@ def _unbroken(x: Array, phase: Array) -> tuple[Array, Array]:
     return np.insert(x, jumps, np.nan), np.insert(phase, jumps, np.nan)
 
 
-def _level_range(magnitude: Array, below: Sequence[Array]) -> tuple[float, float]:
+def _level_range(
+    magnitude: Array, below: Sequence[Array], fitted: ComplexArray | None = None
+) -> tuple[float, float]:
     """Return the lowest and highest level to show [dB], whole tens."""
     level = 20 * np.log10(np.maximum(magnitude, 1e-300))
     low, high = float(np.percentile(level, 0.5)), float(level.max())
-    for part in below:
+    parts = [(part, _LEAST_LEVEL) for part in below]
+    parts += [] if fitted is None else [(np.abs(fitted), _LEAST_FITTED)]
+    for part, percentile in parts:
         positive = part[part > 0]
         if positive.size:
-            low = min(low, float(20 * np.log10(np.percentile(positive, 5))))
+            low = min(low, float(20 * np.log10(np.percentile(positive, percentile))))
     low = max(low, high - _DEEPEST)
     return 10 * float(np.floor(low / 10)), 10 * float(np.ceil((high + 1) / 10))
 

@@ -1,68 +1,103 @@
-"""Stick figures: the robot in a position, seen from one side above the floor."""
+"""Stick figures: the robot in a position, as SVG that the page's script turns.
 
-from collections.abc import Callable
-from typing import Any
+What is drawn here is what ``robots.js`` draws anew from another side; the two share `data-robot`.
+"""
+
+import json
+from dataclasses import dataclass
+from html import escape
 
 import numpy as np
-from matplotlib.figure import Figure
+from markupsafe import Markup
 
-from reports.svg import Palette
 from robotmodels.arrays import Array
 
-_AZIMUTH, _ELEVATION = np.radians(-55.0), np.radians(18.0)
+AZIMUTH, ELEVATION = -55, 18  # of the camera [deg]
+_WIDTH = 160  # of a picture [px]
+_MARGIN = 0.04
+
+# In the order of drawing: what, colour, width of the line [px], opacity.
+_PARTS = (
+    ("floor", "rule", 0.8, 1.0),
+    ("shadow", "muted", 3.0, 0.25),
+    ("links", "ink", 3.2, 1.0),
+    ("joints", "ink", 5.4, 1.0),
+    ("pins", "rule", 2.0, 1.0),
+    ("tool", "second", 6.0, 1.0),
+)
 
 
-def projected(points: Array) -> Array:
-    """Return points (k, 3) as seen by the camera, (k, 2): right and up, no perspective."""
-    right = np.array([-np.sin(_AZIMUTH), np.cos(_AZIMUTH), 0.0])
-    toward = np.array(
-        [
-            np.cos(_ELEVATION) * np.cos(_AZIMUTH),
-            np.cos(_ELEVATION) * np.sin(_AZIMUTH),
-            np.sin(_ELEVATION),
-        ]
-    )
-    return np.asarray(points @ np.stack([right, np.cross(toward, right)], axis=1))
+@dataclass(frozen=True)
+class Scene:
+    """What all pictures share: the floor's radius [m] and the edges of what is seen."""
+
+    radius: float
+    left: float
+    top: float
+    width: float
+    height: float
 
 
-def frame_of(skeletons: list[Array]) -> tuple[Array, Array, float]:
-    """Return what all pictures share: lower and upper corner, and the floor's radius [m]."""
+def seen(points: Array) -> Array:
+    """Return points (..., 3) as the camera sees them, (..., 2): right and down, no perspective."""
+    (sa, ca), (se, ce) = ((np.sin(a), np.cos(a)) for a in np.radians([AZIMUTH, ELEVATION]))
+    x, y, z = np.moveaxis(points, -1, 0)
+    return np.stack([y * ca - x * sa, se * (x * ca + y * sa) - ce * z], axis=-1)
+
+
+def scene_of(skeletons: list[Array]) -> Scene:
+    """Return the scene in which every skeleton (k, 3) fits."""
     everything = np.concatenate(skeletons)
-    radius = 1.05 * max(np.linalg.norm(everything[:, :2], axis=1).max(), 1e-3)
-    seen = np.concatenate([projected(everything), projected(_circle(radius))])
-    margin = 0.04 * np.ptp(seen, axis=0).max()
-    return seen.min(axis=0) - margin, seen.max(axis=0) + margin, radius
+    radius = 1.05 * max(float(np.linalg.norm(everything[:, :2], axis=1).max()), 1e-3)
+    drawn = np.concatenate([seen(everything), *map(seen, _floor(radius))])
+    low, high = drawn.min(axis=0), drawn.max(axis=0)
+    margin = _MARGIN * float((high - low).max())
+    (left, top), (width, height) = low - margin, high - low + 2 * margin
+    return Scene(radius, float(left), float(top), float(width), float(height))
 
 
-def stick_figure(skeleton: Array, frame: tuple[Array, Array, float]) -> Callable[[Palette], Figure]:
-    """Return a drawing of one position: floor, shadow, links from base to tool."""
-    low, high, radius = frame
+def stick_figure(skeleton: Array, scene: Scene, alt: str) -> Markup:
+    """Return the picture of one position: floor, shadow, links from base to tool.
 
-    def draw(palette: Palette) -> Figure:
-        width = 2.2
-        figure = Figure(figsize=(width, width * (high[1] - low[1]) / (high[0] - low[0])))
-        axes = figure.add_axes((0, 0, 1, 1))
-        axes.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]))
-        axes.set_axis_off()
-        for part in (1.0, 0.5):
-            axes.plot(*projected(_circle(part * radius)).T, color=palette.rule, lw=0.8)
-        for cross in ([[-1, 0, 0], [1, 0, 0]], [[0, -1, 0], [0, 1, 0]]):
-            axes.plot(
-                *projected(radius * np.array(cross, dtype=float)).T, color=palette.rule, lw=0.6
-            )
-        shadow = projected(skeleton * [1.0, 1.0, 0.0])
-        round_ends: dict[str, Any] = {"solid_capstyle": "round", "solid_joinstyle": "round"}
-        axes.plot(*shadow.T, color=palette.muted, lw=3, alpha=0.22, **round_ends)
-        seen = projected(skeleton)
-        axes.plot(*seen.T, color=palette.ink, lw=3, **round_ends)
-        axes.plot(*seen[1:-1].T, "o", color=palette.ink, ms=4.6)
-        axes.plot(*seen[1:-1].T, "o", color=palette.rule, ms=1.8)
-        axes.plot(*seen[-1:].T, "o", color=palette.second, ms=5)
-        return figure
+    Parameters
+    ----------
+    skeleton : (k, 3) joint origins [m], from base to tool.
+    alt : says what is to be seen.
+    """
+    shadow, joints = skeleton * [1.0, 1.0, 0.0], skeleton[1:-1]
+    lines = {
+        "floor": "".join(_line(part) for part in _floor(scene.radius)),
+        "shadow": _line(shadow),
+        "links": _line(skeleton),
+        "joints": _dots(joints),
+        "pins": _dots(joints),
+        "tool": _dots(skeleton[-1:]),
+    }
+    box = " ".join(f"{v:.3f}" for v in (scene.left, scene.top, scene.width, scene.height))
+    scale = scene.width / _WIDTH
+    paths = "".join(
+        f'<path class="{name}" d="{lines[name]}" fill="none" stroke="var(--{colour})" '
+        f'stroke-width="{scale * width:.4f}" stroke-linecap="round" stroke-linejoin="round"'
+        + (f' opacity="{opacity}"/>' if opacity < 1 else "/>")
+        for name, colour, width, opacity in _PARTS
+    )
+    data = json.dumps(np.round(skeleton, 3).tolist(), separators=(",", ":"))
+    return Markup(
+        f'<svg viewBox="{box}" role="img" aria-label="{escape(alt)}" data-robot="{data}" '
+        f'data-radius="{scene.radius:.3f}">{paths}</svg>'
+    )
 
-    return draw
 
-
-def _circle(radius: float) -> Array:
+def _floor(radius: float) -> list[Array]:
+    """Return the lines of the floor: two circles and a cross."""
     angle = np.linspace(0, 2 * np.pi, 49)
-    return radius * np.stack([np.cos(angle), np.sin(angle), np.zeros_like(angle)], axis=1)
+    circle = radius * np.stack([np.cos(angle), np.sin(angle), np.zeros_like(angle)], axis=1)
+    return [circle, circle / 2, circle[[0, 24]], circle[[12, 36]]]
+
+
+def _line(points: Array) -> str:
+    return "M" + "L".join(f"{x:.3f} {y:.3f}" for x, y in seen(points))
+
+
+def _dots(points: Array) -> str:
+    return "".join(f"M{x:.3f} {y:.3f}h0" for x, y in seen(points))

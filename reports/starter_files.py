@@ -20,7 +20,7 @@ from robotmodels.description.proposal import Drive, propose_drives
 from robotmodels.description.urdf_joints import UrdfJoint, moving_joints
 from robotmodels.errors import InvalidInput
 
-MOST_CANDIDATES = 600
+MOST_CANDIDATES = 1500
 """Candidates of a new study: a first answer within a minute."""
 
 _NOT_TEXT = ("y", "n", "yes", "no", "on", "off", "true", "false", "null", "~", ".inf", ".nan")

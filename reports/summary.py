@@ -7,7 +7,7 @@ import numpy as np
 
 from oed.study.pipeline import FittedStudy, PlannedStudy, StudyResults
 from reports.columns import plain
-from reports.sections.fit import reached
+from reports.sections.fit import reached, reached_words
 from reports.text import duration
 
 Lines = list[tuple[str, str]]
@@ -66,11 +66,10 @@ def _design_lines(r: PlannedStudy) -> Lines:
 
 
 def _fit_lines(r: FittedStudy) -> Lines:
-    at_best = ", ".join(f"{label} {n} of {of}" for label, n, of in reached(r))
     lines = [("fit", f"{r.fit.residual.upper()} cost {r.fit.cost:.1f} from {r.fit_origin}")]
     if not r.fit.converged:
         lines.append(("", f"NOT converged: {r.fit.message}"))
-    return [*lines, ("", f"starts at the best cost: {at_best}")]
+    return [*lines, ("", f"starts that reached the best cost: {reached_words(reached(r))}")]
 
 
 def _uncertainty_lines(r: StudyResults) -> Lines:

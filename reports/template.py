@@ -33,7 +33,7 @@ def page(title: str, kind: str, kicker: str, lead: str, sections: Sequence[Secti
             lead=lead,
             sections=sections,
             style=Markup(_file("report.css")),
-            script=Markup(_file("report.js")),
+            script=Markup(_file("report.js") + _file("robots.js")),
             light=Markup(json.dumps(asdict(LIGHT))),
         )
     )

@@ -17,16 +17,18 @@ def section(found: CrossCheck) -> Section:
 
 def verdict_table(found: CrossCheck) -> Table:
     """Return standard deviations by every method, the verdict and what led to it."""
+    explained = any(found.evidence)
     rows = []
     for i, name in enumerate(found.names):
         row: list[Cell] = [name]
         row += [_number(float(std)) for std in found.stds[:, i]]
-        rows.append([*row, found.verdicts[i], "; ".join(found.evidence[i])])
+        row.append(found.verdicts[i])
+        rows.append([*row, "; ".join(found.evidence[i])] if explained else row)
     columns = [
         Column("parameter", code=True),
         *numbers(*found.methods),
         Column("verdict"),
-        Column("because", "words"),
+        *([Column("because", "words")] if explained else []),
     ]
     return table("cross-check-table", "Relative standard deviations by method.", columns, rows)
 

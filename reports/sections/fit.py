@@ -18,7 +18,7 @@ def section(results: StudyResults) -> Section:
     body = filled(
         "fit.html.j2",
         results=results,
-        reached=reached(results),
+        reached=reached_words(reached(results)),
         distances=distances(results),
         cost=text.significant(results.fit.cost, 6),
         expected=text.count(results.estimate.response.size - len(results.robot.parameters) // 2),
@@ -47,6 +47,18 @@ def reached(results: FittedStudy) -> list[tuple[str, int, int]]:
         (text.residual_label(name), search.reached(best_cost(results, name)), len(search.runs))
         for name, search in results.searches.items()
     ]
+
+
+def reached_words(found: list[tuple[str, int, int]]) -> str:
+    """Return how many starts ended at the best cost, estimators that did alike together."""
+    alike: dict[tuple[int, int], list[str]] = {}
+    for label, count, of in found:
+        alike.setdefault((count, of), []).append(label)
+    parts = []
+    for (count, of), labels in alike.items():
+        many = f"{count} of {of}" if count < of or of == 1 else f"all {of}"
+        parts.append(f"{many} with {text.listed(labels)}")
+    return "; ".join(parts)
 
 
 def distances(results: StudyResults) -> list[tuple[str, str]]:

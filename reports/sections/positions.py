@@ -8,7 +8,6 @@ from oed.study.pipeline import StudyResults
 from reports import robot_pictures, text
 from reports.parts import Cell, Number, Section, Table, numbers, table
 from reports.sections.places import place_numbers, prismatic
-from reports.svg import inline
 from reports.template import filled
 
 
@@ -36,12 +35,12 @@ def poses(results: StudyResults) -> list[Pose]:
     """Return a picture of the robot in each position."""
     positions = results.information.positions[results.used]
     skeletons = [results.robot.skeleton_points(position) for position in positions]
-    frame = robot_pictures.frame_of(skeletons)
+    scene = robot_pictures.scene_of(skeletons)
     straight, found = prismatic(results), []
     for number, (i, skeleton) in enumerate(zip(results.used, skeletons, strict=True), start=1):
         angles = ", ".join(text.places(results.information.positions[i], straight))
         alt = f"Stick figure of the robot in position {number}: {angles}"
-        drawing = inline(robot_pictures.stick_figure(skeleton, frame), f"pose{number}", alt)
+        drawing = robot_pictures.stick_figure(skeleton, scene, alt)
         experiments = text.plural(int(results.exact.repetitions[i]), "experiment")
         found.append(Pose(number, experiments, drawing))
     return found
@@ -61,8 +60,23 @@ def position_table(results: StudyResults) -> Table:
         count = int(results.exact.repetitions[i])
         rows.append([*row, Number(str(count), count)])
     titles = ["no.", *results.robot.motor_names, *([] if measured else ["share"]), "experiments"]
-    shares = (
-        "" if measured else "; share of the experiments when they may be split at will (–: none)"
+    shares = "" if measured else f"; {_shares(results)}"
+    caption = (
+        f"Motor angles over gear ratios, in degrees here and in radians in files{shares}; "
+        "experiments in the position."
     )
-    caption = f"Motor angles over gear ratios{shares}; experiments in the position."
     return table("plan", caption, numbers(*titles), rows)
+
+
+def _shares(results: StudyResults) -> str:
+    """Return what the column of shares holds, and what of it the plan leaves out."""
+    weights = results.design.weights / results.design.weights.sum()
+    left = len(set(results.design.support) - set(results.used))
+    words = "share of the experiments if they could be split at will (–: none)"
+    if not left:
+        return words
+    rest = 1 - float(weights[results.used].sum())
+    return (
+        f"{words}, {text.fixed(rest, 4)} of which belongs to {text.plural(left, 'position')} "
+        "where whole experiments are better spent elsewhere"
+    )

@@ -66,6 +66,14 @@
     show(0);
   }
 
+  // What is wider than its place says so.
+  const scrolled = new ResizeObserver((entries) => {
+    for (const { target } of entries) {
+      target.parentElement.classList.toggle("wider", target.scrollWidth > target.clientWidth + 1);
+    }
+  });
+  for (const one of all(".scroll")) scrolled.observe(one);
+
   // A link into a part that is hidden shows it.
   const reveal = () => {
     const target = location.hash && document.getElementById(decodeURIComponent(location.hash.slice(1)));
@@ -128,8 +136,9 @@
     const copy = svg.cloneNode(true);
     copy.setAttribute("xmlns", "http://www.w3.org/2000/svg");
     const [, , width, height] = copy.getAttribute("viewBox").split(" ");
-    copy.setAttribute("width", `${width}pt`);
-    copy.setAttribute("height", `${height}pt`);
+    const point = svg.dataset.robot ? width / 240 : 1; // pictures of robots are in metres
+    copy.setAttribute("width", `${width / point}pt`);
+    copy.setAttribute("height", `${height / point}pt`);
     copy.removeAttribute("style");
     copy.setAttribute("font-family", "Arial, Helvetica, sans-serif");
     let text = new XMLSerializer().serializeToString(copy);
