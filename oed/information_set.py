@@ -4,24 +4,26 @@ import os
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import Executor
 from dataclasses import dataclass
-from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, overload
 
 import numpy as np
 
+from oed.chunk_information import ChunkInformation
 from oed.design.matrix_checks import check_matrices, check_positions
 from oed.design.null_space import unidentifiable, weak_directions
 from robotmodels.arrays import Array, IntArray, read_only
-from robotmodels.elastic.spring_network import SpringNetwork
 from robotmodels.errors import InvalidInput
-from robotmodels.noise import LoopNoise, RelativeNoise, SeparableNoise
+from robotmodels.noise import LoopNoise, RelativeNoise
 from robotmodels.overlap import overlapped
 from robotmodels.replacing import replacing
-from robotmodels.response import Elastic, sensitivity
+from robotmodels.response import Elastic
 
 if TYPE_CHECKING:
     from oed.store import StoredInformation
+
+_WORTHWHILE = 128
+"""Fewest positions in a chunk that overlaps with the next."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,9 +56,28 @@ class InformationSet:
         check_matrices(matrices)
         matrices += np.swapaxes(matrices, -1, -2).copy()
         matrices *= 0.5
+        self._set(positions, matrices, names)
+
+    def _set(self, positions: Array, matrices: Array, names: tuple[str, ...]) -> None:
         object.__setattr__(self, "positions", read_only(positions))
         object.__setattr__(self, "matrices", read_only(matrices))
         object.__setattr__(self, "names", names)
+
+    @classmethod
+    def _of_sums(
+        cls, positions: Array, matrices: Iterable[Array], names: tuple[str, ...]
+    ) -> "InformationSet":
+        """Return a set of matrices, in chunks, that are sums of squares wherever finite."""
+        found, done = np.empty((len(positions), len(names), len(names))), 0
+        for part in matrices:
+            if not np.isfinite(part.sum()):
+                check_matrices(part, done)
+            np.add(part, np.swapaxes(part, 1, 2), out=found[done : done + len(part)])
+            found[done : done + len(part)] *= 0.5
+            done += len(part)
+        info = cls.__new__(cls)
+        info._set(positions.copy(), found, names)
+        return info
 
     def __len__(self) -> int:
         return len(self.matrices)
@@ -181,7 +202,7 @@ def information(
     positions: Array,
     omega: Array,
     noise: RelativeNoise | LoopNoise,
-    chunk: int = 256,
+    chunk: int = 1024,
     executor: Executor | None = None,
     progress: Callable[[int, int], object] | None = None,
     store: str | os.PathLike[str] | None = None,
@@ -197,7 +218,7 @@ def information(
     positions : (Q, n) [rad].
     omega : (F,) [rad/s].
     noise : the noise law of the FRF estimates; a `ClosedLoopNoise` knows the experiment.
-    chunk : positions per call of the kernel, which bounds the memory.
+    chunk : the most positions per call of the kernel, which bounds the memory.
     executor : computes chunks in parallel; None computes here.
     progress : called with the number of positions done and their total.
     store : path of a file for more matrices than memory holds; they are written as they come and
@@ -213,17 +234,18 @@ def information(
         raise InvalidInput("positions: none given; at least one candidate position is needed")
     if chunk < 1:
         raise InvalidInput(f"chunk: {chunk} positions per call; at least 1 is needed")
-    chunks = [positions[start : start + chunk] for start in range(0, len(positions), chunk)]
-    second = partial(_chunk_information, robot, np.asarray(omega, dtype=float), noise)
+    # Several of them, where there are enough positions, for there to be something that overlaps.
+    size = min(chunk, max(-(-len(positions) // 4), _WORTHWHILE))
+    chunks = [positions[start : start + size] for start in range(0, len(positions), size)]
+    work = ChunkInformation(robot, np.asarray(omega, dtype=float), noise)
     names = robot.parameters.names
     found: Iterable[Array]
     if executor is None:  # what Pinocchio does for a chunk overlaps with the kernel's last
-        found = overlapped(partial(_with_network, robot), second, chunks)
+        found = overlapped(work.prepare, work.finish, chunks)
     else:
-        found = executor.map(partial(_whole_chunk, robot, second), chunks)
+        found = executor.map(work, chunks)
     if store is None:
-        parts = list(_counted(found, len(positions), progress))
-        return InformationSet(positions, np.concatenate(parts), names)
+        return InformationSet._of_sums(positions, _counted(found, len(positions), progress), names)
     from oed.store import write_store
 
     return write_store(store, positions, names, _counted(found, len(positions), progress))
@@ -238,38 +260,6 @@ def _counted(
         done += len(part)
         if progress is not None:
             progress(done, total)
-
-
-def _with_network(robot: Elastic, positions: Array) -> tuple[Array, SpringNetwork]:
-    return positions, robot.network(positions)
-
-
-def _whole_chunk(
-    robot: Elastic, second: Callable[[tuple[Array, SpringNetwork]], Array], positions: Array
-) -> Array:
-    return second(_with_network(robot, positions))
-
-
-def _chunk_information(
-    robot: Elastic,
-    omega: Array,
-    noise: RelativeNoise | LoopNoise,
-    chunk: tuple[Array, SpringNetwork],
-) -> Array:
-    # Imported when used: a user's own matrices need neither.
-    import robotmodels.kernel as kernel
-    from estimators.information import information as fisher_information
-
-    positions, network = chunk
-    plain = network.only_springs and network.measurement is None
-    if plain and isinstance(noise, RelativeNoise | SeparableNoise):
-        return np.asarray(kernel.information(network, omega, noise))
-    # The kernel knows springs, dampers, motors' inertias and accelerations, and noise that is
-    # independent or separable; the rest takes the general way.
-    response, jacobian = sensitivity(robot, positions, omega, sag=False)
-    if isinstance(noise, RelativeNoise):
-        return fisher_information(jacobian, 1.0 / noise.variance(response))
-    return fisher_information(jacobian, noise.weights(network, omega))
 
 
 def _check_shapes(positions: Array, matrices: Array, names: tuple[str, ...]) -> None:

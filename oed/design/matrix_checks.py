@@ -8,6 +8,8 @@ from robotmodels.arrays import Array
 from robotmodels.errors import InvalidInput
 
 _SYMMETRY_TOLERANCE = 1e-9
+_PART = 64
+"""Matrices that are checked at once: they stay in the cache."""
 
 
 def check_positions(positions: Array) -> None:
@@ -23,6 +25,10 @@ def check_matrices(matrices: Array, first: int = 0) -> None:
     InvalidInput : naming the candidate, if one is not finite, symmetric or positive semidefinite,
         all to rounding.
     """
+    # Which candidate is at fault is found out only where one is.
+    parts = range(0, len(matrices), _PART)
+    if all(_is_definite(matrices[start : start + _PART]) for start in parts):
+        return
     _refuse(~np.isfinite(matrices).all(axis=(1, 2)), "a matrix that is not finite", first)
     s = unit_diagonal_scaling(matrices)
     # What is zero but for rounding is judged against the largest entry.
@@ -31,13 +37,32 @@ def check_matrices(matrices: Array, first: int = 0) -> None:
     scaled = s[:, :, None] * matrices * s[:, None, :]
     skew = np.abs(scaled - np.swapaxes(scaled, 1, 2)).max(axis=(1, 2))
     _refuse(skew > _SYMMETRY_TOLERANCE, "a matrix that is not symmetric", first)
-    try:  # one factorisation of all is much cheaper than their eigenvalues
-        np.linalg.cholesky(scaled + _SYMMETRY_TOLERANCE * np.eye(matrices.shape[-1]))
+    lowest = np.linalg.eigvalsh(scaled)[:, 0]
+    _refuse(
+        lowest < -0.5 * _SYMMETRY_TOLERANCE, "a matrix that is not positive semidefinite", first
+    )
+
+
+def _is_definite(matrices: Array) -> bool:
+    """Return whether matrices are finite, symmetric and positive definite, all to rounding.
+
+    One factorisation of all is much cheaper than their eigenvalues.
+    """
+    diagonal = np.einsum("qii->qi", matrices)
+    if not (np.isfinite(matrices).all() and np.all(diagonal > 0)):
+        return False
+    s = 1.0 / np.sqrt(diagonal)
+    scaled = s[:, :, None] * matrices * s[:, None, :]
+    skew = np.abs(scaled - np.swapaxes(scaled, 1, 2)).max(initial=0.0)
+    if not skew <= _SYMMETRY_TOLERANCE:
+        return False
+    own = np.einsum("qii->qi", scaled)
+    own += _SYMMETRY_TOLERANCE
+    try:
+        np.linalg.cholesky(scaled)
     except np.linalg.LinAlgError:
-        lowest = np.linalg.eigvalsh(scaled)[:, 0]
-        _refuse(
-            lowest < -0.5 * _SYMMETRY_TOLERANCE, "a matrix that is not positive semidefinite", first
-        )
+        return False
+    return True
 
 
 def _refuse(wrong: ArrayLike, what: str, first: int) -> None:
