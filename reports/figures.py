@@ -13,6 +13,9 @@ from robotmodels.arrays import Array, IntArray
 
 Drawing = Callable[[Palette], Figure]
 
+_RANKS = 3000
+"""Points of a curve over candidates, of which there may be millions."""
+
 
 def sensitivity_function(sensitivity: Array, support: IntArray) -> Drawing:
     """Return the candidates' sensitivity in falling order, those of the design marked.
@@ -26,7 +29,8 @@ def sensitivity_function(sensitivity: Array, support: IntArray) -> Drawing:
         rank = np.empty(len(order))
         rank[order] = np.arange(1, len(order) + 1)
         axes.axhline(1.0, color=palette.muted, lw=0.8, dashes=(4, 3))
-        axes.plot(rank[order], sensitivity[order], color=palette.accent, lw=1.4)
+        shown = np.unique(np.geomspace(1, len(order), _RANKS).astype(int)) - 1
+        axes.plot(shown + 1, sensitivity[order[shown]], color=palette.accent, lw=1.4)
         axes.plot(rank[support], sensitivity[support], "o", color=palette.second, ms=4)
         axes.set(xlim=(0.8, len(order) * 1.05), xscale="log", ylim=(0, None))
         axes.set_xlabel("candidate position, best first")

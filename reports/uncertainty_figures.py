@@ -88,15 +88,18 @@ def deviations(
         grid = figure.subplots(1, len(groups), squeeze=False)[0]
         colours = (palette.accent, palette.second, palette.ink, palette.muted)
         bars = [None] * len(stds) if ends is None else ends
+        # Bars lie beside each other.
+        apart = np.linspace(-0.22, 0.22, len(stds)) if ends else np.zeros(len(stds))
         for axes, (title, group) in zip(grid, groups.items(), strict=True):
             # The first study last, on top of the others.
             for k in reversed(range(len(stds))):
                 colour, bar = colours[k % len(colours)], bars[k]
                 x = 100 * np.atleast_2d(stds[k])[:, group]
-                y = np.tile(np.arange(len(group)), len(x))
+                rows = np.arange(len(group)) + apart[k]
+                y = np.tile(rows, len(x))
                 axes.plot(x.ravel(), y, "o", color=colour, ms=4 if len(x) == 1 else 2.5)
                 if bar is not None:
-                    axes.hlines(range(len(group)), *100 * bar[group].T, color=colour, lw=1.4)
+                    axes.hlines(rows, *100 * bar[group].T, color=colour, lw=1.4)
             axes.set_yticks(range(len(group)), [names[i].rsplit(".", 1)[0] for i in group])
             axes.set(ylim=(longest - 0.4, -0.6), xscale="log", title=title)
             axes.set_xlabel("relative standard deviation [%]")

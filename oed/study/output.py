@@ -8,7 +8,9 @@ files depends on the clock or on where they lie: the same seed gives the same fi
     ``stages/information/information.h5``), their ``weights``, ``value``, certified ``gap``;
     ``exact``: ``experiments`` and ``efficiency`` (certified lower bound against the relaxed
     optimum); ``positions``: the positions to measure in, each with ``candidate``, ``position``
-    [rad, in the order of ``motors``], ``weight``, ``repetitions``.
+    [rad, in the order of ``motors``], ``weight``, ``repetitions``; where the study asks for them,
+    ``order``: ``candidates`` in the order of visits, ``seconds`` of all moves, and ``robust``:
+    efficiencies at each sample of theta of the design and of the ``nominal`` one.
 ``fit.json``
     ``parameters``: name, unit, ``truth`` (null where it is not known), ``estimate``;
     ``residual``, ``cost``, ``origin`` of the chosen fit; ``estimators``: what each estimator came
@@ -19,6 +21,8 @@ files depends on the clock or on where they lie: the same seed gives the same fi
     ``theorem1`` and ``emcee``: relative ``std`` and ``correlation``; ``convergence``: ``r_hat``,
     ``ess``, ``autocorrelation_time`` [steps], ``acceptance``, ``converged``, ``message``;
     ``z``: (ln estimate - ln truth) / std of Theorem 1, null where no truth is known.
+    ``plans``: of plans compared, ``positions``, ``worth`` promised and found with its 95 %
+    ``interval``, ``promised`` and ``found`` relative std; null where parameters are left open.
 ``stages/``
     what each stage computed, see `oed.study.stages`; among it ``information/information.h5`` with
     ``positions`` (Q, n), ``matrices`` (Q, p, p) and ``names``, ``fit-NAME/runs.h5`` (see
@@ -40,6 +44,7 @@ from numpy.typing import NDArray
 from oed.study.fits import Search, start_number
 from oed.study.results import FittedStudy, PlannedStudy, StudyResults
 from oed.study.stages import write_atomically
+from oed.trials.comparison import PlanComparison
 from robotmodels.arrays import Array
 from robotmodels.errors import InvalidInput
 
@@ -105,6 +110,7 @@ def design_document(results: PlannedStudy) -> dict[str, Any]:
             "experiments": int(exact.repetitions.sum()),
             "efficiency": float(exact.efficiency),
         },
+        **_extras(results),
         "positions": [
             {
                 "candidate": int(i),
@@ -115,6 +121,22 @@ def design_document(results: PlannedStudy) -> dict[str, Any]:
             for i in results.used
         ],
     }
+
+
+def _extras(results: PlannedStudy) -> dict[str, Any]:
+    """Return what a plan has besides, where the study asks for it."""
+    found: dict[str, Any] = {}
+    if results.robust is not None:
+        found["robust"] = {
+            "efficiency": _numbers(results.robust.efficiency),
+            "nominal": _numbers(results.robust.nominal_efficiency),
+        }
+    if results.order is not None:
+        found["order"] = {
+            "candidates": results.used[results.order.order].tolist(),
+            "seconds": float(results.order.duration),
+        }
+    return found
 
 
 def fit_document(results: FittedStudy) -> dict[str, Any]:
@@ -182,6 +204,23 @@ def uncertainty_document(results: StudyResults) -> dict[str, Any]:
             "message": posterior.message,
         },
         "z": _numbers(results.z_scores),
+        **({} if results.comparison is None else {"plans": _plans(results.comparison)}),
+    }
+
+
+def _plans(found: PlanComparison) -> dict[str, Any]:
+    return {
+        trial.name: {
+            "positions": len(trial.support),
+            "worth": {
+                "promised": float(found.promised[k]),
+                "found": float(found.found[k]),
+                "interval": _numbers(found.interval[k]),
+            },
+            "promised": None if trial.promised is None else _numbers(trial.promised.std),
+            "found": None if trial.found is None else _numbers(trial.std),
+        }
+        for k, trial in enumerate(found.trials)
     }
 
 

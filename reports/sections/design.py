@@ -1,8 +1,9 @@
-"""The design: how good the chosen positions are, and the proof of it."""
+"""The design: how good the chosen positions are, the proof of it, and what limits them."""
 
+from oed.study.design_section import DesignChoice
 from oed.study.pipeline import StudyResults
 from reports import figures, text
-from reports.parts import Section, figure
+from reports.parts import Number, Section, Table, figure, numbers, table
 from reports.template import filled
 
 
@@ -10,13 +11,14 @@ def section(results: StudyResults) -> Section | None:
     """Return the section; none where the positions were given with the data."""
     if results.study.data.measured:
         return None
-    design = results.design
+    design, robust = results.design, results.robust
     sensitivity = figure(
         "sensitivity",
         # Per share of all experiments, whether weights are shares or experiments.
         figures.sensitivity_function(design.sensitivity * design.weights.sum(), design.support),
         "Sensitivity of every candidate position in falling order, those of the design marked",
     )
+    least = () if robust is None else (robust.efficiency.min(), robust.nominal_efficiency.min())
     body = filled(
         "design.html.j2",
         results=results,
@@ -26,6 +28,61 @@ def section(results: StudyResults) -> Section | None:
         experiments=int(results.exact.repetitions.sum()),
         gap=text.significant(design.gap, 2),
         efficiency=text.efficiency(results.exact.efficiency),
+        limits=text.listed(limits(results.study.design)),
+        tour=tour(results),
+        robust=None if robust is None else robust_table(results),
+        samples=0 if robust is None else len(robust.efficiency),
+        kept=[text.percent(float(value)) for value in least],
         sensitivity=sensitivity,
     )
     return Section("design", "Design", body)
+
+
+def limits(choice: DesignChoice) -> list[str]:
+    """Return in words what limits the plan besides the number of experiments."""
+    found = []
+    if choice.most is not None:
+        found.append(f"at most {text.plural(choice.most, 'experiment')} in one position")
+    if choice.time is not None:
+        found.append(f"{text.duration(choice.time)} for experiments and moves")
+    if choice.mandatory:
+        found.append(f"{text.plural(len(choice.mandatory), 'mandatory position')}")
+    if choice.forbidden:
+        found.append(f"{text.plural(len(choice.forbidden), 'forbidden range')}")
+    for name, group in choice.groups.items():
+        least = [f"at least {group.least}"] if group.least else []
+        most = [] if group.most is None else [f"at most {group.most}"]
+        found.append(f"{' and '.join(least + most)} in the group {name}")
+    return found
+
+
+def tour(results: StudyResults) -> dict[str, str] | None:
+    """Return in words how the positions are visited; None where the study does not ask."""
+    order, choice = results.order, results.study.design
+    if order is None:
+        return None
+    total = ""
+    if choice.time is not None and choice.measuring is not None:
+        count = int(results.exact.repetitions.sum())
+        total = text.duration(count * choice.measuring + order.duration)
+    return {
+        "order": ", ".join(str(i + 1) for i in order.order),
+        "duration": text.duration(order.duration),
+        "given": text.duration(order.given),
+        "total": total,
+        "budget": "" if choice.time is None else text.duration(choice.time),
+        "optimal": "yes" if order.optimal else "",
+    }
+
+
+def robust_table(results: StudyResults) -> Table:
+    """Return what the robust and the nominal design keep at each sample of theta."""
+    found = results.robust
+    assert found is not None
+    rows = []
+    pairs = zip(found.efficiency, found.nominal_efficiency, strict=True)
+    for k, values in enumerate(pairs):
+        row = [Number("file" if not k else str(k), k)]
+        rows.append([*row, *(Number(text.percent(float(v)), float(v)) for v in values)])
+    caption = "Efficiency at each sample of the parameters, against its own best design."
+    return table("robust", caption, numbers("sample", "robust design", "nominal design"), rows)

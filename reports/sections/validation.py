@@ -19,6 +19,7 @@ def section(results: StudyResults) -> Section | None:
     body = filled(
         "validation.html.j2",
         found=found,
+        measured=results.study.data.measured,
         count=len(found.estimate.positions),
         judged=judged_table(found),
         positions=position_table(results, found),
