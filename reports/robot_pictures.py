@@ -15,6 +15,7 @@ from robotmodels.arrays import Array
 AZIMUTH, ELEVATION = -55, 18  # of the camera [deg]
 _WIDTH = 160  # of a picture [px]
 _MARGIN = 0.04
+_DECIMALS = 3  # of what is drawn [m]
 
 # In the order of drawing: what, colour, width of the line [px], opacity.
 _PARTS = (
@@ -47,8 +48,9 @@ def seen(points: Array) -> Array:
 
 def scene_of(skeletons: list[Array]) -> Scene:
     """Return the scene in which every skeleton (k, 3) fits."""
-    everything = np.concatenate(skeletons)
-    radius = 1.05 * max(float(np.linalg.norm(everything[:, :2], axis=1).max()), 1e-3)
+    everything = _rounded(np.concatenate(skeletons))
+    reach = float(np.linalg.norm(everything[:, :2], axis=1).max())
+    radius = round(1.05 * max(reach, 0.01), _DECIMALS)
     drawn = np.concatenate([seen(everything), *map(seen, _floor(radius))])
     low, high = drawn.min(axis=0), drawn.max(axis=0)
     margin = _MARGIN * float((high - low).max())
@@ -64,6 +66,7 @@ def stick_figure(skeleton: Array, scene: Scene, alt: str) -> Markup:
     skeleton : (k, 3) joint origins [m], from base to tool.
     alt : says what is to be seen.
     """
+    skeleton = _rounded(skeleton)
     shadow, joints = skeleton * [1.0, 1.0, 0.0], skeleton[1:-1]
     lines = {
         "floor": "".join(_line(part) for part in _floor(scene.radius)),
@@ -81,10 +84,10 @@ def stick_figure(skeleton: Array, scene: Scene, alt: str) -> Markup:
         + (f' opacity="{opacity}"/>' if opacity < 1 else "/>")
         for name, colour, width, opacity in _PARTS
     )
-    data = json.dumps(np.round(skeleton, 3).tolist(), separators=(",", ":"))
+    data = json.dumps(skeleton.tolist(), separators=(",", ":"))
     return Markup(
         f'<svg viewBox="{box}" role="img" aria-label="{escape(alt)}" data-robot="{data}" '
-        f'data-radius="{scene.radius:.3f}">{paths}</svg>'
+        f'data-radius="{scene.radius}">{paths}</svg>'
     )
 
 
@@ -93,6 +96,11 @@ def _floor(radius: float) -> list[Array]:
     angle = np.linspace(0, 2 * np.pi, 49)
     circle = radius * np.stack([np.cos(angle), np.sin(angle), np.zeros_like(angle)], axis=1)
     return [circle, circle / 2, circle[[0, 24]], circle[[12, 36]]]
+
+
+def _rounded(points: Array) -> Array:
+    """Return what the script gets, so that it draws the same picture."""
+    return np.asarray(np.round(points, _DECIMALS)) + 0.0
 
 
 def _line(points: Array) -> str:

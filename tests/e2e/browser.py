@@ -1,4 +1,4 @@
-"""Debian's Chromium, driven by playwright."""
+"""Debian's Chromium, driven by playwright: started once, a fresh context for every page."""
 
 import os
 from collections.abc import Iterator
@@ -11,8 +11,8 @@ CHROMIUM = Path("/usr/bin/chromium")
 
 
 @contextmanager
-def open_page(path: Path, width: int, height: int, **options) -> Iterator:
-    """Give a page of a file and a list of what went wrong: messages, errors, requests."""
+def chromium() -> Iterator:
+    """Give a browser; skip the test where there is none, but not in CI."""
     from playwright.sync_api import sync_playwright
 
     if not CHROMIUM.exists():
@@ -25,17 +25,26 @@ def open_page(path: Path, width: int, height: int, **options) -> Iterator:
             args=["--no-sandbox", "--disable-gpu", "--disable-background-networking"],
         )
         try:
-            context = browser.new_context(
-                viewport={"width": width, "height": height}, accept_downloads=True, **options
-            )
-            page, wrong = context.new_page(), []
-            page.on("console", lambda message: wrong.append(f"console: {message.text}"))
-            page.on("pageerror", lambda error: wrong.append(f"error: {error}"))
-            page.on("request", lambda request: _note_request(request.url, wrong))
-            page.goto(path.resolve().as_uri())
-            yield page, wrong
+            yield browser
         finally:
             browser.close()
+
+
+@contextmanager
+def open_page(browser, path: Path, width: int, height: int, **options) -> Iterator:
+    """Give a page of a file and a list of what went wrong: messages, errors, requests."""
+    context = browser.new_context(
+        viewport={"width": width, "height": height}, accept_downloads=True, **options
+    )
+    try:
+        page, wrong = context.new_page(), []
+        page.on("console", lambda message: wrong.append(f"console: {message.text}"))
+        page.on("pageerror", lambda error: wrong.append(f"error: {error}"))
+        page.on("request", lambda request: _note_request(request.url, wrong))
+        page.goto(path.resolve().as_uri())
+        yield page, wrong
+    finally:
+        context.close()
 
 
 def _note_request(url: str, wrong: list[str]) -> None:

@@ -2,14 +2,21 @@
 
 import csv
 import io
+import re
 import xml.etree.ElementTree as ET
 
 import numpy as np
 import pytest
-from browser import open_page
+from browser import chromium, open_page
 from PIL import Image
 
 DESKTOP, PHONE = (1280, 900), (360, 740)
+
+
+@pytest.fixture(scope="module")
+def browser():
+    with chromium() as started:
+        yield started
 
 
 @pytest.fixture(scope="module")
@@ -18,8 +25,8 @@ def report(small_study):
 
 
 @pytest.fixture
-def desktop(report):
-    with open_page(report, *DESKTOP) as (page, wrong):
+def desktop(browser, report):
+    with open_page(browser, report, *DESKTOP) as (page, wrong):
         yield page
         assert wrong == []
 
@@ -104,8 +111,8 @@ def test_every_figure_comes_down_as_svg_in_light_colours(desktop):
         assert "#1d5c92" in text or "#1c2126" in text
 
 
-def test_light_dark_and_as_the_system_has_it(report):
-    with open_page(report, *DESKTOP, color_scheme="light") as (page, wrong):
+def test_light_dark_and_as_the_system_has_it(browser, report):
+    with open_page(browser, report, *DESKTOP, color_scheme="light") as (page, wrong):
         button = page.locator("#theme")
         assert picture(page)[0, 0].min() > 240
         button.click()  # light
@@ -125,8 +132,8 @@ def test_light_dark_and_as_the_system_has_it(report):
 
 
 @pytest.mark.parametrize("size", [DESKTOP, PHONE], ids=["desktop", "phone"])
-def test_nothing_is_wider_than_the_screen(report, size):
-    with open_page(report, *size) as (page, wrong):
+def test_nothing_is_wider_than_the_screen(browser, report, size):
+    with open_page(browser, report, *size) as (page, wrong):
         for details in page.locator("details").all():
             details.evaluate("element => { element.open = true; }")
         root = page.locator("html")
@@ -145,11 +152,71 @@ def test_nothing_is_wider_than_the_screen(report, size):
         assert wrong == []
 
 
-def test_without_scripts_everything_is_shown(report):
-    with open_page(report, *DESKTOP, java_script_enabled=False) as (page, wrong):
+def test_without_scripts_everything_is_shown(browser, report):
+    with open_page(browser, report, *DESKTOP, java_script_enabled=False) as (page, wrong):
         panels = page.locator("section[aria-labelledby=responses] .choice")
         assert all(panels.nth(i).is_visible() for i in range(panels.count()))
         assert not page.locator("[data-save]").first.is_visible()
+        assert page.locator("svg[data-robot]").first.is_visible()
+        assert not page.locator(".hint").is_visible()
+        assert wrong == []
+
+
+def drawn(page):
+    return page.locator("svg[data-robot]").evaluate_all(
+        "pictures => pictures.map((one) => one.getAttribute('viewBox') + one.innerHTML)"
+    )
+
+
+def numbers(words):
+    return [float(number) for number in re.findall(r"-?\d+\.\d+", words)]
+
+
+def test_pictures_of_the_robot_turn_together_and_back(desktop):
+    pictures = desktop.locator("svg[data-robot]")
+    first, before = pictures.first, drawn(desktop)
+    assert len(before) >= 2
+    first.scroll_into_view_if_needed()
+    box = first.bounding_box()
+    desktop.mouse.move(box["x"] + 0.7 * box["width"], box["y"] + 0.5 * box["height"])
+    desktop.mouse.down()
+    desktop.mouse.move(box["x"] + 0.4 * box["width"], box["y"] + 0.9 * box["height"], steps=3)
+    desktop.mouse.up()
+    turned = drawn(desktop)
+    assert all(now != then for now, then in zip(turned, before, strict=True))
+    desktop.mouse.move(box["x"], box["y"])  # no button is held
+    assert drawn(desktop) == turned
+    assert first.bounding_box() == pytest.approx(box, abs=0.5)
+    first.press("Home")
+    home = drawn(desktop)
+    for now, then in zip(home, before, strict=True):  # the script draws what the page came with
+        assert numbers(now) == pytest.approx(numbers(then), abs=0.002)
+    first.press("ArrowLeft")
+    assert drawn(desktop) not in (home, turned)
+    first.dblclick()
+    assert drawn(desktop) == home
+
+
+def test_turned_from_above_the_robot_casts_no_shadow(desktop):
+    first = desktop.locator("svg[data-robot]").first
+    for _ in range(9):
+        first.press("ArrowUp")
+    links, shadow = (
+        first.locator(f"path.{part}").get_attribute("d") for part in ("links", "shadow")
+    )
+    assert links == shadow
+    assert drawn(desktop)[0].count("NaN") == 0
+
+
+def test_a_finger_turns_pictures_and_still_scrolls(browser, report):
+    with open_page(browser, report, *PHONE, has_touch=True) as (page, wrong):
+        first = page.locator("svg[data-robot]").first
+        assert first.evaluate("e => getComputedStyle(e).touchAction") == "pan-y"
+        assert page.locator(".hint").is_visible()
+        assert page.locator(".wider").count() >= 1  # and says that it scrolls
+        assert "scroll sideways" in page.locator(".wider > .tools").first.evaluate(
+            "e => getComputedStyle(e, '::before').content"
+        )
         assert wrong == []
 
 
@@ -159,14 +226,14 @@ def test_contents_lead_to_the_sections(desktop):
         assert desktop.locator(link.get_attribute("href")).is_visible()
 
 
-def test_checks_can_fail(tmp_path):
+def test_checks_can_fail(browser, tmp_path):
     broken = tmp_path / "broken.html"
     broken.write_text(
         '<img src="https://example.invalid/x.png"><script>undefinedFunction();</script>'
         '<div style="width: 2000px">wide</div>',
         encoding="utf-8",
     )
-    with open_page(broken, *PHONE) as (page, wrong):
+    with open_page(browser, broken, *PHONE) as (page, wrong):
         assert page.locator("html").evaluate("e => e.scrollWidth") > PHONE[0]
         assert any(words.startswith("error:") for words in wrong)
         assert any(words.startswith("request: https://example.invalid") for words in wrong)

@@ -1,7 +1,7 @@
 import matplotlib.pyplot as plt
 import numpy as np
 
-from reports.response_panels import response_panels
+from reports.response_panels import _level_range, response_panels
 from reports.svg import LIGHT
 
 
@@ -14,3 +14,15 @@ def test_rows_are_outputs_and_columns_are_motors():
     words = {text.get_text() for axes in figure.axes for text in axes.texts}
     assert {"from m1", "from m2", "to m1", "to m2", "to elbow"} <= words
     plt.close(figure)
+
+
+def test_a_model_below_the_noise_stays_in_its_panel():
+    omega = 2 * np.pi * np.geomspace(2, 80, 40)
+    measured = np.ones((40, 1, 1), dtype=complex)
+    measured[20:] = 0.01  # the noise
+    model = measured.copy()
+    model[20:] = np.geomspace(1e-2, 1e-3, 20)[:, None, None]
+    low, high = _level_range(np.abs(measured), [], model)
+    assert low <= -60 < -50 < _level_range(np.abs(measured), [])[0]
+    assert high == 10
+    plt.close(response_panels(omega, measured, 0.1 * np.abs(measured), model, ("m1",))(LIGHT))

@@ -13,6 +13,7 @@ from reports.page_budget import BUDGET, lines_drawn
 from reports.parts import Column, Number, Section, numbers, table
 from reports.sections import cross_check, residuals
 from reports.sections import identifiability as weak_directions
+from reports.sections.fit import reached_words
 from reports.template import filled, page
 
 
@@ -116,3 +117,27 @@ def test_as_many_lines_are_drawn_as_fit(shape):
         assert positions * m * n * (900 + 46 * len(drawn)) == pytest.approx(BUDGET, rel=0.05)
     else:
         assert len(drawn) in (lines, 20)
+
+
+def test_cross_check_without_reasons_has_no_column_for_them():
+    found = CrossCheck(
+        names=("a.stiffness",),
+        values=np.ones(1),
+        methods=("Theorem 1",),
+        stds=np.array([[0.01]]),
+        verdicts=("agree",),
+        evidence=((),),
+        notes=(),
+        covering=None,
+    )
+    assert [column.title for column in cross_check.verdict_table(found).columns] == [
+        "parameter",
+        "Theorem 1",
+        "verdict",
+    ]
+
+
+def test_estimators_that_did_alike_are_named_together():
+    assert reached_words([("LLS", 4, 4), ("NLS", 4, 4)]) == "all 4 with LLS and NLS"
+    assert reached_words([("LLS", 3, 4), ("NLS", 4, 4)]) == "3 of 4 with LLS; all 4 with NLS"
+    assert reached_words([("NLS", 1, 1)]) == "1 of 1 with NLS"
