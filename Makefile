@@ -48,5 +48,5 @@ $(VENV)/installed: pyproject.toml
 	  { echo "Python 3.11 or newer is needed; set it with: make PYTHON=python3.12 ..."; exit 1; }
 	@echo "Making .venv and installing (about two minutes, once) ..."
 	@$(PYTHON) -m venv $(VENV)
-	@$(BIN)/pip install --quiet --editable '.[test]'
+	@$(BIN)/pip install --quiet --no-compile --editable '.[test]'
 	@touch $@
