@@ -42,15 +42,12 @@ def test_mean_and_its_covariance(full):
 def test_covariance_is_that_of_the_scatter():
     rng = np.random.default_rng(5)
     stated = covariances(rng, full=False)[:, :1, :1, :1]
-    runs = 4000
-    errors = rng.standard_normal((2, runs, 4)) * np.sqrt(stated[:, 0, 0, 0] / 2)
-    means = []
-    for real, imaginary in zip(*errors, strict=True):
-        response = (real + 1j * imaginary)[:, None, None, None]
-        given = FrfEstimate(POSITIONS, np.ones(1), response, stated, COUNTS)
-        merged = merge_visits(given)
-        means.append(merged.response[0, 0, 0, 0])
-    scatter = np.mean(np.abs(means) ** 2)
+    runs = 4000  # one at each frequency
+    real, imaginary = rng.standard_normal((2, 4, runs)) * np.sqrt(stated[:, :, 0, 0] / 2)
+    response = (real + 1j * imaginary)[:, :, None, None]
+    many = np.repeat(stated, runs, axis=1)
+    merged = merge_visits(FrfEstimate(POSITIONS, np.arange(1.0, 1 + runs), response, many, COUNTS))
+    scatter = np.mean(np.abs(merged.response[0]) ** 2)
     assert scatter == pytest.approx(merged.covariance[0, 0, 0, 0], rel=0.1)
     assert scatter < 0.7 * stated[[0, 2, 3]].mean()  # one visit's would be wrong
 
