@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import PathPatch
 from matplotlib.path import Path
-from matplotlib.ticker import FuncFormatter, MaxNLocator, NullFormatter
+from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullFormatter
 
 from reports.figures import Drawing
 from reports.svg import Palette
@@ -115,10 +115,12 @@ def deviations(
 
 
 def _plain_decades(axes: Axes) -> None:
-    """Write a logarithmic axis of numbers in plain figures, with ticks where it is short."""
+    """Write a logarithmic axis in plain figures, with ticks enough where it is short."""
     low, high = axes.get_xlim()
     if high < 10 * low:
         axes.xaxis.set_major_locator(MaxNLocator(5, steps=[1, 2, 5, 10]))
+    elif high < 200 * low:
+        axes.xaxis.set_major_locator(LogLocator(subs=(1.0, 3.0)))
     axes.xaxis.set_major_formatter(FuncFormatter(lambda x, _: f"{x:g}"))
     axes.xaxis.set_minor_formatter(NullFormatter())
     axes.tick_params(axis="y", length=0)
