@@ -6,6 +6,7 @@ import numpy as np
 
 import robotmodels
 from oed.published.paper import ESTIMATORS
+from oed.published.rival import Rivalry
 from oed.study.fits import positions_of
 from oed.study.pipeline import StudyResults
 from oed.study.published import Published
@@ -34,6 +35,7 @@ def write_published(results: StudyResults, published: Published, path: Path) -> 
             _models(results, published),
             _parameters(results, published),
             _responses(results, published),
+            *([] if published.rivalry is None else [_rival(published.rivalry, results)]),
         ],
     )
     path.write_text(content, encoding="utf-8")
@@ -148,3 +150,13 @@ def _responses(results: StudyResults, published: Published) -> Section:
         number=q + 1,
     )
     return Section("responses", "Frequency responses", body)
+
+
+def _rival(found: Rivalry, results: StudyResults) -> Section:
+    body = filled(
+        "published_rival.html.j2",
+        found=found,
+        table=tables.rival(found),
+        seconds=results.seconds["rival"],
+    )
+    return Section("rival", "Fits in time", body)

@@ -9,6 +9,7 @@ from oed.published.paper import (
     REASONABLE_BY_SPRINGS,
 )
 from oed.published.paper import TABLE_1 as PAPER_TABLE
+from oed.published.rival import Rivalry
 from oed.study.published import Published
 from reports import text
 from reports.parts import Cell, Column, Number, Table, numbers, table
@@ -86,6 +87,37 @@ def conclusions(found: Published) -> Table:
     return table(
         "conclusions-table", "The conclusions of section 7, judged by rule.", columns, rows
     )
+
+
+def rival(found: Rivalry) -> Table:
+    """Return what fits in time and fits of FRFs came to from the same starts."""
+    rows = [
+        (
+            f"within {text.significant(10**way.decades, 2)} times",
+            "FRFs, LLS" if way.name == "frequency domain" else way.name,
+            Number(f"{way.successes} of {way.starts}", way.successes / way.starts),
+            _percentage(way.spring_error),
+            _percentage(way.damper_error),
+            Number(text.significant(way.seconds, 2), way.seconds),
+            Number(str(way.unfinished), way.unfinished),
+        )
+        for way in found.ways
+    ]
+    columns = [
+        Column("starts"),
+        Column("fit"),
+        *numbers("success", "springs", "dampers", "seconds per start", "given up"),
+    ]
+    caption = (
+        "Success: all springs within 5 % of the truth. Springs, dampers: median error of the "
+        "successes, or of all fits where none succeeded."
+    )
+    return table("rival-table", caption, columns, rows)
+
+
+def _percentage(error: float) -> Number:
+    """Return exp(error) - 1 for people."""
+    return Number(f"{text.significant(100 * np.expm1(error), 2)}{text.THIN}%", error)
 
 
 def _share(value: float) -> Number:

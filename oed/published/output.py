@@ -3,16 +3,19 @@
 ``estimators``: for each its ``cost`` with user-defined weights and its ``optimal_cost``, both
 normalised and sorted by the first (null: no FRF), ``start`` numbers, and the parts of reasonable
 models by ``reasonable`` criterion; ``table_1``: per parameter, relative to the best LLS15U model;
-``conclusions``: text, ``verdict``, ``evidence``; ``paper``: the published numbers.
+``conclusions``: text, ``verdict``, ``evidence``; ``paper``: the published numbers; ``rival``:
+fits in time and of FRFs, see `oed.published.rival.Rivalry` (null where the study has none).
 """
 
 import json
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from oed.published.paper import REASONABLE_BY_COST, REASONABLE_BY_SPRINGS, TABLE_1
+from oed.published.rival import Rivalry
 from oed.study.published import Published
 from oed.study.stages import write_atomically
 from robotmodels.arrays import Array
@@ -61,7 +64,14 @@ def published_document(found: Published) -> dict[str, Any]:
                 name: dict(zip(statistics, row, strict=True)) for name, row in TABLE_1.items()
             },
         },
+        "rival": None if found.rivalry is None else rivalry_document(found.rivalry),
     }
+
+
+def rivalry_document(found: Rivalry) -> dict[str, Any]:
+    """Return what both ways of fitting came to, as plain data."""
+    misfit = found.misfit if np.isfinite(found.misfit) else None
+    return asdict(found) | {"misfit": misfit}
 
 
 def _numbers(values: Array) -> list[float | None]:

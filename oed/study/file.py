@@ -36,6 +36,7 @@
     validation: {count: 3}       # positions that check predictions; left out: none. Of measured
                                  # data  {positions: [0, 4]}  or  {share: 0.2},  then not fitted
     compare_with: wernholt_moberg_2008    # left out, except to repeat the study of that paper
+    rival: {starts: 3, decades: [0.1, 1.0]}    # with it: fits in time, a case of their own
     output: ../out/ur10          # relative to this file, as every path in it
 
 With measured data, the positions are those of the data: `candidates` is left out. Plans are
@@ -52,6 +53,7 @@ from pydantic import Field, NonNegativeFloat, PositiveFloat, PositiveInt, model_
 
 from oed.experiment.file import Shaking
 from oed.published.paper import ESTIMATORS
+from oed.published.rival import RivalChoice
 from oed.study.candidates_section import Candidates
 from oed.study.design_section import DesignChoice
 from oed.study.file_paths import existing_file, output_folder, robot_reference
@@ -183,6 +185,7 @@ class Study(Strict):
     profiles: Annotated[int, Field(ge=0)] = 3
     validation: ValidationChoice | None = None
     compare_with: Literal["wernholt_moberg_2008"] | None = None
+    rival: RivalChoice | None = None
     output: Path
 
     @model_validator(mode="after")
@@ -221,6 +224,8 @@ class Study(Strict):
 
     @model_validator(mode="after")
     def _six_estimators(self) -> Self:
+        if self.rival is not None and self.compare_with is None:
+            raise ValueError("rival: it belongs to a study with compare_with; leave it out")
         names = [estimator.name for estimator in self.fit.used]
         missing = [name for name in ESTIMATORS if name not in names]
         if self.compare_with is not None and missing:

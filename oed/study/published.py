@@ -11,6 +11,7 @@ from estimators.uncertainty.covariance import Uncertainty, covariance
 from oed.published.conclusions import Judged, conclusions
 from oed.published.estimators import REFERENCE, Evaluation, evaluate
 from oed.published.paper import ESTIMATORS
+from oed.published.rival import Rivalry, compare
 from oed.published.table import Groups, Table1, groups_of, hardest_spring, table_1
 from oed.study.data import Data
 from oed.study.fits import Search, weights_of
@@ -33,6 +34,7 @@ class Published:
     groups : parameters of gearboxes and arm.
     hardest : the arm spring that is left out of the second share.
     conclusions : the seven, judged.
+    rivalry : fits in time beside fits of FRFs; None unless the study asks for it.
     """
 
     evaluation: Evaluation
@@ -42,6 +44,7 @@ class Published:
     groups: Groups
     hardest: str
     conclusions: tuple[Judged, ...]
+    rivalry: Rivalry | None
 
     @property
     def by_cost(self) -> dict[str, float]:
@@ -79,6 +82,7 @@ def compared(
         groups,
         hardest_spring(evaluation, theorem1, groups),
         conclusions(evaluation, theorem1, table, groups, truth_of(run.robot, plant)),
+        None if run.study.rival is None else _rivalry(run).value,
     )
 
 
@@ -100,3 +104,17 @@ def _evaluation(
         "user_weights": run.study.fit.user_weights.model_dump(mode="json"),
     }
     return run.stages.run("published", inputs, compute, dataclass_files(Evaluation))
+
+
+def _rivalry(run: Run) -> Stage[Rivalry]:
+    """Return both ways of fitting; computed again where mujoco.sysid has come to be there."""
+    from robotmodels.plant.rollout_fit import missing
+
+    choice = run.study.rival
+    assert choice is not None
+
+    def compute(folder: Path, report: Report | None) -> Rivalry:
+        return compare(choice, run.rng("rival"), run.executor, report)
+
+    inputs = {"missing": missing(), **run.settings("rival", "seed")}
+    return run.stages.run("rival", inputs, compute, dataclass_files(Rivalry))

@@ -22,6 +22,7 @@ STREAMS = (
     "importance",
     "robust",
     "comparison",
+    "rival",
 )
 """Independent random numbers; a new one goes to the end, lest the others change."""
 
