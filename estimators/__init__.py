@@ -1,68 +1,150 @@
 """What data say about elastic robots: FRFs, fits, covariances, posteriors.
 
-Public names that need emcee or iminuit are imported when they are first used.
+Names are loaded when used, so that ``import estimators`` stays fast.
 """
 
-from importlib import import_module
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
-from estimators.chains.damper_fit import DamperFit, fit_dampers
-
-# Functions that share their module's name must be bound here: importing the module later would
-# otherwise put the module in their place.
-from estimators.chains.identification import ChainIdentification, identify_chains
-from estimators.chains.prediction import predict_masses
-from estimators.fitting.chain_start import chain_start_values
-from estimators.fitting.fit_files import read_fits, write_fits
-from estimators.fitting.least_squares import Fit, fit, reweighted
-from estimators.fitting.multistart import EarlyStop, multistart, perturbed_starts
-from estimators.fitting.priors import Prior
-from estimators.fitting.residual_analysis import ResidualAnalysis, residual_analysis
-from estimators.fitting.residuals import lls, lls_magnitude, nls
-from estimators.fitting.start_values import physics_start
-from estimators.fitting.weights import combined_weights, optimal_weights, user_weights
-from estimators.frf.compare import Comparison, Loop, compare_methods, designed_loop, measured_loop
-from estimators.frf.distortion import Distortion, distortion
-from estimators.frf.estimate import FrfEstimate, simulate_frf
-from estimators.frf.exchange import (
-    read_distortion,
-    read_frf,
-    read_records,
-    write_distortion,
-    write_frf,
-    write_records,
-)
-from estimators.frf.local_model import local_frf
-from estimators.frf.nonparametric import estimate_frf
-from estimators.frf.rigid_limit import RigidLimit, check_rigid_limit
-from estimators.frf.stationarity import Settling, settling
-from estimators.information import information
-from estimators.uncertainty.convergence import Target
-from estimators.uncertainty.covariance import Uncertainty, covariance
-from estimators.uncertainty.cross_check import CrossCheck, cross_check
-from estimators.uncertainty.design_outcome import DesignOutcome, compare_with_design
-from estimators.uncertainty.identifiability import (
-    Identifiability,
-    best_additions,
-    fit_information,
-    identifiability,
-)
-from estimators.uncertainty.misfit import Misfit, misfit
-from estimators.uncertainty.monte_carlo import FrfExperiment, MonteCarlo, monte_carlo
-from estimators.uncertainty.prediction import (
-    FrfBand,
-    ModeBand,
-    WorkspaceMap,
-    predict_frf,
-    predict_modes,
-    workspace_map,
-)
-from estimators.uncertainty.validation import Validation, validate
+from robotmodels.lazy_names import loaded_when_used
 
 if TYPE_CHECKING:
+    from estimators.chains.damper_fit import DamperFit, fit_dampers
+    from estimators.chains.identification import ChainIdentification, identify_chains
+    from estimators.chains.prediction import predict_masses
+    from estimators.fisher_information import information
+    from estimators.fitting.chain_start import chain_start_values
+    from estimators.fitting.fit_files import read_fits, write_fits
+    from estimators.fitting.least_squares import Fit, fit, reweighted
+    from estimators.fitting.multistart import EarlyStop, multistart, perturbed_starts
+    from estimators.fitting.priors import Prior
+    from estimators.fitting.residual_analysis import ResidualAnalysis, residual_analysis
+    from estimators.fitting.residuals import lls, lls_magnitude, nls
+    from estimators.fitting.start_values import physics_start
+    from estimators.fitting.weights import combined_weights, optimal_weights, user_weights
+    from estimators.frf.compare import (
+        Comparison,
+        Loop,
+        compare_methods,
+        designed_loop,
+        measured_loop,
+    )
+    from estimators.frf.distortion import Distortion, distortion
+    from estimators.frf.estimate import FrfEstimate, simulate_frf
+    from estimators.frf.exchange import (
+        read_distortion,
+        read_frf,
+        read_records,
+        write_distortion,
+        write_frf,
+        write_records,
+    )
+    from estimators.frf.local_model import local_frf
+    from estimators.frf.nonparametric import estimate_frf
+    from estimators.frf.rigid_limit import RigidLimit, check_rigid_limit
+    from estimators.frf.stationarity import Settling, settling
+    from estimators.uncertainty.convergence import Target
+    from estimators.uncertainty.covariance import Uncertainty, covariance
+    from estimators.uncertainty.cross_check import CrossCheck, cross_check
+    from estimators.uncertainty.design_outcome import DesignOutcome, compare_with_design
+    from estimators.uncertainty.identifiability import (
+        Identifiability,
+        best_additions,
+        fit_information,
+        identifiability,
+    )
     from estimators.uncertainty.importance import ImportanceSample, importance_sample
+    from estimators.uncertainty.misfit import Misfit, misfit
+    from estimators.uncertainty.monte_carlo import FrfExperiment, MonteCarlo, monte_carlo
     from estimators.uncertainty.posterior import Posterior, sample_posterior
+    from estimators.uncertainty.prediction import (
+        FrfBand,
+        ModeBand,
+        WorkspaceMap,
+        predict_frf,
+        predict_modes,
+        workspace_map,
+    )
     from estimators.uncertainty.profile import Profile, profile_likelihood
+    from estimators.uncertainty.validation import Validation, validate
+
+_HOMES = {
+    "ChainIdentification": "chains.identification",
+    "Comparison": "frf.compare",
+    "CrossCheck": "uncertainty.cross_check",
+    "DamperFit": "chains.damper_fit",
+    "DesignOutcome": "uncertainty.design_outcome",
+    "Distortion": "frf.distortion",
+    "EarlyStop": "fitting.multistart",
+    "Fit": "fitting.least_squares",
+    "FrfBand": "uncertainty.prediction",
+    "FrfEstimate": "frf.estimate",
+    "FrfExperiment": "uncertainty.monte_carlo",
+    "Identifiability": "uncertainty.identifiability",
+    "ImportanceSample": "uncertainty.importance",
+    "Loop": "frf.compare",
+    "Misfit": "uncertainty.misfit",
+    "ModeBand": "uncertainty.prediction",
+    "MonteCarlo": "uncertainty.monte_carlo",
+    "Posterior": "uncertainty.posterior",
+    "Prior": "fitting.priors",
+    "Profile": "uncertainty.profile",
+    "ResidualAnalysis": "fitting.residual_analysis",
+    "RigidLimit": "frf.rigid_limit",
+    "Settling": "frf.stationarity",
+    "Target": "uncertainty.convergence",
+    "Uncertainty": "uncertainty.covariance",
+    "Validation": "uncertainty.validation",
+    "WorkspaceMap": "uncertainty.prediction",
+    "best_additions": "uncertainty.identifiability",
+    "chain_start_values": "fitting.chain_start",
+    "check_rigid_limit": "frf.rigid_limit",
+    "combined_weights": "fitting.weights",
+    "compare_methods": "frf.compare",
+    "compare_with_design": "uncertainty.design_outcome",
+    "covariance": "uncertainty.covariance",
+    "cross_check": "uncertainty.cross_check",
+    "designed_loop": "frf.compare",
+    "distortion": "frf.distortion",
+    "estimate_frf": "frf.nonparametric",
+    "fit": "fitting.least_squares",
+    "fit_dampers": "chains.damper_fit",
+    "fit_information": "uncertainty.identifiability",
+    "identifiability": "uncertainty.identifiability",
+    "identify_chains": "chains.identification",
+    "importance_sample": "uncertainty.importance",
+    "information": "fisher_information",
+    "lls": "fitting.residuals",
+    "lls_magnitude": "fitting.residuals",
+    "local_frf": "frf.local_model",
+    "measured_loop": "frf.compare",
+    "misfit": "uncertainty.misfit",
+    "monte_carlo": "uncertainty.monte_carlo",
+    "multistart": "fitting.multistart",
+    "nls": "fitting.residuals",
+    "optimal_weights": "fitting.weights",
+    "perturbed_starts": "fitting.multistart",
+    "physics_start": "fitting.start_values",
+    "predict_frf": "uncertainty.prediction",
+    "predict_masses": "chains.prediction",
+    "predict_modes": "uncertainty.prediction",
+    "profile_likelihood": "uncertainty.profile",
+    "read_distortion": "frf.exchange",
+    "read_fits": "fitting.fit_files",
+    "read_frf": "frf.exchange",
+    "read_records": "frf.exchange",
+    "residual_analysis": "fitting.residual_analysis",
+    "reweighted": "fitting.least_squares",
+    "sample_posterior": "uncertainty.posterior",
+    "settling": "frf.stationarity",
+    "simulate_frf": "frf.estimate",
+    "user_weights": "fitting.weights",
+    "validate": "uncertainty.validation",
+    "workspace_map": "uncertainty.prediction",
+    "write_distortion": "frf.exchange",
+    "write_fits": "fitting.fit_files",
+    "write_frf": "frf.exchange",
+    "write_records": "frf.exchange",
+}
 
 __all__ = [
     "ChainIdentification",
@@ -143,21 +225,4 @@ __all__ = [
     "write_records",
 ]
 
-_LATER = {
-    "ImportanceSample": "estimators.uncertainty.importance",
-    "Posterior": "estimators.uncertainty.posterior",
-    "Profile": "estimators.uncertainty.profile",
-    "importance_sample": "estimators.uncertainty.importance",
-    "profile_likelihood": "estimators.uncertainty.profile",
-    "sample_posterior": "estimators.uncertainty.posterior",
-}
-
-
-def __getattr__(name: str) -> Any:
-    if name not in _LATER:
-        raise AttributeError(f"module 'estimators' has no attribute {name!r}")
-    return getattr(import_module(_LATER[name]), name)
-
-
-def __dir__() -> list[str]:
-    return __all__
+__getattr__, __dir__ = loaded_when_used(__name__, _HOMES)

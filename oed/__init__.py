@@ -3,8 +3,9 @@
 Names are loaded when used, so that ``import oed`` stays fast.
 """
 
-from importlib import import_module
 from typing import TYPE_CHECKING
+
+from robotmodels.lazy_names import loaded_when_used
 
 if TYPE_CHECKING:
     from oed.candidates.grids import candidate_positions, sobol_positions
@@ -238,11 +239,4 @@ __all__ = [
 ]
 
 
-def __getattr__(name: str) -> object:
-    if name not in _HOMES:
-        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    return getattr(import_module(f"{__name__}.{_HOMES[name]}"), name)
-
-
-def __dir__() -> list[str]:
-    return sorted(__all__)
+__getattr__, __dir__ = loaded_when_used(__name__, _HOMES)

@@ -50,7 +50,7 @@ class ChunkInformation:
         return np.concatenate([self._general(positions[i : i + _GENERAL]) for i in parts])
 
     def _general(self, positions: Array) -> Array:
-        from estimators.information import information
+        from estimators.fisher_information import information
 
         response, jacobian = sensitivity(self.robot, positions, self.omega, sag=False)
         if isinstance(self.noise, RelativeNoise):

@@ -1,17 +1,10 @@
-"""What the robot is: elastic models, their equilibria, FRFs and sensitivities."""
+"""What the robot is: elastic models, their equilibria, FRFs and sensitivities.
 
-from robotmodels.chain_responses import (
-    chain_response,
-    constrained_response,
-    modally_damped,
-    position_controlled,
-)
-from robotmodels.chains import CoupledChains
-from robotmodels.collision.obstacles import Box, Plane, Sphere
-from robotmodels.collision.surroundings import Surroundings, surroundings
-from robotmodels.description.parameters import Parameters
-from robotmodels.elastic.robot import ElasticRobot
-from robotmodels.elastic.spring_network import SpringNetwork
+Names are loaded when used, so that ``import robotmodels`` stays fast.
+"""
+
+from typing import TYPE_CHECKING
+
 from robotmodels.errors import (
     IdentificationError,
     IdentificationWarning,
@@ -20,22 +13,68 @@ from robotmodels.errors import (
     NotIdentifiable,
     SolverFailed,
 )
-from robotmodels.library import builtin_robots, load_robot
-from robotmodels.linear_model import LinearModel
-from robotmodels.modes import (
-    anti_resonances,
-    clamped,
-    damped_modes,
-    resonances,
-    rigid_modes,
-)
-from robotmodels.noise import RelativeNoise
-from robotmodels.plant.closed_loop import ClosedLoopNoise
-from robotmodels.plant.controller import Controller, default_controller
-from robotmodels.plant.linear import simulate_linear
-from robotmodels.plant.simulation import Imperfections, simulate
-from robotmodels.records import Records, iterate_records, save_records
-from robotmodels.response import frequency_response, linearize, sensitivity
+from robotmodels.lazy_names import loaded_when_used
+
+if TYPE_CHECKING:
+    from robotmodels.chain_responses import (
+        chain_response,
+        constrained_response,
+        modally_damped,
+        position_controlled,
+    )
+    from robotmodels.chains import CoupledChains
+    from robotmodels.collision.obstacles import Box, Plane, Sphere
+    from robotmodels.collision.surroundings import Surroundings, surroundings
+    from robotmodels.description.parameters import Parameters
+    from robotmodels.elastic.robot import ElasticRobot
+    from robotmodels.elastic.spring_network import SpringNetwork
+    from robotmodels.library import builtin_robots, load_robot
+    from robotmodels.linear_model import LinearModel
+    from robotmodels.modes import anti_resonances, clamped, damped_modes, resonances, rigid_modes
+    from robotmodels.noise import RelativeNoise
+    from robotmodels.plant.closed_loop import ClosedLoopNoise
+    from robotmodels.plant.controller import Controller, default_controller
+    from robotmodels.plant.linear import simulate_linear
+    from robotmodels.plant.simulation import Imperfections, simulate
+    from robotmodels.records import Records, iterate_records, save_records
+    from robotmodels.response import frequency_response, linearize, sensitivity
+
+_HOMES = {
+    "Box": "collision.obstacles",
+    "ClosedLoopNoise": "plant.closed_loop",
+    "Controller": "plant.controller",
+    "CoupledChains": "chains",
+    "ElasticRobot": "elastic.robot",
+    "Imperfections": "plant.simulation",
+    "LinearModel": "linear_model",
+    "Parameters": "description.parameters",
+    "Plane": "collision.obstacles",
+    "Records": "records",
+    "RelativeNoise": "noise",
+    "Sphere": "collision.obstacles",
+    "SpringNetwork": "elastic.spring_network",
+    "Surroundings": "collision.surroundings",
+    "anti_resonances": "modes",
+    "builtin_robots": "library",
+    "chain_response": "chain_responses",
+    "clamped": "modes",
+    "constrained_response": "chain_responses",
+    "damped_modes": "modes",
+    "default_controller": "plant.controller",
+    "frequency_response": "response",
+    "iterate_records": "records",
+    "linearize": "response",
+    "load_robot": "library",
+    "modally_damped": "chain_responses",
+    "position_controlled": "chain_responses",
+    "resonances": "modes",
+    "rigid_modes": "modes",
+    "save_records": "records",
+    "sensitivity": "response",
+    "simulate": "plant.simulation",
+    "simulate_linear": "plant.linear",
+    "surroundings": "collision.surroundings",
+}
 
 __all__ = [
     "Box",
@@ -79,3 +118,5 @@ __all__ = [
     "simulate_linear",
     "surroundings",
 ]
+
+__getattr__, __dir__ = loaded_when_used(__name__, _HOMES)

@@ -7,10 +7,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from estimators.fisher_information import information
 from estimators.fitting.residuals import find_residual
 from estimators.fitting.weights import used_elements
 from estimators.frf.estimate import is_full, vec
-from estimators.information import information
 from robotmodels.arrays import Array, read_only
 from robotmodels.errors import InvalidInput, NotIdentifiable, SolverFailed, nearest
 from robotmodels.notebook import Printed

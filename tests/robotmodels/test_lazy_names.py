@@ -1,0 +1,44 @@
+"""Names of the packages are loaded when they are used, and importing a package loads little."""
+
+import importlib
+import subprocess
+import sys
+
+import pytest
+
+import estimators
+import oed
+import robotmodels
+from robotmodels.lazy_names import loaded_when_used
+
+HEAVY = ("numpy", "scipy", "pydantic", "numba", "pinocchio", "coal", "cvxpy", "emcee")
+
+
+@pytest.mark.parametrize("package", [robotmodels, estimators, oed], ids=lambda p: p.__name__)
+def test_every_public_name_is_what_it_says(package):
+    for name in package.__all__:
+        assert getattr(package, name).__name__ == name
+    assert set(package.__all__) <= set(dir(package))
+
+
+def test_functions_stay_when_modules_inside_are_imported():
+    for name in ("estimators.fisher_information", "oed.information_set", "robotmodels.records"):
+        importlib.import_module(name)
+    for package in (robotmodels, estimators, oed):
+        for name in package.__all__:
+            assert getattr(package, name).__class__.__name__ != "module", name
+
+
+def test_an_unknown_name_is_told():
+    with pytest.raises(AttributeError, match="module 'estimators' has no attribute 'fitt'"):
+        estimators.fitt  # noqa: B018
+    find, _ = loaded_when_used("robotmodels", {})
+    with pytest.raises(AttributeError, match="'robotmodels' has no attribute 'load_robot'"):
+        find("load_robot")
+
+
+@pytest.mark.parametrize("package", ["robotmodels", "estimators", "oed"])
+def test_importing_a_package_loads_no_heavy_library(package):
+    loaded = f"import sys, {package}; sys.exit([m for m in {HEAVY} if m in sys.modules] or 0)"
+    done = subprocess.run([sys.executable, "-c", loaded], capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
