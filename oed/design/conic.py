@@ -7,15 +7,19 @@ of Wernholt and Loefberg 2007) has one matrix W_j for each term of the objective
     subject to  sum_j tr(W_j H_ij) <= (R'y)_i,  y >= 0,
 
 and the weights are the multipliers of its constraints. It takes objectives of one group.
+
+Where a single mean is maximised, it stands itself for its logarithm, which the solvers like less.
 """
 
 import warnings
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 
+from oed.design.conic_means import ConicMean, conic_mean, conic_polar
 from oed.design.inner_problem import InnerAnswer, InnerProblem
-from oed.design.matrix_means import MatrixMean
+from oed.design.objective import Term
 from robotmodels.arrays import Array
 from robotmodels.errors import SolverFailed
 
@@ -66,100 +70,92 @@ def _solved(cp: Any, statement: Any, name: str, options: dict[str, Any]) -> str 
 
 
 def _primal(cp: Any, problem: InnerProblem) -> tuple[Any, Any]:
-    n = problem.rows.shape[1]
-    w = cp.Variable(n, nonneg=True)
+    w = cp.Variable(problem.rows.shape[1], nonneg=True)
     limits = problem.rows @ w <= problem.bounds
     information = [_sum(cp, M, H, w) for M, H in zip(problem.base, problem.matrices, strict=True)]
-    constraints, duals, groups = [limits], [], []
-    for group in problem.objective.groups:
-        value = 0.0
-        for term in group:
-            more, log, dual = _log_mean(cp, term.mean, information[term.sample])
-            constraints += more
-            duals.append(dual)
-            value = value + term.share * log
-        groups.append(value)
-    if len(groups) == 1:
-        goal, order = groups[0], []
-    else:
-        goal = cp.Variable()
-        references = problem.objective.log_references
-        order = [v - r >= goal for v, r in zip(groups, references, strict=True)]
-    statement = cp.Problem(cp.Maximize(goal), constraints + order)
+    guesses = _guesses(problem)
+    groups = [
+        [conic_mean(cp, t.mean, information[t.sample], guesses.pop(0)) for t in group]
+        for group in problem.objective.groups
+    ]
+    parts = [part for group in groups for part in group]
+    goal, order = parts[0].size, []
+    if not _single(parts):
+        values = [_shared(cp, *pair) for pair in zip(problem.objective.groups, groups, strict=True)]
+        goal = values[0]
+        if len(groups) > 1:
+            goal, references = cp.Variable(), problem.objective.log_references
+            order = [v - r >= goal for v, r in zip(values, references, strict=True)]
+    constraints = [limits, *(more for part in parts for more in part.constraints), *order]
+    statement = cp.Problem(cp.Maximize(goal), constraints)
 
     def read() -> tuple[Array, Array, tuple[Array, ...]]:
-        weights = np.maximum(w.value, 1e-12)
-        shares = np.array([float(c.dual_value) for c in order]) if order else np.ones(1)
-        shares = np.maximum(shares, 0.0) / np.maximum(shares, 0.0).sum()
-        smooth = problem.objective.witness(problem.information(weights), shares)
-        witness = tuple(
-            W if dual is None else _symmetric(dual.dual_value)
-            for W, dual in zip(smooth, duals, strict=True)
+        factor = _factor(parts)
+        shares = np.array([max(float(c.dual_value), 0.0) for c in order]) if order else np.ones(1)
+        smooth = problem.objective.witness(
+            problem.information(np.maximum(w.value, 1e-12)), shares / shares.sum()
         )
-        return w.value, limits.dual_value, witness
+        witness = tuple(
+            _slope(part, W.shape[0], factor) if part.slopes else W
+            for W, part in zip(smooth, parts, strict=True)
+        )
+        return w.value, factor * limits.dual_value, witness
 
     return statement, read
-
-
-def _log_mean(cp: Any, mean: MatrixMean, information: Any) -> tuple[list[Any], Any, Any]:
-    """Return constraints, the logarithm of a mean, and the constraint whose dual is its slope.
-
-    det(C)^(-1): det of the largest S with M >= B S B'; 1/tr C: the largest s with
-    [[M, s B], [s B', V]] >= 0, tr V <= s; E: the largest s with M >= s B B'.
-    """
-    B = mean.combinations
-    p, m = information.shape[0], information.shape[0] if B is None else B.shape[1]
-    if mean.kind == "D":
-        if B is None:
-            return [], cp.log_det(information) / p + mean.offset, None
-        S = cp.Variable((m, m), PSD=True)
-        return [information - B @ S @ B.T >> 0], cp.log_det(S) / m + mean.offset, None
-    B = np.eye(p) if B is None else B
-    s = cp.Variable()
-    if mean.kind == "E":
-        above = information - s * (B @ B.T) >> 0
-        return [above], cp.log(s) + mean.offset, above
-    V = cp.Variable((m, m), symmetric=True)
-    block = cp.bmat([[information, s * B], [s * B.T, V]])
-    return [block >> 0, cp.trace(V) <= s], cp.log(s) + mean.offset, None
 
 
 def _dual(cp: Any, problem: InnerProblem) -> tuple[Any, Any]:
     group = problem.objective.groups[0]
     y = cp.Variable(len(problem.bounds), nonneg=True)
-    goal = 1.0 - problem.bounds @ y
-    constraints, matrices, prices = [], [], 0.0
-    for term in group:
-        W = cp.Variable(problem.base[term.sample].shape, PSD=True)
-        more, log = _log_polar(cp, term.mean, W)
-        constraints += more
+    parts, matrices, spent, prices = [], [], problem.bounds @ y, 0.0
+    for term, guess in zip(group, _guesses(problem), strict=True):
+        base, H = problem.base[term.sample], problem.matrices[term.sample]
+        scaled = cp.Variable(base.shape, PSD=True)
+        parts.append(conic_polar(cp, term.mean, scaled, guess))
+        W = np.exp(-guess) * scaled
         matrices.append(W)
-        goal = goal + term.share * (log - np.log(term.share))
-        goal = goal - cp.trace(W @ problem.base[term.sample])
-        H = problem.matrices[term.sample]
-        prices = prices + H.reshape(len(H), -1) @ cp.vec(W, order="C")
+        spent = spent + cp.trace(W @ base)
+        prices = prices + (np.exp(-guess) * H.reshape(len(H), -1)) @ cp.vec(scaled, order="C")
     limits = prices <= problem.rows.T @ y
-    statement = cp.Problem(cp.Maximize(goal), [limits, *constraints])
+    constraints = [limits, *(more for part in parts for more in part.constraints)]
+    if _single(parts):
+        statement = cp.Problem(cp.Maximize(parts[0].size), [spent <= 1.0, *constraints])
+    else:
+        shares = sum(term.share * np.log(term.share) for term in group)
+        goal = 1.0 - shares + _shared(cp, group, parts) - spent
+        statement = cp.Problem(cp.Maximize(goal), constraints)
 
     def read() -> tuple[Array, Array, tuple[Array, ...]]:
-        return limits.dual_value, y.value, tuple(_symmetric(W.value) for W in matrices)
+        witness = tuple(_semidefinite(W.value) for W in matrices)
+        return _factor(parts) * limits.dual_value, y.value, witness
 
     return statement, read
 
 
-def _log_polar(cp: Any, mean: MatrixMean, weight: Any) -> tuple[list[Any], Any]:
-    """Return constraints and the log of the mean's polar, see `MatrixMean.log_polar`."""
-    B = mean.combinations
-    inner = weight if B is None else B.T @ weight @ B
-    m = inner.shape[0]
-    if mean.kind == "D":
-        return [], np.log(m) + cp.log_det(inner) / m - mean.offset
-    if mean.kind == "E":
-        return [], cp.log(cp.trace(inner)) - mean.offset
-    # tr X^(1/2) is the largest trace of Y with [[X, Y], [Y', I]] >= 0.
-    Y = cp.Variable((m, m))
-    block = cp.bmat([[inner, Y], [Y.T, np.eye(m)]])
-    return [block >> 0], 2 * cp.log(cp.trace(Y)) - mean.offset
+def _guesses(problem: InnerProblem) -> list[float]:
+    """Return each term's logarithm at equal weights; zero where that leaves something open."""
+    n = problem.rows.shape[1]
+    information = problem.information(np.full(n, 1.0 / n))
+    logs = [t.mean.log_value(information[t.sample]) for t in problem.objective.terms]
+    return [log if np.isfinite(log) else 0.0 for log in logs]
+
+
+def _single(parts: Sequence[ConicMean]) -> bool:
+    """Return whether one mean is all there is, and is no logarithm itself."""
+    return len(parts) == 1 and bool(parts[0].power)
+
+
+def _factor(parts: Sequence[ConicMean]) -> float:
+    """Return what makes multipliers of the goal those of the log value."""
+    return float(parts[0].power / parts[0].size.value) if _single(parts) else 1.0
+
+
+def _shared(cp: Any, group: Sequence[Term], parts: Sequence[ConicMean]) -> Any:
+    return sum(t.share * part.log(cp) for t, part in zip(group, parts, strict=True))
+
+
+def _slope(part: ConicMean, p: int, factor: float) -> Array:
+    return _semidefinite(factor * sum(c.dual_value[:p, :p] for c in part.slopes))
 
 
 def _sum(cp: Any, base: Array, matrices: Array, weights: Any) -> Any:
@@ -168,7 +164,7 @@ def _sum(cp: Any, base: Array, matrices: Array, weights: Any) -> Any:
     return base + total
 
 
-def _symmetric(matrix: Array) -> Array:
+def _semidefinite(matrix: Array) -> Array:
     """Return the nearest positive semidefinite matrix."""
     eigenvalues, vectors = np.linalg.eigh(0.5 * (matrix + matrix.T))
     return np.asarray((vectors * np.maximum(eigenvalues, 0.0)) @ vectors.T)

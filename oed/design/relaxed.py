@@ -10,11 +10,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from oed.design.active_set import Problem, Solution, solve
+from oed.design.active_set import Solution, solve
 from oed.design.certificate import Candidates, efficiency_bound
 from oed.design.constraints import Constraints
 from oed.design.criteria import Criterion, objective
 from oed.design.polytope import Polytope
+from oed.design.scaled_problem import Problem
 from robotmodels.arrays import Array, IntArray, read_only, real_numbers
 from robotmodels.errors import InvalidInput, SolverFailed, nearest
 from robotmodels.notebook import Printed
@@ -37,7 +38,7 @@ class Design(Printed):
     support : indices of the candidates with a positive weight.
     information : (p, p), or (K, p, p) for samples: the prior and sum_i w_i H_i.
     criterion, names : what was optimised, and for which parameters.
-    rounds : active sets solved.
+    rounds : active sets that `solver` solved.
     solver : that solved them.
     witness : W_j of each of the criterion's terms, with which the gap was found.
     sensitivity : (Q,) what a unit of each weight adds to the logarithm of the efficiency; over a
@@ -96,7 +97,8 @@ def optimal_design(
     tolerance : largest certified gap accepted.
     max_rounds : largest number of active sets.
     solver : "cvxpy" (Clarabel, then SCS), or "newton", an interior-point method of this package
-        that is about a hundred times faster; it takes every criterion but E.
+        that is faster; it takes every criterion but E. For all criteria but E it also finds the
+        candidates that cvxpy begins with.
     form : what cvxpy states, "primal" or "dual".
 
     Raises

@@ -7,9 +7,10 @@ from itertools import count
 
 import numpy as np
 
-from oed.design.active_set import Problem, Solution, solve
+from oed.design.active_set import Solution, solve
 from oed.design.certificate import Candidates, Matrices
 from oed.design.polytope import Polytope
+from oed.design.scaled_problem import Problem
 from oed.plans.exchange import WholeProblem
 from robotmodels.arrays import Array, IntArray
 from robotmodels.errors import IdentificationError

@@ -171,7 +171,7 @@ def test_unknown_choices():
 
 def test_a_gap_above_tolerance_is_an_error():
     with pytest.raises(SolverFailed, match=r"certified gap is .* after 1 rounds, above the tol"):
-        optimal_design(random_set(7, 500, 12, 1), max_rounds=1, solver="newton")
+        optimal_design(random_set(7, 3000, 8, 1), max_rounds=1, solver="newton")
 
 
 def test_a_solver_that_gives_up(monkeypatch):

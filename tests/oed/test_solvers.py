@@ -65,6 +65,19 @@ def test_inner_problem_against_cvxpy():
     np.testing.assert_allclose(found.witness[0], np.linalg.inv(M.value) / 3, rtol=1e-3, atol=1e-5)
 
 
+@pytest.mark.parametrize("criterion", ["D", "A", "c", "Ds"])
+def test_both_statements_of_more_parameters_than_one_cone_holds(criterion):
+    """Determinants and traces fall apart into several cones; newton knows nothing of that."""
+    info = random_set(2, 60, 12, 3)
+    wanted = {"c": oed.CCriterion(np.arange(12.0)), "Ds": oed.DsCriterion(info.names[:10])}
+    design = oed.optimal_design(info, wanted.get(criterion, criterion), solver="newton")
+    for form in ("primal", "dual"):
+        other = oed.optimal_design(info, wanted.get(criterion, criterion), form=form)
+        assert other.solver.startswith("cvxpy, clarabel")
+        assert other.gap <= 1e-6
+        assert other.value == pytest.approx(design.value, rel=1e-6, abs=1e-6)
+
+
 def test_scs_takes_over_from_clarabel(monkeypatch):
     solve = cp.Problem.solve
 
@@ -82,7 +95,7 @@ def test_scs_takes_over_from_clarabel(monkeypatch):
 
 
 def test_cvxpy_takes_over_from_newton(monkeypatch):
-    def stuck(*_):
+    def stuck(*_, **__):
         raise SolverFailed("interior-point method stopped 0.1 from its goal")
 
     monkeypatch.setattr(oed.design.active_set, "newton", stuck)
