@@ -152,7 +152,7 @@ class CorrectedModel:
     def __init__(self, problem: Problem, network: SpringNetwork, sag: Sag | None) -> None:
         self.problem = problem
         self.centre = network.parameters.values
-        self.kernel = _kernel(problem, network)
+        self.kernel = cost_kernel(problem, network)
         self.shift = np.zeros(len(self.centre))
         if sag is not None:
             self.shift = sag.gradient(network, self.kernel)
@@ -173,7 +173,8 @@ class CorrectedModel:
 _PREPARED: "WeakKeyDictionary[Problem, CostKernel]" = WeakKeyDictionary()
 
 
-def _kernel(problem: Problem, network: SpringNetwork) -> "CostKernel":
+def cost_kernel(problem: Problem, network: SpringNetwork) -> "CostKernel":
+    """Return the compiled cost of a problem that `can_compile`, about a network's equilibria."""
     from robotmodels.kernel import CostKernel
 
     prepared = _PREPARED.get(problem)

@@ -12,12 +12,13 @@ from functools import partial
 
 import numpy as np
 
-from estimators.fitting.residuals import find_residual
+from estimators.fitting.cost import Problem, stated
+from estimators.fitting.frozen_search import can_compile, cost_kernel
 from estimators.fitting.weights import MINIMUM_SNR, optimal_weights
 from estimators.frf.estimate import FrfEstimate
 from oed.published.paper import ESTIMATORS
 from oed.study.fits import Search, start_number
-from robotmodels import ElasticRobot, frequency_response
+from robotmodels import ElasticRobot
 from robotmodels.arrays import Array, IntArray
 from robotmodels.errors import IdentificationError
 
@@ -115,11 +116,15 @@ def evaluate(
     starts : (N, p) SI.
     """
     optimal = optimal_weights(estimate, "lls", minimum_snr=MINIMUM_SNR, diagonal=True)
+    weights = user, np.asarray(optimal.real)
+    problems = tuple(stated(robot, estimate, "lls", weight, _BOUNDS) for weight in weights)
     fits = [run for name in ESTIMATORS for run in searches[name].runs]
-    judge = partial(_costs, robot, estimate, (user, np.asarray(optimal.real)))
+    judge = partial(_costs, problems)
     values = [fit.parameters.values for fit in fits]
     costs = np.empty((len(fits), 2))
-    judged = map(judge, values) if executor is None else executor.map(judge, values, chunksize=10)
+    judged = (
+        map(judge, values) if executor is None else executor.map(judge, values, chunksize=_TOGETHER)
+    )
     for i, pair in enumerate(judged):
         costs[i] = pair
         if progress is not None:
@@ -142,17 +147,22 @@ def evaluate(
     )
 
 
-def _costs(
-    robot: ElasticRobot, estimate: FrfEstimate, weights: tuple[Array, ...], values: Array
-) -> tuple[float, ...]:
-    """Return the LLS costs of one model with each of the weights."""
-    kind = find_residual("lls")
+_BOUNDS = (1e-3, 1e3)  # nothing is searched: any will do
+_TOGETHER = 25  # models that a process judges at a time: preparing the data costs as much as some
+
+
+def _costs(problems: tuple[Problem, ...], values: Array) -> tuple[float, ...]:
+    """Return the costs of one model in problems of the same data."""
+    model, estimate = problems[0].model, problems[0].estimate
     try:
-        response = frequency_response(robot, estimate.positions, estimate.omega, values)
+        network = model.network(estimate.positions, values)
+        if can_compile(problems[0], network):
+            return tuple(float(cost_kernel(one, network)(values)[0]) for one in problems)
+        response = network.frequency_response(estimate.omega)
     except (IdentificationError, np.linalg.LinAlgError):
-        return (np.inf,) * len(weights)
+        return (np.inf,) * len(problems)
     found = []
-    for weight in weights:
-        error = kind.error(estimate.response, response, weight > 0)
-        found.append(float(np.sum(weight * np.abs(error) ** 2)))
+    for one in problems:
+        error = one.kind.error(estimate.response, response, one.used)
+        found.append(float(np.sum(one.weights * np.abs(error) ** 2)))
     return tuple(found)
