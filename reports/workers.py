@@ -1,13 +1,18 @@
-"""Processes that share the work of a command."""
+"""Processes that share the work of a command, here or on a cluster."""
 
-import multiprocessing
 import os
-import signal
-import threading
 from collections.abc import Iterator
-from concurrent.futures import Executor, ProcessPoolExecutor
+from concurrent.futures import Executor
 from contextlib import contextmanager
-from multiprocessing.connection import wait
+
+from robotmodels.errors import InvalidInput
+from robotmodels.process_pool import ProcessPool
+
+RETRIES = 3
+"""Times that a task whose worker died begins again, here as on a cluster."""
+
+PATIENCE = 10
+"""Seconds in which a cluster's scheduler must answer."""
 
 
 def available_cores() -> int:
@@ -27,26 +32,36 @@ def process_pool(workers: int) -> Iterator[Executor | None]:
     if workers == 1:
         yield None
         return
-    context = multiprocessing.get_context("spawn")
-    pool = ProcessPoolExecutor(workers, mp_context=context, initializer=_prepare_worker)
+    pool = ProcessPool(workers, RETRIES)
     try:
         yield pool
     except BaseException:
-        for process in multiprocessing.active_children():
-            process.terminate()  # what they compute is not wanted any more
+        pool.terminate()  # what they compute is not wanted any more
         raise
     finally:
         pool.shutdown(cancel_futures=True)
 
 
-def _prepare_worker() -> None:
-    """Let an interrupt end a worker without a traceback, and a killed parent take it along."""
-    signal.signal(signal.SIGINT, signal.SIG_DFL)
-    threading.Thread(target=_end_with_parent, daemon=True).start()
+@contextmanager
+def cluster(address: str) -> Iterator[Executor]:
+    """Give an executor of the workers of a Dask scheduler.
 
-
-def _end_with_parent() -> None:
-    parent = multiprocessing.parent_process()
-    if parent is not None:
-        wait([parent.sentinel])
-        os._exit(1)
+    Raises
+    ------
+    InvalidInput : if Dask is not installed, or no scheduler answers.
+    """
+    try:
+        from distributed import Client
+    except ImportError:
+        raise InvalidInput(
+            "--cluster needs dask.distributed: pip install 'elastic-robot-oed[cluster]'"
+        ) from None
+    try:
+        client = Client(address, timeout=PATIENCE)
+    except (OSError, ValueError) as error:
+        reason = " ".join(str(error).split()) or type(error).__name__
+        raise InvalidInput(f"--cluster {address}: no scheduler answers ({reason})") from None
+    try:
+        yield client.get_executor(retries=RETRIES)
+    finally:
+        client.close()

@@ -36,6 +36,7 @@ if TYPE_CHECKING:
     from robotmodels.plant.controller import Controller, default_controller
     from robotmodels.plant.linear import simulate_linear
     from robotmodels.plant.simulation import Imperfections, simulate
+    from robotmodels.process_pool import ProcessPool
     from robotmodels.records import Records, iterate_records, save_records
     from robotmodels.response import frequency_response, linearize, sensitivity
 
@@ -49,6 +50,7 @@ _HOMES = {
     "LinearModel": "linear_model",
     "Parameters": "description.parameters",
     "Plane": "collision.obstacles",
+    "ProcessPool": "process_pool",
     "Records": "records",
     "RelativeNoise": "noise",
     "Sphere": "collision.obstacles",
@@ -91,6 +93,7 @@ __all__ = [
     "NotIdentifiable",
     "Parameters",
     "Plane",
+    "ProcessPool",
     "Records",
     "RelativeNoise",
     "SolverFailed",

@@ -56,13 +56,13 @@ def _log_value(objective: Objective, covariance: Array) -> float:
 def _errors(objective: Objective, found: MonteCarlo, rng: np.random.Generator) -> Array:
     """Return what sampling adds to the log value, (DRAWS,)."""
     covariance, n = found.uncertainty().covariance, len(found.estimates)
-    root = np.linalg.cholesky(covariance)
-    own, errors = _log_value(objective, covariance), np.empty(DRAWS)
     p = len(covariance)
-    for k in range(DRAWS):
-        # Bartlett's decomposition of a Wishart matrix of n - 1 degrees of freedom.
-        triangle = np.tril(rng.standard_normal((p, p)), -1)
-        triangle[np.diag_indices(p)] = np.sqrt(rng.chisquare(n - 1 - np.arange(p)))
-        drawn = root @ triangle / np.sqrt(n - 1)
-        errors[k] = _log_value(objective, drawn @ drawn.T) - own
-    return errors
+    # Bartlett's decomposition of Wishart matrices of n - 1 degrees of freedom.
+    triangles = np.tril(rng.standard_normal((DRAWS, p, p)), -1)
+    triangles[:, np.arange(p), np.arange(p)] = np.sqrt(
+        rng.chisquare(n - 1 - np.arange(p), (DRAWS, p))
+    )
+    roots = np.linalg.cholesky(covariance) @ triangles / np.sqrt(n - 1)
+    informations = np.linalg.inv(roots @ np.swapaxes(roots, -1, -2))
+    values = np.array([objective.log_value(one) for one in informations])
+    return np.asarray(values - _log_value(objective, covariance))

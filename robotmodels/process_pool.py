@@ -1,0 +1,113 @@
+"""A pool of processes that outlives the death of one of them."""
+
+import multiprocessing
+import os
+import signal
+import threading
+from collections.abc import Callable
+from concurrent.futures import Executor, Future, ProcessPoolExecutor
+from concurrent.futures.process import BrokenProcessPool
+from functools import partial
+from multiprocessing.connection import wait
+from typing import Any, TypeVar
+
+T = TypeVar("T")
+Call = Callable[[], Any]
+
+
+class ProcessPool(Executor):
+    """Processes of this machine that share work, for any `executor` argument.
+
+    When a process is killed, for want of memory or by hand, `ProcessPoolExecutor` gives up all
+    that it has not finished. This one starts new processes instead and repeats what was lost;
+    tasks must not mind being begun twice.
+
+    Parameters
+    ----------
+    workers : number of processes; each is spawned, and ends with this one.
+    restarts : deaths that are made good; the next one is a `BrokenProcessPool` error.
+    """
+
+    def __init__(self, workers: int, restarts: int = 3) -> None:
+        self._make = partial(
+            ProcessPoolExecutor,
+            workers,
+            mp_context=multiprocessing.get_context("spawn"),
+            initializer=_prepare_worker,
+        )
+        self._pool = self._make()
+        self._left = restarts
+        self._lock = threading.Lock()
+
+    def submit(self, fn: Callable[..., T], /, *args: Any, **kwargs: Any) -> Future[T]:
+        """Return the future result of ``fn(*args, **kwargs)``."""
+        outer: Future[T] = Future()
+        self._start(outer, partial(fn, *args, **kwargs))
+        return outer
+
+    def shutdown(self, wait: bool = True, *, cancel_futures: bool = False) -> None:
+        """End the processes when they have done what they were given."""
+        with self._lock:
+            self._left = 0
+        self._pool.shutdown(wait, cancel_futures=cancel_futures)
+
+    def terminate(self) -> None:
+        """End the processes at once, whatever they do."""
+        with self._lock:
+            self._left = 0
+        for process in multiprocessing.active_children():
+            process.terminate()
+
+    def _start(self, outer: "Future[Any]", call: Call) -> None:
+        pool = self._pool
+        try:
+            inner = pool.submit(call)
+        except BrokenProcessPool:
+            if not self._renewed(pool):
+                raise
+            self._start(outer, call)
+            return
+        outer.add_done_callback(lambda done: inner.cancel() if done.cancelled() else None)
+        inner.add_done_callback(partial(self._finish, outer, call, pool))
+
+    def _finish(
+        self, outer: "Future[Any]", call: Call, pool: ProcessPoolExecutor, inner: "Future[Any]"
+    ) -> None:
+        """Hand a result on, or begin again if its process died."""
+        if inner.cancelled():
+            outer.cancel()
+            outer.set_running_or_notify_cancel()
+            return
+        error = inner.exception()
+        if isinstance(error, BrokenProcessPool) and not outer.cancelled() and self._renewed(pool):
+            self._start(outer, call)
+        elif outer.set_running_or_notify_cancel():
+            if error is None:
+                outer.set_result(inner.result())
+            else:
+                outer.set_exception(error)
+
+    def _renewed(self, broken: ProcessPoolExecutor) -> bool:
+        """Return whether there are living processes again, new ones if need be."""
+        with self._lock:
+            if self._pool is not broken:
+                return True  # for another task that was lost
+            if not self._left:
+                return False
+            self._left -= 1
+            # The broken pool ends by itself; to wait for it in its own thread would be for ever.
+            self._pool = self._make()
+        return True
+
+
+def _prepare_worker() -> None:
+    """Let an interrupt end a worker without a traceback, and a killed parent take it along."""
+    signal.signal(signal.SIGINT, signal.SIG_DFL)
+    threading.Thread(target=_end_with_parent, daemon=True).start()
+
+
+def _end_with_parent() -> None:
+    parent = multiprocessing.parent_process()
+    if parent is not None:
+        wait([parent.sentinel])
+        os._exit(1)

@@ -1,0 +1,57 @@
+"""Work in processes that are killed is done all the same."""
+
+import os
+import signal
+import time
+from concurrent.futures import as_completed
+from concurrent.futures.process import BrokenProcessPool
+
+import pytest
+
+from robotmodels import ProcessPool
+
+
+def square_unless_killed(folder, number, deaths):
+    """Return a square; the first process that is asked for 3 dies, `deaths` times."""
+    if number == 3:
+        for k in range(deaths):
+            try:
+                (folder / f"death {k}").touch(exist_ok=False)
+            except FileExistsError:
+                continue
+            os.kill(os.getpid(), signal.SIGKILL)
+    return number**2
+
+
+def refused(number):
+    raise ValueError(f"{number} is refused")
+
+
+def slow(number):
+    time.sleep(0.3)
+    return number
+
+
+def test_lost_work_is_repeated_in_order(tmp_path):
+    with ProcessPool(2) as pool:
+        found = pool.map(square_unless_killed, [tmp_path] * 8, range(8), [2] * 8)
+        assert list(found) == [n**2 for n in range(8)]
+        assert len(list(tmp_path.iterdir())) == 2
+        # A task's own error is no death, and the pool lives on.
+        with pytest.raises(ValueError, match="5 is refused"):
+            pool.submit(refused, 5).result()
+        assert pool.submit(square_unless_killed, tmp_path, 4, 0).result() == 16
+        # What is not wanted any more is left out.
+        waiting = [pool.submit(slow, n) for n in range(12)]
+        for one in waiting[1:]:
+            one.cancel()
+        assert sum(not one.cancelled() for one in as_completed(waiting)) < 12
+
+
+def test_one_death_too_many_is_an_error(tmp_path):
+    with ProcessPool(1, restarts=1) as pool:
+        future = pool.submit(square_unless_killed, tmp_path, 3, 5)
+        with pytest.raises(BrokenProcessPool):
+            future.result()
+        with pytest.raises(BrokenProcessPool):
+            pool.submit(square_unless_killed, tmp_path, 4, 0)
