@@ -3,7 +3,8 @@
 import os
 from collections.abc import Iterator
 from concurrent.futures import Executor
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager
+from importlib import import_module
 
 from robotmodels.errors import InvalidInput
 from robotmodels.process_pool import ProcessPool
@@ -24,6 +25,16 @@ def one_thread_each() -> None:
     """Keep BLAS to one thread: the matrices are small and every core has a process."""
     for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
         os.environ.setdefault(name, "1")
+
+
+def shared(workers: int, address: str | None = None) -> AbstractContextManager[Executor | None]:
+    """Give the executor that a command's options ask for: a cluster's, or that of processes here.
+
+    Raises
+    ------
+    InvalidInput : as `cluster`.
+    """
+    return process_pool(workers) if address is None else cluster(address)
 
 
 @contextmanager
@@ -51,13 +62,13 @@ def cluster(address: str) -> Iterator[Executor]:
     InvalidInput : if Dask is not installed, or no scheduler answers.
     """
     try:
-        from distributed import Client
+        distributed = import_module("distributed")  # an extra: it may not be there
     except ImportError:
         raise InvalidInput(
             "--cluster needs dask.distributed: pip install 'elastic-robot-oed[cluster]'"
         ) from None
     try:
-        client = Client(address, timeout=PATIENCE)
+        client = distributed.Client(address, timeout=PATIENCE)
     except (OSError, ValueError) as error:
         reason = " ".join(str(error).split()) or type(error).__name__
         raise InvalidInput(f"--cluster {address}: no scheduler answers ({reason})") from None

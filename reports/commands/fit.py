@@ -3,7 +3,7 @@
 import typer
 
 from reports.commands.options import WORKERS, AsJson, Workers, say
-from reports.commands.studies import Fresh, StudyFile, compute_study
+from reports.commands.studies import Cluster, Fresh, StudyFile, compute_study
 
 
 def register(app: typer.Typer) -> None:
@@ -12,7 +12,11 @@ def register(app: typer.Typer) -> None:
 
 
 def fit(
-    study: StudyFile, workers: Workers = WORKERS, fresh: Fresh = False, as_json: AsJson = False
+    study: StudyFile,
+    workers: Workers = WORKERS,
+    cluster: Cluster = None,
+    fresh: Fresh = False,
+    as_json: AsJson = False,
 ) -> None:
     """Take or simulate the data of a study and fit them; writes design.json and fit.json.
 
@@ -23,6 +27,6 @@ def fit(
     from oed.study.pipeline import fit_study
     from reports.summary import study_json, study_summary
 
-    results = compute_study(study, fit_study, workers, fresh)
+    results = compute_study(study, fit_study, workers, fresh, cluster=cluster)
     written = [results.study.output / "fit.json"]
     say(lambda: study_summary(results, written), lambda: study_json(results, written), as_json)

@@ -6,7 +6,7 @@ from typing import Any
 import typer
 
 from reports.commands.options import WORKERS, AsJson, Workers, say
-from reports.commands.studies import Fresh, StudyFile, compute_study
+from reports.commands.studies import Cluster, Fresh, StudyFile, compute_study
 
 
 def register(app: typer.Typer) -> None:
@@ -15,7 +15,11 @@ def register(app: typer.Typer) -> None:
 
 
 def run(
-    study: StudyFile, workers: Workers = WORKERS, fresh: Fresh = False, as_json: AsJson = False
+    study: StudyFile,
+    workers: Workers = WORKERS,
+    cluster: Cluster = None,
+    fresh: Fresh = False,
+    as_json: AsJson = False,
 ) -> None:
     """Compute a study and write its report: where to measure, what comes out, how certain it is.
 
@@ -36,6 +40,6 @@ def run(
             write_published_json(results.published, folder / "published.json")
             write_published(results, results.published, folder / "published.html")
 
-    results = compute_study(study, run_study, workers, fresh, pages)
+    results = compute_study(study, run_study, workers, fresh, pages, cluster=cluster)
     written = [results.study.output / "report.html"]
     say(lambda: study_summary(results, written), lambda: study_json(results, written), as_json)

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any, TypeVar
 import typer
 
 from reports.commands.options import about
-from reports.workers import one_thread_each, process_pool
+from reports.workers import one_thread_each, shared
 
 if TYPE_CHECKING:
     from oed.study.results import PlannedStudy
@@ -15,6 +15,14 @@ if TYPE_CHECKING:
 StudyFile = Annotated[Path, typer.Argument(help="Study file, such as studies/ur10.yaml.")]
 Fresh = Annotated[
     bool, typer.Option("--fresh", help="Compute all stages again, also those that still fit.")
+]
+
+Cluster = Annotated[
+    str | None,
+    typer.Option(
+        help="Scheduler of a Dask cluster that does the work instead, such as tcp://host:8786.",
+        show_default=False,
+    ),
 ]
 
 _Step = TypeVar("_Step", bound="PlannedStudy")
@@ -28,6 +36,7 @@ def compute_study(
     workers: int,
     fresh: bool,
     pages: Pages | None = None,
+    cluster: str | None = None,
 ) -> _Step:
     """Return a study computed as far as `step` goes, its files written.
 
@@ -37,6 +46,11 @@ def compute_study(
     step : `oed.study.pipeline.design_study`, `fit_study` or `run_study`.
     workers, fresh : as the options say.
     pages : writes pages beside the files.
+    cluster : address of a scheduler, whose workers compute instead.
+
+    Raises
+    ------
+    InvalidInput : if the study cannot be read or no scheduler answers; and what `step` raises.
     """
     one_thread_each()
     from oed.study.file import load_study
@@ -44,7 +58,7 @@ def compute_study(
     from reports.progress import progress_bars
 
     content = load_study(study)
-    with about(study), progress_bars() as progress, process_pool(workers) as executor:
+    with about(study), progress_bars() as progress, shared(workers, cluster) as executor:
         results = step(content, progress, executor=executor, fresh=fresh)
         with staged_folder(content.output) as folder:
             write_results(results, folder)
