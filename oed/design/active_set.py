@@ -143,7 +143,7 @@ def _larger(
 ) -> IntArray | None:
     """Return the candidates used and those worth most above their price; None if there is none."""
     excess = _excess(scaled, solution, active)
-    worst = largest(excess, 4 * scaled.batch)
+    worst = largest(excess, 2 * scaled.batch)
     worst = worst[excess[worst] > 0.25 * tolerance]
     if not len(worst):
         return None

@@ -113,7 +113,7 @@ class ScaledProblem:
         """Return some candidates of largest trace that determine everything and obey the rows."""
         allowed, K = self.problem.allowed, len(self.base)
         price = self._prices([np.eye(len(T)) for T in self.coordinates.transforms])
-        active = self.distinct(largest(price, 4 * self.batch), self.batch)
+        active = self.distinct(largest(price, 2 * self.batch), self.batch)
         if len(allowed.rows) > 1 or np.isfinite(allowed.upper).any():
             vertex = allowed.best(np.where(self.closed, 0.0, price) / self.units)[0]
             more = np.flatnonzero((vertex > allowed.lower) & ~self.closed)

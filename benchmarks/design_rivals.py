@@ -1,0 +1,60 @@
+"""Run the peers of `design.py`, each in a process of its own, with a time limit."""
+
+import subprocess
+import tempfile
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from linearisation import HERE, peer_python
+
+import oed
+from oed.design.coordinates import whiten
+from robotmodels.arrays import Array
+
+SIZES = (1_000, 7_920, 20_000)
+LIMIT = 120  # s, for starting, a small design and the one that is timed
+PACKAGES = ("figaroh==1.0.2", "pydex==0.0.9", "cvxpy", "clarabel", "scs")
+# figaroh needs memory with the square of the candidates: 5.4 GB for 1 000.
+PEERS = {
+    "cvxpy primal, Clarabel": SIZES,
+    "cvxpy dual, Clarabel": SIZES,
+    "cvxpy dual, SCS": SIZES,
+    "pydex": SIZES,
+    "figaroh": (300, 1_000),
+}
+
+
+def peer_times(info: oed.InformationSet, sizes: tuple[int, ...]) -> dict[str, Any]:
+    """Return each peer's time and the gap of its weights, certified like our own.
+
+    A peer that takes longer than the limit is not asked for more candidates.
+    """
+    python, result = peer_python("design", PACKAGES), {}
+    white = whiten(info.matrices, info.total / len(info))
+    with tempfile.TemporaryDirectory() as folder:
+        source, target = Path(folder, "matrices.npy"), Path(folder, "out.npz")
+        for peer, counts in PEERS.items():
+            for n in (n for n in counts if n <= max(sizes)):
+                np.save(source, white[:n])
+                found = one_peer(python, peer, source, target, white[:n])
+                result[f"{peer}, {n}"] = found
+                print(f"  {peer}, {n}: {found}", flush=True)
+                if "limit" in found:
+                    break
+    return result
+
+
+def one_peer(python: Path, peer: str, source: Path, target: Path, white: Array) -> dict[str, Any]:
+    """Run one peer in its own process."""
+    command = [python, HERE / "design_peers.py", peer, source, target]
+    try:
+        subprocess.run(command, check=True, capture_output=True, timeout=LIMIT)
+    except subprocess.TimeoutExpired:
+        return {"limit": f"{LIMIT} s"}
+    except subprocess.CalledProcessError as error:
+        return {"failed": error.stderr.decode(errors="replace").strip().splitlines()[-1][:200]}
+    with np.load(target) as out:
+        weights = np.maximum(out["weights"], 0.0)
+        times = {name: float(out[name]) for name in ("seconds", "cpu_seconds")}
+    return times | {"gap": oed.optimality_gap(weights, white)}
