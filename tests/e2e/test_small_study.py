@@ -119,6 +119,32 @@ def test_log_fit_agrees_with_the_likelihood(small_study):
     assert np.abs(apart).max() < 2
 
 
+def test_the_plan_is_compared_with_rivals_for_every_parameter(small_study):
+    folder, _ = small_study
+    plans = read(folder, "uncertainty")["plans"]
+    assert list(plans) == ["optimal", "evenly spread", "random 1"]
+    for plan in plans.values():
+        ratio = np.divide(plan["found"], plan["promised"])
+        # Eight experiments: chi square of seven degrees within one in a thousand.
+        assert np.all((ratio > 0.25) & (ratio < 1.9))
+        low, high = plan["worth"]["interval"]
+        assert low <= plan["worth"]["found"] <= high
+    page = (folder / "report.html").read_text(encoding="utf-8")
+    assert 'id="plan-stds"' in page
+    assert 'id="plan-deviations"' in page
+    design = read(folder, "design")
+    assert plans["optimal"]["positions"] == len(design["positions"])
+
+
+def test_profiles_and_repeated_experiments_stand_in_the_cross_check(small_study):
+    folder, _ = small_study
+    page = (folder / "report.html").read_text(encoding="utf-8")
+    table = page[page.index('id="cross-check-table"') :]
+    head = table[: table.index("</thead>")]
+    assert "Monte Carlo" in head
+    assert "profile" in head
+
+
 def test_theorem_1_and_emcee_agree(small_study):
     folder, _ = small_study
     uncertainty = read(folder, "uncertainty")
@@ -149,3 +175,26 @@ def test_same_seed_same_files_and_another_seed_other_data(small_study, tmp_path)
     oed("run", write_study(tmp_path, study), "--workers", 1)
     assert read(again, "fit")["cost"] != read(folder, "fit")["cost"]
     assert read(again, "design")["relaxed"] == read(folder, "design")["relaxed"]
+
+
+@pytest.mark.slow
+def test_a_cluster_computes_the_same(small_study, tmp_path):
+    distributed = pytest.importorskip("distributed")
+    folder, _ = small_study
+    with distributed.LocalCluster(
+        n_workers=2, threads_per_worker=1, dashboard_address=None
+    ) as cluster:
+        path = write_study(tmp_path)
+        code, _, err = oed("run", path, "--cluster", cluster.scheduler_address)
+    assert (code, err) == (0, "")
+    for name in ("design", "fit", "uncertainty"):
+        again = (tmp_path / "results" / "here" / f"{name}.json").read_bytes()
+        assert again == (folder / f"{name}.json").read_bytes(), name
+
+
+def test_a_cluster_that_is_not_there_is_one_line(tmp_path, monkeypatch):
+    pytest.importorskip("distributed")
+    monkeypatch.setattr("reports.workers.PATIENCE", 0.2)
+    code, out, err = oed("run", write_study(tmp_path), "--cluster", "tcp://127.0.0.1:9")
+    assert (code, out, len(err.splitlines())) == (2, "", 1)
+    assert "--cluster tcp://127.0.0.1:9: no scheduler answers" in err
