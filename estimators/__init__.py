@@ -42,19 +42,19 @@ if TYPE_CHECKING:
     from estimators.frf.nonparametric import estimate_frf
     from estimators.frf.rigid_limit import RigidLimit, check_rigid_limit
     from estimators.frf.stationarity import Settling, settling
+    from estimators.uncertainty.additions import best_additions
     from estimators.uncertainty.convergence import Target
     from estimators.uncertainty.covariance import Uncertainty, covariance
     from estimators.uncertainty.cross_check import CrossCheck, cross_check
     from estimators.uncertainty.design_outcome import DesignOutcome, compare_with_design
     from estimators.uncertainty.identifiability import (
         Identifiability,
-        best_additions,
         fit_information,
         identifiability,
     )
     from estimators.uncertainty.importance import ImportanceSample, importance_sample
     from estimators.uncertainty.misfit import Misfit, misfit
-    from estimators.uncertainty.monte_carlo import FrfExperiment, MonteCarlo, monte_carlo
+    from estimators.uncertainty.monte_carlo import MonteCarlo, monte_carlo
     from estimators.uncertainty.posterior import Posterior, sample_posterior
     from estimators.uncertainty.prediction import (
         FrfBand,
@@ -65,6 +65,7 @@ if TYPE_CHECKING:
         workspace_map,
     )
     from estimators.uncertainty.profile import Profile, profile_likelihood
+    from estimators.uncertainty.simulated_run import FrfExperiment
     from estimators.uncertainty.validation import Validation, validate
 
 _HOMES = {
@@ -78,7 +79,7 @@ _HOMES = {
     "Fit": "fitting.least_squares",
     "FrfBand": "uncertainty.prediction",
     "FrfEstimate": "frf.estimate",
-    "FrfExperiment": "uncertainty.monte_carlo",
+    "FrfExperiment": "uncertainty.simulated_run",
     "Identifiability": "uncertainty.identifiability",
     "ImportanceSample": "uncertainty.importance",
     "Loop": "frf.compare",
@@ -95,7 +96,7 @@ _HOMES = {
     "Uncertainty": "uncertainty.covariance",
     "Validation": "uncertainty.validation",
     "WorkspaceMap": "uncertainty.prediction",
-    "best_additions": "uncertainty.identifiability",
+    "best_additions": "uncertainty.additions",
     "chain_start_values": "fitting.chain_start",
     "check_rigid_limit": "frf.rigid_limit",
     "combined_weights": "fitting.weights",

@@ -31,8 +31,10 @@ class Fit(Printed):
     residual : "nls", "lls" or "lls_magnitude".
     weights : Lambda^-1, (Q, F, m, n) or (Q, F, m n, m n).
     parameters : fitted values; the start's where the search could not begin.
-    cost : what was minimised: V of [WM] (4b) or (7b), with the prior's part and the loss if there
-        are any; infinite where the search could not begin.
+    cost : what was minimised: V = sum w |epsilon|^2 of [WM] (4b) or (7b) over complex elements,
+        with the prior's part and the loss if there are any; infinite where the search could not
+        begin. With optimal weights exp(-V) is the likelihood: V is half of the chi-square of real
+        and imaginary parts, and noise makes it one half for each of these numbers.
     start : (p,) values.
     bounds : (2, p) values.
     status : of `scipy.optimize.least_squares` (1 to 4 converged, 0 out of evaluations), -1 where
@@ -74,7 +76,8 @@ class Fit(Printed):
         width = max(len(name) for name in p.names)
         lines = [
             f"{self.residual} fit: {'converged' if self.converged else 'NOT converged'}, "
-            f"cost {self.cost:.6g}, {self.evaluations} evaluations ({self.message})"
+            f"cost {self.cost:.6g} (half of the chi-square), {self.evaluations} "
+            f"evaluations ({self.message})"
         ]
         for name, value, unit, start in zip(p.names, p.values, p.units, self.start, strict=True):
             lines.append(f"  {name:<{width}}  {value:12.6g} {unit:<10} start x {value / start:.4g}")

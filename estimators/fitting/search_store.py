@@ -1,10 +1,10 @@
 """Searches that have ended, kept in a file so that an interrupted multistart can go on."""
 
-import hashlib
 from pathlib import Path
 
 import numpy as np
 
+from estimators.fingerprint import fingerprint
 from estimators.fitting.cost import Problem
 from estimators.fitting.trust_region import Outcome
 from estimators.kept_file import KeptFile
@@ -18,7 +18,6 @@ def problem_fingerprint(problem: Problem, max_evaluations: int, tolerance: float
     prior = problem.prior
     known = None if prior is None else (prior.names, prior.values.tolist(), prior.std.tolist())
     said = (problem.kind.name, problem.loss, known, parameters.names, max_evaluations, tolerance)
-    digest = hashlib.sha256(repr(said).encode())
     arrays = [
         parameters.values,
         problem.bounds,
@@ -29,10 +28,7 @@ def problem_fingerprint(problem: Problem, max_evaluations: int, tolerance: float
     ]
     if problem.loss != "linear":
         arrays.append(estimate.covariance)
-    for array in [*arrays, *_model_arrays(problem)]:
-        digest.update(repr(array.shape).encode())
-        digest.update(np.ascontiguousarray(array).tobytes())
-    return digest.hexdigest()
+    return fingerprint(said, [*arrays, *_model_arrays(problem)])
 
 
 def _model_arrays(problem: Problem) -> list[Array]:

@@ -6,8 +6,8 @@ import numpy as np
 from scipy.special import ndtr
 
 from estimators.frf.spectra import Spectra
+from estimators.levels import check_level
 from robotmodels.arrays import Array, ComplexArray
-from robotmodels.errors import InvalidInput
 
 # Chance of dropping a period from records without a transient.
 LEVEL = 1e-4
@@ -52,8 +52,7 @@ def settling(found: Spectra, level: float = LEVEL, negligible: float = NEGLIGIBL
     level : chance of a false alarm, per period.
     negligible : transients below this part of the signal are kept.
     """
-    if not 0 < level < 1:
-        raise InvalidInput(f"level: {level!r} is not a probability between 0 and 1")
+    check_level(level, "settling")
     signal = np.concatenate([found.input, found.output], axis=3)[found.present.any(axis=1)]
     P = signal.shape[1]
     p_values, deviations = [], []

@@ -11,6 +11,7 @@ from estimators.fisher_information import information
 from estimators.fitting.residuals import find_residual
 from estimators.fitting.weights import used_elements
 from estimators.frf.estimate import is_full, vec
+from estimators.levels import check_level
 from robotmodels.arrays import Array, read_only
 from robotmodels.errors import InvalidInput, NotIdentifiable, SolverFailed, nearest
 from robotmodels.notebook import Printed
@@ -72,8 +73,7 @@ class Uncertainty(Printed):
 
     def interval(self, values: Array, level: float = 0.95) -> Array:
         """Return lower and upper ends, (p, 2), of the intervals about `values` (p,), SI units."""
-        if not 0 < level < 1:
-            raise InvalidInput(f"interval: level {level} does not lie between 0 and 1")
+        check_level(level, "interval")
         ends = log_normal_ends(np.asarray(values, dtype=float), self.std, level)
         return np.stack(ends, axis=-1)
 

@@ -124,36 +124,47 @@ def cross_check(
                 f"cross-check: {type(one).__name__} is about {', '.join(one.names)}, the fit "
                 f"about {', '.join(names)}"
             )
-    notes = []
-    if posterior is not None and not posterior.converged:
-        notes.append(f"posterior left out: {posterior.message}")
-        posterior = None
-    if importance is not None and not importance.trusted:
-        notes.append(f"importance sampling left out: Pareto k {importance.pareto_k:.2f}")
-        importance = None
+    left_out = _left_out(posterior, importance)
     found = Evidence(
-        fit, theorem1, empirical, posterior, importance, tuple(profiles), monte_carlo,
-        tuple(multistart), blocks,
+        fit, theorem1, empirical,
+        posterior if posterior is None or posterior.converged else None,
+        importance if importance is None or importance.trusted else None,
+        tuple(profiles), monte_carlo, tuple(multistart), blocks,
     )  # fmt: skip
-    notes += found.notes()
     table = found.table()
-    verdicts, evidence = [], []
-    for i in range(len(names)):
-        rules = (
-            (NOT_IDENTIFIABLE, flat_evidence(found, i)),
-            (MODEL_ERROR, model_evidence(found, i)),
-            (SKEWED, skew_evidence(found, i)),
-        )
-        verdict, why = next(((v, w) for v, w in rules if w), (AGREE, []))
-        verdicts.append(verdict)
-        evidence.append(tuple(why))
+    judged = [_judged(found, i) for i in range(len(names))]
     return CrossCheck(
         names=names,
         values=fit.parameters.values,
         methods=tuple(table),
         stds=read_only(np.array(list(table.values())).reshape(len(table), len(names))),
-        verdicts=tuple(verdicts),
-        evidence=tuple(evidence),
-        notes=tuple(notes),
+        verdicts=tuple(verdict for verdict, _ in judged),
+        evidence=tuple(why for _, why in judged),
+        notes=(*left_out, *found.notes()),
         covering=found.covering(),
     )
+
+
+def _left_out(
+    posterior: "Posterior | None", importance: "ImportanceSample | None"
+) -> tuple[str, ...]:
+    """Return why what was computed is not to be trusted."""
+    notes = []
+    if posterior is not None and not posterior.converged:
+        notes.append(f"posterior left out: {posterior.message}")
+    if importance is not None and not importance.trusted:
+        notes.append(f"importance sampling left out: Pareto k {importance.pareto_k:.2f}")
+    return tuple(notes)
+
+
+def _judged(found: Evidence, i: int) -> tuple[str, tuple[str, ...]]:
+    """Return the verdict on parameter i and its evidence, by the first rule that holds."""
+    for verdict, rule in (
+        (NOT_IDENTIFIABLE, flat_evidence),
+        (MODEL_ERROR, model_evidence),
+        (SKEWED, skew_evidence),
+    ):
+        why = rule(found, i)
+        if why:
+            return verdict, tuple(why)
+    return AGREE, ()

@@ -10,6 +10,7 @@ from estimators.fitting.least_squares import Fit
 from estimators.uncertainty.covariance import Uncertainty, covariance, sandwich_parts
 from estimators.uncertainty.log_posterior import magnitude_adjustment
 from estimators.uncertainty.misfit import Misfit, misfit
+from estimators.uncertainty.model_error import informative_lines
 from robotmodels.arrays import Array
 from robotmodels.errors import NotIdentifiable
 
@@ -32,6 +33,8 @@ NEAR_BOUND = 0.1
 IMPROBABLE = 1e-3
 # The empirical sandwich scatters by a few tens of per cent of itself.
 WIDER = 1.5
+# A variance from n independent squares is uncertain by sqrt(2/n): a third, at so many lines.
+FEW_LINES = 20
 # Minima whose costs differ by less than the noise's one-sigma change of 2 V are equally good.
 SAME_COST = 1.0
 # Good fits a standard deviation and more apart are different answers to one question.
@@ -156,11 +159,25 @@ class Evidence:
             )
         if self.draws is not None and (np.abs(self.weighting - 1) > WIDTH).any():
             found.append(
-                "the weights are not those of the noise: by them alone the posterior's widths are "
-                f"{np.nanmin(self.weighting):.2g} to {np.nanmax(self.weighting):.2g} times "
-                "Theorem 1's"
+                "the weights are not those of the noise, so that exp(-cost) is no likelihood: "
+                "scaled to be as wide as Theorem 1 on average, the posterior of a single "
+                f"parameter is {np.nanmin(self.weighting):.2g} to {np.nanmax(self.weighting):.2g} "
+                "times as wide for that reason alone; Theorem 1 knows weights and noise apart and "
+                "is the one to quote"
+            )
+        if self.empirical is not None and self.few_lines:
+            found.append(
+                "the empirical sandwich is up to a third too small where few lines carry the "
+                f"information, here for {', '.join(self.few_lines)}"
             )
         return found
+
+    @cached_property
+    def few_lines(self) -> tuple[str, ...]:
+        """Names of parameters that fewer than `FEW_LINES` frequencies, in a position each, tell."""
+        names = self.fit.parameters.names
+        count = informative_lines(self.fit)
+        return tuple(f"{n} ({c:.0f})" for n, c in zip(names, count, strict=True) if c < FEW_LINES)
 
     def covering(self) -> tuple[str, ...] | None:
         """Return the methods that cover the truth often enough for every parameter."""

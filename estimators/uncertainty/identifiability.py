@@ -8,7 +8,7 @@ import numpy as np
 from estimators.fitting.least_squares import Fit
 from estimators.uncertainty.covariance import sandwich_parts
 from estimators.uncertainty.log_posterior import magnitude_adjustment
-from robotmodels.arrays import Array, IntArray, read_only
+from robotmodels.arrays import Array, read_only
 from robotmodels.errors import InvalidInput
 from robotmodels.notebook import Printed
 
@@ -117,9 +117,9 @@ def identifiability(
     InvalidInput : if the matrix does not fit the names, is not finite or symmetric, or has a
         negative eigenvalue.
     """
-    matrix = _checked(information, len(names))
+    matrix = checked_information(information, len(names))
     values, vectors = np.linalg.eigh(matrix)
-    covariance = _inverse(matrix)
+    covariance = bounded_inverse(matrix)
     std = np.sqrt(np.diag(covariance))
     with np.errstate(divide="ignore"):
         alone = 1 / np.sqrt(np.diag(matrix))
@@ -153,64 +153,6 @@ def fit_information(fit: Fit) -> Array:
     return np.asarray(magnitude_adjustment(fit) * bread + known)
 
 
-@dataclass(frozen=True, eq=False)
-class Additions:
-    """What each of C more measurements would do.
-
-    Attributes
-    ----------
-    order : (C,) candidates, the best first.
-    gain : (C,) factor by which the mean standard deviation of the chosen parameters falls.
-    std : (C, p) of ln theta afterwards.
-    """
-
-    order: IntArray
-    gain: Array
-    std: Array
-
-
-def best_additions(
-    information: Array,
-    candidates: Array,
-    names: Sequence[str],
-    parameters: Sequence[str] | None = None,
-) -> Additions:
-    """Return which more measurements, positions or sensors, would help most.
-
-    Parameters
-    ----------
-    information : (p, p) that there is already; it may be singular.
-    candidates : (C, p, p) that each more measurement would add.
-    names : p parameters.
-    parameters : those that should become better known, by the geometric mean of their standard
-        deviations; the volume of the joint confidence region of all where None.
-
-    Raises
-    ------
-    InvalidInput : if matrices do not fit, or a parameter is unknown.
-    """
-    matrix = _checked(information, len(names))
-    more = np.asarray(candidates, dtype=float)
-    if more.ndim != 3 or more.shape[1:] != matrix.shape or not len(more):
-        raise InvalidInput(
-            f"candidates: shape {more.shape} given; (C, {len(names)}, {len(names)}) is needed"
-        )
-    unknown = [name for name in parameters or () if name not in names]
-    if unknown:
-        raise InvalidInput(f"parameters: {unknown[0]!r} is none of {', '.join(names)}")
-    after = _inverse(matrix + more)
-    std = np.sqrt(np.diagonal(after, axis1=-2, axis2=-1))
-    if parameters is None:
-        logs = (np.linalg.slogdet(_inverse(matrix))[1] - np.linalg.slogdet(after)[1]) / 2
-        gain = np.exp(logs / len(names))
-    else:
-        columns = [list(names).index(name) for name in parameters]
-        before = np.sqrt(np.diag(_inverse(matrix)))
-        gain = np.exp(np.mean(np.log(before[columns] / std[:, columns]), axis=1))
-    order = np.argsort(-gain, kind="stable")
-    return Additions(read_only(order), read_only(gain), read_only(std))
-
-
 def in_names(direction: Array, names: Sequence[str]) -> str:
     """Return a direction (p,) of ln theta as a product of powers, small ones left out."""
     size = np.round(np.abs(direction), 6)  # equal ones in the order of the names
@@ -228,7 +170,13 @@ def _signed(directions: Array) -> Array:
     return np.asarray(directions * np.sign(directions[np.arange(len(largest)), largest])[:, None])
 
 
-def _checked(information: Array, p: int) -> Array:
+def checked_information(information: Array, p: int) -> Array:
+    """Return an information matrix (p, p), made exactly symmetric.
+
+    Raises
+    ------
+    InvalidInput : as `identifiability`.
+    """
     matrix = np.asarray(information, dtype=float)
     if matrix.shape != (p, p) or not np.isfinite(matrix).all():
         raise InvalidInput(
@@ -244,7 +192,7 @@ def _checked(information: Array, p: int) -> Array:
     return np.asarray((matrix + matrix.T) / 2)
 
 
-def _inverse(matrices: Array) -> Array:
+def bounded_inverse(matrices: Array) -> Array:
     """Return inverses (..., p, p); what is not known at all gets the variance UNKNOWN^2."""
     regular = matrices + np.eye(matrices.shape[-1]) / UNKNOWN**2
     size = np.sqrt(np.diagonal(regular, axis1=-2, axis2=-1))

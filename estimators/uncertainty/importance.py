@@ -8,6 +8,7 @@ import numpy as np
 
 from estimators.fitting.least_squares import Fit
 from estimators.fitting.priors import Prior
+from estimators.levels import check_level
 from estimators.uncertainty.covariance import Uncertainty
 from estimators.uncertainty.laplace import DOF, laplace
 from estimators.uncertainty.log_posterior import posterior_density
@@ -66,8 +67,7 @@ class ImportanceSample(Printed):
 
     def interval(self, level: float = 0.95) -> Array:
         """Return central credible intervals, (p, 2), of the parameters [SI]."""
-        if not 0 < level < 1:
-            raise InvalidInput(f"interval: level {level} does not lie between 0 and 1")
+        check_level(level, "interval")
         ends = np.empty((len(self.names), 2))
         for i, x in enumerate(self.draws.T):
             order = np.argsort(x)

@@ -1,7 +1,7 @@
 """The function that is sampled: a fit's cost as a log density, fast where the kernel can."""
 
 from collections.abc import Iterator
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
@@ -15,10 +15,10 @@ from estimators.fitting.weights import square_root, used_elements
 from estimators.frf.estimate import is_full
 from estimators.uncertainty.covariance import sandwich_parts
 from estimators.uncertainty.likelihood import Noise, line_squares
+from estimators.uncertainty.side_by_side import side_by_side
 from robotmodels.arrays import Array, ComplexArray, read_only
 from robotmodels.elastic.spring_network import SpringNetwork
 from robotmodels.errors import IdentificationError, InvalidInput, SolverFailed
-from robotmodels.linear_model import LinearModel
 from robotmodels.response import Elastic
 
 if TYPE_CHECKING:
@@ -145,7 +145,7 @@ class LogPosterior:
         q, d = self.network.mass.shape[:2]
         together = max(1, BATCH // (q * len(self.omega) * d**2))
         for first in range(0, len(parameters), together):
-            yield _side_by_side(self.network, parameters[first : first + together], self.omega)
+            yield side_by_side(self.network, parameters[first : first + together], self.omega)
 
     def _response_anew(self, theta: Array) -> ComplexArray:
         """Return the FRF with the equilibria and the skeleton of theta."""
@@ -170,41 +170,6 @@ class LogPosterior:
     def __getstate__(self) -> dict[str, Any]:
         # Compiled code works on addresses: another process makes its own.
         return {name: value for name, value in self.__dict__.items() if name != "kernel"}
-
-
-def _side_by_side(network: SpringNetwork, parameters: Array, omega: Array) -> ComplexArray:
-    """Return FRFs (w, Q, F, m, n) at parameters (w, p), equilibria held fixed."""
-    w, s = len(parameters), len(network.ends)
-    own = network.inertances
-    friction = own is not None and bool(own.exponents[: len(own.friction)].any())
-    if network.measurement is not None or friction:
-        models = [network.linear_model(theta) for theta in parameters]
-        batch = LinearModel(
-            mass=np.stack([model.mass for model in models]),
-            damping=np.stack([model.damping for model in models]),
-            stiffness=np.stack([model.stiffness for model in models]),
-            selector=network.selector,
-            measurement=network.measurement,
-        )
-        return batch.frequency_response(omega)
-    from robotmodels import kernel
-
-    # One network of w Q positions: the kernel has no axis for parameters.
-    each = [network.coefficients_at(theta) for theta in parameters]
-    unsprung = [network.unsprung(theta) for theta in parameters]
-    damping = unsprung[0][1]
-    wide = replace(
-        network,
-        mass=np.concatenate([mass for mass, _ in unsprung]),
-        damping=damping if damping.ndim == 2 else damping[0],
-        stiffness=np.tile(network.stiffness, (w, 1, 1)),
-        spring_stiffness=np.concatenate([first[:, :s] for first, _ in each]),
-        spring_damping=np.concatenate([second[:, :s] for _, second in each]),
-        exponents=np.tile(network.exponents, (w, 1, 1)),
-        inertances=None,
-    )
-    G = kernel.frequency_response(wide, omega)
-    return G.reshape(w, -1, *G.shape[1:])
 
 
 def log_posterior(fit: Fit, noise: Noise, prior: Prior | None = None) -> LogPosterior:

@@ -56,6 +56,24 @@ def empirical_parts(fit: "Fit", lags: int | None = None) -> tuple[Array, Array]:
     return bread, meat
 
 
+def informative_lines(fit: "Fit") -> Array:
+    """Return how many lines carry the information on each parameter, (p,).
+
+    A line is a frequency in one position. The number is one over the sum of the squared shares
+    that lines have in the parameter's diagonal element of the bread: n for n equal ones.
+    """
+    positions, frequencies = fit.estimate.response.shape[:2]
+    known = 0 if fit.prior is None else len(fit.prior.names)
+    problem = problem_of(fit)
+    _, slope = problem.evaluate(fit.parameters.values)
+    parts = 1 if problem.kind.real else 2
+    square = slope[: len(slope) - known] ** 2
+    by_line = square.reshape(parts, positions * frequencies, -1, slope.shape[1]).sum(axis=(0, 2))
+    total = by_line.sum(axis=0)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        return np.asarray(total**2 / (by_line**2).sum(axis=0))
+
+
 def reduced_cost(fit: "Fit") -> float:
     """Return the cost over what the estimate's covariance lets expect: one if all is as stated.
 

@@ -3,57 +3,29 @@
 from collections.abc import Callable, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass
-from functools import cached_property, partial
+from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from estimators.fitting.least_squares import fit, reweighted
-from estimators.fitting.residuals import find_residual
-from estimators.frf.estimate import FrfEstimate, noisy_frf
+from estimators.fingerprint import fingerprint
+from estimators.levels import check_level
 from estimators.uncertainty.covariance import Uncertainty
-from estimators.uncertainty.interval_methods import INTERVAL_METHODS, intervals_of
+from estimators.uncertainty.interval_methods import INTERVAL_METHODS
 from estimators.uncertainty.likelihood import Noise
-from robotmodels.arrays import Array, BoolArray, ComplexArray, IntArray, read_only
-from robotmodels.errors import IdentificationError, InvalidInput, SolverFailed, nearest
-from robotmodels.noise import RelativeNoise
+from estimators.uncertainty.simulated_run import Experiment, Recipe
+from robotmodels.arrays import Array, BoolArray, IntArray, read_only
+from robotmodels.errors import InvalidInput, SolverFailed, nearest
 from robotmodels.notebook import Printed
-from robotmodels.response import Elastic, frequency_response
+from robotmodels.response import Elastic
 
-Experiment = Callable[[np.random.Generator], FrfEstimate]
+if TYPE_CHECKING:
+    from estimators.uncertainty.monte_carlo_store import RunStore
 
 # Runs between two writes.
 CHUNK = 20
-
-
-@dataclass(frozen=True, eq=False)
-class FrfExperiment:
-    """An experiment at the level of FRFs: the true model's, with errors of a known law.
-
-    Attributes
-    ----------
-    model : the true one.
-    positions, omega, noise, repetitions : as in `estimators.simulate_frf`.
-    """
-
-    model: Elastic
-    positions: Array
-    omega: Array
-    noise: RelativeNoise
-    repetitions: IntArray | None = None
-
-    @cached_property
-    def response(self) -> ComplexArray:
-        """The true FRFs, (Q, F, m, n), found once for all runs."""
-        return np.asarray(frequency_response(self.model, self.positions, self.omega))
-
-    def __call__(self, rng: np.random.Generator) -> FrfEstimate:
-        """Return one simulated estimate."""
-        return noisy_frf(
-            self.response, self.positions, self.omega, self.noise, rng, self.repetitions
-        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -157,45 +129,6 @@ class MonteCarlo(Printed):
         return "\n".join(lines)
 
 
-@dataclass(frozen=True, eq=False)
-class Recipe:
-    """What is done with every simulated experiment; arguments of `monte_carlo`."""
-
-    experiment: Experiment
-    model: Elastic
-    residual: str
-    weights: str | NDArray[Any]
-    methods: tuple[str, ...]
-    level: float
-    noise: str
-    blocks: int | None
-
-    def run(self, seed: int) -> "dict[str, Array] | str":
-        """Return the arrays of one run, or the reason why there are none."""
-        rng = np.random.default_rng(seed)
-        p = len(self.model.parameters)
-        try:
-            found = fit(self.model, self.experiment(rng), self.residual, self.weights)
-            if self.weights == "optimal" and find_residual(self.residual).relative:
-                # Weights at the measured FRF correlate with its errors.
-                found = reweighted(found, rounds=1)
-            if not found.converged:
-                return f"not converged: {found.message}"
-            stds, ends = np.empty((len(self.methods), p)), np.empty((len(self.methods), p, 2))
-            for i, method in enumerate(self.methods):
-                stds[i], ends[i] = intervals_of(
-                    found, method, self.level, rng, noise=self.noise, blocks=self.blocks
-                )
-        except (IdentificationError, np.linalg.LinAlgError) as error:
-            return str(error)
-        return {
-            "estimates": np.log(found.parameters.values),
-            "stds": stds,
-            "intervals": ends,
-            "costs": np.array(found.cost),
-        }
-
-
 def monte_carlo(
     experiment: Experiment,
     model: Elastic,
@@ -246,15 +179,7 @@ def monte_carlo(
     recipe = Recipe(experiment, model, residual, weights, tuple(methods), level, noise, blocks)
     seeds = rng.integers(2**63 - 1, size=runs, dtype=np.int64)
     kept = None if store is None else RunStore(Path(store), _fingerprint(recipe, int(seeds[0])))
-    results: list[dict[str, Array] | str] = [] if kept is None else kept.load()[:runs]
-    while len(results) < runs:
-        tasks = [int(s) for s in seeds[len(results) : len(results) + CHUNK]]
-        one = partial(Recipe.run, recipe)
-        results += map(one, tasks) if executor is None else executor.map(one, tasks)
-        if kept is not None:
-            kept.save(results)
-        if progress is not None:
-            progress(len(results), runs)
+    results = _results(recipe, seeds, kept, executor, progress)
     good = [r for r in results if not isinstance(r, str)]
     failures = tuple(r for r in results if isinstance(r, str))
     if len(good) < 2:
@@ -271,6 +196,26 @@ def monte_carlo(
     )
 
 
+def _results(
+    recipe: Recipe,
+    seeds: IntArray,
+    kept: "RunStore | None",
+    executor: Executor | None,
+    progress: Callable[[int, int], object] | None,
+) -> list[dict[str, Array] | str]:
+    """Return what each run came to, those first that were kept."""
+    results = [] if kept is None else kept.load()[: len(seeds)]
+    while len(results) < len(seeds):
+        tasks = [int(s) for s in seeds[len(results) : len(results) + CHUNK]]
+        one = partial(Recipe.run, recipe)
+        results += map(one, tasks) if executor is None else executor.map(one, tasks)
+        if kept is not None:
+            kept.save(results)
+        if progress is not None:
+            progress(len(results), len(seeds))
+    return results
+
+
 def _check(runs: int, methods: Sequence[str], level: float) -> None:
     if runs < 2:
         raise InvalidInput(f"runs: {runs}; at least 2 are needed")
@@ -280,19 +225,13 @@ def _check(runs: int, methods: Sequence[str], level: float) -> None:
                 f"methods: {method!r} is none of {', '.join(INTERVAL_METHODS)}"
                 f"{nearest(method, INTERVAL_METHODS)}"
             )
-    if not 0 < level < 1:
-        raise InvalidInput(f"level: {level} does not lie between 0 and 1")
+    check_level(level, "monte_carlo")
 
 
 def _fingerprint(recipe: Recipe, seed: int) -> str:
     """Return what tells one series from another: its settings and its first experiment."""
-    import hashlib
-
     first = recipe.experiment(np.random.default_rng(seed))
     weights = recipe.weights if isinstance(recipe.weights, str) else recipe.weights.tobytes()
     noise = recipe.noise, recipe.blocks
     settings = (recipe.residual, weights, recipe.methods, recipe.level, noise, seed)
-    digest = hashlib.sha256(repr(settings).encode())
-    for array in (first.response, recipe.model.parameters.values):
-        digest.update(" ".join(f"{x:.5g}" for x in array.ravel()).encode())
-    return digest.hexdigest()
+    return fingerprint(settings, rounded=(first.response, recipe.model.parameters.values))

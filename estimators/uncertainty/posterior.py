@@ -1,6 +1,5 @@
 """The posterior of a fit's parameters, sampled with emcee until it is good enough."""
 
-import hashlib
 from collections.abc import Callable
 from concurrent.futures import Executor
 from dataclasses import dataclass
@@ -8,21 +7,21 @@ from pathlib import Path
 
 import numpy as np
 
+from estimators.fingerprint import fingerprint
 from estimators.fitting.least_squares import Fit
 from estimators.fitting.priors import Prior
+from estimators.levels import check_level
 from estimators.uncertainty.convergence import ESS, R_HAT, TIMES, Target, diagnose, enough
 from estimators.uncertainty.covariance import Uncertainty
 from estimators.uncertainty.ensemble import Sampler, run_ensembles
-from estimators.uncertainty.laplace import StudentT, laplace
+from estimators.uncertainty.laplace import laplace
 from estimators.uncertainty.likelihood import Noise
 from estimators.uncertainty.log_posterior import LogPosterior, posterior_density
+from estimators.uncertainty.walker_starts import check_starts, drawn_starts, given_starts
 from estimators.uncertainty.walker_store import Store
 from robotmodels.arrays import Array, IntArray, read_only
 from robotmodels.errors import InvalidInput
 from robotmodels.notebook import Printed
-
-# Draws of the walkers' starts before giving up.
-ROUNDS = 20
 
 __all__ = ["ESS", "R_HAT", "TIMES", "Posterior", "sample_posterior"]
 
@@ -79,8 +78,7 @@ class Posterior(Printed):
 
     def interval(self, level: float = 0.95) -> Array:
         """Return central credible intervals, (p, 2), of the parameters [SI]."""
-        if not 0 < level < 1:
-            raise InvalidInput(f"interval: level {level} does not lie between 0 and 1")
+        check_level(level, "interval")
         ends = np.quantile(self.draws, [(1 - level) / 2, (1 + level) / 2], axis=0)
         return np.asarray(np.exp(ends.T))
 
@@ -154,11 +152,11 @@ def sample_posterior(
     density = posterior_density(fit, noise=noise, scale=scale, blocks=blocks, prior=prior)
     proposal = laplace(fit, density)
     seeds = rng.integers(2**32, size=ensembles, dtype=np.int64)
-    first = _given(starts, density, ensembles, walkers)
+    first = given_starts(starts, density, ensembles, walkers)
     if first is None:
         rngs = [np.random.default_rng(int(seed)) for seed in seeds]
-        first = np.stack([_ball(proposal, density, walkers, one) for one in rngs])
-    _check_starts(density, first)
+        first = np.stack([drawn_starts(proposal, density, walkers, one) for one in rngs])
+    check_starts(density, first)
     aim = target or Target()
     chains, acceptance = run_ensembles(
         Sampler(density, thin, proposal),
@@ -218,78 +216,12 @@ def check_sizes(p: int, ensembles: int, walkers: int, steps: int, thin: int) -> 
         )
 
 
-def _ball(
-    proposal: StudentT, density: LogPosterior, walkers: int, rng: np.random.Generator
-) -> Array:
-    """Return starts (W, p) drawn from the proposal, mirrored at the bounds.
-
-    Draws without a finite cost are drawn again, closer to the mode; those left after all rounds
-    are for `_check_starts` to refuse.
-    """
-    low, high = density.bounds
-    found = np.empty((walkers, len(low)))
-    missing = np.ones(walkers, dtype=bool)
-    for shrink in 0.8 ** np.arange(ROUNDS):
-        draws = proposal.center + shrink * (proposal.draw(walkers, rng) - proposal.center)
-        draws = np.where(draws < low, 2 * low - draws, draws)
-        draws = np.where(draws > high, 2 * high - draws, draws)
-        # What is wider than the bounds twice over is spread evenly.
-        outside = (draws < low) | (draws > high)
-        draws = np.where(outside, rng.uniform(low, high, draws.shape), draws)
-        found[missing] = draws[missing]
-        missing[missing] = ~np.isfinite(density(found[missing]))
-        if not missing.any():
-            break
-    return found
-
-
-def _given(
-    starts: Array | None, density: LogPosterior, ensembles: int, walkers: int
-) -> Array | None:
-    """Return a user's starts as (E, W, p) of ln theta."""
-    if starts is None:
-        return None
-    values, p = np.asarray(starts, dtype=float), len(density.names)
-    shapes = ((walkers, p), (ensembles, walkers, p))
-    if values.shape not in shapes:
-        raise InvalidInput(
-            f"starts: shape {values.shape} given; {shapes[0]} or {shapes[1]} is needed"
-        )
-    values = np.broadcast_to(values, shapes[1])
-    low, high = np.exp(density.bounds)
-    wrong = np.argwhere(~((values >= low) & (values <= high)))
-    if wrong.size:
-        e, w, i = wrong[0]
-        raise InvalidInput(
-            f"starts: {density.names[i]} = {values[e, w, i]:g} of walker {w} lies outside its "
-            f"bounds [{low[i]:g}, {high[i]:g}]"
-        )
-    return np.asarray(np.log(values))
-
-
-def _check_starts(density: LogPosterior, starts: Array) -> None:
-    """Refuse walkers that start where there is no cost."""
-    flat = starts.reshape(-1, starts.shape[-1])
-    wrong = ~np.isfinite(density(flat))
-    if wrong.any():
-        raise InvalidInput(
-            f"starts: {wrong.sum()} of {len(flat)} walkers start without a finite cost, one at "
-            f"{density.described(np.exp(flat[np.argmax(wrong)]))}; start closer to the fit, or "
-            "fix what the data do not tell"
-        )
-
-
 def _fingerprint(fit: Fit, density: LogPosterior, seeds: IntArray, thin: int) -> str:
     """Return a digest of what the chains depend on; rounded where computed, not given."""
     settings = (fit.residual, density.names, density.noise.kind, density.noise.blocks, thin)
-    digest = hashlib.sha256(repr(settings).encode())
-    estimate = fit.estimate
-    for given in (estimate.positions, estimate.omega, estimate.response, seeds):
-        digest.update(np.ascontiguousarray(given).tobytes())
+    estimate, prior = fit.estimate, density.prior
+    given = [estimate.positions, estimate.omega, estimate.response, seeds]
     computed = [fit.weights, fit.parameters.values, fit.bounds, np.array(density.noise.scale)]
-    if density.prior is not None:
-        computed += [density.prior.values, density.prior.std]
-        digest.update(repr(density.prior.names).encode())
-    for array in computed:
-        digest.update("".join(f"{x:.5g} " for x in np.ravel(array)).encode())
-    return digest.hexdigest()
+    if prior is not None:
+        computed += [prior.values, prior.std]
+    return fingerprint((*settings, None if prior is None else prior.names), given, computed)

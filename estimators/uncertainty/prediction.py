@@ -6,6 +6,7 @@ from functools import partial
 
 import numpy as np
 
+from estimators.levels import check_level
 from estimators.uncertainty.covariance import Uncertainty, log_normal_ends
 from robotmodels.arrays import Array, ComplexArray, read_only
 from robotmodels.differences import by_ln_theta
@@ -208,8 +209,7 @@ def workspace_map(
 
 
 def _checked(model: Elastic, spread: Spread, level: float) -> Spread:
-    if not 0 < level < 1:
-        raise InvalidInput(f"prediction: level {level} does not lie between 0 and 1")
+    check_level(level, "prediction")
     names = model.parameters.names
     if isinstance(spread, Uncertainty):
         if spread.names != names:

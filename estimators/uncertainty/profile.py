@@ -10,12 +10,13 @@ import numpy as np
 
 from estimators.fitting.least_squares import Fit
 from estimators.fitting.priors import Prior
+from estimators.levels import check_level
 from estimators.uncertainty.covariance import sandwich_parts
 from estimators.uncertainty.laplace import laplace, student_t
 from estimators.uncertainty.log_posterior import LogPosterior, posterior_density
 from estimators.uncertainty.log_posterior_slope import Slope, slope
 from robotmodels.arrays import Array, read_only
-from robotmodels.errors import IdentificationError, InvalidInput
+from robotmodels.errors import IdentificationError
 from robotmodels.notebook import Printed
 
 if TYPE_CHECKING:
@@ -111,8 +112,7 @@ def profile_likelihood(
     InvalidInput : for an unknown parameter, a level outside (0, 1), or as `sample_posterior`.
     SolverFailed : if the fit's cost is not finite.
     """
-    if not 0 < level < 1:
-        raise InvalidInput(f"profile: level {level} does not lie between 0 and 1")
+    check_level(level, "profile")
     chosen = fit.parameters.names if names is None else tuple(names)
     columns = [fit.parameters.index(name) for name in chosen]
     known = noise == "known" and scale is None

@@ -6,7 +6,6 @@ be read only, it follows from the rest. ``PLAN.h5`` has the datasets ``phases`` 
 file repeats, so that two files of different plans cannot be taken for one.
 """
 
-import hashlib
 import os
 from pathlib import Path
 from typing import Any, Literal
@@ -15,6 +14,7 @@ import numpy as np
 import yaml
 from pydantic import Field
 
+from estimators.fingerprint import fingerprint
 from oed.experiment.moves import MoveLimits
 from oed.experiment.multisine import Multisine
 from oed.experiment.plan import ExperimentPlan
@@ -194,12 +194,7 @@ def _read_arrays(path: Path, fingerprint: str) -> dict[str, Any]:
 
 
 def _fingerprint(values: dict[str, Any]) -> str:
-    digest = hashlib.sha256()
-    for name in _ARRAYS:
-        array = np.ascontiguousarray(values[name], dtype="<f8")
-        digest.update(f"{name}{array.shape}".encode())
-        digest.update(array.tobytes())
-    return digest.hexdigest()[:16]
+    return fingerprint(_ARRAYS, [np.asarray(values[name], dtype="<f8") for name in _ARRAYS])[:16]
 
 
 def _matrix(name: str, rows: list[list[float]]) -> Any:

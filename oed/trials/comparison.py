@@ -8,7 +8,8 @@ from pathlib import Path
 import numpy as np
 
 from estimators.uncertainty.covariance import Uncertainty
-from estimators.uncertainty.monte_carlo import FrfExperiment, MonteCarlo, monte_carlo
+from estimators.uncertainty.monte_carlo import MonteCarlo, monte_carlo
+from estimators.uncertainty.simulated_run import FrfExperiment
 from oed.design.certificate import Candidates
 from oed.design.criteria import Criterion
 from oed.design.criteria import objective as stated

@@ -22,6 +22,7 @@ from estimators import (
     simulate_frf,
 )
 from estimators.uncertainty.convergence import Target
+from estimators.uncertainty.model_error import informative_lines
 from robotmodels import InvalidInput, RelativeNoise, SpringNetwork
 
 
@@ -198,4 +199,26 @@ def test_what_the_weights_alone_make_of_the_posterior_is_no_skewness():
     widths = table.stds[table.methods.index("importance")] / table.stds[0]
     assert np.abs(widths - 1).max() > 0.25
     assert set(table.verdicts) == {"agree"}
-    assert any("the weights are not those of the noise" in note for note in table.notes)
+    (note,) = (note for note in table.notes if "the weights are not those of the noise" in note)
+    assert "Theorem 1 knows weights and noise apart" in note
+
+
+def test_parameters_that_few_lines_tell_are_named(good):
+    table = cross_check(good, empirical=covariance(good, "empirical"))
+    few = [n for n, c in zip(good.parameters.names, informative_lines(good), strict=True) if c < 20]
+    notes = [note for note in table.notes if "where few lines carry the information" in note]
+    assert len(notes) == (1 if few else 0)
+    assert all(name in note for note in notes for name in few)
+    assert not any("few lines" in note for note in cross_check(good).notes)
+
+
+def test_lines_that_count():
+    data = noisy(0.01, 0.003)
+    lines = data.response.shape[0] * data.response.shape[1]
+    everywhere = fit(MODEL, data, "nls", "optimal")
+    weights = np.zeros(data.response.shape)
+    weights[:, :12] = 1.0
+    some = fit(MODEL, data, "lls", weights, start=everywhere.parameters.values)
+    assert (informative_lines(everywhere) <= lines).all()
+    assert (informative_lines(some) <= 12 * data.response.shape[0] + 1e-9).all()
+    assert (informative_lines(some) >= 1).all()

@@ -70,5 +70,5 @@ def test_two_periods_tell_nothing():
 
 
 def test_the_level_is_a_probability():
-    with pytest.raises(InvalidInput, match="level: 2 is not a probability"):
+    with pytest.raises(InvalidInput, match="settling: level 2 does not lie between 0 and 1"):
         judged(level=2)

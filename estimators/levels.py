@@ -1,0 +1,14 @@
+"""Probabilities that intervals and tests are asked for."""
+
+from robotmodels.errors import InvalidInput
+
+
+def check_level(level: float, where: str) -> None:
+    """Refuse a level that is no probability.
+
+    Raises
+    ------
+    InvalidInput : naming `where` it was given.
+    """
+    if not 0 < level < 1:
+        raise InvalidInput(f"{where}: level {level} does not lie between 0 and 1")

@@ -1,0 +1,121 @@
+"""Fits in time beside fits of FRFs, on the case that a published study has for them."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from oed.published import rival
+from oed.published.output import rivalry_document
+from oed.published.rival import RivalChoice, compare, judged
+from oed.study.file import Study
+from reports import published_tables as tables
+from reports.template import filled
+from robotmodels import load_robot
+from robotmodels.plant import rollout_fit
+
+NEAR = RivalChoice(starts=2, decades=(0.05,))
+
+
+@pytest.fixture(scope="module")
+def case():
+    return rival.case()
+
+
+@pytest.fixture(scope="module")
+def short(case):
+    """A fifth of a second of two of the six experiments."""
+    whole = rival.rollouts_of(*case)
+    return replace(whole, torque=whole.torque[:2, :200], angle=whole.angle[:2, :200])
+
+
+def test_rollouts_at_the_true_parameters_are_like_the_records(short):
+    truth = short.parameters.values
+    assert rollout_fit.missing() == ""
+    assert rollout_fit.misfit(short, truth) < 1.3
+    assert rollout_fit.misfit(short, 1.02 * truth) > 10
+
+
+def test_a_fit_in_time_finds_springs_from_nearby(short):
+    truth = short.parameters.values
+    found = rollout_fit.fit_rollouts(short, 1.03 * truth, 1.5, 60)
+    springs = [name.endswith("stiffness") for name in short.parameters.names]
+    assert np.abs(np.log(found.values / truth))[springs].max() < 5e-3
+    assert 20 < found.rollouts <= 60
+
+
+def test_a_fit_in_time_that_is_given_up_says_so(short):
+    truth = short.parameters.values
+    found = rollout_fit.fit_rollouts(short, 1.03 * truth, 1.5, 3)
+    assert not found.ended
+    assert found.rollouts <= 3
+    assert np.allclose(found.values, 1.03 * truth)  # the best so far
+
+
+def test_frfs_of_the_same_records_find_the_truth_and_a_missing_module_is_told(case, monkeypatch):
+    monkeypatch.setattr(rival, "case", lambda: case)
+    monkeypatch.setattr(rollout_fit, "missing", lambda: "tabulate")
+    found = compare(NEAR, np.random.default_rng(0))
+    (ours,) = found.ways
+    assert (ours.successes, ours.starts, ours.unfinished) == (2, 2, 0)
+    assert ours.spring_error < 0.01
+    assert found.missing == "tabulate"
+    assert rivalry_document(found)["misfit"] is None
+    page = filled("published_rival.html.j2", found=found, table=tables.rival(found), seconds=1.0)
+    assert "its module tabulate is not installed" in page
+    assert "pip install" in page
+
+
+def test_both_ways_start_alike_and_are_judged_alike(case, monkeypatch):
+    asked = []
+
+    def near(rollouts, start, reach, limit):
+        asked.append(start)
+        return rollout_fit.RolloutFit(start, limit > 0, limit, 2.0)
+
+    monkeypatch.setattr(rival, "case", lambda: case)
+    monkeypatch.setattr(rollout_fit, "missing", lambda: "")
+    monkeypatch.setattr(rollout_fit, "fit_rollouts", near)
+    monkeypatch.setattr(rollout_fit, "misfit", lambda rollouts, values: 1.5)
+    told = []
+    found = compare(NEAR, np.random.default_rng(0), progress=lambda *a: told.append(a))
+    ours, theirs = found.ways
+    assert (ours.name, theirs.name) == ("frequency domain", "mujoco.sysid")
+    assert told == [(1, 2), (2, 2)]
+    robot, _ = case
+    ln = np.log(np.array(asked) / robot.parameters.values)
+    assert np.abs(ln).max() < 0.05 * np.log(10)
+    assert theirs.seconds == 2.0
+    springs = ln[:, [name.endswith("stiffness") for name in robot.parameters.names]]
+    assert theirs.successes == int((np.abs(springs).max(axis=1) < 0.05).sum())
+    page = filled("published_rival.html.j2", found=found, table=tables.rival(found), seconds=9.0)
+    assert "by 1.5 standard deviations" in page
+    assert "mujoco.sysid" in page
+
+
+def test_success_asks_for_every_spring():
+    robot = load_robot("manutec_r3")
+    truth = robot.parameters.values
+    springs = np.array([name.endswith("stiffness") for name in robot.parameters.names])
+    off = np.where(np.cumsum(springs) == 1, 1.2, 1.0)  # one spring alone
+    way = judged("mujoco.sysid", robot, 1.0, np.array([truth, truth * off]), 3.0, 1)
+    assert (way.successes, way.starts, way.unfinished) == (1, 2, 1)
+    assert way.spring_error == 0.0  # of the success
+    none = judged("mujoco.sysid", robot, 1.0, np.array([1.2 * truth]), 3.0, 0)
+    assert none.successes == 0
+    assert np.isclose(none.spring_error, np.log(1.2))
+
+
+def test_a_rival_without_the_published_study_is_refused():
+    with pytest.raises(ValueError, match="rival: it belongs to a study with compare_with"):
+        Study.model_validate(
+            {
+                "schema": "study/1",
+                "robot": "ur10",
+                "frequencies": {"low": 2.0, "high": 80.0, "count": 10},
+                "noise": {"relative": 0.03, "floor": 0.01},
+                "candidates": {},
+                "rival": {"starts": 2},
+                "output": "out",
+            }
+        )
