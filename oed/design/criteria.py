@@ -188,15 +188,28 @@ class MixtureCriterion:
 def objective(wanted: str | Criterion, names: Sequence[str], samples: int = 1) -> Objective:
     """Return the objective of a criterion, or of a criterion's name.
 
+    With several samples of theta a criterion that knows nothing of them is averaged over them, as
+    by `AverageCriterion`: the geometric mean of its efficiencies.
+
     Raises
     ------
     InvalidInput : if there is no criterion of that name, or it does not fit the parameters.
     """
-    if isinstance(wanted, str):
-        return criterion(wanted)
-    if not isinstance(wanted, Criterion):
+    if not isinstance(wanted, str | Criterion):
         raise InvalidInput(f"criterion {wanted!r} is neither a name nor a criterion")
-    return wanted.objective(tuple(names), samples)
+    found = criterion(wanted) if isinstance(wanted, str) else wanted.objective(names, samples)
+    unaware = len(found.groups) == 1 and all(term.sample == 0 for term in found.terms)
+    return averaged(found, np.full(samples, 1.0 / samples)) if unaware and samples > 1 else found
+
+
+def averaged(one: Objective, shares: Array) -> Objective:
+    """Return the mean of an objective of one sample of theta over samples with these shares."""
+    group = tuple(
+        Term(term.mean, float(share) * term.share, k)
+        for k, share in enumerate(shares)
+        for term in one.groups[0]
+    )
+    return Objective(one.name, (group,))
 
 
 def criterion(name: str) -> Objective:

@@ -90,7 +90,8 @@ def optimal_design(
     ----------
     info : information of each candidate, in memory or in a store; with samples of theta for the
         robust criteria.
-    criterion : "D", "A", "E" or an object of `oed.design.criteria`.
+    criterion : "D", "A", "E" or an object of `oed.design.criteria`; with samples of theta one that
+        is not robust itself is averaged over them.
     constraints : what limits the weights; None for shares that sum to one.
     prior : (p, p), information of experiments there are already, in units of the weights: for
         shares of N experiments to come, a Nth of it.

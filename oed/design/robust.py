@@ -6,14 +6,14 @@ from what is believed before, a design can be good on average (pseudo-Bayesian) 
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
 import numpy as np
 
 from oed.design.certificate import Candidates
-from oed.design.criteria import Criterion, checked_shares, objective
+from oed.design.criteria import Criterion, averaged, checked_shares, objective
 from oed.design.objective import Objective, Term
 from oed.design.relaxed import Design, optimal_design
 from robotmodels.arrays import Array, IntArray, read_only, real_numbers
@@ -107,13 +107,7 @@ class AverageCriterion:
         InvalidInput : if shares do not fit, or the criterion is robust already.
         """
         shares = checked_shares(self.shares, samples, f"criterion {self.name}")
-        terms = _of_one(self.criterion, names, self.name)
-        group = tuple(
-            Term(term.mean, float(share) * term.share, k)
-            for k, share in enumerate(shares)
-            for term in terms
-        )
-        return Objective(self.name, (group,))
+        return replace(averaged(_of_one(self.criterion, names, self.name), shares), name=self.name)
 
 
 @dataclass(frozen=True, eq=False)
@@ -142,7 +136,7 @@ class MaximinCriterion:
         ------
         InvalidInput : if references do not fit, or the criterion is robust already.
         """
-        terms = _of_one(self.criterion, names, self.name)
+        terms = _of_one(self.criterion, names, self.name).groups[0]
         groups = tuple(
             tuple(Term(term.mean, term.share, k) for term in terms) for k in range(samples)
         )
@@ -218,11 +212,11 @@ def robust_design(
     return RobustDesign(design, local[0], efficiency(design.information), efficiency(nominal))
 
 
-def _of_one(criterion: str | Criterion, names: Sequence[str], name: str) -> tuple[Term, ...]:
-    """Return the terms of a criterion of one sample."""
+def _of_one(criterion: str | Criterion, names: Sequence[str], name: str) -> Objective:
+    """Return a criterion of one sample."""
     if isinstance(criterion, AverageCriterion | MaximinCriterion):
         raise InvalidInput(f"criterion {name}: {criterion.name} is robust already")
-    return objective(criterion, names).groups[0]
+    return objective(criterion, names)
 
 
 def _name(criterion: str | Criterion) -> str:
