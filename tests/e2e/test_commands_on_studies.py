@@ -7,6 +7,7 @@ import pytest
 from conftest import STUDY, oed, write_study
 
 SMALL = STUDY.replace("steps: 400", "steps: 200").replace("count: 12", "count: 8")
+SMALL = SMALL.replace("compare: {random: 1, runs: 8}\n", "")
 
 
 @pytest.fixture(scope="module")
@@ -38,7 +39,7 @@ def test_each_command_keeps_what_the_last_computed(steps):
     assert kept[0] is None
     assert kept[1][1] == "candidates, information, design"
     assert kept[2][1].endswith("fit-lls, fit-nls, result")
-    assert "result, uncertainty, posterior" in kept[3][1]
+    assert {"result", "uncertainty", "posterior"} <= set(kept[3][1].split(", "))
 
 
 def test_summaries_say_what_there_is(steps):

@@ -3,11 +3,13 @@
 import importlib
 import os
 import re
+import shlex
 import subprocess
 import sys
 from pathlib import Path
 
 import pytest
+from conftest import oed
 
 ROOT = Path(__file__).parents[2]
 DOCS = ROOT / "docs"
@@ -42,13 +44,27 @@ def test_the_blocks_of_a_page_run(page, tmp_path, monkeypatch):
         elif language == "python":
             exec(compile(content, page.name, "exec"), session)
         elif language == "sh":
-            shell(content, tmp_path)
+            for line in content.splitlines():
+                run(line, tmp_path)
         else:
             assert language in SHOWN, f"{page.name}: a {language} block without a title is not run"
 
 
+def run(line: str, folder: Path) -> None:
+    """Run a command: `oed` in this process, which has the libraries loaded, the rest in a shell."""
+    command, _, target = line.partition(" > ")
+    words = shlex.split(command, comments=True)
+    if words[:1] != ["oed"]:
+        shell(line, folder)
+        return
+    code, out, err = oed(*words[1:])
+    assert code == 0, f"{line}\n{err}"
+    if target:
+        Path(target.strip()).write_text(out, encoding="utf-8")
+
+
 def shell(commands: str, folder: Path) -> None:
-    run = subprocess.run(
+    done = subprocess.run(
         ["bash", "-euo", "pipefail", "-c", commands],
         env=environment(folder),
         capture_output=True,
@@ -56,7 +72,7 @@ def shell(commands: str, folder: Path) -> None:
         timeout=300,
         check=False,
     )
-    assert run.returncode == 0, f"{commands}\n{run.stdout}\n{run.stderr}"
+    assert done.returncode == 0, f"{commands}\n{done.stdout}\n{done.stderr}"
 
 
 @pytest.mark.parametrize("package", ["robotmodels", "estimators", "oed"])

@@ -10,6 +10,7 @@ SECTIONS = (
     "candidates",
     "design",
     "positions",
+    "comparison",
     "responses",
     "fit",
     "residuals",
