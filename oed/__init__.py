@@ -57,7 +57,8 @@ if TYPE_CHECKING:
         next_experiments,
     )
     from oed.store import StoredInformation
-    from oed.trials.comparison import PlanComparison, PlanTrial, compare_plans
+    from oed.trials.comparison import compare_plans
+    from oed.trials.outcome import PlanComparison, PlanTrial
     from oed.trials.rivals import even_plan, grid_plan, random_plan
 
 _HOMES = {
@@ -87,8 +88,8 @@ _HOMES = {
     "Needed": "plans.sequential",
     "NextExperiments": "plans.sequential",
     "Peaks": "experiment.peaks",
-    "PlanComparison": "trials.comparison",
-    "PlanTrial": "trials.comparison",
+    "PlanComparison": "trials.outcome",
+    "PlanTrial": "trials.outcome",
     "RefinedDesign": "plans.refine",
     "Region": "plans.refine",
     "Removal": "candidates.screening",

@@ -8,12 +8,31 @@ from oed.study.design import Information, Plan
 from oed.study.run import Run
 from oed.study.stage_files import dataclass_files
 from oed.study.stages import Files, Report, Stage
-from oed.trials.comparison import PlanComparison, compare_plans
-from oed.trials.rivals import even_plan, grid_plan, random_plan
+from oed.trials.comparison import checked_runs, compare_plans
+from oed.trials.outcome import PlanComparison
+from oed.trials.rivals import even_plan, grid_levels, grid_plan, random_plan
 from robotmodels.arrays import IntArray
 from robotmodels.errors import InvalidInput
 
 OPTIMAL = "optimal"
+
+
+def check_comparison(run: Run) -> None:
+    """Refuse a comparison that cannot be made before anything is computed.
+
+    Raises
+    ------
+    InvalidInput : if the designer's grid does not fit, or there are too few runs.
+    """
+    choice = run.study.compare
+    if not run.study.compares:
+        return
+    try:
+        checked_runs(choice.runs, len(run.robot.parameters))
+        if choice.grid is not None:
+            grid_levels(run.study.design.number, choice.grid, tuple(run.robot.motor_joints))
+    except InvalidInput as error:
+        raise InvalidInput(f"compare.{error}") from None
 
 
 def compared(run: Run, info: Stage[Information], plan: Stage[Plan]) -> Stage[PlanComparison]:
@@ -21,7 +40,8 @@ def compared(run: Run, info: Stage[Information], plan: Stage[Plan]) -> Stage[Pla
 
     Raises
     ------
-    InvalidInput : if the designer's grid does not fit, or there are too few runs.
+    InvalidInput : if the designer's grid has more points than a plan within its time has
+        experiments.
     """
     frequencies, noise = run.study.frequencies, run.study.noise
     assert frequencies is not None
@@ -29,23 +49,20 @@ def compared(run: Run, info: Stage[Information], plan: Stage[Plan]) -> Stage[Pla
 
     def compute(folder: Path, report: Report | None) -> PlanComparison:
         rng = run.rng("comparison")
-        try:
-            return compare_plans(
-                run.robot,
-                info.value,
-                info.value.positions,
-                _plans(run, info.value, plan.value, rng),
-                frequencies.omega(),
-                noise.law(),
-                rng=rng,
-                runs=run.study.compare.runs,
-                criterion=run.study.design.wanted(),
-                executor=run.executor,
-                progress=report,
-                store=folder,
-            )
-        except InvalidInput as error:
-            raise InvalidInput(f"compare.{error}") from None
+        return compare_plans(
+            run.robot,
+            info.value,
+            info.value.positions,
+            _plans(run, info.value, plan.value, rng),
+            frequencies.omega(),
+            noise.law(),
+            rng=rng,
+            runs=run.study.compare.runs,
+            criterion=run.study.design.wanted(),
+            executor=run.executor,
+            progress=report,
+            store=folder,
+        )
 
     inputs = {
         "robot": run.robot_digest,

@@ -44,7 +44,7 @@ from numpy.typing import NDArray
 from oed.study.fits import Search, start_number
 from oed.study.results import FittedStudy, PlannedStudy, StudyResults
 from oed.study.stages import write_atomically
-from oed.trials.comparison import PlanComparison
+from oed.trials.outcome import PlanComparison
 from robotmodels.arrays import Array
 from robotmodels.errors import InvalidInput
 

@@ -18,7 +18,7 @@ from oed.study import measured as study_measured
 from oed.study import published as study_published
 from oed.study import uncertainty as study_uncertainty
 from oed.study import validation as study_validation
-from oed.study.comparison import compared
+from oed.study.comparison import check_comparison, compared
 from oed.study.data import Data, SimulatedExperiment
 from oed.study.design import Information, Plan
 from oed.study.file import Study
@@ -117,6 +117,7 @@ def _opened(
     with open_stages(study.output / "stages", progress, fresh) as stages:
         run = Run(study, robot, plant, stages, executor)
         study_uncertainty.check_posterior(run)
+        check_comparison(run)
         yield run
 
 

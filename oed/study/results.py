@@ -25,7 +25,7 @@ from oed.study.fits import Search
 from oed.study.published import Published
 from oed.study.run import truth_of
 from oed.study.validation import HeldOut
-from oed.trials.comparison import PlanComparison
+from oed.trials.outcome import PlanComparison
 from robotmodels import ElasticRobot
 from robotmodels.arrays import Array, IntArray
 

@@ -18,7 +18,7 @@ from oed.study.fits import Chosen, Search
 from oed.study.run import Run
 from oed.study.stage_files import dataclass_files
 from oed.study.stages import Report, Stage
-from oed.trials.comparison import PlanComparison
+from oed.trials.outcome import PlanComparison
 from robotmodels.errors import InvalidInput
 
 THIN = 5

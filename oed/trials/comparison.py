@@ -15,132 +15,12 @@ from oed.design.criteria import Criterion
 from oed.design.criteria import objective as stated
 from oed.design.null_space import unidentifiable
 from oed.trials.held import held
-from oed.trials.scatter import clearly_smaller, ratio_interval, std_interval
-from robotmodels.arrays import Array, BoolArray, IntArray, read_only
+from oed.trials.outcome import LEVEL, PlanComparison, PlanTrial
+from oed.trials.scatter import ratio_interval
+from robotmodels.arrays import Array, IntArray, read_only
 from robotmodels.errors import InvalidInput, NotIdentifiable
 from robotmodels.noise import RelativeNoise
-from robotmodels.notebook import Printed
 from robotmodels.response import Elastic
-
-LEVEL = 0.95
-
-
-@dataclass(frozen=True, eq=False)
-class PlanTrial:
-    """A plan, what it promises and what repeated experiments by it gave.
-
-    Attributes
-    ----------
-    name : of the plan.
-    support, repetitions : (k,) candidates it measures in, and experiments in each.
-    unidentified : parameters that it leaves open; nothing was simulated if there are any.
-    promised : covariance by the information at the true values ([WM] Theorem 1); None if open.
-    found : repeated experiments; None if open.
-    """
-
-    name: str
-    support: IntArray
-    repetitions: IntArray
-    unidentified: tuple[str, ...] = ()
-    promised: Uncertainty | None = None
-    found: MonteCarlo | None = None
-
-    @property
-    def information(self) -> Array:
-        """What the plan promises, (p, p)."""
-        assert self.promised is not None  # asked of plans that identify everything
-        return np.asarray(np.linalg.inv(self.promised.covariance))
-
-    @property
-    def std(self) -> Array:
-        """Standard deviations of ln theta over the experiments, (p,); infinite where open."""
-        if self.found is None:
-            return np.array([np.inf])
-        return self.found.uncertainty().std
-
-    def std_interval(self) -> Array:
-        """Return where each true standard deviation lies with 95 %, (p, 2), by chi square."""
-        if self.found is None:
-            return np.array([[np.inf, np.inf]])
-        return std_interval(self.std, len(self.found.estimates), LEVEL)
-
-
-@dataclass(frozen=True, eq=False)
-class PlanComparison(Printed):
-    """A plan against its rivals, the plan first.
-
-    Efficiencies say how many experiments of the plan are worth as much as one of a rival, by the
-    criterion; the plan's own is one.
-
-    Attributes
-    ----------
-    criterion : its name.
-    trials : K plans.
-    promised : (K,) efficiencies by information.
-    found : (K,) efficiencies by the scatter of repeated experiments; zero where a plan leaves
-        parameters open.
-    interval : (K, 2) where the true ones lie with 95 %, each by itself, of normal estimates.
-    held : whether fits held the equilibria of the true values.
-    """
-
-    criterion: str
-    trials: tuple[PlanTrial, ...]
-    promised: Array
-    found: Array
-    interval: Array
-    held: bool
-
-    @property
-    def names(self) -> tuple[str, ...]:
-        """Names of the p parameters."""
-        own = self.trials[0].promised
-        assert own is not None  # else there would be no comparison
-        return own.names
-
-    @property
-    def beaten(self) -> tuple[str, ...]:
-        """Rivals that the plan beats by more than chance explains."""
-        return self._rivals(self.interval[:, 1] < 1)
-
-    @property
-    def better(self) -> tuple[str, ...]:
-        """Rivals that beat the plan by more than chance explains."""
-        return self._rivals(self.interval[:, 0] > 1)
-
-    def more_certain(self, rival: int) -> tuple[int, int, int]:
-        """Return how many parameters the plan makes more certain than a rival does.
-
-        The second number counts those where chance does not explain it (F test, 95 %), the third
-        those that a rival, by the same measure, makes more certain than the plan.
-        """
-        own, other = self.trials[0].found, self.trials[rival].found
-        assert own is not None
-        if other is None:
-            return len(self.names), len(self.names), 0
-        fewer = own.uncertainty().std < other.uncertainty().std
-        clear = clearly_smaller(own, other, LEVEL), clearly_smaller(other, own, LEVEL)
-        return int(fewer.sum()), int(clear[0].sum()), int(clear[1].sum())
-
-    def _rivals(self, which: BoolArray) -> tuple[str, ...]:
-        pairs = zip(self.trials[1:], which[1:], strict=True)
-        return tuple(trial.name for trial, chosen in pairs if chosen)
-
-    def __str__(self) -> str:
-        plan = self.trials[0]
-        assert plan.found is not None
-        lines = [
-            f"{plan.name} beats {len(self.beaten)} of {len(self.trials) - 1} rivals by "
-            f"{self.criterion}, {len(plan.found.estimates)} simulated experiments each"
-        ]
-        for k, trial in enumerate(self.trials[1:], start=1):
-            low, high = self.interval[k]
-            lines.append(
-                f"  {trial.name:<12} worth {self.found[k]:.2f} ({low:.2f} to {high:.2f}), "
-                f"promised {self.promised[k]:.2f}"
-                if not trial.unidentified
-                else f"  {trial.name:<12} leaves open {', '.join(trial.unidentified)}"
-            )
-        return "\n".join(lines)
 
 
 def compare_plans(
@@ -182,10 +62,7 @@ def compare_plans(
     InvalidInput : if there are too few runs for p parameters, or a plan does not fit.
     NotIdentifiable, SolverFailed : if the first plan leaves parameters open, or cannot be fitted.
     """
-    p = len(info.names)
-    runs = max(100, 2 * p) if runs is None else runs
-    if runs < p + 3:
-        raise InvalidInput(f"runs: {runs}; at least {p + 3} are needed for {p} parameters")
+    runs = checked_runs(runs, len(info.names))
     series = _Series(model, positions, omega, noise, runs, executor)
     planned = [_planned(info, name, counts) for name, counts in plans.items()]
     if planned[0].unidentified:
@@ -204,6 +81,20 @@ def compare_plans(
         trials.append(replace(trial, found=found))
         holds = holds and was_held
     return _judged(criterion, info.names, tuple(trials), holds)
+
+
+def checked_runs(runs: int | None, p: int) -> int:
+    """Return how many experiments to simulate by each plan for p parameters.
+
+    Raises
+    ------
+    InvalidInput : if they are too few for a covariance.
+    """
+    if runs is None:
+        return max(100, 2 * p)
+    if runs < p + 3:
+        raise InvalidInput(f"runs: {runs}; at least {p + 3} are needed for {p} parameters")
+    return runs
 
 
 @dataclass(frozen=True)

@@ -1,5 +1,6 @@
 """Plans made without any information matrix: at random, evenly spread, or a grid by hand."""
 
+import math
 from collections.abc import Mapping
 
 import numpy as np
@@ -73,6 +74,25 @@ def grid_plan(
         experiments.
     """
     _check(len(positions), n_experiments)
+    levels = grid_levels(n_experiments, per_joint, joints)
+    number = int(np.prod([len(level) for level in levels]))
+    points = np.stack(np.meshgrid(*levels, indexing="ij"), axis=-1).reshape(number, -1)
+    scaled = _in_ranges(positions)
+    places = [int(np.argmin(_squares(scaled, point))) for point in points]
+    times = np.full(number, n_experiments // number)
+    times[: n_experiments % number] += 1
+    return np.bincount(places, weights=times, minlength=len(scaled)).astype(np.int64)
+
+
+def grid_levels(
+    n_experiments: int | None, per_joint: Mapping[str, int], joints: tuple[str, ...]
+) -> list[Array]:
+    """Return a grid's points of each joint as parts of its range; arguments of `grid_plan`.
+
+    Raises
+    ------
+    InvalidInput : as `grid_plan`; where the number of experiments is None, any number will do.
+    """
     for joint, count in per_joint.items():
         if joint not in joints:
             raise InvalidInput(
@@ -81,19 +101,11 @@ def grid_plan(
             )
         if count < 1:
             raise InvalidInput(f"grid: {count} points of {joint!r}; at least 1 is needed")
-    levels = [
-        np.linspace(0, 1, n) if n > 1 else np.array([0.5])
-        for n in (per_joint.get(joint, 1) for joint in joints)
-    ]
-    number = int(np.prod([len(level) for level in levels]))
-    if number > n_experiments:
+    counts = [per_joint.get(joint, 1) for joint in joints]
+    number = math.prod(counts)
+    if n_experiments is not None and number > n_experiments:
         raise InvalidInput(f"grid: {number} points for {n_experiments} experiments; fewer points")
-    points = np.stack(np.meshgrid(*levels, indexing="ij"), axis=-1).reshape(number, -1)
-    scaled = _in_ranges(positions)
-    places = [int(np.argmin(_squares(scaled, point))) for point in points]
-    times = np.full(number, n_experiments // number)
-    times[: n_experiments % number] += 1
-    return np.bincount(places, weights=times, minlength=len(scaled)).astype(np.int64)
+    return [np.linspace(0, 1, n) if n > 1 else np.array([0.5]) for n in counts]
 
 
 def _check(n_candidates: int, n_experiments: int) -> None:

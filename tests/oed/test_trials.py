@@ -7,8 +7,8 @@ from two_axes import TwoAxes
 import oed
 from estimators import MonteCarlo
 from oed.design.criteria import objective
-from oed.trials.comparison import PlanTrial
 from oed.trials.held import Held, held
+from oed.trials.outcome import PlanTrial
 from oed.trials.scatter import clearly_smaller, ratio_interval, std_interval
 from robotmodels import InvalidInput, NotIdentifiable, RelativeNoise, load_robot
 from robotmodels.response import frequency_response
