@@ -6,6 +6,7 @@ formulas here are plain numpy; the fast ones in `kernel.py` are tested against t
 """
 
 from dataclasses import dataclass
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,6 +15,8 @@ from robotmodels.arrays import Array, ComplexArray, IntArray
 from robotmodels.description.parameters import Parameters
 from robotmodels.elastic.measurement import Measurement
 from robotmodels.linear_model import LinearModel
+
+_T = TypeVar("_T", bound=np.generic)
 
 
 @dataclass(frozen=True, eq=False)
@@ -81,7 +84,7 @@ class SpringNetwork:
     @property
     def outside(self) -> tuple[str, ...]:
         """Names of free parameters that act on more than the terms, or not on them at all."""
-        exponents = self.coefficient_exponents
+        exponents = shared(self.coefficient_exponents)
         acts: NDArray[np.bool_] = np.any(exponents, axis=(0, 1)) | (len(exponents) == 0)
         return tuple(
             name
@@ -196,6 +199,11 @@ class SpringNetwork:
         return (
             unit[:0] if self.inertances is None else np.asarray(unit[self.inertances.coordinates])
         )
+
+
+def shared(array: NDArray[_T]) -> NDArray[_T]:
+    """Return `array` (Q, ...), or its first item where all are one and the same in memory."""
+    return array[:1] if array.strides[0] == 0 else array
 
 
 def incidence(ends: IntArray, size: int) -> Array:

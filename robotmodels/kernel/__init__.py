@@ -8,7 +8,7 @@ factorised without pivoting (`solve`), and positions are shared out over threads
 import numpy as np
 
 from robotmodels.arrays import Array, ComplexArray
-from robotmodels.elastic.spring_network import SpringNetwork
+from robotmodels.elastic.spring_network import SpringNetwork, shared
 from robotmodels.kernel.cells import CostKernel, check_complete, positive_frequencies
 from robotmodels.kernel.fisher import informations
 from robotmodels.kernel.layout import Layout, layout
@@ -106,22 +106,22 @@ def _separable_information(
     out: Array,
 ) -> Array:
     """Return the information with the inverse covariance U kron inv(V) of the factors U, V."""
-    power, outputs = factors[0], _inverse(factors[1])
+    power, outputs = shared(factors[0]), _inverse(shared(factors[1]))
     if plan is None:
+        power, outputs = (np.broadcast_to(x, (len(out), *x.shape[1:])) for x in (power, outputs))
         _, J = network.sensitivity(omega)
         weighted = np.einsum("qfml,qflip,qfni->qfmnp", outputs, J, power, optimize=True)
         return np.asarray(2 * np.einsum("qfmnp,qfmnr->qpr", J.conj(), weighted, optimize=True).real)
     # The kernel's sensitivities lack w^2.
-    doubles = [
-        np.ascontiguousarray(x, dtype=complex).view(float)
-        for x in (power, omega[:, None, None] ** 4 * outputs)
-    ]
+    outputs *= omega[:, None, None] ** 4
+    doubles = [np.ascontiguousarray(x, dtype=complex).view(float) for x in (power, outputs)]
     frequencies, _ = _padded(omega)
     tables = network_tables(network)
 
     def run(start: int, stop: int) -> None:
         space, buffer = workspace(plan, network, tables), aligned(4 * len(plan.motors) ** 2)
-        places = address(frequencies), *(address(x) for x in (*doubles, buffer)), omega.size
+        weights = [(address(x), x[0].nbytes if len(x) > 1 else 0) for x in doubles]
+        places = address(frequencies), *weights, address(buffer), omega.size
         separable_informations(space.at, *places, start, stop, address(out))
 
     over_threads(run, len(out), work_per_item=2 * frequencies.size // LANES)
@@ -129,11 +129,13 @@ def _separable_information(
 
 
 def _inverse(matrices: ComplexArray) -> ComplexArray:
-    """Return the inverses; of diagonal matrices, at the price of a division."""
-    diagonal = np.einsum("...ii->...i", matrices)
+    """Return the inverses, (Q, F, m, m); of diagonal matrices, at the price of a division."""
+    diagonal = np.einsum("qfii->qfi", matrices)
     if np.count_nonzero(matrices) > np.count_nonzero(diagonal):
-        return np.asarray(np.linalg.inv(matrices))
-    return np.asarray(np.eye(matrices.shape[-1]) / diagonal[..., None])
+        return np.asarray(np.linalg.inv(matrices), dtype=complex)
+    found = np.zeros(matrices.shape, dtype=complex)
+    np.einsum("qfii->qfi", found)[:] = 1.0 / diagonal
+    return found
 
 
 def _padded(omega: Array) -> tuple[Array, Array]:

@@ -181,9 +181,27 @@ def back_substitute(work, first):
     for i in range(size - 1, first - 1, -1):
         own = i - (size - work.n)
         scale = load_complex(work.inverse, 2 * i)
-        for c in range(max(own, 0) // BLOCK * 2 * BLOCK, wide, 2 * BLOCK):
+        c = max(own, 0) // BLOCK * 2 * BLOCK
+        # The row just finished comes last: nothing waits for it until then.
+        while c + 4 * BLOCK <= wide:
+            y0, y1, y2, y3, y4, y5 = zero, zero, zero, zero, zero, zero
+            for k in range(size - 1, i, -1):
+                a = load_complex(matrix, k * (k + 1) + 2 * i)
+                y0 = fma(a, load_complex(Y, k * wide + c), y0)
+                y1 = fma(a, load_complex(Y, k * wide + c + 2), y1)
+                y2 = fma(a, load_complex(Y, k * wide + c + 4), y2)
+                y3 = fma(a, load_complex(Y, k * wide + c + 6), y3)
+                y4 = fma(a, load_complex(Y, k * wide + c + 8), y4)
+                y5 = fma(a, load_complex(Y, k * wide + c + 10), y5)
+            store(Y, i * wide + c, y0 * scale)
+            store(Y, i * wide + c + 2, y1 * scale)
+            store(Y, i * wide + c + 4, y2 * scale)
+            store(Y, i * wide + c + 6, y3 * scale)
+            store(Y, i * wide + c + 8, y4 * scale)
+            store(Y, i * wide + c + 10, y5 * scale)
+            c += 4 * BLOCK
+        if c < wide:
             y0, y1, y2 = zero, zero, zero
-            # The row just finished comes last: nothing waits for it until then.
             for k in range(size - 1, i, -1):
                 a = load_complex(matrix, k * (k + 1) + 2 * i)
                 y0 = fma(a, load_complex(Y, k * wide + c), y0)

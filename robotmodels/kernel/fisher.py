@@ -3,18 +3,23 @@
 # numba compiles what follows and infers its types:
 # mypy: allow-untyped-decorators, allow-untyped-defs, allow-untyped-calls
 
+import numpy as np
+
+from robotmodels.kernel.bits import inverse_root
 from robotmodels.kernel.factor import SOURCES, compiled, entry, square
 from robotmodels.kernel.gram import accumulate, clear, elongate, fill_block, project, spread
 from robotmodels.kernel.memory import load, put, store
-from robotmodels.kernel.simd import LANES, fma, maximum, pack, root, splat
+from robotmodels.kernel.simd import LANES, fma, maximum, splat
 from robotmodels.kernel.solve import motor_response, pack_position, solve
+
+_TWICE = float(np.sqrt(2.0))
 
 
 @compiled
 def weigh(work, relative, floor, mask):
     """Write w^2 over the noise law's standard deviation of each element of G, w^2 cancelled.
 
-    Element i, j > i counts for its mirror image too.
+    Element i, j > i counts for its mirror image too: `mask` is one, or zero to leave out a lane.
     """
     n = work.n
     largest, e = splat(0.0), 0
@@ -28,8 +33,8 @@ def weigh(work, relative, floor, mask):
     for i in range(n):
         for j in range(i, n):
             variance = fma(load(work.roots, e), splat(relative * relative), largest)
-            share = mask if i == j else mask + mask
-            store(work.roots, e, pack(root(share / variance), splat(0.0)))
+            share = mask if i == j else mask * splat(_TWICE)
+            store(work.roots, e, inverse_root(variance) * share)
             e += 2
 
 
@@ -45,10 +50,10 @@ def _informations(work, omega, mask, frequencies, relative, floor, start, stop, 
             solve(work, q, w)
             weigh(work, relative, floor, load(mask, b))
             elongate(work, w)
-            spread(work)
+            spread(work, True)
             accumulate(work, work.m, w, False)
         springs = 8 * q * work.s
-        fill_block(work, work.spring_stiffness + springs, work.spring_damping + springs)
+        fill_block(work, work.spring_stiffness + springs, work.spring_damping + springs, False)
         for e in range(size):
             put(out, q * size + e, 0.0)
         project(work, q, out + 8 * q * size)

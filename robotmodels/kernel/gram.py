@@ -31,24 +31,29 @@ def elongate(work, w):
                 own = motor_response(work, min(a - driven, j), max(a - driven, j))
                 store(work.elongation, out + 2 * j, own * pack(turn, turn))
             continue
+        factor = pack(splat(1.0), splat(0.0))
+        if b == MOTOR:
+            factor = load_complex(work.wind, 6 * (a - driven) + 2)
+        elif b == INERTANCE:
+            factor = pack(rate, rate)
         for j in range(0, 2 * work.n, 2):
             y = load_complex(work.receptance, first + j)
             if b >= 0:
                 y = y - load_complex(work.receptance, second + j)
             y = y * load_complex(work.wind, 3 * j)
-            store(work.elongation, out + j, y * pack(rate, rate) if b == INERTANCE else y)
+            store(work.elongation, out + j, y * factor)
         if b == MOTOR:
-            slip = load_complex(work.wind, 6 * (a - driven) + 2)
-            for j in range(0, 2 * work.n, 2):
-                store(work.elongation, out + j, load_complex(work.elongation, out + j) * slip)
             own = out + 2 * (a - driven)
             gone = load_complex(work.wind, 6 * (a - driven) + 4)
             store(work.elongation, own, load_complex(work.elongation, own) - gone)
 
 
-@compiled
-def spread(work):
-    """Write a_s, the elements i <= j of v_s v_s^T times the `roots` of their weights."""
+@inlined
+def spread(work, real):
+    """Write a_s, the elements i <= j of v_s v_s^T times the `roots` of their weights.
+
+    Where roots are `real`, the first vector of the two counts.
+    """
     n, v, place = work.n, work.elongation, 0
     for s in range(work.m):
         e = 0
@@ -56,7 +61,8 @@ def spread(work):
             x = load_complex(v, s * work.wide + 2 * i)
             for j in range(i, n):
                 y = x * load_complex(v, s * work.wide + 2 * j)
-                store(work.rows, place, y * load_complex(work.roots, e))
+                y = y * load(work.roots, e) if real else y * load_complex(work.roots, e)
+                store(work.rows, place, y)
                 place += 2
                 e += 2
 
@@ -86,20 +92,38 @@ def tile(work, s, t):
 
 
 @inlined
-def add(place, parts, w, real):
-    """Add the products of two rows to their four sums.
+def half_tile(work, s, t):
+    """Return the products of row s with t and t + 1, as `tile` does."""
+    length = work.n * (work.n + 1)
+    a, b = work.rows + BYTES * length * s, work.rows + BYTES * length * t
+    d = b + BYTES * length
+    o = splat(0.0)
+    p0, p1, p2, p3, q0, q1, q2, q3 = o, o, o, o, o, o, o, o
+    for e in range(0, length, 2):
+        x, y = load(a, e), load(a, e + 1)
+        f, g = load(b, e), load(b, e + 1)
+        p0, p1, p2, p3 = fma(x, f, p0), fma(x, g, p1), fma(y, f, p2), fma(y, g, p3)
+        f, g = load(d, e), load(d, e + 1)
+        q0, q1, q2, q3 = fma(x, f, q0), fma(x, g, q1), fma(y, f, q2), fma(y, g, q3)
+    return (p0, p1, p2, p3), (q0, q1, q2, q3)
 
-    With P the product that conjugates the first: Re P, w Im P, -w Im P and w^2 Re P. Where only
-    the real part of k a_s + j w c a_s counts (`real`): what is left of them, each on its own.
+
+@inlined
+def add(place, parts, w, real):
+    """Add the products of two rows to their sums.
+
+    With P the product that conjugates the first: Re P, w Im P and w^2 Re P, in the last of four
+    places. Where only the real part of k a_s + j w c a_s counts (`real`): all four products, each
+    on its own.
     """
     both, across, back, other = parts
-    if not real:
+    if real:
+        store(place, 2, fma(back, w, load(place, 2)))
+    else:
         both = both + other
-        across = across - back
-        back, other = splat(0.0) - across, both
+        across, other = across - back, both
     store(place, 0, load(place, 0) + both)
     store(place, 1, fma(across, w, load(place, 1)))
-    store(place, 2, fma(back, w, load(place, 2)))
     store(place, 3, fma(other * w, w, load(place, 3)))
 
 
@@ -107,13 +131,19 @@ def add(place, parts, w, real):
 def accumulate(work, count, w, real):
     """Add the products of all pairs of the first `count` rows at the frequencies `w`."""
     place = work.sums
-    for s in range(0, count, 2):
+    for s in range(0, count - 1, 2):
         for t in range(0, s + 1, 2):
             p, q, r, u = tile(work, s, t)
             add(place, p, w, real)
             add(place + 4 * BYTES, q, w, real)
             add(place + 8 * BYTES, r, w, real)
             add(place + 12 * BYTES, u, w, real)
+            place += 16 * BYTES
+    if count % 2 == 1:
+        for t in range(0, count, 2):
+            p, q = half_tile(work, count - 1, t)
+            add(place, p, w, real)
+            add(place + 4 * BYTES, q, w, real)
             place += 16 * BYTES
 
 
@@ -133,10 +163,11 @@ def pair_place(s, t):
 
 
 @compiled
-def fill_block(work, stiffness, damping):
+def fill_block(work, stiffness, damping, real):
     """Turn the sums into twice the products by ln k and ln c, (2 m, 2 m).
 
-    `stiffness` and `damping` are the addresses of a position's first and second coefficients.
+    `real` as of `add`; `stiffness` and `damping` are the addresses of a position's first and
+    second coefficients.
     """
     m, block = work.m, work.block
     for i in range(m):
@@ -148,7 +179,7 @@ def fill_block(work, stiffness, damping):
             place = pair_place(i, j)
             put_pair(block, 2 * m, i, j, k * other_k * lane_sum(load(work.sums, place)))
             across = lane_sum(load(work.sums, place + 1))
-            back = lane_sum(load(work.sums, place + 2))
+            back = lane_sum(load(work.sums, place + 2)) if real else -across
             put_pair(block, 2 * m, i, m + j, -k * other_c * across)
             if i != j:
                 put_pair(block, 2 * m, j, m + i, -c * other_k * back)
@@ -164,31 +195,39 @@ def put_pair(matrix, width, i, j, x):
 
 
 @compiled
+def list_exponents(work, q):
+    """List the exponents that are not zero at position `q`: coefficient, parameter, value."""
+    count = 0
+    for i in range(2 * work.m):
+        row = exponent_row(work, q, i)
+        for a in range(work.p):
+            x = scalar(row, a)
+            if x != 0.0:
+                put(work.listed, 3 * count, float(i))
+                put(work.listed, 3 * count + 1, float(a))
+                put(work.listed, 3 * count + 2, x)
+                count += 1
+    return count
+
+
+@compiled
 def project(work, q, out):
     """Add the block, taken from ln k and ln c to ln theta at position `q`, to the (p, p) `out`."""
-    m, p, block = work.m, work.p, work.block
-    for e in range(2 * m * p):
-        put(work.half, e, 0.0)
-    for i in range(2 * m):
-        row = exponent_row(work, q, i)
-        for a in range(p):
-            x = scalar(row, a)
-            if x != 0.0:
-                for j in range(2 * m):
-                    old = scalar(work.half, j * p + a)
-                    put(work.half, j * p + a, old + scalar(block, j * 2 * m + i) * x)
-    for i in range(2 * m):
-        row = exponent_row(work, q, i)
-        for a in range(p):
-            x = scalar(row, a)
-            if x != 0.0:
-                for b in range(p):
-                    old = scalar(out, a * p + b)
-                    put(out, a * p + b, old + x * scalar(work.half, i * p + b))
+    p, block, width = work.p, work.block, 2 * work.m
+    for e in range(list_exponents(work, q)):
+        i, a = int(scalar(work.listed, 3 * e)), int(scalar(work.listed, 3 * e + 1))
+        x = scalar(work.listed, 3 * e + 2)
+        place = a * (p + 1)
+        put(out, place, scalar(out, place) + x * x * scalar(block, i * (width + 1)))
+        for f in range(e):
+            j, b = int(scalar(work.listed, 3 * f)), int(scalar(work.listed, 3 * f + 1))
+            y = x * scalar(work.listed, 3 * f + 2) * scalar(block, i * width + j)
+            put(out, a * p + b, scalar(out, a * p + b) + y)
+            put(out, b * p + a, scalar(out, b * p + a) + y)
 
 
 @inlined
 def exponent_row(work, q, i):
     """Return the address of the exponents of needed stiffness `i`, or damping `i - m`."""
     spring = integer(work.needed, 3 * (i % work.m)) + (0 if i < work.m else work.s)
-    return work.exponents + 8 * work.p * (2 * q * work.s + spring)
+    return work.exponents + 8 * (q * work.exponents_step + work.p * spring)

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from robotmodels.arrays import Array, IntArray
-from robotmodels.elastic.spring_network import SpringNetwork
+from robotmodels.elastic.spring_network import SpringNetwork, shared
 
 BLOCK = 3
 """Rows and columns of the register blocks of the factorisation."""
@@ -49,7 +49,7 @@ class Layout:
 
 def needed_terms(network: SpringNetwork) -> IntArray:
     """Return the terms of which a free parameter sets one of the coefficients."""
-    exponents = network.coefficient_exponents
+    exponents = shared(network.coefficient_exponents)
     moved = np.any(exponents != 0, axis=(0, 2)) if len(exponents) else np.ones(exponents.shape[1])
     return np.flatnonzero(np.any(moved.reshape(2, -1), axis=0))
 
@@ -68,30 +68,32 @@ def layout(network: SpringNetwork) -> Layout | None:
         return None
     motors = _eliminated(network, acted)
     driven = [
-        _other_end(ends[s], m) if m >= 0 else a for (m, s), a in zip(motors, acted, strict=True)
+        _other_end(ends[s], m) if m >= 0 else int(a)
+        for (m, s), a in zip(motors.tolist(), acted, strict=True)
     ]
     moving = [] if network.inertances is None else network.inertances.coordinates.tolist()
     ends = np.concatenate([ends.reshape(-1, 2), [(c, INERTANCE) for c in moving] or ends[:0]])
     needed = needed_terms(network)
-    touched = {int(c) for s in needed for c in ends[s] if c >= 0}
-    inner = [c for c in range(S.shape[0]) if c not in set(motors[:, 0]) | set(driven)]
+    touched = set(ends[needed].ravel().tolist())
+    elsewhere = {*motors[:, 0].tolist(), *driven}
+    inner = [c for c in range(S.shape[0]) if c not in elsewhere]
     free = [c for c in inner if c not in touched]
     pad = -(len(inner) + n) % BLOCK
     order = np.array(
         [-1] * pad + free + [c for c in inner if c in touched] + driven, dtype=np.int64
     )
-    row = {int(c): i for i, c in enumerate(order) if c >= 0}
+    row = {c: i for i, c in enumerate(order.tolist()) if c >= 0}
     row |= {code: code for code in (GROUND, INERTANCE)}
     own = {}  # terms of eliminated motors
     inertances = np.full(n, -1, dtype=np.int64)
-    for i, ((motor, spring), c) in enumerate(zip(motors, driven, strict=True)):
+    for i, ((motor, spring), c) in enumerate(zip(motors.tolist(), driven, strict=True)):
         if motor >= 0:
-            own[int(spring)] = row[c], MOTOR
+            own[spring] = row[c], MOTOR
         if motor in moving:
-            inertances[i] = len(network.ends) + moving.index(int(motor))
+            inertances[i] = len(network.ends) + moving.index(motor)
             own[int(inertances[i])] = row[c], MOTOR_INERTANCE
     table = np.array(
-        [(t, *own.get(t, (row.get(int(a)), row.get(int(b))))) for t, (a, b) in enumerate(ends)],
+        [(t, *own.get(t, (row.get(a), row.get(b)))) for t, (a, b) in enumerate(ends.tolist())],
         dtype=np.int64,
     ).reshape(-1, 3)
     return Layout(
@@ -100,7 +102,7 @@ def layout(network: SpringNetwork) -> Layout | None:
         first=pad + len(free),
         motors=np.column_stack([motors, inertances]),
         gears=S[acted, np.arange(n)].astype(float),
-        inner=table[~np.isin(table[:, 2], (MOTOR, MOTOR_INERTANCE))],
+        inner=table[(table[:, 2] != MOTOR) & (table[:, 2] != MOTOR_INERTANCE)],
         needed=table[needed],
     )
 
@@ -129,10 +131,10 @@ def _eliminated(network: SpringNetwork, acted: IntArray) -> IntArray:
     """Return, (n, 2), the coordinate and the spring of motors that only that spring ties."""
     motors = np.full((len(acted), 2), -1, dtype=np.int64)
     taken = {int(c) for c in acted}
-    coupled = _coupled(network)
+    coupled = _coupled(network, acted)
     for i, c in enumerate(acted):
         springs = np.flatnonzero(np.any(network.ends == c, axis=1))
-        if len(springs) != 1 or coupled[c]:
+        if len(springs) != 1 or coupled[i]:
             continue
         other = _other_end(network.ends[springs[0]], c)
         if other >= 0 and other != c and other not in taken:
@@ -141,10 +143,11 @@ def _eliminated(network: SpringNetwork, acted: IntArray) -> IntArray:
     return motors
 
 
-def _coupled(network: SpringNetwork) -> NDArray[np.bool_]:
-    """Return which coordinates, (d,), more than springs couple to others."""
+def _coupled(network: SpringNetwork, coordinates: IntArray) -> NDArray[np.bool_]:
+    """Return which of the `coordinates`, (n,), more than springs couple to others."""
     d = network.mass.shape[-1]
-    together = np.zeros((d, d), dtype=bool)
+    together = np.zeros((len(coordinates), d), dtype=bool)
     for matrix in (network.mass, network.damping, network.stiffness):
-        together |= np.any(matrix.reshape(-1, d, d), axis=0)
-    return np.asarray((together & ~np.eye(d, dtype=bool)).any(axis=1))
+        together |= np.any(matrix.reshape(-1, d, d)[:, coordinates], axis=0)
+    together[np.arange(len(coordinates)), coordinates] = False
+    return np.asarray(together.any(axis=1))

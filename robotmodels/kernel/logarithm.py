@@ -9,6 +9,7 @@ import numpy as np
 from numpy.polynomial import Chebyshev, Polynomial
 
 from robotmodels.arrays import Array
+from robotmodels.kernel.bits import split_exponent
 from robotmodels.kernel.factor import inlined
 from robotmodels.kernel.simd import (
     fma,
@@ -16,7 +17,6 @@ from robotmodels.kernel.simd import (
     minimum,
     pack,
     splat,
-    split_exponent,
     where_greater,
 )
 

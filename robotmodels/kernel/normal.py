@@ -97,6 +97,7 @@ def _cell_normals(work, cells, stiffness, damping, options, start, stop, out):
     Arguments as of `cost`, of one set of parameters; `out` holds 1 + p + p^2 doubles.
     """
     _, blocks, coupled, residual = options
+    real = residual != NLS and residual != LLS
     for cell in range(start, stop):
         q = cell // blocks
         k, c = stiffness + 8 * work.s * q, damping + 8 * work.s * q
@@ -112,10 +113,10 @@ def _cell_normals(work, cells, stiffness, damping, options, start, stop, out):
         put(out, 0, scalar(out, 0) + lane_sum(squares))
         w = load(cells.omega, cell)
         elongate(work, w)
-        spread(work)
-        accumulate(work, work.m + 1, w, residual != NLS and residual != LLS)
+        spread(work, False)
+        accumulate(work, work.m + 1, w, real)
         if cell == stop - 1 or (cell + 1) % blocks == 0:
-            fill_block(work, k, c)
+            fill_block(work, k, c, real)
             add_gradient(work, q, k, c, out + 8)
             project(work, q, out + 8 * (1 + work.p))
 

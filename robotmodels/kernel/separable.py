@@ -8,7 +8,7 @@ springs is that of two small inner products: v_s^H (U v_t) times v_s^H (Y v_t).
 # mypy: allow-untyped-decorators, allow-untyped-defs, allow-untyped-calls
 
 from robotmodels.kernel.factor import SOURCES, compiled, entry, inlined
-from robotmodels.kernel.gram import add, clear, elongate, fill_block, pair_place, project
+from robotmodels.kernel.gram import add, clear, elongate, fill_block, project
 from robotmodels.kernel.memory import load, load_complex, put, scalar, store
 from robotmodels.kernel.simd import BYTES, LANES, fma, fma_conjugate, pack, splat
 from robotmodels.kernel.solve import pack_position, solve
@@ -44,35 +44,53 @@ def turn(work, weights):
 
 @inlined
 def inner(work, s, t, part):
-    """Return the inner product of spring s and the turned spring t."""
+    """Return the inner products of springs s and s + 1 with the turned springs t and t + 1.
+
+    Four at once, as no multiplication then waits for the one before it.
+    """
     n = work.n
-    a, b = s * work.wide, 2 * n * (2 * t + part)
-    total = pack(splat(0.0), splat(0.0))
+    a, b = work.elongation + BYTES * s * work.wide, work.rows + BYTES * 2 * n * (2 * t + part)
+    c, d = a + BYTES * work.wide, b + BYTES * 4 * n
+    o = pack(splat(0.0), splat(0.0))
+    p, q, r, u = o, o, o, o
     for i in range(0, 2 * n, 2):
-        x, y = load_complex(work.elongation, a + i), load_complex(work.rows, b + i)
-        total = fma_conjugate(x, y, total)
-    return total
+        x, y = load_complex(a, i), load_complex(c, i)
+        f, g = load_complex(b, i), load_complex(d, i)
+        p, q = fma_conjugate(x, f, p), fma_conjugate(x, g, q)
+        r, u = fma_conjugate(y, f, r), fma_conjugate(y, g, u)
+    return p, q, r, u
+
+
+@inlined
+def parts(x, y):
+    """Return the product of two inner products as `add` takes it."""
+    z = x * y
+    return z.real, z.imag, splat(0.0), splat(0.0)
 
 
 @compiled
 def accumulate_pairs(work, w):
     """Add the products of all pairs of springs at the frequencies `w` to their sums."""
-    for s in range(work.m):
-        for t in range(s + 1):
-            p = inner(work, s, t, 0) * inner(work, s, t, 1)
-            parts = p.real, p.imag, splat(0.0) - p.imag, p.real
-            add(work.sums + BYTES * pair_place(s, t), parts, w, True)
+    place = work.sums
+    for s in range(0, work.m, 2):
+        for t in range(0, s + 1, 2):
+            p, q, r, u = inner(work, s, t, 0)
+            e, f, g, h = inner(work, s, t, 1)
+            add(place, parts(p, e), w, False)
+            add(place + 4 * BYTES, parts(q, f), w, False)
+            add(place + 8 * BYTES, parts(r, g), w, False)
+            add(place + 12 * BYTES, parts(u, h), w, False)
+            place += 16 * BYTES
 
 
 @compiled
 def _separable_informations(work, omega, inputs, outputs, weights, frequencies, start, stop, out):
     """Write the (p, p) information of positions `start` to `stop` to the address `out`.
 
-    `inputs` and `outputs` are the addresses of complex (Q, F, n, n), `weights` of a buffer of
-    4 n^2 vectors.
+    `inputs` and `outputs` are the addresses of complex (Q, F, n, n), each with the bytes from one
+    position to the next; `weights` is that of a buffer of 4 n^2 vectors.
     """
     size, blocks = work.p * work.p, -(-frequencies // LANES)
-    each = 16 * work.n * work.n
     upper = weights + BYTES * 2 * work.n * work.n
     for q in range(start, stop):
         pack_position(work, q)
@@ -81,12 +99,12 @@ def _separable_informations(work, omega, inputs, outputs, weights, frequencies, 
             w = load(omega, b)
             solve(work, q, w)
             elongate(work, w)
-            gather(work, inputs + each * q * frequencies, b * LANES, frequencies, weights)
-            gather(work, outputs + each * q * frequencies, b * LANES, frequencies, upper)
+            gather(work, inputs[0] + inputs[1] * q, b * LANES, frequencies, weights)
+            gather(work, outputs[0] + outputs[1] * q, b * LANES, frequencies, upper)
             turn(work, weights)
             accumulate_pairs(work, w)
         springs = 8 * q * work.s
-        fill_block(work, work.spring_stiffness + springs, work.spring_damping + springs)
+        fill_block(work, work.spring_stiffness + springs, work.spring_damping + springs, False)
         for e in range(size):
             put(out, q * size + e, 0.0)
         project(work, q, out + 8 * q * size)

@@ -62,7 +62,7 @@ make_attribute_wrapper(ComplexesType, "real", "real")
 make_attribute_wrapper(ComplexesType, "imag", "imag")
 
 
-def _fma(builder, a, b, c):
+def emit_fma(builder, a, b, c):
     """Emit a b + c, fused where the processor can."""
     function = cgutils.get_or_insert_function(
         builder.module,
@@ -100,8 +100,8 @@ _CASES: dict[Any, list[object]] = {}
 
 def _product(context, builder, a, b):
     (ar, ai), (br, bi) = parts_of(context, builder, a), parts_of(context, builder, b)
-    real = _fma(builder, builder.fneg(ai), bi, builder.fmul(ar, br))
-    return complex_of(context, builder, real, _fma(builder, ai, br, builder.fmul(ar, bi)))
+    real = emit_fma(builder, builder.fneg(ai), bi, builder.fmul(ar, br))
+    return complex_of(context, builder, real, emit_fma(builder, ai, br, builder.fmul(ar, bi)))
 
 
 def _each_part(emit):
@@ -169,18 +169,18 @@ def fma(typingctx, a, b, c):
     if Complexes not in (a, b, c):
 
         def real(context, builder, sig, args):
-            return _fma(builder, *args)
+            return emit_fma(builder, *args)
 
         return Reals(Reals, Reals, Reals), real
 
     def codegen(context, builder, sig, args):
         (ar, ai), (cr, ci) = (parts_of(context, builder, args[i]) for i in (0, 2))
         if b == Reals:
-            parts = _fma(builder, ar, args[1], cr), _fma(builder, ai, args[1], ci)
+            parts = emit_fma(builder, ar, args[1], cr), emit_fma(builder, ai, args[1], ci)
         else:
             br, bi = parts_of(context, builder, args[1])
-            cr, ci = _fma(builder, ar, br, cr), _fma(builder, ar, bi, ci)
-            parts = _fma(builder, builder.fneg(ai), bi, cr), _fma(builder, ai, br, ci)
+            cr, ci = emit_fma(builder, ar, br, cr), emit_fma(builder, ar, bi, ci)
+            parts = emit_fma(builder, builder.fneg(ai), bi, cr), emit_fma(builder, ai, br, ci)
         return complex_of(context, builder, *parts)
 
     return Complexes(Complexes, b, Complexes), codegen
@@ -192,12 +192,12 @@ def fma_conjugate(typingctx, a, b, c):
 
     def codegen(context, builder, sig, args):
         (ar, ai), (br, bi), (cr, ci) = (parts_of(context, builder, x) for x in args)
-        cr, ci = _fma(builder, ar, br, cr), _fma(builder, ar, bi, ci)
+        cr, ci = emit_fma(builder, ar, br, cr), emit_fma(builder, ar, bi, ci)
         return complex_of(
             context,
             builder,
-            _fma(builder, ai, bi, cr),
-            _fma(builder, builder.fneg(ai), br, ci),
+            emit_fma(builder, ai, bi, cr),
+            emit_fma(builder, builder.fneg(ai), br, ci),
         )
 
     return Complexes(Complexes, Complexes, Complexes), codegen
@@ -226,12 +226,18 @@ def lane_sum(typingctx, a):
     """Return the sum of the eight lanes."""
 
     def codegen(context, builder, sig, args):
-        lanes = [
-            builder.extract_element(args[0], ir.Constant(ir.IntType(32), i)) for i in range(LANES)
-        ]
-        while len(lanes) > 1:
-            lanes = [builder.fadd(x, y) for x, y in zip(lanes[::2], lanes[1::2], strict=True)]
-        return lanes[0]
+        sums, width = args[0], LANES
+        while width > 1:
+            width //= 2
+            none = ir.Constant(sums.type, ir.Undefined)
+            low, high = (
+                ir.Constant(ir.VectorType(ir.IntType(32), width), list(range(at, at + width)))
+                for at in (0, width)
+            )
+            sums = builder.fadd(
+                builder.shuffle_vector(sums, none, low), builder.shuffle_vector(sums, none, high)
+            )
+        return builder.extract_element(sums, ir.Constant(ir.IntType(32), 0))
 
     return types.float64(Reals), codegen
 
@@ -269,27 +275,3 @@ def where_greater(typingctx, a, b, yes, no):
         return builder.select(builder.fcmp_ordered(">", *args[:2]), *args[2:])
 
     return Reals(Reals, Reals, Reals, Reals), codegen
-
-
-@intrinsic
-def split_exponent(typingctx, a):
-    """Return e and m, as real and imaginary part, with a = 2^e m and m in [0.707, 1.414)."""
-
-    def codegen(context, builder, sig, args):
-        integers = ir.VectorType(ir.IntType(64), LANES)
-
-        def constant(x):
-            return ir.Constant(integers, [x] * LANES)
-
-        bits = builder.bitcast(args[0], integers)
-        shifted = builder.sub(bits, constant(0x3FE6A09E667F3BCD))
-        exponent = builder.ashr(shifted, constant(52))
-        fraction = builder.sub(bits, builder.shl(exponent, constant(52)))
-        return complex_of(
-            context,
-            builder,
-            builder.sitofp(exponent, VECTOR),
-            builder.bitcast(fraction, VECTOR),
-        )
-
-    return Complexes(Reals), codegen

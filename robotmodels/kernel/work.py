@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from robotmodels.arrays import Array, IntArray
-from robotmodels.elastic.spring_network import SpringNetwork
+from robotmodels.elastic.spring_network import SpringNetwork, shared
 from robotmodels.kernel.layout import BLOCK, Layout
 from robotmodels.kernel.memory import address, aligned
 
@@ -17,7 +17,7 @@ class Work(NamedTuple):
 
     Sizes: coordinates d, terms s, rows of the factorisation, rows of padding, first row needed,
     motors n, places of a row of right-hand sides, inner springs, needed springs m, parameters p,
-    doubles from one position's damping to the next (0 if all share it).
+    doubles from one position's damping and exponents to the next (0 if all share them).
 
     Tables, as in `SpringNetwork` and `Layout`: mass .. spring_damping, order .. needed.
 
@@ -25,7 +25,8 @@ class Work(NamedTuple):
         packed : (3, triangle) mass, damping, stiffness of one position, by row.
         bounds : (3, size) largest off-diagonal entry of each row of the three.
         arms : (n, 3) mass, damping and stiffness of each eliminated motor.
-        block, half : (2 m, 2 m), (2 m, p) information on ln k and ln c; times the exponents.
+        block : (2 m, 2 m) information on ln k and ln c.
+        listed : (2 m p, 3) the exponents that are not zero, see `gram`.
     Buffers of vectors (complex ones but for off, worst and sums):
         matrix : triangle of A, then of the unscaled factor L D.
         diagonal : (size,) A's.
@@ -53,6 +54,7 @@ class Work(NamedTuple):
     m: int
     p: int
     damping_step: int
+    exponents_step: int
     mass: int
     damping: int
     stiffness: int
@@ -68,7 +70,7 @@ class Work(NamedTuple):
     bounds: int
     arms: int
     block: int
-    half: int
+    listed: int
     matrix: int
     diagonal: int
     off: int
@@ -105,9 +107,14 @@ def network_tables(network: SpringNetwork) -> list[Array]:
             network.damping,
             network.stiffness,
             *network.coefficients,
-            network.coefficient_exponents,
+            shared(network.coefficient_exponents),
         )
     ]
+
+
+def _step(table: Array) -> int:
+    """Return the doubles from one position to the next; 0 where all share one."""
+    return table[0].size if table.ndim == 3 and len(table) > 1 else 0
 
 
 def workspace(plan: Layout, network: SpringNetwork, tables: Sequence[Array]) -> Workspace:
@@ -121,7 +128,7 @@ def workspace(plan: Layout, network: SpringNetwork, tables: Sequence[Array]) -> 
     integers += [np.ascontiguousarray(t) for t in (plan.inner, plan.needed)]
     order, motors, inner, needed = integers
     gears = contiguous(plan.gears)
-    doubles = [np.zeros(length) for length in (3 * triangle, 3 * size, 3 * n, 4 * m * m, 2 * m * p)]
+    doubles = [np.zeros(length) for length in (3 * triangle, 3 * size, 3 * n, 4 * m * m, 6 * m * p)]
     buffers = [
         aligned(places)
         for places in (
@@ -160,6 +167,7 @@ def workspace(plan: Layout, network: SpringNetwork, tables: Sequence[Array]) -> 
         len(inner),
         m,
         p,
-        0 if network.damping.ndim == 2 else network.damping[0].size if len(network.damping) else 0,
+        _step(tables[1]),
+        _step(tables[5]),
     )
     return Workspace(Work(*sizes, *(address(a) for a in pointed)), pointed)

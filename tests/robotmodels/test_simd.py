@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from numba import njit
 
-from robotmodels.kernel import logarithm, memory, simd
+from robotmodels.kernel import bits, logarithm, memory, simd
 
 
 @njit
@@ -22,8 +22,9 @@ def _arithmetic(x, y, out):
     memory.store(out, 16, simd.pack(simd.minimum(a.real, d), simd.maximum(a.real, d)))
     memory.store(out, 18, simd.pack(simd.splat(2.5), simd.where_greater(a.real, d, d, a.imag)))
     memory.store(out, 20, logarithm.log(a))
-    memory.store(out, 22, simd.split_exponent(d * d))
-    memory.put(out, 24 * simd.LANES, memory.scalar(x, 3) + simd.lane_sum(d))
+    memory.store(out, 22, bits.split_exponent(d * d))
+    memory.store(out, 24, simd.pack(bits.inverse_root(d * d), simd.root(d * d)))
+    memory.put(out, 26 * simd.LANES, memory.scalar(x, 3) + simd.lane_sum(d))
     return simd.any_negative(d)
 
 
@@ -40,7 +41,7 @@ def _complex(buffer, place):
 
 def test_operations_agree_with_numpy_in_every_lane():
     rng = np.random.default_rng(1)
-    x, y, out = _numbers(4, rng), _numbers(3, rng), memory.aligned(25)
+    x, y, out = _numbers(4, rng), _numbers(3, rng), memory.aligned(27)
     negative = _arithmetic(*(memory.address(array) for array in (x, y, out)))
     a, c, b = _complex(x, 0), _complex(x, 2), _complex(y, 0)
     d = y[2 * simd.LANES :]
@@ -58,10 +59,11 @@ def test_operations_agree_with_numpy_in_every_lane():
         2.5 + 1j * np.where(a.real > d, d, a.imag),
         np.log(a),
         exponent + 1j * d * d / 2**exponent,
+        1 / np.abs(d) + 1j * np.abs(d),
     ]
     for place, value in enumerate(expected):
         np.testing.assert_allclose(_complex(out, 2 * place), value, rtol=1e-14, atol=1e-15)
-    assert out[24 * simd.LANES] == pytest.approx(x[3] + d.sum())
+    assert out[26 * simd.LANES] == pytest.approx(x[3] + d.sum())
     assert negative
     y[2 * simd.LANES :] = 1.0
     assert not _arithmetic(*(memory.address(array) for array in (x, y, out)))
@@ -69,7 +71,7 @@ def test_operations_agree_with_numpy_in_every_lane():
 
 def test_logarithm_is_accurate_over_all_magnitudes_and_angles():
     rng = np.random.default_rng(2)
-    out = memory.aligned(25)
+    out = memory.aligned(27)
     y = _numbers(3, rng)
     for scale in (1e-140, 1e-5, 1.0, 1e5, 1e140):
         for _ in range(50):
@@ -82,6 +84,17 @@ def test_logarithm_is_accurate_over_all_magnitudes_and_angles():
             np.testing.assert_allclose(
                 _complex(out, 20).real, np.log(np.abs(_complex(x, 0))), rtol=4e-15, atol=4e-16
             )
+
+
+def test_inverse_roots_are_accurate_over_all_magnitudes():
+    rng = np.random.default_rng(3)
+    x, y, out = _numbers(4, rng), _numbers(3, rng), memory.aligned(27)
+    for exponent in range(-150, 141, 10):
+        y[2 * simd.LANES :] = 10.0 ** (exponent + rng.uniform(0, 10, simd.LANES))
+        _arithmetic(*(memory.address(array) for array in (x, y, out)))
+        np.testing.assert_allclose(
+            _complex(out, 24).real, 1 / y[2 * simd.LANES :], rtol=1e-15, atol=0
+        )
 
 
 def test_buffers_are_aligned_and_only_contiguous_arrays_have_an_address():
