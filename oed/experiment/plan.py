@@ -10,6 +10,7 @@ import numpy as np
 from oed.experiment.crest import reduced_crest
 from oed.experiment.moves import Move, MoveLimits, move
 from oed.experiment.multisine import Multisine, random_phases
+from oed.plans.order import VisitingOrder, visiting_order
 from robotmodels.arrays import Array, IntArray, read_only
 from robotmodels.errors import InvalidInput
 
@@ -53,6 +54,8 @@ class ExperimentPlan:
     moves : limits of the moves between positions, and the motors' names.
     scale : (V,) factors of the amplitudes.
     start : (n,) where the robot is before the first move [rad]; the first position by default.
+    order : how the positions were put in order and what that saves; None if they are as given, and
+        of a plan from a file.
 
     Raises
     ------
@@ -70,6 +73,7 @@ class ExperimentPlan:
     moves: MoveLimits
     scale: Array
     start: Array | None = None
+    order: VisitingOrder | None = None
 
     def __post_init__(self) -> None:
         positions = self.moves.check(self.positions)
@@ -185,6 +189,7 @@ def experiment_plan(
     repetitions: Sequence[int] | IntArray | None = None,
     crest_iterations: int = 0,
     start: Sequence[float] | Array | None = None,
+    reorder: bool = False,
     progress: Callable[[int, int], object] | None = None,
 ) -> ExperimentPlan:
     """Draw the phases of a plan; the same `rng` gives the same plan.
@@ -202,6 +207,8 @@ def experiment_plan(
     crest_iterations : how often to clip in order to lower crest factors (200 does most of it);
         0 leaves the phases as drawn.
     start : (n,) where the robot is beforehand [rad].
+    reorder : visit the positions in the order that shortens the moves from `start` on, see
+        `visiting_order`; `order` of the plan tells it, and the time saved.
     progress : called with the number of visits done and their total.
 
     Raises
@@ -211,8 +218,13 @@ def experiment_plan(
     motors = tuple(robot.motor_names)
     moves = MoveLimits(motors, robot.position_limits, np.asarray(speed), np.asarray(acceleration))
     positions = moves.check(positions)
-    counts = np.ones(len(positions), dtype=np.int64) if repetitions is None else repetitions
-    visits = int(_checked_repetitions(counts, len(positions)).sum())
+    given = np.ones(len(positions), dtype=np.int64) if repetitions is None else repetitions
+    counts = _checked_repetitions(given, len(positions))
+    begin = None if start is None else np.asarray(start, dtype=float)
+    order = visiting_order(positions, moves, begin) if reorder else None
+    if order is not None:
+        positions, counts = positions[order.order], counts[order.order]
+    visits = int(counts.sum())
     phases = []
     for visit in range(visits):
         drawn = random_phases(multisine, blocks, rng=rng)
@@ -222,14 +234,15 @@ def experiment_plan(
     return ExperimentPlan(
         robot=robot.name,
         positions=positions,
-        repetitions=np.asarray(counts),
+        repetitions=counts,
         multisine=multisine,
         phases=np.array(phases),
         periods=periods,
         transient_periods=transient_periods,
         moves=moves,
         scale=np.ones(visits),
-        start=None if start is None else np.asarray(start, dtype=float),
+        start=begin,
+        order=order,
     )
 
 

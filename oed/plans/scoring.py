@@ -9,6 +9,7 @@ from numpy.typing import ArrayLike
 from oed.design.certificate import Candidates
 from oed.design.criteria import Criterion
 from oed.design.gains import best_addition
+from oed.design.null_space import unit_diagonal_scaling, weak_directions
 from oed.design.relaxed import Design
 from oed.plans.exact import ExactDesign, finished, relaxation
 from robotmodels.arrays import Array, IntArray, read_only, real_numbers
@@ -16,6 +17,7 @@ from robotmodels.errors import InvalidInput
 
 _CONSIDERED = 512
 _SAME = 1e-6  # [rad] or [m]
+_OPEN = 1e-6  # part of an open combination that counts
 
 
 @dataclass(frozen=True)
@@ -117,11 +119,18 @@ def score(
 
 
 def standard_deviations(information: Array) -> Array:
-    """Return the square roots of the inverse's diagonal, (p,); of the first sample of theta."""
+    """Return the square roots of the inverse's diagonal, (p,); of the first sample of theta.
+
+    Infinite for the parameters of which the information leaves a combination open; what it says
+    of the others does not depend on those.
+    """
     matrix = information if information.ndim == 2 else information[0]
-    scale = 1.0 / np.sqrt(np.diagonal(matrix))
-    inverse = np.linalg.inv(scale[:, None] * matrix * scale)
-    return np.asarray(scale * np.sqrt(np.diagonal(inverse)))
+    s = unit_diagonal_scaling(matrix)
+    eigenvalues, vectors = np.linalg.eigh(s[:, None] * matrix * s)
+    null = weak_directions(matrix)
+    known = vectors[:, null.shape[1] :] / np.sqrt(eigenvalues[null.shape[1] :])
+    std = s * np.linalg.norm(known, axis=1)
+    return np.asarray(np.where(np.linalg.norm(null, axis=1) > _OPEN, np.inf, std))
 
 
 def _counts(

@@ -2,13 +2,13 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
 from oed.design.certificate import Candidates
 from oed.design.constraints import Constraints
 from oed.design.criteria import Criterion
-from oed.design.null_space import weak_directions
 from oed.design.relaxed import checked_prior
 from oed.plans.exact import ExactDesign, exact_design
 from oed.plans.scoring import standard_deviations
@@ -23,7 +23,7 @@ class NextExperiments:
     Attributes
     ----------
     plan : the experiments; its information includes what there was.
-    before : (p,) standard deviations of what there was; infinite where it leaves a direction open.
+    before : (p,) standard deviations of what there was; infinite for what it leaves open.
     after : (p,) predicted with the plan.
     """
 
@@ -96,8 +96,10 @@ def next_experiments(
     plan = exact_design(
         info, n_experiments, criterion=criterion, constraints=constraints, prior=prior
     )
-    before = np.full(len(info.names), np.inf) if prior is None else _std(prior)
-    return NextExperiments(plan, read_only(before), read_only(_std(plan.information)))
+    before = np.full(len(info.names), np.inf) if prior is None else standard_deviations(prior)
+    return NextExperiments(
+        plan, read_only(before), read_only(standard_deviations(plan.information))
+    )
 
 
 def measured_information(info: Candidates, repetitions: Sequence[int] | IntArray) -> Array:
@@ -160,7 +162,7 @@ def experiment_curve(
             progress(i + 1, len(numbers))
     return ExperimentCurve(
         counts=read_only(np.array(kept)),
-        std=read_only(np.array([_std(plan.information) for plan in plans])),
+        std=read_only(np.array([standard_deviations(plan.information) for plan in plans])),
         efficiency=read_only(np.array([plan.efficiency for plan in plans])),
         plans=tuple(plans),
         names=info.names,
@@ -197,22 +199,12 @@ def experiments_needed(
     if not (np.isfinite(std) and std > 0):
         raise InvalidInput(f"std: {std!r}; a positive number is needed (0.01 for one percent)")
     chosen = _chosen(info.names, parameters)
-    prior = checked_prior(known, info)
+    attempt = partial(_attempt, info, known=known, criterion=criterion, constraints=constraints)
     reached: dict[int, tuple[ExactDesign | None, Array]] = {}
 
     def enough(n: int) -> bool:
-        plan: ExactDesign | None = None
-        values = np.full(len(info.names), np.inf) if prior is None else _std(prior)
-        if n > 0:
-            try:
-                plan = next_experiments(
-                    info, n, known, criterion=criterion, constraints=constraints
-                ).plan
-                values = _std(plan.information)
-            except NotIdentifiable:
-                values = np.full(len(info.names), np.inf)
-        reached[n] = plan, values
-        return bool(values[chosen].max() <= std)
+        reached[n] = attempt(n)
+        return bool(reached[n][1][chosen].max() <= std)
 
     low, high = -1, 0
     while not enough(high):
@@ -231,6 +223,28 @@ def experiments_needed(
     return Needed(high, plan, read_only(values), info.names[worst])
 
 
+def _attempt(
+    info: Candidates,
+    n_experiments: int,
+    *,
+    known: Array | None,
+    criterion: str | Criterion,
+    constraints: Constraints | None,
+) -> tuple[ExactDesign | None, Array]:
+    """Return the plan of so many more experiments, and the standard deviations (p,) with it."""
+    nothing = np.full(len(info.names), np.inf)
+    if n_experiments == 0:
+        prior = checked_prior(known, info)
+        return None, nothing if prior is None else standard_deviations(prior)
+    try:
+        found = next_experiments(
+            info, n_experiments, known, criterion=criterion, constraints=constraints
+        )
+    except NotIdentifiable:
+        return None, nothing
+    return found.plan, found.after
+
+
 def _chosen(names: tuple[str, ...], parameters: Sequence[str] | None) -> list[int]:
     if parameters is None:
         return list(range(len(names)))
@@ -240,11 +254,3 @@ def _chosen(names: tuple[str, ...], parameters: Sequence[str] | None) -> list[in
     if not parameters:
         raise InvalidInput("parameters: none given; at least one is needed")
     return [names.index(name) for name in parameters]
-
-
-def _std(information: Array) -> Array:
-    """Return standard deviations (p,), infinite where the information is singular."""
-    first = information if information.ndim == 2 else information[0]
-    if weak_directions(first).shape[1]:
-        return np.full(len(first), np.inf)
-    return standard_deviations(first)

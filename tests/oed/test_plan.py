@@ -52,6 +52,19 @@ def test_reference_is_scaled():
     np.testing.assert_array_equal(louder.signals[2], louder.reference(2))
 
 
+def test_positions_are_put_in_order_on_request():
+    positions = np.array([[0.0, 0.0], [1.2, 1.5], [0.1, 0.1], [1.1, 1.4]])
+    usual = {"positions": positions, "repetitions": (1, 2, 3, 1), "start": (-0.1, 0.0)}
+    plain, short = plan(**usual), plan(**usual, reorder=True)
+    assert plain.order is None
+    assert short.order.order.tolist() == [0, 2, 3, 1]
+    np.testing.assert_array_equal(short.positions, positions[[0, 2, 3, 1]])
+    assert short.repetitions.tolist() == [1, 3, 1, 2]
+    # Moves are rounded up to whole samples.
+    assert short.order.saved > 1.0
+    assert plain.duration - short.duration == pytest.approx(short.order.saved, abs=8 * T)
+
+
 def test_crest_factors_are_lowered_on_request():
     plain, low = plan(), plan(crest_iterations=50)
     peaks = [crest_factor(p.reference(1)).max() for p in (plain, low)]

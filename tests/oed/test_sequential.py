@@ -40,6 +40,14 @@ def test_next_experiments_without_any_before():
     assert np.isinf(result.before).all()
 
 
+def test_what_is_known_of_some_parameters_is_not_lost():
+    """Two points of a parabola tell its slope, and of value and curvature only the sum."""
+    known = measured_information(LINE, [1, 0, 0, 0, 1])
+    before = next_experiments(LINE, 3, known).before
+    np.testing.assert_array_equal(np.isinf(before), [True, False, True])
+    assert before[1] == pytest.approx(np.sqrt(1 / 2))
+
+
 def test_curve_of_a_known_design():
     """At n/3 experiments in each of -1, 0, 1 variances are 3/n, 3/(2n), 9/(2n)."""
     curve = experiment_curve(LINE, [1, 2, 3, 6, 30])
