@@ -83,9 +83,9 @@ def test_records_are_fitted_but_for_what_is_held_out(measured):
     assert "2 measured positions were not fitted" in " ".join(page.split())
     assert 'id="candidates"' not in page
     # Unchanged, nothing is computed again; other positions held out change what is fitted.
-    code, out, _ = oed("run", measured, "--workers", 1)
+    code, out, _ = oed("fit", measured, "--workers", 1)
     assert code == 0
-    assert "split" in out
+    assert "kept     data, split, information" in out
     share = measured.parent / "share.yaml"
     share.write_text(MEASURED.replace("positions: [1, 3]", "share: 0.2"), encoding="utf-8")
     code, out, _ = oed("fit", share, "--workers", 1)
