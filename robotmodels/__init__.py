@@ -16,6 +16,7 @@ from robotmodels.errors import (
 from robotmodels.lazy_names import loaded_when_used
 
 if TYPE_CHECKING:
+    from robotmodels.at_values import AtValues
     from robotmodels.chain_responses import (
         chain_response,
         constrained_response,
@@ -41,6 +42,7 @@ if TYPE_CHECKING:
     from robotmodels.response import frequency_response, linearize, sensitivity
 
 _HOMES = {
+    "AtValues": "at_values",
     "Box": "collision.obstacles",
     "ClosedLoopNoise": "plant.closed_loop",
     "Controller": "plant.controller",
@@ -79,6 +81,7 @@ _HOMES = {
 }
 
 __all__ = [
+    "AtValues",
     "Box",
     "ClosedLoopNoise",
     "Controller",

@@ -21,7 +21,6 @@ from oed.information_set import InformationSet, information
 from oed.plans.exact import ExactDesign, exact_design
 from oed.plans.order import VisitingOrder, visiting_order
 from oed.store import StoredInformation
-from oed.study.at_values import AtValues
 from oed.study.design_section import DesignChoice, Moves
 from oed.study.fingerprint import file_digest
 from oed.study.run import Run
@@ -29,6 +28,7 @@ from oed.study.stage_files import INFORMATION, STORE, STORED, dataclass_files
 from oed.study.stages import Report, Stage
 from robotmodels import ElasticRobot
 from robotmodels.arrays import Array
+from robotmodels.at_values import AtValues
 
 Information = InformationSet | StoredInformation
 

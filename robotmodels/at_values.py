@@ -13,7 +13,7 @@ from robotmodels.response import BeyondSprings, Elastic
 
 @dataclass(frozen=True, eq=False)
 class AtValues:
-    """An elastic system whose own parameter values are others.
+    """An elastic system whose own parameter values are others: a robot as it might be.
 
     Attributes
     ----------
