@@ -32,7 +32,8 @@ if TYPE_CHECKING:
         robust_design,
     )
     from oed.design.sensors import Sensor, SensorDesign, optimal_sensors
-    from oed.design.spectrum import LineLimit, SpectrumDesign, optimal_spectrum
+    from oed.design.spectra import LineLimit
+    from oed.design.spectrum import SpectrumDesign, optimal_spectrum
     from oed.design.spectrum_lines import line_information, speed_cost
     from oed.experiment.crest import crest_factor, reduced_crest
     from oed.experiment.moves import Move, MoveLimits, move
@@ -43,9 +44,10 @@ if TYPE_CHECKING:
     from oed.experiment.scaling import Binding, Limits, Scaling, scale
     from oed.information_set import InformationSet, information
     from oed.plans.branch_and_bound import BestPlans, best_plans
+    from oed.plans.climbing import Region
     from oed.plans.exact import ExactDesign, exact_design
     from oed.plans.order import VisitingOrder, visiting_order
-    from oed.plans.refine import RefinedDesign, Region, refined_design, refined_over
+    from oed.plans.refine import RefinedDesign, refined_design, refined_over
     from oed.plans.scoring import Addition, Score, score
     from oed.plans.sequential import (
         ExperimentCurve,
@@ -79,7 +81,7 @@ _HOMES = {
     "InformationSamples": "design.robust",
     "InformationSet": "information_set",
     "Limits": "experiment.scaling",
-    "LineLimit": "design.spectrum",
+    "LineLimit": "design.spectra",
     "MaximinCriterion": "design.robust",
     "MixtureCriterion": "design.criteria",
     "Move": "experiment.moves",
@@ -91,7 +93,7 @@ _HOMES = {
     "PlanComparison": "trials.outcome",
     "PlanTrial": "trials.outcome",
     "RefinedDesign": "plans.refine",
-    "Region": "plans.refine",
+    "Region": "plans.climbing",
     "Removal": "candidates.screening",
     "RobustDesign": "design.robust",
     "Scaling": "experiment.scaling",

@@ -8,7 +8,6 @@ the best points of a finer set; what is found joins the candidates, and the desi
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
-from typing import Any
 
 import numpy as np
 
@@ -21,31 +20,14 @@ from oed.design.objective import Objective
 from oed.design.polytope import Polytope
 from oed.design.relaxed import Design, optimal_design
 from oed.information_set import InformationSet, information
+from oed.plans.climbing import Region, climbed, new_positions
 from robotmodels.arrays import Array, BoolArray
 from robotmodels.collision.surroundings import Surroundings
 from robotmodels.elastic.robot import ElasticRobot
 from robotmodels.errors import InvalidInput
 from robotmodels.noise import LoopNoise, RelativeNoise
 
-_STEP = 1e-5  # of finite differences, as a part of the range
 _CLIMBS = 6  # of the best points of the finer set, each round
-_CLOSE = 1e-3  # as a part of the range: closer positions are one
-
-
-@dataclass(frozen=True, eq=False)
-class Region:
-    """Where positions may be moved, and what an experiment there would tell.
-
-    Attributes
-    ----------
-    limits : (n, 2) ranges of the positions.
-    evaluate : information (Q, p, p) of positions (Q, n).
-    usable : which positions (Q, n) can be taken, (Q,).
-    """
-
-    limits: Array
-    evaluate: Callable[[Array], Array]
-    usable: Callable[[Array], BoolArray]
 
 
 @dataclass(frozen=True, eq=False)
@@ -172,28 +154,17 @@ def refined_over(
     solved = partial(optimal_design, criterion=criterion, prior=prior, solver=solver)
     finer = finer[region.usable(finer)] if len(finer) else finer
     check = _joined(info, finer, region.evaluate(finer)) if len(finer) else info
-    candidates, first = info, solved(info)
-    design = first
+    candidates, design = info, solved(info)
+    first = design
     for done in range(1, max_rounds + 1):
-        # Of the solver's witness: for E and maximin the derivative is not unique.
-        slope = objective.price(design.witness, design.information.shape)
-        prices = sensitivities(slope, check.matrices[len(info) :])
-        best = np.argsort(-prices, kind="stable")[:_CLIMBS] + len(info)
-        starts = [candidates.positions[design.support], check.positions[best]]
-        new = _new(_climbed(region, np.concatenate(starts), slope), candidates.positions, region)
-        # Where weight is, prices are one less the prior's share of the slope.
-        level = float(sensitivities(slope, candidates.take(design.support)).max())
-        beyond = 0.0
-        if len(new):
-            matrices = region.evaluate(new)
-            worth = sensitivities(slope, matrices) / level - 1.0
-            beyond = max(float(worth.max()), 0.0)
+        found = _beyond(region, candidates, design, objective, check, len(info))
+        beyond = max(float(found.worth.max(initial=0.0)), 0.0)
         if progress is not None:
             progress(done, max_rounds)
         if beyond <= tolerance or done == max_rounds:
             break
-        wanted = worth > 0.1 * tolerance
-        candidates = _joined(candidates, new[wanted], matrices[wanted])
+        wanted = found.worth > 0.1 * tolerance
+        candidates = _joined(candidates, found.positions[wanted], found.matrices[wanted])
         design = solved(candidates)
     gap = _gap(design, candidates, check, objective, prior)
     return RefinedDesign(
@@ -206,6 +177,40 @@ def refined_over(
         rounds=done,
         converged=gap <= tolerance and beyond <= tolerance,
     )
+
+
+@dataclass(frozen=True, eq=False)
+class _Found:
+    """New positions (k, n), their information (k, p, p), and what they are worth beyond one."""
+
+    positions: Array
+    matrices: Array
+    worth: Array
+
+
+def _beyond(
+    region: Region,
+    candidates: InformationSet,
+    design: Design,
+    objective: Objective,
+    check: InformationSet,
+    given: int,
+) -> _Found:
+    """Climb from the support and from the best positions to check, those after the `given` ones."""
+    # Of the solver's witness: for E and maximin the derivative is not unique.
+    slope = objective.price(design.witness, design.information.shape)
+    prices = sensitivities(slope, check.matrices[given:])
+    best = np.argsort(-prices, kind="stable")[:_CLIMBS] + given
+    starts = [candidates.positions[design.support], check.positions[best]]
+    new = new_positions(
+        climbed(region, np.concatenate(starts), slope), candidates.positions, region
+    )
+    if not len(new):
+        return _Found(new, candidates.matrices[:0], np.empty(0))
+    # Where weight is, prices are one less the prior's share of the slope.
+    level = float(sensitivities(slope, candidates.take(design.support)).max())
+    matrices = region.evaluate(new)
+    return _Found(new, matrices, sensitivities(slope, matrices) / level - 1.0)
 
 
 def _gap(
@@ -229,50 +234,3 @@ def _joined(info: InformationSet, positions: Array, matrices: Array) -> Informat
         np.concatenate([info.matrices, matrices]),
         info.names,
     )
-
-
-def _climbed(region: Region, starts: Array, slope: Array) -> Array:
-    """Return where the price is locally largest, from each start, in usable places."""
-    from scipy.optimize import minimize
-
-    low, high = region.limits.T
-    span = np.where(high > low, high - low, 1.0)
-
-    def falling(u: Any) -> tuple[float, Array]:
-        # A step that would leave the range is made backwards.
-        steps = np.where(u + _STEP > 1.0, -_STEP, _STEP) * (high > low)
-        places = np.vstack([u, u + np.diag(steps)])
-        prices = sensitivities(slope, region.evaluate(low + places * span))
-        change = prices[1:] - prices[0]
-        slopes = np.divide(change, steps, out=np.zeros_like(steps), where=steps != 0)
-        return -float(prices[0]), -slopes
-
-    bounds = [(0.0, 1.0)] * len(low)
-    options: Any = {"maxiter": 25, "ftol": 1e-7, "gtol": 1e-6}
-    found = []
-    for start in starts:
-        begin: Any = np.clip((start - low) / span, 0.0, 1.0)
-        end: Any = minimize(
-            falling, begin, jac=True, method="L-BFGS-B", bounds=bounds, options=options
-        )
-        found.append(_last_usable(region, start, low + end.x * span))
-    return np.array(found)
-
-
-def _last_usable(region: Region, start: Array, end: Array) -> Array:
-    """Return `end`, or the farthest usable point of nine towards it from the usable `start`."""
-    shares = np.linspace(1.0, 0.0, 9)[:-1]
-    way = start + shares[:, None] * (end - start)
-    usable = region.usable(way)
-    return np.asarray(way[np.argmax(usable)] if usable.any() else start)
-
-
-def _new(found: Array, known: Array, region: Region) -> Array:
-    """Return the positions found that are not close to a known or an earlier one."""
-    span = np.maximum(region.limits[:, 1] - region.limits[:, 0], 1e-12)
-    kept: list[Array] = []
-    for position in found:
-        others = np.concatenate([known, np.reshape(kept, (-1, known.shape[1]))])
-        if np.abs((others - position) / span).max(axis=1).min() > _CLOSE:
-            kept.append(position)
-    return np.reshape(kept, (-1, known.shape[1]))
