@@ -164,6 +164,7 @@ def _study(robot: ElasticRobot, reference: str, builtin: bool = False) -> str:
         idle=text.listed([_word(name) for name in idle]),
         units="[rad; m]" if robot.elements.prismatic else "[rad]",
         walkers=max(64, 4 * len(robot.parameters.names)),
+        runs=max(50, 2 * len(robot.parameters.names)),
     )
 
 
