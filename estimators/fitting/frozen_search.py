@@ -8,7 +8,7 @@ import numpy as np
 
 from estimators.fitting.cost import Problem
 from estimators.fitting.sag import Sag, with_sag
-from estimators.fitting.trust_region import Outcome, exact_search, trust_region
+from estimators.fitting.trust_region import Outcome, trust_region
 from estimators.frf.estimate import is_full
 from robotmodels.arrays import Array
 from robotmodels.elastic.spring_network import SpringNetwork
@@ -23,7 +23,7 @@ WORTHWHILE = 80_000
 # A first search need not be better than the equilibria of its start.
 ROUGH = 1e-4
 # Renewals of the equilibria. Two or three do; where springs are so soft that more are needed, the
-# search goes on with exact derivatives.
+# search goes on with equilibria found anew at every point.
 ROUNDS = 8
 # Halvings of the way to a point where the robot has no equilibrium.
 HALVINGS = 8
@@ -108,7 +108,7 @@ def frozen_search(
             break
         cost = model.cost if nth else cost
         values, network, sag = _reachable(problem, values, found.values, network, sag)
-    found = exact_search(problem, values, max_evaluations - spent, tolerance)
+    found = renewed_search(problem, values, max_evaluations - spent, tolerance)
     return replace(found, evaluations=spent + found.evaluations)
 
 
