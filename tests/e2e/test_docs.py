@@ -96,6 +96,15 @@ def test_functions_named_in_a_page_exist(page):
                 found = getattr(found, name)
 
 
+@pytest.mark.parametrize("page", [*PAGES, ROOT / "README.md"], ids=lambda p: p.stem)
+def test_files_named_in_a_page_exist(page):
+    text = BLOCK.sub("", page.read_text(encoding="utf-8"))
+    for path in re.findall(
+        r"`((?:robotmodels|estimators|oed|reports|studies|examples)/[^`]*)`", text
+    ):
+        assert (ROOT / path).exists(), path
+
+
 def test_the_site_builds_without_warnings(tmp_path):
     command = [sys.executable, "-m", "mkdocs", "build", "--strict", "--quiet", "--site-dir"]
     run = subprocess.run(
