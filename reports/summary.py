@@ -44,6 +44,8 @@ def study_json(results: PlannedStudy, written: list[Path]) -> dict[str, Any]:
     if isinstance(r, StudyResults):
         std = zip(r.theorem1.names, map(float, r.theorem1.std), strict=True)
         document |= {"posterior_converged": r.posterior.converged, "relative_std": dict(std)}
+        if r.comparison is not None:
+            document["rivals_beaten"] = list(r.comparison.beaten)
     files = [str(path) for path in written]
     return document | {"seconds": r.seconds, "kept": list(r.kept), "files": files}
 
@@ -91,6 +93,8 @@ def _uncertainty_lines(r: StudyResults) -> Lines:
     ]
     if not posterior.converged:
         lines.append(("", posterior.message))
+    if r.comparison is not None:
+        lines.append(("plans", str(r.comparison).splitlines()[0]))
     return [*lines, ("methods", ", ".join(f"{n} x {verdict}" for verdict, n in verdicts.items()))]
 
 

@@ -159,6 +159,7 @@ def test_summary_fits_one_screen_and_names_the_report(small_study):
     lines = out.splitlines()
     assert len(lines) < 20
     assert str(folder / "report.html") in lines[-1]
+    assert "optimal beats" in out
     for word in ("candidates", "gap", "efficiency", "R-hat", "ESS", "best", "worst"):
         assert word in out
     assert out.isascii()
