@@ -1,11 +1,13 @@
 """The same D-optimal designs by other means; run by `design.py`, each in its own process.
 
-``python design_peers.py PEER MATRICES.npy OUT.npz`` reads whitened information (Q, p, p), computes
-the shares of one design and writes them with the seconds it took.
+``python design_peers.py PEER MATRICES.npy OUT.npz LIMIT`` reads whitened information (Q, p, p),
+computes the shares of one design and writes them with the seconds it took; LIMIT is the most
+processor time it may take [s].
 """
 
 import contextlib
 import io
+import resource
 import sys
 import time
 
@@ -70,7 +72,8 @@ PEERS = {
 
 def main():
     """Time one peer; its packages are imported before, by a tiny design."""
-    peer, source, target = sys.argv[1:]
+    peer, source, target, limit = sys.argv[1:]
+    resource.setrlimit(resource.RLIMIT_CPU, (int(limit), int(limit) + 5))
     matrices, run = np.load(source), PEERS[peer]
     with contextlib.redirect_stdout(io.StringIO()):
         run(matrices[: 2 * matrices.shape[-1]])
