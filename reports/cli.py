@@ -83,7 +83,8 @@ def main() -> None:
 
 def _usage(error: typer.TyperException) -> str:
     """Return what is wrong with the command and which help says more; nothing if help was shown."""
-    words = error.format_message().replace("Value error, ", "").split()
+    words = error.format_message().replace("Value error, ", "")
+    words = re.sub(r"Input should be a valid integer.*", "a whole number is needed", words).split()
     message = re.sub(r"\. Did you mean (.*\?)", r" (did you mean \1)", " ".join(words))
     message = message.removesuffix(".")
     context = getattr(error, "ctx", None)

@@ -8,6 +8,7 @@ import typer
 
 from reports.commands.options import about
 from reports.workers import one_thread_each, shared
+from robotmodels.errors import InvalidInput
 
 if TYPE_CHECKING:
     from oed.study.results import PlannedStudy
@@ -57,6 +58,8 @@ def compute_study(
     from oed.study.output import staged_folder, write_results
     from reports.progress import progress_bars
 
+    if study.is_dir() and (study / "study.yaml").is_file():
+        raise InvalidInput(f"{study} is a folder; did you mean {study / 'study.yaml'}?")
     content = load_study(study)
     with about(study), progress_bars() as progress, shared(workers, cluster) as executor:
         results = step(content, progress, executor=executor, fresh=fresh)

@@ -46,6 +46,7 @@ def test_check_takes_a_position_in_degrees(oed):
         (("run",), "missing argument 'study'; see oed run --help"),
         (("run", "x", "--workers", "0"), "--workers"),
         (("run", "x", "--sped", "1"), "--sped"),
+        (("run", "x", "--workers", "two"), "'--workers': a whole number is needed; see"),
         (("schema", "sutdy"), "'study', 'experiment', 'robot'"),
     ],
 )
@@ -83,6 +84,13 @@ def test_a_file_of_another_kind_is_told_with_the_command_that_takes_it(
     assert len(err.splitlines()) == 1
     for words in ("given.yaml", *said):
         assert words in err
+
+
+def test_the_folder_of_a_study_is_no_study(oed, tmp_path):
+    (tmp_path / "study.yaml").write_text(STUDY, encoding="utf-8")
+    code, _, err = oed("run", str(tmp_path))
+    assert code == 2
+    assert f"did you mean {tmp_path / 'study.yaml'}?" in err
 
 
 def test_init_says_which_files_it_takes(oed, tmp_path):
