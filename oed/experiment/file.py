@@ -257,7 +257,10 @@ def _designed(path: Path, robot: str) -> tuple[Array, IntArray]:
             f"{robot!r}"
         )
     try:
-        rows = [(row["position"], row["repetitions"]) for row in document["positions"]]
+        rows = [
+            (row["position"], row["repetitions"])
+            for row in _as_visited(document["positions"], document.get("order"))
+        ]
         positions = np.array([row[0] for row in rows], dtype=float)
         repetitions = np.array([row[1] for row in rows], dtype=np.int64)
     except (KeyError, TypeError, ValueError) as error:
@@ -265,3 +268,11 @@ def _designed(path: Path, robot: str) -> tuple[Array, IntArray]:
     if positions.ndim != 2 or not np.isfinite(positions).all():
         raise InvalidInput(f"design: {path}: its positions are not rows of numbers")
     return positions, repetitions
+
+
+def _as_visited(rows: list[Any], order: Any) -> list[Any]:
+    """Return a design's positions in the order of its visits, where it has one."""
+    if order is None:
+        return rows
+    places = {candidate: place for place, candidate in enumerate(order["candidates"])}
+    return sorted(rows, key=lambda row: places[row["candidate"]])

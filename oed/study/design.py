@@ -1,6 +1,7 @@
 """The stages of a study up to its plan: candidates, information, design."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -29,6 +30,7 @@ from oed.study.stages import Report, Stage
 from robotmodels import ElasticRobot
 from robotmodels.arrays import Array
 from robotmodels.at_values import AtValues
+from robotmodels.errors import InvalidInput, NoEquilibrium
 
 Information = InformationSet | StoredInformation
 
@@ -95,10 +97,13 @@ def _information(
     asked = robot, found.value.positions, frequencies.omega(), noise.law()
 
     def compute(folder: Path, report: Report | None) -> InformationSet:
-        return information(*asked, executor=run.executor, progress=report)
+        with _of_sample(robot is not run.robot, name):
+            return information(*asked, executor=run.executor, progress=report)
 
     def write(folder: Path, report: Report | None) -> StoredInformation:
-        return information(*asked, executor=run.executor, progress=report, store=folder / STORE)
+        store = folder / STORE
+        with _of_sample(robot is not run.robot, name):
+            return information(*asked, executor=run.executor, progress=report, store=store)
 
     inputs = {
         "robot": run.robot_digest,
@@ -109,6 +114,20 @@ def _information(
     if len(found.value) * len(robot.parameters) ** 2 * 8 > LARGEST_IN_MEMORY:
         return run.stages.run(name, inputs, write, STORED)
     return run.stages.run(name, inputs, compute, INFORMATION)
+
+
+@contextmanager
+def _of_sample(is_one: bool, name: str) -> Iterator[None]:
+    """Say of an error in a sample of theta that it is not the robot file's."""
+    try:
+        yield
+    except NoEquilibrium as error:
+        if not is_one:
+            raise
+        number = name.rsplit("-", 1)[-1]
+        raise InvalidInput(
+            f"design.robust: sample {number} of the parameters: {error}; a smaller std is needed"
+        ) from error
 
 
 def plan(

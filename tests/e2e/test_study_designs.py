@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from conftest import STUDY, oed, write_study
 
+from oed.experiment.file import load_experiment, planned_positions
 from oed.plans.scoring import standard_deviations
 from oed.store import StoredInformation
 from oed.study.file import load_study
@@ -14,6 +15,14 @@ from oed.study.pipeline import design_study
 from reports.sections import candidates, design
 from robotmodels.errors import InvalidInput
 
+EXPERIMENT = """\
+schema: experiment/1
+robot: robot.yaml
+design: {design}
+multisine: {{band: [3.0, 40.0], sample_time: 0.004, period: 0.5}}
+limits: {{torque: 60.0}}
+output: results
+"""
 PLAIN = "design: {criterion: D, experiments: 5, tolerance: 1.0e-6}"
 
 
@@ -92,6 +101,22 @@ def test_design_json_tells_order_and_robustness(tmp_path):
     assert sorted(document["order"]["candidates"]) == used
     assert document["order"]["seconds"] >= 0
     assert len(document["robust"]["efficiency"]) == 2
+    # An experiment by this design visits in its order.
+    document["order"]["candidates"].reverse()
+    made = tmp_path / "design.json"
+    made.write_text(json.dumps(document))
+    by_candidate = {one["candidate"]: one["position"] for one in document["positions"]}
+    shaken = EXPERIMENT.format(design=made)
+    (tmp_path / "experiment.yaml").write_text(shaken)
+    positions, _ = planned_positions(load_experiment(tmp_path / "experiment.yaml"), "two joints")
+    assert positions.tolist() == [by_candidate[i] for i in document["order"]["candidates"]]
+
+
+def test_samples_that_cannot_stand_are_said(tmp_path):
+    with pytest.raises(
+        InvalidInput, match=r"design.robust: sample \d of the parameters: .*smaller"
+    ):
+        designed(tmp_path, "{robust: {std: {stiffness: 4.0}, samples: 6}}")
 
 
 def test_many_candidates_are_kept_in_a_store(tmp_path, monkeypatch):
