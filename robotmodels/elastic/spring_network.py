@@ -2,7 +2,7 @@
 
 Between equilibria everything is linear in stiffness, damping and inertia, so the derivative of an
 FRF with respect to a spring, or to the inertia of one coordinate, is of rank one. The reference
-formulas here are plain numpy; the fast ones in `kernel.py` are tested against them.
+formulas here are plain numpy; the fast ones in `kernel` are tested against them.
 """
 
 from dataclasses import dataclass

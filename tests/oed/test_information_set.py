@@ -102,6 +102,22 @@ def test_information_refuses_empty_work():
         information(TwoMasses(), POSITIONS, OMEGA, NOISE, chunk=0)
 
 
+class NoNumbers:
+    """A noise law that fails in the third position."""
+
+    def weights(self, network, omega):
+        bad = np.ones((len(network.mass), len(omega), 1, 1), dtype=complex)
+        bad[2] = np.nan
+        return bad
+
+
+def test_computed_matrices_are_symmetric_and_finite():
+    matrices = information(TwoMasses(), POSITIONS, OMEGA, NOISE).matrices
+    np.testing.assert_array_equal(matrices, np.swapaxes(matrices, 1, 2))
+    with pytest.raises(InvalidInput, match=r"candidate 2 has a matrix that is not finite \(1 of 7"):
+        information(TwoMasses(), POSITIONS, OMEGA, NoNumbers())
+
+
 def test_arrays_are_copies_that_nobody_can_change():
     matrices = np.tile(np.eye(2), (3, 1, 1))
     info = information_set(matrices)
@@ -163,6 +179,13 @@ def one_wrong(entry):
 def test_errors_name_the_candidate(matrices, message):
     with pytest.raises(InvalidInput, match=message):
         InformationSet(np.zeros((len(matrices), 1)), matrices, ("a", "b"))
+
+
+def test_a_wrong_matrix_is_found_far_behind():
+    matrices = np.tile(np.eye(2), (500, 1, 1))
+    matrices[[300, 400]] = [[1, 2], [2, 1]]
+    with pytest.raises(InvalidInput, match=r"candidate 300 has .* semidefinite \(2 of 500 do\)"):
+        InformationSet(np.zeros((500, 1)), matrices, ("a", "b"))
 
 
 def test_errors_of_positions_and_names():
