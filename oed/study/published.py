@@ -11,7 +11,7 @@ from estimators.uncertainty.covariance import Uncertainty, covariance
 from oed.published.conclusions import Judged, conclusions
 from oed.published.estimators import REFERENCE, Evaluation, evaluate
 from oed.published.paper import ESTIMATORS
-from oed.published.rival import Rivalry, compare
+from oed.published.rival import ROLLOUTS, Rivalry, compare
 from oed.published.table import Groups, Table1, groups_of, hardest_spring, table_1
 from oed.study.data import Data
 from oed.study.fits import Search, weights_of
@@ -116,5 +116,5 @@ def _rivalry(run: Run) -> Stage[Rivalry]:
     def compute(folder: Path, report: Report | None) -> Rivalry:
         return compare(choice, run.rng("rival"), run.executor, report)
 
-    inputs = {"missing": missing(), **run.settings("rival", "seed")}
+    inputs = {"missing": missing(), "limit": ROLLOUTS, **run.settings("rival", "seed")}
     return run.stages.run("rival", inputs, compute, dataclass_files(Rivalry))
