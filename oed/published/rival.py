@@ -28,7 +28,7 @@ REACH = 1.5
 """Decades about the truth between which parameters are sought."""
 CLOSE = 0.05
 """A start succeeds if every spring ends nearer than this to the truth, in ln."""
-ROLLOUTS = 250
+ROLLOUTS = 400
 """Rollouts of all experiments after which the rival's search from one start is given up."""
 _SAMPLE_TIME, _SAMPLES, _PERIODS = 1e-3, 500, 3
 _LINES = np.arange(1, 32, 2)
