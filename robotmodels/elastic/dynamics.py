@@ -6,12 +6,16 @@ g_j = -gravity . L_j and dg_j/dq_i = (w_i x gravity) . L_j.
 """
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 import pinocchio as pin
 
 from robotmodels.arrays import Array
 from robotmodels.elastic.arm import Arm
+
+_PART = 64
+"""Positions whose matrices stay in the cache."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -29,20 +33,26 @@ class Gravity:
     turned: Array
     moments: Array
 
-    @property
+    @cached_property
     def torques(self) -> Array:
         """The gravity torques g, (Q, d)."""
-        return -np.tensordot(self.arm.model.gravity.linear, self.moments, 1)
+        return np.einsum("k,kqd->qd", -self.arm.model.gravity.linear, self.moments)
 
     @property
     def slopes(self) -> Array:
         """The derivatives dg/dq, (Q, d, d)."""
-        products = np.moveaxis(self.turned, 0, 2) @ np.moveaxis(self.moments, 0, 1).copy()
+        products = self.turned.transpose(1, 2, 0) @ self.moments.transpose(1, 0, 2).copy()
         places = self.arm.carrier_first
         slopes = products.reshape(-1, places.size)[:, places]
         if not self.arm.serial:
             slopes *= (self.arm.carries | self.arm.carries.T).ravel()
         return np.asarray(slopes.reshape(products.shape))
+
+    def write_slopes(self, out: Array) -> None:
+        """Write dg/dq to `out`, (Q, d, d), in parts that stay in the cache."""
+        for start in range(0, len(out), _PART):
+            part = slice(start, start + _PART)
+            out[part] = Gravity(self.arm, self.turned[:, part], self.moments[:, part]).slopes
 
     def slopes_times(self, shift: Array) -> Array:
         """Return dg/dq times `shift`, (Q, d), without forming dg/dq."""
@@ -108,5 +118,5 @@ def _gravity(arm: Arm, axes: Array, moments: Array) -> Gravity:
     """Return gravity from the joints' twists, (Q, d, 6), and L, (Q, d, 3)."""
     gx, gy, gz = arm.model.gravity.linear
     cross = np.array([[0.0, -gz, gy], [gz, 0.0, -gx], [-gy, gx, 0.0]])
-    turned = np.moveaxis(axes[..., 3:] @ cross, 2, 0)
-    return Gravity(arm, turned.copy(), np.moveaxis(moments, 2, 0).copy())
+    turned = (axes[..., 3:] @ cross).transpose(2, 0, 1)
+    return Gravity(arm, turned.copy(), moments.transpose(2, 0, 1).copy())

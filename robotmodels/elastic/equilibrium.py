@@ -64,7 +64,7 @@ def find_equilibrium(
     for _ in range(30):
         torques, slopes = law((q - start)[np.ix_(moving, sprung)])
         load = gravity(arm, q[moving])
-        residual = load.torques
+        residual = load.torques.copy()
         residual[:, sprung] += torques
         residual[:, held] = 0.0
         stiffness = np.full(residual.shape, np.inf)  # of what rigid drives hold

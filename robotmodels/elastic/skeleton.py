@@ -44,7 +44,8 @@ def skeleton(layout: Layout, coordinates: Array, without: Collection[int] = ()) 
     count = len(coordinates)
     mass, gravity = mass_and_gravity(layout.arm, coordinates, size)
     stiffness, torques = np.zeros((count, size, size)), np.zeros((count, size))
-    stiffness[:, arm, arm], torques[:, arm] = gravity.slopes, gravity.torques
+    torques[:, arm] = gravity.torques
+    gravity.write_slopes(stiffness[:, arm, arm])
     damping = np.zeros((size, size))
     selector = np.zeros((size, len(file.motors)))
     for j, (c, motor) in enumerate(zip(layout.motors, file.motors, strict=True)):

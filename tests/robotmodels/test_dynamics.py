@@ -58,6 +58,15 @@ def test_products_and_bounds_are_those_of_the_matrix(name: str) -> None:
     assert np.all(load.slope_bounds >= rows - 1e-10)
 
 
+def test_slopes_are_written_part_by_part() -> None:
+    arm = ARMS[PENDULUM["name"]]
+    load = gravity(arm, np.linspace(-2, 2, 150)[:, None])
+    out = np.zeros((150, 3, 3))
+    load.write_slopes(out[:, 1:2, 1:2])
+    np.testing.assert_array_equal(out[:, 1:2, 1:2], load.slopes)
+    assert np.count_nonzero(out) == np.count_nonzero(load.slopes)
+
+
 def test_an_arm_is_serial_unless_it_branches() -> None:
     assert ARMS[SPLIT["name"]].serial
     assert not ARMS["branched"].serial
