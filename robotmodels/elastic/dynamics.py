@@ -36,7 +36,7 @@ class Gravity:
     @cached_property
     def torques(self) -> Array:
         """The gravity torques g, (Q, d)."""
-        return np.einsum("k,kqd->qd", -self.arm.model.gravity.linear, self.moments)
+        return np.asarray(np.einsum("k,kqd->qd", -self.arm.model.gravity.linear, self.moments))
 
     @property
     def slopes(self) -> Array:

@@ -17,11 +17,14 @@ from robotmodels.kernel.separable import separable_informations
 from robotmodels.kernel.simd import LANES
 from robotmodels.kernel.solve import responses
 from robotmodels.kernel.threads import over_threads
-from robotmodels.kernel.work import network_tables, workspace
+from robotmodels.kernel.work import Workspaces, network_tables, workspace
 from robotmodels.noise import RelativeNoise, SeparableNoise
 from robotmodels.normal_equations import NormalEquations, Residual
 
 __all__ = ["CostKernel", "NormalEquations", "costs", "frequency_response", "information"]
+
+_SHARES = 4
+"""Pieces of the positions for each thread: one may be held up, if only by the next network."""
 
 
 def frequency_response(network: SpringNetwork, omega: Array) -> ComplexArray:
@@ -74,15 +77,15 @@ def information(
     if plan is None:
         return _reference_information(network, w, noise)
     frequencies, mask = _padded(w)
-    tables = network_tables(network)
+    spaces = Workspaces(plan, network, network_tables(network))
+    lines = address(frequencies), address(mask), w.size
+    law = float(noise.relative), float(noise.floor)
 
     def run(start: int, stop: int) -> None:
-        space = workspace(plan, network, tables)
-        lines = address(frequencies), address(mask), w.size
-        law = float(noise.relative), float(noise.floor)
-        informations(space.at, *lines, *law, start, stop, address(out))
+        with spaces.one() as work:
+            informations(work, *lines, *law, start, stop, address(out))
 
-    over_threads(run, len(out), work_per_item=2 * frequencies.size // LANES)
+    over_threads(run, len(out), work_per_item=2 * frequencies.size // LANES, shares=_SHARES)
     return out
 
 

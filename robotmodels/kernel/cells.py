@@ -17,7 +17,7 @@ from robotmodels.kernel.simd import LANES
 from robotmodels.kernel.slopes import slopes
 from robotmodels.kernel.targets import prepare_matrices, prepare_targets
 from robotmodels.kernel.threads import over_threads
-from robotmodels.kernel.work import Workspace, contiguous, network_tables, workspace
+from robotmodels.kernel.work import Workspaces, contiguous, network_tables, workspace
 from robotmodels.normal_equations import (
     NormalEquations,
     Residual,
@@ -96,7 +96,7 @@ class CostKernel:
             return
         self._plan = reduced(full)
         self._tables = network_tables(network)
-        self._spaces: list[Workspace] = []
+        self._spaces = Workspaces(self._plan, network, self._tables)
         coupled = bool(np.any(self._plan.needed[:, 2] >= 0))
         code = _RESIDUALS.index(self.residual)
         self._options = len(network.mass), self._blocks, coupled, code
@@ -198,14 +198,10 @@ class CostKernel:
 
         def run(start: int, stop: int) -> None:
             out = np.zeros(length)
-            try:  # no two threads get the same one
-                space = self._spaces.pop()
-            except IndexError:
-                space = workspace(plan, self.network, self._tables)
-            compiled(
-                space.at, self._at, *springs, *walkers, self._options, start, stop, address(out)
-            )
-            self._spaces.append(space)
+            with self._spaces.one() as work:
+                compiled(
+                    work, self._at, *springs, *walkers, self._options, start, stop, address(out)
+                )
             pieces.append(out)
 
         over_threads(run, self._blocks * len(self.network.mass), work_per_item)

@@ -32,17 +32,21 @@ compiled: Any = njit(**_INNER)
 entry: Any = njit(error_model="numpy", cache=True, nogil=True)
 
 
+_PLAIN = "__init__", "cells", "targets", "threads"
+"""Files of the kernel in which nothing is compiled."""
+
+
 def _sources() -> str:
     folder = Path(__file__).parent
     digest = sha256()
-    for file in sorted(set(folder.glob("*.py")) - {folder / "__init__.py"}):
+    for file in sorted(set(folder.glob("*.py")) - {folder / f"{name}.py" for name in _PLAIN}):
         digest.update(file.read_bytes())
     return digest.hexdigest()
 
 
 SOURCES = _sources()
 """numba looks for changes in the file of a cached function only; closing over this, an `entry`
-function is compiled again when any file of the kernel has changed."""
+function is compiled again when any file of the kernel with compiled code has changed."""
 
 
 @inlined

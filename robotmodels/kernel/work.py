@@ -1,6 +1,7 @@
 """The memory a thread computes in: network, structure and buffers, by address."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -91,6 +92,24 @@ class Workspace:
 
     at: Work
     arrays: Sequence[Array | IntArray]
+
+
+class Workspaces:
+    """The memory of threads that take turns: no two get the same at once."""
+
+    def __init__(self, plan: Layout, network: SpringNetwork, tables: Sequence[Array]) -> None:
+        self._made_of = plan, network, tables
+        self._idle: list[Workspace] = []
+
+    @contextmanager
+    def one(self) -> Iterator[Work]:
+        """Lend out one; it is given back at the end."""
+        try:
+            space = self._idle.pop()
+        except IndexError:
+            space = workspace(*self._made_of)
+        yield space.at
+        self._idle.append(space)
 
 
 def contiguous(array: Array) -> Array:
