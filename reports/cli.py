@@ -83,9 +83,9 @@ def main() -> None:
 
 def _usage(error: typer.TyperException) -> str:
     """Return what is wrong with the command and which help says more; nothing if help was shown."""
-    words = error.format_message().replace("Value error, ", "")
-    words = re.sub(r"Input should be a valid integer.*", "a whole number is needed", words).split()
-    message = re.sub(r"\. Did you mean (.*\?)", r" (did you mean \1)", " ".join(words))
+    message = " ".join(error.format_message().replace("Value error, ", "").split())
+    message = re.sub(r"Input should be a valid integer.*", "a whole number is needed", message)
+    message = re.sub(r"\. Did you mean (.*\?)", r" (did you mean \1)", message)
     message = message.removesuffix(".")
     context = getattr(error, "ctx", None)
     see = f"see {context.command_path if context else 'oed'} --help"
