@@ -68,7 +68,7 @@ def compared(run: Run, info: Stage[Information], plan: Stage[Plan]) -> Stage[Pla
         "robot": run.robot_digest,
         "information": info.digest,
         "design": plan.digest,
-        "criterion": run.settings("design")["design"]["criterion"],
+        "criterion": [run.study.design.criterion, *run.study.design.interest],
         **run.settings("compare", "frequencies", "noise", "seed"),
     }
     return run.stages.run("comparison", inputs, compute, Files(_save, _KEPT.load))
