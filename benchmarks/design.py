@@ -9,11 +9,9 @@ above 1 000 candidates. This script installs the peers into ``.bench/``; none is
 
 import json
 import sys
-import tempfile
 import time
 from collections.abc import Callable
 from concurrent.futures import ProcessPoolExecutor
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -198,7 +196,7 @@ def report(results: dict[str, Any]) -> None:
         tail = f"{entry['support']:10d}" if "support" in entry else entry["failed"]
         print(f"{name:40s}{_numbers(entry)}{tail}")
     for what in ("exact", "information", "million"):
-        print(f"\n{what}: {results.get(what, 'left out')}")
+        print(f"\n{what}: {results[what] or 'left out'}")
 
 
 def _numbers(entry: dict[str, Any]) -> str:
@@ -208,22 +206,25 @@ def _numbers(entry: dict[str, Any]) -> str:
 
 
 def main() -> None:
-    """Run everything."""
+    """Run everything; what is done is written after each part."""
     quick = "--quick" in sys.argv
+    target = HERE / "results" / "design.json"
+    target.parent.mkdir(exist_ok=True)
     results: dict[str, Any] = {"machine": machine()}
     info, results["information"] = information_times(SIZES[-1])
     middle = part(info, MIDDLE)
-    results["own"] = own_times(info)
-    results["peers"] = peer_times(info, SIZES[:1] if quick else SIZES)
-    results["criteria"] = criteria_times(middle)
-    results["robust"] = robust_times(part(info, 1_000) if quick else middle)
-    results["exact"] = exact_times(middle)
-    if not quick:
-        with tempfile.TemporaryDirectory(dir=HERE.parent / ".bench") as folder:
-            results["million"] = million_times(middle, Path(folder))
-    target = HERE / "results" / "design.json"
-    target.parent.mkdir(exist_ok=True)
-    target.write_text(json.dumps(results, indent=2))
+    few = part(info, SIZES[0])
+    parts: dict[str, Callable[[], Any]] = {
+        "own": lambda: own_times(info),
+        "exact": lambda: exact_times(middle),
+        "criteria": lambda: criteria_times(middle),
+        "robust": lambda: robust_times(few if quick else middle),
+        "million": lambda: None if quick else million_times(middle, HERE.parent / ".bench"),
+        "peers": lambda: peer_times(info, SIZES[:1] if quick else SIZES),
+    }
+    for name, run in parts.items():
+        results[name] = run()
+        target.write_text(json.dumps(results, indent=2))
     report(results)
     print(f"\nwritten: {target}")
 

@@ -8,6 +8,7 @@ import json
 import resource
 import subprocess
 import sys
+import tempfile
 import time
 from collections.abc import Iterator
 from pathlib import Path
@@ -23,8 +24,14 @@ MILLION = 1_000_000
 _CHUNK = 5_000
 
 
-def million_times(info: oed.InformationSet, folder: Path) -> dict[str, Any]:
+def million_times(info: oed.InformationSet, home: Path) -> dict[str, Any]:
     """Return how long a design takes over random mixtures of two positions, of random strength."""
+    with tempfile.TemporaryDirectory(dir=home) as folder:
+        return in_folder(info, Path(folder))
+
+
+def in_folder(info: oed.InformationSet, folder: Path) -> dict[str, Any]:
+    """Write the store and time a design over it."""
     path = folder / "million.oed"
     start = time.perf_counter()
     write_store(path, np.zeros((MILLION, 1)), info.names, mixtures(info))

@@ -54,10 +54,11 @@ def solve(
         active = _scouted(scaled, active, tolerance, fast)
     best: Solution | None = None
     used: list[str] = []
-    polished, rounds = not problem.objective.smooth, 0
+    rounds, trim = 0, True
+    finishes = [True, False] if problem.objective.smooth else []
     while rounds < max_rounds:
         rounds += 1
-        solution = _round(scaled, active, tolerance, answer)
+        solution = _round(scaled, active, tolerance, answer, trim)
         used = list(dict.fromkeys([*used, solution.solver]))
         if best is None or solution.certificate.gap < best.certificate.gap:
             best = solution
@@ -70,10 +71,11 @@ def solve(
                 break
         if larger is not None:
             active = larger
-        elif not polished:
-            # The right candidates, but not precisely enough: once more, without the others. If
-            # that does not help, candidates are nearly equal, and the solver's witness must do.
-            polished, answer = True, surest
+        elif finishes:
+            # The right candidates, but not precisely enough: once more, without the others; then
+            # with every share as found, for nearly equal candidates may need theirs however small.
+            # If that does not help either, the solver's witness must do.
+            answer, trim = surest, finishes.pop(0)
             active = _used(scaled, solution, active)
         else:
             break
@@ -123,12 +125,16 @@ def _certificate(
     return certify(weights, p.candidates, p.objective, p.allowed, p.prior, witness, multipliers)
 
 
-def _round(scaled: ScaledProblem, active: IntArray, tolerance: float, answer: Solver) -> Solution:
+def _round(
+    scaled: ScaledProblem, active: IntArray, tolerance: float, answer: Solver, trim: bool = True
+) -> Solution:
     """Solve one active set and price all candidates."""
     problem, allowed = scaled.problem, scaled.problem.allowed
     inner, row_scales = scaled.inner(active)
     found = answer(inner)
-    shares = _trimmed(inner, found, min(tolerance, 1e-6))
+    shares = _complete(inner, found.weights)
+    if trim:
+        shares = _trimmed(inner, found, min(tolerance, 1e-6))
     weights = allowed.lower.copy()
     weights[active] += shares * scaled.units[active]
     white, same = _at(inner, shares, found.witness)
@@ -199,9 +205,12 @@ def _trimmed(inner: InnerProblem, answer: InnerAnswer, tolerance: float) -> Arra
     prices = sum(sensitivities(W, inner.matrices[term.sample]) for term, W in terms)
     excess = answer.row_multipliers @ inner.rows - prices
     kept = np.where(shares > np.maximum(0.1 * tolerance, excess), shares, 0.0)
-    if len(inner.rows) == 1:
-        kept /= kept.sum()
-        shares = shares / shares.sum()
+    kept, shares = _complete(inner, kept), _complete(inner, shares)
     before = inner.objective.log_value(inner.information(shares))
     after = inner.objective.log_value(inner.information(kept))
     return np.asarray(kept if after > before - 0.1 * tolerance else shares)
+
+
+def _complete(inner: InnerProblem, shares: Array) -> Array:
+    """Return shares that use up the budget, where nothing else limits them."""
+    return np.asarray(shares / shares.sum() if len(inner.rows) == 1 else shares)

@@ -50,6 +50,13 @@ def test_awkward_candidates(kind, seed, criterion):
         assert judge.efficiency(other, design.information) <= 1 + 2e-6
 
 
+def test_small_shares_of_nearly_equal_candidates_are_kept_where_they_matter():
+    """Without them these gaps stay above the tolerance."""
+    for seed, criterion in ((537, "A"), (125, "D"), (140, "D")):
+        info = awkward(seed, "nearly equal")
+        assert oed.optimal_design(info, criterion, solver="newton").gap <= 1e-6
+
+
 def test_inner_problem_against_cvxpy():
     """Weights, rows' multipliers and derivative of one small problem with two rows."""
     info = random_set(3, 20, 3, 2)
@@ -102,6 +109,18 @@ def test_cvxpy_takes_over_from_newton(monkeypatch):
     design = oed.optimal_design(random_set(1, 30, 3, 2), solver="newton", tolerance=1e-5)
     assert design.solver == "interior-point method stopped 0.1 from its goal: cvxpy, clarabel"
     assert design.gap <= 1e-5
+
+
+def test_cvxpy_finds_its_candidates_where_newton_is_stuck(monkeypatch):
+    def stuck(*_, **__):
+        raise SolverFailed("interior-point method stopped 0.1 from its goal")
+
+    info = random_set(1, 3000, 6, 1)
+    expected = oed.optimal_design(info, solver="newton").value
+    monkeypatch.setattr(oed.design.active_set, "newton", stuck)
+    design = oed.optimal_design(info, tolerance=1e-5)
+    assert design.solver.startswith("cvxpy, clarabel")
+    assert design.value == pytest.approx(expected, abs=1e-4)
 
 
 def test_no_rounds_no_design():

@@ -82,19 +82,19 @@ def test_information_streams_into_a_store(tmp_path):
 
 
 def test_a_pass_gives_its_pages_back(tmp_path):
-    """130 MB are read while the process grows by the map of a chunk only."""
+    """68 MB are read while the process grows by the map of a chunk only."""
     if not Path("/proc/self/statm").exists():
         pytest.skip("needs /proc")
-    parts = (np.broadcast_to(np.eye(26), (2500, 26, 26)) for _ in range(19))
+    parts = (np.broadcast_to(np.eye(26), (2500, 26, 26)) for _ in range(10))
     store = write_store(
-        tmp_path / "large.oed", np.zeros((47500, 1)), [f"k{i}" for i in range(26)], parts
+        tmp_path / "large.oed", np.zeros((25000, 1)), [f"k{i}" for i in range(26)], parts
     )
     resident, iterator = [], store._parts()
     for _, part in iterator:
         part.sum()
         resident.append(int(Path("/proc/self/statm").read_text().split()[1]) * 4096)
-    assert store.path.stat().st_size > 130e6
-    assert max(resident) - min(resident) < 40e6
+    assert store.path.stat().st_size > 68e6
+    assert max(resident) - min(resident) < 30e6
 
 
 def test_an_interrupted_store_leaves_no_file(tmp_path):
