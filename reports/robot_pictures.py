@@ -87,7 +87,7 @@ def stick_figure(skeleton: Array, scene: Scene, alt: str) -> Markup:
     data = json.dumps(skeleton.tolist(), separators=(",", ":"))
     return Markup(
         f'<svg viewBox="{box}" role="img" aria-label="{escape(alt)}" data-robot="{data}" '
-        f'data-radius="{scene.radius}">{paths}</svg>'
+        f'data-radius="{scene.radius}" data-view="[{AZIMUTH},{ELEVATION}]">{paths}</svg>'
     )
 
 

@@ -9,7 +9,8 @@
     lines: [...svg.querySelectorAll("path")].map((path) => path.getAttribute("stroke-width")),
   }));
   if (!robots.length) return;
-  const start = { azimuth: -55, elevation: 18 }; // [deg], as drawn without scripts
+  const [azimuth, elevation] = JSON.parse(robots[0].svg.dataset.view); // [deg]
+  const start = { azimuth, elevation };
   const view = { ...start };
   const circle = (radius) =>
     Array.from({ length: 49 }, (_, i) => [
