@@ -68,7 +68,7 @@ class Frequencies(Strict):
 
     low: PositiveFloat
     high: PositiveFloat
-    count: PositiveInt
+    count: Annotated[int, Field(ge=2)]
     spacing: Literal["log", "linear"] = "log"
 
     @model_validator(mode="after")

@@ -6,7 +6,7 @@ from functools import cached_property
 import numpy as np
 
 from estimators.fitting.least_squares import Fit
-from estimators.fitting.residual_analysis import ResidualAnalysis, residual_analysis
+from estimators.fitting.residual_analysis import LAGS, ResidualAnalysis, residual_analysis
 from estimators.frf.distortion import Distortion
 from estimators.frf.estimate import FrfEstimate
 from estimators.uncertainty.covariance import Uncertainty
@@ -106,7 +106,7 @@ class FittedStudy(PlannedStudy):
     @cached_property
     def residuals(self) -> ResidualAnalysis:
         """What the fit leaves unexplained."""
-        return residual_analysis(self.fit)
+        return residual_analysis(self.fit, min(LAGS, max(len(self.omega) - 1, 1)))
 
     @cached_property
     def identifiability(self) -> Identifiability:
