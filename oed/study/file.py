@@ -68,7 +68,7 @@ class Frequencies(Strict):
 
     low: PositiveFloat
     high: PositiveFloat
-    count: Annotated[int, Field(ge=2)]
+    count: PositiveInt
     spacing: Literal["log", "linear"] = "log"
 
     @model_validator(mode="after")

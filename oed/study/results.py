@@ -106,7 +106,7 @@ class FittedStudy(PlannedStudy):
     @cached_property
     def residuals(self) -> ResidualAnalysis:
         """What the fit leaves unexplained."""
-        return residual_analysis(self.fit, min(LAGS, max(len(self.omega) - 1, 1)))
+        return residual_analysis(self.fit, min(LAGS, len(self.omega) - 1))
 
     @cached_property
     def identifiability(self) -> Identifiability:

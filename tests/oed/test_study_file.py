@@ -67,10 +67,3 @@ def test_another_schema_is_refused(tmp_path):
     path.write_text(path.read_text().replace("study/1", "study/2"))
     with pytest.raises(InvalidInput, match=r"schema: .*study/1.*study/2"):
         load_study(path)
-
-
-def test_one_frequency_is_no_grid(tmp_path):
-    path = written(tmp_path)
-    path.write_text(path.read_text().replace("count: 5", "count: 1"))
-    with pytest.raises(InvalidInput, match=r"frequencies\.count: a number of at least 2"):
-        load_study(path)
