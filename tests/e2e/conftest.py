@@ -33,7 +33,7 @@ candidates:
   limits: {shoulder_lift_joint: [-2.5, -0.5], elbow_joint: [-2.5, 2.5]}
 design: {criterion: D, experiments: 5, tolerance: 1.0e-6}
 fit: {residuals: [lls, nls], decades: 0.2, starts: 2}
-compare: {random: 1, runs: 8}
+compare: {random: 1, runs: 12}
 posterior: {ensembles: 2, walkers: 16, steps: 400}
 output: results/here
 """

@@ -7,7 +7,7 @@ import pytest
 from conftest import STUDY, oed, write_study
 
 SMALL = STUDY.replace("steps: 400", "steps: 200").replace("count: 12", "count: 8")
-SMALL = SMALL.replace("compare: {random: 1, runs: 8}", "compare: {runs: 0}\nprofiles: 0")
+SMALL = SMALL.replace("compare: {random: 1, runs: 12}", "compare: {runs: 0}\nprofiles: 0")
 
 
 @pytest.fixture(scope="module")

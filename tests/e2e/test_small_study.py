@@ -125,7 +125,7 @@ def test_the_plan_is_compared_with_rivals_for_every_parameter(small_study):
     assert list(plans) == ["optimal", "evenly spread", "random 1"]
     for plan in plans.values():
         ratio = np.divide(plan["found"], plan["promised"])
-        # Eight experiments: chi square of seven degrees within one in a thousand.
+        # Twelve experiments: chi square of eleven degrees within one in a thousand.
         assert np.all((ratio > 0.25) & (ratio < 1.9))
         low, high = plan["worth"]["interval"]
         assert low <= plan["worth"]["found"] <= high

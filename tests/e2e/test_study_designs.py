@@ -176,7 +176,7 @@ COMPARED = {
 @pytest.mark.parametrize("mistake", COMPARED)
 def test_comparisons_that_do_not_fit_are_named(mistake, tmp_path):
     compare, words = COMPARED[mistake]
-    content = STUDY.replace("{random: 1, runs: 8}", compare)
+    content = STUDY.replace("{random: 1, runs: 12}", compare)
     code, _, err = oed("run", write_study(tmp_path, content), "--workers", 1)
     assert code == 2
     assert not (tmp_path / "results").exists()
