@@ -47,7 +47,6 @@ def _conclusions(results: StudyResults, published: Published) -> Section:
         results=results,
         published=published,
         models=published.evaluation.user.size,
-        table=tables.conclusions(published),
     )
     return Section("conclusions", "Conclusions", body)
 

@@ -72,23 +72,6 @@ def paper_table_1() -> Table:
     return table("paper-table-1", caption, columns, rows)
 
 
-def conclusions(found: Published) -> Table:
-    """Return the seven conclusions and what this study says of them."""
-    rows = [
-        (Number(str(i), i), judged.conclusion, judged.verdict, judged.evidence)
-        for i, judged in enumerate(found.conclusions, start=1)
-    ]
-    columns = [
-        Column("no.", "n"),
-        Column("conclusion of the paper", "words"),
-        Column("here"),
-        Column("evidence", "words"),
-    ]
-    return table(
-        "conclusions-table", "The conclusions of section 7, judged by rule.", columns, rows
-    )
-
-
 def rival(found: Rivalry) -> Table:
     """Return what fits in time and fits of FRFs came to from the same starts."""
     rows = [

@@ -22,6 +22,8 @@ from robotmodels.arrays import Array
 
 Verdict = Literal["supported", "not supported", "undecided"]
 LEVEL = 0.05
+ONE_MINIMUM = 1e-3
+"""Median scatter of the best models, in standard deviations, below which they are one."""
 
 
 @dataclass(frozen=True)
@@ -62,7 +64,7 @@ class Contest:
     def __str__(self) -> str:
         return (
             f"{self.first} {self.counts[0]} of {self.total} reasonable, {self.second} "
-            f"{self.counts[1]} (p {_p(self.p)})"
+            f"{self.counts[1]} ({_p(self.p)})"
         )
 
 
@@ -169,7 +171,7 @@ class _Split:
         return _outcome(self.smaller - self.larger, self.p)
 
     def __str__(self) -> str:
-        return f"{self.smaller} of {self.total} (p {_p(self.p)})"
+        return f"{self.smaller} of {self.total} ({_p(self.p)})"
 
 
 def _smaller(first: Array, second: Array) -> _Split:
@@ -189,7 +191,7 @@ def _groups_differ(
         # All equal: no rank is above another.
         p = float(mannwhitneyu(a, b).pvalue) if np.ptp(np.append(a, b)) > 0 else 1.0
         outcomes.append(_outcome(easy * float(np.median(a) - np.median(b)), p))
-        said.append(f"median {what} {_percent(a)} (gearboxes), {_percent(b)} (arm), p {_p(p)}")
+        said.append(f"median {what} {_percent(a)} (gearboxes), {_percent(b)} (arm), {_p(p)}")
     return agreed(outcomes), "springs: " + "; ".join(said)
 
 
@@ -212,6 +214,7 @@ def _pairs_differ(
 def _indicative(table: Table1, z_scores: Array) -> tuple[Verdict, str]:
     """Judge std_th by the scatter of the best models and, where known, by the true errors.
 
+    Models that are one minimum, found to the search's tolerance, say nothing by their scatter.
     It indicates the scatter if the ranks correlate and the median ratio lies within a factor of
     ten ([WM] have 1.5 to 33, median 3); the errors if their root mean square is at most three.
     """
@@ -220,7 +223,9 @@ def _indicative(table: Table1, z_scores: Array) -> tuple[Verdict, str]:
     outcomes, said = [], []
     ratio = table.std / table.theory
     middle = float(np.median(ratio))
-    if np.ptp(table.std) > 0 and np.isfinite(middle):
+    if middle < ONE_MINIMUM:
+        said.append(f"the best {table.count} models are one minimum, whose scatter says nothing")
+    elif np.ptp(table.std) > 0 and np.isfinite(middle):
         ranks = spearmanr(table.std, table.theory)
         correlated = ranks.statistic > 0 and ranks.pvalue < LEVEL
         outcomes.append(1 if correlated and 0.1 <= middle <= 10 else -1)
@@ -233,19 +238,23 @@ def _indicative(table: Table1, z_scores: Array) -> tuple[Verdict, str]:
         rms = float(np.sqrt(np.mean(known**2)))
         outcomes.append(1 if rms <= 3 else -1)
         said.append(f"true error over std_th of {known.size} parameters: rms {rms:.2g}")
-    if not outcomes:
+    if not said:
         return "undecided", "neither scatter nor truth is known"
-    return agreed(outcomes), "; ".join(said)
+    return agreed(outcomes or [0]), "; ".join(said)
 
 
 def _outcome(difference: float, p: float) -> int:
     return 0 if p >= LEVEL or difference == 0 else 1 if difference > 0 else -1
 
 
+# In what people read, a number and its sign stay on one line.
+_SPACE = "\N{NO-BREAK SPACE}"
+
+
 def _percent(values: Array) -> str:
     value = 100 * float(np.median(values))
-    return f"{value:.0f} %" if value >= 10 else f"{value:.2g} %"
+    return f"{value:.0f}{_SPACE}%" if value >= 10 else f"{value:.2g}{_SPACE}%"
 
 
 def _p(value: float) -> str:
-    return "< 0.001" if value < 0.001 else f"{value:.2g}"
+    return f"p{_SPACE}<{_SPACE}0.001" if value < 0.001 else f"p{_SPACE}{value:.2g}"

@@ -100,6 +100,16 @@ def test_theorem_1_is_judged_by_true_errors_as_well(claimed, verdict):
     assert verdicts(models, std)[6] == verdict
 
 
+def test_models_that_are_one_minimum_say_nothing_by_their_scatter():
+    models = evaluation(LIKE_THE_PAPER, error=0.01, scatter=1e-6 * STD)
+    uncertainty = theorem1(STD)
+    arguments = models, uncertainty, table_1(models, uncertainty), GROUPS
+    last = conclusions(*arguments, UNKNOWN)[6]
+    assert last.verdict == "undecided"
+    assert "are one minimum" in last.evidence
+    assert conclusions(*arguments, TRUTH)[6].verdict == "supported"
+
+
 def test_a_contest_counts_the_starts_in_which_two_estimators_differ():
     models = evaluation(LIKE_THE_PAPER)
     held = contest(models, "LLS15U", "NLS15U")
