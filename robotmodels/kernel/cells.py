@@ -27,6 +27,7 @@ from robotmodels.normal_equations import (
 )
 
 _RESIDUALS: tuple[Residual, ...] = get_args(Residual)
+_PIECES = 4  # in which cells are summed
 _SOLVES = 4  # what a cell's normal equations cost, in factorisations
 
 
@@ -189,23 +190,27 @@ class CostKernel:
         walkers: tuple[int, ...],
         work_per_item: int,
     ) -> Array:
-        """Return the sum over all cells of the `length` doubles that compiled code adds to."""
+        """Return the sum over all cells of the `length` doubles that compiled code adds to.
+
+        Each of a few pieces has a sum of its own, whatever thread computes it: the same bits from
+        any number of threads.
+        """
         plan = self._plan
         assert plan is not None
         stiffness, damping = self._springs(theta)
         springs = address(stiffness), address(damping)
-        pieces: list[Array] = []
+        cells = self._blocks * len(self.network.mass)
+        bounds = [cells * k // _PIECES for k in range(_PIECES + 1)]
+        sums = np.zeros((_PIECES, length))
 
         def run(start: int, stop: int) -> None:
-            out = np.zeros(length)
             with self._spaces.one() as work:
-                compiled(
-                    work, self._at, *springs, *walkers, self._options, start, stop, address(out)
-                )
-            pieces.append(out)
+                for k in range(start, stop):
+                    ends, out = bounds[k : k + 2], address(sums[k])
+                    compiled(work, self._at, *springs, *walkers, self._options, *ends, out)
 
-        over_threads(run, self._blocks * len(self.network.mass), work_per_item)
-        return np.asarray(np.sum(pieces, axis=0))
+        over_threads(run, _PIECES, work_per_item * cells // _PIECES)
+        return np.asarray(sums.sum(axis=0))
 
     def _springs(self, theta: Array) -> tuple[Array, Array]:
         """Return the first and second coefficients of all terms, (W, Q, s)."""
