@@ -19,9 +19,10 @@ from oed.design.certificate import (
 from oed.design.constraints import Constraints
 from oed.design.criteria import CRITERIA, Criterion
 from oed.design.criteria import objective as stated
-from oed.design.null_space import unidentifiable, weak_directions
+from oed.design.null_space import unidentifiable
 from oed.design.polytope import Polytope
 from oed.design.relaxed import Design, checked_prior, optimal_design
+from oed.plans.enough import first_sample, too_few
 from oed.plans.exchange import Pool, WholeProblem, exchange, fill
 from oed.plans.rounding import efficient_rounding as efficient_rounding
 from robotmodels.arrays import Array, IntArray, read_only
@@ -156,7 +157,7 @@ def relaxation(
         rows if rows.shape == allowed.bounds.shape else None,
     )
     if not np.isfinite(certificate.gap):
-        names = unidentifiable(_first(reference), info.names)
+        names = unidentifiable(first_sample(reference), info.names)
         raise NotIdentifiable(names or info.names, "the relaxed design is singular")
     bound = objective.log_value(reference) - float(np.log(efficiency_bound(certificate.gap)))
     problem = WholeProblem(info, objective, allowed, reference, known)
@@ -176,8 +177,8 @@ def finished(
     log_value = problem.objective.log_value(information)
     if not log_value > -np.inf:
         names = problem.candidates.names
-        open_names = unidentifiable(_first(information), names) or names
-        raise NotIdentifiable(open_names, _too_few(problem, int(counts.sum())))
+        open_names = unidentifiable(first_sample(information), names) or names
+        raise NotIdentifiable(open_names, too_few(problem, int(counts.sum())))
     share = information / counts.sum() if per_experiment else information
     return ExactDesign(
         repetitions=read_only(counts),
@@ -231,56 +232,3 @@ def _starts(problem: WholeProblem, pool: Pool, weights: Array) -> Iterator[IntAr
     else:
         starts.append(fill(pool, problem.least))
     yield from (plan for plan in starts if plan.any() and problem.feasible(plan))
-
-
-def _too_few(problem: WholeProblem, n_experiments: int) -> str:
-    """Return the remedy for a plan with too few experiments."""
-    objective, prior = problem.objective, problem.prior
-    information = np.zeros_like(problem.reference) if prior is None else prior.copy()
-    free = replace(problem, allowed=Polytope.shares(len(problem.candidates)))
-    enough = 0
-    # Additions raise the rank every time, as all candidates together have full rank.
-    while not objective.log_value(information) > -np.inf:
-        added = _most_informative(free, information)
-        information = information + problem.candidates.take(np.array([added]))[0]
-        enough += 1
-    if enough <= n_experiments:
-        return f"in other positions {enough} experiments suffice; limits may keep them out"
-    few = f"n_experiments: {n_experiments} is too few"
-    least = _least_experiments(problem)
-    if least == enough:
-        return f"{few}, {enough} are needed"
-    if least > n_experiments:
-        return f"{few}, at least {least} are needed and {enough} suffice"
-    return f"{few}, {enough} suffice"
-
-
-def _most_informative(problem: WholeProblem, information: Array) -> int:
-    """Return the candidate that informs most on what is still open."""
-    ridged = information + 1e-9 * problem.reference
-    slope = problem.objective.price(problem.objective.witness(ridged), ridged.shape)
-    return int(np.argmax(problem.candidates.prices(slope)))
-
-
-def _least_experiments(problem: WholeProblem) -> int:
-    """Return how many experiments the ranks of the candidates ask for, at least two.
-
-    It is 1 where there is a prior, or not every parameter is asked for.
-    """
-    if problem.prior is not None or weak_directions(_first(problem.reference)).shape[1]:
-        return 1
-    if any(term.mean.combinations is not None for term in problem.objective.terms):
-        return 1
-    largest, p = 1, len(problem.candidates.names)
-    for start in range(0, len(problem.candidates), 2048):
-        block = np.arange(start, min(start + 2048, len(problem.candidates)))
-        matrices = problem.candidates.take(block).reshape(len(block), -1, p, p)[:, 0]
-        eigenvalues = np.linalg.eigvalsh(matrices)
-        ranks = (eigenvalues > 1e-12 * eigenvalues[:, -1:]).sum(axis=1)
-        largest = max(largest, int(ranks.max()))
-    return max(-(-p // largest), 2)
-
-
-def _first(information: Array) -> Array:
-    """Return the information of the first sample of theta."""
-    return information if information.ndim == 2 else np.asarray(information[0])
