@@ -1,5 +1,6 @@
 """A user's mistake: one clear line that names the file, exit code 2, nothing half-written."""
 
+import contextlib
 import shutil
 import signal
 import subprocess
@@ -125,29 +126,33 @@ def endless(small_study, tmp_path):
     return path
 
 
+@contextlib.contextmanager
+def sampling(study, workers):
+    """Give a run amid its sampling; whatever happens, it ends here."""
+    command = [sys.executable, "-m", "reports.cli", "run", str(study), "--workers", str(workers)]
+    pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.STDOUT, "text": True}
+    with subprocess.Popen(command, **pipes) as run:
+        try:
+            deadline = time.monotonic() + 120
+            while not list(study.parent.rglob("posterior.h5*")) and time.monotonic() < deadline:
+                time.sleep(0.1)
+            yield run
+        finally:
+            run.kill()
+
+
 @pytest.mark.parametrize("workers", [pytest.param(1, marks=pytest.mark.slow), 2])
 def test_a_terminated_run_keeps_whole_stages_and_what_the_next_run_goes_on_from(workers, endless):
-    path, tmp_path = endless, endless.parent
-    command = [sys.executable, "-m", "reports.cli", "run", str(path), "--workers", str(workers)]
-    run = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
-    deadline = time.monotonic() + 60
-    while not list(tmp_path.rglob("posterior.h5")) and time.monotonic() < deadline:
-        time.sleep(0.1)
-    run.terminate()
-    assert run.wait(60) == 128 + signal.SIGTERM
-    assert {"result", "uncertainty", "posterior.part"} < finished(path)
-    assert "posterior" not in finished(path)
+    with sampling(endless, workers) as run:
+        run.terminate()
+        run.wait(60)  # its workers may hold the pipe a little longer
+    assert run.returncode == 128 + signal.SIGTERM
+    assert {"result", "uncertainty", "posterior.part"} < finished(endless)
+    assert "posterior" not in finished(endless)
 
 
 def test_an_interrupt_amid_the_sampling_ends_without_a_traceback(endless):
-    path, tmp_path = endless, endless.parent
-    command = [sys.executable, "-m", "reports.cli", "run", str(path), "--workers", "1"]
-    with subprocess.Popen(
-        command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True
-    ) as run:
-        deadline = time.monotonic() + 120
-        while not list(tmp_path.rglob("posterior.h5*")) and time.monotonic() < deadline:
-            time.sleep(0.1)
+    with sampling(endless, 1) as run:
         run.send_signal(signal.SIGINT)
         said, _ = run.communicate(timeout=60)
     assert run.returncode == 130
