@@ -141,4 +141,4 @@ def test_public_names_exist_and_functions_are_not_modules():
         assert callable(getattr(estimators, name)), name
     with pytest.raises(AttributeError, match="no attribute 'nothing'"):
         _ = estimators.nothing
-    assert dir(estimators) == sorted(estimators.__all__)
+    assert set(estimators.__all__) <= set(dir(estimators))

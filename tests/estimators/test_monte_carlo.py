@@ -183,7 +183,7 @@ def test_methods_agree_on_good_data(method):
     [
         ({"runs": 1}, "runs: 1; at least 2"),
         ({"methods": ("theorem2",)}, "methods: 'theorem2' is none of .*did you mean 'theorem1'"),
-        ({"level": 1.0}, "level: 1.0 does not lie"),
+        ({"level": 1.0}, "level 1.0 does not lie"),
     ],
 )
 def test_settings_that_cannot_work_are_named(arguments, message):
