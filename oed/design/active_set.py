@@ -11,8 +11,8 @@ from oed.design.conic import conic
 from oed.design.criteria import sensitivities
 from oed.design.inner_problem import InnerAnswer, InnerProblem
 from oed.design.newton import newton
+from oed.design.ranking import largest
 from oed.design.scaled_problem import Problem, ScaledProblem
-from oed.plans.ranking import largest
 from robotmodels.arrays import Array, IntArray
 from robotmodels.errors import InvalidInput, SolverFailed
 

@@ -11,7 +11,7 @@ from oed.design.duplicates import distinct
 from oed.design.inner_problem import InnerProblem
 from oed.design.objective import Objective
 from oed.design.polytope import Polytope
-from oed.plans.ranking import largest
+from oed.design.ranking import largest
 from robotmodels.arrays import Array, BoolArray, IntArray
 
 # An active set must determine every direction at least this well beside all candidates.
