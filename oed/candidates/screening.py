@@ -90,22 +90,9 @@ def screened_candidates(
         do not fit.
     """
     positions = _checked(positions, list(robot.motor_names))
-    screen = _Screen(np.arange(len(positions)))
-    screen.remove("duplicate", ["an earlier position"], _repeated(positions))
-    low, high = robot.position_limits.T
-    left = positions[screen.left]
-    inside = (left >= low - _SLACK) & (left <= high + _SLACK)
-    screen.remove("joint limits", [f"joint {joint!r}" for joint in robot.motor_joints], ~inside)
-    if torque_limits is not None:
-        limits = _torque_limits(torque_limits, robot.motor_names)
-        torques = np.abs(holding_torques(robot, unloaded(robot, positions[screen.left])))
-        screen.remove(
-            "holding torque", [f"motor {m!r}" for m in robot.motor_names], torques > limits
-        )
+    screen = _screened(robot, positions, surroundings, torque_limits, progress)
     notes: tuple[str, ...] = ("collisions are not checked",)
     if surroundings is not None:
-        touching = surroundings.touching(positions[screen.left], progress)
-        screen.remove_pairs(surroundings, touching)
         notes = (*surroundings.shapes.notes, "the ways between positions are not checked")
     if not len(screen.left):
         summary = _summary(0, len(positions), screen.removed)
@@ -119,6 +106,25 @@ def screened_candidates(
         removals=tuple(sorted(screen.removals, key=lambda removal: -removal.count)),
         notes=notes,
     )
+
+
+def usable(
+    robot: ElasticRobot,
+    positions: Array,
+    surroundings: Surroundings | None = None,
+    *,
+    torque_limits: float | Sequence[float] | Array | None = None,
+) -> BoolArray:
+    """Return which positions `screened_candidates` keeps, (Q,); it may be none.
+
+    Raises
+    ------
+    InvalidInput : if there is no position, or shapes or signs do not fit.
+    """
+    positions = _checked(positions, list(robot.motor_names))
+    kept = np.zeros(len(positions), dtype=bool)
+    kept[_screened(robot, positions, surroundings, torque_limits).left] = True
+    return kept
 
 
 @dataclass(eq=False)
@@ -150,6 +156,32 @@ class _Screen:
             wrong = touching[:, chosen]
             self.remove(reason, [whats[k] for k in chosen], wrong)
             touching = touching[~wrong.any(axis=1)]
+
+
+def _screened(
+    robot: ElasticRobot,
+    positions: Array,
+    surroundings: Surroundings | None,
+    torque_limits: float | Sequence[float] | Array | None,
+    progress: Callable[[int, int], object] | None = None,
+) -> _Screen:
+    """Return what is left after all checks."""
+    screen = _Screen(np.arange(len(positions)))
+    screen.remove("duplicate", ["an earlier position"], _repeated(positions))
+    low, high = robot.position_limits.T
+    left = positions[screen.left]
+    inside = (left >= low - _SLACK) & (left <= high + _SLACK)
+    screen.remove("joint limits", [f"joint {joint!r}" for joint in robot.motor_joints], ~inside)
+    if torque_limits is not None:
+        limits = _torque_limits(torque_limits, robot.motor_names)
+        torques = np.abs(holding_torques(robot, unloaded(robot, positions[screen.left])))
+        screen.remove(
+            "holding torque", [f"motor {m!r}" for m in robot.motor_names], torques > limits
+        )
+    if surroundings is not None:
+        touching = surroundings.touching(positions[screen.left], progress)
+        screen.remove_pairs(surroundings, touching)
+    return screen
 
 
 def _summary(left: int, given: int, removed: dict[str, int]) -> str:

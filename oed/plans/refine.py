@@ -12,7 +12,7 @@ from functools import partial
 import numpy as np
 
 from oed.candidates.grids import sobol_positions
-from oed.candidates.screening import screened_candidates
+from oed.candidates.screening import usable
 from oed.design.certificate import certify
 from oed.design.criteria import Criterion, sensitivities
 from oed.design.criteria import objective as stated
@@ -90,28 +90,21 @@ def refined_design(
 
     Raises
     ------
-    InvalidInput, NotIdentifiable, SolverFailed : as `optimal_design`.
+    InvalidInput : if ranges, torque limits or `max_rounds` do not fit; and what `optimal_design`
+        raises, NotIdentifiable and SolverFailed too.
     """
 
     def evaluate(positions: Array) -> Array:
         return information(robot, positions, omega, noise).matrices
 
-    def usable(positions: Array) -> BoolArray:
-        kept = np.zeros(len(positions), dtype=bool)
-        try:
-            screened = screened_candidates(
-                robot, positions, surroundings, torque_limits=torque_limits
-            )
-        except InvalidInput:  # none is left
-            return kept
-        kept[screened.kept] = True
-        return kept
+    def possible(positions: Array) -> BoolArray:
+        return usable(robot, positions, surroundings, torque_limits=torque_limits)
 
     own = np.asarray(robot.position_limits if limits is None else limits, dtype=float)
     points = sobol_positions(robot, finer, own, rng)
     return refined_over(
         info,
-        Region(own, evaluate, usable),
+        Region(own, evaluate, possible),
         points,
         criterion=criterion,
         prior=prior,

@@ -126,6 +126,14 @@ def test_a_robot_above_the_floor(tmp_path):
     assert prices.max() / p - 1 <= max(result.gap, result.beyond) + 0.01
 
 
+def test_torque_limits_that_do_not_fit_are_said(tmp_path):
+    robot, omega, noise = arm(tmp_path), np.array([30.0]), RelativeNoise(0.03, 0.01)
+    names = robot.parameters.names
+    info = InformationSet(np.zeros((1, 3)), np.eye(len(names))[None], names)
+    with pytest.raises(InvalidInput, match=r"torque_limits: shape \(2,\)"):
+        refined_design(robot, info, omega, noise, torque_limits=np.ones(2), finer=4)
+
+
 @pytest.mark.parametrize("entries", [{"max_rounds": 0}, {"tolerance": 0.0}])
 def test_bad_input(entries):
     with pytest.raises(InvalidInput, match=r"refine: max_rounds .* must be positive"):
