@@ -18,9 +18,12 @@ from oed.trials.held import held
 from oed.trials.outcome import LEVEL, PlanComparison, PlanTrial
 from oed.trials.scatter import ratio_interval
 from robotmodels.arrays import Array, IntArray, read_only
-from robotmodels.errors import InvalidInput, NotIdentifiable
+from robotmodels.errors import InvalidInput, NotIdentifiable, SolverFailed
 from robotmodels.noise import RelativeNoise
 from robotmodels.response import Elastic
+
+_SPARE = 3
+"""Experiments beyond the number of parameters, so that a covariance has an inverse."""
 
 
 def compare_plans(
@@ -60,7 +63,8 @@ def compare_plans(
     Raises
     ------
     InvalidInput : if there are too few runs for p parameters, or a plan does not fit.
-    NotIdentifiable, SolverFailed : if the first plan leaves parameters open, or cannot be fitted.
+    NotIdentifiable : if the first plan leaves parameters open.
+    SolverFailed : if too few experiments of a plan can be fitted, naming it.
     """
     runs = checked_runs(runs, len(info.names))
     series = _Series(model, positions, omega, noise, runs, executor)
@@ -92,8 +96,9 @@ def checked_runs(runs: int | None, p: int) -> int:
     """
     if runs is None:
         return max(100, 2 * p)
-    if runs < p + 3:
-        raise InvalidInput(f"runs: {runs}; at least {p + 3} are needed for {p} parameters")
+    least = p + _SPARE
+    if runs < least:
+        raise InvalidInput(f"runs: {runs}; at least {least} are needed for {p} parameters")
     return runs
 
 
@@ -129,7 +134,7 @@ class _Series:
     ) -> tuple[MonteCarlo, bool]:
         """Return repeated experiments by a plan, and whether equilibria were held."""
         places = np.asarray(self.positions[trial.support])
-        fitted = held(self.model, places)
+        fitted, p = held(self.model, places), len(self.model.parameters)
         experiment = FrfExperiment(fitted, places, self.omega, self.noise, trial.repetitions)
         _ = experiment.response  # found here: the processes of a pool need not repeat it
         found = monte_carlo(
@@ -142,6 +147,11 @@ class _Series:
             progress=progress,
             store=store,
         )
+        if len(found.estimates) < p + _SPARE:
+            raise SolverFailed(
+                f"plan {trial.name!r}: {len(found.estimates)} of {self.runs} simulated experiments "
+                f"could be fitted, {p + _SPARE} are needed; {found.failures[0]}"
+            )
         return found, fitted is not self.model
 
 

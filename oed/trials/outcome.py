@@ -41,7 +41,7 @@ class PlanTrial:
 
     @property
     def std(self) -> Array:
-        """Standard deviations of ln theta over the experiments, (p,); infinite where open."""
+        """Standard deviations of ln theta over the experiments, (p,); one infinity if open."""
         if self.found is None:
             return np.array([np.inf])
         return self.found.uncertainty().std

@@ -1,5 +1,7 @@
 """Plans beside rivals in simulated experiments, against closed forms and brute force."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from two_axes import TwoAxes
@@ -10,7 +12,7 @@ from oed.design.criteria import objective
 from oed.trials.held import Held, held
 from oed.trials.outcome import PlanTrial
 from oed.trials.scatter import clearly_smaller, ratio_interval, std_interval
-from robotmodels import InvalidInput, NotIdentifiable, RelativeNoise, load_robot
+from robotmodels import InvalidInput, NotIdentifiable, RelativeNoise, SolverFailed, load_robot
 from robotmodels.response import frequency_response
 
 OMEGA = 2 * np.pi * np.geomspace(3.0, 30.0, 8)
@@ -202,6 +204,15 @@ def test_comparisons_that_cannot_be_made(axes):
         compared(info, {"best": best}, runs=4)
     with pytest.raises(InvalidInput, match="plan 'empty'"):
         compared(info, {"best": best, "empty": 0 * best}, runs=5)
+
+
+def test_a_plan_whose_experiments_cannot_be_fitted_is_named(axes, monkeypatch):
+    info, best = axes
+    few = scattered(SHAPE[:2, :2], 4, np.random.default_rng(3))
+    few = replace(few, failures=("no equilibrium",))
+    monkeypatch.setattr("oed.trials.comparison.monte_carlo", lambda *args, **options: few)
+    with pytest.raises(SolverFailed, match=r"plan 'best': 4 of 9 .* 5 are needed; no equilibrium"):
+        compared(info, {"best": best}, runs=9)
 
 
 def test_an_interrupted_comparison_goes_on_and_ends_alike(axes, tmp_path):
