@@ -2,11 +2,11 @@
 
 import os
 from collections.abc import Iterator
-from concurrent.futures import Executor
+from concurrent.futures import CancelledError, Executor
 from contextlib import AbstractContextManager, contextmanager
 from importlib import import_module
 
-from robotmodels.errors import InvalidInput
+from robotmodels.errors import IdentificationError, InvalidInput
 from robotmodels.process_pool import ProcessPool
 
 RETRIES = 3
@@ -60,6 +60,7 @@ def cluster(address: str) -> Iterator[Executor]:
     Raises
     ------
     InvalidInput : if Dask is not installed, or no scheduler answers.
+    IdentificationError : if a task's workers die again and again, or the scheduler goes away.
     """
     try:
         distributed = import_module("distributed")  # an extra: it may not be there
@@ -74,5 +75,10 @@ def cluster(address: str) -> Iterator[Executor]:
         raise InvalidInput(f"--cluster {address}: no scheduler answers ({reason})") from None
     try:
         yield client.get_executor(retries=RETRIES)
+    except (distributed.KilledWorker, CancelledError) as error:
+        raise IdentificationError(
+            f"--cluster {address}: its workers died, perhaps for want of memory, or its scheduler "
+            "went away; the same command goes on from the stages that are finished"
+        ) from error
     finally:
         client.close()

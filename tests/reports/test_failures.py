@@ -2,12 +2,15 @@
 
 import errno
 import sys
+from concurrent.futures import CancelledError
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
 from reports import cli
 from reports.commands.options import about
+from reports.workers import cluster
 from robotmodels.errors import IdentificationError, InvalidInput, NotIdentifiable
 from robotmodels.files import disk_full, reason
 
@@ -107,3 +110,19 @@ def test_a_folder_is_no_file(command, monkeypatch, capsys, tmp_path):
     assert str(folder) in err
     assert "Errno" not in err
     assert len(err.splitlines()) == 1
+
+
+@pytest.mark.parametrize("gone", ["KilledWorker", "CancelledError"])
+def test_a_cluster_that_dies_is_told_without_a_traceback(gone, monkeypatch):
+    class KilledWorker(Exception):
+        pass
+
+    closed = []
+    client = SimpleNamespace(get_executor=lambda retries: None, close=lambda: closed.append(gone))
+    dask = SimpleNamespace(Client=lambda address, timeout: client, KilledWorker=KilledWorker)
+    monkeypatch.setattr("reports.workers.import_module", lambda name: dask)
+    error = {"KilledWorker": KilledWorker, "CancelledError": CancelledError}[gone]
+    told = pytest.raises(IdentificationError, match="--cluster tcp://x: its workers died")
+    with told, cluster("tcp://x"):
+        raise error
+    assert closed == [gone]
