@@ -127,7 +127,7 @@ class ScaledProblem:
             # What the chosen ones leave open is priced highest.
             price = self._prices([np.linalg.inv(M + _WEAKEST * np.eye(len(M))) / K for M in mean])
             price[active] = -np.inf
-            active = np.concatenate([active, largest(price, self.batch // 4)])
+            active = np.concatenate([active, largest(price, max(self.batch // 4, 1))])
         return np.asarray(active)
 
     def distinct(self, indices: IntArray, count: int) -> IntArray:
