@@ -149,6 +149,8 @@ def plan(
     inputs = {
         "information": info.digest,
         "samples": [stage.digest for stage in sampled],
+        "robot": run.robot_digest,  # names and ranges of its joints
+        "number": choice.number,  # whether experiments are counted; a default leaves no trace
         **run.settings("design"),
     }
     return run.stages.run("design", inputs, compute, dataclass_files(Plan))
