@@ -1,5 +1,7 @@
 """The stage of a study that tries its plan, beside rivals, in simulated experiments."""
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 import numpy as np
@@ -27,12 +29,10 @@ def check_comparison(run: Run) -> None:
     choice = run.study.compare
     if not run.study.compares:
         return
-    try:
+    with _of_compare():
         checked_runs(choice.runs, len(run.robot.parameters))
         if choice.grid is not None:
             grid_levels(run.study.design.number, choice.grid, tuple(run.robot.motor_joints))
-    except InvalidInput as error:
-        raise InvalidInput(f"compare.{error}") from None
 
 
 def compared(run: Run, info: Stage[Information], plan: Stage[Plan]) -> Stage[PlanComparison]:
@@ -42,6 +42,7 @@ def compared(run: Run, info: Stage[Information], plan: Stage[Plan]) -> Stage[Pla
     ------
     InvalidInput : if the designer's grid has more points than a plan within its time has
         experiments.
+    SolverFailed : if too few experiments of a plan can be fitted.
     """
     frequencies, noise = run.study.frequencies, run.study.noise
     assert frequencies is not None
@@ -77,17 +78,27 @@ def compared(run: Run, info: Stage[Information], plan: Stage[Plan]) -> Stage[Pla
 def _plans(
     run: Run, info: Information, plan: Plan, rng: np.random.Generator
 ) -> dict[str, IntArray]:
-    """Return the plan and its rivals by name."""
+    """Return the plan and its rivals by name; limits of the design do not hold for rivals."""
     choice, count = run.study.compare, plan.exact.n_experiments
     plans = {OPTIMAL: plan.exact.repetitions}
     if choice.grid is None:
         plans["evenly spread"] = even_plan(info.positions, count)
     else:
         joints = tuple(run.robot.motor_joints)
-        plans["grid by hand"] = grid_plan(info.positions, count, choice.grid, joints)
+        with _of_compare():
+            plans["grid by hand"] = grid_plan(info.positions, count, choice.grid, joints)
     for k in range(choice.random):
         plans[f"random {k + 1}"] = random_plan(len(info), count, rng)
     return plans
+
+
+@contextmanager
+def _of_compare() -> Iterator[None]:
+    """Name the section of the study file in errors."""
+    try:
+        yield
+    except InvalidInput as error:
+        raise InvalidInput(f"compare.{error}") from None
 
 
 _KEPT = dataclass_files(PlanComparison)

@@ -41,7 +41,8 @@
 
 With measured data, the positions are those of the data: `candidates` is left out. Plans are
 compared where data are simulated by the noise law; where `compare` is given, with others too, but
-always with FRFs of `robot` and errors by the noise law.
+always with FRFs of `robot` and errors by the noise law. Limits of the design bind the plan, not
+its rivals.
 """
 
 import math

@@ -71,6 +71,14 @@ def test_a_time_suffices_for_experiments_and_moves_and_orders_the_visits(tmp_pat
     assert "of the 5\u202fmin 0\u202fs allowed" in said
 
 
+def test_a_number_of_experiments_that_is_the_default_is_no_lesser_limit(tmp_path):
+    by_time = designed(tmp_path, "{solver: newton, time: 1200, measuring: 40}")
+    assert by_time.exact.repetitions.sum() > 15
+    both = designed(tmp_path, "{solver: newton, time: 1200, measuring: 40, experiments: 15}")
+    assert both.exact.repetitions.sum() == 15
+    assert {"candidates", "information"} == set(both.kept)
+
+
 @pytest.mark.parametrize("kind", ["maximin", "average"])
 def test_a_robust_design_keeps_more_at_its_samples(kind, tmp_path):
     std = "{stiffness: 0.5, damping: 1.0}"
@@ -181,6 +189,14 @@ def test_comparisons_that_do_not_fit_are_named(mistake, tmp_path):
     assert code == 2
     assert not (tmp_path / "results").exists()
     assert re.search(words, err), err
+
+
+def test_a_grid_larger_than_the_plan_that_time_allows_is_named(tmp_path):
+    content = STUDY.replace(PLAIN, "design: {solver: newton, time: 300, measuring: 40}")
+    content = content.replace("{random: 1, runs: 12}", "{grid: {elbow_joint: 9}}")
+    code, _, err = oed("run", write_study(tmp_path, content), "--workers", 1)
+    assert code == 2
+    assert re.search(r"study.yaml: compare.grid: 9 points for \d experiments", err), err
 
 
 def test_positions_by_hand_that_do_not_fit(tmp_path):
