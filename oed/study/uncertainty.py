@@ -144,6 +144,7 @@ def checked(
         "posterior": known.posterior.digest,
         "profiles": None if known.profiles is None else known.profiles.digest,
         "comparison": None if known.comparison is None else known.comparison.digest,
+        "repeated": repeated is not None,
         "runs": None if name is None else searches[name].digest,
         **run.settings("seed"),
     }
