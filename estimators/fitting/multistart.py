@@ -88,8 +88,9 @@ def multistart(
     executor : runs the searches; in sequence where None.
     progress : called with the number of finished searches and their total.
     early_stop : gives up hopeless searches; None pursues all to their end.
-    store : HDF5 file that keeps every search as soon as it has ended. A run that was interrupted,
-        or one with more starts, goes on from it.
+    store : HDF5 file that keeps every search as soon as it has ended; with an executor, as soon as
+        its share of the starts has. A run that was interrupted, or one with more starts, goes on
+        from it.
 
     Raises
     ------
@@ -167,7 +168,7 @@ class _Runs:
             for i in every:
                 yield i, several([(points[i], waiting[i])])[0]
             return
-        size = -(-len(every) // TASKS)
+        size = max(1, -(-len(every) // TASKS))  # none may be left to do
         shares = [every[k : k + size] for k in range(0, len(every), size)]
         futures = {
             self.executor.submit(several, [(points[i], waiting[i]) for i in share]): share

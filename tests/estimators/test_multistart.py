@@ -153,7 +153,10 @@ def test_hopeless_searches_stop_and_say_so():
 
 def test_early_stop_without_room_to_go_on():
     rule = EarlyStop(evaluations=6, factor=5.0)
-    found = multistart(MODEL, noisy(), starts(3), max_evaluations=3, early_stop=rule)
+    with ThreadPoolExecutor(1) as executor:
+        found = multistart(
+            MODEL, noisy(), starts(3), max_evaluations=3, early_stop=rule, executor=executor
+        )
     assert [one.status for one in found] == [0, 0, 0]
     assert all("maximum number" in one.message for one in found)
 
@@ -181,6 +184,8 @@ def test_a_store_resumes_and_grows(tmp_path):
         ),
     )
     assert told == [1, 2, 3, 4, 5]
+    with ThreadPoolExecutor(1) as executor:  # nothing is left to do
+        assert same(whole, multistart(MODEL, estimate, points, store=path, executor=executor))
 
 
 def test_a_store_keeps_early_stops(tmp_path):
