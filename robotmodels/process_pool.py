@@ -46,7 +46,7 @@ class ProcessPool(Executor):
         return outer
 
     def shutdown(self, wait: bool = True, *, cancel_futures: bool = False) -> None:
-        """End the processes when they have done what they were given."""
+        """End the processes when they have done what they were given; deaths now count."""
         with self._lock:
             self._left = 0
         self._pool.shutdown(wait, cancel_futures=cancel_futures)
@@ -55,7 +55,8 @@ class ProcessPool(Executor):
         """End the processes at once, whatever they do."""
         with self._lock:
             self._left = 0
-        for process in multiprocessing.active_children():
+        # As `terminate_workers` of Python 3.14; other children of this process are not the pool's.
+        for process in list((self._pool._processes or {}).values()):
             process.terminate()
 
     def _start(self, outer: "Future[Any]", call: Call) -> None:
@@ -80,8 +81,13 @@ class ProcessPool(Executor):
             return
         error = inner.exception()
         if isinstance(error, BrokenProcessPool) and not outer.cancelled() and self._renewed(pool):
-            self._start(outer, call)
-        elif outer.set_running_or_notify_cancel():
+            try:
+                self._start(outer, call)
+            except RuntimeError as refused:  # meanwhile shut down, or broken once too often
+                error = refused
+            else:
+                return
+        if outer.set_running_or_notify_cancel():
             if error is None:
                 outer.set_result(inner.result())
             else:

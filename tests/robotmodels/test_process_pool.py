@@ -1,5 +1,6 @@
 """Work in processes that are killed is done all the same."""
 
+import multiprocessing
 import os
 import signal
 import time
@@ -25,6 +26,16 @@ def square_unless_killed(folder, number, deaths):
 
 def refused(number):
     raise ValueError(f"{number} is refused")
+
+
+class BrokenAtOnce:
+    """A pool whose processes die before they are given anything."""
+
+    def submit(self, call):
+        raise BrokenProcessPool("broken again")
+
+    def shutdown(self, *arguments, **options):
+        pass
 
 
 def slow(number):
@@ -55,3 +66,25 @@ def test_one_death_too_many_is_an_error(tmp_path):
             future.result()
         with pytest.raises(BrokenProcessPool):
             pool.submit(square_unless_killed, tmp_path, 4, 0)
+
+
+def test_work_that_no_new_process_takes_is_told(tmp_path):
+    with ProcessPool(1, restarts=1) as pool:
+        pool._make = BrokenAtOnce
+        future = pool.submit(square_unless_killed, tmp_path, 3, 1)
+        with pytest.raises(BrokenProcessPool, match="broken again"):
+            future.result(timeout=30)
+
+
+def test_the_pool_ends_its_own_processes_only():
+    other = multiprocessing.get_context("spawn").Process(target=time.sleep, args=(60,))
+    other.start()
+    with ProcessPool(1) as pool:
+        future = pool.submit(time.sleep, 60)
+        pool.terminate()
+        with pytest.raises(BrokenProcessPool):
+            future.result(timeout=30)
+    alive = other.is_alive()
+    other.terminate()
+    other.join()
+    assert alive
