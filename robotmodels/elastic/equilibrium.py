@@ -58,8 +58,6 @@ def find_equilibrium(
     NoEquilibrium : if a spring gives way, naming it, the position and its torque.
     """
     q = _first_guess(arm, start, sprung, law)
-    # The last step's error is about its square, times how fast stiffness changes on the way.
-    last = 1e-6 if law.linear else 1e-8
     moving = np.arange(len(q))  # positions whose Newton iteration has not ended
     for _ in range(30):
         torques, slopes = law((q - start)[np.ix_(moving, sprung)])
@@ -82,6 +80,9 @@ def find_equilibrium(
         if (bent > LARGEST_DEFLECTION).any():
             i = int(moving[np.argmax(bent)])
             raise _gives_way(arm, start[i], q[i], sprung, springs, places(i))
+        # A step's error is about its square times how fast the stiffness changes on the way, over
+        # the stiffness: far less than the square where springs are linear and prevail.
+        last = 1e-6 if stiff and law.linear else 1e-8
         done = np.abs(step).max(axis=1, initial=0.0) < last
         if K is not None:
             _check_stable(K[done], sprung, moving[done], springs, places)
