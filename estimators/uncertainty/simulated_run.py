@@ -67,7 +67,8 @@ class Recipe:
         p = len(self.model.parameters)
         try:
             found = fit(self.model, self.experiment(rng), self.residual, self.weights)
-            if self.weights == "optimal" and find_residual(self.residual).relative:
+            optimal = isinstance(self.weights, str) and self.weights == "optimal"
+            if optimal and find_residual(self.residual).relative:
                 # Weights at the measured FRF correlate with its errors.
                 found = reweighted(found, rounds=1)
             if not found.converged:

@@ -75,6 +75,12 @@ def test_coverage_is_93_to_97_per_cent(residual, weights, methods):
         assert (found.coverage(method) > 0.92).all()
 
 
+def test_weights_may_be_numbers():
+    weights = np.full((1, len(OMEGA), 1, 1), 1e4)
+    found = series(runs=2, residual="lls", weights=weights)
+    assert not found.failures
+
+
 def test_a_model_error_ends_coverage_and_is_flagged():
     found = series(WRONG, runs=40, methods=("theorem1", "empirical"))
     assert found.overall("theorem1") < 0.6
