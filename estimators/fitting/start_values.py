@@ -52,13 +52,16 @@ def physics_start(
         `drives` has a motor without elastic drive.
     """
     network = model.network(estimate.positions)
-    gears = _gears(network)
+    gears, inertias = _gears(network), _inertias(network)
     if estimate.response.shape[2] < network.selector.shape[1]:
         raise InvalidInput(
             f"start: FRFs of shape {estimate.response.shape[2:]} do not show all "
             f"{network.selector.shape[1]} motors"
         )
-    stiffness = {motor: _gear_stiffness(network, estimate, motor, s) for motor, s in gears.items()}
+    stiffness = {
+        motor: _gear_stiffness(network, inertias[s], estimate, motor, s)
+        for motor, s in gears.items()
+    }
     for motor, value in (drives or {}).items():
         if motor not in gears:
             raise InvalidInput(
@@ -74,7 +77,8 @@ def physics_start(
             f"{high:.3g} Hz; give start values, or measure further up"
         )
     unseen = set(gears.values()) - set(known)
-    return _as_parameters(network, *_springs(network, known, unseen, estimate.omega[-1]))
+    springs = _springs(network, inertias, known, unseen, estimate.omega[-1])
+    return _as_parameters(network, *springs)
 
 
 def named_start(name: str, model: Elastic, estimate: FrfEstimate) -> Array:
@@ -114,21 +118,22 @@ def _gears(network: SpringNetwork) -> dict[int, int]:
     }
 
 
-def _inertias(network: SpringNetwork, s: int) -> tuple[Array, Array]:
-    """Return the rigid inertias (Q,) at both ends of a spring; infinite at the ground."""
-    linear = network.linear_model()
-    first, second = (
-        linear.mass[:, end, end] if end >= 0 else np.full(len(linear.mass), np.inf)
-        for end in network.ends[s]
-    )
-    return first, second
+def _inertias(network: SpringNetwork) -> Array:
+    """Return the rigid inertias at both ends of springs, (s, 2, Q); infinite at the ground."""
+    inertia = np.diagonal(network.linear_model().mass, axis1=1, axis2=2).T
+    ground = np.full((1, inertia.shape[1]), np.inf)
+    return np.concatenate([inertia, ground])[network.ends]  # the end -1 is the last
 
 
-def _gear_stiffness(network: SpringNetwork, estimate: FrfEstimate, motor: int, s: int) -> float:
-    """Return a gear's stiffness; not a number if no two of several positions agree on one."""
+def _gear_stiffness(
+    network: SpringNetwork, both: Array, estimate: FrfEstimate, motor: int, s: int
+) -> float:
+    """Return a gear's stiffness; not a number if no two of several positions agree on one.
+
+    both : (2, Q) inertias at its ends.
+    """
     ends = network.ends[s].tolist()
     own = int(np.argmax(np.abs(network.selector[:, motor])))
-    both = _inertias(network, s)
     rotor, arm = both[ends.index(own)], both[1 - ends.index(own)]
     found = []
     # What lies below the noise shows no dips of its own.
@@ -175,22 +180,23 @@ def agreed(found: list[tuple[Array, Array]]) -> float:
 
 
 def _springs(
-    network: SpringNetwork, known: dict[int, float], unseen: set[int], top: float
+    network: SpringNetwork,
+    inertias: Array,
+    known: dict[int, float],
+    unseen: set[int],
+    top: float,
 ) -> tuple[Array, Array]:
     """Return stiffnesses and dampings (s,) of all springs from those of some gears.
 
     Parameters
     ----------
+    inertias : (s, 2, Q) at their ends.
     known : stiffnesses of gears.
     unseen : the other gears.
     top : end of the band [rad/s].
     """
-    reduced = np.empty(len(network.ends))
-    for s in range(len(network.ends)):
-        first, second = _inertias(network, s)
-        with np.errstate(divide="ignore"):
-            reduced[s] = np.exp(np.mean(np.log(1 / (1 / first + 1 / second))))
-    arm = np.array([np.exp(np.mean(np.log(max(_inertias(network, s), key=np.sum)))) for s in known])
+    reduced = np.exp(-np.mean(np.log((1 / inertias).sum(axis=1)), axis=1))
+    arm = np.array([np.exp(np.mean(np.log(max(inertias[s], key=np.sum)))) for s in known])
     frequency = float(np.exp(np.mean(np.log(np.array(list(known.values())) / arm)) / 2))
     torsion = network.ends.min(axis=1) < 0
     stiffness = reduced * np.where(torsion, TORSIONS * frequency, frequency) ** 2
