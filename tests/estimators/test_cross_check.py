@@ -23,7 +23,7 @@ from estimators import (
 )
 from estimators.uncertainty.convergence import Target
 from estimators.uncertainty.model_error import informative_lines
-from robotmodels import InvalidInput, RelativeNoise, SpringNetwork
+from robotmodels import InvalidInput, RelativeNoise, SpringNetwork, sensitivity
 
 
 @pytest.fixture(scope="module")
@@ -207,18 +207,22 @@ def test_parameters_that_few_lines_tell_are_named(good):
     table = cross_check(good, empirical=covariance(good, "empirical"))
     few = [n for n, c in zip(good.parameters.names, informative_lines(good), strict=True) if c < 20]
     notes = [note for note in table.notes if "where few lines carry the information" in note]
-    assert len(notes) == (1 if few else 0)
+    assert few
+    assert len(notes) == 1
     assert all(name in note for note in notes for name in few)
     assert not any("few lines" in note for note in cross_check(good).notes)
 
 
 def test_lines_that_count():
     data = noisy(0.01, 0.003)
-    lines = data.response.shape[0] * data.response.shape[1]
     everywhere = fit(MODEL, data, "nls", "optimal")
+    _, J = sensitivity(MODEL, data.positions, data.omega, everywhere.parameters.values)
+    diagonals = np.einsum("qfmn,qfmnp->qfp", everywhere.weights, np.abs(J) ** 2)
+    share = diagonals / diagonals.sum(axis=(0, 1))
+    expected = 1 / (share**2).sum(axis=(0, 1))
+    np.testing.assert_allclose(informative_lines(everywhere), expected, rtol=1e-9)
     weights = np.zeros(data.response.shape)
     weights[:, :12] = 1.0
     some = fit(MODEL, data, "lls", weights, start=everywhere.parameters.values)
-    assert (informative_lines(everywhere) <= lines).all()
     assert (informative_lines(some) <= 12 * data.response.shape[0] + 1e-9).all()
     assert (informative_lines(some) >= 1).all()
