@@ -163,10 +163,10 @@ class ElasticRobot:
         NoEquilibrium, InvalidInput : as `equilibrium`.
         """
         theta = self.parameters.check(parameters)
-        return self._network(self.equilibrium(positions, theta), theta)
+        at = self.equilibrium(positions, theta)
+        return self._network(at, theta, self._skeleton(theta, at.coordinates))
 
-    def _network(self, at: Equilibrium, theta: Array) -> SpringNetwork:
-        rest = self._skeleton(theta, at.coordinates)
+    def _network(self, at: Equilibrium, theta: Array, rest: Skeleton) -> SpringNetwork:
         plain = self.file.output == "acceleration" and not self.file.accelerometers
         plain = plain and rest.measurement.delay == 0 and bool(np.all(rest.measurement.gain == 1))
         return SpringNetwork(
@@ -209,18 +209,20 @@ class ElasticRobot:
         """
         theta = self.parameters.check(parameters)
         at = self.equilibrium(positions, theta)
+        rest = self._skeleton(theta, at.coordinates)
         none = not sag and not self.elements.extra_columns
-        return self._network(at, theta), None if none else self._tangents(at, theta, sag)
+        tangents = None if none else self._tangents(at, theta, rest, sag)
+        return self._network(at, theta, rest), tangents
 
-    def _tangents(self, at: Equilibrium, theta: Array, sag: bool) -> Tangents:
+    def _tangents(self, at: Equilibrium, theta: Array, rest: Skeleton, sag: bool) -> Tangents:
         extra = self.elements.extra_columns
         shift = np.zeros((*at.coordinates.shape, len(theta)))
-        fixed = differentiate(self._skeleton, theta, at.coordinates, shift, extra)
+        fixed = differentiate(self._skeleton, rest, theta, at.coordinates, shift, extra)
         if not sag:
             return fixed
         load = self.elements.torque_derivatives(theta, at.elongations)  # (Q, s, p)
         arm, sprung, held = self.layout.arm_size, self.layout.sprung, self.layout.held
-        K = self._skeleton(theta, at.coordinates).stiffness[:, :arm, :arm]
+        K = rest.stiffness[:, :arm, :arm].copy()
         K[:, sprung, sprung] += at.slopes
         force = np.swapaxes(fixed.gravity, 1, 2)[:, :arm].copy()
         force[:, sprung] += load
@@ -228,7 +230,7 @@ class ElasticRobot:
         K[:, held, held] = 1.0
         shift = np.asarray(-np.linalg.solve(K, force))
         moved = [j for j in range(len(theta)) if j in extra or shift[..., j].any()]
-        tangents = differentiate(self._skeleton, theta, at.coordinates, shift, moved)
+        tangents = differentiate(self._skeleton, rest, theta, at.coordinates, shift, moved)
         law = self.elements.laws(theta)
         if law.linear:
             return tangents

@@ -80,7 +80,8 @@ class Tangents:
 
 
 def differentiate(
-    rest: Callable[[Array, Array], Skeleton],
+    skeleton: Callable[[Array, Array], Skeleton],
+    here: Skeleton,
     theta: Array,
     coordinates: Array,
     shift: Array,
@@ -90,21 +91,21 @@ def differentiate(
 
     Parameters
     ----------
-    rest : the skeleton as a function of theta (p,) and the arm's coordinates (Q, d).
+    skeleton : as a function of theta (p,) and the arm's coordinates (Q, d).
+    here : the skeleton there.
     theta, coordinates : where.
     shift : (Q, d, p) derivative of the coordinates by ln theta.
     columns : parameters to differentiate by; the other derivatives are zero.
     """
     derivatives = {
-        name: np.zeros((len(theta), *array.shape))
-        for name, array in _arrays(rest(theta, coordinates)).items()
+        name: np.zeros((len(theta), *array.shape)) for name, array in _arrays(here).items()
     }
     for j in columns:
         factor = np.ones(len(theta))
         factor[j] += STEP
-        plus = _arrays(rest(theta * factor, coordinates + STEP * shift[..., j]))
+        plus = _arrays(skeleton(theta * factor, coordinates + STEP * shift[..., j]))
         factor[j] -= 2 * STEP
-        minus = _arrays(rest(theta * factor, coordinates - STEP * shift[..., j]))
+        minus = _arrays(skeleton(theta * factor, coordinates - STEP * shift[..., j]))
         for name, derivative in derivatives.items():
             derivative[j] = (plus[name] - minus[name]) / (2 * STEP)
     count = len(coordinates)
