@@ -39,10 +39,10 @@
     rival: {starts: 3, decades: [0.1, 1.0]}    # with it: fits in time, a case of their own
     output: ../out/ur10          # relative to this file, as every path in it
 
-With measured data, the positions are those of the data: `candidates` is left out. Plans are
-compared where data are simulated by the noise law; where `compare` is given, with others too, but
-always with FRFs of `robot` and errors by the noise law. Limits of the design bind the plan, not
-its rivals.
+With measured data, the positions are those of the data: `candidates` is left out, and `design` but
+for `tolerance` and `solver` of the optimum over the positions measured. Plans are compared where
+data are simulated by the noise law; where `compare` is given, with others too, but always with FRFs
+of `robot` and errors by the noise law. Limits of the design bind the plan, not its rivals.
 """
 
 import math
@@ -195,7 +195,8 @@ class Study(Strict):
         given = [key for key in needed if getattr(self, key) is not None]
         if self.data.measured:
             optional = [key for key in ("truth", "compare") if key in self.model_fields_set]
-            useless = [*given, *optional]
+            design = sorted(self.design.model_fields_set - {"tolerance", "solver"})
+            useless = [*given, *optional, *(f"design.{key}" for key in design)]
             if useless:
                 raise ValueError(
                     f"{useless[0]}: of no use with measured data, whose positions, frequencies "

@@ -39,7 +39,7 @@ def measured_plan(run: Run, info: Stage[InformationSet], data: Stage[Data]) -> S
     choice = run.study.design
 
     def compute(folder: Path, report: Report | None) -> Plan:
-        design = optimal_design(info.value, tolerance=choice.tolerance)
+        design = optimal_design(info.value, tolerance=choice.tolerance, solver=choice.solver)
         counts = data.value.estimate.repetitions
         total = np.tensordot(counts, info.value.matrices, axes=1)
         value = named_criterion("D").value(total / counts.sum())

@@ -99,6 +99,11 @@ MISTAKES = {
     "count": ("positions: [1, 3]", "count: 2", "validation: positions or share is needed"),
     "two": ("positions: [1, 3]", "positions: [1], share: 0.2", "positions and share given"),
     "none": ("{positions: [1, 3]}", "{}", "none of count, positions and share"),
+    "design": (
+        "profiles: 1",
+        "design: {criterion: E}",
+        "design.criterion: of no use with measured",
+    ),
     "compare": ("profiles: 1", "compare: {random: 1}", "compare: of no use with measured data"),
 }
 
