@@ -48,12 +48,12 @@ def physics_start(
 
     Raises
     ------
-    InvalidInput : if no axis shows an anti-resonance or a resonance, the FRFs are not square, or
-        `drives` has a motor without elastic drive.
+    InvalidInput : if no axis shows an anti-resonance or a resonance, the FRFs lack a motor, or
+        `drives` has a motor without elastic drive or a stiffness that is not positive.
     """
     network = model.network(estimate.positions)
     gears, inertias = _gears(network), _inertias(network)
-    if estimate.response.shape[2] < network.selector.shape[1]:
+    if min(estimate.response.shape[2:]) < network.selector.shape[1]:
         raise InvalidInput(
             f"start: FRFs of shape {estimate.response.shape[2:]} do not show all "
             f"{network.selector.shape[1]} motors"
@@ -68,6 +68,8 @@ def physics_start(
                 f"start: motor {motor} (counted from 0) has no elastic drive"
                 f"{nearest(str(motor), map(str, gears))}"
             )
+        if not (np.isfinite(value) and value > 0):
+            raise InvalidInput(f"start: stiffness {value:g} of motor {motor} is not positive")
         stiffness[motor] = float(value)
     known = {gears[motor]: value for motor, value in stiffness.items() if np.isfinite(value)}
     if not known:

@@ -97,10 +97,13 @@ def test_where_physics_says_nothing():
         physics_start(model, estimate)
     with pytest.raises(InvalidInput, match=r"motor 2 \(counted from 0\) has no elastic drive"):
         physics_start(model, estimate, drives={2: 1.0})
+    with pytest.raises(InvalidInput, match="stiffness -1 of motor 0 is not positive"):
+        physics_start(model, estimate, drives={0: -1.0})
     with pytest.raises(InvalidInput, match=r"'phisics' is neither .* \(did you mean 'physics'\?\)"):
         fit(model, estimate, start="phisics")
     with pytest.raises(InvalidInput, match="'chains' needs a robot"):
         fit(model, estimate, start="chains")
-    one = FrfEstimate(POSITIONS, low, estimate.response[:, :, :1], estimate.variance[:, :, :1], [1])
-    with pytest.raises(InvalidInput, match="do not show all 2 motors"):
-        physics_start(model, one)
+    for part in (np.s_[:, :, :1], np.s_[:, :, :, :1]):
+        one = FrfEstimate(POSITIONS, low, estimate.response[part], estimate.variance[part], [1])
+        with pytest.raises(InvalidInput, match="do not show all 2 motors"):
+            physics_start(model, one)
