@@ -211,8 +211,9 @@ class ElasticRobot:
         at = self.equilibrium(positions, theta)
         rest = self._skeleton(theta, at.coordinates)
         none = not sag and not self.elements.extra_columns
-        tangents = None if none else self._tangents(at, theta, rest, sag)
-        return self._network(at, theta, rest), tangents
+        return self._network(at, theta, rest), None if none else self._tangents(
+            at, theta, rest, sag
+        )
 
     def _tangents(self, at: Equilibrium, theta: Array, rest: Skeleton, sag: bool) -> Tangents:
         extra = self.elements.extra_columns
