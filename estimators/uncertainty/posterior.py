@@ -203,6 +203,12 @@ def judged(
 
 
 def check_sizes(p: int, ensembles: int, walkers: int, steps: int, thin: int) -> None:
+    """Refuse what cannot be sampled or judged with `p` parameters.
+
+    Raises
+    ------
+    InvalidInput : for too few ensembles, walkers or steps.
+    """
     if ensembles < 2:
         raise InvalidInput(f"ensembles: {ensembles}; at least 2 are needed to compare them")
     if walkers < max(2 * p, 8):

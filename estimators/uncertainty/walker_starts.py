@@ -39,7 +39,12 @@ def drawn_starts(
 def given_starts(
     starts: Array | None, density: LogPosterior, ensembles: int, walkers: int
 ) -> Array | None:
-    """Return a user's starts as (E, W, p) of ln theta."""
+    """Return a user's `starts`, (W, p) or (E, W, p) [SI], as (E, W, p) of ln theta, or None.
+
+    Raises
+    ------
+    InvalidInput : for another shape, or a start outside the bounds.
+    """
     if starts is None:
         return None
     values, p = np.asarray(starts, dtype=float), len(density.names)
@@ -61,7 +66,12 @@ def given_starts(
 
 
 def check_starts(density: LogPosterior, starts: Array) -> None:
-    """Refuse walkers that start where there is no cost."""
+    """Refuse walkers whose `starts` (..., p) of ln theta have no cost.
+
+    Raises
+    ------
+    InvalidInput : telling how many, and where one of them is.
+    """
     flat = starts.reshape(-1, starts.shape[-1])
     wrong = ~np.isfinite(density(flat))
     if wrong.any():

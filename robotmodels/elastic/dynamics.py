@@ -25,8 +25,8 @@ class Gravity:
     Attributes
     ----------
     arm : the arm.
-    turned : (3, Q, d) w x gravity of each joint.
-    moments : (3, Q, d) L of each joint.
+    turned : (3, Q, d) w x gravity of each joint [m/s^2].
+    moments : (3, Q, d) L of each joint [kg m], of one that slides [kg].
     """
 
     arm: Arm
@@ -35,12 +35,12 @@ class Gravity:
 
     @cached_property
     def torques(self) -> Array:
-        """The gravity torques g, (Q, d)."""
+        """The gravity torques g, (Q, d) [N m or N]."""
         return np.asarray(np.einsum("k,kqd->qd", -self.arm.model.gravity.linear, self.moments))
 
     @property
     def slopes(self) -> Array:
-        """The derivatives dg/dq, (Q, d, d)."""
+        """The derivatives dg/dq, (Q, d, d), symmetric [N m/rad, N/rad or N/m]."""
         products = self.turned.transpose(1, 2, 0) @ self.moments.transpose(1, 0, 2).copy()
         places = self.arm.carrier_first
         slopes = products.reshape(-1, places.size)[:, places]
@@ -70,7 +70,7 @@ class Gravity:
 
 
 def gravity(arm: Arm, coordinates: Array) -> Gravity:
-    """Return gravity at `coordinates` (Q, d)."""
+    """Return gravity at `coordinates` (Q, d) [rad or m]."""
     model, data = arm.model, arm.model.createData()
     axes, moments = (np.empty((*coordinates.shape, k)) for k in (6, 3))
     turning, moving = _columns(data.J, 6), _columns(data.Jcom, 3)
