@@ -116,17 +116,12 @@ class ElasticRobot:
 
         A continuous joint, which has none, is given one turn.
         """
+        low, high = self.rigid.lowerPositionLimit, self.rigid.upperPositionLimit
         limits = []
         for name in self.motor_joints:
             joint = self.rigid.joints[self.rigid.getJointId(name)]
-            limits.append(
-                (-np.pi, np.pi)
-                if joint.nq == 2
-                else (
-                    self.rigid.lowerPositionLimit[joint.idx_q],
-                    self.rigid.upperPositionLimit[joint.idx_q],
-                )
-            )
+            i = joint.idx_q
+            limits.append((-np.pi, np.pi) if joint.nq == 2 else (low[i], high[i]))
         return np.array(limits)
 
     def equilibrium(self, positions: Array, parameters: Array | None = None) -> Equilibrium:
@@ -210,10 +205,10 @@ class ElasticRobot:
         theta = self.parameters.check(parameters)
         at = self.equilibrium(positions, theta)
         rest = self._skeleton(theta, at.coordinates)
-        none = not sag and not self.elements.extra_columns
-        return self._network(at, theta, rest), None if none else self._tangents(
-            at, theta, rest, sag
-        )
+        network = self._network(at, theta, rest)
+        if not sag and not self.elements.extra_columns:
+            return network, None
+        return network, self._tangents(at, theta, rest, sag)
 
     def _tangents(self, at: Equilibrium, theta: Array, rest: Skeleton, sag: bool) -> Tangents:
         extra = self.elements.extra_columns
