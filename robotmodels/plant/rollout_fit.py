@@ -125,8 +125,8 @@ def fit_rollouts(case: RolloutCase, start: Array, reach: float, limit: int) -> R
     reach : decades about the case's parameters between which values are sought.
     limit : of rollouts of all experiments, after which the best so far is taken.
     """
-    residual, begun = _Residual(case, limit), time.perf_counter()
     search = _parameters(case, start, reach)
+    residual, begun = _Residual(case, limit, search.as_vector()), time.perf_counter()
     try:
         with redirect_stdout(io.StringIO()):  # it tells every iteration
             found, _ = _sysid().optimize(search, residual, verbose=False, max_iters=limit)
@@ -141,7 +141,8 @@ def fit_rollouts(case: RolloutCase, start: Array, reach: float, limit: int) -> R
 def misfit(case: RolloutCase, values: Array) -> float:
     """Return the rms of rollouts minus records at parameter `values` (p,), in stds of the noise."""
     search = _parameters(case, values, 1.0)
-    apart, _, _ = _Residual(case, 1)(search.as_vector(), search)
+    at = search.as_vector()
+    apart, _, _ = _Residual(case, 1, at)(at, search)
     return float(np.sqrt(np.mean(np.concatenate(apart) ** 2)))
 
 
@@ -159,15 +160,15 @@ class _EnoughError(Exception):
 
 
 class _Residual:
-    """Rollouts minus records, counted; remembers the best of the single points asked for."""
+    """Rollouts minus records, counted; remembers the best of the start and the points asked for."""
 
-    def __init__(self, case: RolloutCase, limit: int) -> None:
+    def __init__(self, case: RolloutCase, limit: int, start: Array) -> None:
         logging.getLogger("absl").setLevel(logging.ERROR)  # the model has no sensors: it says so
         self.ask = _sysid().build_residual_fn(
             models_sequences=[_sequences(case)], modify_residual=_standardised(case)
         )
         self.limit, self.rollouts, self.least = limit, 0, np.inf
-        self.best = np.zeros(len(case.parameters))
+        self.best = np.array(start, dtype=float)
 
     def __call__(self, x: Array, parameters: Any) -> Any:
         points = 1 if np.ndim(x) < 2 else np.shape(x)[1]
