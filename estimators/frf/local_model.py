@@ -6,18 +6,17 @@ Identification, 2nd ed. 2012, ch. 7; the ratio as in McKelvey and Guerin, SYSID 
 """
 
 from collections.abc import Iterable
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from estimators.frf.estimate import FrfEstimate
 from estimators.frf.nonparametric import (
+    PositionFrf,
     Transient,
     above_rounding,
     check_choice,
-    each_position,
     first_period,
+    over_positions,
     structured,
 )
 from estimators.frf.record_checks import check_periods, check_records
@@ -64,11 +63,8 @@ def local_frf(
     for name, value, least in (("order", order, 0), ("denominator", denominator, 0)):
         if int(value) != value or value < least:
             raise InvalidInput(f"{name}: {value!r} is not a whole number of at least {least}")
-    positions, responses, repetitions = [], [], []
-    covariances: list[NDArray[Any]] = []
-    omega = np.array([])
-    for count, part in enumerate(each_position(records)):
-        who = f"position {count + 1}"
+
+    def estimated(part: Records, who: str) -> PositionFrf:
         check_records(part, 0, who)
         found = spectra(part, hold=hold, delay=delay)
         check_periods(found, who)
@@ -79,21 +75,11 @@ def local_frf(
         Y, U = (np.concatenate(list(a), axis=-1)[..., used] for a in (Y, U))
         width = _window(half_width, U.shape, order, denominator, who)
         response, error = _all_lines(Y, U, found.omega, (order, denominator, width), who)
-        error = above_rounding(error, response)
-        positions.append(part.positions[0])
-        responses.append(response)
-        covariances.append(structured(error, structure, response.shape[1]))
-        repetitions.append(int(found.present.any(axis=1).sum()))
-        omega = found.omega
-    if not responses:
-        raise InvalidInput("records: none given; at least one position is needed")
-    return FrfEstimate(
-        np.array(positions),
-        omega,
-        np.array(responses),
-        np.array(covariances),
-        np.array(repetitions, dtype=np.int64),
-    )
+        shaped = structured(above_rounding(error, response), structure, response.shape[1])
+        repetitions = int(found.present.any(axis=1).sum())
+        return PositionFrf(found.omega, response, shaped, repetitions)
+
+    return over_positions(records, estimated)
 
 
 def _window(

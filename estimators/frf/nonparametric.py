@@ -1,7 +1,7 @@
 """FRFs from records, with their covariance: [WM] section 4."""
 
-from collections.abc import Iterable, Iterator
-from typing import Any, Literal
+from collections.abc import Callable, Iterable, Iterator
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -63,28 +63,53 @@ def estimate_frf(
     find_method(method)
     check_choice("covariance", covariance, ("total", "noise"))
     check_choice("structure", structure, ("full", "diagonal"))
-    positions, responses, repetitions = [], [], []
-    covariances: list[NDArray[Any]] = []
-    omega: Array | None = None
+
+    def estimated(part: Records, who: str) -> PositionFrf:
+        found = usable_spectra(part, who, method, hold=hold, delay=delay, transient=transient)
+        response, error = with_covariance(found, method, covariance, who)
+        shaped = structured(error, structure, response.shape[1])
+        return PositionFrf(found.omega, response, shaped, len(found.present))
+
+    return over_positions(records, estimated)
+
+
+class PositionFrf(NamedTuple):
+    """What one position gives: omega (F,), response, its covariance, and blocks averaged."""
+
+    omega: Array
+    response: ComplexArray
+    covariance: NDArray[Any]
+    repetitions: int
+
+
+def over_positions(
+    records: Records | Iterable[Records], estimated: Callable[[Records, str], PositionFrf]
+) -> FrfEstimate:
+    """Return the estimates of one position after the other as one.
+
+    Parameters
+    ----------
+    estimated : gives a position's, from its records and what messages are to call it.
+
+    Raises
+    ------
+    InvalidInput : if there are no records, or the frequencies of positions differ.
+    """
+    positions, found = [], list[PositionFrf]()
     for count, part in enumerate(each_position(records)):
         who = f"position {count + 1}"
-        found = usable_spectra(part, who, method, hold=hold, delay=delay, transient=transient)
-        if omega is not None and not np.array_equal(omega, found.omega):
-            raise InvalidInput(f"{who}: its frequencies differ from those of position 1")
-        omega = found.omega
-        response, error = with_covariance(found, method, covariance, who)
         positions.append(part.positions[0])
-        responses.append(response)
-        covariances.append(structured(error, structure, response.shape[1]))
-        repetitions.append(len(found.present))
-    if omega is None:
+        found.append(estimated(part, who))
+        if not np.array_equal(found[0].omega, found[-1].omega):
+            raise InvalidInput(f"{who}: its frequencies differ from those of position 1")
+    if not found:
         raise InvalidInput("records: none given; at least one position is needed")
     return FrfEstimate(
         np.array(positions),
-        omega,
-        np.array(responses),
-        np.array(covariances),
-        np.array(repetitions, dtype=np.int64),
+        found[0].omega,
+        np.array([one.response for one in found]),
+        np.array([one.covariance for one in found]),
+        np.array([one.repetitions for one in found], dtype=np.int64),
     )
 
 

@@ -96,3 +96,10 @@ def test_dependent_torques_are_named():
         local_frf(replace(records, torque=torque))
     with pytest.raises(InvalidInput, match="none given"):
         local_frf([])
+
+
+def test_positions_share_their_frequencies():
+    one = one_experiment()
+    other = replace(one, sample_time=2 * one.sample_time)
+    with pytest.raises(InvalidInput, match="position 2: its frequencies differ"):
+        local_frf([one, other])
