@@ -11,7 +11,7 @@ from estimators.fingerprint import fingerprint
 from estimators.fitting.least_squares import Fit
 from estimators.fitting.priors import Prior
 from estimators.levels import check_level
-from estimators.uncertainty.convergence import ESS, R_HAT, TIMES, Target, diagnose, enough
+from estimators.uncertainty.convergence import Target, diagnose, enough
 from estimators.uncertainty.covariance import Uncertainty
 from estimators.uncertainty.ensemble import Sampler, run_ensembles
 from estimators.uncertainty.laplace import laplace
@@ -22,8 +22,6 @@ from estimators.uncertainty.walker_store import Store
 from robotmodels.arrays import Array, IntArray, read_only
 from robotmodels.errors import InvalidInput
 from robotmodels.notebook import Printed
-
-__all__ = ["ESS", "R_HAT", "TIMES", "Posterior", "sample_posterior"]
 
 
 @dataclass(frozen=True, eq=False)

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from estimators.uncertainty.posterior import ESS, R_HAT, TIMES
+from estimators.uncertainty.convergence import ESS, R_HAT, TIMES
 from oed.study.pipeline import StudyResults
 from reports import text, uncertainty_figures
 from reports.parts import Column, Figure, Number, Section, Table, figure, numbers, table
