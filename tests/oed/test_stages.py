@@ -159,7 +159,7 @@ def test_a_folder_that_cannot_be_made_is_named(tmp_path):
         pass
 
 
-# Four stages of ten steps, each step noted in a file as the stages of a study do.
+# Four stages of ten steps, each step kept in a file as the stages of a study do.
 WORK = """
 import sys, time
 from pathlib import Path
@@ -174,12 +174,13 @@ def steps(name, before):
     def compute(folder, report):
         done = sorted(folder.glob("step_*"))
         for i in range(len(done), 10):
+            # Noted when begun: a step that a kill cuts off is noted twice, none is noted never.
+            with open(sys.argv[2], "a") as log:
+                log.write(name)
             time.sleep(0.004)
             part = folder / "writing"
             part.write_text(str(before + i))
             part.rename(folder / f"step_{i:02d}")
-            with open(sys.argv[2], "a") as log:
-                log.write(name)
         return sum(float(p.read_text()) for p in folder.glob("step_*"))
     return compute
 
