@@ -8,7 +8,7 @@ from typing import Literal
 from markupsafe import Markup
 from matplotlib.figure import Figure as MatplotlibFigure
 
-from reports.svg import Palette, inline
+from reports.drawing.svg import Palette, inline
 
 Drawing = Callable[[Palette], MatplotlibFigure]
 

@@ -9,8 +9,8 @@ import jinja2
 from markupsafe import Markup
 
 from reports import text
+from reports.drawing.svg import LIGHT
 from reports.parts import Section
-from reports.svg import LIGHT
 
 
 def page(title: str, kind: str, kicker: str, lead: str, sections: Sequence[Section]) -> str:

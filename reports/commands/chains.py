@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from reports.commands.options import AsJson, say
-from reports.workers import one_thread_each
+from reports.commands.workers import one_thread_each
 from robotmodels.errors import InvalidInput
 
 if TYPE_CHECKING:
@@ -48,9 +48,9 @@ def chains(
     from estimators.frf.exchange import write_frf
     from oed.experiment.measured_chains import measured_chains
     from oed.study.output import staged_folder
-    from reports.chains_page import write_chains_page, write_modes_page
-    from reports.chains_summary import chains_json, chains_summary, write_chains
-    from reports.progress import progress_bars
+    from reports.pages.chains_page import write_chains_page, write_modes_page
+    from reports.terminal.chains_summary import chains_json, chains_summary, write_chains
+    from reports.terminal.progress import progress_bars
 
     target = (records.parent if output is None else output).resolve()
     with progress_bars() as progress:

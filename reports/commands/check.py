@@ -32,8 +32,8 @@ def check(
 
     Example: oed check ur10 --position 0,-90,90,0,45,0
     """
-    from reports.check_options import read_band, read_position
-    from reports.robot_summary import robot_json, robot_summary
+    from reports.commands.check_options import read_band, read_position
+    from reports.terminal.robot_summary import robot_json, robot_summary
     from robotmodels import load_robot
     from robotmodels.description.diagnosis import diagnose
     from robotmodels.description.suspicions import suspicions

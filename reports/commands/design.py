@@ -25,7 +25,7 @@ def design(
     Example: oed design studies/ur10.yaml
     """
     from oed.study.pipeline import design_study
-    from reports.summary import study_json, study_summary
+    from reports.terminal.study_summary import study_json, study_summary
 
     results = compute_study(study, design_study, workers, fresh, cluster=cluster)
     written = [results.study.output / "design.json"]

@@ -25,7 +25,7 @@ def fit(
     Example: oed fit studies/ur10.yaml
     """
     from oed.study.pipeline import fit_study
-    from reports.summary import study_json, study_summary
+    from reports.terminal.study_summary import study_json, study_summary
 
     results = compute_study(study, fit_study, workers, fresh, cluster=cluster)
     written = [results.study.output / "fit.json"]

@@ -6,7 +6,7 @@ from typing import Annotated
 import typer
 
 from reports.commands.options import AsJson, robot_names, say
-from reports.workers import one_thread_each
+from reports.commands.workers import one_thread_each
 
 
 def register(app: typer.Typer) -> None:
@@ -57,9 +57,9 @@ def frf(
     from estimators.frf.exchange import write_frf
     from oed.experiment.measured_frf import measured_frf
     from oed.study.output import staged_folder
-    from reports.frf_page import write_frf_page
-    from reports.frf_summary import frf_json, frf_summary
-    from reports.progress import progress_bars
+    from reports.pages.frf_page import write_frf_page
+    from reports.terminal.frf_summary import frf_json, frf_summary
+    from reports.terminal.progress import progress_bars
 
     target = (records.parent if output is None else output).resolve()
     with progress_bars() as progress:

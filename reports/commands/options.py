@@ -8,7 +8,7 @@ from typing import Annotated, Any
 
 import typer
 
-from reports.workers import available_cores
+from reports.commands.workers import available_cores
 from robotmodels.errors import IdentificationError
 
 Workers = Annotated[

@@ -31,9 +31,9 @@ def report(
     Example: oed report studies/ur10.yaml more_positions.yaml -o comparison.html
     """
     from oed.study.pipeline import run_study
-    from reports.comparison import comparison_json, comparison_summary, write_comparison
-    from reports.page import write_report
-    from reports.summary import study_json, study_summary
+    from reports.pages.comparison import comparison_json, comparison_summary, write_comparison
+    from reports.pages.study_page import write_report
+    from reports.terminal.study_summary import study_json, study_summary
 
     def page(results: Any, folder: Path, progress: Any) -> None:
         write_report(results, folder / "report.html", progress, f"oed report {studies[0]}")

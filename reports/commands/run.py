@@ -30,9 +30,9 @@ def run(
     # Imported here: `oed --help` need not wait for the numerics.
     from oed.published.output import write_published_json
     from oed.study.pipeline import run_study
-    from reports.page import write_report
-    from reports.published_page import write_published
-    from reports.summary import study_json, study_summary
+    from reports.pages.published_page import write_published
+    from reports.pages.study_page import write_report
+    from reports.terminal.study_summary import study_json, study_summary
 
     def pages(results: Any, folder: Path, progress: Any) -> None:
         write_report(results, folder / "report.html", progress, f"oed run {study}")

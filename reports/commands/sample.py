@@ -25,7 +25,7 @@ def sample(
     Example: oed sample studies/ur10.yaml
     """
     from oed.study.pipeline import run_study
-    from reports.summary import study_json, study_summary
+    from reports.terminal.study_summary import study_json, study_summary
 
     results = compute_study(study, run_study, workers, fresh, cluster=cluster)
     written = [results.study.output / "uncertainty.json"]

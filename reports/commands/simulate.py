@@ -6,7 +6,7 @@ from typing import Annotated
 import typer
 
 from reports.commands.options import WORKERS, AsJson, Workers, about, say
-from reports.workers import one_thread_each, process_pool
+from reports.commands.workers import one_thread_each, process_pool
 
 
 def register(app: typer.Typer) -> None:
@@ -30,8 +30,8 @@ def simulate(
     from oed.experiment.file import load_experiment
     from oed.experiment.run import run_experiment
     from oed.study.output import staged_folder
-    from reports.experiment_summary import experiment_json, experiment_summary
-    from reports.progress import progress_bars
+    from reports.terminal.experiment_summary import experiment_json, experiment_summary
+    from reports.terminal.progress import progress_bars
 
     content = load_experiment(experiment)
     with (

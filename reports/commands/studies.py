@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any, TypeVar
 import typer
 
 from reports.commands.options import about
-from reports.workers import one_thread_each, shared
+from reports.commands.workers import one_thread_each, shared
 from robotmodels.errors import InvalidInput
 
 if TYPE_CHECKING:
@@ -56,7 +56,7 @@ def compute_study(
     one_thread_each()
     from oed.study.file import load_study
     from oed.study.output import staged_folder, write_results
-    from reports.progress import progress_bars
+    from reports.terminal.progress import progress_bars
 
     if study.is_dir() and (study / "study.yaml").is_file():
         raise InvalidInput(f"{study} is a folder; did you mean {study / 'study.yaml'}?")

@@ -5,7 +5,8 @@ import numpy as np
 from oed.study.comparison import OPTIMAL
 from oed.study.pipeline import StudyResults
 from oed.trials.outcome import PlanComparison, PlanTrial
-from reports import text, uncertainty_figures
+from reports import text
+from reports.drawing import uncertainty_figures
 from reports.parts import Cell, Column, Figure, Number, Section, Table, figure, numbers, table
 from reports.template import filled
 from robotmodels.arrays import Array

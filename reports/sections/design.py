@@ -2,7 +2,8 @@
 
 from oed.study.design_section import DesignChoice
 from oed.study.pipeline import StudyResults
-from reports import figures, text
+from reports import text
+from reports.drawing import figures
 from reports.parts import Number, Section, Table, figure, numbers, table
 from reports.template import filled
 

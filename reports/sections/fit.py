@@ -3,7 +3,8 @@
 import numpy as np
 
 from oed.study.pipeline import FittedStudy, StudyResults, start_number
-from reports import figures, text
+from reports import text
+from reports.drawing import figures
 from reports.parts import Column, Number, Section, Table, figure, numbers, table
 from reports.template import filled
 

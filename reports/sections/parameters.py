@@ -3,7 +3,8 @@
 import numpy as np
 
 from oed.study.pipeline import StudyResults
-from reports import text, uncertainty_figures
+from reports import text
+from reports.drawing import uncertainty_figures
 from reports.parts import Cell, Column, Number, Section, Table, figure, numbers
 from reports.template import filled
 

@@ -5,7 +5,8 @@ from dataclasses import dataclass
 from markupsafe import Markup
 
 from oed.study.pipeline import StudyResults
-from reports import robot_pictures, text
+from reports import text
+from reports.drawing import robot_pictures
 from reports.parts import Cell, Number, Section, Table, numbers, table
 from reports.sections.places import place_numbers, prismatic
 from reports.template import filled

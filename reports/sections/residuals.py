@@ -3,7 +3,8 @@
 import numpy as np
 
 from estimators.fitting.residual_analysis import ResidualAnalysis
-from reports import figures, text
+from reports import text
+from reports.drawing import figures
 from reports.parts import Column, Number, Row, Section, Table, figure, numbers, table
 from reports.template import filled
 from robotmodels.arrays import Array

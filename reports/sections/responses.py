@@ -4,8 +4,8 @@ import numpy as np
 
 import robotmodels
 from oed.study.pipeline import StudyResults
-from reports import response_panels
-from reports.page_budget import lines_drawn
+from reports.drawing import response_panels
+from reports.drawing.page_budget import lines_drawn
 from reports.parts import Figure, Section, figure
 from reports.sections.places import labels
 from reports.template import filled

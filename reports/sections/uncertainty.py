@@ -4,7 +4,8 @@ import numpy as np
 
 from estimators.uncertainty.convergence import ESS, R_HAT, TIMES
 from oed.study.pipeline import StudyResults
-from reports import text, uncertainty_figures
+from reports import text
+from reports.drawing import uncertainty_figures
 from reports.parts import Column, Figure, Number, Section, Table, figure, numbers, table
 from reports.template import filled
 

@@ -5,7 +5,8 @@ import numpy as np
 from estimators.uncertainty.validation import Validation
 from oed.study.pipeline import StudyResults
 from oed.study.validation import HeldOut
-from reports import figures, text
+from reports import text
+from reports.drawing import figures
 from reports.parts import Column, Number, Row, Section, Table, figure, numbers, table
 from reports.sections.places import prismatic
 from reports.template import filled

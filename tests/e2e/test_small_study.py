@@ -195,7 +195,7 @@ def test_a_cluster_computes_the_same(small_study, tmp_path):
 
 def test_a_cluster_that_is_not_there_is_one_line(tmp_path, monkeypatch):
     pytest.importorskip("distributed")
-    monkeypatch.setattr("reports.workers.PATIENCE", 0.2)
+    monkeypatch.setattr("reports.commands.workers.PATIENCE", 0.2)
     code, out, err = oed("run", write_study(tmp_path), "--cluster", "tcp://127.0.0.1:9")
     assert (code, out, len(err.splitlines())) == (2, "", 1)
     assert "--cluster tcp://127.0.0.1:9: no scheduler answers" in err

@@ -9,7 +9,7 @@ from oed.published import rival
 from oed.published.output import rivalry_document
 from oed.published.rival import RivalChoice, compare, judged
 from oed.study.file import Study
-from reports import published_tables as tables
+from reports.pages import published_tables as tables
 from reports.template import filled
 from robotmodels import load_robot
 from robotmodels.plant import rollout_fit

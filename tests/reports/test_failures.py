@@ -10,7 +10,7 @@ import pytest
 
 from reports import cli
 from reports.commands.options import about
-from reports.workers import cluster
+from reports.commands.workers import cluster
 from robotmodels.errors import IdentificationError, InvalidInput, NotIdentifiable
 from robotmodels.files import disk_full, reason
 
@@ -120,7 +120,7 @@ def test_a_cluster_that_dies_is_told_without_a_traceback(gone, monkeypatch):
     closed = []
     client = SimpleNamespace(get_executor=lambda retries: None, close=lambda: closed.append(gone))
     dask = SimpleNamespace(Client=lambda address, timeout: client, KilledWorker=KilledWorker)
-    monkeypatch.setattr("reports.workers.import_module", lambda name: dask)
+    monkeypatch.setattr("reports.commands.workers.import_module", lambda name: dask)
     error = {"KilledWorker": KilledWorker, "CancelledError": CancelledError}[gone]
     told = pytest.raises(IdentificationError, match="--cluster tcp://x: its workers died")
     with told, cluster("tcp://x"):

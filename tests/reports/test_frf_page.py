@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 from oed.experiment.measured_frf import measured_frf
-from reports.frf_figures import decibels
-from reports.frf_page import level_table, write_frf_page
-from reports.frf_summary import excess, frf_summary
+from reports.drawing.frf_figures import decibels
+from reports.pages.frf_page import level_table, write_frf_page
+from reports.terminal.frf_summary import excess, frf_summary
 from robotmodels.errors import InvalidInput
 from robotmodels.plant.closed_loop import hold_response
 from robotmodels.records import Records

@@ -10,8 +10,8 @@ from typer.testing import CliRunner
 
 import robotmodels
 from reports import cli
-from reports.check_options import read_band, read_position
-from reports.robot_summary import robot_json, robot_summary
+from reports.commands.check_options import read_band, read_position
+from reports.terminal.robot_summary import robot_json, robot_summary
 from robotmodels import ElasticRobot, InvalidInput
 from robotmodels.description.diagnosis import diagnose
 from robotmodels.description.suspicions import suspicions

@@ -9,7 +9,7 @@ import pytest
 from estimators.fitting.residual_analysis import ResidualAnalysis
 from estimators.uncertainty.cross_check import CrossCheck
 from estimators.uncertainty.identifiability import identifiability
-from reports.page_budget import BUDGET, lines_drawn
+from reports.drawing.page_budget import BUDGET, lines_drawn
 from reports.parts import Column, Number, Section, numbers, table
 from reports.sections import cross_check, residuals
 from reports.sections import identifiability as weak_directions

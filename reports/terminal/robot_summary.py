@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from reports import text
-from reports.columns import decimals, hung, number, plural, table, vector, wrapped
+from reports.terminal.columns import decimals, hung, number, plural, table, vector, wrapped
 from robotmodels.description.diagnosis import Diagnosis, MotorState, ParameterState, SpringState
 from robotmodels.description.robot_file import Hardening, RobotFile
 from robotmodels.description.suspicions import Suspicion

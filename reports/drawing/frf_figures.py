@@ -8,7 +8,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, MaxNLocator, NullFormatter
 
 from estimators.frf.distortion import Distortion
-from reports.svg import Palette
+from reports.drawing.svg import Palette
 from reports.text import fixed
 from robotmodels.arrays import Array
 

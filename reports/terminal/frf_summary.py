@@ -8,7 +8,7 @@ import numpy as np
 from estimators.frf.compare import Comparison
 from oed.experiment.measured_frf import MeasuredFrf
 from reports import text
-from reports.columns import number, plain, plural, table
+from reports.terminal.columns import number, plain, plural, table
 from robotmodels.arrays import Array
 
 

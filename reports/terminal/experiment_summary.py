@@ -7,7 +7,7 @@ import numpy as np
 
 from oed.experiment.build import Prepared
 from oed.experiment.run import Outcome
-from reports.columns import number, plain, plural, table
+from reports.terminal.columns import number, plain, plural, table
 from reports.text import duration
 
 _FILES = ("plan.yaml", "plan.h5", "records.h5")

@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 from matplotlib.ticker import MaxNLocator
 
-from reports.svg import Palette
+from reports.drawing.svg import Palette
 from reports.text import fixed
 from robotmodels.arrays import Array, ComplexArray
 

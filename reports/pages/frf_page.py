@@ -7,12 +7,13 @@ import numpy as np
 
 from estimators.frf.compare import Comparison
 from oed.experiment.measured_frf import MeasuredFrf, Progress
-from reports import response_panels, text
-from reports.frf_figures import detection_panels
-from reports.frf_summary import excess, ranked, relative_std
-from reports.page_budget import lines_drawn
+from reports import text
+from reports.drawing import response_panels
+from reports.drawing.frf_figures import detection_panels
+from reports.drawing.page_budget import lines_drawn
 from reports.parts import Cell, Column, Figure, Number, Section, Table, figure, numbers, table
 from reports.template import filled, page
+from reports.terminal.frf_summary import excess, ranked, relative_std
 from robotmodels.arrays import Array
 
 

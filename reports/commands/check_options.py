@@ -3,7 +3,7 @@
 import numpy as np
 
 from reports import text
-from reports.columns import plain
+from reports.terminal.columns import plain
 from robotmodels import ElasticRobot
 from robotmodels.arrays import Array
 from robotmodels.errors import InvalidInput

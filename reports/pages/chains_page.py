@@ -8,12 +8,12 @@ from estimators.chains.maps import ChainLayout
 from estimators.chains.order import WrongModeCount
 from oed.experiment.measured_chains import MeasuredChains
 from reports import text
-from reports.chains_figures import found_panels, pole_zero_panels
-from reports.chains_summary import in_hertz, unit
-from reports.page_budget import lines_drawn
+from reports.drawing.chains_figures import found_panels, pole_zero_panels
+from reports.drawing.page_budget import lines_drawn
+from reports.drawing.response_panels import response_panels
 from reports.parts import Cell, Column, Figure, Number, Section, Table, figure, numbers, table
-from reports.response_panels import response_panels
 from reports.template import filled, page
+from reports.terminal.chains_summary import in_hertz, unit
 
 _CLEARLY_WORSE = 1.5  # misfit of the fit with dampers over that of the modes
 

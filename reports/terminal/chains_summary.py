@@ -8,7 +8,7 @@ import numpy as np
 
 from oed.experiment.measured_chains import MeasuredChains
 from reports import text
-from reports.columns import number, plain, plural, table
+from reports.terminal.columns import number, plain, plural, table
 from robotmodels.arrays import Array
 
 _UNITS = {"m": ("kg m²", "kg"), "K": ("N m/rad", "N/m")}

@@ -10,10 +10,10 @@ from oed.published.rival import Rivalry
 from oed.study.fits import positions_of
 from oed.study.pipeline import StudyResults
 from oed.study.published import Published
-from reports import published_figures as figures
-from reports import published_tables as tables
+from reports.drawing import published_figures as figures
+from reports.drawing.response_panels import response_panels
+from reports.pages import published_tables as tables
 from reports.parts import Figure, Section, figure
-from reports.response_panels import response_panels
 from reports.template import filled, page
 
 _ELEMENT = 3

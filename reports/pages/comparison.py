@@ -7,10 +7,12 @@ from typing import Any
 import numpy as np
 
 from oed.study.pipeline import StudyResults
-from reports import columns, text, uncertainty_figures
+from reports import text
+from reports.drawing import uncertainty_figures
 from reports.parts import Cell, Column, Number, Row, Section, Table, figure, numbers, table
-from reports.summary import study_json
 from reports.template import filled, page
+from reports.terminal import columns
+from reports.terminal.study_summary import study_json
 from robotmodels.arrays import Array
 
 Studies = Mapping[str, StudyResults]

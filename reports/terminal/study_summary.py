@@ -6,8 +6,8 @@ from typing import Any
 import numpy as np
 
 from oed.study.pipeline import FittedStudy, PlannedStudy, StudyResults
-from reports.columns import plain
 from reports.sections.fit import reached, reached_words
+from reports.terminal.columns import plain
 from reports.text import duration
 
 Lines = list[tuple[str, str]]

@@ -12,8 +12,8 @@ from matplotlib.patches import PathPatch
 from matplotlib.path import Path
 from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullFormatter
 
-from reports.figures import Drawing
-from reports.svg import Palette
+from reports.drawing.figures import Drawing
+from reports.drawing.svg import Palette
 from reports.text import MINUS
 from robotmodels.arrays import Array
 

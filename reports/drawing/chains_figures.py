@@ -9,8 +9,8 @@ from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullFormat
 
 from estimators.chains.modal_model import modal_response
 from estimators.chains.modes import FittedModes
-from reports.frf_figures import decibels
-from reports.svg import Palette
+from reports.drawing.frf_figures import decibels
+from reports.drawing.svg import Palette
 from reports.text import fixed
 from robotmodels.arrays import Array, ComplexArray
 

@@ -7,7 +7,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, MaxNLocator, NullFormatter
 
-from reports.svg import Palette
+from reports.drawing.svg import Palette
 from reports.text import fixed, residual_label, significant
 from robotmodels.arrays import Array, IntArray
 

@@ -15,7 +15,7 @@ from oed.published.estimators import (
     REFERENCE,
     Evaluation,
 )
-from reports.svg import Palette
+from reports.drawing.svg import Palette
 from reports.text import fixed, significant
 from robotmodels.arrays import Array, ComplexArray
 

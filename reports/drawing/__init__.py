@@ -1,0 +1,1 @@
+"""Figures: each function returns a drawing that a page shows as SVG."""

@@ -1,0 +1,1 @@
+"""Whole pages: one self-contained HTML file each."""
