@@ -1,11 +1,10 @@
 """``oed chains``: masses, springs and couplings of coupled chains from records."""
 
-from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from reports.commands.options import AsJson, say
+from reports.commands.options import AsJson, BesideRecords, Delay, Hold, Records, say
 from reports.commands.workers import one_thread_each
 from robotmodels.errors import InvalidInput
 
@@ -19,7 +18,7 @@ def register(app: typer.Typer) -> None:
 
 
 def chains(
-    records: Annotated[Path, typer.Argument(help="Records: .h5, .mat or .csv.")],
+    records: Records,
     masses: Annotated[
         int | None,
         typer.Option("-n", "--masses", help="Masses in each chain, N; proposed if not given."),
@@ -29,14 +28,9 @@ def chains(
         str | None,
         typer.Option(help="Of the motors, where a data sheet says them: 1.3e-3,1.3e-3,1.2e-3."),
     ] = None,
-    delay: Annotated[float, typer.Option(help="Of the angles after the torques, in s.")] = 0.0,
-    hold: Annotated[
-        bool,
-        typer.Option("--hold/--no-hold", help="Commanded torques are held, measured ones not."),
-    ] = True,
-    output: Annotated[
-        Path | None, typer.Option("-o", "--output", help="Folder; by default that of the records.")
-    ] = None,
+    delay: Delay = 0.0,
+    hold: Hold = True,
+    output: BesideRecords = None,
     as_json: AsJson = False,
 ) -> None:
     """Identify masses, springs and couplings of chains from motor torques and angles alone.

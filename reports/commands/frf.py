@@ -1,11 +1,10 @@
 """``oed frf``: frequency responses from records."""
 
-from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from reports.commands.options import AsJson, robot_names, say
+from reports.commands.options import AsJson, BesideRecords, Delay, Hold, Records, robot_names, say
 from reports.commands.workers import one_thread_each
 
 
@@ -15,13 +14,10 @@ def register(app: typer.Typer) -> None:
 
 
 def frf(
-    records: Annotated[Path, typer.Argument(help="Records: .h5, .mat or .csv.")],
+    records: Records,
     method: Annotated[str, typer.Option(help="ari, har, log, h1 or jio.")] = "ari",
-    delay: Annotated[float, typer.Option(help="Of the angles after the torques, in s.")] = 0.0,
-    hold: Annotated[
-        bool,
-        typer.Option("--hold/--no-hold", help="Commanded torques are held, measured ones not."),
-    ] = True,
+    delay: Delay = 0.0,
+    hold: Hold = True,
     covariance: Annotated[
         str, typer.Option(help="total (from blocks) or noise (from periods, misses distortion).")
     ] = "total",
@@ -44,9 +40,7 @@ def frf(
     compare: Annotated[
         bool, typer.Option("--compare", help="Rank the methods by simulating the measured loop.")
     ] = False,
-    output: Annotated[
-        Path | None, typer.Option("-o", "--output", help="Folder; by default that of the records.")
-    ] = None,
+    output: BesideRecords = None,
     as_json: AsJson = False,
 ) -> None:
     """Estimate frequency responses from records, with covariance, noise and distortion.

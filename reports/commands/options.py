@@ -21,6 +21,16 @@ AsJson = Annotated[
 ]
 WORKERS = available_cores()
 
+Records = Annotated[Path, typer.Argument(help="Records: .h5, .mat or .csv.")]
+Delay = Annotated[float, typer.Option(help="Of the angles after the torques, in s.")]
+Hold = Annotated[
+    bool,
+    typer.Option("--hold/--no-hold", help="Commanded torques are held, measured ones not."),
+]
+BesideRecords = Annotated[
+    Path | None, typer.Option("-o", "--output", help="Folder; by default that of the records.")
+]
+
 
 def say(text: Callable[[], str], document: Callable[[], Any], as_json: bool) -> None:
     """Print the summary for people, or the one for scripts."""
