@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 
 from oed.experiment.build import Prepared
+from oed.experiment.plan import ExperimentPlan
 from oed.experiment.run import Outcome
 from reports.terminal.columns import number, plain, plural, table
 from reports.text import duration
@@ -18,13 +19,25 @@ def experiment_summary(prepared: Prepared, outcome: Outcome, folder: Path) -> st
 
     Predicted peaks include the start of each experiment, met ones the measured periods only.
     """
-    plan, lines = prepared.plan, prepared.plan.multisine.lines
-    period = plan.multisine.period
+    entries = [
+        *_plan_entries(prepared.plan),
+        ("limit", str(prepared.scaling.binding)),
+        *_saturation_entries(prepared.plan, outcome),
+        ("time", f"simulated in {plain(duration(outcome.seconds))}"),
+        *(("written", str(folder / name)) for name in _FILES),
+    ]
+    lines = [f"  {key:<9}{value}" for key, value in entries]
+    return "\n".join([prepared.robot.name, *lines, *_peaks(prepared.plan, outcome)])
+
+
+def _plan_entries(plan: ExperimentPlan) -> list[tuple[str, str]]:
+    """Return how much is measured, for how long, and at which frequencies."""
+    lines, period = plan.multisine.lines, plan.multisine.period
     visits = len(plan.visits)
     repeated = f" in {plural(visits, 'visit')}" if visits > len(plan.positions) else ""
     left_out = len(plan.multisine.detection)
     detection = f", {plural(left_out, 'detection line')}" if left_out else ""
-    entries = [
+    return [
         (
             "plan",
             f"{plural(len(plan.positions), 'position')}{repeated}, "
@@ -37,40 +50,38 @@ def experiment_summary(prepared: Prepared, outcome: Outcome, folder: Path) -> st
             f"{plural(len(lines), 'line')} from {lines[0] / period:g} to "
             f"{lines[-1] / period:g} Hz{detection}",
         ),
-        ("limit", str(prepared.scaling.binding)),
     ]
+
+
+def _saturation_entries(plan: ExperimentPlan, outcome: Outcome) -> list[tuple[str, str]]:
+    """Return a warning if a motor met its torque limit."""
     met = outcome.saturated > 0
-    if met.any():
-        worst = int(np.argmax(outcome.saturated))
-        entries.append(
-            (
-                "torque",
-                f"WARNING: {plural(int(met.sum()), 'motor')} met the torque limit, "
-                f"{plan.motors[worst]!r} in {100 * outcome.saturated[worst]:.2g} % of the "
-                "experiments",
-            )
+    if not met.any():
+        return []
+    worst = int(np.argmax(outcome.saturated))
+    return [
+        (
+            "torque",
+            f"WARNING: {plural(int(met.sum()), 'motor')} met the torque limit, "
+            f"{plan.motors[worst]!r} in {100 * outcome.saturated[worst]:.2g} % of the experiments",
         )
-    entries.append(("time", f"simulated in {plain(duration(outcome.seconds))}"))
-    entries += [("written", str(folder / name)) for name in _FILES]
+    ]
+
+
+def _peaks(plan: ExperimentPlan, outcome: Outcome) -> list[str]:
+    """Return the table of each motor's largest torque and speed, predicted and met."""
+    peaks = (
+        outcome.predicted_torque,
+        outcome.peak_torque,
+        outcome.predicted_speed,
+        outcome.peak_speed,
+    )
     rows = [
         (name, *(number(float(v)) for v in values))
-        for name, *values in zip(
-            plan.motors,
-            outcome.predicted_torque,
-            outcome.peak_torque,
-            outcome.predicted_speed,
-            outcome.peak_speed,
-            strict=True,
-        )
+        for name, *values in zip(plan.motors, *peaks, strict=True)
     ]
-    header = (
-        "peaks",
-        *("torque\npredicted", "N m\nmet", "speed\npredicted", "rad/s\nmet"),
-    )
-    peaks = table(header, rows, right=(1, 2, 3, 4))
-    return "\n".join(
-        [prepared.robot.name, *(f"  {key:<9}{value}" for key, value in entries), *peaks]
-    )
+    header = ("peaks", "torque\npredicted", "N m\nmet", "speed\npredicted", "rad/s\nmet")
+    return table(header, rows, right=(1, 2, 3, 4))
 
 
 def experiment_json(prepared: Prepared, outcome: Outcome, folder: Path) -> dict[str, Any]:
