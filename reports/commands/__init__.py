@@ -1,22 +1,20 @@
-"""One module per command; each has a ``register(app)`` that adds it to the command line."""
+"""The commands, one module each or several alike; each has a ``register(app)`` that adds them."""
 
 import typer
 
 from reports.commands import (
     chains,
     check,
-    design,
-    fit,
     frf,
     init,
     report,
     run,
-    sample,
     schema,
     simulate,
+    steps,
 )
 
-_IN_ORDER = (init, check, run, design, fit, sample, report, simulate, frf, chains, schema)
+_IN_ORDER = (init, check, run, steps, report, simulate, frf, chains, schema)
 
 
 def register_all(app: typer.Typer) -> None:

@@ -1,0 +1,50 @@
+"""``oed design``, ``oed fit``, ``oed sample``: a study as far as one of its results."""
+
+from collections.abc import Callable
+
+import typer
+
+from reports.commands.options import WORKERS, AsJson, Workers, say
+from reports.commands.studies import Cluster, Fresh, StudyFile, compute_study
+
+_PURPOSE = {
+    "design": "Choose where to measure: candidates, optimal design, whole experiments; "
+    "writes design.json.",
+    "fit": "Take or simulate the data of a study and fit them; writes design.json and fit.json.",
+    "sample": "Say how certain the fit of a study is, by Theorem 1 and emcee; "
+    "writes uncertainty.json.",
+}
+_KEPT = "What an earlier command computed is kept while nothing it rests on changes."
+_WRITTEN = {"design": "design.json", "fit": "fit.json", "sample": "uncertainty.json"}
+
+
+def register(app: typer.Typer) -> None:
+    """Add the commands."""
+    for name, purpose in _PURPOSE.items():
+        told = f"{purpose}\n\n{_KEPT}\n\nExample: oed {name} studies/ur10.yaml"
+        app.command(name, help=told)(_up_to(name))
+
+
+def _up_to(name: str) -> Callable[..., None]:
+    """Return the command that ends with the result of its name."""
+
+    def command(
+        study: StudyFile,
+        workers: Workers = WORKERS,
+        cluster: Cluster = None,
+        fresh: Fresh = False,
+        as_json: AsJson = False,
+    ) -> None:
+        from oed.study import pipeline
+        from reports.terminal.study_summary import study_json, study_summary
+
+        steps = {
+            "design": pipeline.design_study,
+            "fit": pipeline.fit_study,
+            "sample": pipeline.run_study,
+        }
+        results = compute_study(study, steps[name], workers, fresh, cluster=cluster)
+        written = [results.study.output / _WRITTEN[name]]
+        say(lambda: study_summary(results, written), lambda: study_json(results, written), as_json)
+
+    return command
