@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from estimators.frf.estimate import unvec, vec
-from estimators.uncertainty.covariance import sandwich
+from estimators.uncertainty.sandwich import sandwich
 from robotmodels.arrays import Array, ComplexArray
 
 _WIDTH = 5  # lines that variances are averaged over for the weights

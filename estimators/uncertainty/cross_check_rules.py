@@ -7,10 +7,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from estimators.fitting.least_squares import Fit
-from estimators.uncertainty.covariance import Uncertainty, covariance, sandwich_parts
+from estimators.uncertainty.covariance import Uncertainty, covariance
 from estimators.uncertainty.log_posterior import magnitude_adjustment
 from estimators.uncertainty.misfit import Misfit, misfit
 from estimators.uncertainty.model_error import informative_lines
+from estimators.uncertainty.theorem_1 import sandwich_parts
 from robotmodels.arrays import Array
 from robotmodels.errors import NotIdentifiable
 

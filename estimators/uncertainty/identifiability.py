@@ -6,8 +6,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from estimators.fitting.least_squares import Fit
-from estimators.uncertainty.covariance import sandwich_parts
 from estimators.uncertainty.log_posterior import magnitude_adjustment
+from estimators.uncertainty.theorem_1 import sandwich_parts
 from robotmodels.arrays import Array, read_only
 from robotmodels.errors import InvalidInput
 from robotmodels.notebook import Printed

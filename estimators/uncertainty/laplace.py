@@ -6,9 +6,9 @@ import numpy as np
 from scipy.special import gammaln
 
 from estimators.fitting.least_squares import Fit
-from estimators.uncertainty.covariance import sandwich_parts
 from estimators.uncertainty.log_posterior import LogPosterior
 from estimators.uncertainty.log_posterior_slope import slope
+from estimators.uncertainty.theorem_1 import sandwich_parts
 from robotmodels.arrays import Array
 
 # Heavy enough to cover tails beyond the normal's, light enough for 26 dimensions.

@@ -13,9 +13,9 @@ from estimators.fitting.priors import Prior
 from estimators.fitting.residuals import Residual, find_residual
 from estimators.fitting.weights import square_root, used_elements
 from estimators.frf.estimate import is_full
-from estimators.uncertainty.covariance import sandwich_parts
 from estimators.uncertainty.likelihood import Noise, line_squares
 from estimators.uncertainty.side_by_side import side_by_side
+from estimators.uncertainty.theorem_1 import sandwich_parts
 from robotmodels.arrays import Array, ComplexArray, read_only
 from robotmodels.elastic.spring_network import SpringNetwork
 from robotmodels.errors import IdentificationError, InvalidInput, SolverFailed

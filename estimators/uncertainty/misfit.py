@@ -10,8 +10,8 @@ from estimators.fitting.least_squares import Fit
 from estimators.fitting.residuals import find_residual
 from estimators.fitting.weights import used_elements
 from estimators.frf.estimate import is_full, vec
-from estimators.uncertainty.covariance import weighted_noise
 from estimators.uncertainty.model_error import expected_cost
+from estimators.uncertainty.theorem_1 import weighted_noise
 from robotmodels.errors import InvalidInput
 from robotmodels.response import frequency_response
 

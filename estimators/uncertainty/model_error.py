@@ -6,7 +6,7 @@ import numpy as np
 
 from estimators.fitting.least_squares import problem_of
 from estimators.fitting.robust import LOSSES
-from estimators.uncertainty.covariance import sandwich_parts
+from estimators.uncertainty.theorem_1 import sandwich_parts
 from robotmodels.arrays import Array
 from robotmodels.errors import InvalidInput, SolverFailed
 from robotmodels.response import frequency_response

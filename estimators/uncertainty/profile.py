@@ -11,10 +11,10 @@ import numpy as np
 from estimators.fitting.least_squares import Fit
 from estimators.fitting.priors import Prior
 from estimators.levels import check_level
-from estimators.uncertainty.covariance import sandwich_parts
 from estimators.uncertainty.laplace import laplace, student_t
 from estimators.uncertainty.log_posterior import LogPosterior, posterior_density
 from estimators.uncertainty.log_posterior_slope import Slope, slope
+from estimators.uncertainty.theorem_1 import sandwich_parts
 from robotmodels.arrays import Array, read_only
 from robotmodels.errors import IdentificationError
 from robotmodels.notebook import Printed

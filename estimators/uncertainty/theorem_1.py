@@ -1,0 +1,57 @@
+"""Bread and meat of [WM] Theorem 1 for any residual and weights."""
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from estimators.fisher_information import information
+from estimators.fitting.residuals import find_residual
+from estimators.fitting.weights import used_elements
+from estimators.frf.estimate import is_full, vec
+from robotmodels.arrays import Array
+from robotmodels.errors import SolverFailed
+from robotmodels.response import sensitivity
+
+if TYPE_CHECKING:
+    from estimators.fitting.least_squares import Fit
+
+
+def sandwich_parts(fit: "Fit") -> tuple[Array, Array]:
+    """Return bread and meat of (5), (p, p): Hessian of the cost, covariance of its gradient.
+
+    With Psi the residual's Jacobian, W its weights and R its noise covariance, bread is
+    2 sum Re(conj(Psi) W Psi^T) and meat 2 sum Re(conj(Psi) W R W Psi^T). For log residuals
+    Psi = G_d^-1 Psi_G and R = G_d^-1 Lambda_0 G_d^-H, which is [WM]'s Xi and Sigma regrouped.
+    Neither the prior nor a robust loss is in them.
+
+    Raises
+    ------
+    SolverFailed : if the search could not begin.
+    """
+    if not np.isfinite(fit.cost):
+        raise SolverFailed(f"no covariance without a fit: {fit.message}")
+    estimate, kind = fit.estimate, find_residual(fit.residual)
+    used = used_elements(fit.weights, estimate.response.shape)
+    G, J = sensitivity(
+        fit.model, estimate.positions, estimate.omega, fit.parameters.values, sag=True
+    )
+    psi = kind.jacobian(G, J, used)
+    noise = kind.noise(estimate.covariance, G, used)
+    bread = information(psi, fit.weights).sum(axis=0)
+    meat = information(psi, weighted_noise(fit.weights, noise, G.shape)).sum(axis=0)
+    return bread, meat
+
+
+def weighted_noise(
+    weights: NDArray[Any], noise: NDArray[Any], shape: tuple[int, ...]
+) -> NDArray[Any]:
+    """Return W R W: element-wise if both are, (Q, F, m n, m n) otherwise."""
+    full_weights, full_noise = is_full(weights, shape), is_full(noise, shape)
+    if not full_weights and not full_noise:
+        return np.asarray(weights**2 * noise)
+    if not full_weights:
+        w = vec(weights)
+        return np.asarray(w[..., :, None] * noise * w[..., None, :])
+    middle = noise @ weights if full_noise else vec(noise)[..., :, None] * weights
+    return np.asarray(weights @ middle)
