@@ -212,5 +212,15 @@ def _trimmed(inner: InnerProblem, answer: InnerAnswer, tolerance: float) -> Arra
 
 
 def _complete(inner: InnerProblem, shares: Array) -> Array:
-    """Return shares that use up the budget, where nothing else limits them."""
-    return np.asarray(shares / shares.sum() if len(inner.rows) == 1 else shares)
+    """Return shares that use up the budget, where nothing else limits them, and no more of a limit.
+
+    Solvers meet limits but for their tolerance. Rows with negative entries, which ask for a least
+    use, stay as they are.
+    """
+    if len(inner.rows) == 1:
+        return np.asarray(shares / shares.sum())
+    for row, bound in zip(inner.rows, inner.bounds, strict=True):
+        taken = float(row @ shares)
+        if taken > bound and (row >= 0).all():
+            shares = np.where(row > 0, shares * (max(bound, 0.0) / taken), shares)
+    return shares

@@ -64,20 +64,24 @@ class InformationSamples:
 
     @cached_property
     def matrices(self) -> Array:
-        """All matrices, (Q, K, p, p)."""
+        """All matrices, (Q, K, p, p), or (Q, p, p) of a single set."""
         return read_only(self.take(np.arange(len(self))))
 
     def take(self, indices: IntArray) -> Array:
-        """Return matrices, (n, K, p, p)."""
+        """Return matrices, (n, K, p, p), or (n, p, p) of a single set, as it does itself."""
+        if self.samples == 1:
+            return self.sets[0].take(indices)
         return np.stack([one.take(indices) for one in self.sets], axis=1)
 
     def prices(self, weight: Array) -> Array:
-        """Return sum_k tr(W_k H_ik), (Q,), for W (K, p, p)."""
-        parts = zip(self.sets, weight, strict=True)
+        """Return sum_k tr(W_k H_ik), (Q,), for W (K, p, p), or (p, p) of a single set."""
+        parts = zip(self.sets, weight.reshape(-1, *weight.shape[-2:]), strict=True)
         return np.asarray(np.sum([one.prices(W) for one, W in parts], axis=0))
 
     def combined(self, weights: Array) -> Array:
-        """Return sum_i w_i H_ik, (K, p, p)."""
+        """Return sum_i w_i H_ik, (K, p, p), or (p, p) of a single set."""
+        if self.samples == 1:
+            return self.sets[0].combined(weights)
         return np.stack([one.combined(weights) for one in self.sets])
 
 
@@ -206,7 +210,8 @@ def robust_design(
     nominal = samples.combined(local[0].weights) + prior
 
     def efficiency(information: Array) -> Array:
-        values = np.array([base.log_value(matrix) for matrix in information])
+        stack = information.reshape(-1, *information.shape[-2:])
+        values = np.array([base.log_value(matrix) for matrix in stack])
         return read_only(np.exp(values - best))
 
     return RobustDesign(design, local[0], efficiency(design.information), efficiency(nominal))

@@ -54,8 +54,7 @@ class ExperimentPlan:
     moves : limits of the moves between positions, and the motors' names.
     scale : (V,) factors of the amplitudes.
     start : (n,) where the robot is before the first move [rad]; the first position by default.
-    order : how the positions were put in order and what that saves; None if they are as given, and
-        of a plan from a file.
+    order : how the positions were put in order and what that saves; None if they are as given.
 
     Raises
     ------

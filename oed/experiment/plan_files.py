@@ -1,9 +1,11 @@
 """Plans on disk: a YAML file to read and an HDF5 file of arrays beside it.
 
 ``PLAN.yaml`` (``schema: plan/1``) holds everything a person looks for; ``duration`` [s] is there to
-be read only, it follows from the rest. ``PLAN.h5`` has the datasets ``phases`` (V, B, F, n) [rad],
-``amplitudes`` (F, n) [rad/s] and ``scale`` (V,), and the attribute ``fingerprint`` that the YAML
-file repeats, so that two files of different plans cannot be taken for one.
+be read only, it follows from the rest; ``order``, where positions were reordered, tells their
+places among those given and what the moves take [s]. ``PLAN.h5`` has the datasets ``phases``
+(V, B, F, n) [rad], ``amplitudes`` (F, n) [rad/s] and ``scale`` (V,), and the attribute
+``fingerprint`` that the YAML file repeats, so that two files of different plans cannot be taken
+for one.
 """
 
 import os
@@ -18,6 +20,8 @@ from estimators.fingerprint import fingerprint
 from oed.experiment.moves import MoveLimits
 from oed.experiment.multisine import Multisine
 from oed.experiment.plan import ExperimentPlan
+from oed.plans.order import VisitingOrder
+from robotmodels.arrays import read_only
 from robotmodels.errors import InvalidInput
 from robotmodels.files import Strict, read_yaml, reason
 from robotmodels.replacing import replacing
@@ -44,6 +48,15 @@ class MovesSection(Strict):
     start: list[float]
 
 
+class OrderSection(Strict):
+    """How the positions came to be in this order, see `VisitingOrder`."""
+
+    order: list[int]
+    duration: float
+    given: float
+    optimal: bool
+
+
 class PlanFile(Strict):
     """A plan file, ``schema: plan/1``."""
 
@@ -56,6 +69,7 @@ class PlanFile(Strict):
     transient_periods: int
     repetitions: list[int]
     positions: list[list[float]]
+    order: OrderSection | None = None
     moves: MovesSection
     multisine: MultisineSection
     signals: str
@@ -131,6 +145,7 @@ def load_plan(path: str | os.PathLike[str]) -> ExperimentPlan:
             ),
             scale=arrays["scale"],
             start=np.array(plan.moves.start),
+            order=_order(plan.order),
         )
     except InvalidInput as error:
         raise InvalidInput(f"{path}: {error}") from None
@@ -154,6 +169,7 @@ def _document(plan: ExperimentPlan, signals: str, fingerprint: str) -> dict[str,
         "transient_periods": plan.transient_periods,
         "repetitions": plan.repetitions.tolist(),
         "positions": plan.positions.tolist(),
+        **_order_document(plan.order),
         "moves": {
             "positions": moves.positions.tolist(),
             "speed": moves.speed.tolist(),
@@ -170,6 +186,21 @@ def _document(plan: ExperimentPlan, signals: str, fingerprint: str) -> dict[str,
         "signals": signals,
         "fingerprint": fingerprint,
     }
+
+
+def _order_document(order: VisitingOrder | None) -> dict[str, Any]:
+    """Return how positions were put in order; nothing where they are as given."""
+    if order is None:
+        return {}
+    rest = {"duration": order.duration, "given": order.given, "optimal": order.optimal}
+    return {"order": {"order": order.order.tolist(), **rest}}
+
+
+def _order(section: OrderSection | None) -> VisitingOrder | None:
+    if section is None:
+        return None
+    order = read_only(np.array(section.order, dtype=np.int64))
+    return VisitingOrder(order, section.duration, section.given, section.optimal)
 
 
 def _read_arrays(path: Path, fingerprint: str) -> dict[str, Any]:

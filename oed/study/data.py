@@ -56,21 +56,21 @@ class SimulatedExperiment:
 
 
 def noisy_frf(run: Run, info: Stage[Information], plan: Stage[Plan]) -> Stage[Data]:
-    """Return FRFs in the plan's positions with errors by the noise law."""
+    """Return FRFs in the plan's positions, in the order of visits, with errors by the noise law."""
     frequencies, noise = run.study.frequencies, run.study.noise
     assert frequencies is not None
     assert noise is not None
 
     def compute(folder: Path, report: Report | None) -> Data:
-        exact = plan.value.exact
+        used = plan.value.used
         return Data(
             simulate_frf(
                 run.plant,
-                info.value.positions[exact.support],
+                info.value.positions[used],
                 frequencies.omega(),
                 noise.law(),
                 run.rng("data"),
-                repetitions=exact.repetitions[exact.support],
+                repetitions=plan.value.exact.repetitions[used],
             )
         )
 
@@ -78,20 +78,20 @@ def noisy_frf(run: Run, info: Stage[Information], plan: Stage[Plan]) -> Stage[Da
         "plant": run.plant_digest,
         "information": info.digest,
         "design": plan.digest,
+        "visits": plan.value.used.tolist(),
         **run.settings("frequencies", "noise", "seed"),
     }
     return run.stages.run("data", inputs, compute, dataclass_files(Data))
 
 
 def experiment(run: Run, info: Stage[Information], plan: Stage[Plan]) -> Stage[SimulatedExperiment]:
-    """Return the plan's experiments, simulated in closed loop."""
+    """Return the plan's experiments in the order of visits, simulated in closed loop."""
     shaking = run.study.data.experiment
     assert shaking is not None
 
     def compute(folder: Path, report: Report | None) -> SimulatedExperiment:
-        exact = plan.value.exact
-        positions = info.value.positions[exact.support]
-        repetitions = exact.repetitions[exact.support]
+        used = plan.value.used
+        positions, repetitions = info.value.positions[used], plan.value.exact.repetitions[used]
         return shaken(run, positions, repetitions, run.rng("data"), folder, report)
 
     inputs = {
@@ -99,6 +99,7 @@ def experiment(run: Run, info: Stage[Information], plan: Stage[Plan]) -> Stage[S
         "plant": run.plant_digest,
         "information": info.digest,
         "design": plan.digest,
+        "visits": plan.value.used.tolist(),
         "experiment": shaking.model_dump(mode="json"),
         **run.settings("seed"),
     }

@@ -28,7 +28,7 @@ from oed.study.run import Run
 from oed.study.stage_files import INFORMATION, STORE, STORED, dataclass_files
 from oed.study.stages import Report, Stage
 from robotmodels import ElasticRobot
-from robotmodels.arrays import Array
+from robotmodels.arrays import Array, IntArray
 from robotmodels.at_values import AtValues
 from robotmodels.errors import InvalidInput, NoEquilibrium
 
@@ -53,6 +53,16 @@ class Plan:
     exact: ExactDesign
     robust: RobustDesign | None = None
     order: VisitingOrder | None = None
+
+    @property
+    def used(self) -> IntArray:
+        """Indices of the candidates that are measured in, in the order of visits."""
+        return visited(self.exact, self.order)
+
+
+def visited(exact: ExactDesign, order: VisitingOrder | None) -> IntArray:
+    """Return the candidates that a plan measures in, in the order of visits where there is one."""
+    return exact.support if order is None else np.asarray(exact.support[order.order])
 
 
 def candidates(run: Run) -> Stage[ScreenedCandidates]:

@@ -8,9 +8,10 @@ files depends on the clock or on where they lie: the same seed gives the same fi
     ``stages/information/information.h5``), their ``weights``, ``value``, certified ``gap``;
     ``exact``: ``experiments`` and ``efficiency`` (certified lower bound against the relaxed
     optimum); ``positions``: the positions to measure in, each with ``candidate``, ``position``
-    [rad, in the order of ``motors``], ``weight``, ``repetitions``; where the study asks for them,
-    ``order``: ``candidates`` in the order of visits, ``seconds`` of all moves, and ``robust``:
-    efficiencies at each sample of theta of the design and of the ``nominal`` one.
+    [rad, in the order of ``motors``], ``weight``, ``repetitions``, in the order of visits; where
+    the study asks for them, ``order``: ``candidates`` in that order, ``seconds`` of all moves, from
+    the start and back to it, and ``robust``: efficiencies at each sample of theta of the design and
+    of the ``nominal`` one.
 ``fit.json``
     ``parameters``: name, unit, ``truth`` (null where it is not known), ``estimate``;
     ``residual``, ``cost``, ``origin`` of the chosen fit; ``estimators``: what each estimator came
@@ -133,7 +134,7 @@ def _extras(results: PlannedStudy) -> dict[str, Any]:
         }
     if results.order is not None:
         found["order"] = {
-            "candidates": results.used[results.order.order].tolist(),
+            "candidates": results.used.tolist(),
             "seconds": float(results.order.duration),
         }
     return found

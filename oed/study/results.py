@@ -19,7 +19,7 @@ from oed.design.robust import RobustDesign
 from oed.plans.exact import ExactDesign
 from oed.plans.order import VisitingOrder
 from oed.study.data import SimulatedExperiment
-from oed.study.design import Information
+from oed.study.design import Information, visited
 from oed.study.file import Study
 from oed.study.fits import Search
 from oed.study.published import Published
@@ -43,7 +43,7 @@ class PlannedStudy:
     information, design, exact : candidates, relaxed optimum, integer plan. With measured data the
         candidates are the measured positions and the plan is what was measured.
     robust : what a robust design keeps at each sample of theta; None where it is for one theta.
-    order : in which the positions of the plan are visited; None where the study does not ask.
+    order : of the plan's support, to shorten the moves; None where the study says nothing of them.
     omega : (F,) of the data, or of the design where there are none yet [rad/s].
     seconds : time per stage, when it was computed.
     kept : stages that earlier runs had computed.
@@ -66,8 +66,8 @@ class PlannedStudy:
 
     @property
     def used(self) -> IntArray:
-        """Indices of the candidates that the plan measures in."""
-        return self.exact.support
+        """Indices of the candidates that the plan measures in, in the order of visits."""
+        return visited(self.exact, self.order)
 
     @property
     def truth(self) -> Array:

@@ -67,7 +67,6 @@ def tour(results: StudyResults) -> dict[str, str] | None:
         count = int(results.exact.repetitions.sum())
         total = text.duration(count * choice.measuring + order.duration)
     return {
-        "order": ", ".join(str(i + 1) for i in order.order),
         "duration": text.duration(order.duration),
         "given": text.duration(order.given),
         "total": total,

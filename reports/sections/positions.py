@@ -62,9 +62,10 @@ def position_table(results: StudyResults) -> Table:
         rows.append([*row, Number(str(count), count)])
     titles = ["no.", *results.robot.motor_names, *([] if measured else ["share"]), "experiments"]
     shares = "" if measured else f"; {_shares(results)}"
+    visits = "" if results.order is None else "; numbers and rows in the order of visits"
     caption = (
         f"Motor angles over gear ratios, in degrees here and in radians in files{shares}; "
-        "experiments in the position."
+        f"experiments in the position{visits}."
     )
     return table("plan", caption, numbers(*titles), rows)
 

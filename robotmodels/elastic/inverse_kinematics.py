@@ -16,6 +16,8 @@ from robotmodels.errors import InvalidInput
 _ACCURACY = 1e-6  # [m], and [rad] of the direction
 _ITERATIONS = 60
 _APART = 0.1  # [rad] or [m]: closer solutions are one
+# Joints that do not move the tool leave the normal matrix without an inverse but for the damping.
+_LEAST_DAMPING = 1e-8
 
 
 @dataclass(frozen=True, eq=False)
@@ -129,7 +131,7 @@ def _search(
         if size < _ACCURACY:
             return position
         if size < smallest:
-            best, smallest, damping = position, size, 0.2 * damping
+            best, smallest, damping = position, size, max(0.2 * damping, _LEAST_DAMPING)
             error = new
             jacobian = moved if direction is None else np.concatenate([moved, turned])
         else:

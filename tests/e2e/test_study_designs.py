@@ -11,8 +11,8 @@ from oed.experiment.file import load_experiment, planned_positions
 from oed.plans.scoring import standard_deviations
 from oed.store import StoredInformation
 from oed.study.file import load_study
-from oed.study.pipeline import design_study
-from reports.sections import candidates, design
+from oed.study.pipeline import design_study, fit_study
+from reports.sections import candidates, design, positions
 from robotmodels.errors import InvalidInput
 
 EXPERIMENT = """\
@@ -45,8 +45,8 @@ def test_limits_on_positions_are_kept(tmp_path):
         " bent: {where: {elbow_joint: [1, 3]}, least: 3}}}",
         more="  positions: [[-1.0, 0.3]]\n",
     )
-    counts, positions = found.exact.repetitions, found.information.positions
-    lift, elbow = positions.T
+    counts = found.exact.repetitions
+    lift, elbow = found.information.positions.T
     assert counts.sum() == 6
     assert counts.max() <= 2
     assert counts[np.flatnonzero((lift == -1.0) & (elbow == 0.3))].sum() >= 1
@@ -67,8 +67,20 @@ def test_a_time_suffices_for_experiments_and_moves_and_orders_the_visits(tmp_pat
     assert 200 < total <= 300
     assert sorted(found.order.order) == list(range(len(found.used)))
     said = design.section(found).body
-    assert "Visited in the order" in said
+    assert "numbered and visited in the order that shortens the moves" in said
     assert "of the 5\u202fmin 0\u202fs allowed" in said
+
+
+def test_positions_are_measured_and_numbered_in_the_order_of_visits(tmp_path):
+    wanted = "{experiments: 6, most: 1, solver: newton, moves: {speed: 0.5, acceleration: 1.0}}"
+    found = fit_study(load_study(study(tmp_path, wanted)))
+    assert found.order.duration < found.order.given
+    places = found.information.positions[found.used]
+    np.testing.assert_array_equal(found.estimate.positions, places)
+    np.testing.assert_array_equal(
+        found.information.positions[found.exact.support][found.order.order], places
+    )
+    assert "rows in the order of visits" in positions.position_table(found).caption
 
 
 def test_a_number_of_experiments_that_is_the_default_is_no_lesser_limit(tmp_path):
@@ -106,7 +118,7 @@ def test_design_json_tells_order_and_robustness(tmp_path):
     assert oed("design", path, "--workers", 1)[0] == 0
     document = json.loads((tmp_path / "results" / "here" / "design.json").read_text())
     used = [one["candidate"] for one in document["positions"]]
-    assert sorted(document["order"]["candidates"]) == used
+    assert document["order"]["candidates"] == used
     assert document["order"]["seconds"] >= 0
     assert len(document["robust"]["efficiency"]) == 2
     # An experiment by this design visits in its order.

@@ -80,6 +80,15 @@ def test_constrained_a_design(name):
     assert design.value == pytest.approx(monolithic(CASES[name], "A"), rel=1e-4)
 
 
+@pytest.mark.parametrize("seed", [0, 2])
+def test_limits_are_met_to_rounding_whatever_the_solver_takes_for_met(seed):
+    durations = np.random.default_rng(seed).uniform(5, 10, 40)
+    rules = Constraints(time=100, experiments=8, durations=durations, most=4)
+    design = optimal_design(random_set(seed, 40, 4, 1), "A", rules, form="dual")
+    assert rules.polytope(40).violation(design.weights) < 1e-14
+    assert 0 <= design.gap <= 1e-6
+
+
 def check_obeyed(constraints, w):
     slack = 1e-6
     assert w.min() >= 0

@@ -52,7 +52,7 @@ def test_reference_is_scaled():
     np.testing.assert_array_equal(louder.signals[2], louder.reference(2))
 
 
-def test_positions_are_put_in_order_on_request():
+def test_positions_are_put_in_order_on_request(tmp_path):
     positions = np.array([[0.0, 0.0], [1.2, 1.5], [0.1, 0.1], [1.1, 1.4]])
     usual = {"positions": positions, "repetitions": (1, 2, 3, 1), "start": (-0.1, 0.0)}
     plain, short = plan(**usual), plan(**usual, reorder=True)
@@ -63,6 +63,11 @@ def test_positions_are_put_in_order_on_request():
     # Moves are rounded up to whole samples.
     assert short.order.saved > 1.0
     assert plain.duration - short.duration == pytest.approx(short.order.saved, abs=8 * T)
+    short.save(tmp_path / "plan.yaml")
+    kept = ExperimentPlan.load(tmp_path / "plan.yaml").order
+    assert kept.order.tolist() == short.order.order.tolist()
+    assert (kept.duration, kept.given) == (short.order.duration, short.order.given)
+    assert kept.optimal
 
 
 def test_crest_factors_are_lowered_on_request():

@@ -104,6 +104,15 @@ def test_equal_samples_need_no_robustness():
     np.testing.assert_allclose(robust.design.weights, robust.nominal.weights, atol=1e-5)
 
 
+def test_a_single_sample_is_the_plain_design():
+    robust = oed.robust_design(SETS[:1], solver="newton")
+    np.testing.assert_allclose(robust.design.weights, robust.nominal.weights, atol=1e-9)
+    np.testing.assert_allclose([*robust.efficiency, *robust.nominal_efficiency], 1.0, rtol=1e-9)
+    samples = oed.InformationSamples(SETS[:1])
+    plan = oed.exact_design(samples, 8, robust.design, criterion=oed.MaximinCriterion("D"))
+    np.testing.assert_array_equal(plan.repetitions, oed.exact_design(SETS[0], 8).repetitions)
+
+
 def test_a_sample_of_no_share_is_refused_and_shares_matter():
     heavy = oed.robust_design(SETS, "D", "average", shares=[1e6, 1, 1], solver="newton")
     np.testing.assert_allclose(heavy.efficiency, heavy.nominal_efficiency, atol=1e-4)

@@ -54,6 +54,16 @@ def test_a_ur10_reaches_a_box_pointing_down():
     assert ((found.positions >= low) & (found.positions <= high)).all()
 
 
+def test_joints_that_do_not_move_the_tool_keep_no_point_out_of_reach():
+    robot = load_robot("ur10")  # the last joints turn about an axis through tool0
+    box = TaskBox("tool0", (0.4, -0.3, 0.2), (0.8, 0.3, 0.6), (2, 2, 2))
+    found = task_space_positions(robot, box, np.random.default_rng(0))
+    assert not len(found.unreached)
+    for position, target in zip(found.positions, found.targets[found.target], strict=True):
+        at = tool(robot, "tool0", (0.0, 0.0, 0.0), position)[0]
+        np.testing.assert_allclose(at, target, atol=2e-6)
+
+
 def test_points_out_of_reach_are_counted(tmp_path):
     robot = arm(tmp_path)
     box = TaskBox("hand", (0.5, 0.0, 0.25), (2.5, 0.0, 0.25), (3, 1, 1), starts=4)
