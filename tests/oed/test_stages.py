@@ -1,14 +1,11 @@
 """Stages are computed once, recomputed where something changed, and survive kills."""
 
 import json
-import random
-import subprocess
-import sys
-import time
 from pathlib import Path
 
 import numpy as np
 import pytest
+from killed import killed_again_and_again
 
 from oed.study.stage_files import ARRAY
 from oed.study.stages import Files, open_stages
@@ -159,76 +156,50 @@ def test_a_folder_that_cannot_be_made_is_named(tmp_path):
         pass
 
 
-# Four stages of ten steps, each step kept in a file as the stages of a study do.
-WORK = """
-import sys, time
-from pathlib import Path
-from oed.study.stages import Files, open_stages
-
 NUMBER = Files(
     lambda value, folder: (folder / "sum").write_text(repr(value)),
     lambda folder: float((folder / "sum").read_text()),
 )
 
-def steps(name, before):
-    def compute(folder, report):
-        done = sorted(folder.glob("step_*"))
-        for i in range(len(done), 10):
-            # Noted when begun: a step that a kill cuts off is noted twice, none is noted never.
-            with open(sys.argv[2], "a") as log:
-                log.write(name)
-            time.sleep(0.004)
-            part = folder / "writing"
-            part.write_text(str(before + i))
-            part.rename(folder / f"step_{i:02d}")
-        return sum(float(p.read_text()) for p in folder.glob("step_*"))
-    return compute
 
-with open_stages(Path(sys.argv[1])) as stages:
-    total = 0.0
-    digest = ""
-    print("started", flush=True)
-    for name in "abcd":
-        stage = stages.run(name, {"below": digest}, steps(name, total), NUMBER)
-        total, digest = stage.value, stage.digest
-print(total)
-"""
+def four_stages(folder, log):
+    """Four stages of ten steps, each step kept in a file as the stages of a study do."""
+
+    def steps(name, before):
+        def compute(folder, report):
+            done = sorted(folder.glob("step_*"))
+            for i in range(len(done), 10):
+                # Noted when begun: a step that a kill cuts off is noted twice, none is noted never.
+                with open(log, "a") as notes:
+                    notes.write(name)
+                part = folder / "writing"
+                part.write_text(str(before + i))
+                part.rename(folder / f"step_{i:02d}")
+            return sum(float(p.read_text()) for p in folder.glob("step_*"))
+
+        return compute
+
+    with open_stages(Path(folder)) as stages:
+        total, digest = 0.0, ""
+        for name in "abcd":
+            stage = stages.run(name, {"below": digest}, steps(name, total), NUMBER)
+            total, digest = stage.value, stage.digest
+    return total
 
 
-def test_killed_at_random_moments_it_ends_with_the_same_result(tmp_path):
-    script = tmp_path / "work.py"
-    script.write_text(WORK)
-
-    def start(folder):
-        command = [sys.executable, str(script), str(folder), str(tmp_path / f"{folder.name}.log")]
-        return subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
-
-    whole, _ = start(tmp_path / "whole").communicate(timeout=60)
-    moments = random.Random(1)
-    kills = 0
-    while True:
-        run = start(tmp_path / "killed")
-        assert run.stdout.readline() == "started\n"
-        if kills == 4:
-            break
-        time.sleep(moments.uniform(0.0, 0.06))
-        if run.poll() is not None:
-            break
-        run.kill()
-        run.communicate(timeout=60)
-        kills += 1
-    out, _ = run.communicate(timeout=60)
-    assert kills > 0
-    assert out.split() == whole.split()[1:]
-    stages = [tmp_path / name for name in ("whole", "killed")]
+def test_killed_again_and_again_it_ends_with_the_same_result(tmp_path):
+    whole, killed, log = tmp_path / "whole", tmp_path / "killed", tmp_path / "log"
+    # Each step is two changes; each run begins with one, that of the lock.
+    changes = [2, 3, 4, 5, 7, 8, 11, 6, 9, 10, 3]
+    killed_again_and_again(four_stages, [str(killed), str(log)], killed, changes)
+    assert four_stages(killed, log) == four_stages(whole, tmp_path / "other log")
     digests = [
         {name: json.loads((folder / name / "stage.json").read_text())["digest"] for name in "abcd"}
-        for folder in stages
+        for folder in (whole, killed)
     ]
     assert digests[0] == digests[1]
     # Nothing was computed twice but the step that each kill cut off.
-    repeated = len((tmp_path / "killed.log").read_text()) - 40
-    assert 0 <= repeated <= kills
+    assert 0 < len(log.read_text()) - 40 <= len(changes)
 
 
 def test_a_stage_killed_before_its_last_renaming_is_found(tmp_path):

@@ -38,9 +38,9 @@ class BrokenAtOnce:
         pass
 
 
-def slow(number):
-    time.sleep(0.3)
-    return number
+def wait_for(path):
+    while not path.exists():
+        time.sleep(0.01)
 
 
 def test_lost_work_is_repeated_in_order(tmp_path):
@@ -52,10 +52,11 @@ def test_lost_work_is_repeated_in_order(tmp_path):
         with pytest.raises(ValueError, match="5 is refused"):
             pool.submit(refused, 5).result()
         assert pool.submit(square_unless_killed, tmp_path, 4, 0).result() == 16
-        # What is not wanted any more is left out.
-        waiting = [pool.submit(slow, n) for n in range(12)]
+        # What is not wanted any more is left out; nothing has ended when it is told.
+        waiting = [pool.submit(wait_for, tmp_path / "cancelled") for _ in range(12)]
         for one in waiting[1:]:
             one.cancel()
+        (tmp_path / "cancelled").touch()
         assert sum(not one.cancelled() for one in as_completed(waiting)) < 12
 
 
@@ -73,17 +74,19 @@ def test_work_that_no_new_process_takes_is_told(tmp_path):
         pool._make = BrokenAtOnce
         future = pool.submit(square_unless_killed, tmp_path, 3, 1)
         with pytest.raises(BrokenProcessPool, match="broken again"):
-            future.result(timeout=30)
+            future.result(timeout=300)
 
 
 def test_the_pool_ends_its_own_processes_only():
-    other = multiprocessing.get_context("spawn").Process(target=time.sleep, args=(60,))
+    other = multiprocessing.get_context("spawn").Process(
+        target=time.sleep, args=(3600,), daemon=True
+    )
     other.start()
     with ProcessPool(1) as pool:
-        future = pool.submit(time.sleep, 60)
+        future = pool.submit(time.sleep, 3600)
         pool.terminate()
         with pytest.raises(BrokenProcessPool):
-            future.result(timeout=30)
+            future.result(timeout=300)
     alive = other.is_alive()
     other.terminate()
     other.join()

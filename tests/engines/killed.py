@@ -1,0 +1,73 @@
+"""Processes that are killed right before a chosen change to a folder: no moment is left to luck.
+
+What is on disk changes by operations on files only, so a kill before an operation stands for all
+moments since the one before it.
+"""
+
+import importlib
+import os
+import signal
+import subprocess
+import sys
+import traceback
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+CHANGES = {"open", "os.mkdir", "os.rename", "os.remove", "os.rmdir", "shutil.rmtree"}
+WRITING = os.O_WRONLY | os.O_RDWR
+
+
+def killed_again_and_again(
+    work: Callable[..., object], words: Sequence[str], folder: Path, changes: Sequence[int]
+) -> None:
+    """Run `work(*words)` once per entry of `changes`, each killed before that change to `folder`.
+
+    `work` is a function of a test module. One process loads the libraries and forks the others.
+    """
+    found = sys.modules[work.__module__]
+    path = [str(Path(found.__file__).parent), *filter(None, sys.path)]
+    program = (
+        f"import killed; killed._run({work.__module__!r}, {work.__qualname__!r}, {list(words)!r},"
+        f" {str(folder)!r}, {list(changes)!r})"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", program],
+        env=os.environ | {"PYTHONPATH": os.pathsep.join(path)},
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.PIPE,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 0, done.stderr
+
+
+def _run(module: str, name: str, words: list[str], folder: str, changes: list[int]) -> None:
+    work = getattr(importlib.import_module(module), name)
+    for change in changes:
+        child = os.fork()
+        if child == 0:
+            _die_before(change, folder)
+            try:
+                work(*words)
+            except BaseException:
+                traceback.print_exc()
+            os._exit(1)
+        _, status = os.waitpid(child, 0)
+        if not (os.WIFSIGNALED(status) and os.WTERMSIG(status) == signal.SIGKILL):
+            sys.exit(f"it came to its end before change {change}")
+
+
+def _die_before(change: int, folder: str) -> None:
+    left = change
+
+    def watch(event: str, arguments: tuple) -> None:
+        nonlocal left
+        if event not in CHANGES or not str(arguments[0]).startswith(folder):
+            return
+        if event == "open" and not arguments[2] & WRITING:
+            return
+        left -= 1
+        if left == 0:
+            os.kill(os.getpid(), signal.SIGKILL)
+
+    sys.addaudithook(watch)
