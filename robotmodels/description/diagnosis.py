@@ -263,7 +263,7 @@ def _springs(robot: ElasticRobot, at: Equilibrium) -> tuple[SpringState, ...]:
                 axis=spring.axis,
                 place=str(spring.joint or spring.link),
                 at=spring.at,
-                linear=spring.axis == "drive" and spring.joint in robot.elements.prismatic,
+                linear=robot.elements.linear(spring),
                 sag=float(at.elongations[0, i]),
                 torque=-float(torques[0, c]),
                 rest=k.low if isinstance(k, Hardening) else k,

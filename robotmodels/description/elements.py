@@ -1,6 +1,6 @@
 """The numbers of a robot file that can be parameters, and which of them are free."""
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -9,7 +9,7 @@ import numpy as np
 from robotmodels.arrays import Array
 from robotmodels.description.extra import apply_extra, extra_elements
 from robotmodels.description.parameters import Parameters
-from robotmodels.description.robot_file import Hardening, RobotFile
+from robotmodels.description.robot_file import Hardening, RobotFile, Spring
 from robotmodels.description.spring_laws import SpringLaws
 from robotmodels.elastic.spring_network import Inertances
 from robotmodels.errors import InvalidInput, nearest
@@ -30,10 +30,15 @@ class Elements:
     @cached_property
     def _table(self) -> dict[str, tuple[float, str]]:
         """Values and units of all elements, by name."""
+        return self._spring_elements | self._extra
+
+    @cached_property
+    def _spring_elements(self) -> dict[str, tuple[float, str]]:
+        """Values and units of all stiffnesses, then all dampings, by name."""
         stiffnesses: dict[str, tuple[float, str]] = {}
         dampings: dict[str, tuple[float, str]] = {}
         for spring in self.file.springs:
-            linear = spring.axis == "drive" and spring.joint in self.prismatic
+            linear = self.linear(spring)
             unit = "N/m" if linear else "N m/rad"
             k = spring.stiffness
             if isinstance(k, Hardening):
@@ -45,16 +50,25 @@ class Elements:
                 spring.damping,
                 "N s/m" if linear else "N m s/rad",
             )
-        return stiffnesses | dampings | self._extra
+        return stiffnesses | dampings
+
+    def linear(self, spring: Spring) -> bool:
+        """Whether a spring is that of a prismatic joint, in N/m."""
+        return spring.axis == "drive" and spring.joint in self.prismatic
 
     @cached_property
     def _extra(self) -> dict[str, tuple[float, str]]:
         possible = extra_elements(self.file)
         for name in self.file.parameters.extra:
+            if name in self._spring_elements:
+                raise InvalidInput(
+                    f"parameters.extra: {name!r} is free without that; extra is for numbers "
+                    f"other than stiffnesses and dampings: {', '.join(possible)}"
+                )
             if name not in possible:
                 raise InvalidInput(
                     f"parameters.extra: {name!r} cannot be a parameter of this robot"
-                    f"{nearest(name, possible)}; there are {', '.join(possible)}"
+                    f"{_meant(name, possible)}; there are {', '.join(possible)}"
                 )
             if not possible[name][0] > 0:
                 raise InvalidInput(
@@ -98,9 +112,7 @@ class Elements:
         choice = self.file.parameters
         for name in (*choice.fixed, *(n for group in choice.tied for n in group)):
             if name not in self.names:
-                raise InvalidInput(
-                    f"parameters: {name!r} is not a parameter of this robot{self._suggestion(name)}"
-                )
+                raise InvalidInput(f"parameters: {name!r} {self._why_not(name)}")
         head = {name: name for name in self.names}
         tied: set[str] = set()
         for group in choice.tied:
@@ -115,12 +127,12 @@ class Elements:
             raise InvalidInput("parameters: every parameter is fixed; at least one must be free")
         return heads
 
-    def _suggestion(self, name: str) -> str:
-        """Say what `name` may stand for: entries below it, one spelt like it, or any."""
-        below = [known for known in self.names if known.startswith(f"{name}.")]
-        if below:
-            return f" (did you mean {' or '.join(map(repr, below))}?)"
-        return nearest(name, self.names) or f"; there are {', '.join(self.names)}"
+    def _why_not(self, name: str) -> str:
+        """Say why `name` can be neither fixed nor tied, and what would be right."""
+        if name in extra_elements(self.file):
+            return "is fixed unless parameters.extra names it"
+        other = _meant(name, self.names) or f"; there are {', '.join(self.names)}"
+        return f"is not a parameter of this robot{other}"
 
     @cached_property
     def _free(self) -> tuple[str, ...]:
@@ -250,3 +262,11 @@ class Elements:
         return next(
             self.names.index(f"{spring}.{e}") for e in endings if f"{spring}.{e}" in self.names
         )
+
+
+def _meant(name: str, known: Collection[str]) -> str:
+    """Return what `name` may stand for: entries below it, or one spelt like it; or nothing."""
+    below = [entry for entry in known if entry.startswith(f"{name}.")]
+    if below:
+        return f" (did you mean {' or '.join(map(repr, below))}?)"
+    return nearest(name, known)

@@ -2,10 +2,11 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
-from robotmodels.arrays import Array, IntArray
+from robotmodels.arrays import Array, BoolArray, IntArray
 from robotmodels.description.spring_laws import SpringLaws
 from robotmodels.elastic.arm import Arm
 from robotmodels.elastic.dynamics import Gravity, gravity, gravity_torques
@@ -32,15 +33,29 @@ class Equilibrium:
     slopes: Array
 
 
+@dataclass(frozen=True)
+class Labels:
+    """What errors call springs and positions.
+
+    Attributes
+    ----------
+    springs : each of the s springs.
+    forces : whether it is forces that bend it, as at a prismatic joint, instead of torques.
+    place : of the position with an index.
+    """
+
+    springs: Sequence[str]
+    forces: Sequence[bool]
+    place: Callable[[int], str]
+
+    def load(self, spring: int, torques: Array) -> str:
+        """Return what gravity loads a spring with, such as ``torque of 3 N m``."""
+        kind, unit = ("force", "N") if self.forces[spring] else ("torque", "N m")
+        return f"{kind} of {abs(torques[spring]):.4g} {unit}"
+
+
 def find_equilibrium(
-    arm: Arm,
-    start: Array,
-    sprung: IntArray,
-    held: IntArray,
-    law: SpringLaws,
-    *,
-    springs: Sequence[str],
-    places: Callable[[int], str],
+    arm: Arm, start: Array, sprung: IntArray, held: IntArray, law: SpringLaws, labels: Labels
 ) -> Equilibrium:
     """Find the coordinates at which springs and gravity balance, by Newton's method.
 
@@ -51,7 +66,7 @@ def find_equilibrium(
     sprung : (s,) the coordinate that each spring holds.
     held : coordinates that rigid drives hold.
     law : of the springs.
-    springs, places : what errors call the springs, and each of the Q positions.
+    labels : for errors.
 
     Raises
     ------
@@ -60,38 +75,26 @@ def find_equilibrium(
     q = _first_guess(arm, start, sprung, law)
     moving = np.arange(len(q))  # positions whose Newton iteration has not ended
     for _ in range(30):
-        torques, slopes = law((q - start)[np.ix_(moving, sprung)])
-        load = gravity(arm, q[moving])
-        residual = load.torques.copy()
-        residual[:, sprung] += torques
-        residual[:, held] = 0.0
-        stiffness = np.full(residual.shape, np.inf)  # of what rigid drives hold
-        stiffness[:, sprung] = slopes
-        stiff = bool(np.all(load.slope_bounds < _SMALL * stiffness))  # hence stable
-        K = None if stiff else _total(stiffness, load)
+        here = _balance(arm, start[moving], q[moving], sprung, held, law)
         try:
-            step = _series(stiffness, load, residual) if K is None else _solve(K, residual)
+            step = here.step()
         except np.linalg.LinAlgError:  # singular, hence not stable either
-            if K is not None:
-                _check_stable(K, sprung, moving, springs, places)
+            _check_stable(here, np.full(len(moving), True), sprung, moving, labels)
             raise
         q[moving] -= step
         bent = np.abs(q - start)[np.ix_(moving, sprung)].max(axis=1, initial=0.0)
         if (bent > LARGEST_DEFLECTION).any():
-            i = int(moving[np.argmax(bent)])
-            raise _gives_way(arm, start[i], q[i], sprung, springs, places(i))
+            raise _gives_way(arm, start, q, sprung, int(moving[np.argmax(bent)]), labels)
         # A step's error is about its square times how fast the stiffness changes on the way, over
         # the stiffness: far less than the square where springs are linear and prevail.
-        last = 1e-6 if stiff and law.linear else 1e-8
+        last = 1e-6 if here.stiff and law.linear else 1e-8
         done = np.abs(step).max(axis=1, initial=0.0) < last
-        if K is not None:
-            _check_stable(K[done], sprung, moving[done], springs, places)
+        _check_stable(here, done, sprung, moving, labels)
         moving = moving[~done]
         if not len(moving):
             elongations = (q - start)[:, sprung]
             return Equilibrium(q, elongations, law(elongations)[1])
-    i = int(moving[0])
-    raise _gives_way(arm, start[i], q[i], sprung, springs, places(i))
+    raise _gives_way(arm, start, q, sprung, int(moving[0]), labels)
 
 
 def _first_guess(arm: Arm, start: Array, sprung: IntArray, law: SpringLaws) -> Array:
@@ -110,55 +113,87 @@ def _first_guess(arm: Arm, start: Array, sprung: IntArray, law: SpringLaws) -> A
     return np.asarray(start + deflection)
 
 
-def _series(stiffness: Array, load: Gravity, residual: Array) -> Array:
-    """Solve (stiffness + dg/dq) x = residual where the springs' stiffness, (Q, d), prevails."""
-    step = residual / stiffness
-    for _ in range(30):  # so many where gravity's share is the largest; as a rule three do
-        last, step = step, (residual - load.slopes_times(step)) / stiffness
-        if np.abs(step - last).max(initial=0.0) < 1e-15:
-            break
-    return np.asarray(step)
+@dataclass(frozen=True, eq=False)
+class _Balance:
+    """Springs against gravity at Q coordinate vectors.
+
+    Attributes
+    ----------
+    load : gravity.
+    residual : (Q, d) torques out of balance, zero where rigid drives hold.
+    stiffness : (Q, d) of the springs, infinite where rigid drives hold.
+    """
+
+    load: Gravity
+    residual: Array
+    stiffness: Array
+
+    @cached_property
+    def stiff(self) -> bool:
+        """Whether the springs prevail over gravity by far: the equilibria are stable."""
+        return bool(np.all(self.load.slope_bounds < _SMALL * self.stiffness))
+
+    @cached_property
+    def total(self) -> Array:
+        """Stiffness of springs and gravity, (Q, d, d); rigid coordinates apart, with unit one."""
+        free = np.isfinite(self.stiffness)
+        K = np.where(free[:, :, None] & free[:, None, :], self.load.slopes, 0.0)
+        diagonal = np.einsum("qii->qi", K)
+        diagonal += np.where(free, self.stiffness, 1.0)
+        return np.asarray(K)
+
+    def step(self) -> Array:
+        """Return Newton's step, (Q, d): (stiffness + dg/dq) step = residual."""
+        if not self.stiff:
+            return np.asarray(np.linalg.solve(self.total, self.residual[..., None])[..., 0])
+        step = self.residual / self.stiffness
+        for _ in range(30):  # so many where gravity's share is the largest; as a rule three do
+            last = step
+            step = (self.residual - self.load.slopes_times(step)) / self.stiffness
+            if np.abs(step - last).max(initial=0.0) < 1e-15:
+                break
+        return np.asarray(step)
 
 
-def _solve(matrices: Array, residual: Array) -> Array:
-    """Solve matrices (Q, d, d) x = residual (Q, d)."""
-    return np.asarray(np.linalg.solve(matrices, residual[..., None])[..., 0], dtype=float)
-
-
-def _total(stiffness: Array, load: Gravity) -> Array:
-    """Return the stiffness of springs and gravity; rigid coordinates apart, with the unit one."""
-    free = np.isfinite(stiffness)
-    K = np.where(free[:, :, None] & free[:, None, :], load.slopes, 0.0)
-    diagonal = np.einsum("qii->qi", K)
-    diagonal += np.where(free, stiffness, 1.0)
-    return np.asarray(K)
+def _balance(
+    arm: Arm, start: Array, q: Array, sprung: IntArray, held: IntArray, law: SpringLaws
+) -> _Balance:
+    torques, slopes = law((q - start)[:, sprung])
+    load = gravity(arm, q)
+    residual = load.torques.copy()
+    residual[:, sprung] += torques
+    residual[:, held] = 0.0
+    stiffness = np.full(residual.shape, np.inf)
+    stiffness[:, sprung] = slopes
+    return _Balance(load, residual, stiffness)
 
 
 def _gives_way(
-    arm: Arm, start: Array, bent: Array, sprung: IntArray, springs: Sequence[str], place: str
+    arm: Arm, start: Array, bent: Array, sprung: IntArray, i: int, labels: Labels
 ) -> NoEquilibrium:
-    worst = int(np.argmax(np.abs(bent - start)[sprung]))
-    load = abs(gravity_torques(arm, start[None])[0, sprung[worst]])
+    worst = int(np.argmax(np.abs(bent[i] - start[i])[sprung]))
+    torques = gravity_torques(arm, start[[i]])[0, sprung]
     return NoEquilibrium(
-        f"no static equilibrium at {place}: {springs[worst]} gives way under a gravity torque of "
-        f"{load:.4g} N m; it is too weak for the load"
+        f"no static equilibrium at {labels.place(i)}: {labels.springs[worst]} gives way under a "
+        f"gravity {labels.load(worst, torques)}; it is too weak for the load"
     )
 
 
 def _check_stable(
-    stiffness: Array,
-    sprung: IntArray,
-    at: IntArray,
-    springs: Sequence[str],
-    places: Callable[[int], str],
+    here: _Balance, where: BoolArray, sprung: IntArray, moving: IntArray, labels: Labels
 ) -> None:
+    if here.stiff:
+        return
     try:
-        np.linalg.cholesky(stiffness)
+        np.linalg.cholesky(here.total[where])
     except np.linalg.LinAlgError:
-        values, vectors = np.linalg.eigh(stiffness)
+        values, vectors = np.linalg.eigh(here.total[where])
         i = int(np.argmin(values[:, 0]))
+        at = int(np.flatnonzero(where)[i])
         worst = int(np.argmax(np.abs(vectors[i, sprung, 0])))
+        load = labels.load(worst, here.load.torques[at, sprung])
         raise NoEquilibrium(
-            f"the equilibrium at {places(int(at[i]))} is not stable: gravity overcomes "
-            f"{springs[worst]}, which is too weak for the load"
+            f"the equilibrium at {labels.place(int(moving[at]))} is not stable: gravity overcomes "
+            f"{labels.springs[worst]}: its {load} there rises faster than the spring's; "
+            "it is too weak for the load"
         ) from None

@@ -10,11 +10,11 @@ import pinocchio as pin
 from robotmodels.arrays import Array, real_numbers
 from robotmodels.description.elements import Elements
 from robotmodels.description.parameters import Parameters
-from robotmodels.description.robot_file import RobotFile
+from robotmodels.description.robot_file import RobotFile, Spring
 from robotmodels.description.urdf import locate, rigid_model, unknown_joint
 from robotmodels.description.urdf_check import mimics
 from robotmodels.elastic.arm import Arm, build_arm, motions
-from robotmodels.elastic.equilibrium import Equilibrium, find_equilibrium
+from robotmodels.elastic.equilibrium import Equilibrium, Labels, find_equilibrium
 from robotmodels.elastic.layout import Layout
 from robotmodels.elastic.rigid_pose import configurations
 from robotmodels.elastic.segments import check_bodies
@@ -137,18 +137,13 @@ class ElasticRobot:
         layout = self._layout(theta)
         start = np.zeros((len(positions), layout.arm_size))
         start[:, layout.drives] = positions
-        return find_equilibrium(
-            layout.arm,
-            start,
-            layout.sprung,
-            layout.held,
-            self.elements.laws(theta),
-            springs=[
-                f"spring {s.name!r} of {f'joint {s.joint!r}' if s.joint else f'link {s.link!r}'}"
-                for s in self.file.springs
-            ],
-            places=lambda i: f"position {i}, {np.round(positions[i], 3).tolist()}",
+        laws = self.elements.laws(theta)
+        labels = Labels(
+            springs=[_called(spring) for spring in self.file.springs],
+            forces=[self.elements.linear(spring) for spring in self.file.springs],
+            place=lambda i: f"position {i}, {np.round(positions[i], 3).tolist()}",
         )
+        return find_equilibrium(layout.arm, start, layout.sprung, layout.held, laws, labels)
 
     def network(self, positions: Array, parameters: Array | None = None) -> SpringNetwork:
         """Return the spring network about the equilibria at `positions` (Q, n).
@@ -295,3 +290,9 @@ class ElasticRobot:
                 f"its limits [{low[j]:.4g}, {high[j]:.4g}]"
             )
         return positions
+
+
+def _called(spring: Spring) -> str:
+    """Return what errors call a spring."""
+    place = f"joint {spring.joint!r}" if spring.joint else f"link {spring.link!r}"
+    return f"spring {spring.name!r} of {place}"

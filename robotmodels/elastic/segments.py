@@ -60,7 +60,8 @@ def segments(file: RobotFile, rigid: pin.Model, joint: int) -> list[Segment]:
                 raise InvalidInput(f"payload: link {payload.link!r} does not move")
             carrier.links[frame] = carrier.links[frame] + _placed(rigid, frame, payload)
     for part in parts:
-        if joint or part.springs:
+        # The ground needs no mass, nor does a root link that only carries others.
+        if joint or (part.springs and part.inertia.mass != 0):
             check_inertia(part.inertia, _part_name(rigid, joint, parts, part))
     return parts
 
@@ -118,7 +119,7 @@ def _own_inertias(rigid: pin.Model, joint: int) -> dict[int, Array]:
 
 
 def _cuts(file: RobotFile, rigid: pin.Model, joint: int) -> list[list[Spring]]:
-    """Return the cuts through links that `joint` moves, in file order."""
+    """Return the cuts through links that `joint` moves: outwards, those of a link in file order."""
     cuts: dict[tuple[str, object], list[Spring]] = {}
     for spring in file.springs:
         if spring.link is None:
@@ -126,7 +127,7 @@ def _cuts(file: RobotFile, rigid: pin.Model, joint: int) -> list[list[Spring]]:
         frame = rigid.frames[link_frame(rigid, spring.link, f"spring {spring.name!r}")]
         if frame.parentJoint == joint:
             cuts.setdefault((spring.link, spring.at), []).append(spring)
-    return list(cuts.values())
+    return sorted(cuts.values(), key=lambda springs: _depth(rigid, str(springs[0].link)))
 
 
 def _cut(
@@ -136,12 +137,6 @@ def _cut(
     who, name = f"spring {springs[0].name!r}", str(springs[0].link)
     link = link_frame(rigid, name, who)
     near = next(part for part in parts if link in part.links)
-    outer = [part for part in parts if part is not near and _any_beyond(rigid, part, link)]
-    if outer:
-        raise InvalidInput(
-            f"{who}: link {name!r} does not lie beyond the cut of spring "
-            f"{outer[0].springs[0].name!r}; cuts follow each other outwards, in file order"
-        )
     distal = [s.distal for s in springs if s.distal is not None]
     if len(distal) > 1:
         raise InvalidInput(f"spring {springs[1].name!r}: 'distal' is given twice for one cut")
@@ -164,10 +159,6 @@ def _cut(
     return Segment(at, far, springs, near)
 
 
-def _any_beyond(rigid: pin.Model, part: Segment, link: int) -> bool:
-    return any(i != link and _descends(rigid, i, link) for i in part.links)
-
-
 def _descends(rigid: pin.Model, frame: int, ancestor: int) -> bool:
     while frame != ancestor:
         parent = rigid.frames[frame].parentFrame
@@ -175,6 +166,14 @@ def _descends(rigid: pin.Model, frame: int, ancestor: int) -> bool:
             return False
         frame = parent
     return True
+
+
+def _depth(rigid: pin.Model, link: str) -> int:
+    """Return how many frames lie between a link and the ground."""
+    frame, depth = int(rigid.getFrameId(link, pin.BODY)), 0
+    while (parent := rigid.frames[frame].parentFrame) != frame:
+        frame, depth = parent, depth + 1
+    return depth
 
 
 def _part_name(rigid: pin.Model, joint: int, parts: list[Segment], part: Segment) -> str:

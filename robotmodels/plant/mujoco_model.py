@@ -19,6 +19,7 @@ from robotmodels.plant.urdf import Inertial, Joint, Tree, read_tree
 
 UNIT = {"x": (1.0, 0.0, 0.0), "y": (0.0, 1.0, 0.0), "z": (0.0, 0.0, 1.0)}
 _LEAST_INERTIA = 1e-10  # MuJoCo knows no point masses [kg m^2]
+_LEAST_MASS = 1e-14  # nor moving bodies without mass [kg, kg m^2]
 _CALLED = ("mj_fwdPosition", "mj_tendon", "mj_fwdVelocity", "mj_fwdAcceleration")
 
 
@@ -101,6 +102,7 @@ class PlantBuilder:
         self.spec = mujoco.MjSpec()
         self.spec.compiler.degree = False
         self.spec.compiler.fusestatic = fuse
+        self.spec.compiler.boundmass = self.spec.compiler.boundinertia = _LEAST_MASS
         self.spec.option.gravity = file.gravity
         self.spec.option.disableflags = int(
             mujoco.mjtDisableBit.mjDSBL_CONSTRAINT | mujoco.mjtDisableBit.mjDSBL_CONTACT

@@ -1,5 +1,7 @@
 """Static equilibria against closed forms, and springs that are too weak."""
 
+import re
+
 import numpy as np
 import pytest
 from robots import CRANE, PENDULUM, SPLIT, WALL, built, changed, with_spring
@@ -91,8 +93,18 @@ def test_an_upright_pendulum_on_a_weak_spring_is_not_stable(share: float) -> Non
     falling = -gravity(built(PENDULUM).arm, np.array([[np.pi / 2]])).slopes[0, 0, 0]
     assert falling == pytest.approx(GRAVITY_TORQUE)
     weak = built(with_spring(PENDULUM, "g", stiffness=share * falling))
-    with pytest.raises(NoEquilibrium, match=r"not stable: gravity overcomes spring 'g' of joint"):
+    with pytest.raises(
+        NoEquilibrium, match=r"not stable: gravity overcomes spring 'g' of joint"
+    ) as e:
         linearize(weak, np.array([np.pi / 2]))
+    assert re.search(r"its torque of \S+ N m there rises faster than the spring's", str(e.value))
+
+
+def test_what_bends_the_spring_of_a_prismatic_joint_is_a_force() -> None:
+    weak = built(with_spring(CRANE, "ds", stiffness=50.0))
+    middle = weak.position_limits.mean(axis=1)
+    with pytest.raises(NoEquilibrium, match=r"'ds' of joint 'slide' .* gravity force of \S+ N; "):
+        weak.equilibrium(middle[None])
 
 
 def test_an_upright_pendulum_on_a_strong_spring_is_stable() -> None:

@@ -90,6 +90,14 @@ def test_an_elastic_foundation_on_a_pedestal(tmp_path: Path) -> None:
     check_against_mujoco(changed(CRANE, urdf=str(path)))
 
 
+def test_a_root_link_without_mass_can_be_an_elastic_foundation(tmp_path: Path) -> None:
+    text = (HERE / "crane.urdf").read_text()
+    start, end = text.index('<link name="floor">'), text.index("</link>") + len("</link>")
+    path = tmp_path / "floor.urdf"
+    path.write_text(text[:start] + '<link name="floor"/>' + text[end:])
+    check_against_mujoco(changed(CRANE, urdf=str(path)))
+
+
 def test_links_beside_each_other_can_both_be_cut(tmp_path: Path) -> None:
     """Two brackets on one boom, neither beyond the other."""
     text = (HERE / "crane.urdf").read_text()
