@@ -11,13 +11,13 @@ import numpy as np
 
 from oed.chunk_information import ChunkInformation
 from oed.design.matrix_checks import check_matrices, check_positions
-from oed.design.null_space import unidentifiable, weak_directions
+from oed.design.null_space import open_combinations, unidentifiable, weak_directions
 from robotmodels.arrays import Array, IntArray, read_only
 from robotmodels.errors import InvalidInput
 from robotmodels.noise import LoopNoise, RelativeNoise
 from robotmodels.overlap import overlapped
 from robotmodels.replacing import replacing
-from robotmodels.response import Elastic
+from robotmodels.response import Elastic, check_omega
 
 if TYPE_CHECKING:
     from oed.store import StoredInformation
@@ -120,6 +120,13 @@ class InformationSet:
     def unidentifiable(self, total: Array | None = None) -> tuple[str, ...]:
         """Return the parameters left open by `total` (p, p), by default by all candidates."""
         return unidentifiable(self.total if total is None else total, self.names)
+
+    def open_combinations(self, total: Array | None = None) -> tuple[str, ...]:
+        """Return in words the combinations left open, as ``"a - 0.5 b"``, one for each direction.
+
+        Along it parameters may move together, by these factors, and no experiment would tell.
+        """
+        return open_combinations(self.total if total is None else total, self.names)
 
     def save(self, path: str | os.PathLike[str]) -> None:
         """Write an HDF5 file with the datasets positions, matrices and names."""
@@ -237,7 +244,7 @@ def information(
     # Several of them, where there are enough positions, for there to be something that overlaps.
     size = min(chunk, max(-(-len(positions) // 4), _WORTHWHILE))
     chunks = [positions[start : start + size] for start in range(0, len(positions), size)]
-    work = ChunkInformation(robot, np.asarray(omega, dtype=float), noise)
+    work = ChunkInformation(robot, check_omega(omega), noise)
     names = robot.parameters.names
     found: Iterable[Array]
     if executor is None:  # what Pinocchio does for a chunk overlaps with the kernel's last

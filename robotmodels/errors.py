@@ -3,6 +3,8 @@
 from collections.abc import Iterable, Sequence
 from difflib import get_close_matches
 
+_MOST_COMBINATIONS = 3  # that an error spells out
+
 
 class IdentificationError(Exception):
     """Root of every error this package raises for a reason a user can mend."""
@@ -26,12 +28,24 @@ class NotIdentifiable(IdentificationError):
     Attributes
     ----------
     names : parameters at fault.
+    combinations : what of them is open, as far as more is known than names: "a - 0.5 b" may grow,
+        a by one and b by minus a half, and no experiment would tell.
     """
 
-    def __init__(self, names: Sequence[str], remedy: str) -> None:
+    def __init__(self, names: Sequence[str], remedy: str, combinations: Sequence[str] = ()) -> None:
         self.names = tuple(names)
         self.remedy = remedy
-        super().__init__(f"not identifiable: {', '.join(self.names)}; {remedy}")
+        self.combinations = tuple(combinations)
+        more = len(self.combinations) - _MOST_COMBINATIONS
+        said = ", ".join(self.combinations[:_MOST_COMBINATIONS])
+        said += f" and {more} more" if more > 0 else ""
+        # Single names would only be said twice.
+        opened = f" (open: {said})" if set(self.combinations) - set(self.names) else ""
+        super().__init__(f"not identifiable: {', '.join(self.names)}{opened}; {remedy}")
+
+    def __reduce__(self) -> tuple[type["NotIdentifiable"], tuple[object, ...]]:
+        """Return what makes it anew in another process."""
+        return type(self), (self.names, self.remedy, self.combinations)
 
 
 class SolverFailed(IdentificationError):

@@ -101,15 +101,33 @@ def sensitivity(
     NoEquilibrium, InvalidInput : as `frequency_response`.
     """
     omega = check_omega(omega)
+    return sensitivity_about(*linearization(robot, positions, parameters, sag=sag), omega)
+
+
+def linearization(
+    robot: Elastic, positions: Array, parameters: Array | None = None, *, sag: bool = True
+) -> tuple[SpringNetwork, Tangents | None]:
+    """Return any elastic system's network, and what its sensitivities leave out.
+
+    Raises
+    ------
+    NoEquilibrium, InvalidInput : as `frequency_response`.
+    """
     if not isinstance(robot, BeyondSprings):
-        return robot.network(positions, parameters).sensitivity(omega)
-    network, tangents = robot.linearization(positions, parameters, sag=sag)
+        return robot.network(positions, parameters), None
+    return robot.linearization(positions, parameters, sag=sag)
+
+
+def sensitivity_about(
+    network: SpringNetwork, tangents: Tangents | None, omega: Array
+) -> tuple[ComplexArray, ComplexArray]:
+    """Return what `sensitivity` does, about equilibria found already."""
+    if tangents is None:
+        return network.sensitivity(omega)
     model = network.linear_model()
     receptances = model.receptances(omega)
     G, J = network.sensitivity(omega, receptances=receptances)
-    if tangents is not None:
-        J += tangents.sensitivity(omega, model, receptances)
-    return G, J
+    return G, J + tangents.sensitivity(omega, model, receptances)
 
 
 def check_omega(omega: Array) -> Array:

@@ -4,7 +4,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from oed.design.null_space import unidentifiable, unit_diagonal_scaling
+from oed.design.null_space import open_combinations, unidentifiable, unit_diagonal_scaling
 from oed.design.objective import Objective, Term
 from robotmodels.arrays import Array
 from robotmodels.errors import NotIdentifiable
@@ -43,7 +43,10 @@ class Coordinates:
         for term in objective.terms:
             s, null = left_open[term.sample]
             if null.shape[1] and _needs(term, s, null):
-                raise NotIdentifiable(unidentifiable(references[term.sample], names), _REMEDY)
+                reference = references[term.sample]
+                raise NotIdentifiable(
+                    unidentifiable(reference, names), _REMEDY, open_combinations(reference, names)
+                )
         return cls(tuple(transforms))
 
     def objective(self, objective: Objective) -> Objective:

@@ -33,3 +33,33 @@ def unidentifiable(matrix: Array, names: Sequence[str]) -> tuple[str, ...]:
     """Return the names of the parameters on which `matrix` (p, p) leaves a direction open."""
     part = np.linalg.norm(weak_directions(matrix), axis=1)
     return tuple(name for name, share in zip(names, part, strict=True) if share > 0.01)
+
+
+def open_combinations(matrix: Array, names: Sequence[str]) -> tuple[str, ...]:
+    """Return what `matrix` (p, p) leaves open in words, one for each open direction: "a - 0.5 b".
+
+    Each parameter may move by its factor, all of them together, and no experiment would tell.
+    """
+    from scipy.linalg import qr
+
+    # From scaled coordinates to the parameters' own; one not informed on at all is a unit there.
+    s = unit_diagonal_scaling(matrix)
+    basis = weak_directions(matrix) * np.where(s > 0, s, 1.0)[:, None]
+    count = basis.shape[1]
+    if not count:
+        return ()
+    # In echelon form each direction has a parameter of its own, and as few others as can be.
+    pivots = qr(basis.T, mode="r", pivoting=True)[1][:count]
+    basis = basis @ np.linalg.inv(basis[pivots])
+    return tuple(_in_words(direction, names) for direction in basis.T[np.argsort(pivots)])
+
+
+def _in_words(direction: Array, names: Sequence[str]) -> str:
+    factors = direction / direction[np.argmax(np.abs(direction))]
+    words = ""
+    for name, factor in zip(names, factors, strict=True):
+        if abs(factor) > 0.01:
+            size = "" if abs(abs(factor) - 1) < 5e-3 else f"{abs(factor):.2g} "
+            sign = (" - " if factor < 0 else " + ") if words else ("-" if factor < 0 else "")
+            words += f"{sign}{size}{name}"
+    return words

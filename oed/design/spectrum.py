@@ -125,7 +125,7 @@ def _design(
     try:
         return optimal_design(info, wanted, solver="newton", tolerance=max(tolerance, 1e-8))
     except NotIdentifiable as error:
-        raise NotIdentifiable(error.names, _REMEDY) from error
+        raise NotIdentifiable(error.names, _REMEDY, error.combinations) from error
 
 
 def _answer(

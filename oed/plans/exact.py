@@ -19,7 +19,7 @@ from oed.design.certificate import (
 from oed.design.constraints import Constraints
 from oed.design.criteria import CRITERIA, Criterion
 from oed.design.criteria import objective as stated
-from oed.design.null_space import unidentifiable
+from oed.design.null_space import open_combinations, unidentifiable
 from oed.design.polytope import Polytope
 from oed.design.relaxed import Design, checked_prior, optimal_design
 from oed.plans.enough import first_sample, too_few
@@ -177,8 +177,12 @@ def finished(
     log_value = problem.objective.log_value(information)
     if not log_value > -np.inf:
         names = problem.candidates.names
-        open_names = unidentifiable(first_sample(information), names) or names
-        raise NotIdentifiable(open_names, too_few(problem, int(counts.sum())))
+        first = first_sample(information)
+        raise NotIdentifiable(
+            unidentifiable(first, names) or names,
+            too_few(problem, int(counts.sum())),
+            open_combinations(first, names),
+        )
     share = information / counts.sum() if per_experiment else information
     return ExactDesign(
         repetitions=read_only(counts),

@@ -8,8 +8,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from random_candidates import information_set, random_set
 
-from oed import InformationSet, candidate_positions, information
-from oed.design.null_space import unidentifiable, weak_directions
+from oed import InformationSet, candidate_positions, information, sobol_positions
+from oed.design.null_space import open_combinations, unidentifiable, weak_directions
 from robotmodels import (
     InvalidInput,
     Parameters,
@@ -223,6 +223,57 @@ def test_rank_of_a_set():
     assert info.rank == 2
     assert info.unidentifiable() == ("k1",)
     assert info.unidentifiable(info.matrices[0]) == ("k1", "k2")
+
+
+def test_open_combinations_in_words():
+    J = np.array([[1.0, -1.0, 0, 0, 0], [0, 0, 1.0, 2.0, 0]])
+    names = ("a", "b", "c", "d", "e")
+    assert open_combinations(J.T @ J, names) == ("a + b", "c - 0.5 d", "e")
+    assert open_combinations(np.eye(5), names) == ()
+    assert open_combinations(np.zeros((5, 5)), names) == names
+    info = InformationSet(np.zeros((1, 1)), [J.T @ J], names)
+    assert info.open_combinations() == ("a + b", "c - 0.5 d", "e")
+    # Each is told by no experiment, whatever the units.
+    scale = np.exp(np.random.default_rng(0).standard_normal(5))
+    scaled = J * scale
+    assert open_combinations(scaled.T @ scaled, names)[2] == "e"
+
+
+@dataclass(frozen=True, eq=False)
+class Counted:
+    """A robot that counts for how many positions it is asked."""
+
+    robot: object
+    asked: list
+
+    @property
+    def parameters(self):
+        return self.robot.parameters
+
+    def network(self, positions, parameters=None):
+        self.asked.append(len(positions))
+        return self.robot.network(positions, parameters)
+
+
+class Independent:
+    """Independent errors, told as the general way wants them."""
+
+    def weights(self, network, omega):
+        variance = RelativeNoise().variance(network.frequency_response(omega))
+        flat = np.swapaxes(variance, -1, -2).reshape(*variance.shape[:2], -1)
+        return (np.eye(flat.shape[-1]) / flat[..., None]).astype(complex)
+
+
+def test_the_general_way_finds_equilibria_once():
+    robot = load_robot("ur5")
+    positions = 0.2 * sobol_positions(robot, 70)
+    for count in (10, 70):
+        counted = Counted(robot, [])
+        found = information(counted, positions[:count], OMEGA[:3], Independent())
+        assert sum(counted.asked) <= count + 4
+        same = information(robot, positions[:count], OMEGA[:3], RelativeNoise())
+        largest = np.abs(same.matrices).max()
+        np.testing.assert_allclose(found.matrices, same.matrices, atol=1e-12 * largest)
 
 
 def test_no_information_at_all_leaves_every_parameter_open():

@@ -1,3 +1,4 @@
+import pickle
 import time
 
 import cvxpy as cp
@@ -151,9 +152,12 @@ def test_not_identifiable_names_the_parameters():
     J = np.random.default_rng(0).standard_normal((50, 4, 3))
     J[:, 2] = 0.5 * J[:, 0]
     info = information_set(J @ np.swapaxes(J, 1, 2))
-    with pytest.raises(NotIdentifiable, match="not identifiable: k0, k2; add positions") as caught:
+    said = r"not identifiable: k0, k2 \(open: -0.5 k0 \+ k2\); add positions"
+    with pytest.raises(NotIdentifiable, match=said) as caught:
         optimal_design(info)
     assert caught.value.names == ("k0", "k2")
+    again = pickle.loads(pickle.dumps(caught.value))
+    assert (again.combinations, str(again)) == (("-0.5 k0 + k2",), str(caught.value))
 
 
 def test_unknown_choices():
