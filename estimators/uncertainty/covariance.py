@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from estimators.levels import check_level
+from estimators.uncertainty.estimated_noise import meat_factor
+from estimators.uncertainty.misfit import misfit
 from estimators.uncertainty.model_error import empirical_parts, loss_factors, reduced_cost
 from estimators.uncertainty.sandwich import sandwich
 from estimators.uncertainty.theorem_1 import sandwich_parts
@@ -86,7 +88,9 @@ def log_normal_ends(values: Array, std: Array, level: float) -> tuple[Array, Arr
     return values / spread, values * spread
 
 
-def covariance(fit: "Fit", method: str = "theorem1", lags: int | None = None) -> Uncertainty:
+def covariance(
+    fit: "Fit", method: str = "theorem1", lags: int | None = None, *, blocks: int | None = None
+) -> Uncertainty:
     """Return the covariance of ln theta by the sandwich of [WM] Theorem 1, (5).
 
     Any residual and weights; a prior counts as the k more data it is. With a robust loss bread and
@@ -103,31 +107,50 @@ def covariance(fit: "Fit", method: str = "theorem1", lags: int | None = None) ->
         too small where few lines at a resonance carry the information.
     lags : frequencies over which empirical residuals are correlated; 4 (F/100)^(2/9), rounded
         down, where None (Newey and West 1994).
+    blocks : independent FRFs that the estimate's covariance was made from; None if it is known
+        exactly. Theorem 1 takes it to be. Where the weights are its inverse, standard deviations
+        are larger by (blocks - 1)/sqrt((blocks - 1 - d)^2 - 1), d elements weighed together: by
+        1.7 for single elements of 4 blocks, see `estimators.uncertainty.estimated_noise`. Combined
+        weights, which follow it in part, are taken not to.
 
     Raises
     ------
     NotIdentifiable : if the information is singular, with the parameters in its null space.
-    InvalidInput : for an unknown method.
+    InvalidInput : for an unknown method, lags or blocks that it does not use, or too few blocks.
     SolverFailed : if the search could not begin.
     """
+    _check_method(method, lags, blocks)
     names, prior = fit.parameters.names, fit.prior
     known = np.zeros((len(names),) * 2) if prior is None else prior.information(names)
     if method == "empirical":
         bread, meat = empirical_parts(fit, lags)
-    elif method in METHODS:
+    else:
         bread, meat = sandwich_parts(fit)
         slope, square = loss_factors(fit.loss)
         bread, meat = slope * bread, square * meat
-    else:
-        raise InvalidInput(
-            f"covariance: method {method!r} is none of {', '.join(METHODS)}"
-            f"{nearest(method, METHODS)}"
-        )
+        if blocks is not None:
+            meat = meat_factor(fit, blocks) * meat
     if method == "scaled":
-        meat = reduced_cost(fit) * meat
-    note = "" if fit.converged else " (the fit has not converged)"
+        meat = (reduced_cost(fit) if blocks is None else misfit(fit, blocks).ratio) * meat
+    note = "" if blocks is None else f", covariance of {blocks} blocks"
+    note += "" if fit.converged else " (the fit has not converged)"
     return Uncertainty(
         names=names,
         covariance=sandwich(bread + known, meat + known, names),
         method=f"{METHODS[method]}, {fit.residual}{note}",
     )
+
+
+def _check_method(method: str, lags: int | None, blocks: int | None) -> None:
+    if method not in METHODS:
+        raise InvalidInput(
+            f"covariance: method {method!r} is none of {', '.join(METHODS)}"
+            f"{nearest(method, METHODS)}"
+        )
+    if lags is not None and method != "empirical":
+        raise InvalidInput(f"covariance: lags = {lags} are used by 'empirical', not {method!r}")
+    if blocks is not None and method == "empirical":
+        raise InvalidInput(
+            f"covariance: blocks = {blocks} given; 'empirical' asks nothing of the estimate's "
+            "covariance"
+        )

@@ -31,7 +31,8 @@ def intervals_of(
     method : "theorem1", "scaled", "empirical", "posterior" or "profile".
     level : of the intervals.
     rng : source of the posterior's draws.
-    noise, blocks : of posterior and profile, as in `sample_posterior`.
+    noise, blocks : as in `sample_posterior`; estimated noise of so many blocks widens Theorem 1 as
+        well, see `covariance`.
 
     Raises
     ------
@@ -39,7 +40,8 @@ def intervals_of(
     NotIdentifiable : if a covariance is asked for and the information is singular.
     """
     if method in METHODS:
-        std = covariance(fit, method).std
+        counted = blocks if noise == "estimated" and method != "empirical" else None
+        std = covariance(fit, method, blocks=counted).std
         half = NormalDist().inv_cdf((1 + level) / 2) * std
         center = np.log(fit.parameters.values)
         return std, np.stack([center - half, center + half], axis=-1)

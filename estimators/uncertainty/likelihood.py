@@ -25,12 +25,12 @@ class Noise:
     kind : "known", the weights are inverse covariances: log p = -scale V.
         "unknown", they are inverse covariances but for one common factor s^2 with the prior 1/s,
         marginalised analytically: log p = -(n/2) ln V.
-        "estimated", they are inverses of sample covariances over `blocks` blocks, each with the
-        prior 1/|covariance|, marginalised analytically:
-        log p = -sum (blocks + 1 - d) ln(1 + Q/(blocks - 1)), a Student t for each Q. With that
-        prior a parameter of one line has the interval of exact coverage; Jeffreys' |covariance|^-d
-        has the exponent `blocks`, and intervals that are too narrow where few parameters explain
-        many elements.
+        "estimated", they are inverses of sample covariances over `blocks` blocks, each with a flat
+        prior, marginalised analytically: log p = -sum (blocks - d) ln(1 + Q/(blocks - 1)), a
+        Student t for each Q. With this exponent alone the gradient of log p has the covariance
+        that its curvature promises, so that a parameter of many lines has the interval of right
+        coverage; one of a single line has one a little too wide. Jeffreys' prior |covariance|^-d
+        has the exponent `blocks` and intervals that are too narrow.
     scale : factor of V where the noise is known, for weights that are not inverse covariances.
     blocks : independent FRF estimates that each sample covariance was made from.
     """
@@ -64,7 +64,7 @@ class Noise:
         return np.asarray(-data / 2 * np.log(cost))
 
     def power(self, elements: float) -> float:
-        """Return the exponent blocks + 1 - d of estimated noise.
+        """Return the exponent blocks - d of estimated noise.
 
         Raises
         ------
@@ -76,7 +76,7 @@ class Noise:
                 f"blocks: {self.blocks} give no covariance of {elements:g} elements; more blocks, "
                 "or variances of single elements, are needed"
             )
-        return self.blocks + 1 - elements
+        return self.blocks - elements
 
     def of_squares(self, squares: Array, elements: float) -> Array:
         """Return log p (W,) of estimated noise from Q (W, ...) and d = `elements`."""

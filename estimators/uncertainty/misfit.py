@@ -10,6 +10,7 @@ from estimators.fitting.least_squares import Fit
 from estimators.fitting.residuals import find_residual
 from estimators.fitting.weights import used_elements
 from estimators.frf.estimate import is_full, vec
+from estimators.uncertainty.estimated_noise import weights_are_inverse
 from estimators.uncertainty.model_error import expected_cost
 from estimators.uncertainty.theorem_1 import weighted_noise
 from robotmodels.errors import InvalidInput
@@ -37,7 +38,8 @@ def misfit(fit: Fit, blocks: int | None = None) -> Misfit:
     away as large a share as of the mean; the chi square of the same mean and variance stands for
     its distribution (Satterthwaite 1946), which is exact for optimal weights and a linear model.
     Weights that are inverses of sample covariances over few blocks make the cost larger, as
-    Hotelling's T^2 is, and let it scatter more; `blocks` takes that into account.
+    Hotelling's T^2 is, and let it scatter more; `blocks` takes that into account. Costs with other
+    weights are not larger.
 
     Parameters
     ----------
@@ -62,7 +64,7 @@ def misfit(fit: Fit, blocks: int | None = None) -> Misfit:
     half = 2.0 if kind.real else 1.0
     mean = _trace(fit.weights, noise, shape) / half
     spread = _trace(weighted_noise(fit.weights, noise, shape), noise, shape) / half
-    if blocks is not None:
+    if blocks is not None and weights_are_inverse(fit):
         whole = is_full(fit.weights, shape)
         elements = int(used.sum(axis=(2, 3)).max()) if whole else 1
         larger, wider = _hotelling(blocks, elements)

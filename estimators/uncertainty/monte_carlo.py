@@ -162,7 +162,7 @@ def monte_carlo(
     methods : whose intervals to compute: "theorem1", "scaled" and "empirical" (see `covariance`),
         "posterior" (by importance sampling, by emcee where its weights fail), "profile".
     level : of the intervals.
-    noise, blocks : of posterior and profile, as in `sample_posterior`.
+    noise, blocks : of the intervals, as in `sample_posterior` and `covariance`.
     store : HDF5 file that keeps the runs; an interrupted series goes on from it.
     executor : takes one run at a time; in sequence where None.
     progress : called with the runs done and their number.

@@ -71,9 +71,10 @@ def test_a_nonlinear_loop_is_flagged():
 
 
 @pytest.mark.slow
-def test_covariances_estimated_from_few_blocks_need_the_student_t():
-    found = series(ClosedLoop(), 100, ("theorem1", "posterior"), noise="estimated", blocks=BLOCKS)
-    assert found.overall("theorem1") < 0.90
-    # 31 lines of 12 blocks: not quite the nominal 0.95, but near.
-    assert 0.90 < found.overall("posterior") < 0.98
-    assert found.overall("posterior") > found.overall("theorem1") + 0.04
+def test_covariances_estimated_from_few_blocks_are_allowed_for():
+    methods = ("theorem1", "posterior")
+    found = series(ClosedLoop(), 100, methods, noise="estimated", blocks=BLOCKS)
+    for method in methods:
+        assert 0.92 < found.overall(method) < 0.98
+    # Negative control: the covariances taken for the true ones.
+    assert series(ClosedLoop(), 100).overall("theorem1") < 0.90
