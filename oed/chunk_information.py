@@ -63,11 +63,11 @@ class ChunkInformation:
     def _suits_kernel(self, network: SpringNetwork) -> bool:
         """Return whether the kernel may serve.
 
-        It knows springs, dampers, motors' inertias and accelerations, and noise that is
-        independent or separable.
+        It knows springs, dampers, motors' inertias and motion, and noise that is independent or
+        separable.
         """
         simple = isinstance(self.noise, RelativeNoise | SeparableNoise)
-        return simple and network.only_springs and network.measurement is None
+        return simple and network.only_springs and network.only_motors
 
     def _general(self, network: SpringNetwork, tangents: Tangents | None) -> Array:
         """Return the information the general way, which needs much memory."""

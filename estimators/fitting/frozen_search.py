@@ -35,7 +35,7 @@ def can_compile(problem: Problem, network: SpringNetwork) -> bool:
     shape = problem.estimate.response.shape
     if problem.loss != "linear" or is_full(problem.weights, shape):
         return False
-    if not network.only_springs or network.measurement is not None:
+    if not (network.only_springs and network.only_motors):
         return False
     return int(np.prod(shape)) * len(network.parameters) >= WORTHWHILE
 

@@ -14,7 +14,7 @@ def side_by_side(network: SpringNetwork, parameters: Array, omega: Array) -> Com
     w, s = len(parameters), len(network.ends)
     own = network.inertances
     friction = own is not None and bool(own.exponents[: len(own.friction)].any())
-    if network.measurement is not None or friction:
+    if not network.only_motors or friction:
         models = [network.linear_model(theta) for theta in parameters]
         batch = LinearModel(
             mass=np.stack([model.mass for model in models]),
@@ -39,6 +39,7 @@ def side_by_side(network: SpringNetwork, parameters: Array, omega: Array) -> Com
         spring_damping=np.concatenate([second[:, :s] for _, second in each]),
         exponents=np.tile(network.exponents, (w, 1, 1)),
         inertances=None,
+        measurement=None,
     )
-    G = kernel.frequency_response(wide, omega)
+    G = kernel.frequency_response(wide, omega) * network.motor_factors(omega)[:, None, :]
     return G.reshape(w, -1, *G.shape[1:])

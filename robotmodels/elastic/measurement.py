@@ -36,6 +36,19 @@ class Measurement:
         )
         return np.asarray(np.exp(-1j * w * self.delay) * (C0 + 1j * w * C1 - w**2 * C2))
 
+    def motor_order(self, selector: Array) -> int | None:
+        """Return 0, 1 or 2 where motor angles, speeds or accelerations are measured, else None.
+
+        `selector` is the model's, (d, n).
+        """
+        parts = self.position, self.velocity, self.acceleration
+        order = int(np.argmax([np.any(part) for part in parts]))
+        for k, part in enumerate(parts):
+            wanted = selector.T if k == order else np.zeros_like(selector.T)
+            if part.shape[-2:] != wanted.shape or not np.array_equiv(part, wanted):
+                return None
+        return order
+
     def at(self, index: int | IntArray) -> "Measurement":
         """Return the measurement at one or several of many positions."""
         return Measurement(

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from robotmodels.arrays import Array, ComplexArray, IntArray
 from robotmodels.description.parameters import Parameters
 from robotmodels.elastic.measurement import Measurement
+from robotmodels.errors import InvalidInput
 from robotmodels.linear_model import LinearModel
 
 _T = TypeVar("_T", bound=np.generic)
@@ -91,6 +92,27 @@ class SpringNetwork:
             for name, acting in zip(self.parameters.names, acts, strict=True)
             if name in self.beyond or not acting
         )
+
+    @property
+    def only_motors(self) -> bool:
+        """Whether motor angles, speeds or accelerations are measured, and nothing else."""
+        return self.measurement is None or self.measurement.motor_order(self.selector) is not None
+
+    def motor_factors(self, omega: Array) -> ComplexArray:
+        """Return what the FRF is per FRF of plain motor accelerations, (F, n), by input.
+
+        Raises
+        ------
+        InvalidInput : if something else than the motors is measured.
+        """
+        w = np.asarray(omega, dtype=float)[:, None]
+        if self.measurement is None:
+            return np.ones((len(w), self.selector.shape[1]), dtype=complex)
+        order = self.measurement.motor_order(self.selector)
+        if order is None:
+            raise InvalidInput("network: something else than the motors is measured")
+        delay = np.exp(-1j * w * self.measurement.delay)
+        return np.asarray(delay * (1j * w) ** (order - 2) * self.measurement.gain)
 
     @property
     def coefficient_exponents(self) -> Array:

@@ -30,7 +30,8 @@ _SHARES = 4
 def frequency_response(network: SpringNetwork, omega: Array) -> ComplexArray:
     """Return G, (Q, F, m, n), at `omega` [rad/s]; as a rule from motor torque to acceleration.
 
-    Other outputs, and motors that act on several coordinates, take the way of the reference.
+    Other outputs than the motors' motion, and motors that act on several coordinates, take the way
+    of the reference.
 
     Raises
     ------
@@ -50,6 +51,8 @@ def frequency_response(network: SpringNetwork, omega: Array) -> ComplexArray:
         responses(space.at, address(frequencies), w.size, start, stop, address(out.view(float)))
 
     over_threads(run, len(out), work_per_item=frequencies.size // LANES)
+    if network.measurement is not None:
+        out *= network.motor_factors(w)[:, None, :]
     return out
 
 
@@ -74,7 +77,7 @@ def information(
     out = np.empty((len(network.mass), p, p))
     if not isinstance(noise, RelativeNoise):
         return _separable_information(network, plan, w, noise.factors(network, w), out)
-    if plan is None:
+    if plan is None or _differing_gains(network):
         return _reference_information(network, w, noise)
     frequencies, mask = _padded(w)
     spaces = Workspaces(plan, network, network_tables(network))
@@ -115,7 +118,9 @@ def _separable_information(
         _, J = network.sensitivity(omega)
         weighted = np.einsum("qfml,qflip,qfni->qfmnp", outputs, J, power, optimize=True)
         return np.asarray(2 * np.einsum("qfmnp,qfmnr->qpr", J.conj(), weighted, optimize=True).real)
-    # The kernel's sensitivities lack w^2.
+    # The kernel's sensitivities are those of motor accelerations, and lack w^2.
+    factors_of_inputs = network.motor_factors(omega)
+    power = np.conj(factors_of_inputs)[:, :, None] * power * factors_of_inputs[:, None, :]
     outputs *= omega[:, None, None] ** 4
     doubles = [np.ascontiguousarray(x, dtype=complex).view(float) for x in (power, outputs)]
     frequencies, _ = _padded(omega)
@@ -129,6 +134,14 @@ def _separable_information(
 
     over_threads(run, len(out), work_per_item=2 * frequencies.size // LANES)
     return out
+
+
+def _differing_gains(network: SpringNetwork) -> bool:
+    """Return whether a law relative to the FRF's elements sees more than motor accelerations.
+
+    A factor of the whole FRF leaves the information as it is, one of each input does not.
+    """
+    return network.measurement is not None and bool(np.ptp(network.measurement.gain) > 0)
 
 
 def _inverse(matrices: ComplexArray) -> ComplexArray:

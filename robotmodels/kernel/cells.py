@@ -105,13 +105,19 @@ class CostKernel:
         alike = bool(np.all(exponents == exponents[:1]))
         self._exponents = exponents[: 1 if alike else None]
         if self._targets is None:
-            self._targets = prepare_targets(
-                self._omega, self._measured, self._weights, self.residual
-            )
+            self._targets = prepare_targets(self._omega, *self._of_accelerations(), self.residual)
         w, targets, self._constant = self._targets
         matrix, off = prepare_matrices(network, self._omega, full, self._plan)
         self._cells = w, matrix, off, targets
         self._at = Cells(*(address(a) for a in self._cells))
+
+    def _of_accelerations(self) -> tuple[ComplexArray, Array]:
+        """Return measured FRFs and weights as those of motor accelerations, the cost unchanged."""
+        if self.network.measurement is None:
+            return self._measured, self._weights
+        factors = self.network.motor_factors(self._omega)[:, None, :]
+        weights = self._weights * np.abs(factors) ** 2 if self.residual == "nls" else self._weights
+        return self._measured / factors, weights
 
     def __call__(self, parameters: Array) -> Array:
         """Return the costs, (W,), of W sets of parameters, (W, p).

@@ -57,11 +57,11 @@ def needed_terms(network: SpringNetwork) -> IntArray:
 def layout(network: SpringNetwork) -> Layout | None:
     """Return the layout of `network`; None where the kernel does not know it.
 
-    It knows motors that act on one coordinate each, and their accelerations as outputs.
+    It knows motors that act on one coordinate each, and their motions as outputs.
     """
     S, ends = np.asarray(network.selector), np.asarray(network.ends)
     n = S.shape[1]
-    if network.measurement is not None or np.any(np.count_nonzero(S, axis=0) != 1):
+    if not network.only_motors or np.any(np.count_nonzero(S, axis=0) != 1):
         return None
     acted = np.abs(S).argmax(axis=0)
     if len(set(acted)) < n:

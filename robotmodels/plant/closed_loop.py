@@ -6,7 +6,7 @@ output makes Y = G_y U + V whatever U is, so Ĝ - G = V U^-1, to first order V U
 vec(Ĝ - G) has the covariance (U0 U0ᴴ)^-T ⊗ Λ_v. It is linear in the excitation's power.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -38,19 +38,18 @@ def angle_response(network: SpringNetwork, omega: Array, sample_time: float) -> 
     The robot's delay and torque gains are in it, whatever its file says to measure.
     """
     omega = check_omega(omega)
-    if network.measurement is None and network.mass.size * len(omega) > _WORTHWHILE:
+    motors = replace(network, measurement=None)
+    if network.mass.size * len(omega) > _WORTHWHILE:
         from robotmodels.kernel import frequency_response
 
-        lag = hold_response(omega, sample_time) / -np.square(omega)
-        return np.asarray(lag[:, None, None] * frequency_response(network, omega))
-    model = network.linear_model()
-    S, measured = model.selector, model.measured
-    X = np.linalg.solve(
-        model.dynamic_stiffness(omega),
-        np.broadcast_to(S * measured.gain + 0j, (len(network.mass), len(omega), *S.shape)),
-    )
-    lag = hold_response(omega, sample_time) * np.exp(-1j * omega * measured.delay)
-    return np.asarray(lag[:, None, None] * (S.T @ X))
+        accelerations = frequency_response(motors, omega)
+    else:
+        accelerations = motors.frequency_response(omega)
+    lag = (hold_response(omega, sample_time) / -np.square(omega))[:, None]
+    if network.measurement is not None:
+        late = np.exp(-1j * omega * network.measurement.delay)
+        lag = lag * late[:, None] * network.measurement.gain
+    return np.asarray(lag[:, None, :] * accelerations)
 
 
 @dataclass(frozen=True, eq=False)

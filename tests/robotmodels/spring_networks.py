@@ -112,6 +112,26 @@ def other_outputs(rng):
     )
 
 
+def motor_speeds(rng):
+    """Return a robot whose motors' speeds are measured, late and with differing torque gains."""
+    network = robot(rng, n=3, n_torsions=4, n_free_torsions=2)
+    still = np.zeros((len(network.mass), *network.selector.T.shape))
+    gain = np.array([1.0, 1.1, 0.9])
+    return replace(
+        network, measurement=Measurement(still, still + network.selector.T, still, gain, 2e-3)
+    )
+
+
+def motor_angles(rng):
+    """Return a robot whose motors' angles are measured, with one torque gain for all."""
+    network = robot(rng, n=3, n_torsions=4, n_free_torsions=2)
+    still = np.zeros((len(network.mass), *network.selector.T.shape))
+    gain = np.full(3, 1.2)
+    return replace(
+        network, measurement=Measurement(still + network.selector.T, still, still, gain, 0.0)
+    )
+
+
 def free_inertias(network, coordinates, rng):
     """Return `network` with more inertia, free, at `coordinates`; one friction is not free."""
     r, p = len(coordinates), len(network.parameters)
@@ -146,6 +166,8 @@ NETWORKS = {
     "all torsions free": lambda rng: robot(rng, n=2, n_torsions=5, n_free_torsions=5),
     "nonlinear spring": nonlinear,
     "friction shared by positions": shared_damping,
+    "motor speeds": motor_speeds,
+    "motor angles": motor_angles,
     "other outputs": other_outputs,
     "motor on two coordinates": unusual,
     "free motor inertias": lambda rng: free_inertias(robot(rng), [23, 19], rng),

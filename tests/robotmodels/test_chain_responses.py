@@ -7,12 +7,11 @@ from robotmodels.chain_responses import (
     chain_response,
     constrained_response,
     modally_damped,
-    motor_shapes,
     position_controlled,
 )
 from robotmodels.chains import CoupledChains
 from robotmodels.errors import InvalidInput, SolverFailed
-from robotmodels.modes import damped_modes, resonances
+from robotmodels.modes import damped_modes
 from robotmodels.plant.closed_loop import hold_response
 from robotmodels.plant.controller import Controller
 from robotmodels.plant.linear import sampled_loop, simulate_linear
@@ -53,16 +52,6 @@ def test_damping_mode_by_mode():
     assert damped_modes(model).damping_ratios == pytest.approx(np.full(6, 0.02))
     rigid = np.repeat(np.eye(3), 3, axis=0)
     assert np.abs(model.damping @ rigid).max() < 1e-9 * np.abs(model.damping).max()
-
-
-def test_motors_see_these_modes():
-    squares, shapes, inertia = motor_shapes(CHAINS.linear_model())
-    assert squares == pytest.approx(resonances(CHAINS.linear_model()).squares)
-    assert inertia == pytest.approx(np.diag(CHAINS.masses.sum(axis=1)) + COUPLINGS)
-    w = OMEGA[:, None, None, None]
-    modal = (shapes[:, :, None] * shapes[:, None, :]) * w**2 / (w**2 - squares[:, None, None])
-    expected = chain_response(CHAINS, OMEGA)
-    assert np.linalg.inv(inertia) + modal.sum(axis=1) == pytest.approx(expected, rel=1e-9)
 
 
 @pytest.fixture

@@ -367,3 +367,14 @@ def test_a_change_in_any_source_file_changes_the_key_of_the_cache(function):
     # numba's key holds the values a function closes over, and the date of its own file only.
     closed_over = [cell.cell_contents for cell in function.py_func.__closure__]
     assert closed_over == [kernel_factor.SOURCES]
+
+
+@pytest.mark.parametrize(
+    ("name", "known"), [("motor speeds", True), ("motor angles", True), ("other outputs", False)]
+)
+def test_which_outputs_the_kernel_knows(name, known):
+    network = NETWORKS[name](np.random.default_rng(7))
+    assert (layout(network) is not None) == known
+    if not known:
+        with pytest.raises(InvalidInput, match="something else than the motors is measured"):
+            network.motor_factors(OMEGA)

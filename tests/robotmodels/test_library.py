@@ -83,14 +83,14 @@ def test_holding_the_equilibria_changes_as_little_as_documented(robot: ElasticRo
     G, exact = robotmodels.sensitivity(robot, positions, omega)
     fixed = robotmodels.sensitivity(robot, positions, omega, sag=False)[1]
     axes = (0, 1, 2, 3)
-    assert (np.abs(exact - fixed).max(axes) < 0.02 * np.abs(exact).max(axes)).all()
+    assert (np.abs(exact - fixed).max(axes) < 0.05 * np.abs(exact).max(axes)).all()
     weight = 1 / np.sqrt(robotmodels.RelativeNoise().variance(G))[..., None]
     std = []
     for J in (exact, fixed):
         whitened = (weight * J).reshape(-1, J.shape[-1])
         information = 2 * (whitened.conj().T @ whitened).real
         std.append(np.sqrt(np.diag(np.linalg.inv(information))))
-    np.testing.assert_allclose(std[1], std[0], rtol=1.5e-3)
+    np.testing.assert_allclose(std[1], std[0], rtol=3e-3)
 
 
 def test_manutec_r3_modes_lie_between_19_1_and_50_9_hz() -> None:
