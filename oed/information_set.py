@@ -216,7 +216,7 @@ def information(
 ) -> "InformationSet | StoredInformation":
     """Return the information of one experiment in each position, equilibria held fixed.
 
-    For the built-in robots the latter changes no standard deviation by more than 0.15 % (15 random
+    For the built-in robots the latter changes no standard deviation by more than 0.3 % (15 random
     positions, 2 to 80 Hz); see `robotmodels.sensitivity` for what it leaves out.
 
     Parameters

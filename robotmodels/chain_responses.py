@@ -8,7 +8,7 @@ from robotmodels.arrays import Array, ComplexArray
 from robotmodels.chains import CoupledChains
 from robotmodels.errors import InvalidInput
 from robotmodels.linear_model import LinearModel
-from robotmodels.modes import resonances, rigid_modes
+from robotmodels.modes import resonances
 from robotmodels.response import check_omega
 
 
@@ -93,28 +93,6 @@ def modally_damped(model: LinearModel, ratio: float) -> LinearModel:
     image = model.mass @ flexible.shapes
     damping = (image * (2 * ratio * flexible.frequencies)) @ image.T
     return LinearModel(model.mass, damping, model.stiffness, model.selector, model.measurement)
-
-
-def motor_shapes(model: LinearModel) -> tuple[Array, Array, Array]:
-    """Return what a motor sees of the undamped modes of a model without gravity.
-
-    Returns
-    -------
-    squares : (k,) squared resonances [rad^2/s^2].
-    shapes : (k, n) components of the mode shapes of unit modal mass at the motors.
-    inertia : (n, n) rigid inertia matrix.
-
-    Raises
-    ------
-    InvalidInput : if the mass matrix is not positive definite.
-    """
-    flexible = resonances(model)
-    still = model.selector.T @ rigid_modes(model).shapes
-    return (
-        flexible.squares,
-        np.asarray((model.selector.T @ flexible.shapes).T),
-        np.asarray(np.linalg.inv(still @ still.T)),
-    )
 
 
 def _checked_gains(gains: Array, count: int) -> Array:

@@ -15,7 +15,7 @@ class Held:
     """An elastic system in some positions, whose equilibria do not follow its parameters.
 
     FRFs at the system's own values are its own; close to them it differs as information matrices
-    do, which hold equilibria too: by 0.15 % of a standard deviation for the built-in robots.
+    do, which hold equilibria too: by up to 0.3 % of a standard deviation for the built-in robots.
 
     Attributes
     ----------
