@@ -5,15 +5,18 @@ import math
 import os
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from oed.candidates.free_ranges import free_margin, free_ranges
+from oed.candidates.sources import Workcell
 from reports import text
 from reports.template import filled_text
 from robotmodels import ElasticRobot, load_robot
+from robotmodels.arrays import Array
 from robotmodels.collision.shapes import robot_shapes
 from robotmodels.description.idle_joints import idle_joints
 from robotmodels.description.proposal import Drive, propose_drives
@@ -25,8 +28,17 @@ MOST_CANDIDATES = 1500
 
 _NOT_TEXT = ("y", "n", "yes", "no", "on", "off", "true", "false", "null", "~", ".inf", ".nan")
 
-_MARGIN = 0.03
+_INSET = 0.03
 """Part of a joint's range to stay away from either end."""
+
+_MARGINS = (0.02, 0.01, 0.005)
+"""Distances to keep from what may be touched, the usual one first [m]."""
+
+_LINK_RADIUS = 0.05
+"""Of links without collision shapes [m]."""
+
+_FLOOR, _BURIED = 0.01, 0.3
+"""Noise relative to the largest element, and the most that it may be of a motor's own response."""
 
 
 @dataclass(frozen=True)
@@ -136,30 +148,26 @@ def _entries(drive: Drive) -> dict[str, Any]:
 def _study(robot: ElasticRobot, reference: str, builtin: bool = False) -> str:
     idle = idle_joints(robot)
     points = grid_points([name not in idle for name in robot.motor_joints])
-    joints = []
-    for name, (low, high), number in zip(
-        robot.motor_joints, robot.position_limits, points, strict=True
-    ):
-        half = (0.5 - _MARGIN) * (high - low)
-        if name not in robot.elements.prismatic:  # no point of the grid a whole turn from another
-            half = min(half, math.pi * (1 - 1 / max(number, 2)))
-        middle = (low + high) / 2
-        joints.append(
-            {
-                "name": _word(name),
-                "points": number,
-                "low": _yaml(middle - half, 3),
-                "high": _yaml(middle + half, 3),
-            }
-        )
+    shapes = robot_shapes(robot).solid
+    ranges = _ranges(robot, points)
+    cell = Workcell(floor=0.0, link_radius=None if shapes else _LINK_RADIUS)
+    margin = free_margin(robot, ranges, cell, _MARGINS)
+    narrowed = free_ranges(robot, ranges, replace(cell, margin=margin))
     return filled_text(
         "study.yaml.j2",
         name=robot.name,
         robot=_word(reference),
         builtin=builtin,
         file="study.yaml",
-        joints=joints,
-        shapes=robot_shapes(robot).solid,
+        joints=[
+            {"name": _word(name), "points": number, "low": _yaml(low, 3), "high": _yaml(high, 3)}
+            for name, number, (low, high) in zip(robot.motor_joints, points, narrowed, strict=True)
+        ],
+        noise_floor=_yaml(noise_floor([m.inertia for m in robot.file.motors]), 1),
+        link_radius=None if shapes else _LINK_RADIUS,
+        margin=margin,
+        usual_margin=_MARGINS[0],
+        narrowed=bool(np.any(narrowed != ranges)),
         candidates=math.prod(points),
         idle=text.listed([_word(name) for name in idle]),
         units="[rad; m]" if robot.elements.prismatic else "[rad]",
@@ -168,10 +176,29 @@ def _study(robot: ElasticRobot, reference: str, builtin: bool = False) -> str:
     )
 
 
+def _ranges(robot: ElasticRobot, points: Sequence[int]) -> Array:
+    """Return a range for each joint, (n, 2), a little inside its limits."""
+    middle, half = robot.position_limits.mean(axis=1), np.diff(robot.position_limits)[:, 0] / 2
+    half *= 1 - 2 * _INSET
+    for j, name in enumerate(robot.motor_joints):
+        if name not in robot.elements.prismatic:  # no point of the grid a whole turn from another
+            half[j] = min(half[j], math.pi * (1 - 1 / max(points[j], 2)))
+    return np.stack([middle - half, middle + half], axis=1)
+
+
+def noise_floor(inertias: Sequence[float]) -> float:
+    """Return the floor of the noise law: 1 %, or less for motors of very unlike inertias.
+
+    Responses of a heavy motor are smaller than those of a light one by the ratio of inertias; a
+    floor that is 1 % of the largest would bury them.
+    """
+    return min(_FLOOR, _BURIED * min(inertias) / max(inertias))
+
+
 def grid_points(varied: Sequence[bool]) -> list[int]:
     """Return points per joint: one where a joint need not be `varied`, else what is affordable."""
     points = [1] * len(varied)
-    most = 7 if sum(varied) == 1 else 5
+    most = {1: 15, 2: 15, 3: 9}.get(sum(varied), 5)
     grown = True
     while grown:
         grown = False

@@ -4,9 +4,11 @@ import numpy as np
 import pytest
 import yaml
 
+from oed import Workcell, candidate_positions
+from oed.candidates.screening import usable
 from oed.study.file import load_study
 from reports import cli
-from reports.starter_files import grid_points, starter_files, write_starter_files
+from reports.starter_files import grid_points, noise_floor, starter_files, write_starter_files
 from robotmodels import InvalidInput, load_robot
 from robotmodels.description.idle_joints import idle_joints
 from robotmodels.description.proposal import propose_drives
@@ -114,10 +116,10 @@ def test_nothing_is_overwritten(urdf, oed, tmp_path):
     assert not (tmp_path / "robot.yaml").exists()
 
 
-@pytest.mark.parametrize("robot", ["ur10", "absent", "absent.urdf"])
+@pytest.mark.parametrize("robot", ["moberg_axis1", "absent", "absent.urdf"])
 def test_init_of_a_builtin_robot_and_of_none(robot, oed, tmp_path):
     code, out, err = oed("init", robot, "-o", tmp_path / "new")
-    if robot == "ur10":
+    if robot == "moberg_axis1":
         assert code == 0
         assert [p.name for p in (tmp_path / "new").iterdir()] == ["study.yaml"]
     else:
@@ -133,8 +135,9 @@ def test_a_file_in_the_way_of_the_folder(urdf, tmp_path):
 
 
 def test_grids_stay_small():
-    assert grid_points([True]) == [7]
-    assert grid_points([False, True]) == [1, 7]
+    assert grid_points([True]) == [15]
+    assert grid_points([False, True]) == [1, 15]
+    assert grid_points([False, True, True, True]) == [1, 9, 9, 9]
     assert grid_points([False]) == [1]
     for joints in range(2, 9):
         for first in (True, False):
@@ -155,13 +158,46 @@ def test_joints_that_no_response_depends_on_stay_where_they_are(urdf, tmp_path):
     assert idle_joints(load_robot(path)) == ()
 
 
-def test_a_foundation_takes_several_angles_of_the_first_joint(tmp_path):
-    study = yaml.safe_load(starter_files("ur10", tmp_path).files["study.yaml"])
+@pytest.fixture(scope="module")
+def ur10_study(tmp_path_factory):
+    path = tmp_path_factory.mktemp("ur10") / "study.yaml"
+    path.write_text(starter_files("ur10", path.parent).files["study.yaml"], encoding="utf-8")
+    return path
+
+
+def test_most_positions_proposed_for_a_robot_on_the_floor_are_free_of_collisions(ur10_study):
+    study = load_study(ur10_study)
+    robot = load_robot("ur10")
+    positions = candidate_positions(robot, study.candidates.per_joint, study.candidates.limits)
+    cell = Workcell(floor=0.0, margin=study.candidates.margin)
+    some = positions[np.random.default_rng(0).choice(len(positions), 100, replace=False)]
+    free = usable(robot, some, cell.surroundings(robot)).mean()
+    assert free * len(positions) > 500
+    # The forearm is 2 cm from the second wrist link by construction, most of the shoulder's
+    # turn leads below the floor: both are told.
+    content = ur10_study.read_text(encoding="utf-8")
+    assert study.candidates.margin < 0.02
+    assert "at 0.02 links are too close" in content
+    assert "narrower than the joints' own" in content
+    whole = dict.fromkeys(robot.motor_joints, (-2.3, 2.3))
+    wide = candidate_positions(robot, study.candidates.per_joint, whole)
+    assert usable(robot, wide[::13], cell.surroundings(robot)).mean() < 0.7 * free
+
+
+def test_the_floor_of_the_noise_does_not_bury_heavy_motors(urdf, tmp_path):
+    assert noise_floor([4e-4, 4e-5]) == 0.01
+    assert noise_floor([6e-3, 6e-6]) == pytest.approx(3e-4)
+    content = starter_files(str(urdf), tmp_path).files["study.yaml"]
+    assert ("very unlike" in content) == (yaml.safe_load(content)["noise"]["floor"] < 0.01)
+
+
+def test_a_foundation_takes_several_angles_of_the_first_joint(ur10_study):
+    study = yaml.safe_load(ur10_study.read_text(encoding="utf-8"))
     assert study["candidates"]["per_joint"]["shoulder_pan_joint"] >= 3
 
 
-def test_grids_of_joints_that_turn_more_than_once_repeat_no_angle(tmp_path):
-    study = yaml.safe_load(starter_files("ur10", tmp_path).files["study.yaml"])
+def test_grids_of_joints_that_turn_more_than_once_repeat_no_angle(ur10_study):
+    study = yaml.safe_load(ur10_study.read_text(encoding="utf-8"))
     for joint, (low, high) in study["candidates"]["limits"].items():
         points = np.linspace(low, high, study["candidates"]["per_joint"][joint])
         apart = np.abs(np.exp(1j * points[:, None]) - np.exp(1j * points)) + 9 * np.eye(len(points))
