@@ -42,20 +42,22 @@ def solve(
 
     Raises
     ------
+    InvalidInput : if `max_rounds` is not positive.
     NotIdentifiable : naming the parameters that all candidates together leave open.
     SolverFailed : if the solver gives no answer.
     """
+    if max_rounds < 1:
+        raise InvalidInput(f"max_rounds: {max_rounds!r}; at least 1 is needed")
     scaled = ScaledProblem.of(problem)
     active = scaled.first_active()
     fast = partial(newton, tolerance=1e-3 * tolerance)
-    surest = partial(_or_conic, fast, form)
-    answer: Solver = surest if solver == "newton" else partial(conic, form=form)
+    finishes = _finishes(problem, partial(_or_conic, fast, form), form)
+    answer: Solver = finishes[0][0] if solver == "newton" else partial(conic, form=form)
     if solver != "newton" and problem.objective.smooth:
         active = _scouted(scaled, active, tolerance, fast)
     best: Solution | None = None
     used: list[str] = []
     rounds, trim = 0, True
-    finishes = [True, False] if problem.objective.smooth else []
     while rounds < max_rounds:
         rounds += 1
         solution = _round(scaled, active, tolerance, answer, trim)
@@ -72,16 +74,27 @@ def solve(
         if larger is not None:
             active = larger
         elif finishes:
-            # The right candidates, but not precisely enough: once more, without the others; then
-            # with every share as found, for nearly equal candidates may need theirs however small.
-            # If that does not help either, the solver's witness must do.
-            answer, trim = surest, finishes.pop(0)
+            # The right candidates, but not precisely enough: once more, without the others.
+            answer, trim = finishes.pop(0)
             active = _used(scaled, solution, active)
         else:
             break
-    if best is None:
-        raise InvalidInput(f"max_rounds: {max_rounds!r}; at least 1 is needed")
+    assert best is not None  # of one round at least
     return replace(best, rounds=rounds, solver=", ".join(used))
+
+
+def _finishes(problem: Problem, surest: Solver, form: str) -> list[tuple[Solver, bool]]:
+    """Return what answers more precisely, and whether shares that vanish are then left out.
+
+    First they are, then they stay, for nearly equal candidates may need theirs however small. If
+    that does not help either, the solver's witness must do. Without second derivatives it is the
+    other form of the problem that may, where there is one.
+    """
+    if problem.objective.smooth:
+        return [(surest, True), (surest, False)]
+    if len(problem.objective.groups) > 1:
+        return []
+    return [(partial(conic, form="primal" if form == "dual" else "dual"), True)]
 
 
 def _scouted(scaled: ScaledProblem, active: IntArray, tolerance: float, answer: Solver) -> IntArray:

@@ -14,15 +14,14 @@ from itertools import combinations
 import numpy as np
 
 from oed.design.criteria import Criterion, objective
-from oed.design.objective import Objective
-from oed.design.polytope import Polytope
-from oed.design.relaxed import Design, optimal_design
+from oed.design.relaxed import Design
+from oed.design.sensor_relaxation import Shop, relaxed_choice
 from oed.information_set import InformationSet
 from robotmodels.arrays import Array
-from robotmodels.errors import InvalidInput, NotIdentifiable, SolverFailed
+from robotmodels.errors import InvalidInput, NotIdentifiable
+from robotmodels.notebook import Printed
 
 _MOST_TRIED = 256
-_ROUNDS = 60
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,7 +39,7 @@ class Sensor:
 
 
 @dataclass(frozen=True, eq=False)
-class SensorDesign:
+class SensorDesign(Printed):
     """A choice of sensors with its design, certified.
 
     Attributes
@@ -65,6 +64,16 @@ class SensorDesign:
     usage: Mapping[str, float]
     tried: int
 
+    def __str__(self) -> str:
+        lines = [
+            f"{', '.join(self.chosen) or 'no sensors'} for {self.cost:g}, {self.tried} choices "
+            f"judged by {self.design.criterion}, efficiency >= {self.efficiency:.4f}"
+        ]
+        for name, factor in self.keep.items():
+            what = "without it" if name in self.chosen else "with it"
+            lines.append(f"  {name:<12} {what} {factor:.3f} of the efficiency")
+        return "\n".join(lines)
+
 
 def optimal_sensors(
     base: InformationSet,
@@ -72,6 +81,7 @@ def optimal_sensors(
     budget: float,
     criterion: str | Criterion = "D",
     tolerance: float = 1e-6,
+    prior: Array | None = None,
 ) -> SensorDesign:
     """Return the best sensors within the budget, and where to measure with them.
 
@@ -80,47 +90,39 @@ def optimal_sensors(
     base : information of each candidate position without any of the sensors.
     sensors : what can be bought, by name.
     budget : largest sum of costs.
-    criterion : a smooth criterion.
+    criterion : as in `optimal_design`; one that is not smooth, such as E, takes cvxpy and longer.
     tolerance : largest certified gap of each choice's design.
+    prior : (p, p), information of experiments there are already, in units of the shares.
 
     Raises
     ------
     InvalidInput : if sensors do not fit the positions and parameters, a cost or the budget is not
-        a number >= 0, or the criterion is not smooth.
+        a number >= 0, or the prior does not fit.
     NotIdentifiable : naming the parameters, if no choice within the budget identifies them.
+    SolverFailed : as `optimal_design`.
     """
     names, costs, added = _checked(base, sensors, budget)
-    wanted = objective(criterion, base.names)
-    if not wanted.smooth:
-        raise InvalidInput(f"criterion {wanted.name} is not smooth: sensors need one that is")
-    everything = InformationSet(base.positions, base.matrices + added.sum(axis=0), base.names)
-    optimal_design(everything, wanted, solver="newton", tolerance=tolerance)
-    judged: dict[frozenset[int], Design | None] = {}
-
-    def value(choice: frozenset[int]) -> float:
-        if choice not in judged:
-            judged[choice] = _design(base, added, choice, wanted, tolerance)
-        design = judged[choice]
-        return -np.inf if design is None else wanted.log_value(design.information)
-
-    best, all_tried = _search(costs, budget, value)
-    found = judged[best]
+    shop = Shop(base, added, costs, budget, objective(criterion, base.names), prior)
+    shop.design(np.ones(len(names), dtype=bool), tolerance)  # refuses what no sensor mends
+    judged = _Judged(shop, tolerance)
+    best, all_tried = _search(costs, budget, judged.value)
+    found = judged.design(best)
     if found is None:
         raise NotIdentifiable(
             base.unidentifiable(), f"budget: {budget:g} buys no sensors that identify them"
         )
-    tried = len(judged)
-    own = value(best)
-    keep = {names[s]: float(np.exp(value(best ^ {s}) - own)) for s in range(len(names))}
+    tried, own = len(judged.designs), judged.value(best)
+    keep = {name: float(np.exp(judged.value(best ^ {s}) - own)) for s, name in enumerate(names)}
     bound, usage = own, np.zeros(len(names))
     if costs.min() <= budget:
-        bound, usage = _relaxed(base, added, costs, budget, wanted, found)
+        bound, usage = relaxed_choice(shop, own)
+    relaxed = min(1.0, float(np.exp(own - bound)))
     return SensorDesign(
         chosen=tuple(names[s] for s in sorted(best)),
         cost=float(costs[sorted(best)].sum()),
         design=found,
-        efficiency=found.efficiency if all_tried else min(1.0, float(np.exp(own - bound))),
-        relaxed_efficiency=min(1.0, float(np.exp(own - bound))),
+        efficiency=found.efficiency if all_tried else relaxed,
+        relaxed_efficiency=relaxed,
         keep=keep,
         usage=dict(zip(names, usage.tolist(), strict=True)),
         tried=tried,
@@ -148,16 +150,27 @@ def _checked(
     return tuple(sensors), costs, added
 
 
-def _design(
-    base: InformationSet, added: Array, choice: frozenset[int], wanted: Objective, tolerance: float
-) -> Design | None:
-    """Return the best design with these sensors; None if it leaves something open."""
-    matrices = base.matrices + added[sorted(choice)].sum(axis=0)
-    info = InformationSet(base.positions, matrices, base.names)
-    try:
-        return optimal_design(info, wanted, solver="newton", tolerance=tolerance)
-    except NotIdentifiable:
-        return None
+class _Judged:
+    """Choices of sensors with their best designs, each found once; None leaves something open."""
+
+    def __init__(self, shop: Shop, tolerance: float) -> None:
+        self.shop, self.tolerance = shop, tolerance
+        self.designs: dict[frozenset[int], Design | None] = {}
+
+    def design(self, choice: frozenset[int]) -> Design | None:
+        if choice not in self.designs:
+            used = np.zeros(len(self.shop.costs), dtype=bool)
+            used[sorted(choice)] = True
+            try:
+                self.designs[choice] = self.shop.design(used, self.tolerance)
+            except NotIdentifiable:
+                self.designs[choice] = None
+        return self.designs[choice]
+
+    def value(self, choice: frozenset[int]) -> float:
+        """Return the log value of the best design with these sensors."""
+        design = self.design(choice)
+        return -np.inf if design is None else self.shop.wanted.log_value(design.information)
 
 
 def _search(
@@ -190,55 +203,3 @@ def _search(
         if len(better) <= len(present) and value(better) <= value(present) + 1e-9:
             return present, False
         present = better
-
-
-def _relaxed(
-    base: InformationSet,
-    added: Array,
-    costs: Array,
-    budget: float,
-    wanted: Objective,
-    start: Design,
-) -> tuple[float, Array]:
-    """Return an upper bound on the log value of every choice, and the sensors' shares of use.
-
-    Columns are positions with the sensors used there; at multipliers y of the mean cost the
-    dearest one of position q has price tr(W H_q0) + sum_s max(0, tr(W H_qs) - y c_s).
-    """
-    positions = np.repeat(np.arange(len(base)), 2)
-    used = np.zeros((len(positions), len(costs)), dtype=bool)
-    used[1::2] = True
-    bound, usage = np.inf, np.zeros(len(costs))
-    for _ in range(_ROUNDS):
-        matrices = base.matrices[positions] + np.einsum(
-            "is,siab->iab", used.astype(float), added[:, positions]
-        )
-        info = InformationSet(positions[:, None].astype(float), matrices, base.names)
-        n = len(positions)
-        allowed = Polytope(
-            np.stack([np.ones(n), used @ costs]),
-            np.array([1.0, budget]),
-            np.zeros(n),
-            np.full(n, np.inf),
-            ("experiments", "cost"),
-        )
-        try:
-            design = optimal_design(info, wanted, allowed, solver="newton", tolerance=1e-5)
-        except SolverFailed:
-            break
-        weight = wanted.price(design.witness, design.information.shape)
-        y = max(design.multipliers["cost"], 0.0)
-        own = np.tensordot(base.matrices, weight)
-        extra = np.tensordot(added, weight).T - y * costs
-        prices = own + np.maximum(extra, 0.0).sum(axis=1)
-        most = float(prices.max()) + y * budget
-        bound = min(bound, float(np.log(most) - wanted.log_polar(design.witness)))
-        reached = wanted.log_value(design.information)
-        usage = np.asarray(design.weights @ used)
-        if bound <= reached + 1e-4:
-            break
-        dearest = np.argsort(-prices)[: 2 * len(base.names)]
-        kept = design.support
-        positions = np.concatenate([positions[kept], dearest])
-        used = np.concatenate([used[kept], extra[dearest] > 0])
-    return max(bound, wanted.log_value(start.information)), usage

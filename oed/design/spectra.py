@@ -90,12 +90,12 @@ class Spectra:
             level = np.minimum((self.bounds / sums).min(axis=1, initial=np.inf), self.line_most)
         return np.repeat(level[:, None], self.lines.shape[1], axis=1)
 
-    def dearest(self, prices: Array, slack: float) -> tuple[float, Array, IntArray]:
-        """Return the largest price of any spectrum, the dearest spectra, and their positions.
+    def dearest(self, prices: Array, level: float) -> tuple[float, Array, IntArray]:
+        """Return a bound on the price of any spectrum, the dearest spectra, and their positions.
 
         prices : (Q, F) of a unit of power. Each single limit bounds what a position can cost; a
-        linear program is solved only where that leaves a chance of more than one. At most 2p
-        spectra that are dearer than one are returned.
+        linear program is solved only where that leaves a chance of more than `level`. At most 2p
+        spectra that are dearer are returned.
         """
         single = [self._single(prices, r) for r in range(len(self.bounds))]
         bounds = np.stack([bound for bound, _ in single])
@@ -106,11 +106,11 @@ class Spectra:
         inside = (taken <= self.bounds * (1 + 1e-12)).all(axis=1)
         dear: list[int] = []
         for q in np.argsort(-value):
-            if len(dear) == 2 * len(self.names) or value[q] <= 1 + slack:
+            if len(dear) == 2 * len(self.names) or value[q] <= level:
                 break
             if not inside[q]:
                 value[q], spectra[q] = self._program(prices[q], q)
-            if value[q] > 1 + slack:
+            if value[q] > level:
                 dear.append(int(q))
         chosen = np.array(dear, dtype=np.int64)
         return float(value.max()), spectra[chosen], chosen

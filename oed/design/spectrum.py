@@ -10,6 +10,7 @@ and when none is dearer than the design allows, no other spectrum in any positio
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
@@ -21,12 +22,13 @@ from oed.design.spectra import LineLimit, Spectra
 from oed.information_set import InformationSet
 from robotmodels.arrays import Array, IntArray, read_only
 from robotmodels.errors import InvalidInput, NotIdentifiable, SolverFailed
+from robotmodels.notebook import Printed
 
 _REMEDY = "add positions or lines, or fix or tie some of these parameters"
 
 
 @dataclass(frozen=True, eq=False)
-class SpectrumDesign:
+class SpectrumDesign(Printed):
     """Shares of the experiments and the powers of their lines, certified.
 
     Attributes
@@ -59,6 +61,17 @@ class SpectrumDesign:
         """Certified lower bound on the efficiency against every spectrum in every position."""
         return efficiency_bound(self.gap)
 
+    def __str__(self) -> str:
+        used = np.flatnonzero(self.weights)
+        lines = [
+            f"{self.criterion}-optimal spectra in {len(used)} of {len(self.weights)} positions, "
+            f"certified gap {self.gap:.1e}; flat ones keep {self.uniform_efficiency:.3f}"
+        ]
+        for q in used:
+            count = int((self.power[q] > 0).sum())
+            lines.append(f"  position {q}: share {self.weights[q]:.3g}, power in {count} lines")
+        return "\n".join(lines)
+
 
 def optimal_spectrum(
     lines: Array,
@@ -68,6 +81,7 @@ def optimal_spectrum(
     line_most: float = np.inf,
     tolerance: float = 1e-5,
     max_rounds: int = 200,
+    prior: Array | None = None,
 ) -> SpectrumDesign:
     """Return positions and powers of the lines that maximise the criterion.
 
@@ -76,15 +90,16 @@ def optimal_spectrum(
     lines : (Q, F, p, p), information of each position and line for a unit of power.
     names : p parameter names.
     limits : what holds in every experiment, by name; at least one must count every line.
-    criterion : a smooth criterion.
+    criterion : as in `optimal_design`; one that is not smooth, such as E, takes cvxpy and longer.
     line_most : largest power of one line.
     tolerance : largest certified gap accepted.
     max_rounds : largest number of sets of spectra.
+    prior : (p, p), information of experiments there are already, in units of the shares.
 
     Raises
     ------
-    InvalidInput : if lines and limits do not fit, a line has no limit, or `max_rounds` is not
-        positive.
+    InvalidInput : if lines, limits and prior do not fit, a line has no limit, or `max_rounds` is
+        not positive.
     NotIdentifiable : naming the parameters, if all lines in all positions leave some open.
     SolverFailed : if the gap stays above the tolerance.
     """
@@ -92,38 +107,55 @@ def optimal_spectrum(
         raise InvalidInput(f"max_rounds: {max_rounds!r}; at least 1 is needed")
     shapes = Spectra.checked(lines, names, limits, line_most)
     wanted = objective(criterion, names)
-    if not wanted.smooth:
-        raise InvalidInput(f"criterion {wanted.name} is not smooth: spectra need one that is")
+    solved = partial(_design, shapes, wanted, prior)
     flat = shapes.flat()
     owners, powers = np.arange(len(flat)), flat
-    start = _design(shapes, owners, powers, wanted, tolerance)
-    design = start
+    start = design = solved(owners, powers, tolerance)
     for done in range(1, max_rounds + 1):
-        witness = wanted.witness(design.information)
-        prices = np.tensordot(shapes.lines, wanted.price(witness, design.information.shape))
-        budget, corners, found = shapes.dearest(prices, 0.1 * tolerance)
-        bound = np.log(budget) - wanted.log_polar(witness)
-        gap = float(np.expm1(bound - wanted.log_value(design.information)))
+        gap, more, corners = _priced(shapes, wanted, design, prior, tolerance)
         if gap <= tolerance:
             return _answer(shapes, owners, powers, design, start, wanted, gap, done)
         used = design.support
-        owners = np.concatenate([owners[used], found])
+        owners = np.concatenate([owners[used], more])
         powers = np.concatenate([powers[used], corners])
-        design = _design(shapes, owners, powers, wanted, 0.01 * tolerance)
+        design = solved(owners, powers, 0.01 * tolerance)
     raise SolverFailed(
         f"optimal spectrum: the certified gap is {gap:.2g} after {max_rounds} rounds, above the "
         f"tolerance {tolerance:.2g}; allow more rounds or a larger tolerance"
     )
 
 
+def _priced(
+    spectra: Spectra, wanted: Objective, design: Design, prior: Array | None, tolerance: float
+) -> tuple[float, IntArray, Array]:
+    """Return the gap over all spectra, and the positions and powers of the dearest ones."""
+    information = design.information
+    # Without a derivative, as for E, the solver's witness is the one that prices well.
+    witness = wanted.witness(information) if wanted.smooth else design.witness
+    weight = wanted.price(witness, information.shape)
+    prices = np.tensordot(spectra.lines, weight)
+    known = 0.0 if prior is None else float(np.vdot(weight, prior))
+    level = float(np.vdot(weight, information)) - known
+    dearest, corners, owners = spectra.dearest(prices, level + 0.1 * tolerance)
+    bound = np.log(known + dearest) - wanted.log_polar(witness)
+    return float(np.expm1(bound - wanted.log_value(information))), owners, corners
+
+
 def _design(
-    spectra: Spectra, owners: IntArray, powers: Array, wanted: Objective, tolerance: float
+    spectra: Spectra,
+    wanted: Objective,
+    prior: Array | None,
+    owners: IntArray,
+    powers: Array,
+    tolerance: float,
 ) -> Design:
     """Return the best shares of experiments with these powers (k, F) in the positions (k,)."""
     matrices = np.einsum("if,ifab->iab", powers, spectra.lines[owners])
     info = InformationSet(owners[:, None].astype(float), matrices, spectra.names)
+    solver, least = ("newton", 1e-8) if wanted.smooth else ("cvxpy", 1e-6)
+    tolerance = max(tolerance, least)
     try:
-        return optimal_design(info, wanted, solver="newton", tolerance=max(tolerance, 1e-8))
+        return optimal_design(info, wanted, None, prior, tolerance, solver=solver)
     except NotIdentifiable as error:
         raise NotIdentifiable(error.names, _REMEDY, error.combinations) from error
 

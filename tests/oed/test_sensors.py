@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from random_candidates import information_set, random_set
 
-from oed import Sensor, optimal_design, optimal_sensors
+from oed import Constraints, Sensor, optimal_design, optimal_sensors
 from robotmodels import InvalidInput, NotIdentifiable
 
 Q, P = 30, 4
@@ -22,14 +22,14 @@ def shop(count, seed=1):
     }
 
 
-def best_of_all(sensors, budget, base=BASE):
+def best_of_all(sensors, budget, base=BASE, **options):
     """Try every subset, each by cvxpy."""
     found = {}
     for k in range(len(sensors) + 1):
         for choice in combinations(sensors, k):
             if sum(sensors[name].cost for name in choice) <= budget:
                 H = base.matrices + sum(sensors[name].information.matrices for name in choice)
-                found[choice] = optimal_design(information_set(H)).value
+                found[choice] = optimal_design(information_set(H), **options).value
     return max(found, key=found.get), found
 
 
@@ -43,6 +43,39 @@ def test_choice_is_the_best_of_all(budget):
     assert design.cost == pytest.approx(sum(sensors[n].cost for n in choice))
     assert design.efficiency >= 1 - 1e-6
     assert design.relaxed_efficiency <= 1.0
+
+
+def test_choice_for_the_worst_combination_after_experiments_there_are():
+    sensors, prior = shop(4), np.diag([3.0, 1.0, 0.3, 0.0])
+    design = optimal_sensors(BASE, sensors, 3.5, "E", prior=prior)
+    choice, values = best_of_all(sensors, 3.5, criterion="E", prior=prior)
+    assert design.chosen == choice
+    assert design.design.value == pytest.approx(values[choice], rel=1e-5)
+    # No choice reaches the relaxation's bound, and this one is the best.
+    assert 0.8 < design.relaxed_efficiency <= 1.0
+    assert f"{choice[0]:<12} without it " in str(design)
+
+
+@pytest.mark.parametrize("prior", [None, np.eye(P)])
+def test_the_relaxation_is_a_linear_problem_of_all_columns(prior):
+    """Every set of sensors in every position is a column; cvxpy states them all."""
+    sensors = shop(3)
+    base = information_set(BASE.matrices[:6])
+    some = {
+        name: Sensor(information_set(one.information.matrices[:6]), one.cost)
+        for name, one in sensors.items()
+    }
+    design = optimal_sensors(base, some, 2.0, prior=prior)
+    columns, costs = [], []
+    for k in range(4):
+        for choice in combinations(some, k):
+            columns.append(base.matrices + sum(some[n].information.matrices for n in choice))
+            costs += [sum(some[n].cost for n in choice)] * len(base)
+    matrices, costs = np.concatenate(columns), np.array(costs)
+    rules = Constraints(experiments=1, linear={"cost": (costs, 2.0)})
+    best = optimal_design(information_set(matrices), constraints=rules, prior=prior)
+    reached = np.exp((design.design.value - best.value) / P)
+    assert design.relaxed_efficiency == pytest.approx(reached, rel=2e-4)
 
 
 def test_many_sensors_are_exchanged_and_bounded():
@@ -94,7 +127,7 @@ def test_sensors_that_make_parameters_identifiable():
         (shop(1), -1.0, "D", "budget: -1.0 is not a number >= 0"),
         ({"a": Sensor(random_set(0, 5, P, 2))}, 1.0, "D", "sensors: a: 5 candidates"),
         ({"a": Sensor(BASE, np.nan)}, 1.0, "D", "sensors: a: cost nan is not a number >= 0"),
-        (shop(1), 2.0, "E", "criterion E is not smooth"),
+        (shop(1), 2.0, "F", "criterion 'F' is not known"),
     ],
 )
 def test_sensors_that_do_not_fit(sensors, budget, criterion, message):

@@ -24,19 +24,23 @@ def random_lines(q, f, p, rank):
 LINES = random_lines(Q, F, P, 1)
 
 
-def one_problem(limits, criterion, line_most):
+def one_problem(limits, criterion, line_most=np.inf, prior=0.0):
     """Shares and powers at once: powers times shares are the variables."""
     w, power = cp.Variable(Q, nonneg=True), cp.Variable((Q, F), nonneg=True)
     flat = LINES.reshape(Q * F, -1)
-    M = cp.reshape(flat.T @ cp.vec(power, order="C"), (P, P), order="C")
+    M = prior + cp.reshape(flat.T @ cp.vec(power, order="C"), (P, P), order="C")
     rules = [cp.sum(w) == 1]
     for limit in limits.values():
         cost = np.broadcast_to(limit.cost, (Q, F))
         rules.append(cp.sum(cp.multiply(cost, power), axis=1) <= limit.most * w)
     if np.isfinite(line_most):
         rules += [power[:, f] <= line_most * w for f in range(F)]
-    goal = cp.log_det(M) if criterion == "D" else -cp.matrix_frac(np.eye(P), M)
-    return cp.Problem(cp.Maximize(goal), rules).solve(cp.CLARABEL)
+    goals = {
+        "D": cp.log_det(M),
+        "A": -cp.matrix_frac(np.eye(P), M),
+        "E": cp.lambda_min(0.5 * (M + M.T)),
+    }
+    return cp.Problem(cp.Maximize(goals[criterion]), rules).solve(cp.CLARABEL)
 
 
 @pytest.mark.parametrize("criterion", ["D", "A"])
@@ -59,6 +63,17 @@ def test_spectra_against_one_convex_problem(names, line_most, criterion):
         np.einsum("q,qf,qfab->ab", design.weights, design.power, LINES), design.information
     )
     np.testing.assert_allclose(design.amplitude**2 / 2, design.power)
+
+
+@pytest.mark.parametrize("criterion", ["D", "E"])
+@pytest.mark.parametrize("known", [0.0, 2.0])
+def test_spectra_after_experiments_there_are_and_for_the_worst_combination(criterion, known):
+    prior = known * np.diag([1.0, 0.1, 0.0])
+    design = optimal_spectrum(LINES, NAMES, LIMITS, criterion, prior=prior)
+    best = one_problem(LIMITS, criterion, prior=prior)
+    assert design.value == pytest.approx(best, rel=2e-5, abs=2e-5)
+    assert design.gap <= 1e-5
+    assert f"{criterion}-optimal spectra in " in str(design)
 
 
 def test_a_free_spectrum_beats_a_flat_one():
@@ -112,7 +127,7 @@ def test_lines_of_a_robot():
             "limits: none holds for line 0 in position 0",
         ),
         ({"line_most": -1.0}, "line_most: -1.0 is not a number > 0"),
-        ({"criterion": "E"}, "criterion E is not smooth"),
+        ({"prior": np.eye(2)}, r"prior: shape \(2, 2\); finite numbers of shape \(3, 3\)"),
         ({"max_rounds": 0}, "max_rounds: 0; at least 1 is needed"),
     ],
 )
