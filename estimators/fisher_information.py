@@ -24,11 +24,14 @@ def information(jacobian: NDArray[Any], weights: NDArray[Any]) -> Array:
     InvalidInput : if the weights fit neither way.
     """
     shape = jacobian.shape[:4]
-    psi = np.moveaxis(vec(np.moveaxis(jacobian, -1, 2)), 2, -1)  # (Q, F, m n, p)
-    weighted = weights @ psi if is_full(weights, shape) else vec(weights)[..., None] * psi
-    lines = psi.shape[0], psi.shape[1] * psi.shape[2], psi.shape[3]
-    left, right = psi.reshape(lines), weighted.reshape(lines)
-    total = np.swapaxes(left.real, -1, -2) @ right.real
+    if is_full(weights, shape):
+        left = vec(np.moveaxis(jacobian, -1, 2)).swapaxes(-1, -2)  # (Q, F, m n, p)
+        right = weights @ left
+    else:
+        left, right = jacobian, weights[..., None] * jacobian
+    pairs = [(left.real, right.real)]
     if np.iscomplexobj(left):
-        total = total + np.swapaxes(left.imag, -1, -2) @ right.imag
+        pairs.append((left.imag, right.imag))
+    lines = shape[0], -1, jacobian.shape[-1]
+    total = sum(a.reshape(lines).swapaxes(-1, -2) @ b.reshape(lines) for a, b in pairs)
     return np.asarray(total + np.swapaxes(total, -1, -2))

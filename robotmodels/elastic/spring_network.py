@@ -127,6 +127,15 @@ class SpringNetwork:
         return np.concatenate(parts, axis=1)
 
     @property
+    def free_terms(self) -> IntArray:
+        """Terms of which a free parameter sets one of the coefficients."""
+        exponents = shared(self.coefficient_exponents)
+        moved = (
+            np.any(exponents != 0, axis=(0, 2)) if len(exponents) else np.ones(exponents.shape[1])
+        )
+        return np.flatnonzero(np.any(moved.reshape(2, -1), axis=0))
+
+    @property
     def coefficients(self) -> tuple[Array, Array]:
         """First and second coefficients of the terms, (Q, s + r), at the network's parameters."""
         if self.inertances is None:
@@ -208,10 +217,11 @@ class SpringNetwork:
             a = np.concatenate([a, self._moves()])
         scale = np.stack([-ones * first[:, None], -ones * jw * second[:, None]], axis=2)
         exponents = self.coefficient_exponents.reshape(len(first), 2, len(a), -1)
-        weights = np.einsum("qfts,qtsp->qfsp", scale, exponents)
-        left, right = np.swapaxes(Z, -1, -2) @ a.T, np.swapaxes(X, -1, -2) @ a.T
+        free = self.free_terms
+        weights = np.einsum("qfts,qtsp->qfsp", scale[..., free], exponents[:, :, free])
+        left, right = np.swapaxes(Z, -1, -2) @ a[free].T, np.swapaxes(X, -1, -2) @ a[free].T
         products = left[..., :, None, :] * right[..., None, :, :]
-        J = products.reshape(*left.shape[:2], -1, len(a)) @ weights
+        J = products.reshape(*left.shape[:2], -1, len(free)) @ weights
         G = np.swapaxes(Z, -1, -2) @ (model.selector * model.measured.gain)
         return G, J.reshape(*G.shape, -1)
 

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from robotmodels.arrays import Array, IntArray
-from robotmodels.elastic.spring_network import SpringNetwork, shared
+from robotmodels.elastic.spring_network import SpringNetwork
 
 BLOCK = 3
 """Rows and columns of the register blocks of the factorisation."""
@@ -47,13 +47,6 @@ class Layout:
     needed: IntArray
 
 
-def needed_terms(network: SpringNetwork) -> IntArray:
-    """Return the terms of which a free parameter sets one of the coefficients."""
-    exponents = shared(network.coefficient_exponents)
-    moved = np.any(exponents != 0, axis=(0, 2)) if len(exponents) else np.ones(exponents.shape[1])
-    return np.flatnonzero(np.any(moved.reshape(2, -1), axis=0))
-
-
 def layout(network: SpringNetwork) -> Layout | None:
     """Return the layout of `network`; None where the kernel does not know it.
 
@@ -73,7 +66,7 @@ def layout(network: SpringNetwork) -> Layout | None:
     ]
     moving = [] if network.inertances is None else network.inertances.coordinates.tolist()
     ends = np.concatenate([ends.reshape(-1, 2), [(c, INERTANCE) for c in moving] or ends[:0]])
-    needed = needed_terms(network)
+    needed = network.free_terms
     touched = set(ends[needed].ravel().tolist())
     elsewhere = {*motors[:, 0].tolist(), *driven}
     inner = [c for c in range(S.shape[0]) if c not in elsewhere]
