@@ -9,6 +9,7 @@ from robotmodels.arrays import Array
 
 THIN = "\u202f"  # narrow no-break space
 MINUS = "\u2212"
+NO_BREAK = "\u00a0"
 _SUPERSCRIPT = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 _PREFIXES = ((1e9, "G"), (1e6, "M"), (1e3, "k"))
 
@@ -52,9 +53,16 @@ def probability(value: float) -> str:
     return significant(value, 2) if value >= 1e-4 or not math.isfinite(value) else "< 0.0001"
 
 
+def one_and(excess: float) -> str:
+    """Return ``1 + 2.4e-10``, or that nothing is above one."""
+    if excess <= 1e-15:
+        return "1, to rounding,"
+    return f"1{NO_BREAK}+{NO_BREAK}{significant(excess, 2)}"
+
+
 def efficiency(fraction: float) -> str:
     """Return an efficiency as a percentage, never rounded up: it is a certified lower bound."""
-    return f"{fixed(math.floor(1e4 * fraction) / 100, 2)}{THIN}%"
+    return f"{fixed(math.floor(1e4 * fraction + 1e-6) / 100, 2)}{THIN}%"
 
 
 def pretty_unit(unit: str) -> str:
@@ -97,13 +105,29 @@ def places(position: Array, prismatic: Sequence[bool]) -> list[str]:
 
 
 def duration(seconds: float) -> str:
-    """Return a time as ``0.4 s``, ``12 s`` or ``3 min 5 s``."""
+    """Return a time as ``0.4 s``, ``12 s`` ``< 0.1 s`` or ``3 min 5 s``."""
+    if 0 < seconds < 0.05:
+        return f"< 0.1{THIN}s"
     if seconds < 10:
         return f"{seconds:.1f}{THIN}s"
     whole = round(seconds)
     if whole < 60:
         return f"{whole}{THIN}s"
     return f"{whole // 60}{THIN}min {whole % 60}{THIN}s"
+
+
+def ranges(numbers: Sequence[int]) -> str:
+    """Return ``1 to 4, 7 and 9`` for numbers in rising order."""
+    runs: list[list[int]] = []
+    for number in numbers:
+        if runs and number == runs[-1][-1] + 1:
+            runs[-1].append(number)
+        else:
+            runs.append([number])
+    words: list[str] = []
+    for run in runs:
+        words += [f"{run[0]} to {run[-1]}"] if len(run) > 2 else map(str, run)
+    return listed(words)
 
 
 def listed(words: list[str]) -> str:

@@ -123,7 +123,7 @@ def _label(found: MeasuredFrf, q: int) -> str:
     places = ", ".join(text.places(found.estimate.positions[q], prismatic_joints(found)))
     label = f"Position {q + 1}: {places}"
     if len(found.visits[q]) > 1:
-        label += f"; mean of visits {text.listed([str(i + 1) for i in found.visits[q]])}"
+        label += f"; mean of visits {text.ranges([i + 1 for i in found.visits[q]])}"
     return label
 
 

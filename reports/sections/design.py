@@ -27,7 +27,7 @@ def section(results: StudyResults) -> Section | None:
         parameters=len(design.names),
         positions=len(results.used),
         experiments=int(results.exact.repetitions.sum()),
-        gap=text.significant(design.gap, 2),
+        gap=text.one_and(design.gap),
         efficiency=text.efficiency(results.exact.efficiency),
         limits=text.listed(limits(results.study.design)),
         tour=tour(results),

@@ -5,9 +5,11 @@ import numpy as np
 from estimators.fitting.residual_analysis import ResidualAnalysis
 from reports import text
 from reports.drawing import figures
-from reports.parts import Column, Number, Row, Section, Table, figure, numbers, table
+from reports.parts import Column, Figure, Number, Row, Section, Table, figure, numbers, table
 from reports.template import filled
 from robotmodels.arrays import Array
+
+_UNLIKELY = 0.001
 
 
 def section(found: ResidualAnalysis, outputs: tuple[str, ...], motors: tuple[str, ...]) -> Section:
@@ -21,14 +23,32 @@ def section(found: ResidualAnalysis, outputs: tuple[str, ...], motors: tuple[str
         correlation=text.fixed(float(found.autocorrelation[0]), 3),
         whiteness=text.probability(found.whiteness_p_value),
         outlying=text.listed([str(q + 1) for q in found.outlying]),
-        positions=figure(
-            "residuals-by-position",
-            figures.over_expected(found.position_chi2 / found.position_dof, found.outlying),
-            "Sum of squared residuals over its expectation, for every position",
-        ),
+        explained=explained(found),
+        positions=by_position(found),
         elements=element_table(found.element_chi2 / found.element_dof, outputs, motors),
     )
     return Section("residuals", "Residuals", body)
+
+
+def explained(found: ResidualAnalysis) -> bool:
+    """Return whether noise as stated may well leave so much."""
+    return found.p_value >= _UNLIKELY
+
+
+def times_expected(found: ResidualAnalysis) -> str:
+    """Return how many times the expected sum the squared residuals are."""
+    return text.significant(found.chi2 / found.dof, 2)
+
+
+def by_position(found: ResidualAnalysis) -> Figure | None:
+    """Return chi squared over its expectation for every position; None where there is only one."""
+    if len(found.position_chi2) < 2:
+        return None
+    return figure(
+        "residuals-by-position",
+        figures.over_expected(found.position_chi2 / found.position_dof, found.outlying),
+        "Sum of squared residuals over its expectation, for every position",
+    )
 
 
 def element_table(ratio: Array, outputs: tuple[str, ...], motors: tuple[str, ...]) -> Table:

@@ -1,12 +1,14 @@
 """Aligned columns and wrapped lines for a terminal, in characters any font has."""
 
+import re
 import textwrap
 from collections.abc import Iterable, Sequence
 from itertools import zip_longest
 
 from reports import text
 
-WIDTH = 96
+WIDTH = 80
+_DIGITS = str.maketrans("⁻⁰¹²³⁴⁵⁶⁷⁸⁹", "-0123456789")
 
 
 def decimals(value: float) -> str:
@@ -32,8 +34,13 @@ def plural(count: int, noun: str) -> str:
 
 
 def plain(words: str) -> str:
-    """Return what a terminal shows in any font: plain spaces and hyphens."""
-    return words.replace(text.THIN, " ").replace(text.MINUS, "-")
+    """Return what a terminal shows in any font: plain spaces and hyphens, 1.2e-5 for powers."""
+    powers = re.sub(
+        f"{text.THIN}×{text.THIN}10([⁻⁰¹²³⁴⁵⁶⁷⁸⁹]+)",
+        lambda found: "e" + found[1].translate(_DIGITS),
+        words,
+    )
+    return powers.replace(text.THIN, " ").replace(text.MINUS, "-")
 
 
 def table(header: Sequence[str], rows: Sequence[Sequence[str]], right: Sequence[int]) -> list[str]:

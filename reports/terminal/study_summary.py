@@ -7,8 +7,9 @@ import numpy as np
 
 from oed.study.pipeline import FittedStudy, PlannedStudy, StudyResults
 from reports.sections.fit import reached, reached_words
-from reports.terminal.columns import plain
-from reports.text import duration
+from reports.sections.residuals import explained, times_expected
+from reports.terminal.columns import hung, plain, plural
+from reports.text import duration, efficiency, percent
 
 Lines = list[tuple[str, str]]
 
@@ -21,10 +22,12 @@ def study_summary(results: PlannedStudy, written: list[Path]) -> str:
     if isinstance(results, StudyResults):
         lines += _uncertainty_lines(results)
     lines.append(("time", _time(results)))
+    said = [results.robot.name, *(f"  {key:<9}{value}" for key, value in lines)]
     if results.kept:
-        lines.append(("kept", f"{', '.join(results.kept)} (nothing they rest on has changed)"))
-    lines += [("report" if p.suffix == ".html" else "written", str(p)) for p in written]
-    return "\n".join([results.robot.name, *(f"  {key:<9}{value}" for key, value in lines)])
+        kept = f"{', '.join(results.kept)} (nothing they rest on has changed)"
+        said += hung("  kept     ", kept, 11)
+    files = [("report" if p.suffix == ".html" else "written", str(p)) for p in written]
+    return "\n".join([*said, *(f"  {key:<9}{path}" for key, path in files)])
 
 
 def study_json(results: PlannedStudy, written: list[Path]) -> dict[str, Any]:
@@ -43,7 +46,14 @@ def study_json(results: PlannedStudy, written: list[Path]) -> dict[str, Any]:
         document |= {"cost": float(r.fit.cost), "fit_converged": r.fit.converged}
     if isinstance(r, StudyResults):
         std = zip(r.theorem1.names, map(float, r.theorem1.std), strict=True)
-        document |= {"posterior_converged": r.posterior.converged, "relative_std": dict(std)}
+        verdicts = dict(zip(r.cross_check.names, r.cross_check.verdicts, strict=True))
+        document |= {
+            "posterior_converged": r.posterior.converged,
+            "relative_std": dict(std),
+            "chi2_over_expected": float(r.residuals.chi2 / r.residuals.dof),
+            "chi2_p_value": float(r.residuals.p_value),
+            "verdicts": verdicts,
+        }
         if r.comparison is not None:
             document["rivals_beaten"] = list(r.comparison.beaten)
     files = [str(path) for path in written]
@@ -53,16 +63,17 @@ def study_json(results: PlannedStudy, written: list[Path]) -> dict[str, Any]:
 def _design_lines(r: PlannedStudy) -> Lines:
     count = int(r.exact.repetitions.sum())
     if r.study.data.measured:
-        return [("data", f"{len(r.used)} positions, {count} experiments")]
+        return [("data", f"{plural(len(r.used), 'position')}, {plural(count, 'experiment')}")]
     return [
         (
             "design",
-            f"{len(r.information.positions)} candidates, {len(r.used)} positions used, "
-            f"{count} experiments",
+            f"{plural(len(r.information.positions), 'candidate')}, "
+            f"{plural(len(r.used), 'position')} used, {plural(count, 'experiment')}",
         ),
         (
             "",
-            f"certified gap {r.design.gap:.1e}, efficiency of the plan >= {r.exact.efficiency:.4f}",
+            f"certified gap {_gap(r.design.gap)}, efficiency of the plan >= "
+            f"{plain(efficiency(r.exact.efficiency))}",
         ),
     ]
 
@@ -82,9 +93,10 @@ def _uncertainty_lines(r: StudyResults) -> Lines:
     lines = [
         (
             "std",
-            f"best {names[best]} {100 * std[best]:.2g} %, "
-            f"worst {names[worst]} {100 * std[worst]:.2g} %",
+            f"best {names[best]} {_percent(std[best])}, "
+            f"worst {names[worst]} {_percent(std[worst])}",
         ),
+        *misfit_lines(r),
         (
             "emcee",
             f"R-hat <= {np.max(posterior.r_hat):.3f}, ESS >= {np.min(posterior.ess):.0f}, "
@@ -96,6 +108,22 @@ def _uncertainty_lines(r: StudyResults) -> Lines:
     if r.comparison is not None:
         lines.append(("plans", str(r.comparison).splitlines()[0]))
     return [*lines, ("methods", ", ".join(f"{n} x {verdict}" for verdict, n in verdicts.items()))]
+
+
+def misfit_lines(r: StudyResults) -> Lines:
+    """Return that residuals are more than noise; nothing where they are not."""
+    if explained(r.residuals):
+        return []
+    times = plain(times_expected(r.residuals))
+    return [("", f"TOO SMALL: squared residuals are {times} times what noise explains")]
+
+
+def _gap(gap: float) -> str:
+    return f"{gap:.1e}" if gap > 0 else "0"
+
+
+def _percent(fraction: float) -> str:
+    return plain(percent(float(fraction)))
 
 
 def _time(r: PlannedStudy) -> str:

@@ -35,7 +35,8 @@ def test_each_command_adds_its_file(steps):
 
 def test_each_command_keeps_what_the_last_computed(steps):
     _, said = steps
-    kept = [re.search(r"  kept +(.*) \(", out) for out, _ in said.values()]
+    lines = [" ".join(out.split()) for out, _ in said.values()]
+    kept = [re.search(r" kept (.*) \(nothing", line) for line in lines]
     assert kept[0] is None
     assert kept[1][1] == "candidates, information, design"
     assert kept[2][1].endswith("fit-lls, fit-nls, result")
@@ -50,6 +51,7 @@ def test_summaries_say_what_there_is(steps):
     assert "NLS cost" in words["fit"]
     assert "R-hat" not in words["fit"]
     assert "x agree" in words["sample"]
+    assert "TOO SMALL" not in words["sample"]
     assert "report.html" in words["report"]
 
 

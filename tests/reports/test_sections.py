@@ -2,6 +2,7 @@
 
 import re
 from html import unescape
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -15,6 +16,7 @@ from reports.sections import cross_check, residuals
 from reports.sections import identifiability as weak_directions
 from reports.sections.fit import reached_words
 from reports.template import filled, page
+from reports.terminal.study_summary import misfit_lines
 
 
 def words(section):
@@ -52,6 +54,9 @@ def test_residuals_that_are_more_than_noise():
     assert "does not explain the data" in words(found)
     assert "< 0.0001" in words(found)
     assert "worse than the others: 2." in words(found)
+    [(_, said)] = misfit_lines(SimpleNamespace(residuals=bad))
+    assert said == "TOO SMALL: squared residuals are 9.0 times what noise explains"
+    assert misfit_lines(SimpleNamespace(residuals=analysis())) == []
 
 
 def test_cross_check_says_why():
@@ -67,7 +72,8 @@ def test_cross_check_says_why():
     )
     said = words(cross_check.section(found))
     assert "agree for 1 parameter, not identifiable for 1 parameter." in said
-    assert "flat above; hits a bound" in said
+    assert "b.damping not identifiable flat above; hits a bound" in said
+    assert "Of every parameter" not in said
     assert "Chains left out." in said
     assert "often enough: posterior." in said
 
@@ -119,7 +125,30 @@ def test_as_many_lines_are_drawn_as_fit(shape):
         assert len(drawn) in (lines, 20)
 
 
-def test_cross_check_without_reasons_has_no_column_for_them():
+def test_what_led_to_every_verdict_alike_is_told_once():
+    found = CrossCheck(
+        names=("a.stiffness", "b.damping"),
+        values=np.ones(2),
+        methods=("Theorem 1",),
+        stds=np.array([[0.01, 0.5]]),
+        verdicts=("model error suspected",) * 2,
+        evidence=(("noise explains little", "9 times wider"), ("noise explains little",)),
+        notes=(),
+        covering=None,
+    )
+    said = words(cross_check.section(found))
+    assert said.count("noise explains little") == 1
+    assert [row[0] for row in cross_check.reason_table(found).groups[0][1]] == ["a.stiffness"]
+
+
+def test_residuals_of_one_position_need_no_picture():
+    one = analysis(position_chi2=np.array([96.0]), position_dof=np.array([100.0]))
+    assert residuals.by_position(one) is None
+    assert "position by position" not in words(residuals.section(one, ("m1",), ("m1", "m2")))
+    assert residuals.by_position(analysis()) is not None
+
+
+def test_cross_check_without_reasons_has_no_table_of_them():
     found = CrossCheck(
         names=("a.stiffness",),
         values=np.ones(1),
@@ -135,6 +164,7 @@ def test_cross_check_without_reasons_has_no_column_for_them():
         "Theorem 1",
         "verdict",
     ]
+    assert cross_check.reason_table(found) is None
 
 
 def test_estimators_that_did_alike_are_named_together():

@@ -2,6 +2,7 @@ import numpy as np
 import pytest
 
 from reports import text
+from reports.terminal import columns
 
 
 def plain(words):
@@ -52,6 +53,22 @@ def test_engineering_units():
 def test_a_certified_efficiency_is_never_rounded_up():
     assert plain(text.efficiency(0.999999)) == "99.99 %"
     assert plain(text.efficiency(1.0)) == "100.00 %"
+    assert plain(text.efficiency(1 - 1e-12)) == "100.00 %"
+
+
+def test_what_exceeds_one():
+    assert text.one_and(0.0) == "1, to rounding,"
+    assert plain(text.one_and(2.4e-10)).replace(text.NO_BREAK, " ") == "1 + 2.4 × 10⁻¹⁰"
+
+
+def test_runs_of_numbers():
+    assert text.ranges([1, 2, 3, 4, 7, 9, 10]) == "1 to 4, 7, 9 and 10"
+    assert text.ranges([]) == ""
+
+
+def test_powers_of_ten_on_a_terminal():
+    assert columns.plain(text.percent(3.3e-7)) == "3.3e-5 %"
+    assert columns.plain(text.significant(-1.2e8, 2)) == "-1.2e8"
 
 
 def test_people_get_degrees_hertz_and_minutes():
