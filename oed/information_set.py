@@ -15,6 +15,7 @@ from oed.design.null_space import open_combinations, unidentifiable, weak_direct
 from robotmodels.arrays import Array, IntArray, read_only
 from robotmodels.errors import InvalidInput
 from robotmodels.noise import LoopNoise, RelativeNoise
+from robotmodels.notebook import Printed
 from robotmodels.overlap import overlapped
 from robotmodels.replacing import replacing
 from robotmodels.response import Elastic, check_omega
@@ -27,7 +28,7 @@ _WORTHWHILE = 128
 
 
 @dataclass(frozen=True, eq=False)
-class InformationSet:
+class InformationSet(Printed):
     """The information of one experiment in each of Q candidate positions.
 
     Attributes
@@ -81,6 +82,12 @@ class InformationSet:
 
     def __len__(self) -> int:
         return len(self.matrices)
+
+    def __str__(self) -> str:
+        return (
+            f"information of {len(self)} candidates on {len(self.names)} parameters, "
+            f"{self.rank} directions of which they inform on together"
+        )
 
     @property
     def total(self) -> Array:

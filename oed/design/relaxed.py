@@ -22,7 +22,8 @@ from robotmodels.notebook import Printed
 
 SOLVERS = ("cvxpy", "newton")
 FORMS = ("primal", "dual")
-_SHOWN = 8  # candidates that a design names when it is printed
+SHOWN = 8
+"""Candidates that a design names when it is printed."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,8 +66,8 @@ class Design(Printed):
         return efficiency_bound(self.gap)
 
     def __str__(self) -> str:
-        shares = ", ".join(f"{self.weights[i]:.3g} in {i}" for i in self.support[:_SHOWN])
-        more = len(self.support) - _SHOWN
+        shares = ", ".join(f"{self.weights[i]:.3g} in {i}" for i in self.support[:SHOWN])
+        more = len(self.support) - SHOWN
         return (
             f"{self.criterion}-optimal design: {len(self.support)} of {len(self.weights)} "
             f"candidates, certified gap {self.gap:.1e}\n"

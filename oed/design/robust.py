@@ -18,6 +18,7 @@ from oed.design.objective import Objective, Term
 from oed.design.relaxed import Design, optimal_design
 from robotmodels.arrays import Array, IntArray, read_only, real_numbers
 from robotmodels.errors import InvalidInput, nearest
+from robotmodels.notebook import Printed
 
 KINDS = ("average", "maximin")
 
@@ -155,7 +156,7 @@ class MaximinCriterion:
 
 
 @dataclass(frozen=True, eq=False)
-class RobustDesign:
+class RobustDesign(Printed):
     """A robust design beside the nominal one.
 
     Attributes
@@ -170,6 +171,11 @@ class RobustDesign:
     nominal: Design
     efficiency: Array
     nominal_efficiency: Array
+
+    def __str__(self) -> str:
+        kept = ", ".join(f"{value:.3f}" for value in self.efficiency)
+        nominal = ", ".join(f"{value:.3f}" for value in self.nominal_efficiency)
+        return f"{self.design}\n  keeps at each sample {kept}\n  the nominal design keeps {nominal}"
 
 
 def robust_design(

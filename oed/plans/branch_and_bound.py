@@ -19,10 +19,11 @@ from oed.plans.exchange import WholeProblem
 from oed.plans.plan_search import Search
 from robotmodels.arrays import Array, IntArray
 from robotmodels.errors import InvalidInput
+from robotmodels.notebook import Printed
 
 
 @dataclass(frozen=True, eq=False)
-class BestPlans:
+class BestPlans(Printed):
     """The best different plans.
 
     Attributes
@@ -39,6 +40,11 @@ class BestPlans:
     efficiency: float
     considered: int
     nodes: int
+
+    def __str__(self) -> str:
+        proof = "proven" if self.proven else f"not proven, efficiency >= {self.efficiency:.4f}"
+        lines = [f"{len(self.plans)} best plans, {proof}, {self.nodes} relaxed problems"]
+        return "\n  ".join([*lines, *map(str, self.plans)])
 
 
 def best_plans(

@@ -21,7 +21,7 @@ from oed.design.criteria import CRITERIA, Criterion
 from oed.design.criteria import objective as stated
 from oed.design.null_space import open_combinations, unidentifiable
 from oed.design.polytope import Polytope
-from oed.design.relaxed import Design, checked_prior, optimal_design
+from oed.design.relaxed import SHOWN, Design, checked_prior, optimal_design
 from oed.plans.enough import first_sample, too_few
 from oed.plans.exchange import Pool, WholeProblem, exchange, fill
 from oed.plans.rounding import efficient_rounding as efficient_rounding
@@ -63,9 +63,12 @@ class ExactDesign(Printed):
         return int(self.repetitions.sum())
 
     def __str__(self) -> str:
+        counts = ", ".join(f"{self.repetitions[i]} in {i}" for i in self.support[:SHOWN])
+        more = len(self.support) - SHOWN
         return (
             f"{self.criterion}: {self.n_experiments} experiments in {len(self.support)} of "
-            f"{len(self.repetitions)} candidates, efficiency >= {self.efficiency:.4f}"
+            f"{len(self.repetitions)} candidates, efficiency >= {self.efficiency:.4f}: {counts}"
+            f"{f' and {more} more' if more > 0 else ''}"
         )
 
 

@@ -26,12 +26,13 @@ from robotmodels.collision.surroundings import Surroundings
 from robotmodels.elastic.robot import ElasticRobot
 from robotmodels.errors import InvalidInput
 from robotmodels.noise import LoopNoise, RelativeNoise
+from robotmodels.notebook import Printed
 
 _CLIMBS = 6  # of the best points of the finer set, each round
 
 
 @dataclass(frozen=True, eq=False)
-class RefinedDesign:
+class RefinedDesign(Printed):
     """A design whose support lies between the candidates it began with.
 
     Attributes
@@ -56,6 +57,13 @@ class RefinedDesign:
     checked: int
     rounds: int
     converged: bool
+
+    def __str__(self) -> str:
+        ended = "" if self.converged else ", not converged"
+        return (
+            f"{self.design}\n  worth {self.gain:.2%} more than on the grid; gap {self.gap:.1e} "
+            f"over {self.checked} finer points, {self.beyond:.1e} where climbing led{ended}"
+        )
 
 
 def refined_design(
@@ -147,8 +155,8 @@ def refined_over(
     solved = partial(optimal_design, criterion=criterion, prior=prior, solver=solver)
     finer = finer[region.usable(finer)] if len(finer) else finer
     check = _joined(info, finer, region.evaluate(finer)) if len(finer) else info
-    candidates, design = info, solved(info)
-    first = design
+    candidates, first = info, solved(info)
+    design = first
     for done in range(1, max_rounds + 1):
         found = _beyond(region, candidates, design, objective, check, len(info))
         beyond = max(float(found.worth.max(initial=0.0)), 0.0)
@@ -160,15 +168,10 @@ def refined_over(
         candidates = _joined(candidates, found.positions[wanted], found.matrices[wanted])
         design = solved(candidates)
     gap = _gap(design, candidates, check, objective, prior)
+    gain = objective.efficiency(design.information, first.information) - 1.0
+    most = max(gap, beyond)
     return RefinedDesign(
-        candidates=candidates,
-        design=design,
-        gain=objective.efficiency(design.information, first.information) - 1.0,
-        gap=gap,
-        beyond=beyond,
-        checked=len(finer),
-        rounds=done,
-        converged=gap <= tolerance and beyond <= tolerance,
+        candidates, design, gain, gap, beyond, len(finer), done, converged=most <= tolerance
     )
 
 

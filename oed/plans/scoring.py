@@ -14,6 +14,7 @@ from oed.design.relaxed import Design
 from oed.plans.exact import ExactDesign, finished, relaxation
 from robotmodels.arrays import Array, IntArray, read_only, real_numbers
 from robotmodels.errors import InvalidInput
+from robotmodels.notebook import Printed
 
 _CONSIDERED = 512
 _SAME = 1e-6  # [rad] or [m]
@@ -37,7 +38,7 @@ class Addition:
 
 
 @dataclass(frozen=True, eq=False)
-class Score:
+class Score(Printed):
     """A plan judged.
 
     Attributes
@@ -62,6 +63,19 @@ class Score:
     def to_dict(self) -> dict[str, float]:
         """Return the standard deviation of each parameter by its name."""
         return dict(zip(self.plan.names, map(float, self.std), strict=True))
+
+    def __str__(self) -> str:
+        worst = int(np.argmax(self.std))
+        lines = [
+            str(self.plan),
+            f"  largest standard deviation {self.std[worst]:.3g}, of {self.plan.names[worst]}",
+        ]
+        for one in self.additions:
+            lines.append(
+                f"  one more in {one.candidate} is worth {one.gain:.3f} times as much, "
+                f"largest standard deviation {one.largest_std:.3g}"
+            )
+        return "\n".join(lines)
 
 
 def score(

@@ -14,10 +14,11 @@ from oed.plans.exact import ExactDesign, exact_design
 from oed.plans.scoring import standard_deviations
 from robotmodels.arrays import Array, IntArray, read_only
 from robotmodels.errors import InvalidInput, NotIdentifiable, nearest
+from robotmodels.notebook import Printed
 
 
 @dataclass(frozen=True, eq=False)
-class NextExperiments:
+class NextExperiments(Printed):
     """The best experiments to add, and what they are expected to bring.
 
     Attributes
@@ -31,9 +32,15 @@ class NextExperiments:
     before: Array
     after: Array
 
+    def __str__(self) -> str:
+        return (
+            f"{self.plan}\n  largest standard deviation {self.before.max():.3g} before, "
+            f"{self.after.max():.3g} after"
+        )
+
 
 @dataclass(frozen=True, eq=False)
-class ExperimentCurve:
+class ExperimentCurve(Printed):
     """Plans of growing numbers of experiments: what each further one buys.
 
     Attributes
@@ -51,9 +58,16 @@ class ExperimentCurve:
     plans: tuple[ExactDesign, ...]
     names: tuple[str, ...]
 
+    def __str__(self) -> str:
+        rows = zip(self.counts, self.std.max(axis=1), self.efficiency, strict=True)
+        return "\n".join(
+            f"{n} experiments: largest standard deviation {std:.3g}, efficiency >= {kept:.4f}"
+            for n, std, kept in rows
+        )
+
 
 @dataclass(frozen=True, eq=False)
-class Needed:
+class Needed(Printed):
     """How many experiments a wanted accuracy takes.
 
     Attributes
@@ -68,6 +82,9 @@ class Needed:
     plan: ExactDesign | None
     std: Array
     critical: str
+
+    def __str__(self) -> str:
+        return f"{self.n_experiments} experiments are needed, the most for {self.critical}"
 
 
 def next_experiments(
