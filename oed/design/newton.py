@@ -5,6 +5,7 @@ systems have one row for each candidate; whitened problems take 15 to 30 steps.
 """
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from scipy.linalg import lu_factor, lu_solve
@@ -144,48 +145,67 @@ def _direction(problem: InnerProblem, point: _Point, model: _Model, careful: boo
 
     After a step that had to be shortened, a `careful` one: well centred and not corrected.
     """
-    n, m = problem.rows.shape[1], len(problem.rows)
-    R, J, groups = problem.rows, model.slopes, len(model.slopes)
-    size = n + 1 + m + groups
-    # Unknown are the moves of weights, level and the rows' and groups' multipliers. The latter are
-    # not eliminated: active rows would swamp the curvature.
-    system = np.zeros((size, size))
-    system[:n, :n] = model.hessian
-    system[np.arange(n), np.arange(n)] += point.outside[:n] / point.inside[:n]
-    system[n + 1 : n + 1 + m, :n] = R
-    system[n + 1 + m :, :n] = -J
-    system[n + 1 + m :, n] = 1.0
-    system[:n, n + 1 :] = system[n + 1 :, :n].T
-    system[n, n + 1 + m :] = 1.0
-    tail = np.arange(n + 1, size)
-    system[tail, tail] = -point.inside[n:] / point.outside[n:]
-    # Unit diagonal: the weights that vanish have huge entries.
-    s = np.ones(size)
-    s[:n] = 1.0 / np.sqrt(np.diagonal(system)[:n])
-    factor = lu_factor(s[:, None] * system * s, check_finite=False)
+    system = _Linearised.at(problem, point, model)
+    products = point.inside * point.outside
+    if careful:
+        return system.step(0.5 * products.mean() - products)
+    straight = system.step(-products)
+    length = _longest(point, straight)
+    left = point.moved(straight, length)
+    mean = products.mean()
+    centring = (float(left.inside @ left.outside) / products.sum()) ** 3
+    return system.step(centring * mean - products - straight.inside * straight.outside)
 
-    def solve(products: Array) -> _Point:
-        right = np.empty(size)
+
+@dataclass(frozen=True, eq=False)
+class _Linearised:
+    """The conditions of optimality, linearised: moves of weights, level and the multipliers.
+
+    The rows' and groups' multipliers are not eliminated: active rows would swamp the curvature.
+    `factor` is that of the symmetric system scaled by s.
+    """
+
+    problem: InnerProblem
+    point: _Point
+    model: _Model
+    scale: Array
+    factor: Any
+
+    @classmethod
+    def at(cls, problem: InnerProblem, point: _Point, model: _Model) -> "_Linearised":
+        n, m = problem.rows.shape[1], len(problem.rows)
+        size = n + 1 + m + len(model.slopes)
+        system = np.zeros((size, size))
+        system[:n, :n] = model.hessian
+        system[np.arange(n), np.arange(n)] += point.outside[:n] / point.inside[:n]
+        system[n + 1 : n + 1 + m, :n] = problem.rows
+        system[n + 1 + m :, :n] = -model.slopes
+        system[n + 1 + m :, n] = 1.0
+        system[:n, n + 1 :] = system[n + 1 :, :n].T
+        system[n, n + 1 + m :] = 1.0
+        tail = np.arange(n + 1, size)
+        system[tail, tail] = -point.inside[n:] / point.outside[n:]
+        # Unit diagonal: the weights that vanish have huge entries.
+        s = np.ones(size)
+        s[:n] = 1.0 / np.sqrt(np.diagonal(system)[:n])
+        factor = lu_factor(s[:, None] * system * s, check_finite=False)
+        return cls(problem, point, model, s, factor)
+
+    def step(self, products: Array) -> _Point:
+        """Return the step that changes the products of the pairs by `products`."""
+        point, model, rows = self.point, self.model, self.problem.rows
+        n, m = rows.shape[1], len(rows)
+        right = np.empty(len(self.scale))
         right[:n] = products[:n] / point.inside[:n] - model.dual
         right[n] = model.balance
         right[n + 1 :] = -products[n:] / point.outside[n:]
         right[n + 1 : n + 1 + m] -= model.rows
         right[n + 1 + m :] += model.groups
-        x = s * lu_solve(factor, s * right, check_finite=False)
+        x = self.scale * lu_solve(self.factor, self.scale * right, check_finite=False)
         w, level = x[:n], float(x[n])
-        inside = np.concatenate([w, -model.rows - R @ w, J @ w - level + model.groups])
+        slack = [w, -model.rows - rows @ w, model.slopes @ w - level + model.groups]
         z = (products[:n] - point.outside[:n] * w) / point.inside[:n]
-        return _Point(inside, np.concatenate([z, x[n + 1 :]]), level)
-
-    products = point.inside * point.outside
-    if careful:
-        return solve(0.5 * products.mean() - products)
-    straight = solve(-products)
-    length = _longest(point, straight)
-    left = point.moved(straight, length)
-    mean = products.mean()
-    centring = (float(left.inside @ left.outside) / products.sum()) ** 3
-    return solve(centring * mean - products - straight.inside * straight.outside)
+        return _Point(np.concatenate(slack), np.concatenate([z, x[n + 1 :]]), level)
 
 
 def _longest(point: _Point, step: _Point) -> float:

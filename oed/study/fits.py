@@ -90,22 +90,7 @@ def search(
     estimate = data.value.estimate.subset(positions)
 
     def compute(folder: Path, report: Report | None) -> Search:
-        runs = multistart(
-            run.robot,
-            estimate,
-            starts,
-            estimator.residual,
-            weights_of(estimator, estimate, run.study.fit.user_weights),
-            executor=run.executor,
-            progress=report,
-            store=folder / _STORE,
-        )
-        if not np.isfinite(runs[0].cost):
-            raise SolverFailed(
-                f"fit: no start of {estimator.name} led to an answer; {runs[0].message}"
-            )
-        result = reweighted(runs[0]) if estimator.reweight else runs[0]
-        return Search(estimator, runs, result)
+        return _searched(run, estimator, estimate, starts, folder / _STORE, report)
 
     def load(folder: Path) -> Search:
         runs = read_fits(folder / "runs.h5", run.robot, estimate)
@@ -121,6 +106,30 @@ def search(
         "starts": starts.tolist(),
     }
     return run.stages.run(f"fit-{estimator.name}", inputs, compute, Files(_save_search, load))
+
+
+def _searched(
+    run: Run,
+    estimator: Estimator,
+    estimate: FrfEstimate,
+    starts: Array,
+    store: Path,
+    report: Report | None,
+) -> Search:
+    """Fit from all starts; the best is reweighted where the estimator asks for it."""
+    runs = multistart(
+        run.robot,
+        estimate,
+        starts,
+        estimator.residual,
+        weights_of(estimator, estimate, run.study.fit.user_weights),
+        executor=run.executor,
+        progress=report,
+        store=store,
+    )
+    if not np.isfinite(runs[0].cost):
+        raise SolverFailed(f"fit: no start of {estimator.name} led to an answer; {runs[0].message}")
+    return Search(estimator, runs, reweighted(runs[0]) if estimator.reweight else runs[0])
 
 
 def chosen(
