@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from estimators.fitting.priors import Prior
     from estimators.fitting.residual_analysis import ResidualAnalysis, residual_analysis
     from estimators.fitting.residuals import lls, lls_magnitude, nls
-    from estimators.fitting.start_values import physics_start
+    from estimators.fitting.start_values import StartValues, physics_start
     from estimators.fitting.weights import combined_weights, optimal_weights, user_weights
     from estimators.frf.compare import (
         Comparison,
@@ -92,6 +92,7 @@ _HOMES = {
     "ResidualAnalysis": "fitting.residual_analysis",
     "RigidLimit": "frf.rigid_limit",
     "Settling": "frf.stationarity",
+    "StartValues": "fitting.start_values",
     "Target": "uncertainty.convergence",
     "Uncertainty": "uncertainty.covariance",
     "Validation": "uncertainty.validation",
@@ -171,6 +172,7 @@ __all__ = [
     "ResidualAnalysis",
     "RigidLimit",
     "Settling",
+    "StartValues",
     "Target",
     "Uncertainty",
     "Validation",

@@ -1,45 +1,85 @@
 """Start values from physics: rigid bodies, and springs from where each axis stands still."""
 
 from collections.abc import Mapping
+from dataclasses import dataclass
 
 import numpy as np
 
-from estimators.fitting.weights import MINIMUM_SNR
+from estimators.fitting.anti_resonances import (
+    AGREE,
+    agreed,
+    dip_values,
+    end_inertias,
+    gear_springs,
+)
+from estimators.fitting.coarse_search import Group, coarse_search
 from estimators.frf.estimate import FrfEstimate
-from robotmodels.arrays import Array
+from robotmodels.arrays import Array, read_only
 from robotmodels.elastic.spring_network import SpringNetwork
-from robotmodels.errors import InvalidInput, nearest
+from robotmodels.errors import IdentificationError, InvalidInput, nearest
+from robotmodels.notebook import Printed
 from robotmodels.response import Elastic
 
-# ln |G| that a dip must lie below its surroundings to be no noise.
-PROMINENCE = 0.7
 # Torsions of the structure are stiffer than gears: [WM] section 6 and the published robots of the
 # library have them at one to two times the frequency.
 TORSIONS = 1.5
 DAMPING_RATIO = 0.03
-# Stiffnesses from two positions agree if their logarithms differ by about this: links that bend
-# shift anti-resonances by as much.
-AGREE = 0.3
-# No dip is worth more than this in ln |G|: how deep it is depends on the grid of frequencies.
-DEEP = 3.0
+# Standard deviations of ln theta: rms errors on the built-in robots, rounded up.
+ROUGH_GEAR, ROUGH_TORSION, ROUGH_DAMPER = 0.2, 0.7, 0.8
+# Of stiffnesses that are given.
+ROUGH_GIVEN = 0.1
 STARTS = ("physics", "chains")
+
+
+@dataclass(frozen=True, eq=False)
+class StartValues(Printed):
+    """Rough values of parameters, and how rough.
+
+    Attributes
+    ----------
+    names : p parameters.
+    values : (p,) [SI].
+    std : (p,) standard deviations of their logarithms.
+    """
+
+    names: tuple[str, ...]
+    values: Array
+    std: Array
+
+    def draw(self, n: int, rng: np.random.Generator) -> Array:
+        """Return n starts (n, p) for `multistart`: the values themselves, and others as rough."""
+        if n < 1:
+            raise InvalidInput(f"start: {n} starts asked for; at least 1 is needed")
+        spread = rng.standard_normal((n - 1, len(self.values))) * self.std
+        return np.asarray(np.vstack([self.values, self.values * np.exp(spread)]))
+
+    def __str__(self) -> str:
+        width = max(len(name) for name in self.names)
+        lines = ["start values, each right within the factor given, two times of three"]
+        lines += [
+            f"  {name:<{width}}  {value:12.6g}  x/ {np.exp(std):.2g}"
+            for name, value, std in zip(self.names, self.values, self.std, strict=True)
+        ]
+        return "\n".join(lines)
 
 
 def physics_start(
     model: Elastic, estimate: FrfEstimate, drives: Mapping[int, float] | None = None
-) -> Array:
-    """Return rough values (p,) of springs and dampers from measured FRFs and the rigid robot alone.
+) -> StartValues:
+    """Return rough springs and dampers from measured FRFs and the rigid robot alone.
 
     Where motor i stands still, at an anti-resonance w_a of G_ii, the arm swings on its gear:
     k_i = J w_a^2 with J the arm's rigid inertia about that axis; without one, at a resonance w_r,
     k_i = w_r^2 J J_m/(J + J_m). Another axis' anti-resonances show as well, but J changes with the
-    position otherwise: the stiffness counts on which most positions agree. A gear on which no two
-    agree lies above the band, as a rule: it gets J w w_F, w the geometric mean of the other axes'
-    frequencies and w_F the band's end. Torsions get J (1.5 w)^2, dampers a damping ratio of 3 %;
-    what is neither spring nor damper keeps the model's own value. Tied parameters get the mean.
+    position otherwise: first that stiffness counts on which most positions agree. A gear on which
+    no two agree lies above the band, as a rule: it gets J w w_F, w the geometric mean of the other
+    axes' frequencies and w_F the band's end. Torsions get J (1.5 w)^2, dampers a damping ratio of
+    3 %; what is neither spring nor damper keeps the model's own value. Tied parameters get the
+    mean. Then the other stiffnesses that dips allow, and multiples, are tried gear by gear, for
+    torsions and for dampers, where these bring |G| nearer to the measured.
 
-    On six built-in robots in six random positions half of the gears are right within a factor of
-    1.3, and all within 7; positions that move the arm's inertia little tell axes apart badly.
+    `std` is what errors came to on the built-in robots in six random positions, see the constants
+    of this module. Largest were factors of 2 (gears), 5 (torsions) and 13 (dampers).
 
     Parameters
     ----------
@@ -52,25 +92,18 @@ def physics_start(
         `drives` has a motor without elastic drive or a stiffness that is not positive.
     """
     network = model.network(estimate.positions)
-    gears, inertias = _gears(network), _inertias(network)
     if min(estimate.response.shape[2:]) < network.selector.shape[1]:
         raise InvalidInput(
             f"start: FRFs of shape {estimate.response.shape[2:]} do not show all "
             f"{network.selector.shape[1]} motors"
         )
-    stiffness = {
-        motor: _gear_stiffness(network, inertias[s], estimate, motor, s)
-        for motor, s in gears.items()
+    gears = gear_springs(network)
+    given = _checked_drives(drives or {}, gears)
+    inertias = end_inertias(network)
+    dips = {
+        motor: dip_values(network, inertias[s], estimate, motor, s) for motor, s in gears.items()
     }
-    for motor, value in (drives or {}).items():
-        if motor not in gears:
-            raise InvalidInput(
-                f"start: motor {motor} (counted from 0) has no elastic drive"
-                f"{nearest(str(motor), map(str, gears))}"
-            )
-        if not (np.isfinite(value) and value > 0):
-            raise InvalidInput(f"start: stiffness {value:g} of motor {motor} is not positive")
-        stiffness[motor] = float(value)
+    stiffness = {motor: agreed(found) for motor, found in dips.items()} | given
     known = {gears[motor]: value for motor, value in stiffness.items() if np.isfinite(value)}
     if not known:
         low, high = estimate.omega[[0, -1]] / (2 * np.pi)
@@ -79,8 +112,13 @@ def physics_start(
             f"{high:.3g} Hz; give start values, or measure further up"
         )
     unseen = set(gears.values()) - set(known)
-    springs = _springs(network, inertias, known, unseen, estimate.omega[-1])
-    return _as_parameters(network, *springs)
+    guess = _springs(network, inertias, known, unseen, estimate.omega[-1])
+    open_dips = {gears[motor]: found for motor, found in dips.items() if motor not in given}
+    groups = _groups(network, open_dips, set(gears.values()))
+    first = _as_parameters(network, *guess)
+    values = coarse_search(_about(model, network, estimate, first), estimate, first, groups)
+    std = _roughness(network, set(gears.values()), {gears[motor] for motor in given})
+    return StartValues(network.parameters.names, read_only(values), read_only(std))
 
 
 def named_start(name: str, model: Elastic, estimate: FrfEstimate) -> Array:
@@ -100,7 +138,7 @@ def named_start(name: str, model: Elastic, estimate: FrfEstimate) -> Array:
             f"{nearest(name, STARTS)}"
         )
     if name == "physics":
-        return physics_start(model, estimate)
+        return physics_start(model, estimate).values
     from estimators.fitting.chain_start import chain_start_values
     from robotmodels.elastic.robot import ElasticRobot
 
@@ -109,76 +147,26 @@ def named_start(name: str, model: Elastic, estimate: FrfEstimate) -> Array:
     return chain_start_values(model, estimate)
 
 
-def _gears(network: SpringNetwork) -> dict[int, int]:
-    """Return which spring joins each motor to the arm."""
-    motors = {int(np.argmax(np.abs(column))): i for i, column in enumerate(network.selector.T)}
-    return {
-        motors[end]: s
-        for s, ends in enumerate(network.ends.tolist())
-        for end in ends
-        if end in motors and -1 not in ends
-    }
+def _about(
+    model: Elastic, network: SpringNetwork, estimate: FrfEstimate, values: Array
+) -> SpringNetwork:
+    """Return the network about the equilibria of `values` (p,), or `network` if they are none."""
+    try:
+        return model.network(estimate.positions, values)
+    except IdentificationError:
+        return network
 
 
-def _inertias(network: SpringNetwork) -> Array:
-    """Return the rigid inertias at both ends of springs, (s, 2, Q); infinite at the ground."""
-    inertia = np.diagonal(network.linear_model().mass, axis1=1, axis2=2).T
-    ground = np.full((1, inertia.shape[1]), np.inf)
-    return np.concatenate([inertia, ground])[network.ends]  # the end -1 is the last
-
-
-def _gear_stiffness(
-    network: SpringNetwork, both: Array, estimate: FrfEstimate, motor: int, s: int
-) -> float:
-    """Return a gear's stiffness; not a number if no two of several positions agree on one.
-
-    both : (2, Q) inertias at its ends.
-    """
-    ends = network.ends[s].tolist()
-    own = int(np.argmax(np.abs(network.selector[:, motor])))
-    rotor, arm = both[ends.index(own)], both[1 - ends.index(own)]
-    found = []
-    # What lies below the noise shows no dips of its own.
-    size = np.abs(estimate.response[:, :, motor, motor])
-    noise = MINIMUM_SNR * np.sqrt(estimate.variance[:, :, motor, motor])
-    for q, level in enumerate(np.log(np.maximum(size, noise))):
-        inertia, (omega, depth) = arm[q], _dips(level, estimate.omega)
-        if not omega.size:
-            inertia = 1 / (1 / arm[q] + 1 / rotor[q])
-            omega, depth = _dips(-level, estimate.omega)
-        found.append((np.log(inertia * omega**2), np.minimum(depth, DEEP)))
-    return agreed(found)
-
-
-def _dips(level: Array, omega: Array) -> tuple[Array, Array]:
-    """Return frequencies and depths of the pronounced minima of (F,) levels."""
-    from scipy.signal import find_peaks
-
-    dips, shape = find_peaks(-level, prominence=PROMINENCE)
-    return omega[dips], shape["prominences"]
-
-
-def agreed(found: list[tuple[Array, Array]]) -> float:
-    """Return exp of the value that most positions have, or nearly; not a number without two.
-
-    Parameters
-    ----------
-    found : logarithms of candidates and their weights, for each position.
-    """
-
-    def support(value: float) -> Array:
-        """Return the best weight for a value in each position, (Q,)."""
-        return np.array(
-            [np.max(w * np.exp(-(((x - value) / AGREE) ** 2) / 2), initial=0.0) for x, w in found]
-        )
-
-    candidates = np.concatenate([x for x, _ in found])
-    if not candidates.size:
-        return np.nan
-    best = max(candidates.tolist(), key=lambda value: float(support(value).sum()))
-    near = [x[np.argmin(np.abs(x - best))] for x, _ in found if x.size]
-    near = [x for x in near if abs(x - best) < 2 * AGREE]
-    return float(np.exp(np.median(near))) if len(near) >= min(2, len(found)) else np.nan
+def _checked_drives(drives: Mapping[int, float], gears: dict[int, int]) -> dict[int, float]:
+    for motor, value in drives.items():
+        if motor not in gears:
+            raise InvalidInput(
+                f"start: motor {motor} (counted from 0) has no elastic drive"
+                f"{nearest(str(motor), map(str, gears))}"
+            )
+        if not (np.isfinite(value) and value > 0):
+            raise InvalidInput(f"start: stiffness {value:g} of motor {motor} is not positive")
+    return {motor: float(value) for motor, value in drives.items()}
 
 
 def _springs(
@@ -208,6 +196,44 @@ def _springs(
         stiffness[s] = value
     natural = np.sqrt(stiffness / reduced)
     return stiffness, 2 * DAMPING_RATIO * stiffness / natural
+
+
+def _groups(
+    network: SpringNetwork, dips: dict[int, list[tuple[Array, Array]]], gears: set[int]
+) -> list[Group]:
+    """Return what is tried: each gear whose dips are given, all torsions, all dampers.
+
+    A gear's damper keeps its ratio to the spring.
+    """
+    count = len(network.ends)
+    groups = []
+    for s, found in dips.items():
+        values = np.sort(np.concatenate([x for x, _ in found]))
+        apart = np.flatnonzero(np.diff(values) > AGREE) + 1
+        candidates = tuple(float(np.median(part)) for part in np.split(values, apart) if part.size)
+        groups.append(Group((s, count + s), candidates))
+    torsions = [s for s in range(count) if s not in gears]
+    if torsions:
+        groups.append(Group((*torsions, *(count + s for s in torsions))))
+    return [*groups, Group(tuple(range(count, 2 * count)))]
+
+
+def _roughness(network: SpringNetwork, gears: set[int], given: set[int]) -> Array:
+    """Return standard deviations of ln theta (p,), the largest where a parameter acts on several.
+
+    What is neither spring nor damper is as well known as it was.
+    """
+    count = len(network.ends)
+    rows = np.array(
+        [
+            ROUGH_GIVEN if s in given else ROUGH_GEAR if s in gears else ROUGH_TORSION
+            for s in range(count)
+        ]
+        + [ROUGH_DAMPER] * count
+    )
+    exponents = np.abs(network.exponents.mean(axis=0))
+    acting = exponents > 0.5 * exponents.max(axis=0, initial=1e-12)
+    return np.asarray(np.max(np.where(acting, rows[:, None], 0.0), axis=0))
 
 
 def _as_parameters(network: SpringNetwork, stiffness: Array, damping: Array) -> Array:
