@@ -8,10 +8,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from estimators.fitting.chosen_weights import chosen_weights
 from estimators.fitting.priors import Prior
 from estimators.fitting.residuals import Residual, find_residual
 from estimators.fitting.robust import check_loss, robust_loss
-from estimators.fitting.weights import chosen_weights, square_root, used_elements, whiten
+from estimators.fitting.weights import square_root, used_elements, whiten
 from estimators.frf.estimate import FrfEstimate, is_full, vec
 from robotmodels.arrays import Array, ComplexArray, IntArray, read_only
 from robotmodels.description.parameters import Parameters
@@ -154,6 +155,7 @@ def stated(
     kind = find_residual(residual)
     chosen: Array | ComplexArray = chosen_weights(weights, estimate, kind)
     if positions is not None:
+        _check_positions(positions)
         estimate, chosen = estimate.subset(positions), chosen[np.asarray(positions)]
     return Problem(
         model=model,
@@ -164,6 +166,18 @@ def stated(
         prior=prior,
         loss=check_loss(loss),
     )
+
+
+def _check_positions(positions: Sequence[int] | IntArray) -> None:
+    """Refuse what is no choice of positions; the estimate knows how many there are."""
+    chosen = np.asarray(positions)
+    if chosen.ndim != 1 or not (np.issubdtype(chosen.dtype, np.integer) or not chosen.size):
+        raise InvalidInput(f"positions: {positions!r}; numbers of positions, from 0, are needed")
+    values, counts = np.unique(chosen, return_counts=True)
+    if (counts > 1).any():
+        raise InvalidInput(
+            f"positions: {values[counts > 1][0]} is given twice; its data would count twice"
+        )
 
 
 def _checked_bounds(bounds: tuple[float, float] | Array, parameters: Parameters) -> Array:

@@ -78,7 +78,8 @@ def frozen_search(
     minimum is the next point, until a minimum is the point itself: there cost and gradient of V
     are exact (the first-order corrected models of Alexandrov and Lewis 2001). The first time, far
     away, s is left out. The search ends where the next point would gain nothing, judging by how
-    much less the last one gained than the one before.
+    much less the last one gained than the one before. Where points do not get better, or too many
+    are needed, it goes on from the best with equilibria found anew at every step.
 
     Parameters
     ----------
@@ -89,6 +90,7 @@ def frozen_search(
     IdentificationError : if the model has no FRF at the start.
     """
     values, spent, cost, gain = start, 0, np.inf, np.inf
+    best, least = start, np.inf  # of V itself, about equilibria of its own
     sag: Sag | None = None
     for nth in range(ROUNDS):
         model = CorrectedModel(problem, network, sag if nth else None)
@@ -96,20 +98,36 @@ def frozen_search(
         found = trust_region(problem, model, values, max(max_evaluations - spent, 2), allowed)
         spent += found.evaluations
         end = replace(found, evaluations=spent)
+        if model.cost < least:
+            best, least = values, model.cost
         if nth:
             before, gain = gain, model.cost - found.cost
             ratio = gain / before if np.isfinite(before) and before > gain else 1.0
             next_gain = gain * ratio
-            if found.status == 0 or next_gain <= tolerance * found.cost:
+            if found.status and next_gain <= tolerance * found.cost:
                 return end
-        if spent > max_evaluations - 2:
-            return replace(end, status=0, message=OUT_OF_EVALUATIONS)
+        if not (nth == 0 or found.status) or spent > max_evaluations - 2:
+            return _unfinished(problem, end, best, least)
         if nth and model.cost > cost * (1 + tolerance):
             break
         cost = model.cost if nth else cost
         values, network, sag = _reachable(problem, values, found.values, network, sag)
-    found = renewed_search(problem, values, max_evaluations - spent, tolerance)
+    found = renewed_search(problem, best, max_evaluations - spent, tolerance)
     return replace(found, evaluations=spent + found.evaluations)
+
+
+def _unfinished(problem: Problem, end: Outcome, best: Array, least: float) -> Outcome:
+    """Return where a search without evaluations left ends, or the `best` point before it.
+
+    The cost is the one about its own equilibria, not those held last.
+    """
+    end = replace(end, status=0, message=OUT_OF_EVALUATIONS)
+    try:
+        residuals, _ = problem.evaluate(end.values)
+    except IdentificationError:
+        return replace(end, values=best, cost=least)
+    own = float(residuals @ residuals)
+    return replace(end, cost=own) if own <= least else replace(end, values=best, cost=least)
 
 
 def squares(normal: NormalEquations) -> tuple[Array, Array]:

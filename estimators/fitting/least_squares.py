@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from estimators.fitting.cost import Problem, stated
 from estimators.fitting.priors import Prior
 from estimators.fitting.residuals import find_residual
-from estimators.fitting.search import search
+from estimators.fitting.search import check_effort, search
 from estimators.fitting.start_values import named_start
 from estimators.fitting.trust_region import Outcome
 from estimators.fitting.weights import optimal_weights
@@ -124,6 +124,7 @@ def fit(
         than parameters, or a logarithm of zero.
     IdentificationError : if the model has no FRF at the start.
     """
+    check_effort(max_evaluations, tolerance)
     problem = stated(model, estimate, residual, weights, bounds, positions, prior, loss)
     if isinstance(start, str):
         start = np.clip(named_start(start, model, problem.estimate), *problem.bounds)

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from estimators.fitting.cost import Problem, stated
 from estimators.fitting.least_squares import Fit, as_fit
 from estimators.fitting.priors import Prior
-from estimators.fitting.search import search_or_reason
+from estimators.fitting.search import check_effort, search_or_reason
 from estimators.fitting.search_store import SearchStore, problem_fingerprint
 from estimators.fitting.trust_region import START_FAILED, STOPPED, Outcome
 from estimators.frf.estimate import FrfEstimate
@@ -96,6 +96,7 @@ def multistart(
     ------
     InvalidInput : as `fit`; if there is no start; if the store holds searches of something else.
     """
+    check_effort(max_evaluations, tolerance)
     problem = stated(model, estimate, residual, weights, bounds, positions, prior, loss)
     points = [problem.checked_start(np.asarray(start, dtype=float)) for start in starts]
     if not points:
@@ -104,6 +105,15 @@ def multistart(
     if store is not None:
         kept = SearchStore(Path(store), problem_fingerprint(problem, max_evaluations, tolerance))
     runs = _Runs(problem, max_evaluations, tolerance, executor, kept)
+    found = _all_searched(runs, points, early_stop, progress)
+    fits = [as_fit(problem, point, found[i]) for i, point in enumerate(points)]
+    return tuple(sorted(fits, key=lambda one: one.cost))
+
+
+def _all_searched(
+    runs: "_Runs", points: list[Array], early_stop: EarlyStop | None, progress: Progress | None
+) -> dict[int, Outcome]:
+    """Return what the search from each start came to."""
     found: dict[int, Outcome] = {}
 
     def finish(i: int, outcome: Outcome) -> None:
@@ -112,14 +122,13 @@ def multistart(
             progress(len(found), len(points))
 
     begun: dict[int, Outcome | None] = dict.fromkeys(range(len(points)))
-    stage = "whole"
+    stage, limit = "whole", runs.max_evaluations
     if early_stop is not None:
-        begun = _begin(runs, points, early_stop, max_evaluations, finish)
+        begun = _begin(runs, points, early_stop, limit, finish)
         stage = f"after {early_stop.evaluations}"
-    for i, outcome in runs.searches(stage, points, begun, max_evaluations):
+    for i, outcome in runs.searches(stage, points, begun, limit):
         finish(i, outcome)
-    fits = [as_fit(problem, point, found[i]) for i, point in enumerate(points)]
-    return tuple(sorted(fits, key=lambda one: one.cost))
+    return found
 
 
 @dataclass(frozen=True, eq=False)

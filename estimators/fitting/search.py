@@ -1,14 +1,28 @@
 """Searches for a local minimum of a fit's cost, from one start."""
 
-from dataclasses import replace
-
 import numpy as np
 
 from estimators.fitting.cost import Problem
 from estimators.fitting.frozen_search import can_compile, frozen_search, hardens, renewed_search
 from estimators.fitting.trust_region import START_FAILED, Outcome, exact_search
 from robotmodels.arrays import Array
-from robotmodels.errors import IdentificationError
+from robotmodels.errors import IdentificationError, InvalidInput
+
+
+def check_effort(max_evaluations: int, tolerance: float) -> None:
+    """Refuse limits of a search that it could not keep.
+
+    Raises
+    ------
+    InvalidInput : unless evaluations are a whole number >= 1 and the tolerance lies between the
+        rounding error and one.
+    """
+    whole = isinstance(max_evaluations, int | np.integer) and not isinstance(max_evaluations, bool)
+    if not (whole and max_evaluations >= 1):
+        raise InvalidInput(f"max_evaluations: {max_evaluations!r}; a whole number >= 1 is needed")
+    least = float(np.finfo(float).eps)
+    if not least <= tolerance < 1:
+        raise InvalidInput(f"tolerance: {tolerance!r}; {least:.2g} to less than 1 is needed")
 
 
 def search(problem: Problem, start: Array, max_evaluations: int, tolerance: float) -> Outcome:
@@ -23,17 +37,7 @@ def search(problem: Problem, start: Array, max_evaluations: int, tolerance: floa
         return exact_search(problem, start, max_evaluations, tolerance)
     if hardens(network):
         return renewed_search(problem, start, max_evaluations, tolerance)
-    found = frozen_search(problem, start, network, max_evaluations, tolerance)
-    return found if found.status else _with_own_cost(problem, found)
-
-
-def _with_own_cost(problem: Problem, found: Outcome) -> Outcome:
-    """Return an unfinished search with the cost about its own equilibria, not those held last."""
-    try:
-        residuals, _ = problem.evaluate(found.values)
-    except IdentificationError as error:
-        return replace(found, cost=np.inf, message=f"{found.message}: {error}")
-    return replace(found, cost=float(residuals @ residuals))
+    return frozen_search(problem, start, network, max_evaluations, tolerance)
 
 
 def search_or_reason(

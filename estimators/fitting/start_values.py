@@ -79,7 +79,7 @@ def physics_start(
     torsions and for dampers, where these bring |G| nearer to the measured.
 
     `std` is what errors came to on the built-in robots in six random positions, see the constants
-    of this module. Largest were factors of 2 (gears), 5 (torsions) and 13 (dampers).
+    of this module. Largest were factors of 1.8 (gears), 4 (torsions) and 10 (dampers).
 
     Parameters
     ----------

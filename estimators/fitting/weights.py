@@ -7,10 +7,9 @@ from numpy.typing import NDArray
 
 from estimators.fitting.residuals import Residual, find_residual
 from estimators.frf.estimate import FrfEstimate, is_full, place, unvec, vec
-from robotmodels.arrays import Array, ComplexArray
-from robotmodels.errors import InvalidInput, nearest
+from robotmodels.arrays import Array, ComplexArray, real_numbers
+from robotmodels.errors import InvalidInput
 
-KINDS = ("user", "optimal", "optimal_diagonal", "combined")
 # Relative error of the model that combined weights allow for where the noise is smaller.
 FLOOR = 0.1
 # 10 dB, above which the bias of a log residual is negligible ([WM] 5.1, after Pintelon and
@@ -50,13 +49,14 @@ def user_weights(
     m, n = estimate.response.shape[-2:]
     element = np.where(np.eye(m, n, dtype=bool), diagonal, off_diagonal)
     if elements is not None:
-        element = _checked_elements(np.asarray(elements), (m, n))
+        element = _checked_elements(elements, (m, n))
     good = clear(estimate, minimum_snr) & (estimate.omega >= from_omega)[:, None, None]
     return np.asarray(np.where(good, element, 0.0))
 
 
-def _checked_elements(elements: NDArray[Any], shape: tuple[int, int]) -> Array:
+def _checked_elements(given: NDArray[Any], shape: tuple[int, ...]) -> Array:
     """Return weights of the elements (m, n) of every FRF."""
+    elements = real_numbers(given, "weights.elements")
     if elements.shape != shape:
         beyond = [k for k, (a, b) in enumerate(zip(elements.shape, shape, strict=False)) if a > b]
         last = tuple(k - 1 for k in elements.shape)
@@ -71,12 +71,46 @@ def _checked_elements(elements: NDArray[Any], shape: tuple[int, int]) -> Array:
         raise InvalidInput(
             f"weights.elements: {elements[i, j]:g} of element ({i}, {j}) is not a number >= 0"
         )
-    return elements.astype(float)
+    return elements
 
 
 def clear(estimate: FrfEstimate, minimum_snr: float) -> NDArray[np.bool_]:
-    """Return which elements (Q, F, m, n) are at least so many of their standard deviations."""
+    """Return which elements (Q, F, m, n) are at least so many of their standard deviations.
+
+    Raises
+    ------
+    InvalidInput : if that is not a number >= 0.
+    """
+    if not (np.isfinite(minimum_snr) and minimum_snr >= 0):
+        raise InvalidInput(f"weights.minimum_snr: {minimum_snr!r} is not a number >= 0")
     return np.asarray(np.abs(estimate.response) >= minimum_snr * np.sqrt(estimate.variance))
+
+
+def _response(estimate: FrfEstimate, response: ComplexArray | None) -> ComplexArray:
+    """Return the FRFs at which log residuals' noise is evaluated, the measured ones where None."""
+    if response is None:
+        return estimate.response
+    if np.shape(response) != estimate.response.shape:
+        raise InvalidInput(
+            f"weights.response: shape {np.shape(response)} given; {estimate.response.shape} is "
+            "needed"
+        )
+    return np.asarray(response)
+
+
+def check_positive(weights: NDArray[Any], estimate: FrfEstimate, what: str = "weights") -> None:
+    """Refuse weights (Q, F, m, n) of elements that are no numbers >= 0.
+
+    Raises
+    ------
+    InvalidInput : with the first such place.
+    """
+    wrong = np.argwhere(~(np.isfinite(weights) & (weights >= 0)))
+    if wrong.size:
+        raise InvalidInput(
+            f"{what}: {weights[tuple(wrong[0])]:g} at {place(wrong[0], estimate.omega)} "
+            "is not a number >= 0"
+        )
 
 
 def optimal_weights(
@@ -105,10 +139,10 @@ def optimal_weights(
 
     Raises
     ------
-    InvalidInput : if a covariance is not positive definite, with position and frequency.
+    InvalidInput : if a covariance is not positive definite, with position and frequency; if the
+        response does not fit, or `minimum_snr` is negative.
     """
-    kind = find_residual(residual)
-    at = estimate.response if response is None else np.asarray(response)
+    kind, at = find_residual(residual), _response(estimate, response)
     used = clear(estimate, minimum_snr)
     if kind.relative:
         used &= at != 0  # an infinite relative error
@@ -143,15 +177,16 @@ def combined_weights(
 
     Raises
     ------
-    InvalidInput : if the floor is not positive, or the user's weights do not fit.
+    InvalidInput : if the floor is not positive, the user's weights do not fit, or as
+        `optimal_weights`.
     """
     if not (np.isfinite(floor) and floor > 0):
         raise InvalidInput(f"weights.floor: {floor!r} is not a positive number")
-    kind = find_residual(residual)
-    at = estimate.response if response is None else np.asarray(response)
+    kind, at = find_residual(residual), _response(estimate, response)
     user = user_weights(estimate, minimum_snr=minimum_snr) if shape is None else np.asarray(shape)
     if user.shape != at.shape:
         raise InvalidInput(f"weights.shape: {user.shape} given; {at.shape} is needed")
+    check_positive(user, estimate, "weights.shape")
     used = clear(estimate, minimum_snr) & (user > 0)
     if kind.relative:
         used &= at != 0
@@ -193,61 +228,6 @@ def _inverse(
     inverse = np.linalg.inv(noise / outer) / outer
     inverse = (inverse + np.conj(np.swapaxes(inverse, -1, -2))) / 2
     return np.asarray(np.where(pairs, inverse, 0.0))
-
-
-def chosen_weights(
-    weights: str | NDArray[Any], estimate: FrfEstimate, kind: Residual
-) -> Array | ComplexArray:
-    """Return the weights a fit was asked for, by name or as an array, checked.
-
-    Named weights leave out elements below 10 dB where a logarithm is taken.
-
-    Raises
-    ------
-    InvalidInput : if the name is unknown, or an array does not fit or is not a weight.
-    """
-    if isinstance(weights, str):
-        if weights not in KINDS:
-            raise InvalidInput(
-                f"weights {weights!r} are none of {', '.join(KINDS)}, nor an array"
-                f"{nearest(weights, KINDS)}"
-            )
-        minimum_snr = MINIMUM_SNR if kind.relative else 0.0
-        if weights == "user":
-            return user_weights(estimate, minimum_snr=minimum_snr)
-        if weights == "combined":
-            return combined_weights(estimate, kind, minimum_snr=minimum_snr)
-        return optimal_weights(
-            estimate, kind, minimum_snr=minimum_snr, diagonal=weights == "optimal_diagonal"
-        )
-    array = np.asarray(weights)
-    if array.ndim == 2:
-        return user_weights(estimate, minimum_snr=0.0, elements=array)
-    if not is_full(array, estimate.response.shape):
-        if np.iscomplexobj(array):
-            raise InvalidInput("weights: one weight per element must be a real number")
-        wrong = np.argwhere(~(np.isfinite(array) & (array >= 0)))
-        if wrong.size:
-            raise InvalidInput(
-                f"weights: {array[tuple(wrong[0])]:g} at {place(wrong[0], estimate.omega)} "
-                "is not a number >= 0"
-            )
-        return np.array(array, dtype=float)
-    size = np.sqrt(np.abs(np.diagonal(array, axis1=-2, axis2=-1)))
-    skew = np.abs(array - np.conj(np.swapaxes(array, -1, -2)))
-    bad = np.argwhere(~(skew <= 1e-9 * size[..., :, None] * size[..., None, :]).all(axis=(-2, -1)))
-    if bad.size:
-        raise InvalidInput(
-            f"weights: the matrix at {place(bad[0], estimate.omega)} is not Hermitian and finite"
-        )
-    eigenvalues = np.linalg.eigvalsh(array)
-    bad = np.argwhere(eigenvalues[..., 0] < -1e-12 * np.abs(eigenvalues[..., -1]))
-    if bad.size:
-        raise InvalidInput(
-            f"weights: the matrix at {place(bad[0], estimate.omega)} is not positive semidefinite"
-        )
-    # A real residual sees the real part only.
-    return np.array(array.real if kind.real else array)
 
 
 def used_elements(weights: Array | ComplexArray, shape: tuple[int, ...]) -> NDArray[np.bool_]:

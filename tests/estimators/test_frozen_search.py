@@ -16,7 +16,7 @@ from estimators.fitting.frozen_search import (
 )
 from estimators.fitting.sag import with_sag
 from estimators.fitting.search import search
-from estimators.fitting.trust_region import exact_search
+from estimators.fitting.trust_region import Outcome, exact_search
 from robotmodels import InvalidInput, RelativeNoise, SolverFailed, load_robot
 from robotmodels.normal_equations import NormalEquations
 
@@ -179,7 +179,41 @@ def test_an_unfinished_fit_has_the_cost_of_its_own_equilibria(robot, estimate, m
     assert unfinished.status == 0
     residuals, _ = problem.evaluate(unfinished.values)
     assert unfinished.cost == pytest.approx(residuals @ residuals, rel=1e-10)
-    assert frozen(problem, start, 7).cost != pytest.approx(unfinished.cost, rel=1e-6)
+    at_start, _ = problem.evaluate(start)
+    assert unfinished.cost < at_start @ at_start
+
+
+def searched_with(problem, start, monkeypatch, wanted, evaluations=200):
+    """A frozen search whose first steps go to points `wanted`, and where it was renewed."""
+    steps, renewed = iter(wanted), []
+
+    def step(problem, model, values, *rest):
+        model(values)  # the cost at its own point
+        point = next(steps)
+        return Outcome(point, 0.5 * model.cost, 2, "", 1)
+
+    def from_there(problem, values, *rest):
+        renewed.append(values)
+        return Outcome(values, 0.0, 2, "", 1)
+
+    monkeypatch.setattr("estimators.fitting.frozen_search.trust_region", step)
+    monkeypatch.setattr("estimators.fitting.frozen_search.renewed_search", from_there)
+    return frozen(problem, start, evaluations), renewed
+
+
+def test_points_that_get_worse_are_left_for_the_best(robot, estimate, monkeypatch):
+    problem = stated(robot, estimate, "nls", "optimal", BOUNDS)
+    truth = robot.parameters.values
+    best, worse, worst = 1.1 * truth, 1.3 * truth, 1.6 * truth
+    _, renewed = searched_with(problem, worst, monkeypatch, [best, worse, worst])
+    assert len(renewed) == 1
+    assert np.array_equal(renewed[0], best)
+    found, renewed = searched_with(problem, worst, monkeypatch, [best, worse, worst], 4)
+    assert not renewed
+    assert found.status == 0
+    assert np.array_equal(found.values, best)
+    residuals, _ = problem.evaluate(best)
+    assert found.cost == pytest.approx(residuals @ residuals, rel=1e-10)
 
 
 class Weak:

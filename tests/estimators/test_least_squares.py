@@ -130,6 +130,13 @@ def test_the_report_names_parameters_and_units():
         ({"start": TRUTH * 1e4}, r"start: k1 = 9e\+06 lies outside its bounds"),
         ({"start": TRUTH[:3]}, r"\(6,\) is needed"),
         ({"weights": np.zeros((3, 23, 2, 2))}, "6 parameters but only 0 real data"),
+        ({"positions": [0, 2, 0]}, "positions: 0 is given twice"),
+        ({"positions": [0.5]}, "positions: .* numbers of positions, from 0"),
+        ({"positions": [True, False, True]}, "positions: .* numbers of positions, from 0"),
+        ({"max_evaluations": 0}, "max_evaluations: 0; a whole number"),
+        ({"max_evaluations": 2.5}, r"max_evaluations: 2\.5; a whole number"),
+        ({"tolerance": 0.0}, r"tolerance: 0\.0; 2\.2e-16 to less than 1"),
+        ({"tolerance": np.nan}, "tolerance: nan"),
     ],
 )
 def test_faults_are_named(arguments, message):

@@ -12,8 +12,9 @@ from estimators import (
     simulate_frf,
     user_weights,
 )
+from estimators.fitting.chosen_weights import chosen_weights
 from estimators.fitting.residuals import RESIDUALS, find_residual
-from estimators.fitting.weights import chosen_weights, square_root, used_elements, whiten
+from estimators.fitting.weights import square_root, used_elements, whiten
 from robotmodels import InvalidInput, RelativeNoise, frequency_response, sensitivity
 
 
@@ -197,7 +198,8 @@ def _weights(kind):
         full[1, 2, 0, 1] += 1
     if kind == "indefinite":
         full[1, 2] = np.diag([1, 1, 1, -1])
-    return {"shape": element[:, :5], "name": "optmal"}.get(kind, full)
+    others = {"shape": element[:, :5], "name": "optmal", "none": None, "ragged": [[1, 0.1], [0.1]]}
+    return others.get(kind, full)
 
 
 @pytest.mark.parametrize(
@@ -209,11 +211,30 @@ def _weights(kind):
         ("indefinite", "position 1, frequency 2 .*not positive semidefinite"),
         ("shape", "does not fit FRFs of shape"),
         ("name", "did you mean 'optimal'"),
+        ("none", "weights: None is neither one of user, optimal"),
+        ("ragged", "nor an array of numbers"),
     ],
 )
 def test_wrong_weights_are_named(estimate, kind, message):
     with pytest.raises(InvalidInput, match=message):
         chosen_weights(_weights(kind), estimate, find_residual("nls"))
+
+
+@pytest.mark.parametrize(
+    ("made", "message"),
+    [
+        (lambda e: optimal_weights(e, "lls", minimum_snr=-1.0), r"weights\.minimum_snr: -1\.0"),
+        (lambda e: optimal_weights(e, "lls", np.ones(3)), r"weights\.response: shape \(3,\)"),
+        (
+            lambda e: combined_weights(e, "lls", -np.ones(e.response.shape)),
+            r"weights\.shape: -1 at position 0, frequency 0",
+        ),
+        (lambda e: user_weights(e, elements=1j * np.ones((2, 3))), r"weights\.elements: .* real"),
+    ],
+)
+def test_what_no_weights_can_be_made_of_is_named(estimate, made, message):
+    with pytest.raises(InvalidInput, match=message):
+        made(estimate)
 
 
 def test_combined_weights_join_the_users_shape_and_the_noise(estimate):
