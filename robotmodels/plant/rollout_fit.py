@@ -8,8 +8,8 @@ are so small that mujoco.sysid's tolerances end the search far from the minimum.
 import io
 import logging
 import time
-from collections.abc import Callable
-from contextlib import redirect_stdout
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, redirect_stdout
 from dataclasses import dataclass
 from importlib import import_module
 from typing import Any
@@ -126,14 +126,14 @@ def fit_rollouts(case: RolloutCase, start: Array, reach: float, limit: int) -> R
     limit : of rollouts of all experiments, after which the best so far is taken.
     """
     search = _parameters(case, start, reach)
-    residual, begun = _Residual(case, limit, search.as_vector()), time.perf_counter()
-    try:
-        with redirect_stdout(io.StringIO()):  # it tells every iteration
+    with _silent():
+        residual, begun = _Residual(case, limit, search.as_vector()), time.perf_counter()
+        try:
             found, _ = _sysid().optimize(search, residual, verbose=False, max_iters=limit)
-        ln, ended = found.as_vector(), True
-    except _EnoughError:
-        ln, ended = residual.best, False
-    seconds = time.perf_counter() - begun
+            ln, ended = found.as_vector(), True
+        except _EnoughError:
+            ln, ended = residual.best, False
+        seconds = time.perf_counter() - begun
     values = np.asarray(case.parameters.values * np.exp(ln))
     return RolloutFit(values, ended, residual.rollouts, seconds)
 
@@ -142,8 +142,22 @@ def misfit(case: RolloutCase, values: Array) -> float:
     """Return the rms of rollouts minus records at parameter `values` (p,), in stds of the noise."""
     search = _parameters(case, values, 1.0)
     at = search.as_vector()
-    apart, _, _ = _Residual(case, 1, at)(at, search)
+    with _silent():
+        apart, _, _ = _Residual(case, 1, at)(at, search)
     return float(np.sqrt(np.mean(np.concatenate(apart) ** 2)))
+
+
+@contextmanager
+def _silent() -> Iterator[None]:
+    """Let nothing be told of a model without sensors and of every iteration."""
+    log = logging.getLogger("absl")
+    before = log.level
+    log.setLevel(logging.ERROR)
+    try:
+        with redirect_stdout(io.StringIO()):
+            yield
+    finally:
+        log.setLevel(before)
 
 
 def _sysid() -> Any:
@@ -163,7 +177,6 @@ class _Residual:
     """Rollouts minus records, counted; remembers the best of the start and the points asked for."""
 
     def __init__(self, case: RolloutCase, limit: int, start: Array) -> None:
-        logging.getLogger("absl").setLevel(logging.ERROR)  # the model has no sensors: it says so
         self.ask = _sysid().build_residual_fn(
             models_sequences=[_sequences(case)], modify_residual=_standardised(case)
         )
