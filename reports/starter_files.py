@@ -80,6 +80,15 @@ def starter_files(robot: str, folder: Path) -> StarterFiles:
     return StarterFiles(name, {"robot.yaml": content, "study.yaml": _study(found, "robot.yaml")})
 
 
+def default_folder(robot: str) -> Path:
+    """Return where the files of a new study go: a folder of the robot's name.
+
+    ``robot.yaml``, as `starter_files` calls every robot file, is no name; its folder's is.
+    """
+    path = Path(robot)
+    return Path(path.resolve().parent.name if path.stem == "robot" else path.stem)
+
+
 def write_starter_files(starter: StarterFiles, folder: Path) -> list[Path]:
     """Write the files; none if one of them is there already.
 

@@ -101,6 +101,11 @@ def parse(content: object, schema: type[_Section], source: str) -> _Section:
     ------
     InvalidInput : naming the key at fault, what was found and what would be right.
     """
+    if isinstance(content, str) and content.startswith("<"):
+        raise InvalidInput(
+            f"{source}: this is XML, such as a URDF, of which `oed init` makes a robot file and a "
+            f"study; {needed(schema)} is needed here"
+        )
     if not isinstance(content, dict):
         found = "nothing" if content is None else type(content).__name__
         raise InvalidInput(f"{source}: a mapping of keys to values is needed, found {found}")

@@ -215,8 +215,9 @@ def _read_mat(path: Path, axes: Mapping[str, int], schema: str) -> dict[str, Any
         raise InvalidInput("a MATLAB 7.3 file; save it with -v7, or as HDF5") from None
     except (ValueError, OSError, MatReadError) as error:
         raise InvalidInput(f"not a MATLAB file ({reason(error)})") from None
-    _check_schema("".join(np.ravel(found.get("schema", ""))[:1]), schema)
-    _check_names(found, axes)
+    if "schema" in found:
+        _check_schema("".join(np.ravel(found["schema"])[:1]), schema)
+    _check_names(found, {"schema": 0, **axes})
     return {name: _with_axes(found[name], count) for name, count in axes.items()}
 
 
@@ -241,7 +242,8 @@ def _check_schema(found: object, needed: str) -> None:
 
 
 def _check_names(found: Any, names: Mapping[str, int]) -> None:
-    for name in names:
-        if name not in found:
-            there = ", ".join(k for k in found if not k.startswith("__")) or "nothing"
-            raise InvalidInput(f"{name!r} is missing (found: {there})")
+    missing = [repr(name) for name in names if name not in found]
+    if missing:
+        there = ", ".join(k for k in found if not k.startswith("__")) or "nothing"
+        are = "is" if len(missing) == 1 else "are"
+        raise InvalidInput(f"{', '.join(missing)} {are} missing (found: {there})")

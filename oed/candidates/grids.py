@@ -155,7 +155,7 @@ def _ranges(
         if low < lowest - slack or high > highest + slack:
             raise InvalidInput(
                 f"limits of joint {joint!r}: [{low:g}, {high:g}] reaches outside the joint's own "
-                f"[{lowest:g}, {highest:g}]"
+                f"[{lowest:g}, {highest:g}] rad, or m if prismatic"
             )
     return ranges
 

@@ -32,7 +32,7 @@ def check(
 
     Example: oed check ur10 --position 0,-90,90,0,45,0
     """
-    from reports.commands.check_options import read_band, read_position
+    from reports.commands.check_options import guesses, read_band, read_position
     from reports.terminal.robot_summary import robot_json, robot_summary
     from robotmodels import load_robot
     from robotmodels.description.diagnosis import diagnose
@@ -41,4 +41,4 @@ def check(
     model = load_robot(robot)
     diagnosis = diagnose(model, read_position(model, position), read_band(band))
     show = robot_json if as_json else robot_summary
-    typer.echo(show(diagnosis, suspicions(diagnosis), model.file))
+    typer.echo(show(diagnosis, (*guesses(robot), *suspicions(diagnosis)), model.file))

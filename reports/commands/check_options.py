@@ -1,11 +1,14 @@
 """What ``oed check`` is told: a position and a band, as words on the command line."""
 
+from pathlib import Path
+
 import numpy as np
 
 from reports import text
-from reports.terminal.columns import plain
+from reports.terminal.columns import plain, plural
 from robotmodels import ElasticRobot
 from robotmodels.arrays import Array
+from robotmodels.description.suspicions import Suspicion
 from robotmodels.errors import InvalidInput
 
 
@@ -54,6 +57,18 @@ def read_band(words: str) -> tuple[float, float]:
             f"--band: {low:g} to {high:g} Hz; two positive frequencies are needed, the lower first"
         )
     return 2 * np.pi * low, 2 * np.pi * high
+
+
+def guesses(robot: str) -> list[Suspicion]:
+    """Return that lines of a robot file are still marked as `oed init` wrote them; or nothing."""
+    if not robot.endswith((".yaml", ".yml")):
+        return []
+    lines = Path(robot).read_text(encoding="utf-8").splitlines()
+    marked = sum("# GUESS" in line and not line.lstrip().startswith("#") for line in lines)
+    if not marked:
+        return []
+    said = f"{plural(marked, 'line')} of {robot} still marked GUESS; data sheets say better"
+    return [Suspicion("guesses", (), said)]
 
 
 def _numbers(option: str, words: str, example: str) -> list[float]:

@@ -32,9 +32,9 @@ def init(
 
     Example: oed init my_robot.urdf -o my_study
     """
-    from reports.starter_files import starter_files, write_starter_files
+    from reports.starter_files import default_folder, starter_files, write_starter_files
 
-    folder = Path(Path(robot).stem) if output is None else output
+    folder = default_folder(robot) if output is None else output
     starter = starter_files(robot, folder)
     paths = write_starter_files(starter, folder)
     robot_file = next((path for path in paths if path.name == "robot.yaml"), None)

@@ -47,7 +47,7 @@ def report(
         return
     found = {
         name: compute_study(path, run_study, workers, False)
-        for name, path in zip(_names(studies), studies, strict=True)
+        for name, path in zip(study_names(studies), studies, strict=True)
     }
     target = Path("comparison.html") if output is None else output
     with about(target):
@@ -59,11 +59,12 @@ def report(
     )
 
 
-def _names(studies: list[Path]) -> list[str]:
+def study_names(studies: list[Path]) -> list[str]:
     """Return what tells the studies apart: the names of their files, or of their folders too."""
     if len(set(studies)) < len(studies):
         raise InvalidInput(f"studies: {studies[0]} is given twice; give each study once")
-    short = [path.stem for path in studies]
+    # `oed init` calls every study study.yaml: the name is that of its folder.
+    short = [path.resolve().parent.name if path.stem == "study" else path.stem for path in studies]
     return (
         short if len(set(short)) == len(short) else [str(path.with_suffix("")) for path in studies]
     )

@@ -1,6 +1,8 @@
 """What the commands on a study share."""
 
-from collections.abc import Callable
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, TypeVar
 
@@ -29,6 +31,16 @@ Cluster = Annotated[
 _Step = TypeVar("_Step", bound="PlannedStudy")
 Pages = Callable[[Any, Path, Any], None]
 """Writes pages of results into a folder, and tells its progress."""
+
+
+@contextmanager
+def _told_when_interrupted() -> Iterator[None]:
+    """Say that nothing is lost by an interrupt."""
+    try:
+        yield
+    except KeyboardInterrupt:
+        sys.stderr.write("interrupted; the same command goes on from here\n")
+        raise
 
 
 def compute_study(
@@ -61,7 +73,12 @@ def compute_study(
     if study.is_dir() and (study / "study.yaml").is_file():
         raise InvalidInput(f"{study} is a folder; did you mean {study / 'study.yaml'}?")
     content = load_study(study)
-    with about(study), progress_bars() as progress, shared(workers, cluster) as executor:
+    with (
+        _told_when_interrupted(),
+        about(study),
+        progress_bars() as progress,
+        shared(workers, cluster) as executor,
+    ):
         results = step(content, progress, executor=executor, fresh=fresh)
         with staged_folder(content.output) as folder:
             write_results(results, folder)

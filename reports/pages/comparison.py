@@ -40,26 +40,26 @@ def write_comparison(studies: Studies, path: Path) -> None:
                     "Relative standard deviation of every parameter, a dot per study",
                 ),
             ),
-            _section(
-                "estimates",
-                "Estimates",
-                first=next(iter(studies)),
-                forest=figure(
-                    "forest",
-                    uncertainty_figures.intervals(
-                        all_names(studies),
-                        _offsets(studies),
-                        std_rows(studies),
-                        list(studies),
-                        next(iter(studies)),
-                    ),
-                    "Estimates of every study against those of the first",
-                ),
-            ),
+            *estimates(studies),
         ],
     )
     path.parent.mkdir(parents=True, exist_ok=True)
     path.write_text(content, encoding="utf-8")
+
+
+def estimates(studies: Studies) -> list[Section]:
+    """Return the section that compares estimates; none of different robots."""
+    if len({r.robot.name for r in studies.values()}) > 1:
+        return []
+    first = next(iter(studies))
+    forest = figure(
+        "forest",
+        uncertainty_figures.intervals(
+            all_names(studies), _offsets(studies), std_rows(studies), list(studies), first
+        ),
+        "Estimates of every study against those of the first",
+    )
+    return [_section("estimates", "Estimates", first=first, forest=forest)]
 
 
 def all_names(studies: Studies) -> list[str]:
@@ -100,7 +100,7 @@ def overview_table(studies: Studies) -> Table:
 
 def settings_table(studies: Studies) -> Table:
     """Return the settings in which the studies differ."""
-    flat = [_flat(r.study.model_dump(mode="json", by_alias=True)) for r in studies.values()]
+    flat = [settings_of(r.study.model_dump(mode="json", by_alias=True)) for r in studies.values()]
     keys = dict.fromkeys(key for one in flat for key in one)
     rows: list[Row] = []
     for key in keys:
@@ -138,7 +138,7 @@ def comparison_summary(studies: Studies, path: Path) -> str:
         )
         for name, r in studies.items()
     ]
-    header = ("studies", "positions", "experiments", "least\nstd", "mean", "largest")
+    header = ("studies", "positions", "experiments", "least std", "mean std", "largest std")
     lines = columns.table(header, rows, right=(1, 2, 3, 4, 5))
     return "\n".join([*lines, f"  report   {path}"])
 
@@ -167,12 +167,13 @@ def _offsets(studies: Studies) -> list[Array]:
     return [one - logs[0] for one in logs]
 
 
-def _flat(content: Any, prefix: str = "") -> dict[str, str]:
+def settings_of(content: Any, prefix: str = "") -> dict[str, str]:
+    """Return the settings of a study in words, by keys such as ``fit.starts``."""
     if not isinstance(content, dict):
-        return {prefix: str(content)}
+        return {prefix: "–" if content is None else str(content)}
     found: dict[str, str] = {}
     for key, value in content.items():
-        found |= _flat(value, f"{prefix}.{key}" if prefix else key)
+        found |= settings_of(value, f"{prefix}.{key}" if prefix else key)
     return found
 
 

@@ -77,11 +77,12 @@ def test_studies_side_by_side(steps):
     page = folder / "both.html"
     code, out, err = oed("report", folder / "study.yaml", other, "-o", page, "--workers", 1)
     assert (code, err) == (0, "")
-    assert re.search(r"study +\d+ +5 ", out)
+    name = folder.name  # of study.yaml
+    assert re.search(rf"{name} +\d+ +5 ", out)
     assert re.search(r"more +\d+ +20 ", out)
     text = page.read_text(encoding="utf-8")
     assert "design.experiments" in text
-    assert "more / study" in text
+    assert f"more / {name}" in text
     assert "noise.relative" not in text  # the same in both
     ratios = re.findall(r'data-v="([\d.]+)"[^>]*>[^<]*</td></tr>', text[text.index("std-table") :])
     assert ratios

@@ -111,8 +111,9 @@ def test_a_run_interrupted_at_once_leaves_nothing(tmp_path, monkeypatch):
 
     monkeypatch.setattr("oed.study.pipeline.run_study", interrupted)
     path = write_study(tmp_path)
-    code, out, _ = oed("run", path, "--workers", 1)
+    code, out, err = oed("run", path, "--workers", 1)
     assert (code, out) == (130, "")
+    assert err == "interrupted; the same command goes on from here\n"
     assert {p.name for p in tmp_path.iterdir()} == {"study.yaml", "robot.yaml"}
 
 
@@ -156,7 +157,7 @@ def test_an_interrupt_amid_the_sampling_ends_without_a_traceback(endless):
         run.send_signal(signal.SIGINT)
         said, _ = run.communicate(timeout=60)
     assert run.returncode == 130
-    assert said == ""
+    assert said == "interrupted; the same command goes on from here\n"
 
 
 def test_killed_worker_is_one_line(tmp_path, monkeypatch):

@@ -3,6 +3,7 @@ import sys
 
 import pytest
 
+from reports import __main__ as entry
 from reports import cli
 
 
@@ -24,6 +25,16 @@ def test_check_shows_parameters_coordinates_and_resonances(oed):
     assert "kN m/rad" in out
     assert "resonances" in out
     assert "shoulder_pan_joint" in out
+
+
+def test_an_interrupt_while_the_command_loads_ends_it_quietly(monkeypatch, capsys):
+    def interrupted():
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(cli, "main", interrupted)
+    with pytest.raises(SystemExit) as ended:
+        entry.main()
+    assert (ended.value.code, *capsys.readouterr()) == (130, "", "")
 
 
 def test_check_takes_a_position_in_degrees(oed):

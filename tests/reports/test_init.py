@@ -1,4 +1,5 @@
 import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -8,7 +9,13 @@ from oed import Workcell, candidate_positions
 from oed.candidates.screening import usable
 from oed.study.file import load_study
 from reports import cli
-from reports.starter_files import grid_points, noise_floor, starter_files, write_starter_files
+from reports.starter_files import (
+    default_folder,
+    grid_points,
+    noise_floor,
+    starter_files,
+    write_starter_files,
+)
 from robotmodels import InvalidInput, load_robot
 from robotmodels.description.idle_joints import idle_joints
 from robotmodels.description.proposal import propose_drives
@@ -93,6 +100,7 @@ def test_a_urdf_becomes_a_robot_and_a_study_that_load(urdf, oed, tmp_path):
     assert text.count("# GUESS") == 3 + 3 + 4
     code, out, _ = oed("check", tmp_path / "new" / "robot.yaml")
     assert code == 0
+    assert "guesses: 6 lines of" in out
     assert load_study(tmp_path / "new" / "study.yaml").candidates is not None
     study = yaml.safe_load((tmp_path / "new" / "study.yaml").read_text(encoding="utf-8"))
     assert study["robot"] == "robot.yaml"
@@ -105,6 +113,12 @@ def test_the_torsions_in_comments_can_be_used(urdf, tmp_path):
     path = tmp_path / "robot.yaml"
     path.write_text(starter.files["robot.yaml"].replace("  # - {", "  - {"), encoding="utf-8")
     assert len(load_robot(path).parameters.names) == 14
+
+
+def test_a_study_of_a_robot_file_is_named_after_its_folder(tmp_path):
+    assert default_folder("arms/my_arm.urdf") == Path("my_arm")
+    assert default_folder("ur10") == Path("ur10")
+    assert default_folder(str(tmp_path / "welder" / "robot.yaml")) == Path("welder")
 
 
 def test_nothing_is_overwritten(urdf, oed, tmp_path):

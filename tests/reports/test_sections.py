@@ -10,7 +10,9 @@ import pytest
 from estimators.fitting.residual_analysis import ResidualAnalysis
 from estimators.uncertainty.cross_check import CrossCheck
 from estimators.uncertainty.identifiability import identifiability
+from reports.commands.report import study_names
 from reports.drawing.page_budget import BUDGET, lines_drawn
+from reports.pages import comparison
 from reports.parts import Column, Number, Section, numbers, table
 from reports.sections import cross_check, residuals
 from reports.sections import identifiability as weak_directions
@@ -165,6 +167,22 @@ def test_cross_check_without_reasons_has_no_table_of_them():
         "verdict",
     ]
     assert cross_check.reason_table(found) is None
+
+
+def test_estimates_of_different_robots_are_not_compared(tmp_path):
+    robots = {name: SimpleNamespace(robot=SimpleNamespace(name=name)) for name in ("a", "b")}
+    assert comparison.estimates(robots) == []
+    assert comparison.settings_of({"seed": 1, "fit": {"starts": None}}) == {
+        "seed": "1",
+        "fit.starts": "–",
+    }
+
+
+def test_studies_are_named_after_their_files_or_folders(tmp_path):
+    named = [tmp_path / "arm" / "study.yaml", tmp_path / "arm" / "more.yaml"]
+    assert study_names(named) == ["arm", "more"]
+    same = [tmp_path / folder / "x.yaml" for folder in ("a", "b")]
+    assert study_names(same) == [str(path.with_suffix("")) for path in same]
 
 
 def test_estimators_that_did_alike_are_named_together():

@@ -247,6 +247,7 @@ def test_a_robot_needs_a_free_parameter(path: Path) -> None:
         ("schema: robot/1\nname: a\nname: b\n", "line 3: not valid YAML: key 'name' is given twi"),
         ("name: a\x00b\n", "not valid YAML: unacceptable character #x0000"),
         ("", "a mapping of keys to values is needed, found nothing"),
+        ("<robot/>", "this is XML, such as a URDF, of which `oed init` makes a robot file"),
         ("- a\n", "a mapping of keys to values is needed, found list"),
     ],
 )
