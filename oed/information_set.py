@@ -280,7 +280,9 @@ def _check_shapes(positions: Array, matrices: Array, names: tuple[str, ...]) -> 
     p = len(names)
     if p == 0 or len(set(names)) != p:
         raise InvalidInput(f"names: {names!r} must be one distinct name per parameter")
-    if matrices.ndim != 3 or matrices.shape[1:] != (p, p) or len(matrices) == 0:
+    if matrices.ndim == 3 and len(matrices) == 0:
+        raise InvalidInput("matrices: none given; at least one candidate is needed")
+    if matrices.ndim != 3 or matrices.shape[1:] != (p, p):
         raise InvalidInput(
             f"matrices: shape {matrices.shape} does not fit {p} names; (Q, {p}, {p}) is needed"
         )

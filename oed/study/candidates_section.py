@@ -30,6 +30,7 @@ from typing import TYPE_CHECKING, Annotated, Self
 
 from pydantic import Field, NonNegativeFloat, PositiveFloat, PositiveInt, model_validator
 
+from robotmodels.errors import InvalidInput
 from robotmodels.files import Strict
 
 if TYPE_CHECKING:
@@ -119,6 +120,17 @@ class Candidates(Strict):
             raise ValueError(f"{key}: {number} positions; at most {MOST_CANDIDATES} fit")
         return self
 
+    @property
+    def compares_shapes(self) -> bool:
+        """Whether collisions are checked, with the shapes and meshes of the URDF."""
+        return self._own_links or bool(self.obstacles) or self.floor is not None
+
+    @property
+    def _own_links(self) -> bool:
+        if self.self_collision is None:
+            return bool(self.obstacles) or self.floor is not None
+        return self.self_collision
+
     def gathered(
         self, robot: "ElasticRobot", progress: "Callable[[int, int], object] | None" = None
     ) -> "ScreenedCandidates":
@@ -131,24 +143,29 @@ class Candidates(Strict):
         from oed.candidates.sources import Workcell, gathered_candidates
         from oed.candidates.task_space import TaskBox
 
-        touching = bool(self.obstacles) or self.floor is not None
         cell = Workcell(
             floor=self.floor,
             obstacles=[choice.obstacle() for choice in self.obstacles],
-            self_collision=touching if self.self_collision is None else self.self_collision,
+            self_collision=self._own_links,
             link_radius=self.link_radius,
             margin=self.margin,
             ignored=self.ignored,
             torque_limits=self.torque,
         )
-        return gathered_candidates(
-            robot,
-            per_joint=self.per_joint,
-            limits=self.limits,
-            sobol=self.sobol or 0,
-            boxes=[TaskBox(**box.model_dump()) for box in self.boxes],
-            files=self.files,
-            listed=self.positions,
-            workcell=cell,
-            progress=progress,
-        )
+        try:
+            return gathered_candidates(
+                robot,
+                per_joint=self.per_joint,
+                limits=self.limits,
+                sobol=self.sobol or 0,
+                boxes=[TaskBox(**box.model_dump()) for box in self.boxes],
+                files=self.files,
+                listed=self.positions,
+                workcell=cell,
+                progress=progress,
+            )
+        except InvalidInput as error:
+            # Of arguments that are this section's keys; files are named by their paths.
+            said = str(error).replace("torque_limits", "torque", 1)
+            section = "candidates." if said.startswith(tuple(type(self).model_fields)) else ""
+            raise InvalidInput(section + said) from error

@@ -23,7 +23,7 @@ from oed.plans.exact import ExactDesign, exact_design
 from oed.plans.order import VisitingOrder, visiting_order
 from oed.store import StoredInformation
 from oed.study.design_section import DesignChoice, Moves
-from oed.study.fingerprint import file_digest
+from oed.study.fingerprint import file_digest, mesh_digests
 from oed.study.run import Run
 from oed.study.stage_files import INFORMATION, STORE, STORED, dataclass_files
 from oed.study.stages import Report, Stage
@@ -76,6 +76,7 @@ def candidates(run: Run) -> Stage[ScreenedCandidates]:
     inputs = {
         "robot": run.robot_digest,
         "files": [file_digest(file) for file in choice.files],
+        "meshes": mesh_digests(run.robot) if choice.compares_shapes else {},
         "candidates": choice.model_dump(mode="json", exclude={"files"}),
     }
     return run.stages.run("candidates", inputs, compute, dataclass_files(ScreenedCandidates))

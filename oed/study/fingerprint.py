@@ -32,8 +32,21 @@ def folder_digest(folder: Path, leave_out: frozenset[str] = frozenset()) -> str:
     return json_digest({p.relative_to(folder).as_posix(): file_digest(p) for p in files})
 
 
+def mesh_digests(robot: "ElasticRobot") -> dict[str, str | None]:
+    """Return the SHA-256 of each mesh that collisions are checked with; None of one not found."""
+    from robotmodels.collision.shapes import mesh_files
+
+    return {
+        name: None if file is None else file_digest(file)
+        for name, file in mesh_files(robot).items()
+    }
+
+
 def robot_digest(robot: "ElasticRobot") -> str:
-    """Return the SHA-256 of a robot file's content and of the URDF it names, not of their paths."""
+    """Return the SHA-256 of a robot file's content and of the URDF it names, not of their paths.
+
+    Meshes are no part of it: they matter to collisions only, see `mesh_digests`.
+    """
     from robotmodels.description.urdf import locate
 
     urdf = file_digest(Path(locate(robot.file.urdf, robot.folder)))

@@ -168,7 +168,8 @@ def _planned(info: Candidates, name: str, counts: IntArray) -> PlanTrial:
         return replace(trial, unidentified=names)
     size = np.sqrt(np.diagonal(total))
     covariance = np.linalg.inv(total / np.outer(size, size)) / np.outer(size, size)
-    return replace(trial, promised=Uncertainty(info.names, covariance, "Theorem 1"))
+    promised = Uncertainty(info.names, covariance, "Theorem 1")
+    return replace(trial, information=read_only(total), promised=promised)
 
 
 def _judged(
@@ -177,8 +178,9 @@ def _judged(
     wanted = stated(criterion, names)
     own, promised, found = trials[0], [], []
     assert own.found is not None
+    assert own.information is not None
     for trial in trials[1:]:
-        if trial.promised is None or trial.found is None:
+        if trial.information is None or trial.found is None:
             promised.append(0.0)
             found.append((0.0, 0.0, 0.0))
             continue

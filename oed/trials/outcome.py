@@ -22,7 +22,8 @@ class PlanTrial:
     name : of the plan.
     support, repetitions : (k,) candidates it measures in, and experiments in each.
     unidentified : parameters that it leaves open; nothing was simulated if there are any.
-    promised : covariance by the information at the true values ([WM] Theorem 1); None if open.
+    information : (p, p) at the true values, what the plan promises; None if open.
+    promised : its covariance ([WM] Theorem 1); None if open.
     found : repeated experiments; None if open.
     """
 
@@ -30,14 +31,9 @@ class PlanTrial:
     support: IntArray
     repetitions: IntArray
     unidentified: tuple[str, ...] = ()
+    information: Array | None = None
     promised: Uncertainty | None = None
     found: MonteCarlo | None = None
-
-    @property
-    def information(self) -> Array:
-        """What the plan promises, (p, p)."""
-        assert self.promised is not None  # asked of plans that identify everything
-        return np.asarray(np.linalg.inv(self.promised.covariance))
 
     @property
     def std(self) -> Array:

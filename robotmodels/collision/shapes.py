@@ -93,6 +93,14 @@ def robot_shapes(robot: ElasticRobot, link_radius: float | None = None) -> Robot
     return RobotShapes(capsules, link_radius is not None, (note, *_payload_note(robot)))
 
 
+def mesh_files(robot: ElasticRobot) -> dict[str, Path | None]:
+    """Return the collision meshes as the URDF names them, and where each is; None if nowhere."""
+    path = locate(robot.file.urdf, robot.folder)
+    meshes = ET.parse(path).getroot().iterfind("link/collision/geometry/mesh")
+    names = [mesh.get("filename", "") for mesh in meshes]
+    return {name: _mesh_file(name, path) for name in names}
+
+
 def _drawn(rigid: pin.Model, path: Path) -> tuple[tuple[Shape, ...], tuple[str, ...]]:
     """Return the shapes of a URDF, and a sentence on each mesh that is not there."""
     robot, missing = _with_meshes_found(path)

@@ -1,8 +1,14 @@
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
-from collision_arm import arm
+from collision_arm import SHAPES, arm, shape
 
 from oed import Workcell, gathered_candidates, screened_candidates
+from oed.study.candidates_section import Candidates
+from oed.study.design import candidates
+from oed.study.run import Run
+from oed.study.stages import open_stages
 from robotmodels import InvalidInput, Sphere, load_robot, surroundings
 
 
@@ -116,3 +122,41 @@ def test_all_too_heavy_before_anything_is_compared(tmp_path):
         screened_candidates(
             robot, np.array([[1.5, 0, 0], [-1.5, 0, 0]]), surroundings(robot), torque_limits=1e-3
         )
+
+
+def test_candidates_of_a_study_follow_the_meshes_they_are_checked_with(tmp_path):
+    """A taller hand meets the floor in more positions; without a floor nothing is asked of it."""
+    hand = shape('<mesh filename="hand.obj"/>')
+    robot = arm(tmp_path, SHAPES | {"hand": hand})
+    box = "v 0 0 0\nv {0} 0 0\nv 0 {0} 0\nv 0 0 {0}\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n"
+
+    def found(size, floor):
+        (tmp_path / "hand.obj").write_text(box.format(size))
+        per_joint = {"shoulder": 9, "elbow": 5, "wrist": 3}
+        choice = Candidates(per_joint=per_joint, floor=floor, self_collision=False)
+        with open_stages(tmp_path / "stages") as stages:
+            run = Run(SimpleNamespace(candidates=choice), robot, robot, stages)
+            return candidates(run)
+
+    short, again, tall = (found(size, 0.0) for size in (0.05, 0.05, 0.5))
+    assert (short.kept, again.kept, tall.kept) == (False, True, False)
+    assert len(tall.value) < len(short.value)
+    assert not found(0.5, None).kept
+    assert found(0.1, None).kept
+
+
+@pytest.mark.parametrize(
+    ("given", "message"),
+    [
+        ({"positions": [[0, 0]]}, r"candidates.positions\[0\]: 2 angles; 3 are needed"),
+        ({"per_joint": {"elbo": 2}}, "candidates.per_joint: 'elbo' .* mean 'elbow'"),
+        ({"limits": {"elbow": (0, 9)}}, "candidates.limits of joint 'elbow'"),
+        ({"torque": [1, 2]}, r"candidates.torque: shape \(2,\); one number or \(3,\) is needed"),
+        ({"floor": 0, "link_radius": 1}, "candidates.link_radius: arm.urdf has collision shapes"),
+        ({"files": ["taught.csv"]}, "^taught.csv: no such file"),
+        ({"torque": 1e-9}, "^0 of 36 candidate positions are left"),
+    ],
+)
+def test_mistakes_in_a_study_name_the_key_of_its_section(given, message, tmp_path):
+    with pytest.raises(InvalidInput, match=message):
+        Candidates.model_validate(given).gathered(arm(tmp_path))
