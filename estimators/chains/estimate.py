@@ -118,64 +118,85 @@ def structured_estimate(
     """
     from scipy.optimize import least_squares
 
-    layout, data, modal = start.layout, found.data, found.layout
-    p, k = layout.modal.size, len(start.values)
-    free = np.ones(k, dtype=bool)
-    if first_masses is not None:
-        free[layout.first] = False
-    free_all = np.concatenate([free, np.ones(modal.size - p, dtype=bool)])
-
-    def theta_at(v: Array) -> Array:
-        theta = start.values.copy()
-        theta[: layout.positive] *= np.exp(v[: layout.positive])
-        theta[layout.positive :] += v[layout.positive : k]
-        return theta
-
-    def full(u: Array) -> Array:
-        v = np.zeros(len(free_all))
-        v[free_all] = u
-        return v
-
-    def residuals(u: Array) -> Array:
-        v = full(u)
-        try:
-            x, _ = forward_map(theta_at(v), layout, found.shapes)
-        except np.linalg.LinAlgError:
-            return np.full(data.size, 1e6)
-        G = modal_response(np.concatenate([x, found.x[p:] + v[k:]]), modal, data.omega)
-        return data.whitened(G - data.response)[:, 0]
-
-    def jacobian(u: Array) -> Array:
-        v = full(u)
-        x, slope = forward_map(theta_at(v), layout, found.shapes)
-        J = modal_sensitivity(np.concatenate([x, found.x[p:] + v[k:]]), modal, data.omega)[1]
-        white = data.whitened(J)
-        return np.concatenate([white[:, :p] @ slope, white[:, p:]], axis=1)[:, free_all]
-
+    layout, k = start.layout, len(start.values)
+    problem = _Structured(found, start, first_masses is not None)
     solved = least_squares(
-        residuals,
-        np.zeros(int(free_all.sum())),
-        jac=jacobian,
+        problem.residuals,
+        np.zeros(int(problem.free.sum())),
+        jac=problem.jacobian,
         x_scale="jac",
         ftol=1e-10,
         xtol=1e-11,
         gtol=1e-15,
         max_nfev=_ROUNDS,
     )
-    theta, cost = theta_at(full(solved.x)), float(2 * solved.cost)
-    white = jacobian(solved.x)
-    covariance = np.zeros((k, k))
-    names = tuple(n for n, f in zip(layout.names, free, strict=True) if f) + modal.names[p:]
-    inner = data.covariance_of(white, cost, names)
+    theta, cost = problem.theta(solved.x), float(2 * solved.cost)
+    inner = found.data.covariance_of(problem.jacobian(solved.x), cost, problem.names)
+    free = problem.free[:k]
     scale = np.where(np.arange(k) < layout.positive, theta, 1.0)[free]
     size = int(free.sum())
+    covariance = np.zeros((k, k))
     covariance[np.ix_(free, free)] = inner[:size, :size] * np.outer(scale, scale)
-    return (
-        ChainEstimate(
-            layout, theta, covariance, "maximum likelihood, damping free by modes", start.condition
-        ),
-        cost,
-    )
+    method = "maximum likelihood, damping free by modes"
+    return ChainEstimate(layout, theta, covariance, method, start.condition), cost
+
+
+class _Structured:
+    """Whitened FRF errors of chains, as a function of what is free.
+
+    That is u: ln of masses and springs over their start, couplings less theirs, and what modes have
+    besides (damping) less its own.
+    """
+
+    def __init__(self, found: FittedModes, start: ChainEstimate, first_given: bool) -> None:
+        self.found, self.start = found, start
+        self.p = start.layout.modal.size
+        free = np.ones(len(start.values), dtype=bool)
+        if first_given:
+            free[start.layout.first] = False
+        self.free = np.concatenate([free, np.ones(found.layout.size - self.p, dtype=bool)])
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of u's entries."""
+        every = self.start.layout.names + self.found.layout.names[self.p :]
+        return tuple(name for name, free in zip(every, self.free, strict=True) if free)
+
+    def theta(self, u: Array) -> Array:
+        """Return masses, springs and couplings."""
+        v, positive = self._full(u), self.start.layout.positive
+        theta = self.start.values.copy()
+        theta[:positive] *= np.exp(v[:positive])
+        theta[positive:] += v[positive : len(theta)]
+        return theta
+
+    def residuals(self, u: Array) -> Array:
+        data = self.found.data
+        try:
+            x, _ = self._modes(u)
+        except np.linalg.LinAlgError:
+            return np.full(data.size, 1e6)
+        G = modal_response(x, self.found.layout, data.omega)
+        return data.whitened(G - data.response)[:, 0]
+
+    def jacobian(self, u: Array) -> Array:
+        x, slope = self._modes(u)
+        J = modal_sensitivity(x, self.found.layout, self.found.data.omega)[1]
+        white = self.found.data.whitened(J)
+        return np.concatenate([white[:, : self.p] @ slope, white[:, self.p :]], axis=1)[
+            :, self.free
+        ]
+
+    def _modes(self, u: Array) -> tuple[Array, Array]:
+        """Return modes, and the slope of what chains make of them."""
+        x, slope = forward_map(self.theta(u), self.start.layout, self.found.shapes)
+        more = self.found.x[self.p :] + self._full(u)[len(self.start.values) :]
+        return np.concatenate([x, more]), slope
+
+    def _full(self, u: Array) -> Array:
+        v = np.zeros(len(self.free))
+        v[self.free] = u
+        return v
 
 
 def check_physical(theta: Array, layout: ChainLayout) -> None:

@@ -7,6 +7,7 @@ out some odd lines shows odd distortions there and even ones at the even lines.
 
 from collections.abc import Iterable
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -96,40 +97,68 @@ def distortion(
     ------
     InvalidInput : if there are less than two periods, or as `estimate_frf` does.
     """
-    rows: list[dict[str, Array]] = []
-    positions, omega, gaps = [], np.array([]), (np.array([]), np.array([]))
-    for count, part in enumerate(each_position(records)):
-        who = f"position {count + 1}"
-        found = usable_spectra(part, who, method, hold=hold, delay=delay, transient=transient)
-        if found.periods < 2:
-            raise InvalidInput(f"{who}: one period; distortion needs at least 2, to see the noise")
-        response, noise = with_covariance(found, method, "noise", who)
-        outputs = response.shape[1]
-        total = np.full(response.shape, np.nan)
-        if len(found.present) > 1:
-            total = diagonal(with_covariance(found, method, "total", who)[1], outputs)
-        row = {"noise": diagonal(noise, outputs), "total": total, "output": _rms(found)}
-        lines = detection_lines(part)
-        first = part.torque.shape[3] - found.periods
-        for name, k in zip(("odd", "even"), lines, strict=True):
-            between = spectra(part, 0, k, hold, delay, first)
-            row |= _between(name, between, found.omega, response)
-        rows.append(row | {"blocks": np.array(len(found.present))})
-        positions.append(part.positions[0])
-        unit = 2 * np.pi / (part.samples * part.sample_time)
-        omega, gaps = found.omega, (unit * lines[0], unit * lines[1])
-    if not rows:
+    settings = _Settings(method, hold, delay, transient)
+    found = [
+        _of_position(part, f"position {count + 1}", settings)
+        for count, part in enumerate(each_position(records))
+    ]
+    if not found:
         raise InvalidInput("records: none given; at least one position is needed")
-    stacked = {name: np.array([row[name] for row in rows]) for name in rows[0]}
-    blocks = stacked.pop("blocks").astype(np.int64)
+    last = found[-1]
+    stacked = {name: np.array([one.levels[name] for one in found]) for name in last.levels}
     return Distortion(
-        positions=np.array(positions),
-        omega=omega,
-        odd_omega=gaps[0],
-        even_omega=gaps[1],
-        blocks=blocks,
+        positions=np.array([one.position for one in found]),
+        omega=last.omega,
+        odd_omega=last.odd_omega,
+        even_omega=last.even_omega,
+        blocks=np.array([one.blocks for one in found], dtype=np.int64),
         **stacked,
     )
+
+
+class _Settings(NamedTuple):
+    method: str
+    hold: bool
+    delay: float
+    transient: Transient
+
+
+class _Position(NamedTuple):
+    """One position's part of a `Distortion`; `levels` holds what has an axis of positions."""
+
+    position: Array
+    omega: Array
+    odd_omega: Array
+    even_omega: Array
+    blocks: int
+    levels: dict[str, Array]
+
+
+def _of_position(part: Records, who: str, settings: _Settings) -> _Position:
+    """Return the levels in one position.
+
+    Raises
+    ------
+    InvalidInput : as `distortion`.
+    """
+    method, hold, delay, transient = settings
+    found = usable_spectra(part, who, method, hold=hold, delay=delay, transient=transient)
+    if found.periods < 2:
+        raise InvalidInput(f"{who}: one period; distortion needs at least 2, to see the noise")
+    response, noise = with_covariance(found, method, "noise", who)
+    outputs = response.shape[1]
+    total = np.full(response.shape, np.nan)
+    if len(found.present) > 1:
+        total = diagonal(with_covariance(found, method, "total", who)[1], outputs)
+    levels = {"noise": diagonal(noise, outputs), "total": total, "output": _rms(found)}
+    lines = detection_lines(part)
+    first = part.torque.shape[3] - found.periods
+    for name, k in zip(("odd", "even"), lines, strict=True):
+        between = spectra(part, 0, k, hold, delay, first)
+        levels |= _between(name, between, found.omega, response)
+    unit = 2 * np.pi / (part.samples * part.sample_time)
+    odd, even = (np.asarray(unit * k, dtype=float) for k in lines)
+    return _Position(part.positions[0], found.omega, odd, even, len(found.present), levels)
 
 
 def detection_lines(records: Records) -> tuple[IntArray, IntArray]:
