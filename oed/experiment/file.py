@@ -4,8 +4,6 @@ Angles are in rad, as in a study file; torques, speeds, angles of encoders and c
 of the motor shafts, positions and swings motor angles divided by gear ratios (m for a prismatic
 joint). Where a key is "per motor", one number serves all motors and a list has one for each.
 
-.. code-block:: yaml
-
     schema: experiment/1
     robot: manutec_r3            # a built-in robot, or the path of a robot file
     positions:                   # where to measure, one angle per motor, in this order

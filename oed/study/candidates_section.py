@@ -1,7 +1,5 @@
 """The section ``candidates`` of a study file: where the robot may be put, and what is in the way.
 
-.. code-block:: yaml
-
     candidates:
       per_joint: {elbow_joint: 5}                # grid: points per joint, one if not named
       limits: {elbow_joint: [-2.5, 2.5]}         # narrower ranges [rad; m]

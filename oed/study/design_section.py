@@ -1,7 +1,5 @@
 """The section ``design`` of a study file: what is wanted, what limits it, and how sure theta is.
 
-.. code-block:: yaml
-
     design:
       criterion: D               # A, E; or Ds, As with  interest: [g1.stiffness, ...]
       experiments: 15            # left out where there is a time: any number

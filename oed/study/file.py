@@ -1,7 +1,5 @@
 """The schema of a study file: which robot, where it may be put, how to measure and to fit.
 
-.. code-block:: yaml
-
     schema: study/1
     robot: ur10                  # a built-in robot, or the path of a robot file
     truth: hardening.yaml        # left out: the same; the robot that the data are simulated with
