@@ -5,7 +5,7 @@ from functools import cached_property
 
 import numpy as np
 
-from robotmodels.arrays import Array, IntArray, read_only
+from robotmodels.arrays import Array, IntArray, read_only, real_numbers
 from robotmodels.description.parameters import Parameters
 from robotmodels.elastic.spring_network import Inertances, SpringNetwork
 from robotmodels.elastic.tangents import Tangents
@@ -42,7 +42,7 @@ class CoupledChains:
         for name in ("masses", "springs", "couplings", "dampers"):
             value = getattr(self, name)
             if value is not None:
-                object.__setattr__(self, name, read_only(np.array(value, dtype=float)))
+                object.__setattr__(self, name, read_only(real_numbers(value, name)))
         object.__setattr__(self, "extra", tuple(self.extra))
         self._check_shapes()
         self._check_values()
@@ -89,8 +89,7 @@ class CoupledChains:
 
     def linear_model(self) -> LinearModel:
         """Return the linear model; the selector picks the first mass of each chain."""
-        model = self.network(np.zeros((1, 0))).linear_model()
-        return LinearModel(model.mass[0], model.damping[0], model.stiffness[0], model.selector)
+        return self.network(np.zeros((1, 0))).linear_model().at(0)
 
     def at(self, parameters: Array | None = None) -> "CoupledChains":
         """Return the chains whose free parameters are `parameters` (p,).
@@ -240,7 +239,7 @@ class CoupledChains:
             if value is not None and value.shape != shape:
                 raise InvalidInput(
                     f"{name}: shape {value.shape} given; {shape} is needed "
-                    f"for {count} chains of {length} masses"
+                    f"for {count} chain{'s' * (count > 1)} of {length} masses"
                 )
 
     def _check_values(self) -> None:

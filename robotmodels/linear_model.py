@@ -42,6 +42,17 @@ class LinearModel:
                 )
             object.__setattr__(self, name, read_only(array))
 
+    def at(self, index: int) -> "LinearModel":
+        """Return the model about one equilibrium of many (one leading axis)."""
+        count = len(self.mass)
+        return LinearModel(
+            self.mass[index],
+            np.broadcast_to(self.damping, (count, *self.damping.shape[-2:]))[index],
+            self.stiffness[index],
+            self.selector,
+            None if self.measurement is None else self.measurement.at(index),
+        )
+
     def dynamic_stiffness(self, omega: Array) -> ComplexArray:
         """Return A = K - omega^2 M + j omega D, (..., F, d, d), at `omega` [rad/s]."""
         w = np.asarray(omega, dtype=float)[:, None, None]

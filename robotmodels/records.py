@@ -119,6 +119,17 @@ class Records:
         return Records.join(list(iterate_records(path)))
 
 
+def check_periods(periods: int, transient: int) -> None:
+    """Refuse numbers of periods measured, and dropped before, that are none.
+
+    Raises
+    ------
+    InvalidInput : if nothing is measured, or less than nothing dropped.
+    """
+    if periods < 1 or transient < 0:
+        raise InvalidInput(f"periods: {periods} measured, {transient} dropped; at least 1 and 0")
+
+
 def save_records(path: str | os.PathLike[str], parts: Iterable[Records]) -> int:
     """Write records to HDF5 position by position, as they come; return how many there were.
 

@@ -48,15 +48,7 @@ def linearize(robot: Elastic, position: Array, parameters: Array | None = None) 
     """
     position = real_numbers(position, "position")
     model = robot.network(np.atleast_2d(position), parameters).linear_model()
-    if position.ndim == 2:
-        return model
-    return LinearModel(
-        model.mass[0],
-        model.damping[0],
-        model.stiffness[0],
-        model.selector,
-        None if model.measurement is None else model.measurement.at(0),
-    )
+    return model if position.ndim == 2 else model.at(0)
 
 
 def frequency_response(

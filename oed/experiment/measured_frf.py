@@ -26,6 +26,7 @@ from robotmodels.records import Records, iterate_records
 Progress = Callable[[str, int, int], None]
 """Called with the stage's name, the steps done and the steps in all (0: not known yet)."""
 
+_LOCAL = "local"
 _LOCAL_MODEL: dict[str, Any] = {"order": 2, "denominator": 2}
 """Follows a resonance that is narrow against the window of lines."""
 
@@ -109,26 +110,18 @@ def measured_frf(
     elastic = None if robot is None else load_robot(robot)
     report = _silent if progress is None else progress
     signals: dict[str, Any] = {"delay": delay, "hold": hold}
+    if local:
+        method = covariance = _LOCAL
     with _collected() as said:
         source = _Source(path)
         _check_robot(source.first, elastic, path)
         with _stage(report, "FRFs"):
-            if local:
-                method = covariance = "local"
-                visits = local_frf(source, structure=structure, **_LOCAL_MODEL, **signals)
-            else:
-                visits = estimate_frf(
-                    source, method, covariance=covariance, structure=structure, **signals
-                )
+            visits = _visits(source, method, covariance, structure, signals)
             estimate, missing = merge_visits(visits), source.missing
         with _stage(report, "distortion"):
-            apart = None if _inseparable(source, local) else distortion(source, method, **signals)
+            apart = _distortion(source, method, signals)
         modelled = None if elastic is None else _modelled(estimate, elastic, path)
-        ranking = None
-        if compare:
-            with _stage(report, "comparison"):
-                loop = measured_loop(source.first, 0, **signals)
-                ranking = compare_methods(loop, runs, rng=np.random.default_rng(0))
+        ranking = _comparison(source.first, runs, signals, report) if compare else None
     return MeasuredFrf(
         source.first,
         tuple(visits_of(visits.positions)),
@@ -137,7 +130,7 @@ def measured_frf(
         covariance,
         delay,
         estimate,
-        apart and merge_distortion(apart),
+        apart,
         elastic,
         modelled,
         ranking,
@@ -152,16 +145,32 @@ def _stage(report: Progress, name: str) -> Iterator[None]:
     report(name, 1, 1)
 
 
-def _inseparable(source: "_Source", local: bool) -> bool:
-    """Whether noise cannot be told from distortion, and say why."""
-    why = "the local method" if local else "one measured period"
-    if inseparable := local or source.first.torque.shape[3] == 1:
-        warnings.warn(
-            f"{why}: noise and distortion cannot be told apart",
-            IdentificationWarning,
-            stacklevel=1,
-        )
-    return inseparable
+def _visits(
+    source: "_Source", method: str, covariance: str, structure: str, signals: dict[str, Any]
+) -> FrfEstimate:
+    """Estimate the FRFs of every visit."""
+    if method == _LOCAL:
+        return local_frf(source, structure=structure, **_LOCAL_MODEL, **signals)
+    return estimate_frf(source, method, covariance=covariance, structure=structure, **signals)
+
+
+def _distortion(source: "_Source", method: str, signals: dict[str, Any]) -> Distortion | None:
+    """Return noise and distortion; None, and a warning why, where they cannot be told apart."""
+    if method != _LOCAL and source.first.torque.shape[3] > 1:
+        return merge_distortion(distortion(source, method, **signals))
+    why = "the local method" if method == _LOCAL else "one measured period"
+    message = f"{why}: noise and distortion cannot be told apart"
+    warnings.warn(message, IdentificationWarning, stacklevel=1)
+    return None
+
+
+def _comparison(
+    records: Records, runs: int, signals: dict[str, Any], report: Progress
+) -> Comparison:
+    """Compare the methods on the loop of the records' first position."""
+    with _stage(report, "comparison"):
+        loop = measured_loop(records, 0, **signals)
+        return compare_methods(loop, runs, rng=np.random.default_rng(0))
 
 
 def _modelled(estimate: FrfEstimate, robot: ElasticRobot, path: Path) -> ComplexArray:

@@ -1,7 +1,8 @@
 """Peaks of torque, speed and position that the linear model predicts under feedback.
 
 A reference with the DFT R gives the torque U = (I + F_y G_y)^-1 F_r R and the angle Y = G_y U.
-These make the peaks of the steady state; the start from rest is followed sample by sample.
+These make the peaks of the steady state; the start from rest is followed sample by sample, as a
+motor that hardly works in the steady state can meet its largest torque in the transient.
 """
 
 from collections.abc import Callable
@@ -10,7 +11,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from oed.experiment.plan import ExperimentPlan
-from oed.experiment.start import SampledLoop, sampled_loop
 from robotmodels.arrays import Array, ComplexArray, read_only
 from robotmodels.elastic.rigid_pose import holding_torques
 from robotmodels.elastic.robot import ElasticRobot
@@ -18,12 +18,15 @@ from robotmodels.errors import InvalidInput
 from robotmodels.linear_model import LinearModel
 from robotmodels.plant.closed_loop import closed_loop
 from robotmodels.plant.controller import Controller
+from robotmodels.plant.sampled_loop import SampledLoop, sampled_loop
 from robotmodels.response import Elastic
 
 # Points per period of the highest line at which peaks of speeds and angles are sought.
 _POINTS = 24
 # So long is the start of an experiment followed [s], in whole periods.
 _START = 2.0
+# Poles at one belong to motors without position loop or integral part, computed to rounding.
+_LARGEST_POLE = 1 + 1e-6
 
 
 @dataclass(frozen=True, eq=False)
@@ -94,7 +97,7 @@ class PlannedLoop:
         ratios = selector[np.abs(selector).argmax(axis=0), np.arange(n)]
         model = network.linear_model()
         starts = tuple(
-            sampled_loop(_at(model, q), controller, f"position {q + 1}")
+            _stable(model.at(q), controller, f"position {q + 1}")
             for q in range(len(plan.positions))
         )
         return cls(loop.torque, loop.angle, ratios, rest, starts)
@@ -166,15 +169,20 @@ def predicted_peaks(
     return Peaks(read_only(loop.rest), read_only(loop.swing(plan, plan.multisine.amplitudes)))
 
 
-def _at(model: LinearModel, index: int) -> LinearModel:
-    """Return one of many linear models."""
-    return LinearModel(
-        model.mass[index],
-        np.broadcast_to(model.damping, model.mass.shape)[index],
-        model.stiffness[index],
-        model.selector,
-        None if model.measurement is None else model.measurement.at(index),
-    )
+def _stable(model: LinearModel, controller: Controller, where: str) -> SampledLoop:
+    """Return the closed loop around one linear model.
+
+    Raises
+    ------
+    InvalidInput : naming `where`, if it is unstable.
+    """
+    loop = sampled_loop(model, controller)
+    if not loop.largest_pole <= _LARGEST_POLE:
+        raise InvalidInput(
+            f"controller: its loop is unstable in {where} (a pole of magnitude "
+            f"{loop.largest_pole:.4g}); smaller gains, or a shorter sample time, are needed"
+        )
+    return loop
 
 
 def _holding(robot: object, positions: Array) -> Array:

@@ -224,18 +224,12 @@ def experiment_plan(
     if order is not None:
         positions, counts = positions[order.order], counts[order.order]
     visits = int(counts.sum())
-    phases = []
-    for visit in range(visits):
-        drawn = random_phases(multisine, blocks, rng=rng)
-        phases.append(reduced_crest(multisine, drawn, crest_iterations))
-        if progress is not None:
-            progress(visit + 1, visits)
     return ExperimentPlan(
         robot=robot.name,
         positions=positions,
         repetitions=counts,
         multisine=multisine,
-        phases=np.array(phases),
+        phases=_phases(multisine, visits, blocks, crest_iterations, rng, progress),
         periods=periods,
         transient_periods=transient_periods,
         moves=moves,
@@ -243,6 +237,24 @@ def experiment_plan(
         start=begin,
         order=order,
     )
+
+
+def _phases(
+    multisine: Multisine,
+    visits: int,
+    blocks: int,
+    crest_iterations: int,
+    rng: np.random.Generator,
+    progress: Callable[[int, int], object] | None,
+) -> Array:
+    """Draw phases for each visit, (V, B, F, n), and lower their crest factors."""
+    phases = []
+    for visit in range(visits):
+        drawn = random_phases(multisine, blocks, rng=rng)
+        phases.append(reduced_crest(multisine, drawn, crest_iterations))
+        if progress is not None:
+            progress(visit + 1, visits)
+    return np.array(phases)
 
 
 def _checked_repetitions(given: Sequence[int] | IntArray, n_positions: int) -> IntArray:

@@ -59,13 +59,7 @@ def run_block(block: Block) -> tuple[Array, Array, NDArray[np.bool_]]:
     n = len(hold)
     rest = open_gears(plant, rest, flaws.per_motor("backlash", n))
     engine, drives = _engine(plant), _drives(plant, robot, rest, flaws)
-    law = Law(
-        np.array(controller.speed_gain),
-        1 / np.array(controller.integral_time),
-        np.array(controller.position_gain),
-        np.array(controller.filter_pole),
-        hold / drives.gain,
-    )
+    law = _law(controller, hold / drives.gain)
     _, N, _ = block.signals.shape
     total = (block.transient + block.periods) * N
     kept = (block.periods, N, n)
@@ -83,14 +77,28 @@ def run_block(block: Block) -> tuple[Array, Array, NDArray[np.bool_]]:
             engine, drives, law, sensing, reference, disturbance, controller.sample_time, steps
         )
         if good < total:
-            raise SolverFailed(
-                f"{block.where}, experiment {e + 1}: a motor is more than 1 rad (arm side) off "
-                f"after {good * controller.sample_time:.3g} s; a stable controller (smaller "
-                "gains or sample time) or smaller signals are needed"
-            )
+            raise _lost(f"{block.where}, experiment {e + 1}", good * controller.sample_time)
         results.append([trace[block.transient * N :].reshape(kept) for trace in traces])
     torque, angle, limited = (np.stack(part) for part in zip(*results, strict=True))
     return torque, angle, limited
+
+
+def _lost(where: str, after: float) -> SolverFailed:
+    """Return the error for a motor that left its position `after` a time [s]."""
+    return SolverFailed(
+        f"{where}: a motor is more than 1 rad (arm side) off after {after:.3g} s; a stable "
+        "controller (smaller gains or sample time) or smaller signals are needed"
+    )
+
+
+def _law(controller: Controller, hold: Array) -> Law:
+    return Law(
+        np.array(controller.speed_gain),
+        1 / np.array(controller.integral_time),
+        np.array(controller.position_gain),
+        np.array(controller.filter_pole),
+        hold,
+    )
 
 
 def _engine(plant: PlantModel) -> Engine:

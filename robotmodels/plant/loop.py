@@ -124,10 +124,7 @@ def run(
             # Written so that NaN ends it too.
             if not abs(true_angle[k, j] - start[j]) < _FARTHEST * abs(drives.ratio[j]):
                 return torque, angle, limited, k
-            y = _delayed(true_angle, true_speed, k, j, sensing.delay, sample_time, start[j])
-            y += sensing.errors[k, j]
-            if sensing.resolution > 0:
-                y = sensing.resolution * np.floor(y / sensing.resolution + 0.5)
+            y = _measured(true_angle, true_speed, k, j, sensing, sample_time, start[j])
             pole = law.filter_pole[j]
             speed[j] = pole * speed[j] + (1 - pole) * (y - last[j]) / sample_time
             last[j] = y
@@ -143,6 +140,17 @@ def run(
             engine.applied[c] = drives.ratio[j] * (drives.gain[j] * u + disturbance[k, j])
         _advance(engine, drives, impulses, sample_time, substeps, work)
     return torque, angle, limited, T
+
+
+@njit(nogil=True, cache=True)
+def _measured(
+    angle: Array, speed: Array, k: int, j: int, sensing: Sensing, step: float, start: float
+) -> float:
+    """Return what the sensor of motor `j` tells at sample `k`: late, in error and rounded."""
+    y = _delayed(angle, speed, k, j, sensing.delay, step, start) + sensing.errors[k, j]
+    if sensing.resolution > 0:
+        y = sensing.resolution * np.floor(y / sensing.resolution + 0.5)
+    return float(y)
 
 
 @njit(nogil=True, cache=True)

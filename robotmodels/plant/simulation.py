@@ -13,7 +13,7 @@ from robotmodels.arrays import Array, IntArray
 from robotmodels.elastic.robot import ElasticRobot
 from robotmodels.errors import InvalidInput
 from robotmodels.plant.controller import Controller
-from robotmodels.records import Records
+from robotmodels.records import Records, check_periods
 
 if TYPE_CHECKING:
     from robotmodels.plant.block import Block
@@ -114,8 +114,7 @@ def simulate(
     positions = np.asarray(positions, dtype=float)
     robot.equilibrium(positions)  # refuses positions at which nothing can be simulated
     signals = _check_signals(robot, positions, signals, controller)
-    if periods < 1 or transient < 0:
-        raise InvalidInput(f"periods: {periods} measured, {transient} dropped; at least 1 and 0")
+    check_periods(periods, transient)
     for name in ("backlash", "angle_noise", "torque_disturbance", "torque_limit"):
         imperfections.per_motor(name, positions.shape[1])
     places = list(product(range(len(positions)), range(signals.shape[1])))
@@ -133,7 +132,19 @@ def simulate(
         )
         for (i, b), seed in zip(places, rng.spawn(len(places)), strict=True)
     ]
-    empty = Records(
+    blank = _blank(positions, signals, controller, lines, detection)
+    return _positions(blocks, blank, executor, progress)
+
+
+def _blank(
+    positions: Array,
+    signals: Array,
+    controller: Controller,
+    lines: IntArray,
+    detection: IntArray | None,
+) -> Records:
+    """Return records of one position with the references in the place of what is measured."""
+    return Records(
         positions=positions[:1],
         sample_time=controller.sample_time,
         reference=signals[:1, :, :, None],
@@ -143,19 +154,18 @@ def simulate(
         detection=np.array([], dtype=np.int64) if detection is None else detection,
         saturated=np.zeros((1, *signals.shape[1:3], 1, signals.shape[-1]), dtype=bool),
     )
-    return _positions(blocks, empty, executor, progress)
 
 
 def _positions(
     blocks: "list[Block]",
-    empty: Records,
+    blank: Records,
     executor: Executor | None,
     progress: Callable[[int, int], object] | None,
 ) -> Iterator[Records]:
-    """Run the blocks; yield a position's records, shaped after `empty`, when it is complete."""
+    """Run the blocks; yield a position's records, shaped after `blank`, when it is complete."""
     from robotmodels.plant.block import run_block
 
-    per_position = empty.torque.shape[1]
+    per_position = blank.torque.shape[1]
     done: list[tuple[Array, Array, NDArray[np.bool_]]] = []
     results = map(run_block, blocks) if executor is None else executor.map(run_block, blocks)
     for count, result in enumerate(results, start=1):
@@ -166,7 +176,7 @@ def _positions(
             torque, angle, limited = (np.stack(part)[None] for part in zip(*done, strict=True))
             mine = blocks[count - per_position : count]
             yield replace(
-                empty,
+                blank,
                 positions=mine[0].position[None],
                 reference=np.stack([block.signals for block in mine])[None, :, :, None],
                 torque=torque,

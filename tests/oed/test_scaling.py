@@ -9,10 +9,10 @@ from two_axes import CONTROLLER, RATIOS, N, T, TwoAxes, plan, run
 import robotmodels
 from oed import Limits, band_multisine, experiment_plan, predicted_peaks, scale
 from oed.experiment.peaks import PlannedLoop
-from oed.experiment.start import sampled_loop
 from robotmodels import InvalidInput, LinearModel
 from robotmodels.elastic.measurement import Measurement
 from robotmodels.plant.controller import Controller, default_controller
+from robotmodels.plant.sampled_loop import sampled_loop
 
 AXES = TwoAxes()
 NOTHING_HELD = np.zeros((2, 2))
@@ -82,7 +82,7 @@ def test_the_start_knows_the_speed_filter_and_a_delay():
         final = 0.5 * u / viscous  # the speed to which the held torque leads
         angle += final * T + (speed - final) * (1 - decay) * inertia / viscous
         speed = final + (speed - final) * decay
-    swing = sampled_loop(model, controller, "here").swing(reference)
+    swing = sampled_loop(model, controller).swing(reference)
     np.testing.assert_allclose(swing[0, 0], [min(torques), max(torques)], rtol=1e-9)
     np.testing.assert_allclose(swing[2, 0], [min(angles), max(angles)], rtol=1e-9, atol=1e-12)
 

@@ -14,7 +14,8 @@ from robotmodels.errors import InvalidInput, SolverFailed
 from robotmodels.modes import damped_modes
 from robotmodels.plant.closed_loop import hold_response
 from robotmodels.plant.controller import Controller
-from robotmodels.plant.linear import sampled_loop, simulate_linear
+from robotmodels.plant.linear import simulate_linear
+from robotmodels.plant.sampled_loop import sampled_loop
 
 COUPLINGS = np.array([[0.0, 0.5, -0.4], [0.5, 0, 0.3], [-0.4, 0.3, 0]])
 CHAINS = CoupledChains(
@@ -131,8 +132,9 @@ def test_the_plant_refuses_what_it_cannot_simulate(controller):
             model, np.zeros((1, 1, 100, 3)), controller, lines=lines, rng=rng, periods=0
         )
     wild = Controller(np.full(3, 4e3), np.full(3, 1.0), np.full(3, 2.0), 0.002)
+    assert sampled_loop(model, wild).largest_pole > 1
     with pytest.raises(SolverFailed, match="closed loop is unstable"):
-        sampled_loop(model, wild)
+        simulate_linear(model, np.zeros((1, 1, 100, 3)), wild, lines=lines, rng=rng)
     one = Controller(np.ones(1), np.ones(1), np.ones(1), 0.002)
     with pytest.raises(InvalidInput, match="controller: 1 motors, the model has 3"):
         sampled_loop(model, one)

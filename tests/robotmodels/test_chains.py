@@ -211,6 +211,7 @@ def changed(array: np.ndarray, at: tuple[int, int], value: float) -> np.ndarray:
     [
         ({"masses": MASSES[0]}, r"masses: shape \(3,\) given; \(M, N\) is needed"),
         ({"masses": MASSES[:, :1]}, "at least two masses"),
+        ({"springs": [[1.0, 2.0], [3.0]]}, r"springs: an array of real numbers is needed, found"),
         ({"springs": MASSES}, r"springs: shape \(3, 3\) given; \(3, 2\) is needed for 3 chains"),
         ({"couplings": np.zeros((2, 2))}, r"couplings: shape \(2, 2\) given; \(3, 3\) is needed"),
         ({"dampers": MASSES}, r"dampers: shape \(3, 3\) given; \(3, 2\)"),

@@ -43,6 +43,20 @@ def test_receptances_are_both_halves_of_the_response() -> None:
     np.testing.assert_allclose(np.swapaxes(Z, -1, -2) @ torques, G, rtol=1e-12)
 
 
+def test_one_of_many() -> None:
+    one, rows = two_masses(), np.array([[[[0.0, 1.0]], [[0.5, 0.0]]]] * 3)
+    many = LinearModel(
+        np.stack([one.mass, 2 * one.mass]),
+        one.damping,
+        np.stack([one.stiffness, 3 * one.stiffness]),
+        one.selector,
+        Measurement(*rows, gain=np.array([1.3])),
+    )
+    G = many.frequency_response(OMEGA)
+    for index in (0, 1):
+        np.testing.assert_allclose(many.at(index).frequency_response(OMEGA), G[index], rtol=1e-14)
+
+
 @pytest.mark.parametrize("name", ["mass", "damping", "stiffness"])
 def test_sizes_must_fit_the_selector(name: str) -> None:
     arrays = {key: np.eye(2) for key in ("mass", "damping", "stiffness")} | {name: np.eye(3)}
