@@ -12,11 +12,11 @@ import numpy as np
 from oed.chunk_information import ChunkInformation
 from oed.design.matrix_checks import check_matrices, check_positions
 from oed.design.null_space import open_combinations, unidentifiable, weak_directions
+from oed.overlap import overlapped
 from robotmodels.arrays import Array, IntArray, read_only
 from robotmodels.errors import InvalidInput
 from robotmodels.noise import LoopNoise, RelativeNoise
 from robotmodels.notebook import Printed
-from robotmodels.overlap import overlapped
 from robotmodels.replacing import replacing
 from robotmodels.response import Elastic, check_omega
 

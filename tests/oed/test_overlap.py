@@ -4,7 +4,7 @@ import threading
 
 import pytest
 
-from robotmodels.overlap import overlapped
+from oed.overlap import overlapped
 
 
 def test_results_come_in_order():
