@@ -30,26 +30,36 @@ def meat_factor(fit: Fit, blocks: int) -> float:
     InvalidInput : if there are too few blocks for the elements, for a robust loss, or for full
         weights of magnitudes, whose distribution is another.
     """
-    shape = fit.estimate.response.shape
-    full = is_full(fit.weights, shape)
-    used = used_elements(fit.weights, shape)
-    elements = int(used.sum(axis=(2, 3)).max()) if full else 1
+    elements = _together(fit)
     if fit.loss != "linear":
         raise InvalidInput(f"blocks: the loss is {fit.loss!r}; they are for 'linear' only")
-    if full and find_residual(fit.residual).real:
+    if elements > 1 and find_residual(fit.residual).real:
         raise InvalidInput(
             "blocks: not known for magnitudes with full weights; use the residual 'lls', or "
             "weights of single elements"
         )
-    if blocks < elements + 3:
+    if blocks < least_blocks(fit):
         raise InvalidInput(
             f"blocks: {blocks} leave the scatter of weights of {elements} elements together "
-            f"unbounded; at least {elements + 3} are needed, or weights of single elements"
+            f"unbounded; at least {least_blocks(fit)} are needed, or weights of single elements"
         )
     if not weights_are_inverse(fit):
         return 1.0
     freedom = blocks - 1
     return float(freedom**2 / ((freedom - elements) ** 2 - 1))
+
+
+def least_blocks(fit: Fit) -> int:
+    """Return the fewest blocks whose scatter weights can be allowed for."""
+    return _together(fit) + 3
+
+
+def _together(fit: Fit) -> int:
+    """Return the number of elements of an FRF matrix that are weighed together."""
+    shape = fit.estimate.response.shape
+    if not is_full(fit.weights, shape):
+        return 1
+    return int(used_elements(fit.weights, shape).sum(axis=(2, 3)).max())
 
 
 def weights_are_inverse(fit: Fit) -> bool:

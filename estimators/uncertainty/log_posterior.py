@@ -13,6 +13,7 @@ from estimators.fitting.priors import Prior
 from estimators.fitting.residuals import Residual, find_residual
 from estimators.fitting.weights import square_root, used_elements
 from estimators.frf.estimate import is_full
+from estimators.uncertainty.estimated_noise import meat_factor
 from estimators.uncertainty.likelihood import Noise, line_squares
 from estimators.uncertainty.side_by_side import side_by_side
 from estimators.uncertainty.theorem_1 import sandwich_parts
@@ -232,9 +233,20 @@ def posterior_density(
     return log_posterior(fit, Noise(noise, float(scale), blocks), prior or fit.prior)
 
 
-def magnitude_adjustment(fit: Fit) -> float:
-    """Return the factor of V that makes exp(-V) as wide as Theorem 1 on average."""
+def magnitude_adjustment(fit: Fit, blocks: int | None = None) -> float:
+    """Return the factor of V that makes exp(-V) as wide as Theorem 1 on average.
+
+    Parameters
+    ----------
+    blocks : as in `estimators.covariance`.
+
+    Raises
+    ------
+    InvalidInput : if there are too few blocks.
+    """
     bread, meat = sandwich_parts(fit)
+    if blocks is not None:
+        meat = meat_factor(fit, blocks) * meat
     # Directions without information have neither bread nor meat.
     return len(bread) / float(np.trace(np.linalg.lstsq(bread, meat)[0]))
 

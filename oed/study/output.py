@@ -19,8 +19,9 @@ files depends on the clock or on where they lie: the same seed gives the same fi
     ``starts``: per estimator, the runs with ``start`` number and ``values``, ``cost`` (null where
     the search could not begin), ``converged``, ``evaluations``, ``message``, best first.
 ``uncertainty.json``
-    ``theorem1`` and ``emcee``: relative ``std`` and ``correlation``; ``convergence``: ``r_hat``,
-    ``ess``, ``autocorrelation_time`` [steps], ``acceptance``, ``converged``, ``message``;
+    ``theorem1`` and ``emcee``: relative ``std`` and ``correlation``, and the ``method`` of the
+    first, with the blocks that were allowed for; ``convergence``: ``r_hat``, ``ess``,
+    ``autocorrelation_time`` [steps], ``acceptance``, ``converged``, ``message``;
     ``z``: (ln estimate - ln truth) / std of Theorem 1, null where no truth is known.
     ``plans``: of plans compared, ``positions``, ``worth`` promised and found with its 95 %
     ``interval``, ``promised`` and ``found`` relative std; null where parameters are left open.
@@ -192,6 +193,7 @@ def uncertainty_document(results: StudyResults) -> dict[str, Any]:
         **_header("uncertainty/1", results),
         "parameters": list(results.theorem1.names),
         "theorem1": {
+            "method": results.theorem1.method,
             "std": _numbers(results.theorem1.std),
             "correlation": _numbers(results.theorem1.correlation),
         },

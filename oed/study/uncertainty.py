@@ -10,7 +10,9 @@ from estimators.fitting.least_squares import Fit
 from estimators.uncertainty.convergence import Target
 from estimators.uncertainty.covariance import Uncertainty, covariance
 from estimators.uncertainty.cross_check import CrossCheck, cross_check
+from estimators.uncertainty.estimated_noise import least_blocks, weights_are_inverse
 from estimators.uncertainty.importance import importance_sample
+from estimators.uncertainty.log_posterior import magnitude_adjustment
 from estimators.uncertainty.monte_carlo import MonteCarlo
 from estimators.uncertainty.posterior import Posterior, check_sizes, sample_posterior
 from estimators.uncertainty.profile import Profile, profile_likelihood
@@ -47,20 +49,40 @@ def check_posterior(run: Run) -> None:
         raise InvalidInput(f"posterior.{error}") from None
 
 
+def counted_blocks(run: Run, fit: Fit) -> int | None:
+    """Return over how many blocks the noise was estimated that the result's weights are made of.
+
+    None if it is known, or told by other means, and where the weights do not depend on it or the
+    blocks are too few to allow for that.
+    """
+    choice = run.study.data
+    over_blocks = choice.covariance == "total" and (choice.experiment or choice.records)
+    if not over_blocks or not np.isfinite(fit.cost) or not weights_are_inverse(fit):
+        return None
+    fewest = int(fit.estimate.repetitions.min())
+    return fewest if fewest >= least_blocks(fit) else None
+
+
+def _scale(run: Run, fit: Fit) -> float | None:
+    """Return the factor of the cost at which a posterior allows for estimated noise."""
+    blocks = counted_blocks(run, fit)
+    return None if blocks is None else magnitude_adjustment(fit, blocks)
+
+
 def covariances(run: Run, result: Stage[Chosen]) -> Stage[Covariances]:
     """Return the covariance of the result by [WM] Theorem 1, two ways."""
+    fit, blocks = result.value.fit, counted_blocks(run, result.value.fit)
 
     def compute(folder: Path, report: Report | None) -> Covariances:
-        fit = result.value.fit
-        return Covariances(covariance(fit), covariance(fit, "empirical"))
+        return Covariances(covariance(fit, blocks=blocks), covariance(fit, "empirical"))
 
-    inputs = {"robot": run.robot_digest, "result": result.digest}
+    inputs = {"robot": run.robot_digest, "result": result.digest, "blocks": blocks}
     return run.stages.run("uncertainty", inputs, compute, dataclass_files(Covariances))
 
 
 def posterior(run: Run, result: Stage[Chosen]) -> Stage[Posterior]:
     """Return the posterior of the result; its chains outlive an interruption."""
-    choice = run.study.posterior
+    choice, scale = run.study.posterior, _scale(run, result.value.fit)
 
     def compute(folder: Path, report: Report | None) -> Posterior:
         return sample_posterior(
@@ -70,6 +92,7 @@ def posterior(run: Run, result: Stage[Chosen]) -> Stage[Posterior]:
             walkers=choice.walkers,
             steps=choice.steps,
             thin=THIN,
+            scale=scale,
             target=Target(r_hat=choice.r_hat, ess=choice.ess),
             backend=folder / "posterior.h5",
             progress=report,
@@ -79,6 +102,7 @@ def posterior(run: Run, result: Stage[Chosen]) -> Stage[Posterior]:
     inputs = {
         "robot": run.robot_digest,
         "result": result.digest,
+        "scale": scale,
         **run.settings("posterior", "seed"),
     }
     return run.stages.run("posterior", inputs, compute, dataclass_files(Posterior))
@@ -98,12 +122,18 @@ def profiles(run: Run, result: Stage[Chosen], known: Stage[Covariances]) -> Stag
         return None
     chosen = np.sort(np.argsort(-std, kind="stable")[:count])
     names = [known.value.theorem1.names[i] for i in chosen]
+    fit, scale = result.value.fit, _scale(run, result.value.fit)
 
     def compute(folder: Path, report: Report | None) -> Profiles:
-        fit = result.value.fit
-        return Profiles(profile_likelihood(fit, names, executor=run.executor, progress=report))
+        pool = run.executor
+        return Profiles(profile_likelihood(fit, names, scale=scale, executor=pool, progress=report))
 
-    inputs = {"robot": run.robot_digest, "result": result.digest, "parameters": names}
+    inputs = {
+        "robot": run.robot_digest,
+        "result": result.digest,
+        "parameters": names,
+        "scale": scale,
+    }
     return run.stages.run("profiles", inputs, compute, dataclass_files(Profiles))
 
 
@@ -124,17 +154,19 @@ def checked(
     name = run.study.fit.result or _likelihood(searches)
     runs: tuple[Fit, ...] = () if name is None else searches[name].value.runs
     repeated = _repeated(run, result, known)
+    fit, scale = result.value.fit, _scale(run, result.value.fit)
 
     def compute(folder: Path, report: Report | None) -> CrossCheck:
         return cross_check(
-            result.value.fit,
+            fit,
             theorem1=known.covariances.value.theorem1,
             empirical=known.covariances.value.empirical,
             posterior=known.posterior.value,
-            importance=importance_sample(result.value.fit, rng=run.rng("importance")),
+            importance=importance_sample(fit, rng=run.rng("importance"), scale=scale),
             profiles=() if known.profiles is None else known.profiles.value.found,
             monte_carlo=repeated,
             multistart=[one for one in runs if one.converged],
+            blocks=counted_blocks(run, fit),
         )
 
     inputs = {
@@ -145,6 +177,7 @@ def checked(
         "profiles": None if known.profiles is None else known.profiles.digest,
         "comparison": None if known.comparison is None else known.comparison.digest,
         "repeated": repeated is not None,
+        "scale": scale,
         "runs": None if name is None else searches[name].digest,
         **run.settings("seed"),
     }

@@ -61,6 +61,10 @@ def test_an_experiment_is_simulated_fitted_and_checked(simulated):
     assert {"experiment", "validation", "profiles"} <= stages
     # Plans are compared by the noise law, which is not that of this experiment.
     assert "comparison" not in stages
+    uncertainty = json.loads((folder / "uncertainty.json").read_text())
+    assert uncertainty["theorem1"]["method"] == "Theorem 1, nls, covariance of 4 blocks"
+    ratio = np.divide(uncertainty["emcee"]["std"], uncertainty["theorem1"]["std"])
+    assert (np.abs(np.log(ratio)) < 0.3).all()
     for section in ("experiment", "validation", "candidates"):
         assert f'id="{section}"' in page
     assert 'id="peaks"' in page
