@@ -3,6 +3,7 @@
 import json
 from collections.abc import Sequence
 from dataclasses import asdict
+from functools import cache
 from importlib.resources import files
 
 import jinja2
@@ -58,6 +59,7 @@ def _file(name: str) -> str:
     return files("reports.templates").joinpath(name).read_text(encoding="utf-8")
 
 
+@cache  # it keeps what it has compiled
 def _environment(html: bool) -> jinja2.Environment:
     return jinja2.Environment(
         loader=jinja2.PackageLoader("reports", "templates"),

@@ -1,15 +1,12 @@
 """A study goes on from where it was stopped, and computes again only what a change asks for."""
 
 import json
-import random
 import shutil
-import subprocess
-import sys
-import time
 
 import numpy as np
 import pytest
 from conftest import ROBOT, STUDY, oed, write_study
+from killed import killed_again_and_again
 
 import estimators
 import robotmodels
@@ -25,12 +22,12 @@ def kept(out):
 
 @pytest.fixture
 def copied(small_study, tmp_path):
-    """Return a function that runs a changed study on the results of the small one."""
+    """Return a function that computes a changed study on the results of the small one."""
     folder, _ = small_study
     shutil.copytree(folder, tmp_path / "results" / "here")
 
-    def run(*change):
-        code, out, err = oed("run", write_study(tmp_path, STUDY.replace(*change)), "--workers", 1)
+    def run(command, *change):
+        code, out, err = oed(command, write_study(tmp_path, STUDY.replace(*change)), "--workers", 1)
         assert (code, err) == (0, "")
         return kept(out)
 
@@ -39,7 +36,7 @@ def copied(small_study, tmp_path):
 
 def test_an_unchanged_study_computes_nothing(copied, small_study, tmp_path):
     folder, _ = small_study
-    assert copied("", "") == {p.name for p in (folder / "stages").iterdir()}
+    assert copied("sample", "", "") == {p.name for p in (folder / "stages").iterdir()}
     for name in JSON:
         assert (tmp_path / "results" / "here" / name).read_bytes() == (folder / name).read_bytes()
 
@@ -48,55 +45,60 @@ PLANNED = {"candidates", "information", "design", "data"}
 
 
 @pytest.mark.parametrize(
-    ("change", "unchanged", "computed"),
+    ("command", "change", "unchanged", "computed"),
     [
-        (("steps: 400", "steps: 405"), {*PLANNED, "fit-lls"}, {"posterior", "cross-check"}),
-        (("experiments: 5", "experiments: 6"), {"candidates", "information"}, {"design", "data"}),
-        (("relative: 0.03", "relative: 0.04"), {"candidates"}, {"information", "result"}),
+        (
+            "sample",
+            ("steps: 400", "steps: 405"),
+            {*PLANNED, "fit-lls"},
+            {"posterior", "cross-check"},
+        ),
+        (
+            "fit",
+            ("experiments: 5", "experiments: 6"),
+            {"candidates", "information"},
+            {"design", "data"},
+        ),
+        ("fit", ("relative: 0.03", "relative: 0.04"), {"candidates"}, {"information", "result"}),
         # The best fit stays the same, and so does all that rests on it.
-        (("[lls, nls]", "[nls]"), {*PLANNED, "fit-nls", "posterior"}, {"result"}),
+        ("sample", ("[lls, nls]", "[nls]"), {*PLANNED, "fit-nls", "posterior"}, {"result"}),
     ],
     ids=["posterior", "design", "noise", "one estimator less"],
 )
-def test_a_changed_key_recomputes_what_rests_on_it(change, unchanged, computed, copied):
-    found = copied(*change)
+def test_a_changed_key_recomputes_what_rests_on_it(command, change, unchanged, computed, copied):
+    found = copied(command, *change)
     assert unchanged <= found
     assert not found & computed
 
 
 def test_a_changed_robot_file_recomputes_all(copied, tmp_path):
     path = write_study(tmp_path, robot=ROBOT.replace("damping: 60", "damping: 61"))
-    _, out, _ = oed("run", path, "--workers", 1)
+    _, out, _ = oed("fit", path, "--workers", 1)
     assert kept(out) == set()
 
 
-def command(path):
-    """Return the words that run a study in a process of its own, with one thread of BLAS."""
-    return [sys.executable, "-m", "reports.cli", "run", str(path), "--workers", "1"]
+LIBRARIES = ("pinocchio", "cvxpy", "iminuit", "robotmodels.kernel", "oed.study.pipeline")
+LIBRARIES += ("estimators.uncertainty.posterior", "reports.terminal.study_summary")
 
 
-def test_killed_at_random_moments_it_ends_with_the_same_results(tmp_path):
-    whole, path = write_study(tmp_path / "whole"), write_study(tmp_path / "killed")
-    subprocess.run(command(whole), stdout=subprocess.DEVNULL, check=True)
-    output = path.parent / "results" / "here"
-    moments, done = random.Random(2), 0
-    for wanted in (3, 9):  # stages to wait for before the kill
-        run = subprocess.Popen(command(path), stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
-        limit = time.monotonic() + 120
-        while run.poll() is None and time.monotonic() < limit:
-            done = len(list((output / "stages").glob("*/stage.json")))
-            if done >= wanted:
-                time.sleep(moments.uniform(0.0, 0.3))
-                break
-            time.sleep(0.02)
-        run.kill()
-        run.wait()
-    assert done >= 9
-    end = subprocess.run(command(path), capture_output=True, text=True, check=True)
-    assert {"candidates", "information", "design", "fit-lls", "fit-nls"} <= kept(end.stdout)
+def sample(path):
+    oed("sample", path, "--workers", 1)
+
+
+def test_killed_again_and_again_it_ends_with_the_same_results(small_study, tmp_path):
+    path = write_study(tmp_path)
+    folder = tmp_path / "results" / "here"
+    # A whole run makes some 180 changes to its folder.
+    places = killed_again_and_again(
+        sample, [str(path)], folder, [16, 40, 53, 38, 6], libraries=LIBRARIES
+    )
+    stages = [place.removeprefix(f"{folder}/stages/").partition(".")[0] for place in places]
+    assert stages == ["information", "fit-lls", "comparison", "posterior", "posterior"]
+    code, out, err = oed("sample", path, "--workers", 1)
+    assert (code, err) == (0, "")
+    assert {"candidates", "information", "design", "fit-lls", "fit-nls"} <= kept(out)
     for name in JSON:
-        same = (whole.parent / "results" / "here" / name).read_bytes()
-        assert (output / name).read_bytes() == same, name
+        assert (folder / name).read_bytes() == (small_study[0] / name).read_bytes(), name
 
 
 MEASURED = """\
@@ -104,7 +106,7 @@ schema: study/1
 robot: robot.yaml
 data: {frf: frf.h5}
 fit: {residuals: [lls, nls], decades: 0.2, starts: 2}
-posterior: {ensembles: 2, walkers: 16, steps: 400}
+posterior: {ensembles: 2, walkers: 16, steps: 200}
 output: results/here
 """
 

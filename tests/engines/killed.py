@@ -18,30 +18,45 @@ WRITING = os.O_WRONLY | os.O_RDWR
 
 
 def killed_again_and_again(
-    work: Callable[..., object], words: Sequence[str], folder: Path, changes: Sequence[int]
-) -> None:
+    work: Callable[..., object],
+    words: Sequence[str],
+    folder: Path,
+    changes: Sequence[int],
+    libraries: Sequence[str] = (),
+) -> list[str]:
     """Run `work(*words)` once per entry of `changes`, each killed before that change to `folder`.
 
-    `work` is a function of a test module. One process loads the libraries and forks the others.
+    `work` is a function of a test module that prints nothing. One process loads that and the
+    libraries that `work` would load, and forks the others. Returned are the paths that each change
+    was about.
     """
     found = sys.modules[work.__module__]
     path = [str(Path(found.__file__).parent), *filter(None, sys.path)]
     program = (
         f"import killed; killed._run({work.__module__!r}, {work.__qualname__!r}, {list(words)!r},"
-        f" {str(folder)!r}, {list(changes)!r})"
+        f" {str(folder)!r}, {list(changes)!r}, {list(libraries)!r})"
     )
     done = subprocess.run(
         [sys.executable, "-c", program],
         env=os.environ | {"PYTHONPATH": os.pathsep.join(path)},
-        stdout=subprocess.DEVNULL,
-        stderr=subprocess.PIPE,
+        capture_output=True,
         text=True,
         check=False,
     )
     assert done.returncode == 0, done.stderr
+    return done.stdout.splitlines()
 
 
-def _run(module: str, name: str, words: list[str], folder: str, changes: list[int]) -> None:
+def _run(
+    module: str,
+    name: str,
+    words: list[str],
+    folder: str,
+    changes: list[int],
+    libraries: list[str],
+) -> None:
+    for library in libraries:
+        importlib.import_module(library)
     work = getattr(importlib.import_module(module), name)
     for change in changes:
         child = os.fork()
@@ -68,6 +83,7 @@ def _die_before(change: int, folder: str) -> None:
             return
         left -= 1
         if left == 0:
+            os.write(1, f"{arguments[0]}\n".encode())
             os.kill(os.getpid(), signal.SIGKILL)
 
     sys.addaudithook(watch)
