@@ -16,6 +16,7 @@ from robotmodels.arrays import Array, ComplexArray
 
 _COLUMNS = 3
 _POINTS = 800  # of a model's curve
+_FEW = 60  # measured points that larger dots show better
 
 
 def pole_zero_panels(
@@ -86,8 +87,9 @@ def _canvas(chains: int) -> tuple[Figure, list[Axes]]:
 def _curve(axes: Axes, omega: Array, response: ComplexArray, palette: Palette) -> None:
     axes.grid(True)
     axes.set_axisbelow(True)
+    size = 3 if len(omega) > _FEW else 6
     axes.plot(
-        omega / (2 * np.pi), decibels(np.abs(response)), ".", color=palette.accent, ms=3, mew=0
+        omega / (2 * np.pi), decibels(np.abs(response)), ".", color=palette.accent, ms=size, mew=0
     )
     axes.set_xscale("log")
     axes.xaxis.set_major_locator(LogLocator(subs=(1, 2, 5)))

@@ -222,6 +222,9 @@ def corner_plot(names: Sequence[str], draws: Array, covariance: Array, truth: Ar
                     x, y = radius * _ellipse(covariance[np.ix_([j, i], [j, i])])
                     axes.plot(x, y, color=palette.second, lw=1.0)
             axes.tick_params(labelsize=8.5, length=2, labelrotation=0)
+            axes.set_xticks(three_ticks(*axes.get_xlim()))
+            if j < i:
+                axes.set_yticks(three_ticks(*axes.get_ylim()))
             outer = ([axes.xaxis] if i == k - 1 else []) + ([axes.yaxis] if j == 0 < i else [])
             for axis in outer:
                 axis.set_major_formatter(FuncFormatter(lambda v, _: f"{v:g}".replace("-", MINUS)))
@@ -230,6 +233,16 @@ def corner_plot(names: Sequence[str], draws: Array, covariance: Array, truth: Ar
         return figure
 
     return draw
+
+
+def three_ticks(low: float, high: float) -> list[float]:
+    """Return zero and a round number on either side, far enough from the ends for its words."""
+    reach = 0.75 * min(-low, high)
+    if reach <= 0:
+        return [low, high]
+    decade = 10.0 ** np.floor(np.log10(reach))
+    step = float(decade * max(round_ for round_ in (1, 2, 5) if round_ * decade <= reach))
+    return [-step, 0.0, step]
 
 
 def _ellipse(covariance: Array) -> Array:

@@ -12,6 +12,7 @@ from estimators.uncertainty.cross_check import CrossCheck
 from estimators.uncertainty.identifiability import identifiability
 from reports.commands.report import study_names
 from reports.drawing.page_budget import BUDGET, lines_drawn
+from reports.drawing.uncertainty_figures import three_ticks
 from reports.pages import comparison
 from reports.parts import Column, Number, Section, numbers, table
 from reports.sections import cross_check, residuals
@@ -167,6 +168,12 @@ def test_cross_check_without_reasons_has_no_table_of_them():
         "verdict",
     ]
     assert cross_check.reason_table(found) is None
+
+
+def test_ticks_of_a_corner_leave_room_for_their_words():
+    assert three_ticks(-1.7, 1.6) == [-1.0, 0.0, 1.0]
+    assert three_ticks(-0.031, 0.04) == pytest.approx([-0.02, 0.0, 0.02])
+    assert three_ticks(0.5, 2.0) == [0.5, 2.0]
 
 
 def test_estimates_of_different_robots_are_not_compared(tmp_path):
