@@ -24,8 +24,8 @@ joint). Where a key is "per motor", one number serves all motors and a list has 
     blocks: 4                    # per visit, each with phases of its own
     periods: 2                   # measured in each experiment
     transient_periods: 1         # before them, not measured
-    limits:                      # at least one; amplitudes are the largest that the linear model
-      torque: [8, 8, 8, 2, 2, 1] # allows: peak per motor, holding torque included [N m]
+    limits:                      # at least one; amplitudes are the largest that they allow
+      torque: [8, 8, 8, 2, 2, 1] # peak per motor, holding torque included [N m]
       speed: 300.0               # peak per motor [rad/s]
       swing: 0.05                # peak deviation from the position, per motor [rad]
       margin: 0.1                # part of each limit to stay away from it; 0 by default

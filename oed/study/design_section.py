@@ -1,11 +1,12 @@
 """The section ``design`` of a study file: what is wanted, what limits it, and how sure theta is.
 
     design:
-      criterion: D               # A, E; or Ds, As with  interest: [g1.stiffness, ...]
+      criterion: D               # or A, E, Ds, As
+      interest: [g1.stiffness]   # parameters that Ds and As are about
       experiments: 15            # left out where there is a time: any number
       most: 1                    # in one position; left out: any number
-      time: 3600.0               # of all experiments and moves [s]; needs
-      measuring: 40.0            # what one experiment takes [s]
+      time: 3600.0               # of all experiments and moves [s]
+      measuring: 40.0            # what one experiment takes [s]; needed with time
       moves:                     # orders the visits; each motor's largest, arm side
         speed: 1.0               # [rad/s]
         acceleration: 2.0        # [rad/s^2]
@@ -14,7 +15,10 @@
       forbidden: [{elbow_joint: [-0.2, 0.2]}]            # ranges in which nothing is measured
       groups:                                            # of candidates within ranges
         folded: {where: {elbow_joint: [1.5, 2.5]}, most: 4, least: 1}
-      robust: {kind: maximin, std: 0.3, samples: 8}      # or average
+      robust:                    # holds for samples of theta
+        kind: maximin            # or average
+        std: 0.3                 # of their logarithms
+        samples: 8               # of theta
       tolerance: 1.0e-6          # certified gap
       solver: cvxpy              # or newton, which is faster and takes every criterion but E
 

@@ -3,33 +3,45 @@
     schema: study/1
     robot: ur10                  # a built-in robot, or the path of a robot file
     truth: hardening.yaml        # left out: the same; the robot that the data are simulated with
-    seed: 1
-    frequencies: {low: 2.0, high: 80.0, count: 80, spacing: log}    # [Hz], of the design
-    noise: {relative: 0.03, floor: 0.01}     # parts of an element and of the largest element
-    candidates: {per_joint: {elbow_joint: 5}, limits: {elbow_joint: [-2.5, 2.5]}}    # and more,
-                                 # see `oed.study.candidates_section`
-    design: {criterion: D, experiments: 15}    # and more, see `oed.study.design_section`
-    compare:                     # the plan in simulated experiments, beside rivals of as many
-      random: 5                  # experiments in random candidates, so many plans;
+    seed: 1                      # of all that is random
+    frequencies:                 # of the design and of data simulated by the noise law
+      low: 2.0                   # [Hz]
+      high: 80.0                 # [Hz]
+      count: 80                  # how many
+      spacing: log               # or linear
+    noise:                       # standard deviations of an element of an FRF
+      relative: 0.03             # part of the element
+      floor: 0.01                # part of the largest element at that frequency
+    candidates: {...}            # positions to choose from, `oed.study.candidates_section`
+    design: {...}                # what is wanted and what limits it, `oed.study.design_section`
+    compare:                     # the plan in simulated experiments, beside rivals
+      random: 5                  # so many plans of as many experiments in random candidates
       grid: {elbow_joint: 5}     # a grid by hand; left out: spread evenly over all joints' ranges
       runs: 200                  # experiments simulated by each plan; 0: no comparison
     data:                        # left out: FRFs with that noise; one of the first three
       experiment: {...}          # simulated in closed loop, keys as in an experiment file
-      records: records.h5        # measured
-      frf: frf.h5                # measured
-      method: ari                # of the FRFs from records: ari, har, log, h1 or jio
+      records: records.h5        # measured torques and angles
+      frf: frf.h5                # measured FRFs
+      method: ari                # or har, log, h1, jio: of the FRFs from records
       covariance: total          # or noise, which misses distortion
-      structure: diagonal        # or full
-    fit:
+      structure: diagonal        # or full, over the elements of an FRF
+      delay: 0.0                 # of the angles after the torques, in records [s]
+      hold: true                 # whether torques of records are held, as commanded ones are
+    fit:                         # from several starts, by several estimators
       starts: 4                  # the same for all estimators,
       decades: 0.3               # each value multiplied by 10^U(-0.3, 0.3)
-      residuals: [lls, nls]      # lls with user weights, nls with optimal ones; or
-      estimators:
+      residuals: [lls, nls]      # lls with user weights, nls with optimal ones
+      estimators:                # in place of residuals: each with its weights and positions
         - {name: LLS15U, residual: lls, weights: user}
         - {name: LLS1U, residual: lls, weights: user, positions: best}    # or all, or [0, 3]
       user_weights: {diagonal: 1.0, off_diagonal: 0.1, low: 3.0}    # zero below `low` [Hz]
       result: LLS15U             # left out: the likelihood, from where the estimators ended
-    posterior: {ensembles: 4, walkers: 64, steps: 20000, r_hat: 1.01, ess: 4000}
+    posterior:                   # sampled by emcee
+      ensembles: 4               # independent ones, which R-hat compares
+      walkers: 64                # in each, at least twice the number of parameters
+      steps: 20000               # at most, of each walker
+      r_hat: 1.01                # below which sampling may stop
+      ess: 4000                  # effective draws above which sampling may stop
     profiles: 3                  # likelihoods, of so many of the least certain parameters
     validation: {count: 3}       # positions that check predictions; left out: none. Of measured
                                  # data  {positions: [0, 4]}  or  {share: 0.2},  then not fitted

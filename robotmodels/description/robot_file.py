@@ -1,4 +1,49 @@
-"""The schema of a robot file: URDF, motors, springs, payload, choice of parameters."""
+"""The schema of a robot file: URDF, motors, springs, payload, choice of parameters.
+
+    schema: robot/1
+    name: my robot               # what people read
+    source: data sheet of 2019   # where the numbers come from
+    urdf: my_robot.urdf          # relative to this file, or example-robot-data:... in that package
+    gravity: [0.0, 0.0, -9.81]   # acceleration in the frame of the URDF's root [m/s^2]
+    lock: {finger: 0.0}          # joints held rigid, at an angle [rad; m]
+    motors:                      # in the order of the FRFs' rows and columns; values on the shaft
+      name: m1                   # of the motor, used in parameters such as m1.inertia
+      joint: shoulder            # that it drives
+      gear_ratio: -101           # motor turns per turn of the joint, of either sign
+      inertia: 3.9e-4            # of the rotor and what turns with it [kg m^2]
+      viscous: 2.0e-3            # friction [N m s/rad]
+      coulomb: 0.05              # friction, in simulations in closed loop [N m]
+      torque_gain: 1.0           # torque over commanded torque
+    springs:                     # spring-damper pairs, values on the arm side
+      name: d1                   # of the spring, used in parameters such as d1.stiffness
+      joint: shoulder            # whose gear or bearing it is; or link
+      link: forearm              # that it cuts, the root link for an elastic foundation
+      at: [0.0, 0.0, 0.3]        # where the cut is, in the link's frame [m]
+      axis: drive                # drive for a gear; x, y or z for bearings and links
+      stiffness: 4.0e4           # [N m/rad], or {low, high, torque} of a gear that hardens:
+                                 # its slope at rest, and its slope where it holds that torque
+      damping: 60.0              # [N m s/rad]
+      distal:                    # the part of the link beyond the cut
+        mass: 3.0                # [kg]
+        com: [0.0, 0.0, 0.4]     # centre of mass, in the link's frame [m]
+    parameters:                  # by default every stiffness, then every damping is estimated
+      fixed: [d1.damping]        # known, not estimated
+      tied: [[d1.stiffness, d2.stiffness]]    # one value for each group
+      extra: [m1.inertia, payload.mass]       # estimated too
+    payload:                     # a rigid body on a link
+      link: tool0                # that carries it
+      mass: 10.0                 # [kg]
+      com: [0.0, 0.0, 0.1]       # centre of mass, in the link's frame [m]
+    output: acceleration         # of the motors, or velocity or position
+    accelerometers:              # on links, further rows of the FRFs
+      name: s1                   # of the sensor
+      link: forearm              # that it sits on
+      at: [0.0, 0.0, 0.3]        # in the link's frame [m]
+      direction: [1.0, 0.0, 0.0] # along which it measures, in the link's frame
+    delay: 0.0                   # of all that is measured [s]
+
+`motors`, `springs` and `accelerometers` are lists; of one entry each, what its keys mean.
+"""
 
 from collections import Counter
 from pathlib import Path
