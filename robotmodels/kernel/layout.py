@@ -65,6 +65,10 @@ def layout(network: SpringNetwork) -> Layout | None:
         for (m, s), a in zip(motors.tolist(), acted, strict=True)
     ]
     moving = [] if network.inertances is None else network.inertances.coordinates.tolist()
+    inertances = np.array(
+        [len(network.ends) + moving.index(m) if m in moving else -1 for m in motors[:, 0].tolist()],
+        dtype=np.int64,
+    )
     ends = np.concatenate([ends.reshape(-1, 2), [(c, INERTANCE) for c in moving] or ends[:0]])
     needed = network.free_terms
     touched = set(ends[needed].ravel().tolist())
@@ -75,29 +79,30 @@ def layout(network: SpringNetwork) -> Layout | None:
     order = np.array(
         [-1] * pad + free + [c for c in inner if c in touched] + driven, dtype=np.int64
     )
-    row = {c: i for i, c in enumerate(order.tolist()) if c >= 0}
-    row |= {code: code for code in (GROUND, INERTANCE)}
-    own = {}  # terms of eliminated motors
-    inertances = np.full(n, -1, dtype=np.int64)
-    for i, ((motor, spring), c) in enumerate(zip(motors.tolist(), driven, strict=True)):
-        if motor >= 0:
-            own[spring] = row[c], MOTOR
-        if motor in moving:
-            inertances[i] = len(network.ends) + moving.index(motor)
-            own[int(inertances[i])] = row[c], MOTOR_INERTANCE
-    table = np.array(
-        [(t, *own.get(t, (row.get(a), row.get(b)))) for t, (a, b) in enumerate(ends.tolist())],
-        dtype=np.int64,
-    ).reshape(-1, 3)
+    motors = np.column_stack([motors, inertances])
+    table = _terms(ends, order, motors, driven)
     return Layout(
         order=order,
         pad=pad,
         first=pad + len(free),
-        motors=np.column_stack([motors, inertances]),
+        motors=motors,
         gears=S[acted, np.arange(n)].astype(float),
         inner=table[(table[:, 2] != MOTOR) & (table[:, 2] != MOTOR_INERTANCE)],
         needed=table[needed],
     )
+
+
+def _terms(ends: IntArray, order: IntArray, motors: IntArray, driven: list[int]) -> IntArray:
+    """Return term, row, and the other row or a code, (terms, 3), from the terms' `ends`."""
+    row = {c: i for i, c in enumerate(order.tolist()) if c >= 0}
+    own = {}  # terms of eliminated motors
+    for (_, spring, inertance), c in zip(motors.tolist(), driven, strict=True):
+        own |= {spring: (row[c], MOTOR), inertance: (row[c], MOTOR_INERTANCE)}
+    row |= {code: code for code in (GROUND, INERTANCE)}
+    return np.array(
+        [(t, *own.get(t, (row.get(a), row.get(b)))) for t, (a, b) in enumerate(ends.tolist())],
+        dtype=np.int64,
+    ).reshape(-1, 3)
 
 
 def reduced(plan: Layout) -> Layout:

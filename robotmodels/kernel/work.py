@@ -140,41 +140,7 @@ def workspace(plan: Layout, network: SpringNetwork, tables: Sequence[Array]) -> 
     """Return the memory of one thread."""
     size, n, m = len(plan.order), len(plan.motors), len(plan.needed)
     p = len(network.parameters)
-    triangle = size * (size + 1) // 2
     columns = -(-n // BLOCK) * BLOCK
-    elements, pairs = n * (n + 1), (m + 2) // 2
-    integers = [np.ascontiguousarray(t) for t in (plan.order, plan.motors)]
-    integers += [np.ascontiguousarray(t) for t in (plan.inner, plan.needed)]
-    order, motors, inner, needed = integers
-    gears = contiguous(plan.gears)
-    doubles = [np.zeros(length) for length in (3 * triangle, 3 * size, 3 * n, 4 * m * m, 6 * m * p)]
-    buffers = [
-        aligned(places)
-        for places in (
-            2 * triangle,
-            2 * size,
-            size,
-            2 * size,
-            4 * BLOCK * size,
-            2 * size * columns,
-            6 * n,
-            1,
-            2 * (m + 1) * columns,
-            elements,
-            max(elements, 4 * n) * pairs * 2,
-            8 * pairs * (pairs + 1),
-        )
-    ]
-    pointed: list[Array | IntArray] = [
-        *tables,
-        order,
-        motors,
-        gears,
-        inner,
-        needed,
-        *doubles,
-        *buffers,
-    ]
     sizes = (
         network.mass.shape[-1],
         network.coefficients[0].shape[1],
@@ -183,10 +149,47 @@ def workspace(plan: Layout, network: SpringNetwork, tables: Sequence[Array]) -> 
         plan.first,
         n,
         2 * columns,
-        len(inner),
+        len(plan.inner),
         m,
         p,
         _step(tables[1]),
         _step(tables[5]),
     )
+    structure = [
+        *(np.ascontiguousarray(t) for t in (plan.order, plan.motors)),
+        contiguous(plan.gears),
+        *(np.ascontiguousarray(t) for t in (plan.inner, plan.needed)),
+    ]
+    pointed: list[Array | IntArray] = [
+        *tables,
+        *structure,
+        *_doubles(size, n, m, p),
+        *_vectors(size, n, m, columns),
+    ]
     return Workspace(Work(*sizes, *(address(a) for a in pointed)), pointed)
+
+
+def _doubles(size: int, n: int, m: int, p: int) -> list[Array]:
+    """Return the buffers of doubles, in the order of `Work`."""
+    lengths = (3 * size * (size + 1) // 2, 3 * size, 3 * n, 4 * m * m, 6 * m * p)
+    return [np.zeros(length) for length in lengths]
+
+
+def _vectors(size: int, n: int, m: int, columns: int) -> list[Array]:
+    """Return the buffers of vectors, in the order of `Work`; a complex one takes two places."""
+    elements, pairs = n * (n + 1), (m + 2) // 2
+    places = (
+        size * (size + 1),
+        2 * size,
+        size,
+        2 * size,
+        4 * BLOCK * size,
+        2 * size * columns,
+        6 * n,
+        1,
+        2 * (m + 1) * columns,
+        elements,
+        max(elements, 4 * n) * pairs * 2,
+        8 * pairs * (pairs + 1),
+    )
+    return [aligned(count) for count in places]
