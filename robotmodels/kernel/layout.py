@@ -95,7 +95,7 @@ def layout(network: SpringNetwork) -> Layout | None:
 def _terms(ends: IntArray, order: IntArray, motors: IntArray, driven: list[int]) -> IntArray:
     """Return term, row, and the other row or a code, (terms, 3), from the terms' `ends`."""
     row = {c: i for i, c in enumerate(order.tolist()) if c >= 0}
-    own = {}  # terms of eliminated motors
+    own: dict[int, tuple[int, int]] = {}  # terms of eliminated motors
     for (_, spring, inertance), c in zip(motors.tolist(), driven, strict=True):
         own |= {spring: (row[c], MOTOR), inertance: (row[c], MOTOR_INERTANCE)}
     row |= {code: code for code in (GROUND, INERTANCE)}

@@ -155,7 +155,7 @@ def workspace(plan: Layout, network: SpringNetwork, tables: Sequence[Array]) -> 
         _step(tables[1]),
         _step(tables[5]),
     )
-    structure = [
+    structure: list[Array | IntArray] = [
         *(np.ascontiguousarray(t) for t in (plan.order, plan.motors)),
         contiguous(plan.gears),
         *(np.ascontiguousarray(t) for t in (plan.inner, plan.needed)),
