@@ -44,15 +44,22 @@ def plain(words: str) -> str:
 
 
 def table(header: Sequence[str], rows: Sequence[Sequence[str]], right: Sequence[int]) -> list[str]:
-    """Return aligned lines, two spaces between columns; the columns `right` end flush."""
+    """Return aligned lines; the columns `right` end flush.
+
+    Columns are two spaces apart, or one where a line would else be too long for a terminal.
+    """
     titles = [*zip_longest(*(title.split("\n") for title in header), fillvalue="")]
-    lines = [*titles, *(("  " + row[0], *row[1:]) for row in rows)]
-    widths = [max(len(line[c]) for line in lines) for c in range(len(header))]
-    shown = [c for c, width in enumerate(widths) if width]
-    return [
-        "  ".join(f"{line[c]:{'>' if c in right else '<'}{widths[c]}}" for c in shown).rstrip()
-        for line in lines
-    ]
+    for gap in ("  ", " "):
+        lines = [*titles, *((gap + row[0], *row[1:]) for row in rows)]
+        widths = [max(len(line[c]) for line in lines) for c in range(len(header))]
+        shown = [c for c, width in enumerate(widths) if width]
+        aligned = [
+            gap.join(f"{line[c]:{'>' if c in right else '<'}{widths[c]}}" for c in shown).rstrip()
+            for line in lines
+        ]
+        if max(map(len, aligned)) <= WIDTH:
+            break
+    return aligned
 
 
 def wrapped(words: str) -> list[str]:

@@ -178,7 +178,7 @@ def _modes(d: Diagnosis) -> list[str]:
         )
     tip = sum(w < -1e-3 for w in d.rigid_squares)
     falls = f"; gravity would tip over {tip} of them if the motors ran free" if tip else ""
-    return [*lines, f"  {plural(len(d.rigid_squares), 'rigid mode')}, one per motor{falls}"]
+    return [*lines, *wrapped(f"{plural(len(d.rigid_squares), 'rigid mode')}, one per motor{falls}")]
 
 
 def _anti_resonances(d: Diagnosis) -> list[str]:
