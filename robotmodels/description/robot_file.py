@@ -28,7 +28,7 @@
         com: [0.0, 0.0, 0.4]     # centre of mass, in the link's frame [m]
     parameters:                  # by default every stiffness, then every damping is estimated
       fixed: [d1.damping]        # known, not estimated
-      tied: [[d1.stiffness, d2.stiffness]]    # one value for each group
+      tied: [[d1.stiffness, d2.stiffness]]    # each group keeps its ratios
       extra: [m1.inertia, payload.mass]       # estimated too
     payload:                     # a rigid body on a link
       link: tool0                # that carries it
