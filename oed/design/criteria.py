@@ -170,6 +170,8 @@ class MixtureCriterion:
         ------
         InvalidInput : if there is no part, shares do not fit, or a part is a maximin.
         """
+        if not len(self.criteria):
+            raise InvalidInput("criterion mixture: criteria: none given; at least one is needed")
         parts = [objective(c, names, samples) for c in self.criteria]
         shares = checked_shares(self.shares, len(parts), f"criterion {self.name}")
         for part in parts:

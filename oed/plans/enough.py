@@ -23,7 +23,8 @@ def too_few(problem: WholeProblem, n_experiments: int) -> str:
         enough += 1
     if enough <= n_experiments:
         return f"in other positions {enough} experiments suffice; limits may keep them out"
-    few = f"n_experiments: {n_experiments} is too few"
+    plural = "experiment is" if n_experiments == 1 else "experiments are"
+    few = f"{n_experiments} {plural} too few"
     least = _least_experiments(problem)
     if least == enough:
         return f"{few}, {enough} are needed"

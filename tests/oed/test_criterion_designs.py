@@ -249,7 +249,7 @@ def test_priors_that_are_none(prior, message):
         (oed.AsCriterion(()), "criterion A_s: interest"),
         (oed.ICriterion(np.eye(2)), r"criterion I: matrix of shape \(2, 2\)"),
         (oed.ICriterion(-np.eye(3)), "not symmetric, positive semidefinite"),
-        (oed.MixtureCriterion([]), "at least one is needed"),
+        (oed.MixtureCriterion([]), "criterion mixture: criteria: none given"),
         (oed.MixtureCriterion(["D", "A"], [1, -1]), "2 positive numbers are needed"),
         (oed.MixtureCriterion(["D", oed.MaximinCriterion()]), "cannot be part of a mixture"),
         (3, "criterion 3 is neither a name nor a criterion"),

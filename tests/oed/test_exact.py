@@ -120,9 +120,7 @@ def test_fewer_experiments_than_supported_positions():
 
 def test_too_few_experiments_say_how_many_are_needed():
     info = quadratic_regression(np.linspace(-1, 1, 21))
-    with pytest.raises(
-        NotIdentifiable, match="n_experiments: 2 is too few, 3 are needed"
-    ) as caught:
+    with pytest.raises(NotIdentifiable, match="2 experiments are too few, 3 are needed") as caught:
         exact_design(info, 2)
     assert set(caught.value.names) == {"k0", "k1", "k2"} or caught.value.names
     assert exact_design(info, 3).repetitions.sum() == 3
@@ -132,9 +130,11 @@ def test_too_few_experiments_by_more_than_ranks():
     """Ranks ask for two experiments, but no two of these identify all four parameters."""
     pairs = [(0, 1), (0, 2), (0, 3)]
     info = information_set([np.diag(np.isin(range(4), pair).astype(float)) for pair in pairs])
-    with pytest.raises(NotIdentifiable, match="1 is too few, at least 2 are needed and 3 suffice"):
+    with pytest.raises(
+        NotIdentifiable, match="1 experiment is too few, at least 2 are needed and 3 suffice"
+    ):
         exact_design(info, 1)
-    with pytest.raises(NotIdentifiable, match=r"k[123]; n_experiments: 2 is too few, 3 suffice"):
+    with pytest.raises(NotIdentifiable, match=r"k[123]; 2 experiments are too few, 3 suffice"):
         exact_design(info, 2)
 
 

@@ -136,7 +136,7 @@ def test_few_experiments_for_a_criterion_that_asks_for_little():
     info = information_set([np.diag([1.0, 0.0]), np.diag([0.0, 1.0])])
     exact = exact_design(info, 1, criterion=DsCriterion(("k1",)))
     np.testing.assert_array_equal(exact.repetitions, [0, 1])
-    with pytest.raises(NotIdentifiable, match=r"k[01]; n_experiments: 1 is too few"):
+    with pytest.raises(NotIdentifiable, match=r"k[01]; 1 experiment is too few"):
         exact_design(info_of_two(), 1)
 
 

@@ -68,7 +68,7 @@ def test_plans_that_are_none(plan, repetitions, message):
 
 
 def test_a_singular_plan_is_refused():
-    with pytest.raises(NotIdentifiable, match="n_experiments: 2 is too few, 3 are needed"):
+    with pytest.raises(NotIdentifiable, match="2 experiments are too few, 3 are needed"):
         score(LINE, [0, 4])
     with pytest.raises(NotIdentifiable, match="in other positions 3 experiments suffice"):
         score(LINE, [0, 4], [2, 2])

@@ -55,7 +55,7 @@ def test_curve_of_a_known_design():
     for n, std in zip(curve.counts, curve.std, strict=True):
         np.testing.assert_allclose(std**2, np.array([3, 1.5, 4.5]) / n)
     np.testing.assert_allclose(curve.efficiency, 1.0, atol=1e-5)
-    with pytest.raises(NotIdentifiable, match="n_experiments: 2 is too few"):
+    with pytest.raises(NotIdentifiable, match="2 experiments are too few"):
         experiment_curve(LINE, [1, 2])
     with pytest.raises(InvalidInput, match="counts: none given"):
         experiment_curve(LINE, [])
