@@ -32,7 +32,11 @@ truth: plant.yaml
 """
 FIT = re.search(r"^fit: .*\n", STUDY, re.M)[0]
 COMPARE = re.search(r"^compare: .*\n", STUDY, re.M)[0]
-PUBLISHED = STUDY.replace(FIT, FITS).replace(COMPARE, "compare: {runs: 0}\n")
+PUBLISHED = (
+    STUDY.replace(FIT, FITS)
+    .replace(COMPARE, "compare: {runs: 0}\n")
+    .replace("steps: 400", "steps: 100")
+)
 
 
 @pytest.fixture(scope="module")

@@ -167,13 +167,13 @@ def test_summary_fits_one_screen_and_names_the_report(small_study):
 
 def test_same_seed_same_files_and_another_seed_other_data(small_study, tmp_path):
     folder, _ = small_study
-    code, _, _ = oed("run", write_study(tmp_path), "--workers", 1)
+    code, _, _ = oed("sample", write_study(tmp_path), "--workers", 1)
     assert code == 0
     again = tmp_path / "results" / "here"
     for name in FILES - {"report.html", "stages"} | {INFORMATION}:
         assert (again / name).read_bytes() == (folder / name).read_bytes(), name
     study = (tmp_path / "study.yaml").read_text().replace("seed: 3", "seed: 4")
-    oed("run", write_study(tmp_path, study), "--workers", 1)
+    oed("fit", write_study(tmp_path, study), "--workers", 1)
     assert read(again, "fit")["cost"] != read(folder, "fit")["cost"]
     assert read(again, "design")["relaxed"] == read(folder, "design")["relaxed"]
 

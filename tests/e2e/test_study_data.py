@@ -14,7 +14,7 @@ data:
     multisine: {band: [3.0, 40.0], sample_time: 0.004, period: 0.5, odd: false}
     blocks: 4
     periods: 2
-    transient_periods: 3
+    transient_periods: 2
     limits: {torque: 60.0, speed: 10.0}
     imperfections: {friction: 0.0, angle_noise: 1.0e-6}
 """

@@ -50,7 +50,7 @@ def check(pulls, errors, low, high):
 
 
 def test_closed_loop_experiments_with_one_percent_noise():
-    pulls, errors = judged(6, np.random.default_rng(20), 6)
+    pulls, errors = judged(4, np.random.default_rng(20), 4)
     check(pulls, errors, 0.85, 0.995)
 
 

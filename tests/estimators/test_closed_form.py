@@ -23,7 +23,7 @@ def found(estimate):
 @pytest.fixture(scope="module")
 def posterior(found):
     return sample_posterior(
-        found, rng=np.random.default_rng(1), walkers=32, scale=1.0, target=Target(ess=6000)
+        found, rng=np.random.default_rng(1), walkers=32, scale=1.0, target=Target(ess=3500)
     )
 
 
@@ -53,7 +53,7 @@ def test_convergence_is_judged_as_arviz_stats_does(posterior):
     assert (posterior.r_hat == r_hat(posterior.chains)).all()
     assert (posterior.ess == effective_size(posterior.chains)).all()
     assert posterior.r_hat.max() < 1.01
-    assert posterior.ess.min() > 6000
+    assert posterior.ess.min() > 3500
 
 
 def test_importance_sampling_is_the_closed_form(estimate, found):
@@ -96,7 +96,7 @@ def test_priors_are_the_closed_form(estimate):
     assert (width[0] < 0.9 * np.sqrt(np.diag(closed_form(estimate)[1]))[0]).all()
     for found, given in ((fitted(estimate), prior), (fitted(estimate, prior=prior), None)):
         sample = importance_sample(
-            found, rng=np.random.default_rng(3), draws=20_000, scale=1.0, prior=given
+            found, rng=np.random.default_rng(3), draws=10_000, scale=1.0, prior=given
         )
         assert (np.abs(sample.mean - expected) < 4 * width / np.sqrt(sample.ess)).all()
         assert sample.uncertainty().std == pytest.approx(width, rel=0.03)
@@ -104,7 +104,7 @@ def test_priors_are_the_closed_form(estimate):
         assert np.log([p.mode for p in profiles]) == pytest.approx(expected, abs=1e-3)
         assert [p.std for p in profiles] == pytest.approx(width, rel=0.01)
     posterior = sample_posterior(
-        found, rng=np.random.default_rng(4), walkers=16, scale=1.0, target=Target(ess=1500)
+        found, rng=np.random.default_rng(4), walkers=16, scale=1.0, target=Target(ess=1000)
     )
     assert posterior.uncertainty().std == pytest.approx(width, rel=0.06)
 

@@ -50,7 +50,7 @@ def correlated(rng):
 @pytest.mark.parametrize("weights", WEIGHTS)
 @pytest.mark.parametrize("residual", RESIDUALS)
 def test_fits_scatter_as_claimed(residual, weights):
-    n = 60
+    n = 40
     errors, claimed = scatter(residual, weights, n, seed=1)
     squares = np.sum(errors * np.linalg.solve(claimed, errors.T).T)
     low, high = chi2.ppf([0.001, 0.999], 4 * n)
@@ -59,7 +59,7 @@ def test_fits_scatter_as_claimed(residual, weights):
 
 
 def test_full_covariance_scatters_as_claimed():
-    n = 60
+    n = 40
     for weights in ("optimal", "user"):
         errors, claimed = scatter("nls", weights, n, seed=2, full=True)
         squares = np.sum(errors * np.linalg.solve(claimed, errors.T).T)
@@ -114,7 +114,7 @@ def log_bias(variance):
 @pytest.mark.parametrize(("decibel", "biased"), [(0.0, True), (13.0, False)])
 def test_log_fits_are_biased_below_10_db_only(decibel, biased):
     """With all masses free, errors of ln|G| by b in all elements shift every parameter by -b."""
-    model, omega, n = one_chain(), np.linspace(2.0, 30.0, 40), 80
+    model, omega, n = one_chain(), np.linspace(2.0, 30.0, 40), 40
     variance = 10 ** (-decibel / 10)
     noise, rng = RelativeNoise(np.sqrt(variance), 0.0), np.random.default_rng(6)
     errors = {"lls": [], "nls": []}

@@ -14,7 +14,7 @@ FRF = truth(MODEL, OMEGA)
 NOISE = RelativeNoise(0.02, 0.005)
 
 
-def over_claimed(simulate, methods, n=60, seed=0, **arguments):
+def over_claimed(simulate, methods, n=30, seed=0, **arguments):
     """Return, per method, the mean square of ln errors over what the method claims, (p,)."""
     rng = np.random.default_rng(seed)
     errors, claimed = [], {method: [] for method in methods}
@@ -30,7 +30,7 @@ def over_claimed(simulate, methods, n=60, seed=0, **arguments):
 @pytest.mark.parametrize("residual", ["nls", "lls", "lls_magnitude"])
 def test_all_methods_agree_where_the_noise_is_as_stated(residual):
     rng = np.random.default_rng(1)
-    found = [fit(MODEL, drawn(FRF, rng, NOISE, OMEGA), residual, "optimal") for _ in range(20)]
+    found = [fit(MODEL, drawn(FRF, rng, NOISE, OMEGA), residual, "optimal") for _ in range(10)]
 
     def mean(*arguments):
         return np.mean([np.diag(covariance(f, *arguments).covariance) for f in found], axis=0)
@@ -66,7 +66,7 @@ def smooth_errors(rng):
 def test_errors_that_last_over_frequencies_need_the_lags():
     rng = np.random.default_rng(2)
     errors, with_lags, without = [], [], []
-    for _ in range(60):
+    for _ in range(30):
         found = fit(MODEL, smooth_errors(rng), "lls", "user", tolerance=1e-6)
         errors.append(np.log(found.parameters.values / TRUTH))
         with_lags.append(np.diag(covariance(found, "empirical").covariance))
@@ -147,7 +147,7 @@ def test_a_prior_scatters_as_claimed():
     """What was measured before varies too: fits with it scatter less, and as claimed."""
     rng, errors, claimed = np.random.default_rng(6), [], []
     std = np.array([5e-4, 5e-3])
-    for _ in range(80):
+    for _ in range(40):
         before = TRUTH[[0, 3]] * np.exp(std * rng.standard_normal(2))
         found = fit(
             MODEL,

@@ -38,17 +38,17 @@ def series(experiment=RIGHT, runs=100, seed=0, **arguments):
 
 @pytest.fixture(scope="module")
 def right():
-    return series(methods=("theorem1", "posterior", "profile"), runs=40)
+    return series(methods=("theorem1", "posterior", "profile"), runs=24)
 
 
 def test_intervals_cover_the_truth_on_a_right_model(right):
-    # All parameters together are 160 intervals, correlated within a run.
+    # All parameters together are 96 intervals, correlated within a run.
     for method in right.methods:
         assert 0.87 < right.overall(method) < 0.995, method
     assert not right.failures
     assert right.uncertainty().std == pytest.approx(right.stds[:, 0].mean(axis=0), rel=0.4)
     assert (np.abs(right.bias) < 4 * right.bias_error).all()
-    assert "40 experiments, 0 without an answer" in str(right)
+    assert "24 experiments, 0 without an answer" in str(right)
 
 
 def test_too_narrow_intervals_are_noticed(right):
@@ -82,7 +82,7 @@ def test_weights_may_be_numbers():
 
 
 def test_a_model_error_ends_coverage_and_is_flagged():
-    found = series(WRONG, runs=40, methods=("theorem1", "empirical"))
+    found = series(WRONG, runs=24, methods=("theorem1", "empirical"))
     assert found.overall("theorem1") < 0.6
     assert np.abs(found.bias / found.bias_error).max() > 10
     one = fit(CHAIN, WRONG(np.random.default_rng(9)), "nls", "optimal")
@@ -93,7 +93,7 @@ def test_a_model_error_ends_coverage_and_is_flagged():
     # Negative control: the right model is not flagged.
     good = cross_check(
         fit(CHAIN, RIGHT(np.random.default_rng(9)), "nls", "optimal"),
-        monte_carlo=series(runs=40),
+        monte_carlo=series(runs=24),
     )
     assert set(good.verdicts) == {"agree"}
     assert good.covering == ("theorem1",)

@@ -308,9 +308,10 @@ def _job(network):
 def test_forked_processes_can_use_the_kernel():
     network = robot(np.random.default_rng(4), n_positions=90)
     with ProcessPoolExecutor(1) as pool:
-        np.testing.assert_array_equal(pool.submit(_job, network).result(60), _job(network))
+        np.testing.assert_array_equal(pool.submit(_job, network).result(600), _job(network))
 
 
+@pytest.mark.slow  # test_simd.py does so for its operations
 def test_a_plain_processor_without_a_cache_computes_the_same(tmp_path):
     network = robot(np.random.default_rng(6), n_positions=1)
     (tmp_path / "network").write_bytes(pickle.dumps((network, OMEGA, NOISE)))

@@ -1,5 +1,11 @@
 """Vector operations against numpy, lane by lane."""
 
+import os
+import re
+import subprocess
+import sys
+from pathlib import Path
+
 import numpy as np
 import pytest
 from numba import njit
@@ -67,6 +73,19 @@ def test_operations_agree_with_numpy_in_every_lane():
     assert negative
     y[2 * simd.LANES :] = 1.0
     assert not _arithmetic(*(memory.address(array) for array in (x, y, out)))
+
+
+def test_a_plain_processor_without_a_cache_computes_the_same(tmp_path):
+    plain = {
+        "NUMBA_CPU_NAME": "generic",
+        "NUMBA_CPU_FEATURES": "",
+        "NUMBA_CACHE_DIR": str(tmp_path),
+    }
+    path = os.pathsep.join([str(Path(__file__).parent), *filter(None, sys.path)])
+    names = [name for name in globals() if re.match("test_(operations|logarithm|inverse)", name)]
+    program = "import test_simd\n" + "\n".join(f"test_simd.{name}()" for name in names)
+    environment = os.environ | plain | {"PYTHONPATH": path}
+    subprocess.run([sys.executable, "-c", program], check=True, env=environment)
 
 
 def test_logarithm_is_accurate_over_all_magnitudes_and_angles():
