@@ -112,9 +112,11 @@ class PlanComparison(Printed):
     def __str__(self) -> str:
         plan = self.trials[0]
         assert plan.found is not None
+        rivals = len(self.trials) - 1
+        others = f", beaten by {', '.join(self.better) or 'none'}" * (len(self.beaten) < rivals)
         lines = [
-            f"{plan.name} beats {len(self.beaten)} of {len(self.trials) - 1} rivals by "
-            f"{self.criterion}, {len(plan.found.estimates)} simulated experiments each"
+            f"{plan.name} beats {len(self.beaten)} of {rivals} rivals by {self.criterion}{others}, "
+            f"{len(plan.found.estimates)} simulated experiments each"
         ]
         for k, trial in enumerate(self.trials[1:], start=1):
             low, high = self.interval[k]

@@ -122,7 +122,7 @@ def parameter_table(shown: MeasuredChains) -> Table:
             row += [Number(text.significant(value, 4), value), _percent(std)]
         rows.append((*row, unit(name)))
     columns = [
-        Column("", code=True),
+        Column("parameter", code=True),
         *numbers("value", "std", "inverse problem", "std"),
         Column("unit", "u"),
     ]
@@ -195,7 +195,7 @@ def damper_table(shown: MeasuredChains) -> Table:
             [name, _significant(float(value)), _significant(float(std)), words]
             for name, value, std, words in entries
         ]
-    columns = [Column("", code=True), *numbers("value", "std"), Column("unit", "u")]
+    columns = [Column("parameter", code=True), *numbers("value", "std"), Column("unit", "u")]
     caption = (
         "Dampers parallel to the springs, viscous friction of the motors, delay of the angles."
     )
@@ -213,7 +213,7 @@ def damped_table(shown: MeasuredChains) -> Table:
                 d.estimate.names, d.estimate.values, d.estimate.relative_std, strict=True
             )
         ]
-    columns = [Column("", code=True), *numbers("value", "std"), Column("unit", "u")]
+    columns = [Column("parameter", code=True), *numbers("value", "std"), Column("unit", "u")]
     return table("damped-table", "The same parameters, fitted with the dampers.", columns, rows)
 
 

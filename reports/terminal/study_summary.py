@@ -22,10 +22,11 @@ def study_summary(results: PlannedStudy, written: list[Path]) -> str:
     if isinstance(results, StudyResults):
         lines += _uncertainty_lines(results)
     lines.append(("time", _time(results)))
-    said = [results.robot.name, *(f"  {key:<9}{value}" for key, value in lines)]
     if results.kept:
-        kept = f"{', '.join(results.kept)} (nothing they rest on has changed)"
-        said += hung("  kept     ", kept, 11)
+        lines.append(("kept", f"{', '.join(results.kept)} (nothing they rest on has changed)"))
+    said = [results.robot.name]
+    for key, value in lines:
+        said += hung(f"  {key:<9}", value, 11)
     files = [("report" if p.suffix == ".html" else "written", str(p)) for p in written]
     return "\n".join([*said, *(f"  {key:<9}{path}" for key, path in files)])
 

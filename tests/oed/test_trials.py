@@ -177,7 +177,7 @@ def test_scatter_is_what_theorem_1_promises_and_the_better_plan_wins(axes):
         ).all()
     assert found.more_certain(1)[1] == 2
     assert found.more_certain(3) == (0, 0, 2)
-    assert "best beats 1 of 3 rivals by D" in str(found)
+    assert "best beats 1 of 3 rivals by D, beaten by double, " in str(found)
     assert found.held
 
 
