@@ -113,8 +113,7 @@ def measured_frf(
     if local:
         method = covariance = _LOCAL
     with _collected() as said:
-        source = _Source(path)
-        _check_robot(source.first, elastic, path)
+        source = _source(path, elastic)
         with _stage(report, "FRFs"):
             visits = _visits(source, method, covariance, structure, signals)
             estimate, missing = merge_visits(visits), source.missing
@@ -222,15 +221,17 @@ class _Source:
             yield part
 
 
+def _source(path: Path, robot: ElasticRobot | None) -> _Source:
+    """Open records, which must be of `robot` where one is given."""
+    source = _Source(path)
+    n = source.first.positions.shape[1]
+    if robot is not None and n != len(robot.motor_names):
+        motors = ", ".join(robot.motor_names)
+        raise InvalidInput(
+            f"{path}: {n} motors; the robot {robot.name!r} has {len(robot.motor_names)}: {motors}"
+        )
+    return source
+
+
 def _silent(stage: str, done: int, total: int) -> None:
     """Report to nobody."""
-
-
-def _check_robot(records: Records, robot: ElasticRobot | None, path: Path) -> None:
-    if robot is None:
-        return
-    n, motors = records.positions.shape[1], tuple(robot.motor_names)
-    if n != len(motors):
-        raise InvalidInput(
-            f"{path}: {n} motors; the robot {robot.name!r} has {len(motors)}: {', '.join(motors)}"
-        )
