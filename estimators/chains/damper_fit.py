@@ -13,12 +13,13 @@ from estimators.frf.estimate import FrfEstimate
 from estimators.uncertainty.covariance import Uncertainty, covariance
 from robotmodels.arrays import Array, ComplexArray
 from robotmodels.modes import resonances
+from robotmodels.notebook import Printed
 
 _LEAST = 1e-2  # of the mean damper, to begin with
 
 
 @dataclass(frozen=True, eq=False)
-class DamperFit:
+class DamperFit(Printed):
     """Chains with dampers, motor friction and delay, all fitted together.
 
     Attributes
@@ -71,6 +72,15 @@ class DamperFit:
     def response(self) -> ComplexArray:
         """The fitted FRFs, (F, M, M)."""
         return self.model.linear_model().frequency_response(self.fit.estimate.omega)
+
+    def __str__(self) -> str:
+        lines = [str(self.estimate), f"misfit {self.misfit:.3g}"]
+        springs = [name for name in self.estimate.names if name.startswith("K")]
+        pairs = zip(springs, self.dampers.flat, self.dampers_std.flat, strict=True)
+        lines += [
+            f"  damper of {name}  {value:.4g} +- {std:.3g} N s/m" for name, value, std in pairs
+        ]
+        return "\n".join(lines)
 
 
 def fit_dampers(found: ChainIdentification) -> DamperFit:

@@ -19,7 +19,7 @@ from estimators.chains.order import (
     propose_order,
 )
 from estimators.frf.friction_band import unfrictioned
-from robotmodels.arrays import Array, ComplexArray
+from robotmodels.arrays import Array, ComplexArray, real_numbers
 from robotmodels.chains import CoupledChains
 from robotmodels.errors import InvalidInput, NotIdentifiable
 from robotmodels.response import check_omega
@@ -126,7 +126,8 @@ class ChainIdentification:
         return float(chi2.sf(parts.sum(), spare))
 
     def __str__(self) -> str:
-        return f"{self.structured}\n{self.inverse}"
+        said = [f"note: {note}" for note in self.notes]
+        return "\n".join([str(self.structured), str(self.inverse), *said])
 
 
 def identify_chains(
@@ -213,28 +214,47 @@ def _checked(
         )
     if len(omega) < 2 or not (np.diff(omega) > 0).all():
         raise InvalidInput("omega: two or more increasing frequencies are needed")
-    if n_masses is not None and n_masses < 2:
+    whole = isinstance(n_masses, int | np.integer) and not isinstance(n_masses, bool)
+    if n_masses is not None and not (whole and n_masses >= 2):
         raise InvalidInput(
-            f"n_masses: {n_masses}; a chain needs at least 2 (a single mass has no spring, and "
-            "its FRF is 1/mass)"
+            f"n_masses: {n_masses!r}; a chain needs at least 2, a whole number (a single mass has "
+            "no spring, and its FRF is 1/mass)"
         )
-    m = G.shape[1]
-    for i in range(m):
-        if not np.isfinite(G[:, :, i]).all():
-            raise InvalidInput(f"response: not finite from motor {i + 1}; was it excited at all?")
-        if not G[:, i, i].any():
-            raise InvalidInput(f"response: zero from motor {i + 1} to itself; was it excited?")
+    _check_excited(G)
     undamped = covariance is None and bool(np.abs(G.imag).max() <= _ROUNDING * np.abs(G).max())
-    motors = None
-    if first_masses is not None:
-        motors = np.broadcast_to(np.asarray(first_masses, dtype=float), (m,))
-        if not (np.isfinite(motors) & (motors > 0)).all():
-            raise InvalidInput(f"first_masses: {motors.tolist()} are not {m} positive numbers")
+    motors = None if first_masses is None else _checked_motors(first_masses, G.shape[1])
     if covariance is not None:
-        covariance = np.asarray(covariance)
-        if covariance.shape not in (G.shape, (len(omega), m * m, m * m)):
-            raise InvalidInput(
-                f"covariance: shape {covariance.shape}; {G.shape} or "
-                f"{(len(omega), m * m, m * m)} is needed"
-            )
+        covariance = _checked_covariance(np.asarray(covariance), G.shape)
     return prepared(omega, G, covariance, undamped), motors
+
+
+def _check_excited(response: ComplexArray) -> None:
+    for i in range(response.shape[1]):
+        if not np.isfinite(response[:, :, i]).all():
+            raise InvalidInput(f"response: not finite from motor {i + 1}; was it excited at all?")
+        if not response[:, i, i].any():
+            raise InvalidInput(f"response: zero from motor {i + 1} to itself; was it excited?")
+
+
+def _checked_motors(first_masses: Array, count: int) -> Array:
+    given = real_numbers(first_masses, "first_masses")
+    if given.shape not in ((), (count,)) or not (np.isfinite(given) & (given > 0)).all():
+        raise InvalidInput(f"first_masses: {given.tolist()} are not {count} positive numbers")
+    return np.broadcast_to(given, (count,))
+
+
+def _checked_covariance(given: NDArray[Any], shape: tuple[int, ...]) -> NDArray[Any]:
+    lines, m, _ = shape
+    if given.shape not in (shape, (lines, m * m, m * m)):
+        raise InvalidInput(
+            f"covariance: shape {given.shape}; {shape} or {(lines, m * m, m * m)} is needed"
+        )
+    variance = given if given.shape == shape else np.diagonal(given, axis1=1, axis2=2)
+    wrong = ~(np.isfinite(variance) & (variance.real > 0)).reshape(lines, -1)
+    if wrong.any():
+        f, element = np.argwhere(wrong)[0]
+        raise InvalidInput(
+            f"covariance: the variance of frequency {f}, element {element} (counted from 0) is no "
+            "positive number"
+        )
+    return given

@@ -36,9 +36,12 @@ def _errors(found: "ChainIdentification") -> list[str]:
         )
     p = found.structure_p_value
     if p < _UNLIKELY:
+        doubt = "the structure, or the number of masses, is in doubt"
+        if found.modes.layout.turned:
+            doubt = f"dampers couple the modes, which `fit_dampers` allows for, or {doubt}"
         said.append(
-            f"poles and zeros are unlike those of any such chains (probability {p:.1g}): "
-            "the structure, or the number of masses, is in doubt"
+            f"poles and zeros are unlike those of any such chains without dampers (probability "
+            f"{p:.1g}): {doubt}"
         )
     return said
 

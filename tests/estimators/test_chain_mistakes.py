@@ -21,7 +21,11 @@ from robotmodels.modes import anti_resonances, resonances
         ({"response": np.ones((95, 3, 2))}, r"shape \(95, 3, 2\) given; \(95, M, M\)"),
         ({"omega": OMEGA[::-1]}, "increasing frequencies"),
         ({"covariance": np.ones((95, 3))}, r"covariance: shape \(95, 3\)"),
+        ({"n_masses": 2.5}, r"n_masses: 2\.5; .* a whole number"),
+        ({"n_masses": "3"}, "n_masses: '3'; .* a whole number"),
         ({"first_masses": np.array([1.0, -1.0, 2.0])}, "first_masses: .* not 3 positive"),
+        ({"first_masses": [1.0, 2.0]}, "first_masses: .* not 3 positive"),
+        ({"covariance": -np.ones((95, 3, 3))}, "the variance of frequency 0, element 0"),
         ({"distortion": np.ones((9, 3, 3))}, r"distortion: shape \(9, 3, 3\)"),
     ],
 )
