@@ -7,6 +7,8 @@ BIN := $(VENV)/bin
 export OMP_NUM_THREADS ?= 1
 export OPENBLAS_NUM_THREADS ?= 1
 export MPLBACKEND ?= Agg
+# Compiled modules are kept even where that is off: each process would compile all libraries again.
+export PYTHONDONTWRITEBYTECODE :=
 
 .PHONY: study test coverage slow lint bench docs clean
 
@@ -14,7 +16,7 @@ study: $(VENV)/installed
 	$(BIN)/oed run studies/ur10.yaml
 
 test: lint
-	$(BIN)/pytest --numprocesses $(WORKERS) -m "not slow"
+	$(BIN)/pytest --numprocesses $(WORKERS) --dist worksteal -m "not slow"
 
 lint: $(VENV)/installed
 	$(BIN)/ruff check
@@ -23,7 +25,7 @@ lint: $(VENV)/installed
 	$(BIN)/lint-imports
 
 coverage: $(VENV)/installed
-	$(BIN)/pytest --numprocesses $(WORKERS) -m "not slow" --cov --cov-report=term:skip-covered
+	$(BIN)/pytest --numprocesses $(WORKERS) --dist worksteal -m "not slow" --cov --cov-report=term:skip-covered
 
 slow: $(VENV)/installed
 	$(BIN)/pytest -m slow
