@@ -254,7 +254,9 @@ def information(
     work = ChunkInformation(robot, check_omega(omega), noise)
     names = robot.parameters.names
     found: Iterable[Array]
-    if executor is None:  # what Pinocchio does for a chunk overlaps with the kernel's last
+    if executor is None and len(chunks) == 1:
+        found = map(work, chunks)
+    elif executor is None:  # what Pinocchio does for a chunk overlaps with the kernel's last
         found = overlapped(work.prepare, work.finish, chunks)
     else:
         found = executor.map(work, chunks)

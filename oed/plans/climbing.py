@@ -29,13 +29,14 @@ class Region:
     usable: Callable[[Array], BoolArray]
 
 
-def climbed(region: Region, starts: Array, slope: Array) -> Array:
+def climbed(region: Region, starts: Array, slope: Array, precision: float) -> Array:
     """Return where the price is locally largest, from each start, in usable places, (k, n).
 
     Parameters
     ----------
     starts : (k, n) usable positions.
     slope : (p, p), of which the price tr(slope H) of a position is made.
+    precision : a step that gains no larger part of the price is the last.
     """
     from scipy.optimize import minimize
 
@@ -52,7 +53,7 @@ def climbed(region: Region, starts: Array, slope: Array) -> Array:
         return -float(prices[0]), -slopes
 
     bounds = [(0.0, 1.0)] * len(low)
-    options: Any = {"maxiter": 25, "ftol": 1e-7, "gtol": 1e-6}
+    options: Any = {"maxiter": 25, "ftol": precision, "gtol": 1e-6}
     found = []
     for start in starts:
         begin: Any = np.clip((start - low) / span, 0.0, 1.0)

@@ -29,6 +29,7 @@ from robotmodels.noise import LoopNoise, RelativeNoise
 from robotmodels.notebook import Printed
 
 _CLIMBS = 6  # of the best points of the finer set, each round
+_PRECISION = 0.01  # of climbing, as a part of the tolerance
 
 
 @dataclass(frozen=True, eq=False)
@@ -158,7 +159,7 @@ def refined_over(
     candidates, first = info, solved(info)
     design = first
     for done in range(1, max_rounds + 1):
-        found = _beyond(region, candidates, design, objective, check, len(info))
+        found = _beyond(region, candidates, design, objective, check, len(info), tolerance)
         beyond = max(float(found.worth.max(initial=0.0)), 0.0)
         if progress is not None:
             progress(done, max_rounds)
@@ -191,6 +192,7 @@ def _beyond(
     objective: Objective,
     check: InformationSet,
     given: int,
+    tolerance: float,
 ) -> _Found:
     """Climb from the support and from the best positions to check, those after the `given` ones."""
     # Of the solver's witness: for E and maximin the derivative is not unique.
@@ -198,9 +200,8 @@ def _beyond(
     prices = sensitivities(slope, check.matrices[given:])
     best = np.argsort(-prices, kind="stable")[:_CLIMBS] + given
     starts = [candidates.positions[design.support], check.positions[best]]
-    new = new_positions(
-        climbed(region, np.concatenate(starts), slope), candidates.positions, region
-    )
+    ends = climbed(region, np.concatenate(starts), slope, _PRECISION * tolerance)
+    new = new_positions(ends, candidates.positions, region)
     if not len(new):
         return _Found(new, candidates.matrices[:0], np.empty(0))
     # Where weight is, prices are one less the prior's share of the slope.
