@@ -10,6 +10,7 @@ from reports.drawing import robot_pictures
 from reports.parts import Cell, Number, Section, Table, numbers, table
 from reports.sections.places import place_numbers, prismatic
 from reports.template import filled
+from robotmodels.elastic.rigid_pose import joint_origins
 
 
 @dataclass(frozen=True)
@@ -35,7 +36,7 @@ def section(results: StudyResults) -> Section:
 def poses(results: StudyResults) -> list[Pose]:
     """Return a picture of the robot in each position."""
     positions = results.information.positions[results.used]
-    skeletons = [results.robot.skeleton_points(position) for position in positions]
+    skeletons = [joint_origins(results.robot, position) for position in positions]
     scene = robot_pictures.scene_of(skeletons)
     straight, found = prismatic(results), []
     for number, (i, skeleton) in enumerate(zip(results.used, skeletons, strict=True), start=1):

@@ -1,17 +1,11 @@
 """The rigid robot in a position: its configuration, and what holds it against gravity."""
 
-from __future__ import annotations
-
-from typing import TYPE_CHECKING
-
 import numpy as np
 import pinocchio as pin
 
-from robotmodels.arrays import Array
+from robotmodels.arrays import Array, real_numbers
 from robotmodels.elastic.dynamics import gravity_torques
-
-if TYPE_CHECKING:
-    from robotmodels.elastic.robot import ElasticRobot
+from robotmodels.elastic.robot import ElasticRobot
 
 
 def configurations(robot: ElasticRobot, positions: Array) -> Array:
@@ -27,6 +21,25 @@ def configurations(robot: ElasticRobot, positions: Array) -> Array:
         values = [np.cos(angles), np.sin(angles)] if joint.nq == 2 else [angles]
         q[:, joint.idx_q : joint.idx_q + joint.nq] = np.transpose(values)
     return q
+
+
+def joint_origins(robot: ElasticRobot, position: Array) -> Array:
+    """Return the joint origins from base to tool, (k, 3) [m], at `position` (n,), springs unloaded.
+
+    Where branches move, those of the longest chain; the tool is the last frame of its end.
+
+    Raises
+    ------
+    InvalidInput : if the position has a wrong shape or is outside the joint limits.
+    """
+    rigid = robot.rigid
+    (q,) = configurations(robot, robot.checked_positions(real_numbers(position, "position")[None]))
+    data = rigid.createData()
+    pin.framesForwardKinematics(rigid, data, q)
+    chain = max(map(list, rigid.supports), key=len)  # from the ground, joint 0
+    tool = max(i for i, f in enumerate(rigid.frames) if f.parentJoint == chain[-1])
+    origins = [data.oMi[joint].translation for joint in chain]
+    return np.array([*origins, data.oMf[tool].translation])
 
 
 def unloaded(robot: ElasticRobot, positions: Array) -> Array:

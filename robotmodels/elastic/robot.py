@@ -16,7 +16,6 @@ from robotmodels.description.urdf_check import mimics
 from robotmodels.elastic.arm import Arm, build_arm, motions
 from robotmodels.elastic.equilibrium import Equilibrium, Labels, find_equilibrium
 from robotmodels.elastic.layout import Layout
-from robotmodels.elastic.rigid_pose import configurations
 from robotmodels.elastic.segments import check_bodies
 from robotmodels.elastic.skeleton import Skeleton, check_mass, skeleton
 from robotmodels.elastic.spring_network import SpringNetwork, incidence
@@ -124,6 +123,30 @@ class ElasticRobot:
             limits.append((-np.pi, np.pi) if joint.nq == 2 else (low[i], high[i]))
         return np.array(limits)
 
+    def checked_positions(self, positions: Array) -> Array:
+        """Return `positions` (Q, n) as an array.
+
+        Raises
+        ------
+        InvalidInput : if a position is outside the joint limits, or the shape is a wrong one.
+        """
+        positions = real_numbers(positions, "positions")
+        n = len(self.file.motors)
+        if positions.ndim != 2 or positions.shape[1] != n:
+            raise InvalidInput(
+                f"positions: an array of shape {positions.shape} was given, (Q, {n}) is needed, "
+                f"one column per motor: {', '.join(self.motor_names)}"
+            )
+        low, high = self.position_limits.T
+        outside = ~((positions >= low - 1e-9) & (positions <= high + 1e-9))
+        if outside.any():
+            i, j = np.argwhere(outside)[0]
+            raise InvalidInput(
+                f"position {i}: joint {self.motor_joints[j]!r} at {positions[i, j]:.4g} is outside "
+                f"its limits [{low[j]:.4g}, {high[j]:.4g}]"
+            )
+        return positions
+
     def equilibrium(self, positions: Array, parameters: Array | None = None) -> Equilibrium:
         """Find the static equilibria at `positions` (Q, n).
 
@@ -132,7 +155,7 @@ class ElasticRobot:
         NoEquilibrium : if a spring gives way.
         InvalidInput : if a position is outside the joint limits, or an array has a wrong shape.
         """
-        positions = self._check_positions(positions)
+        positions = self.checked_positions(positions)
         theta = self.parameters.check(parameters)
         layout = self._layout(theta)
         start = np.zeros((len(positions), layout.arm_size))
@@ -235,24 +258,6 @@ class ElasticRobot:
     def _skeleton(self, theta: Array, coordinates: Array) -> Skeleton:
         return skeleton(self._layout(theta), coordinates, self.elements.free_motors)
 
-    def skeleton_points(self, position: Array) -> Array:
-        """Return the joint origins from base to tool, (k, 3) [m], springs unloaded.
-
-        Where branches move, those of the longest chain; the tool is the last frame of its end.
-
-        Raises
-        ------
-        InvalidInput : if the position (n,) has a wrong shape or is outside the joint limits.
-        """
-        (position,) = self._check_positions(real_numbers(position, "position")[None])
-        (q,) = configurations(self, position[None])
-        data = self.rigid.createData()
-        pin.framesForwardKinematics(self.rigid, data, q)
-        chain = max(map(list, self.rigid.supports), key=len)  # from the ground, joint 0
-        tool = max(i for i, f in enumerate(self.rigid.frames) if f.parentJoint == chain[-1])
-        origins = [data.oMi[joint].translation for joint in chain]
-        return np.array([*origins, data.oMf[tool].translation])
-
     def _check_joints(self) -> None:
         joints = list(self.rigid.names)[1:]
         for motor in self.file.motors:
@@ -272,24 +277,6 @@ class ElasticRobot:
                     f"joint {joint!r} mimics {leader!r}; coupled joints are not supported, "
                     "hold it under 'lock'"
                 )
-
-    def _check_positions(self, positions: Array) -> Array:
-        positions = real_numbers(positions, "positions")
-        n = len(self.file.motors)
-        if positions.ndim != 2 or positions.shape[1] != n:
-            raise InvalidInput(
-                f"positions: an array of shape {positions.shape} was given, (Q, {n}) is needed, "
-                f"one column per motor: {', '.join(self.motor_names)}"
-            )
-        low, high = self.position_limits.T
-        outside = ~((positions >= low - 1e-9) & (positions <= high + 1e-9))
-        if outside.any():
-            i, j = np.argwhere(outside)[0]
-            raise InvalidInput(
-                f"position {i}: joint {self.motor_joints[j]!r} at {positions[i, j]:.4g} is outside "
-                f"its limits [{low[j]:.4g}, {high[j]:.4g}]"
-            )
-        return positions
 
 
 def _called(spring: Spring) -> str:

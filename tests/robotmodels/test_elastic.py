@@ -1,4 +1,4 @@
-"""The robot as its users see it: names, units, limits, positions, skeleton."""
+"""The robot as its users see it: names, units, limits, positions, joint origins."""
 
 from pathlib import Path
 
@@ -8,6 +8,7 @@ import pytest
 from robots import CRANE, HERE, PANDA, PENDULUM, SPLIT, WALL, built, changed
 
 from robotmodels import InvalidInput, frequency_response, linearize
+from robotmodels.elastic.rigid_pose import joint_origins
 
 
 def test_parameters_are_all_stiffnesses_then_all_dampings_in_file_order() -> None:
@@ -94,21 +95,21 @@ def test_positions_that_cannot_be(positions: np.ndarray, message: str) -> None:
         frequency_response(built(CRANE), positions, np.array([10.0]))
 
 
-def test_skeleton_points_run_from_base_to_tool() -> None:
+def test_joint_origins_run_from_base_to_tool() -> None:
     robot = built(PENDULUM)
     np.testing.assert_allclose(
-        robot.skeleton_points(np.array([0.5])), [[0, 0, 0], [0, 0, 1], [0, 0, 1]]
+        joint_origins(robot, np.array([0.5])), [[0, 0, 0], [0, 0, 1], [0, 0, 1]]
     )
-    points = built(WALL).skeleton_points(np.zeros(5))
+    points = joint_origins(built(WALL), np.zeros(5))
     assert points.shape[1] == 3
     assert not points[0].any()
     with pytest.raises(InvalidInput, match=r"\(Q, 5\) is needed"):
-        built(WALL).skeleton_points(np.zeros(4))
+        joint_origins(built(WALL), np.zeros(4))
 
 
-def test_skeleton_points_leave_other_branches_out(tmp_path: Path) -> None:
+def test_joint_origins_leave_other_branches_out(tmp_path: Path) -> None:
     """Whether they move (the lamp) or are locked and come last in the file (the plate)."""
-    points = built(CRANE).skeleton_points(np.zeros(5))
+    points = joint_origins(built(CRANE), np.zeros(5))
     origins = built(CRANE).rigid
     names = ["turn", "slide", "lean", "wrist"]
     assert len(points) == 1 + len(names) + 1
@@ -122,7 +123,7 @@ def test_skeleton_points_leave_other_branches_out(tmp_path: Path) -> None:
     motors = [m for m in CRANE["motors"] if m["joint"] != "nod"]
     lock = CRANE["lock"] | {"zz_nod": 1.0}
     renamed = changed(CRANE, urdf=str(tmp_path / "renamed.urdf"), motors=motors, lock=lock)
-    np.testing.assert_allclose(built(renamed).skeleton_points(np.zeros(4)), points, atol=1e-12)
+    np.testing.assert_allclose(joint_origins(built(renamed), np.zeros(4)), points, atol=1e-12)
 
 
 def test_an_undriven_joint_can_rest_on_its_drive_spring() -> None:
