@@ -116,6 +116,11 @@ def duration(seconds: float) -> str:
     return f"{whole // 60}{THIN}min {whole % 60}{THIN}s"
 
 
+def sentence(words: str) -> str:
+    """Return words that begin with a capital letter."""
+    return f"{words[:1].upper()}{words[1:]}"
+
+
 def ranges(numbers: Sequence[int]) -> str:
     """Return ``1 to 4, 7 and 9`` for numbers in rising order."""
     runs: list[list[int]] = []

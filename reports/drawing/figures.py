@@ -5,7 +5,7 @@ from collections.abc import Callable, Mapping, Sequence
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.ticker import FuncFormatter, MaxNLocator, NullFormatter
+from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullFormatter
 
 from reports.drawing.svg import Palette
 from reports.text import fixed, residual_label, significant
@@ -60,6 +60,8 @@ def costs_over_starts(costs: Mapping[str, Sequence[float]], best: Mapping[str, f
         axes.set_xlim(0.97, max(1.05 * highest, 1.2))
         if highest < 8:
             axes.xaxis.set_major_locator(MaxNLocator(6))
+        elif highest < 200:
+            axes.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
         axes.xaxis.set_major_formatter(FuncFormatter(lambda x, _: significant(x, 3)))
         axes.xaxis.set_minor_formatter(NullFormatter())
         axes.set_xlabel("cost over the best cost of that estimator")

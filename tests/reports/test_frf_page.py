@@ -158,7 +158,7 @@ def test_one_period_has_no_distortion_section(tmp_path):
     found = measured_frf(tmp_path / "bench.h5")
     text, outline = shown(found, tmp_path)
     assert "distortion" not in outline.ids
-    assert "one measured period" in text
+    assert "One measured period" in text
     assert "times that of noise" not in frf_summary(found, [])
 
 

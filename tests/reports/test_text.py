@@ -61,6 +61,11 @@ def test_what_exceeds_one():
     assert plain(text.one_and(2.4e-10)).replace(text.NO_BREAK, " ") == "1 + 2.4 × 10⁻¹⁰"
 
 
+def test_sentences_begin_with_a_capital_letter():
+    assert text.sentence("one period") == "One period"
+    assert text.sentence("") == ""
+
+
 def test_runs_of_numbers():
     assert text.ranges([1, 2, 3, 4, 7, 9, 10]) == "1 to 4, 7, 9 and 10"
     assert text.ranges([]) == ""
