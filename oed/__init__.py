@@ -31,6 +31,7 @@ if TYPE_CHECKING:
         RobustDesign,
         robust_design,
     )
+    from oed.design.sensor_rows import sensor_information
     from oed.design.sensors import Sensor, SensorDesign, optimal_sensors
     from oed.design.spectra import LineLimit
     from oed.design.spectrum import SpectrumDesign, optimal_spectrum
@@ -146,6 +147,7 @@ _HOMES = {
     "scale": "experiment.scaling",
     "score": "plans.scoring",
     "screened_candidates": "candidates.screening",
+    "sensor_information": "design.sensor_rows",
     "sobol_positions": "candidates.grids",
     "speed_cost": "design.spectrum_lines",
     "task_space_positions": "candidates.task_space",
@@ -235,6 +237,7 @@ __all__ = [
     "scale",
     "score",
     "screened_candidates",
+    "sensor_information",
     "sobol_positions",
     "speed_cost",
     "task_space_positions",

@@ -3,9 +3,17 @@ from itertools import combinations
 import numpy as np
 import pytest
 from random_candidates import information_set, random_set
+from robots import SENSED, built
 
-from oed import Constraints, Sensor, optimal_design, optimal_sensors
-from robotmodels import InvalidInput, NotIdentifiable
+from oed import (
+    Constraints,
+    Sensor,
+    information,
+    optimal_design,
+    optimal_sensors,
+    sensor_information,
+)
+from robotmodels import InvalidInput, NotIdentifiable, RelativeNoise
 
 Q, P = 30, 4
 BASE = random_set(0, Q, P, 2)
@@ -133,3 +141,28 @@ def test_sensors_that_make_parameters_identifiable():
 def test_sensors_that_do_not_fit(sensors, budget, criterion, message):
     with pytest.raises(InvalidInput, match=message):
         optimal_sensors(BASE, sensors, budget, criterion)
+
+
+def test_accelerometers_of_a_robot_file():
+    """What the motors tell does not know of accelerometers, and rows add up to the whole."""
+    robot = built(SENSED)
+    bare = built({key: value for key, value in SENSED.items() if key != "accelerometers"})
+    positions = np.array([[0.2, -1.0, 0.7, 0.3, -0.4, 0.1]] * 66) * np.linspace(0.2, 1, 66)[:, None]
+    omega, noise = 2 * np.pi * np.array([4.0, 9.0, 23.0]), RelativeNoise(0.03, 0.01)
+    base, added = sensor_information(robot, positions, omega, noise)
+    assert tuple(added) == ("tip", "elbow", "foot")
+    alone = information(bare, positions, omega, noise)
+    scale = np.abs(alone.matrices).max()
+    np.testing.assert_allclose(base.matrices, alone.matrices, atol=1e-9 * scale)
+    # Without a floor the errors of all rows are as independent here as there.
+    relative = RelativeNoise(0.03, 0.0)
+    base, added = sensor_information(robot, positions[:3], omega, relative)
+    whole = information(robot, positions[:3], omega, relative).matrices
+    parts = base.matrices + sum(one.matrices for one in added.values())
+    np.testing.assert_allclose(parts, whole, atol=1e-9 * np.abs(whole).max())
+    bought = optimal_sensors(base, {name: Sensor(one) for name, one in added.items()}, 1.0)
+    assert len(bought.chosen) == 1
+    with pytest.raises(InvalidInput, match="has no accelerometers"):
+        sensor_information(bare, positions, omega, noise)
+    with pytest.raises(InvalidInput, match="positions: none given"):
+        sensor_information(robot, np.empty((0, 6)), omega, noise)
