@@ -24,7 +24,7 @@ def test_the_first_stage_of_an_item_runs_beside_the_second_of_the_one_before():
     def second(item):
         assert threading.get_ident() != here
         # Item 0 ends only once item 1 has begun: one after the other would wait for ever.
-        assert item > 0 or first_of_one.wait(20)
+        assert item > 0 or first_of_one.wait(120)
         return item
 
     assert list(overlapped(first, second, range(3))) == [0, 1, 2]
