@@ -1,5 +1,6 @@
 """``oed init``: the files of a new study."""
 
+import shlex
 from pathlib import Path
 from typing import Annotated
 
@@ -40,8 +41,10 @@ def init(
     robot_file = next((path for path in paths if path.name == "robot.yaml"), None)
     lines = [starter.robot, *(f"  written  {path}" for path in paths)]
     if robot_file is not None:
-        lines.append(f"  next     oed check {robot_file}, once its guesses are replaced")
-    lines.append(f"  {'then' if robot_file else 'next'}     oed run {folder / 'study.yaml'}")
+        checked = shlex.quote(str(robot_file))
+        lines.append(f"  next     oed check {checked}, once its guesses are replaced")
+    run = shlex.quote(str(folder / "study.yaml"))
+    lines.append(f"  {'then' if robot_file else 'next'}     oed run {run}")
     say(
         lambda: "\n".join(lines),
         lambda: {"robot": starter.robot, "files": [str(path) for path in paths]},

@@ -1,5 +1,6 @@
 """``oed report``: the page of a study, or of several side by side."""
 
+import shlex
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -36,7 +37,9 @@ def report(
     from reports.terminal.study_summary import study_json, study_summary
 
     def page(results: Any, folder: Path, progress: Any) -> None:
-        write_report(results, folder / "report.html", progress, f"oed report {studies[0]}")
+        write_report(
+            results, folder / "report.html", progress, f"oed report {shlex.quote(str(studies[0]))}"
+        )
 
     if len(studies) == 1:
         if output is not None:

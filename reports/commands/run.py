@@ -1,5 +1,6 @@
 """``oed run``: a whole study."""
 
+import shlex
 from pathlib import Path
 from typing import Any
 
@@ -35,7 +36,9 @@ def run(
     from reports.terminal.study_summary import study_json, study_summary
 
     def pages(results: Any, folder: Path, progress: Any) -> None:
-        write_report(results, folder / "report.html", progress, f"oed run {study}")
+        write_report(
+            results, folder / "report.html", progress, f"oed run {shlex.quote(str(study))}"
+        )
         if results.published is not None:
             write_published_json(results.published, folder / "published.json")
             write_published(results, results.published, folder / "published.html")

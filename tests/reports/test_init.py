@@ -132,14 +132,15 @@ def test_nothing_is_overwritten(urdf, oed, tmp_path):
 
 @pytest.mark.parametrize("robot", ["moberg_axis1", "absent", "absent.urdf"])
 def test_init_of_a_builtin_robot_and_of_none(robot, oed, tmp_path):
-    code, out, err = oed("init", robot, "-o", tmp_path / "new")
+    code, out, err = oed("init", robot, "-o", tmp_path / "new one")
     if robot == "moberg_axis1":
         assert code == 0
-        assert [p.name for p in (tmp_path / "new").iterdir()] == ["study.yaml"]
+        assert [p.name for p in (tmp_path / "new one").iterdir()] == ["study.yaml"]
+        assert "new one/study.yaml'" in out  # quoted for a shell
     else:
         assert (code, out) == (2, "")
         assert robot in err
-        assert not (tmp_path / "new").exists()
+        assert not (tmp_path / "new one").exists()
 
 
 def test_a_file_in_the_way_of_the_folder(urdf, tmp_path):
