@@ -175,3 +175,11 @@ NETWORKS = {
     "free inertia of a rigid drive": lambda rng: free_inertias(chain(rng, (1, 4)), [4, 2], rng),
     "free inertia, other outputs": lambda rng: free_inertias(other_outputs(rng), [0, 2], rng),
 }
+
+
+def error(found, expected):
+    """Return the largest error beside the diagonal, (.., p, p), or the largest element."""
+    if np.iscomplexobj(expected):
+        return np.max(np.abs(found - expected) / np.abs(expected).max((-2, -1), keepdims=True))
+    size = np.sqrt(np.einsum("qii->qi", expected))
+    return np.max(np.abs(found - expected) / size[:, :, None] / size[:, None, :])
