@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from robotmodels.arrays import Array, ComplexArray, IntArray, read_only
 from robotmodels.errors import InvalidInput
 from robotmodels.noise import RelativeNoise
+from robotmodels.notebook import Printed
 from robotmodels.response import Elastic, frequency_response
 
 
@@ -50,7 +51,7 @@ def place(index: Sequence[int] | NDArray[np.intp], omega: Array | None = None) -
 
 
 @dataclass(frozen=True, eq=False)
-class FrfEstimate:
+class FrfEstimate(Printed):
     """FRF estimates in Q positions at F frequencies, and how far to trust them.
 
     Attributes
@@ -98,6 +99,19 @@ class FrfEstimate:
             return np.asarray(self.covariance, dtype=float)
         diagonal = np.diagonal(self.covariance, axis1=-2, axis2=-1).real
         return np.asarray(unvec(diagonal, self.response.shape[-2]))
+
+    def __str__(self) -> str:
+        q, f, m, n = self.response.shape
+        low, high = self.omega.min() / (2 * np.pi), self.omega.max() / (2 * np.pi)
+        ratio = np.abs(self.response) / np.sqrt(self.variance)
+        with np.errstate(divide="ignore"):
+            decibel = 20 * np.log10(np.median(ratio))
+        noise = "correlated" if self.has_full_covariance else "independent"
+        return (
+            f"FRFs of {n} motors to {m} outputs in {q} positions at {f} frequencies, {low:.3g} to "
+            f"{high:.3g} Hz; median signal-to-noise ratio {decibel:.0f} dB, errors of elements "
+            f"{noise}"
+        )
 
     def subset(self, indices: Sequence[int] | IntArray) -> "FrfEstimate":
         """Return the estimates in the positions `indices` only."""

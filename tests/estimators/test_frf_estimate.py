@@ -142,3 +142,15 @@ def test_public_names_exist_and_functions_are_not_modules():
     with pytest.raises(AttributeError, match="no attribute 'nothing'"):
         _ = estimators.nothing
     assert set(estimators.__all__) <= set(dir(estimators))
+
+
+def test_an_estimate_is_printed_in_a_line():
+    response = np.full((2, 3, 2, 2), 10.0 + 0j)
+    omega = 2 * np.pi * np.array([1.0, 2.0, 30.0])
+    alone = FrfEstimate(np.zeros((2, 1)), omega, response, np.ones(response.shape), [1, 1])
+    assert str(alone) == (
+        "FRFs of 2 motors to 2 outputs in 2 positions at 3 frequencies, 1 to 30 Hz; median "
+        "signal-to-noise ratio 20 dB, errors of elements independent"
+    )
+    full = np.broadcast_to(np.eye(4) + 0j, (2, 3, 4, 4))
+    assert str(FrfEstimate(np.zeros((2, 1)), omega, response, full, [1, 1])).endswith("correlated")

@@ -36,7 +36,7 @@ def test_one_axis_by_its_closed_form():
     assert np.isclose(physics_start(wrong, estimate).values[0], 300.0, rtol=0.05)
 
 
-@pytest.mark.parametrize("name", ["ur10", "kr240_class", "xarm7", "manutec_r3_26"])
+@pytest.mark.parametrize("name", ["ur10", "kr240_class", "manutec_r3_26"])
 def test_gears_are_found_within_a_factor(name):
     robot = load_robot(name)
     start = physics_start(robot, measured(robot))
