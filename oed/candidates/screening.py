@@ -97,7 +97,10 @@ def screened_candidates(
     if not len(screen.left):
         summary = _summary(0, len(positions), screen.removed)
         worst = max(screen.removals, key=lambda removal: removal.count)
-        raise InvalidInput(f"{summary}; most often {worst.reason}, {worst.what} ({worst.count})")
+        units = "; positions are in rad, or m" if worst.reason == "joint limits" else ""
+        raise InvalidInput(
+            f"{summary}; most often {worst.reason}, {worst.what} ({worst.count}){units}"
+        )
     return ScreenedCandidates(
         positions=read_only(positions[screen.left]),
         kept=read_only(screen.left),

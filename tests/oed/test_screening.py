@@ -54,6 +54,11 @@ def test_counts_by_reason(tmp_path):
     assert "collisions are not checked" in more.notes
 
 
+def test_degrees_for_radians_are_guessed(tmp_path):
+    with pytest.raises(InvalidInput, match=r"joint 'elbow' \(1\); positions are in rad, or m$"):
+        screened_candidates(arm(tmp_path), np.array([[0.0, 90.0, 0.0]]))
+
+
 def test_nothing_left_says_why(tmp_path):
     robot = arm(tmp_path)
     lamp = Sphere("lamp", (0, 0, 0.5), 0.3)
