@@ -133,12 +133,22 @@ def covariance(
     if method == "scaled":
         meat = (reduced_cost(fit) if blocks is None else misfit(fit, blocks).ratio) * meat
     note = "" if blocks is None else f", covariance of {blocks} blocks"
-    note += "" if fit.converged else " (the fit has not converged)"
+    note += _doubts(fit)
     return Uncertainty(
         names=names,
         covariance=sandwich(bread + known, meat + known, names),
         method=f"{METHODS[method]}, {fit.residual}{note}",
     )
+
+
+def _doubts(fit: "Fit") -> str:
+    """Return why a fit's covariance may not hold, in brackets; nothing if there is no reason."""
+    stuck = np.isclose(fit.parameters.values, fit.bounds, rtol=1e-6, atol=0).any(axis=0)
+    said = [] if fit.converged else ["the fit has not converged"]
+    if stuck.any():
+        names = [name for name, held in zip(fit.parameters.names, stuck, strict=True) if held]
+        said.append(f"at a bound, as if free: {', '.join(names)}")
+    return f" ({'; '.join(said)})" if said else ""
 
 
 def _check_method(method: str, lags: int | None, blocks: int | None) -> None:

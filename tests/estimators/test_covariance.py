@@ -225,6 +225,14 @@ def test_a_fit_that_has_not_converged_says_so():
     assert "has not converged" in covariance(found).method
 
 
+def test_parameters_at_a_bound_are_named():
+    bounds = np.outer([0.5, 2.0], TRUTH)
+    bounds[0, 0] = 1.05 * TRUTH[0]
+    found = fit(MODEL, noisy(), start=1.1 * TRUTH, bounds=bounds)
+    assert covariance(found).method.endswith("(at a bound, as if free: k1)")
+    assert "bound" not in covariance(fit(MODEL, noisy())).method
+
+
 def test_uncertainty_in_other_words():
     u = Uncertainty(("k", "c"), np.array([[0.04, 0.01], [0.01, 0.09]]), "test")
     assert np.allclose(u.std, [0.2, 0.3])
