@@ -3,7 +3,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from robots import PENDULUM, SENSED, built, changed
-from test_plant import frf, multisines, odd_lines
+from simulated import frf, multisines, odd_lines
 
 import oed
 import robotmodels
