@@ -16,8 +16,8 @@ JSON = ("design.json", "fit.json", "uncertainty.json")
 
 def kept(out):
     """Return the stages that a run's summary says it kept."""
-    line = next((line for line in out.splitlines() if line.strip().startswith("kept")), "")
-    return set(line.replace("kept", "", 1).split("(")[0].replace(",", " ").split())
+    stages = " ".join(out.split()).partition(" kept ")[2]  # over several lines
+    return set(stages.split("(")[0].replace(",", " ").split())
 
 
 @pytest.fixture
