@@ -183,7 +183,7 @@ def test_a_cluster_computes_the_same(small_study, tmp_path):
     distributed = pytest.importorskip("distributed")
     folder, _ = small_study
     with distributed.LocalCluster(
-        n_workers=2, threads_per_worker=1, dashboard_address=None
+        n_workers=2, threads_per_worker=1, dashboard_address=":0"
     ) as cluster:
         path = write_study(tmp_path)
         code, _, err = oed("run", path, "--cluster", cluster.scheduler_address)

@@ -77,7 +77,7 @@ def dask():
 def test_a_dask_executor_gives_the_same_to_the_last_bit(dask):
     with (
         dask.LocalCluster(
-            n_workers=1, threads_per_worker=1, processes=False, dashboard_address=None
+            n_workers=1, threads_per_worker=1, processes=False, dashboard_address=":0"
         ) as cluster,
         dask.Client(cluster) as client,
     ):
@@ -90,7 +90,7 @@ def test_a_dask_executor_gives_the_same_to_the_last_bit(dask):
 def test_dask_workers_that_are_killed_cost_nothing(dask, tmp_path):
     with (
         dask.LocalCluster(
-            n_workers=2, threads_per_worker=1, processes=True, dashboard_address=None
+            n_workers=2, threads_per_worker=1, processes=True, dashboard_address=":0"
         ) as cluster,
         dask.Client(cluster) as client,
     ):
