@@ -154,9 +154,10 @@ class Evidence:
         if not self.fit.converged:
             found.append(f"the fit has not converged: {self.fit.message}")
         if self.improbable is not None:
+            chance = self.improbable.probability
             found.append(
                 f"the cost is {self.improbable.ratio:.3g} times what noise explains "
-                f"(probability {self.improbable.probability:.1g})"
+                f"(probability {f'{chance:.1g}' if chance > 1e-99 else 'below 1e-99'})"
             )
         if self.draws is not None and (np.abs(self.weighting - 1) > WIDTH).any():
             found.append(
