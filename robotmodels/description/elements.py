@@ -70,6 +70,8 @@ class Elements:
                     f"parameters.extra: {name!r} cannot be a parameter of this robot"
                     f"{_meant(name, possible)}; there are {', '.join(possible)}"
                 )
+            if self.file.parameters.extra.count(name) > 1:
+                raise InvalidInput(f"parameters.extra: {name!r} is named twice")
             if not possible[name][0] > 0:
                 raise InvalidInput(
                     f"parameters.extra: {name} is {possible[name][0]:g} in the robot file; "

@@ -159,6 +159,7 @@ def test_tied_parameters_keep_their_ratio():
         ({"extra": ["payload.mas"]}, "did you mean 'payload.mass'"),
         ({"extra": ["payload.inertia.xy"]}, "payload.inertia.xy is 0"),
         ({"extra": ["delay"]}, "delay is 0"),
+        ({"extra": ["m1.inertia", "m1.inertia"]}, "'m1.inertia' is named twice"),
         ({"extra": ["payload.com"]}, "mean 'payload.com.x' or 'payload.com.y' or 'payload.com.z'?"),
         ({"extra": ["d1.stiffness"]}, "'d1.stiffness' is free without that; extra is for"),
         ({"fixed": ["m1.inertia"]}, "'m1.inertia' is fixed unless parameters.extra names it"),
