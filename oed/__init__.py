@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 from robotmodels.lazy_names import loaded_when_used
 
 if TYPE_CHECKING:
+    from oed.candidate_information import information
     from oed.candidates.grids import candidate_positions, sobol_positions
     from oed.candidates.position_files import read_positions
     from oed.candidates.screening import Removal, ScreenedCandidates, screened_candidates
@@ -43,7 +44,7 @@ if TYPE_CHECKING:
     from oed.experiment.plan import ExperimentPlan, experiment_plan
     from oed.experiment.plan_export import export_csv, export_mat
     from oed.experiment.scaling import Binding, Limits, Scaling, scale
-    from oed.information_set import InformationSet, information
+    from oed.information_set import InformationSet
     from oed.plans.branch_and_bound import BestPlans, best_plans
     from oed.plans.climbing import Region
     from oed.plans.exact import ExactDesign, exact_design
@@ -124,7 +125,7 @@ _HOMES = {
     "fourier_matrix": "experiment.multisine",
     "gathered_candidates": "candidates.sources",
     "grid_plan": "trials.rivals",
-    "information": "information_set",
+    "information": "candidate_information",
     "line_information": "design.spectrum_lines",
     "log_frf_gradients": "design.predictions",
     "log_resonance_gradients": "design.predictions",

@@ -1,30 +1,22 @@
 """What an experiment in each candidate position would tell about the parameters."""
 
 import os
-from collections.abc import Callable, Iterable, Iterator
-from concurrent.futures import Executor
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, overload
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from oed.chunk_information import ChunkInformation
 from oed.design.matrix_checks import check_matrices, check_positions
 from oed.design.null_space import open_combinations, unidentifiable, weak_directions
-from oed.overlap import overlapped
 from robotmodels.arrays import Array, IntArray, read_only
 from robotmodels.errors import InvalidInput
-from robotmodels.noise import LoopNoise, RelativeNoise
 from robotmodels.notebook import Printed
 from robotmodels.replacing import replacing
-from robotmodels.response import Elastic, check_omega
 
 if TYPE_CHECKING:
     from oed.store import StoredInformation
-
-_WORTHWHILE = 128
-"""Fewest positions in a chunk that overlaps with the next."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -182,100 +174,6 @@ class InformationSet(Printed):
                 return cls(file["positions"][:], file["matrices"][:], names)
             except InvalidInput as error:
                 raise InvalidInput(f"{path}: {error}") from error
-
-
-@overload
-def information(
-    robot: Elastic,
-    positions: Array,
-    omega: Array,
-    noise: RelativeNoise | LoopNoise,
-    chunk: int = ...,
-    executor: Executor | None = ...,
-    progress: Callable[[int, int], object] | None = ...,
-    store: None = ...,
-) -> InformationSet: ...
-
-
-@overload
-def information(
-    robot: Elastic,
-    positions: Array,
-    omega: Array,
-    noise: RelativeNoise | LoopNoise,
-    chunk: int = ...,
-    executor: Executor | None = ...,
-    progress: Callable[[int, int], object] | None = ...,
-    *,
-    store: str | os.PathLike[str],
-) -> "StoredInformation": ...
-
-
-def information(
-    robot: Elastic,
-    positions: Array,
-    omega: Array,
-    noise: RelativeNoise | LoopNoise,
-    chunk: int = 1024,
-    executor: Executor | None = None,
-    progress: Callable[[int, int], object] | None = None,
-    store: str | os.PathLike[str] | None = None,
-) -> "InformationSet | StoredInformation":
-    """Return the information of one experiment in each position, equilibria held fixed.
-
-    For the built-in robots the latter changes no standard deviation by more than 0.3 % (15 random
-    positions, 2 to 80 Hz); see `robotmodels.sensitivity` for what it leaves out.
-
-    Parameters
-    ----------
-    robot : a model with `parameters` and `network(positions)`.
-    positions : (Q, n) [rad].
-    omega : (F,) [rad/s].
-    noise : the noise law of the FRF estimates; a `ClosedLoopNoise` knows the experiment.
-    chunk : the most positions per call of the kernel, which bounds the memory.
-    executor : computes chunks in parallel; None computes here.
-    progress : called with the number of positions done and their total.
-    store : path of a file for more matrices than memory holds; they are written as they come and
-        read in chunks, see `store`.
-
-    Raises
-    ------
-    InvalidInput : if there is no position, or `chunk` is not positive.
-    NoEquilibrium : if the springs cannot carry the robot's weight in a position.
-    """
-    positions = np.atleast_2d(np.asarray(positions, dtype=float))
-    if positions.size == 0:
-        raise InvalidInput("positions: none given; at least one candidate position is needed")
-    if chunk < 1:
-        raise InvalidInput(f"chunk: {chunk} positions per call; at least 1 is needed")
-    # Several of them, where there are enough positions, for there to be something that overlaps.
-    size = min(chunk, max(-(-len(positions) // 4), _WORTHWHILE))
-    chunks = [positions[start : start + size] for start in range(0, len(positions), size)]
-    work = ChunkInformation(robot, check_omega(omega), noise)
-    names = robot.parameters.names
-    found: Iterable[Array]
-    if executor is None and len(chunks) == 1:
-        found = map(work, chunks)
-    elif executor is None:  # what Pinocchio does for a chunk overlaps with the kernel's last
-        found = overlapped(work.prepare, work.finish, chunks)
-    else:
-        found = executor.map(work, chunks)
-    if store is None:
-        return InformationSet._of_sums(positions, _counted(found, len(positions), progress), names)
-    from oed.store import write_store
-
-    return write_store(store, positions, names, _counted(found, len(positions), progress))
-
-
-def _counted(
-    parts: Iterable[Array], total: int, progress: Callable[[int, int], object] | None
-) -> Iterator[Array]:
-    done = 0
-    for part in parts:
-        yield part
-        done += len(part)
-        if progress is not None:
-            progress(done, total)
 
 
 def _check_shapes(positions: Array, matrices: Array, names: tuple[str, ...]) -> None:

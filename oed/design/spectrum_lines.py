@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from oed.information_set import information
+from oed.candidate_information import information
 from robotmodels.arrays import Array
 from robotmodels.noise import RelativeNoise
 from robotmodels.response import Elastic, frequency_response

@@ -11,6 +11,7 @@ from functools import partial
 
 import numpy as np
 
+from oed.candidate_information import information
 from oed.candidates.grids import sobol_positions
 from oed.candidates.screening import usable
 from oed.design.certificate import certify
@@ -19,7 +20,7 @@ from oed.design.criteria import objective as stated
 from oed.design.objective import Objective
 from oed.design.polytope import Polytope
 from oed.design.relaxed import Design, optimal_design
-from oed.information_set import InformationSet, information
+from oed.information_set import InformationSet
 from oed.plans.climbing import Region, climbed, new_positions
 from robotmodels.arrays import Array, BoolArray
 from robotmodels.collision.surroundings import Surroundings

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
+from oed.candidate_information import information
 from oed.candidates.screening import ScreenedCandidates
 from oed.design.constraints import Constraints
 from oed.design.criteria import Criterion, objective
@@ -18,7 +19,7 @@ from oed.design.robust import (
     RobustDesign,
     robust_design,
 )
-from oed.information_set import InformationSet, information
+from oed.information_set import InformationSet
 from oed.plans.exact import ExactDesign, exact_design
 from oed.plans.order import VisitingOrder, visiting_order
 from oed.store import StoredInformation

@@ -17,6 +17,7 @@ from robotmodels import (
     SpringNetwork,
     frequency_response,
     load_robot,
+    sensitivity,
 )
 
 OMEGA = 2 * np.pi * np.linspace(1.0, 8.0, 10)
@@ -93,6 +94,21 @@ def test_parameters_that_are_no_springs_inform_too():
         variance = NOISE.variance(frequency_response(robot, positions, OMEGA))
         expected = 2 * (np.abs(difference / (2 * h)) ** 2 / variance).sum(axis=(1, 2, 3))
         np.testing.assert_allclose(matrices[:, i, i], expected, rtol=1e-4)
+
+
+@pytest.mark.parametrize("count", [2, 70])
+def test_information_with_equilibria_that_shift_is_that_of_exact_sensitivities(count):
+    robot = load_robot("panda")
+    positions = 0.5 * sobol_positions(robot, count) + 0.5 * robot.position_limits.mean(axis=1)
+    G, J = sensitivity(robot, positions, OMEGA[:2])
+    weight = 1 / NOISE.variance(G)
+    expected = 2 * np.einsum("qfmna,qfmn,qfmnb->qab", J.conj(), weight, J, optimize=True).real
+    size = np.sqrt(np.einsum("qaa->qa", expected))
+    size = size[:, :, None] * size[:, None, :]
+    exact = information(robot, positions, OMEGA[:2], NOISE, sag=True).matrices
+    held = information(robot, positions, OMEGA[:2], NOISE).matrices
+    assert np.abs((exact - expected) / size).max() < 1e-12
+    assert np.abs((held - expected) / size).max() > 1e-6
 
 
 def test_information_refuses_empty_work():
