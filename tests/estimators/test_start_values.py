@@ -26,8 +26,7 @@ def test_one_axis_by_its_closed_form():
     wrong = CoupledChains(chain.masses, np.array([[5.0]]), chain.couplings, np.array([[1.0]]))
     stiffness, damping = physics_start(wrong, estimate).values
     assert np.isclose(stiffness, 300.0, rtol=0.05)
-    reduced = 2.0 / 3.0
-    assert 0.5 < damping < 2.0, reduced
+    assert 0.7 < damping < 1.4  # the truth is 1
     # Above the anti-resonance only the resonance sqrt(K (1/m1 + 1/m2)) is left.
     high = omega > 15.0
     estimate = FrfEstimate(
