@@ -3,8 +3,7 @@ import sys
 
 import pytest
 
-from reports import __main__ as entry
-from reports import cli
+from reports import application, cli
 
 
 @pytest.fixture
@@ -31,9 +30,9 @@ def test_an_interrupt_while_the_command_loads_ends_it_quietly(monkeypatch, capsy
     def interrupted():
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(cli, "main", interrupted)
+    monkeypatch.setattr(application, "run", interrupted)
     with pytest.raises(SystemExit) as ended:
-        entry.main()
+        cli.main()
     assert (ended.value.code, *capsys.readouterr()) == (130, "", "")
 
 

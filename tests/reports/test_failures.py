@@ -8,7 +8,7 @@ from types import SimpleNamespace
 
 import pytest
 
-from reports import cli
+from reports import application, cli
 from reports.commands.options import about
 from reports.commands.workers import cluster
 from robotmodels.errors import IdentificationError, InvalidInput, NotIdentifiable
@@ -21,7 +21,7 @@ def ends(monkeypatch, capsys):
         def app(**_):
             raise error
 
-        monkeypatch.setattr(cli, "app", app)
+        monkeypatch.setattr(application, "app", app)
         with pytest.raises(SystemExit) as ended:
             cli.main()
         out, err = capsys.readouterr()
@@ -67,7 +67,7 @@ def test_a_fault_of_the_program_keeps_its_traceback(monkeypatch):
     def app(**_):
         raise RuntimeError("a bug")
 
-    monkeypatch.setattr(cli, "app", app)
+    monkeypatch.setattr(application, "app", app)
     with pytest.raises(RuntimeError, match="a bug"):
         cli.main()
 

@@ -9,7 +9,7 @@ from robots import CRANE, SENSED, built
 from typer.testing import CliRunner
 
 import robotmodels
-from reports import cli
+from reports import application, cli
 from reports.commands.check_options import read_band, read_position
 from reports.terminal.robot_summary import robot_json, robot_summary
 from robotmodels import ElasticRobot, InvalidInput
@@ -173,9 +173,9 @@ def test_a_mistake_is_one_line_and_exit_code_2(
 def test_the_command_prints_either() -> None:
     runner = CliRunner()
     words = ["check", "moberg_axis1", "--position", "-10", "--band", "5,30"]
-    text = runner.invoke(cli.app, words)
+    text = runner.invoke(application.app, words)
     assert text.exit_code == 0
     assert "position: -10°" in text.stdout
     assert "1 of 3 resonances, at 41.8 Hz, above 30 Hz" in text.stdout
-    content = json.loads(runner.invoke(cli.app, [*words, "--json"]).stdout)
+    content = json.loads(runner.invoke(application.app, [*words, "--json"]).stdout)
     assert content["motors"][0]["angle"] == pytest.approx(np.radians(-10))

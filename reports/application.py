@@ -1,0 +1,109 @@
+"""The application behind ``oed``: its commands are the modules of `reports.commands`.
+
+Exit codes: 0 when all went well; 2 for a mistake in a command or a file; 1 for what is nobody's
+mistake, such as a full disk; 130 when interrupted, 128 + n when ended by signal n.
+"""
+
+import os
+import re
+import signal
+import sys
+import threading
+from concurrent.futures.process import BrokenProcessPool
+from typing import Annotated
+
+import typer
+
+from reports.commands import register_all
+from robotmodels.errors import IdentificationError
+from robotmodels.files import disk_full, reason
+
+app = typer.Typer(
+    no_args_is_help=True,
+    pretty_exceptions_enable=False,
+    context_settings={"help_option_names": ["-h", "--help"]},
+    help="Optimal experiment design and uncertainty for elastic robots.\n\n"
+    "Example: oed run studies/ur10.yaml",
+    epilog="Exit codes: 0 done, 1 failed, 2 a mistake in the command or a file, 130 interrupted.",
+)
+register_all(app)
+
+
+_PATIENCE = 10.0
+"""Time to end in order after a signal [s]."""
+
+_DISK_FULL = "the disk is full; free some space and run the same command again"
+
+
+def _version(wanted: bool) -> None:
+    if wanted:
+        from importlib.metadata import version
+
+        typer.echo(f"oed {version('elastic-robot-oed')}")
+        raise typer.Exit
+
+
+@app.callback()
+def _oed(
+    version: Annotated[
+        bool,
+        typer.Option(
+            "--version", callback=_version, is_eager=True, help="Print the version and end."
+        ),
+    ] = False,
+) -> None:
+    """Take the options before a command."""
+
+
+def run() -> None:
+    """Run the command that was typed; a user's mistake ends in one line and exit code 2."""
+    for name in ("SIGTERM", "SIGHUP"):
+        number = getattr(signal, name, None)
+        if number is not None and signal.getsignal(number) == signal.SIG_DFL:  # not under nohup
+            signal.signal(number, _end)
+    try:
+        sys.exit(app(standalone_mode=False) or 0)
+    except IdentificationError as error:
+        if disk_full(error):
+            _fail(_DISK_FULL, 1)
+        _fail(str(error), 2)
+    except typer.TyperException as error:
+        if message := _usage(error):
+            _fail(message, error.exit_code)
+        sys.exit(error.exit_code)  # help was shown
+    except BrokenProcessPool:
+        _fail("a worker process was killed, perhaps for want of memory; try --workers 1", 1)
+    except (OSError, RuntimeError) as error:  # HDF5 raises either
+        if disk_full(error):
+            _fail(_DISK_FULL, 1)
+        if not (isinstance(error, OSError) and error.filename):
+            raise
+        _fail(f"{error.filename}: {reason(error)}", 1)
+
+
+def _usage(error: typer.TyperException) -> str:
+    """Return what is wrong with the command and which help says more; nothing if help was shown."""
+    message = " ".join(error.format_message().replace("Value error, ", "").split())
+    message = re.sub(r"Input should be a valid integer.*", "a whole number is needed", message)
+    message = re.sub(r"\. Did you mean (.*\?)", r" (did you mean \1)", message)
+    message = message.removesuffix(".")
+    context = getattr(error, "ctx", None)
+    see = f"see {context.command_path if context else 'oed'} --help"
+    return f"{message[0].lower()}{message[1:]}; {see}" if message else ""
+
+
+def _fail(message: str, code: int) -> None:
+    sys.stderr.write(f"error: {message}\n")
+    sys.exit(code)
+
+
+def _end(number: int, _: object) -> None:
+    """End as at an error, so that what is half-written is taken away.
+
+    An exit raised while compiled code calls back is swallowed; the process then ends a little
+    later. What stages have written outlives that, as it outlives a kill.
+    """
+    late = threading.Timer(_PATIENCE, os._exit, (128 + number,))
+    late.daemon = True
+    late.start()
+    sys.exit(128 + number)
