@@ -176,9 +176,10 @@ def _modes(d: Diagnosis) -> list[str]:
             f"overdamped: {plural(len(d.overdamped), 'real pole')}, "
             f"from {number(_hertz(min(d.overdamped)))} Hz"
         )
-    tip = sum(w < -1e-3 for w in d.rigid_squares)
-    falls = f"; gravity would tip over {tip} of them if the motors ran free" if tip else ""
-    return [*lines, *wrapped(f"{plural(len(d.rigid_squares), 'rigid mode')}, one per motor{falls}")]
+    rigid, tip = len(d.rigid_squares), sum(w < -1e-3 for w in d.rigid_squares)
+    which = "it" if rigid == 1 else f"{tip} of them"
+    falls = f"; gravity would tip {which} over if no motor held" if tip else ""
+    return [*lines, *wrapped(f"{plural(rigid, 'rigid mode')}, one per motor{falls}")]
 
 
 def _anti_resonances(d: Diagnosis) -> list[str]:

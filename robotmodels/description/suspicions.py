@@ -46,7 +46,8 @@ def outside_the_band(d: Diagnosis) -> Iterator[Suspicion]:
             yield Suspicion(
                 f"mode {side} the band",
                 (),
-                f"{beyond.sum()} of {len(hertz)} resonances, at {which}, {side} {edge:.3g} Hz",
+                f"{beyond.sum()} of {len(hertz)} undamped resonances, at {which}, {side} "
+                f"{edge:.3g} Hz",
             )
 
 
