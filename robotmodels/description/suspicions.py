@@ -46,8 +46,7 @@ def outside_the_band(d: Diagnosis) -> Iterator[Suspicion]:
             yield Suspicion(
                 f"mode {side} the band",
                 (),
-                f"{beyond.sum()} of {len(hertz)} undamped resonances, at {which}, {side} "
-                f"{edge:.3g} Hz",
+                f"{beyond.sum()} of {len(hertz)} undamped modes, at {which}, {side} {edge:.3g} Hz",
             )
 
 

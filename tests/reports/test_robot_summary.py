@@ -53,7 +53,7 @@ def test_units_states_and_loads() -> None:
     assert line(text, "d2") == "d2 shoulder_lift_joint drive 40.0 60.0 0.328° 229"
     assert line(text, "b4z").count("fixed") == 2
     assert "payload included: 10.0 kg on wrist_3_link" in text
-    assert "10 of 18 undamped resonances, at 87.2 to 442 Hz, above 80 Hz" in text
+    assert "10 of 18 undamped modes, at 87.2 to 442 Hz, above 80 Hz" in text
     assert "6 rigid modes, one per motor" in text
     motor = next(row for row in text.splitlines() if "spring d2" in row)
     # 3.9212e-4 kg m^2, times 101^2; -229 N m on the arm are -2.27 on the shaft.
@@ -176,6 +176,6 @@ def test_the_command_prints_either() -> None:
     text = runner.invoke(application.app, words)
     assert text.exit_code == 0
     assert "position: -10°" in text.stdout
-    assert "1 of 3 undamped resonances, at 41.8 Hz, above 30 Hz" in text.stdout
+    assert "1 of 3 undamped modes, at 41.8 Hz, above 30 Hz" in text.stdout
     content = json.loads(runner.invoke(application.app, [*words, "--json"]).stdout)
     assert content["motors"][0]["angle"] == pytest.approx(np.radians(-10))

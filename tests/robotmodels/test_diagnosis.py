@@ -164,7 +164,7 @@ def test_modes_beyond_the_band() -> None:
         low, high = band
         first, *_ = suspicions(diagnose(robot, np.zeros(1), (HZ * low, HZ * high)))
         assert first.rule == f"mode {side} the band"
-        assert f"1 of 1 undamped resonances, at {hertz:.3g} Hz, {side}" in first.message
+        assert f"1 of 1 undamped modes, at {hertz:.3g} Hz, {side}" in first.message
 
 
 def test_a_spring_nothing_excites_is_named_only_where_it_is_free() -> None:
