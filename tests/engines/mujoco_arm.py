@@ -39,8 +39,8 @@ class MujocoArm:
         return mujoco.MjData(self.model)
 
     @cached_property
-    def _unloaded(self) -> dict[bytes, np.ndarray]:
-        """Gravity's derivatives found so far, by coordinates."""
+    def _slopes(self) -> dict[bytes, np.ndarray]:
+        """Gravity's derivatives found so far, by coordinates; dampers move none of these."""
         return {}
 
     @cached_property
@@ -70,13 +70,15 @@ class MujocoArm:
 
     def gravity_stiffness(self, q: np.ndarray) -> np.ndarray:
         """Return dg/dq by central differences of fourth order."""
+        if (known := self._slopes.get(q.tobytes())) is not None:
+            return known
         h = 1e-3
         columns = []
         for e in h * np.eye(len(q)):
             near = self.gravity(q + e) - self.gravity(q - e)
             far = self.gravity(q + 2 * e) - self.gravity(q - 2 * e)
             columns.append((8 * near - far) / (12 * h))
-        return np.array(columns).T
+        return self._slopes.setdefault(q.tobytes(), np.array(columns).T)
 
     def _at(self, q: np.ndarray) -> None:
         self.data.qpos[:] = q
@@ -119,9 +121,7 @@ class MujocoArm:
         free = np.setdiff1d(np.arange(len(q)), self.held())
         a = self.elongations()
         # That of the unloaded arm will do: Newton's steps stay nearly exact.
-        by_q = self._unloaded.get(q.tobytes())
-        if by_q is None:
-            by_q = self._unloaded[q.tobytes()] = self.gravity_stiffness(q)
+        by_q = self.gravity_stiffness(q)
         for _ in range(50):
             force, slope = self._springs(a @ q, factors)
             K = by_q + a.T @ np.diag(slope) @ a
@@ -179,12 +179,11 @@ class MujocoArm:
         for position in positions:
             M, D, K, S = self.linear_model(position, factors or {}, sag=sag)
             tilt, acceleration = self._sensors(position, factors or {})
-            rows = []
-            for w in omega:
-                X = np.linalg.solve(K - w**2 * M + 1j * w * D, S)
-                outputs = [-(w**2) * S.T @ X, (tilt - w**2 * acceleration) @ X]
-                rows.append(np.exp(-1j * w * self.file.delay) * np.concatenate(outputs))
-            response.append(rows)
+            w = np.asarray(omega)[:, None, None]
+            X = np.linalg.solve(K - w**2 * M + 1j * w * D, np.broadcast_to(S, (len(w), *S.shape)))
+            outputs = [-(w**2) * (S.T @ X), (tilt - w**2 * acceleration) @ X]
+            late = np.exp(-1j * w * self.file.delay)
+            response.append(late * np.concatenate(outputs, axis=1))
         return np.array(response)
 
     def _sensors(

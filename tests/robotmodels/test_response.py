@@ -4,7 +4,7 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
-from robots import CRANE, PENDULUM, SENSED, built, changed
+from robots import CRANE, PENDULUM, built, changed
 
 from robotmodels import (
     ElasticRobot,
@@ -44,7 +44,6 @@ def error(found: np.ndarray, expected: np.ndarray) -> float:
 ROBOTS = {
     "ur10": lambda: load_robot("ur10"),
     "crane": lambda: built(CRANE),
-    "extras": lambda: built(SENSED),
 }
 
 
