@@ -22,7 +22,7 @@ def values_of_all(info, n_experiments, criterion="D", allowed=lambda counts: Tru
     return sorted(values, reverse=True)
 
 
-@settings(max_examples=8, deadline=None)
+@settings(max_examples=5, deadline=None)
 @given(
     seed=st.integers(0, 10**6),
     p=st.integers(2, 3),

@@ -67,14 +67,15 @@ def monolithic(constraints, criterion):
 def test_constrained_design_equals_one_convex_problem(name):
     constraints = CASES[name]
     best = monolithic(constraints, "D")
-    for solver in ("newton", "cvxpy"):
+    # Each of cvxpy's kinds of rules once; they are stated for both solvers alike.
+    for solver in ("newton", "cvxpy") if name in ("own most", "all") else ("newton",):
         design = optimal_design(INFO, "D", constraints, solver=solver)
         assert design.value == pytest.approx(best, abs=2e-4)
         check_obeyed(constraints, design.weights)
         assert design.gap <= 1e-6
 
 
-@pytest.mark.parametrize("name", ["own most", "groups", "all"])
+@pytest.mark.parametrize("name", ["own most", "all"])
 def test_constrained_a_design(name):
     design = optimal_design(INFO, "A", CASES[name], solver="newton")
     assert design.value == pytest.approx(monolithic(CASES[name], "A"), rel=1e-4)

@@ -73,6 +73,8 @@ def test_a_design_of_another_criterion_needs_it_named():
     assert exact.efficiency > 0.5
 
 
+N = 5
+EVERY = np.array([c for c in product(range(N + 1), repeat=6) if 2 < sum(c) <= N])
 CONSTRAINTS = {
     "most": Constraints(most=1.0),
     "mandatory": Constraints(mandatory={0: 2, 3: 1}),
@@ -89,16 +91,12 @@ def test_within_constraints_against_every_plan(name):
     constraints, ratios = CONSTRAINTS[name], []
     for seed in range(2):
         info = random_set(seed, 6, 3, 2)
-        n = 5
-        exact = exact_design(info, n, constraints=constraints)
-        counted = Constraints(**{**vars(constraints), "experiments": None if name == "time" else n})
+        exact = exact_design(info, N, constraints=constraints)
+        counted = Constraints(**{**vars(constraints), "experiments": None if name == "time" else N})
         allowed = counted.polytope(6)
         assert allowed.violation(exact.repetitions.astype(float)) < 1e-9
-        every = (np.array(c) for c in product(range(n + 1), repeat=6))
         best = max(
-            log_value(info, "D", c)
-            for c in every
-            if 2 < c.sum() <= n and allowed.violation(c.astype(float)) < 1e-9
+            log_value(info, "D", c) for c in EVERY if allowed.violation(c.astype(float)) < 1e-9
         )
         ratios.append(np.exp(log_value(info, "D", exact.repetitions) - best))
         assert exact.efficiency <= ratios[-1] + 1e-9

@@ -61,12 +61,21 @@ def same(one, other):
     return all(np.array_equal(a, b) for a, b in zip(one, other, strict=True))
 
 
-def test_a_pool_whose_workers_are_killed_gives_the_same_to_the_last_bit(tmp_path):
+def killed_in(killed, tmp_path):
     with ProcessPool(1) as pool:  # more would take longer to begin than to compute
         for work in WORK:
-            model = Deadly(tmp_path / work.__name__)
+            model = Deadly(tmp_path / work.__name__ if work in killed else None)
             assert same(work(model, pool), work(Deadly(), None)), work.__name__
-            assert model.mark.exists()
+            assert model.mark is None or model.mark.exists()
+
+
+def test_a_pool_whose_workers_are_killed_gives_the_same_to_the_last_bit(tmp_path):
+    killed_in(WORK[-1:], tmp_path)
+
+
+@pytest.mark.slow  # every new worker imports the libraries anew
+def test_a_pool_whose_workers_are_killed_in_every_kind_of_work(tmp_path):
+    killed_in(WORK, tmp_path)
 
 
 @pytest.fixture

@@ -24,11 +24,10 @@ LIMITS = Limits(
 )
 
 
-def extremes(runs):
+def extremes(torque, speed, angle):
     """Return lowest and highest torque, speed, position (3, n, 2) of several runs."""
-    torque, speed, angle = (np.concatenate(parts) for parts in zip(*runs, strict=True))
     signals = (torque, speed, angle / RATIOS)
-    return np.array([np.stack([s.min(axis=0), s.max(axis=0)], axis=-1) for s in signals])
+    return np.array([np.stack([s.min(axis=(0, 1)), s.max(axis=(0, 1))], axis=-1) for s in signals])
 
 
 def test_peaks_are_those_of_a_simulation_sample_by_sample():
@@ -38,18 +37,16 @@ def test_peaks_are_those_of_a_simulation_sample_by_sample():
     wrong = PlannedLoop.of(measured, AXES, other, NOTHING_HELD)
     expected = []
     for visit, position in enumerate(measured.visited):
-        runs = [
-            run(position, reference) for block in measured.reference(visit) for reference in block
-        ]
+        runs = run(position, measured.reference(visit).reshape(-1, N, 2))
         R = measured.multisine.spectrum(measured.phases[visit])
-        settled = extremes([[s[-len(s) // 6 :] for s in each] for each in runs])
+        settled = extremes(*(s[-len(s) // 6 :] for s in runs))
         np.testing.assert_allclose(loop.steady(measured, visit, R), settled, rtol=4e-3)
         assert np.abs(wrong.steady(measured, visit, R) / settled - 1).max() > 0.02
-        start = extremes([[s[: len(s) // 2] for s in each] for each in runs])  # 3 of 6 periods
+        start = extremes(*(s[: len(s) // 2] for s in runs))  # 3 of 6 periods
         np.testing.assert_allclose(loop.start(measured, visit, R), start, rtol=4e-3)
         assert np.abs(wrong.start(measured, visit, R) / start - 1).max() > 0.02
         assert np.abs(start).max() > np.abs(settled).max()  # the transient counts
-        expected.append(extremes(runs))
+        expected.append(extremes(*runs))
     predicted = predicted_peaks(measured, AXES, CONTROLLER, NOTHING_HELD)
     np.testing.assert_allclose(predicted.swing, expected, rtol=4e-3)
 

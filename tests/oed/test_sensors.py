@@ -1,3 +1,4 @@
+from functools import cache
 from itertools import combinations
 
 import numpy as np
@@ -31,7 +32,7 @@ def shop(count, seed=1):
 
 
 def best_of_all(sensors, budget, base=BASE, **options):
-    """Try every subset, each by cvxpy."""
+    """Try every subset, each by cvxpy unless told otherwise."""
     found = {}
     for k in range(len(sensors) + 1):
         for choice in combinations(sensors, k):
@@ -41,11 +42,17 @@ def best_of_all(sensors, budget, base=BASE, **options):
     return max(found, key=found.get), found
 
 
+@cache
+def values_of_four():
+    return best_of_all(shop(4), np.inf)[1]
+
+
 @pytest.mark.parametrize("budget", [0.5, 2.0, 3.5, 20.0])
 def test_choice_is_the_best_of_all(budget):
     sensors = shop(4)
     design = optimal_sensors(BASE, sensors, budget)
-    choice, values = best_of_all(sensors, budget)
+    values = values_of_four()
+    choice = max((c for c in values if sum(sensors[n].cost for n in c) <= budget), key=values.get)
     assert design.chosen == choice
     assert design.design.value == pytest.approx(values[choice], abs=1e-5)
     assert design.cost == pytest.approx(sum(sensors[n].cost for n in choice))
@@ -54,7 +61,7 @@ def test_choice_is_the_best_of_all(budget):
 
 
 def test_choice_for_the_worst_combination_after_experiments_there_are():
-    sensors, prior = shop(4), np.diag([3.0, 1.0, 0.3, 0.0])
+    sensors, prior = shop(3), np.diag([3.0, 1.0, 0.3, 0.0])
     design = optimal_sensors(BASE, sensors, 3.5, "E", prior=prior)
     choice, values = best_of_all(sensors, 3.5, criterion="E", prior=prior)
     assert design.chosen == choice
@@ -91,7 +98,7 @@ def test_many_sensors_are_exchanged_and_bounded():
     sensors = shop(12, seed=2)
     design = optimal_sensors(BASE, sensors, 6.0)
     small = {name: sensors[name] for name in list(design.chosen) + list(sensors)[:1]}
-    choice, values = best_of_all(small, 6.0)
+    choice, values = best_of_all(small, 6.0, solver="newton")
     true = np.exp((design.design.value - values[choice]) / P)
     assert true > 0.98
     assert design.relaxed_efficiency <= true + 1e-6
@@ -101,7 +108,7 @@ def test_many_sensors_are_exchanged_and_bounded():
 def test_keep_says_what_each_sensor_is_worth():
     sensors = shop(3, seed=3)
     design = optimal_sensors(BASE, sensors, 3.0)
-    _, values = best_of_all(sensors, 100.0)
+    _, values = best_of_all(sensors, 100.0, solver="newton")
     own = values[design.chosen]
     for name, kept in design.keep.items():
         changed = tuple(n for n in sensors if (n in design.chosen) != (n == name))

@@ -61,8 +61,10 @@ def plan(seed=1, **keywords):
     return experiment_plan(ROBOT, **{**usual, **keywords})
 
 
-def run(position, reference, fine=4, periods=6):
-    """Return torque (K, 2) at samples and speed, angle (K fine, 2) from rest on.
+def run(position, references, fine=4, periods=6):
+    """Return torque (K, R, 2) at samples and speed, angle (K fine, R, 2) from rest on.
+
+    References are (R, N, 2), each a run of its own.
 
     The held torque makes each sample exact: e^{A T} of the first-order system.
     """
@@ -74,17 +76,18 @@ def run(position, reference, fine=4, periods=6):
     A[d : 2 * d] = np.linalg.solve(M, np.hstack([-K, -D, S]))
     step = expm(A * T / fine)
     c = CONTROLLER
-    state, integral, last = np.zeros(2 * d), np.zeros(n), np.zeros(n)
+    step = step[: 2 * d].T
+    state, integral, last = (np.zeros((len(references), k)) for k in (2 * d, n, n))
     torques, speeds, angles = [], [], []
     for k in range(periods * N):
-        y = S.T @ state[:d]
-        e = reference[k % N] - c.position_gain * y - (y - last) / T
+        y = state[:, :d] @ S
+        e = references[:, k % N] - c.position_gain * y - (y - last) / T
         last = y
         integral = integral + T * e / c.integral_time
         u = c.speed_gain * (e + integral)
         torques.append(u)
         for _ in range(fine):
-            speeds.append(S.T @ state[d:])
-            angles.append(S.T @ state[:d])
-            state = step[: 2 * d] @ np.concatenate([state, u])
+            speeds.append(state[:, d:] @ S)
+            angles.append(state[:, :d] @ S)
+            state = np.concatenate([state, u], axis=1) @ step
     return np.array(torques), np.array(speeds), np.array(angles)
