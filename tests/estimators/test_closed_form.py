@@ -23,7 +23,7 @@ def found(estimate):
 @pytest.fixture(scope="module")
 def posterior(found):
     return sample_posterior(
-        found, rng=np.random.default_rng(1), walkers=32, scale=1.0, target=Target(ess=3500)
+        found, rng=np.random.default_rng(1), walkers=32, scale=1.0, target=Target(ess=2000)
     )
 
 
@@ -42,18 +42,19 @@ def test_the_posterior_is_the_closed_form(estimate, found, posterior):
     assert posterior.converged
     error = posterior.draws.mean(axis=0) - mean
     assert (np.abs(error) < 4 * std / np.sqrt(posterior.ess)).all()
-    assert posterior.uncertainty().std == pytest.approx(std, rel=0.03)
+    within = 3 / np.sqrt(2 * posterior.ess.min())
+    assert posterior.uncertainty().std == pytest.approx(std, rel=within)
     correlation = truth / np.outer(std, std)
-    assert posterior.uncertainty().correlation == pytest.approx(correlation, abs=0.03)
+    assert posterior.uncertainty().correlation == pytest.approx(correlation, abs=within)
     # Negative control: the test sees 10 % too wide a posterior.
-    assert posterior.uncertainty().std != pytest.approx(1.1 * std, rel=0.03)
+    assert posterior.uncertainty().std != pytest.approx(1.1 * std, rel=within)
 
 
 def test_convergence_is_judged_as_arviz_stats_does(posterior):
     assert (posterior.r_hat == r_hat(posterior.chains)).all()
     assert (posterior.ess == effective_size(posterior.chains)).all()
     assert posterior.r_hat.max() < 1.01
-    assert posterior.ess.min() > 3500
+    assert posterior.ess.min() > 2000
 
 
 def test_importance_sampling_is_the_closed_form(estimate, found):

@@ -27,7 +27,7 @@ def standard_normal(x):
     return -0.5 * np.sum(x**2, axis=1)
 
 
-def sampled_variance(move, seed=0, steps=700, walkers=20):
+def sampled_variance(move, seed=0, steps=400, walkers=20):
     """Variance that a move gives to N(0, I); its truth is 1."""
     state = np.random.RandomState(seed)
     sampler = emcee.EnsembleSampler(walkers, P, standard_normal, vectorize=True, moves=[move])
@@ -72,7 +72,7 @@ def test_student_t_draws_have_the_density_they_say():
     assert np.mean(ratio / np.exp(wide.log_density(other))) == pytest.approx(1, abs=0.02)
 
 
-def run(steps=200, seed=0, ensembles=2, log_probability=standard_normal, **arguments):
+def run(steps=160, seed=0, ensembles=2, log_probability=standard_normal, **arguments):
     rng = np.random.default_rng(seed)
     starts = rng.standard_normal((ensembles, 16, P))
     seeds = rng.integers(2**32, size=ensembles)
@@ -131,14 +131,14 @@ def test_an_interrupted_run_goes_on_as_if_nothing_had_happened(tmp_path):
     assert same == acceptance
     assert (reader.get_chain() == whole[1]).all()
     assert (run(store=store)[0] == whole).all()  # nothing left to do
-    longer, _ = run(steps=300, store=store)
-    assert (longer == run(steps=300)[0]).all()
+    longer, _ = run(steps=200, store=store)
+    assert (longer == run(steps=200)[0]).all()
     assert (run(store=store)[0] == whole).all()  # more than is needed
 
 
 def kept_run(path, **arguments):
     """A run of several chunks of 20 snapshots that are kept one after the other."""
-    return run(steps=200, store=Store(Path(path), "killed"), **arguments)[0]
+    return run(steps=120, store=Store(Path(path), "killed"), **arguments)[0]
 
 
 def test_killed_runs_lose_at_most_one_chunk_each(tmp_path):
@@ -154,7 +154,7 @@ def test_killed_runs_lose_at_most_one_chunk_each(tmp_path):
     told = []
     resumed = kept_run(path, progress=lambda done, _: told.append(done // 4))
     assert told[0] == 3 * 20
-    assert (resumed == run(steps=200)[0]).all()
+    assert (resumed == run(steps=120)[0]).all()
 
 
 def test_files_that_hold_something_else_are_refused(tmp_path):

@@ -21,14 +21,14 @@ def few_blocks(seed, blocks):
 def test_standard_deviations_are_those_of_repeated_fits(blocks, weights):
     """The negative control takes the sample covariance for the true one."""
     squares, taken = [], []
-    for seed in range(50):
+    for seed in range(25):
         estimate = few_blocks(seed, blocks)
         found = fit(MODEL, estimate, "nls", weights, tolerance=1e-7)
         error = np.log(found.parameters.values / TRUTH)
         for said, given in ((squares, blocks), (taken, None)):
             said.append(np.mean((error / covariance(found, blocks=given).std) ** 2))
     # Six parameters that correlate: as sure as three independent ones.
-    low, high = chi2.ppf([0.001, 0.999], 3 * 50) / (3 * 50)
+    low, high = chi2.ppf([0.001, 0.999], 3 * 25) / (3 * 25)
     assert low < np.mean(squares) < high
     assert (low < np.mean(taken) < high) == (weights == "user")
 

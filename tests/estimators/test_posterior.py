@@ -103,6 +103,7 @@ def test_the_posterior_is_as_wide_as_theorem_1(found):
         rng=np.random.default_rng(0),
         ensembles=2,
         walkers=24,
+        target=Target(ess=1500),
         progress=lambda done, total: told.append((done, total)),
     )
     assert posterior.converged, posterior.message

@@ -26,18 +26,19 @@ def test_where_all_is_noise_the_tests_are_passed_as_often_as_they_say(residual):
                 tolerance=1e-7,
             )
         )
-        for _ in range(60)
+        for _ in range(30)
     ]
     assert kstest([one.p_value for one in found], "uniform").pvalue > 1e-3
     assert kstest([one.whiteness_p_value for one in found], "uniform").pvalue > 1e-3
-    assert sum(one.outlying.size > 0 for one in found) <= 3
+    assert sum(one.outlying.size > 0 for one in found) <= 2
     data = (1 if residual == "lls_magnitude" else 2) * 3 * 23 * 4
     assert found[0].dof == data - 6
     assert np.isclose(found[0].position_dof.sum(), found[0].dof)
     assert np.isclose(found[0].element_dof.sum(), found[0].dof)
     assert np.isclose(found[0].position_chi2.sum(), found[0].chi2)
     assert np.isclose(found[0].element_chi2.sum(), found[0].chi2)
-    assert np.isclose(np.mean([one.reduced_cost for one in found]), 1, atol=0.05)
+    within = 4 * np.sqrt(2 / found[0].dof / len(found))
+    assert np.isclose(np.mean([one.reduced_cost for one in found]), 1, atol=within)
 
 
 def test_chi_square_is_twice_the_cost_of_optimal_weights():

@@ -9,12 +9,19 @@ from robotmodels import CoupledChains, InvalidInput, RelativeNoise, load_robot
 HERTZ = 2 * np.pi
 
 
-def measured(robot, seed=0, frequencies=60):
+def measured(robot, seed=0, frequencies=40):
     rng = np.random.default_rng(seed)
     low, high = robot.position_limits.T
     positions = low + (high - low) * rng.uniform(0.2, 0.8, (6, len(low)))
     omega = HERTZ * np.geomspace(2.0, 100.0, frequencies)
     return simulate_frf(robot, positions, omega, RelativeNoise(0.02, 0.002), rng)
+
+
+@pytest.fixture(scope="module")
+def kr240():
+    robot = load_robot("kr240_class")
+    estimate = measured(robot)
+    return robot, estimate, physics_start(robot, estimate)
 
 
 def test_one_axis_by_its_closed_form():
@@ -35,10 +42,15 @@ def test_one_axis_by_its_closed_form():
     assert np.isclose(physics_start(wrong, estimate).values[0], 300.0, rtol=0.05)
 
 
-@pytest.mark.parametrize("name", ["ur10", "kr240_class", "manutec_r3_26"])
-def test_gears_are_found_within_a_factor(name):
-    robot = load_robot(name)
-    start = physics_start(robot, measured(robot))
+@pytest.mark.parametrize(
+    "name", [pytest.param("ur10", marks=pytest.mark.slow), "kr240_class", "manutec_r3_26"]
+)
+def test_gears_are_found_within_a_factor(name, kr240):
+    if name == "kr240_class":
+        robot, _, start = kr240
+    else:
+        robot = load_robot(name)
+        start = physics_start(robot, measured(robot))
     gears = [s.axis == "drive" for s in robot.file.springs]
     error = np.abs(np.log(start.values / robot.parameters.values)).round(9)
     assert error[: len(gears)][gears].max() < np.log(1.8)
@@ -58,9 +70,8 @@ def test_the_stiffness_counts_on_which_positions_agree():
     assert np.isnan(agreed([(own[:0], own[:0])]))
 
 
-def test_the_models_own_values_do_not_matter():
-    robot = load_robot("kr240_class")
-    estimate = measured(robot)
+def test_the_models_own_values_do_not_matter(kr240):
+    robot, estimate, expected = kr240
 
     class Softer:
         parameters = robot.parameters
@@ -69,15 +80,14 @@ def test_the_models_own_values_do_not_matter():
             given = robot.parameters.values if parameters is None else parameters
             return robot.network(positions, 5.0 * given)
 
-    expected, found = physics_start(robot, estimate), physics_start(Softer(), estimate)
+    found = physics_start(Softer(), estimate)
     # One step of the search where two values serve alike.
     assert np.abs(np.log(found.values / expected.values)).max() < np.log(1.5)
 
 
 @pytest.mark.parametrize("start", ["physics", "chains"])
-def test_fits_from_the_data_alone_find_the_truth(start):
-    robot = load_robot("kr240_class")
-    estimate = measured(robot, frequencies=40)
+def test_fits_from_the_data_alone_find_the_truth(start, kr240):
+    robot, estimate, _ = kr240
     found = fit(robot, estimate, start=start)
     assert found.converged
     assert np.abs(np.log(found.parameters.values / robot.parameters.values)).max() < 0.2

@@ -13,7 +13,7 @@ def judged(level=1e-4, **setup):
 
 
 def test_steady_records_are_left_alone():
-    firsts = [judged(periods=4, blocks=2, noise=1e-4, seed=s).first for s in range(40)]
+    firsts = [judged(periods=4, blocks=2, noise=1e-4, seed=s).first for s in range(20)]
     assert max(firsts) == 0
 
 
@@ -21,7 +21,7 @@ def test_false_alarms_are_as_rare_as_claimed():
     p_values = np.concatenate(
         [
             judged(periods=5, blocks=1, noise=1e-4, feedback=f, seed=s).p_values
-            for s in range(80)
+            for s in range(40)
             for f in (0.0, 20.0)
         ]
     )
