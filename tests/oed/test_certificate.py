@@ -17,6 +17,7 @@ def plain_gap(weights, matrices):
     return max(np.trace(np.linalg.solve(M, H)) for H in matrices) / len(M) - 1
 
 
+@settings(max_examples=40, deadline=None)
 @given(seed=st.integers(0, 10**6), p=st.integers(1, 5), spare=st.integers(0, 6))
 def test_gap_equals_the_plain_formula(seed, p, spare):
     info = random_set(seed, p + spare, p, p)
@@ -38,7 +39,7 @@ def test_equal_weights_have_a_gap():
     assert optimality_gap(np.ones(201), info.matrices) > 0.5
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=20, deadline=None)
 @given(seed=st.integers(0, 10**6))
 def test_efficiency_is_never_below_its_bound(seed):
     info = random_set(seed, 8, 3, 2)

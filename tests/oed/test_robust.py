@@ -1,3 +1,5 @@
+from functools import cache
+
 import cvxpy as cp
 import numpy as np
 import pytest
@@ -21,17 +23,20 @@ def sets(seed=0):
 SETS = sets()
 
 
-def log_dets(w):
-    return [
+@cache
+def best_by_cvxpy(kind):
+    w = cp.Variable(Q, nonneg=True)
+    log_dets = [
         cp.log_det(cp.reshape(one.matrices.reshape(Q, -1).T @ w, (P, P), order="C")) for one in SETS
     ]
+    goal = sum(log_dets) / K if kind == "average" else cp.minimum(*log_dets)
+    return cp.Problem(cp.Maximize(goal), [cp.sum(w) == 1]).solve(cp.CLARABEL)
 
 
 @pytest.mark.parametrize("solver", ["newton", "cvxpy"])
 @pytest.mark.parametrize("form", ["primal", "dual"])
 def test_average_against_one_convex_problem(solver, form):
-    w = cp.Variable(Q, nonneg=True)
-    best = cp.Problem(cp.Maximize(sum(log_dets(w)) / K), [cp.sum(w) == 1]).solve(cp.CLARABEL)
+    best = best_by_cvxpy("average")
     design = oed.optimal_design(
         oed.InformationSamples(SETS), oed.AverageCriterion("D"), solver=solver, form=form
     )
@@ -57,9 +62,7 @@ def test_a_plain_criterion_is_averaged_over_samples():
 
 @pytest.mark.parametrize("solver", ["newton", "cvxpy"])
 def test_maximin_against_one_convex_problem(solver):
-    w = cp.Variable(Q, nonneg=True)
-    worst = cp.minimum(*log_dets(w))
-    best = cp.Problem(cp.Maximize(worst), [cp.sum(w) == 1]).solve(cp.CLARABEL)
+    best = best_by_cvxpy("maximin")
     design = oed.optimal_design(
         oed.InformationSamples(SETS), oed.MaximinCriterion("D"), solver=solver
     )

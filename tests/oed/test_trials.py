@@ -162,13 +162,13 @@ def test_scatter_is_what_theorem_1_promises_and_the_better_plan_wins(axes):
     told = []
     found = compared(
         info,
-        {"best": best, "one": once, "twin": best, "fourfold": 4 * best},
+        {"best": best, "one": once, "twin": best, "ninefold": 9 * best},
         runs=30,
         progress=lambda done, of: told.append((done, of)),
     )
     assert found.beaten == ("one",)
-    assert found.better == ("fourfold",)
-    assert found.promised[2:].tolist() == pytest.approx([1.0, 4.0])
+    assert found.better == ("ninefold",)
+    assert found.promised[2:].tolist() == pytest.approx([1.0, 9.0])
     assert told[-1] == (120, 120)
     for trial in found.trials:
         ends = trial.std_interval()
@@ -178,7 +178,7 @@ def test_scatter_is_what_theorem_1_promises_and_the_better_plan_wins(axes):
         ).all()
     assert found.more_certain(1)[1] == 2
     assert found.more_certain(3) == (0, 0, 2)
-    assert "best beats 1 of 3 rivals by D, beaten by fourfold, " in str(found)
+    assert "best beats 1 of 3 rivals by D, beaten by ninefold, " in str(found)
     assert found.held
 
 

@@ -119,7 +119,7 @@ def test_floor_under_the_meshes_of_a_ur10():
     """Judged by the files' vertices and plain kinematics."""
     robot = load_robot("ur10")
     rng = np.random.default_rng(1)
-    positions = rng.uniform(-2, 2, (200, 6))
+    positions = rng.uniform(-2, 2, (80, 6))
     around = surroundings(robot, floor=0.0, self_collision=False)
     hit = around.touching(positions).any(axis=1)
     path = locate(robot.file.urdf, robot.folder)
