@@ -33,7 +33,7 @@ def good():
 
 @pytest.fixture(scope="module")
 def posterior(good):
-    return sample_posterior(good, rng=np.random.default_rng(0), walkers=16, target=Target(ess=1000))
+    return sample_posterior(good, rng=np.random.default_rng(0), walkers=16, target=Target(ess=600))
 
 
 def test_on_good_data_all_methods_agree(good, posterior):

@@ -119,7 +119,7 @@ def manutec(imperfections, amplitude, transient):
     """Four blocks on an elastic robot under its own controller, sample by sample."""
     robot = load_robot("manutec_r3")
     rng = np.random.default_rng(0)
-    samples, n = 1000, len(robot.motor_names)
+    samples, n = 500, len(robot.motor_names)
     odd = np.arange(3, 50, 2)
     detection = odd[2::4]
     lines = np.setdiff1d(odd, detection)
