@@ -2,12 +2,15 @@
 
 import contextlib
 import io
+import re
 import sys
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
+from markupsafe import Markup
 
-from reports import cli
+from reports import cli, parts
 
 ROBOT = """\
 schema: robot/1
@@ -60,6 +63,25 @@ def oed(*words: object) -> tuple[int, str, str]:
     finally:
         sys.argv = argv
     return code, out.getvalue(), err.getvalue()
+
+
+@contextlib.contextmanager
+def drawn(wanted: str = "nothing") -> Iterator[None]:
+    """Leave pages without pictures but those whose id begins as the pattern `wanted` says.
+
+    Drawing takes most of a page's time. What a report shows is drawn for the small study, and for
+    the tutorial; the words of others are cheaper to judge.
+    """
+    inline = parts.inline
+
+    def maybe(draw, name, alt):
+        if re.match(f"in-({wanted})", name):
+            return inline(draw, name, alt)
+        return Markup('<svg id="{}"></svg>').format(name)
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(parts, "inline", maybe)
+        yield
 
 
 @pytest.fixture(scope="session")

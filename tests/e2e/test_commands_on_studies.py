@@ -4,7 +4,7 @@ import json
 import re
 
 import pytest
-from conftest import STUDY, oed, write_study
+from conftest import STUDY, drawn, oed, write_study
 
 SMALL = STUDY.replace("steps: 400", "steps: 200").replace("count: 12", "count: 8")
 SMALL = SMALL.replace("compare: {random: 1, runs: 12}", "compare: {runs: 0}\nprofiles: 0")
@@ -16,7 +16,8 @@ def steps(tmp_path_factory):
     folder = tmp_path_factory.mktemp("steps")
     study, said = write_study(folder, SMALL), {}
     for command in ("design", "fit", "sample", "report"):
-        code, out, err = oed(command, study, "--workers", 1)
+        with drawn():
+            code, out, err = oed(command, study, "--workers", 1)
         assert (code, err) == (0, "")
         files = {p.name for p in (folder / "results" / "here").iterdir()} - {"stages"}
         said[command] = out, files

@@ -16,6 +16,7 @@ DOCS = ROOT / "docs"
 PAGES = sorted(DOCS.rglob("*.md"))
 BLOCK = re.compile(r"^```(\w+)([^\n]*)\n(.*?)^```", re.DOTALL | re.MULTILINE)
 TITLE = re.compile(r'title="([^"]+)"')
+SHARED = {"run", "design", "fit", "sample", "report", "simulate"}  # commands with workers
 SHOWN = {"text"}  # what a page shows and nobody can run
 
 
@@ -51,12 +52,17 @@ def test_the_blocks_of_a_page_run(page, tmp_path, monkeypatch):
 
 
 def run(line: str, folder: Path) -> None:
-    """Run a command: `oed` in this process, which has the libraries loaded, the rest in a shell."""
+    """Run a command: `oed` in this process alone, which has the libraries loaded, the rest by bash.
+
+    Where nothing is said of workers, a process per core would load them all first.
+    """
     command, _, target = line.partition(" > ")
     words = shlex.split(command, comments=True)
     if words[:1] != ["oed"]:
         shell(line, folder)
         return
+    if words[1] in SHARED and "--workers" not in words:
+        words += ["--workers", "1"]
     code, out, err = oed(*words[1:])
     assert code == 0, f"{line}\n{err}"
     if target:

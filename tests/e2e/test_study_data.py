@@ -6,7 +6,7 @@ import shutil
 
 import numpy as np
 import pytest
-from conftest import STUDY, oed, write_study
+from conftest import STUDY, drawn, oed, write_study
 
 EXPERIMENT = """\
 data:
@@ -36,9 +36,10 @@ output: results/here
 TRUTH = np.array([4.0e4, 2.5e4, 60.0, 37.5])
 
 
-def ran(path):
-    """Return the results' folder and the page."""
-    code, _, err = oed("run", path, "--workers", 1)
+def ran(path, pictures="nothing"):
+    """Return the results' folder and the page, with the pictures whose ids begin so."""
+    with drawn(pictures):
+        code, _, err = oed("run", path, "--workers", 1)
     assert (code, err) == (0, "")
     folder = path.parent / "results" / "here"
     return folder, (folder / "report.html").read_text(encoding="utf-8")
@@ -51,7 +52,7 @@ def fitted(folder):
 
 @pytest.fixture(scope="module")
 def simulated(tmp_path_factory):
-    return ran(write_study(tmp_path_factory.mktemp("simulated"), SIMULATED))
+    return ran(write_study(tmp_path_factory.mktemp("simulated"), SIMULATED), "calibration|frf-1")
 
 
 def test_an_experiment_is_simulated_fitted_and_checked(simulated):
