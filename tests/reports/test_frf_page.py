@@ -7,6 +7,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from markupsafe import Markup
 
 from oed.experiment.measured_frf import measured_frf
 from reports.drawing.frf_figures import decibels
@@ -91,6 +92,12 @@ def distorted(tmp_path_factory):
     return found, *shown(found, folder)
 
 
+@pytest.fixture
+def undrawn(monkeypatch):
+    """Leave figures empty where only words are looked at."""
+    monkeypatch.setattr("reports.parts.inline", lambda *_: Markup("<svg></svg>"))
+
+
 def test_sections_resolve_and_ids_are_unique(distorted):
     _, _, outline = distorted
     assert len(set(outline.ids)) == len(outline.ids)
@@ -162,6 +169,7 @@ def test_one_period_has_no_distortion_section(tmp_path):
     assert "times that of noise" not in frf_summary(found, [])
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_one_block_gives_noise_only(tmp_path):
     records(0.0, blocks=1).save(tmp_path / "bench.h5")
     with pytest.raises(InvalidInput, match="one block"):
@@ -178,6 +186,7 @@ def test_robot_with_other_motors_is_refused(tmp_path):
         measured_frf(tmp_path / "bench.h5", robot="moberg_axis1")
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_missing_experiments_are_counted(tmp_path):
     whole = records(positions=2)
     torque, angle = whole.torque.copy(), whole.angle.copy()
@@ -200,6 +209,7 @@ def test_decibels_leave_gaps():
     assert decibels(np.array([10.0, 0.0, 0.1])) == pytest.approx([20, np.nan, -20], nan_ok=True)
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_visits_of_a_position_are_one(tmp_path):
     two = records(positions=2)
     part = tmp_path / "bench.h5"
@@ -224,6 +234,7 @@ def test_structure_of_the_covariance(tmp_path):
     assert not variances.estimate.has_full_covariance
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_one_experiment_for_two_motors_takes_the_local_method(tmp_path):
     whole = records(blocks=4)
     signals = ("reference", "torque", "angle", "saturated")
@@ -240,6 +251,7 @@ def test_one_experiment_for_two_motors_takes_the_local_method(tmp_path):
     assert "distortion" not in outline.ids
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_positions_of_prismatic_joints_are_in_metres(tmp_path):
     records().save(tmp_path / "bench.h5")
     found = measured_frf(tmp_path / "bench.h5")

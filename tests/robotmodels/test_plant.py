@@ -60,7 +60,7 @@ def test_records_obey_the_controllers_law(ur10_records: Records) -> None:
     assert np.abs(U - expected).max() < 1e-5 * np.abs(U).max()
 
 
-@pytest.mark.parametrize("nonlinear", [False, True])
+@pytest.mark.parametrize("nonlinear", [pytest.param(False, marks=pytest.mark.slow), True])
 def test_cuts_foundations_and_hardening_gears(nonlinear: bool) -> None:
     """Small motions about gravity's torque see the tangent, whether gears harden or not."""
     robot = built(SPLIT)

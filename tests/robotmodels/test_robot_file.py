@@ -9,11 +9,12 @@ from robots import HERE, PENDULUM, SPLIT, changed, with_spring
 from robotmodels import InvalidInput, load_robot
 from robotmodels.description.robot_file import Hardening, RobotFile, read_robot_file
 
+DUMPER = getattr(yaml, "CSafeDumper", yaml.SafeDumper)  # written in C where there is one
+
 
 def refusal(path: Path, content: dict | str) -> str:
     """Return what is wrong with a file, without its name in front."""
-    text = content if isinstance(content, str) else yaml.safe_dump(content, sort_keys=False)
-    path.write_text(text)
+    path.write_text(content if isinstance(content, str) else yaml.dump(content, Dumper=DUMPER))
     with pytest.raises(InvalidInput) as error:
         load_robot(path)
     line = str(error.value)
