@@ -16,19 +16,25 @@ def few_blocks(seed, blocks):
 
 
 @pytest.mark.parametrize(
-    ("blocks", "weights"), [(9, "optimal"), (12, "optimal"), (5, "optimal_diagonal"), (5, "user")]
+    ("blocks", "weights", "n"),
+    [
+        (9, "optimal", 25),
+        pytest.param(12, "optimal", 50, marks=pytest.mark.slow),
+        (5, "optimal_diagonal", 50),
+        (5, "user", 25),
+    ],
 )
-def test_standard_deviations_are_those_of_repeated_fits(blocks, weights):
+def test_standard_deviations_are_those_of_repeated_fits(blocks, weights, n):
     """The negative control takes the sample covariance for the true one."""
     squares, taken = [], []
-    for seed in range(25):
+    for seed in range(n):
         estimate = few_blocks(seed, blocks)
         found = fit(MODEL, estimate, "nls", weights, tolerance=1e-7)
         error = np.log(found.parameters.values / TRUTH)
         for said, given in ((squares, blocks), (taken, None)):
             said.append(np.mean((error / covariance(found, blocks=given).std) ** 2))
     # Six parameters that correlate: as sure as three independent ones.
-    low, high = chi2.ppf([0.001, 0.999], 3 * 25) / (3 * 25)
+    low, high = chi2.ppf([0.001, 0.999], 3 * n) / (3 * n)
     assert low < np.mean(squares) < high
     assert (low < np.mean(taken) < high) == (weights == "user")
 

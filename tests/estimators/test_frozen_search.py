@@ -131,7 +131,10 @@ def test_large_problems_of_springs_take_the_fast_way(robot, estimate, monkeypatc
     assert asked == [1]
 
 
-@pytest.mark.parametrize(("residual", "weights"), [("nls", "optimal"), ("lls", "user")])
+@pytest.mark.parametrize(
+    ("residual", "weights"),
+    [("nls", "optimal"), pytest.param("lls", "user", marks=pytest.mark.slow)],
+)
 def test_hardening_gears_are_searched_with_equilibria_found_anew(residual, weights, monkeypatch):
     robot = load_robot("manutec_r3_hardening")
     rng = np.random.default_rng(0)

@@ -156,7 +156,7 @@ def test_magnitudes_count_once_as_data():
 def test_reweighting_at_the_model_removes_the_bias_of_noisy_log_residuals():
     """At 1/4 relative noise, log fits weighted at the measured FRF drift from the truth."""
     rng, before, after = np.random.default_rng(0), [], []
-    for _ in range(40):
+    for _ in range(20):
         estimate = simulate_frf(MODEL, POSITIONS, OMEGA, RelativeNoise(0.25, 0.0), rng)
         first = fit(MODEL, estimate, "lls", optimal_weights(estimate, "lls"))
         second = reweighted(first, rounds=1)

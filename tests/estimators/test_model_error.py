@@ -107,15 +107,15 @@ def test_the_empirical_sandwich_as_written_out():
 @pytest.mark.parametrize("residual", ["nls", "lls", "lls_magnitude"])
 @pytest.mark.parametrize("weights", ["optimal", "user"])
 def test_the_reduced_cost_is_one_on_average(residual, weights):
-    rng, n = np.random.default_rng(4), 40 if weights == "optimal" else 20
+    rng, n = np.random.default_rng(4), 60 if weights == "optimal" else 20
     found = [
-        reduced_cost(fit(MODEL, drawn(FRF[:, ::16], rng, NOISE, OMEGA[::16]), residual, weights))
+        reduced_cost(fit(MODEL, drawn(FRF[:, ::20], rng, NOISE, OMEGA[::20]), residual, weights))
         for _ in range(n)
     ]
     spread = np.std(found) / np.sqrt(n)
     assert abs(np.mean(found) - 1) < 4 * spread
     if weights == "optimal":  # without the parameters' share it would not be
-        data = (1 if residual == "lls_magnitude" else 2) * 20
+        data = (1 if residual == "lls_magnitude" else 2) * 16
         assert abs(np.mean(found) * (1 - 4 / data) - 1) > 2 * spread
 
 
@@ -145,7 +145,7 @@ def test_a_prior_enters_fit_information_and_covariance():
 
 def test_a_prior_scatters_as_claimed():
     """What was measured before varies too: fits with it scatter less, and as claimed."""
-    rng, squares, n = np.random.default_rng(6), 0.0, 20
+    rng, squares, n = np.random.default_rng(6), 0.0, 25
     std = np.array([5e-4, 5e-3])
     for _ in range(n):
         before = TRUTH[[0, 3]] * np.exp(std * rng.standard_normal(2))
@@ -163,7 +163,7 @@ def test_a_prior_scatters_as_claimed():
     assert np.isfinite(covariance(found, "empirical").covariance).all()
     low, high = chi2.ppf([0.001, 0.999], 4 * n)
     assert low < squares < high
-    assert not low < squares / 0.5 < high  # negative control: half the covariance
+    assert not low < squares / 0.4 < high  # negative control: two fifths of the covariance
 
 
 def test_a_prior_makes_a_blind_parameter_identifiable():

@@ -57,8 +57,8 @@ def plain():
 
 
 def test_too_narrow_intervals_are_noticed(plain):
-    half = (plain.intervals + plain.estimates[:, None, :, None]) / 2
-    narrow = type(plain)(**vars(plain) | {"intervals": half})
+    third = (plain.intervals + 2 * plain.estimates[:, None, :, None]) / 3
+    narrow = type(plain)(**vars(plain) | {"intervals": third})
     assert narrow.overall("theorem1") < 0.80
     assert not narrow.covers("theorem1").any()
     assert plain.covers("theorem1").all()
