@@ -69,8 +69,8 @@ def oed(*words: object) -> tuple[int, str, str]:
 def drawn(wanted: str = "nothing") -> Iterator[None]:
     """Leave pages without pictures but those whose id begins as the pattern `wanted` says.
 
-    Drawing takes most of a page's time. What a report shows is drawn for the small study, and for
-    the tutorial; the words of others are cheaper to judge.
+    Drawing takes most of a page's time. The small study's report has every picture; of the pages
+    of other studies, tests judge the words and want only the pictures that the small one lacks.
     """
     inline = parts.inline
 
