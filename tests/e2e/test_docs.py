@@ -16,7 +16,7 @@ DOCS = ROOT / "docs"
 PAGES = sorted(DOCS.rglob("*.md"))
 BLOCK = re.compile(r"^```(\w+)([^\n]*)\n(.*?)^```", re.DOTALL | re.MULTILINE)
 TITLE = re.compile(r'title="([^"]+)"')
-SHARED = {"run", "design", "fit", "sample", "report", "simulate"}  # commands with workers
+ALONE = {"run", "design", "sample", "report", "simulate"}  # by a single process
 SHOWN = {"text"}  # what a page shows and nobody can run
 
 
@@ -54,14 +54,14 @@ def test_the_blocks_of_a_page_run(page, tmp_path, monkeypatch):
 def run(line: str, folder: Path) -> None:
     """Run a command: `oed` in this process alone, which has the libraries loaded, the rest by bash.
 
-    Where nothing is said of workers, a process per core would load them all first.
+    By default a process per core would load them all first; `oed fit` shows that this works.
     """
     command, _, target = line.partition(" > ")
     words = shlex.split(command, comments=True)
     if words[:1] != ["oed"]:
         shell(line, folder)
         return
-    if words[1] in SHARED and "--workers" not in words:
+    if words[1] in ALONE and "--workers" not in words:
         words += ["--workers", "1"]
     with drawn("(?!corner)"):  # the slowest picture; the small study's report has it
         code, out, err = oed(*words[1:])
