@@ -127,7 +127,7 @@ def test_tables_sort_up_and_down_within_their_groups(desktop):
         cells = (
             table.locator("tbody").nth(body).locator(f"tr:not(.group) td:nth-child({column + 1})")
         )
-        return [float(cell.get_attribute("data-v")) for cell in cells.all()]
+        return cells.evaluate_all("cells => cells.map((cell) => Number(cell.dataset.v))")
 
     before = values(0)
     head = table.locator("thead th").nth(column)
@@ -142,13 +142,15 @@ def test_tables_sort_up_and_down_within_their_groups(desktop):
 
 
 def test_every_table_comes_down_as_csv(desktop):
-    sheets = desktop.locator(".sheet").all()
+    sheets = desktop.locator(".sheet").evaluate_all(
+        "all => all.map((one) => [one.id, one.querySelectorAll('tbody tr:not(.group)').length])"
+    )
     files = desktop.locator(".sheet [data-save=csv]").evaluate_all(LINKED)
     assert len(files) == len(sheets) > 5
-    for sheet, (name, text) in zip(sheets, files, strict=True):
+    for (sheet, count), (name, text) in zip(sheets, files, strict=True):
         rows = list(csv.reader(io.StringIO(text)))
-        assert name == sheet.get_attribute("id") + ".csv"
-        assert len(rows) == 1 + sheet.locator("tbody tr:not(.group)").count()
+        assert name == sheet + ".csv"
+        assert len(rows) == 1 + count
         assert len({len(row) for row in rows}) == 1
     desktop.locator("details").evaluate_all(OPEN)
     name, text = saved(desktop, desktop.locator("#estimates [data-save=csv]"))
@@ -274,8 +276,11 @@ def test_a_finger_turns_pictures_and_still_scrolls(phone):
 def test_contents_lead_to_the_sections(desktop):
     links = desktop.locator("nav a").all()
     assert len(links) > 5
-    for link in links:
-        link.click()
+    for i, link in enumerate(links):
+        if i in (0, len(links) - 1):
+            link.click()
+        else:  # without the mouse, which takes longer
+            link.evaluate("e => e.click()")
         assert desktop.locator(link.get_attribute("href")).is_visible()
 
 

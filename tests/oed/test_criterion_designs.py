@@ -104,10 +104,13 @@ def test_best_of_a_search_by_scipy(kind, seed, p, rank):
     info = random_set(seed, p + 3, p, max(rank, 2))
     criterion, value = plain_values(kind, info.matrices[0], np.random.default_rng(seed))
 
+    flat = info.matrices.reshape(len(info), -1)
+
     def cost(logits):
         weights = np.exp(logits - logits.max())
-        M = np.tensordot(weights / weights.sum(), info.matrices, axes=1)
-        return -value(M) if np.linalg.cond(M) < 1e12 else 1e12
+        M = (weights / weights.sum() @ flat).reshape(p, p)
+        low, *_, high = np.linalg.eigvalsh(M)
+        return -value(M) if low > 1e-12 * high else 1e12
 
     options = {"maxiter": 1000, "adaptive": True}
     found = minimize(cost, np.zeros(len(info)), method="Nelder-Mead", options=options).fun

@@ -41,11 +41,11 @@ def test_a_planar_arm_has_the_two_elbows_of_the_law_of_cosines(tmp_path):
 def test_a_ur10_reaches_a_box_pointing_down():
     robot = load_robot("ur10")
     at = (0.0, 0.0, 0.1)
-    box = TaskBox("tool0", (0.4, -0.2, 0.2), (0.6, 0.2, 0.4), (2, 2, 1), DOWN, at, solutions=3)
+    box = TaskBox("tool0", (0.4, -0.2, 0.2), (0.6, 0.2, 0.4), (2, 1, 1), DOWN, at, solutions=3)
     found = task_space_positions(robot, box, np.random.default_rng(2))
-    assert len(found.targets) == 4
+    assert len(found.targets) == 2
     assert not len(found.unreached)
-    assert len(found.positions) >= 8
+    assert len(found.positions) >= 4
     for position, target in zip(found.positions, found.target, strict=True):
         point, axes = tool(robot, "tool0", at, position)
         np.testing.assert_allclose(point, found.targets[target], atol=2e-6)

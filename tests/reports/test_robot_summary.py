@@ -73,13 +73,14 @@ def test_ties_cuts_rigid_drives_and_prismatic_joints() -> None:
 
 def test_outputs_only_where_they_are_not_the_default() -> None:
     assert "outputs" not in shown(robotmodels.load_robot("panda"))
-    text = shown(built(SENSED))
+    robot = built(SENSED)
+    text = shown(robot)
     assert "outputs (9)" in text
     assert "accelerometer tip on wrist_3_link at (0.100, 0.000, 0.050) m, along (0, 1, 1)" in text
     assert "late by 0.200 ms" in text
     assert "payload.com.z" in text
-    file = built(SENSED).file.model_copy(update={"output": "velocity"})
-    speed = shown(ElasticRobot(file, built(SENSED).folder))
+    file = robot.file.model_copy(update={"output": "velocity"})
+    speed = shown(ElasticRobot(file, robot.folder))
     assert "velocity of every motor [rad/s]" in speed
 
 
