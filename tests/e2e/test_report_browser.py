@@ -41,8 +41,9 @@ RESET = """() => {
     });
     const key = new KeyboardEvent("keydown", { key: "Home" });
     document.querySelector("svg[data-robot]").dispatchEvent(key);
-    scrollTo(0, 0);
+    scrollTo({ top: 0, behavior: "instant" });
 }"""
+TOP = "scrollTo({ top: 0, behavior: 'instant' })"
 
 
 @pytest.fixture
@@ -73,7 +74,8 @@ def picture(page, **options):
 
 
 def corner(page):
-    """Return the colour of the page's background."""
+    """Return the colour of the page's background, above all that is written on it."""
+    page.evaluate(TOP)
     return picture(page, clip={"x": 0, "y": 0, "width": 4, "height": 4})[0, 0]
 
 
