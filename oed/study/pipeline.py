@@ -249,7 +249,7 @@ def _judged(run: Run, source: _Source, fits: _Fits) -> dict[str, Any]:
     covariances = study_uncertainty.covariances(run, fits.result)
     known = study_uncertainty.Known(
         covariances,
-        study_uncertainty.posterior(run, fits.result),
+        study_uncertainty.posterior(run, fits.result, covariances),
         study_uncertainty.profiles(run, fits.result, covariances),
         comparison,
     )

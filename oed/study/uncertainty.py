@@ -29,10 +29,19 @@ THIN = 5
 
 @dataclass(frozen=True, eq=False)
 class Covariances:
-    """Theorem 1 with the stated noise, and with what the residuals show instead."""
+    """Theorem 1 with the stated noise, and with what the residuals show instead.
+
+    Attributes
+    ----------
+    theorem1, empirical : both covariances.
+    blocks : over which the noise was estimated that the weights are made of, see `counted_blocks`.
+    scale : factor of the cost at which a posterior allows for these blocks; None without them.
+    """
 
     theorem1: Uncertainty
     empirical: Uncertainty
+    blocks: int | None
+    scale: float | None
 
 
 def check_posterior(run: Run) -> None:
@@ -49,40 +58,41 @@ def check_posterior(run: Run) -> None:
         raise InvalidInput(f"posterior.{error}") from None
 
 
-def counted_blocks(run: Run, fit: Fit) -> int | None:
+def _over_blocks(run: Run) -> bool:
+    """Tell whether the noise was estimated over blocks, not known or told by other means."""
+    choice = run.study.data
+    measured = choice.experiment is not None or choice.records is not None
+    return choice.covariance == "total" and measured
+
+
+def counted_blocks(fit: Fit) -> int | None:
     """Return over how many blocks the noise was estimated that the result's weights are made of.
 
-    None if it is known, or told by other means, and where the weights do not depend on it or the
-    blocks are too few to allow for that.
+    None where the weights do not depend on it, or the blocks are too few to allow for that.
     """
-    choice = run.study.data
-    over_blocks = choice.covariance == "total" and (choice.experiment or choice.records)
-    if not over_blocks or not np.isfinite(fit.cost) or not weights_are_inverse(fit):
+    if not np.isfinite(fit.cost) or not weights_are_inverse(fit):
         return None
     fewest = int(fit.estimate.repetitions.min())
     return fewest if fewest >= least_blocks(fit) else None
 
 
-def _scale(run: Run, fit: Fit) -> float | None:
-    """Return the factor of the cost at which a posterior allows for estimated noise."""
-    blocks = counted_blocks(run, fit)
-    return None if blocks is None else magnitude_adjustment(fit, blocks)
-
-
 def covariances(run: Run, result: Stage[Chosen]) -> Stage[Covariances]:
     """Return the covariance of the result by [WM] Theorem 1, two ways."""
-    fit, blocks = result.value.fit, counted_blocks(run, result.value.fit)
+    fit, over_blocks = result.value.fit, _over_blocks(run)
 
     def compute(folder: Path, report: Report | None) -> Covariances:
-        return Covariances(covariance(fit, blocks=blocks), covariance(fit, "empirical"))
+        blocks = counted_blocks(fit) if over_blocks else None
+        scale = None if blocks is None else magnitude_adjustment(fit, blocks)
+        theorem1, empirical = covariance(fit, blocks=blocks), covariance(fit, "empirical")
+        return Covariances(theorem1, empirical, blocks, scale)
 
-    inputs = {"robot": run.robot_digest, "result": result.digest, "blocks": blocks}
+    inputs = {"robot": run.robot_digest, "result": result.digest, "over blocks": over_blocks}
     return run.stages.run("uncertainty", inputs, compute, dataclass_files(Covariances))
 
 
-def posterior(run: Run, result: Stage[Chosen]) -> Stage[Posterior]:
+def posterior(run: Run, result: Stage[Chosen], known: Stage[Covariances]) -> Stage[Posterior]:
     """Return the posterior of the result; its chains outlive an interruption."""
-    choice, scale = run.study.posterior, _scale(run, result.value.fit)
+    choice, scale = run.study.posterior, known.value.scale
 
     def compute(folder: Path, report: Report | None) -> Posterior:
         return sample_posterior(
@@ -122,7 +132,7 @@ def profiles(run: Run, result: Stage[Chosen], known: Stage[Covariances]) -> Stag
         return None
     chosen = np.sort(np.argsort(-std, kind="stable")[:count])
     names = [known.value.theorem1.names[i] for i in chosen]
-    fit, scale = result.value.fit, _scale(run, result.value.fit)
+    fit, scale = result.value.fit, known.value.scale
 
     def compute(folder: Path, report: Report | None) -> Profiles:
         pool = run.executor
@@ -154,19 +164,19 @@ def checked(
     name = run.study.fit.result or _likelihood(searches)
     runs: tuple[Fit, ...] = () if name is None else searches[name].value.runs
     repeated = _repeated(run, result, known)
-    fit, scale = result.value.fit, _scale(run, result.value.fit)
+    fit, stated = result.value.fit, known.covariances.value
 
     def compute(folder: Path, report: Report | None) -> CrossCheck:
         return cross_check(
             fit,
-            theorem1=known.covariances.value.theorem1,
-            empirical=known.covariances.value.empirical,
+            theorem1=stated.theorem1,
+            empirical=stated.empirical,
             posterior=known.posterior.value,
-            importance=importance_sample(fit, rng=run.rng("importance"), scale=scale),
+            importance=importance_sample(fit, rng=run.rng("importance"), scale=stated.scale),
             profiles=() if known.profiles is None else known.profiles.value.found,
             monte_carlo=repeated,
             multistart=[one for one in runs if one.converged],
-            blocks=counted_blocks(run, fit),
+            blocks=stated.blocks,
         )
 
     inputs = {
@@ -177,7 +187,6 @@ def checked(
         "profiles": None if known.profiles is None else known.profiles.digest,
         "comparison": None if known.comparison is None else known.comparison.digest,
         "repeated": repeated is not None,
-        "scale": scale,
         "runs": None if name is None else searches[name].digest,
         **run.settings("seed"),
     }

@@ -119,8 +119,9 @@ def _separable_information(
         weighted = np.einsum("qfml,qflip,qfni->qfmnp", outputs, J, power, optimize=True)
         return np.asarray(2 * np.einsum("qfmnp,qfmnr->qpr", J.conj(), weighted, optimize=True).real)
     # The kernel's sensitivities are those of motor accelerations, and lack w^2.
-    factors_of_inputs = network.motor_factors(omega)
-    power = np.conj(factors_of_inputs)[:, :, None] * power * factors_of_inputs[:, None, :]
+    if network.measurement is not None:
+        scale = network.motor_factors(omega)
+        power = np.conj(scale)[:, :, None] * power * scale[:, None, :]
     outputs *= omega[:, None, None] ** 4
     doubles = [np.ascontiguousarray(x, dtype=complex).view(float) for x in (power, outputs)]
     frequencies, _ = _padded(omega)
