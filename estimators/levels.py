@@ -2,6 +2,9 @@
 
 from robotmodels.errors import InvalidInput
 
+IMPROBABLE = 1e-3
+"""Chance explains costs, residuals or misses with less than this probability no more."""
+
 
 def check_level(level: float, where: str) -> None:
     """Refuse a level that is no probability.

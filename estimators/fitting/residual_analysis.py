@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from estimators.fitting.least_squares import Fit, problem_of
 from estimators.frf.estimate import is_full, unvec, vec
+from estimators.levels import IMPROBABLE
 from estimators.uncertainty.model_error import reduced_cost
 from robotmodels.arrays import Array, IntArray
 from robotmodels.errors import InvalidInput, SolverFailed
@@ -53,6 +54,11 @@ class ResidualAnalysis(Printed):
     position_autocorrelation: Array
     whiteness_p_value: float
     outlying: IntArray
+
+    @property
+    def explained(self) -> bool:
+        """Whether noise as stated may well leave so much."""
+        return self.p_value >= IMPROBABLE
 
     def __str__(self) -> str:
         by_position = self.position_chi2 / self.position_dof

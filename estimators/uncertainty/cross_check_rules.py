@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from estimators.fitting.least_squares import Fit
+from estimators.levels import IMPROBABLE
 from estimators.uncertainty.covariance import Uncertainty, covariance
 from estimators.uncertainty.log_posterior import magnitude_adjustment
 from estimators.uncertainty.misfit import Misfit, misfit
@@ -30,8 +31,6 @@ AGREE = "agree"
 E_FOLD = 1.0
 # A posterior reaches a bound if its 99 % interval comes this close, in standard deviations.
 NEAR_BOUND = 0.1
-# Noise explains a cost as large as this once in a thousand experiments.
-IMPROBABLE = 1e-3
 # The empirical sandwich scatters by a few tens of per cent of itself.
 WIDER = 1.5
 # A variance from n independent squares is uncertain by sqrt(2/n): a third, at so many lines.

@@ -4,12 +4,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from estimators.levels import IMPROBABLE
 from estimators.uncertainty.covariance import Uncertainty
 from robotmodels.arrays import Array, read_only
 from robotmodels.errors import InvalidInput, NotIdentifiable
-
-# An outcome of repeated experiments is another than promised once in a thousand by chance.
-IMPROBABLE = 1e-3
 
 
 @dataclass(frozen=True, eq=False)

@@ -6,14 +6,13 @@ import numpy as np
 
 from estimators.fitting.weights import optimal_weights, square_root, whiten
 from estimators.frf.estimate import FrfEstimate
+from estimators.levels import IMPROBABLE
 from estimators.uncertainty.covariance import Uncertainty
 from robotmodels.arrays import Array, ComplexArray, read_only
 from robotmodels.errors import InvalidInput
 from robotmodels.response import Elastic, sensitivity
 
 LEVELS = np.linspace(0.05, 0.95, 19)
-# Right predictions miss as far as this once in a thousand validations.
-IMPROBABLE = 1e-3
 
 
 @dataclass(frozen=True, eq=False)

@@ -9,8 +9,6 @@ from reports.parts import Column, Figure, Number, Row, Section, Table, figure, n
 from reports.template import filled
 from robotmodels.arrays import Array
 
-_UNLIKELY = 0.001
-
 
 def section(found: ResidualAnalysis, outputs: tuple[str, ...], motors: tuple[str, ...]) -> Section:
     """Return the section."""
@@ -23,16 +21,10 @@ def section(found: ResidualAnalysis, outputs: tuple[str, ...], motors: tuple[str
         correlation=text.fixed(float(found.autocorrelation[0]), 3),
         whiteness=text.probability(found.whiteness_p_value),
         outlying=text.listed([str(q + 1) for q in found.outlying]),
-        explained=explained(found),
         positions=by_position(found),
         elements=element_table(found.element_chi2 / found.element_dof, outputs, motors),
     )
     return Section("residuals", "Residuals", body)
-
-
-def explained(found: ResidualAnalysis) -> bool:
-    """Return whether noise as stated may well leave so much."""
-    return found.p_value >= _UNLIKELY
 
 
 def times_expected(found: ResidualAnalysis) -> str:

@@ -5,7 +5,7 @@ import numpy as np
 from oed.study.pipeline import StudyResults
 from reports import text
 from reports.parts import Section
-from reports.sections.residuals import explained, times_expected
+from reports.sections.residuals import times_expected
 from reports.template import filled
 
 
@@ -16,7 +16,7 @@ def section(results: StudyResults) -> Section:
     body = filled(
         "summary.html.j2",
         results=r,
-        misfit="" if explained(r.residuals) else times_expected(r.residuals),
+        misfit="" if r.residuals.explained else times_expected(r.residuals),
         n_positions=len(r.used),
         n_experiments=int(r.exact.repetitions.sum()),
         best=r.theorem1.names[order[0]],

@@ -7,7 +7,7 @@ import numpy as np
 
 from oed.study.pipeline import FittedStudy, PlannedStudy, StudyResults
 from reports.sections.fit import reached, reached_words
-from reports.sections.residuals import explained, times_expected
+from reports.sections.residuals import times_expected
 from reports.terminal.columns import hung, plain, plural
 from reports.text import duration, efficiency, percent
 
@@ -113,7 +113,7 @@ def _uncertainty_lines(r: StudyResults) -> Lines:
 
 def misfit_lines(r: StudyResults) -> Lines:
     """Return that residuals are more than noise; nothing where they are not."""
-    if explained(r.residuals):
+    if r.residuals.explained:
         return []
     times = plain(times_expected(r.residuals))
     return [("", f"TOO SMALL: squared residuals are {times} times what noise explains")]
