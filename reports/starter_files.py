@@ -22,11 +22,12 @@ from robotmodels.description.idle_joints import idle_joints
 from robotmodels.description.proposal import Drive, propose_drives
 from robotmodels.description.urdf_joints import UrdfJoint, moving_joints
 from robotmodels.errors import InvalidInput
+from robotmodels.yaml_reader import reads_as_text
 
 MOST_CANDIDATES = 1500
 """Candidates of a new study: a first answer within a minute."""
 
-_NOT_TEXT = ("y", "n", "yes", "no", "on", "off", "true", "false", "null", "~", ".inf", ".nan")
+_TRUTH = ("y", "n", "yes", "no", "on", "off")
 
 _INSET = 0.03
 """Part of a joint's range to stay away from either end."""
@@ -112,19 +113,17 @@ def write_starter_files(starter: StarterFiles, folder: Path) -> list[Path]:
 
 def _loaded(content: str, folder: Path) -> ElasticRobot:
     """Return the robot of a robot file that is still to be written: what cannot be used is not."""
-    import yaml
-
     from robotmodels.description.robot_file import RobotFile
-    from robotmodels.files import parse
+    from robotmodels.files import parse_yaml
 
-    return ElasticRobot(parse(yaml.safe_load(content), RobotFile, "robot.yaml"), folder)
+    return ElasticRobot(parse_yaml(content, RobotFile, "robot.yaml"), folder)
 
 
 def _robot(name: str, urdf: str, drives: tuple[Drive, ...], held: list[UrdfJoint]) -> str:
     bearings = [
         {
             "name": f"b{number}{axis}",
-            "joint": _word(d.joint.name),
+            "joint": yaml_word(d.joint.name),
             "axis": axis,
             "stiffness": _yaml(d.bearing_stiffness),
             "damping": _yaml(d.bearing_damping),
@@ -135,10 +134,10 @@ def _robot(name: str, urdf: str, drives: tuple[Drive, ...], held: list[UrdfJoint
     ]
     return filled_text(
         "robot.yaml.j2",
-        name=_word(name),
-        urdf=_word(urdf),
+        name=yaml_word(name),
+        urdf=yaml_word(urdf),
         file="robot.yaml",
-        locked={_word(j.name): _yaml(min(max(0.0, j.low), j.high)) for j in held},
+        locked={yaml_word(j.name): _yaml(min(max(0.0, j.low), j.high)) for j in held},
         drives=[_entries(d) for d in drives],
         any_prismatic=any(d.joint.prismatic for d in drives),
         bearings=bearings,
@@ -148,7 +147,7 @@ def _robot(name: str, urdf: str, drives: tuple[Drive, ...], held: list[UrdfJoint
 def _entries(drive: Drive) -> dict[str, Any]:
     numbers = ("gear_ratio", "inertia", "viscous", "stiffness", "damping")
     return {
-        "joint": _word(drive.joint.name),
+        "joint": yaml_word(drive.joint.name),
         "prismatic": drive.joint.prismatic,
         **{key: _yaml(getattr(drive, key)) for key in numbers},
     }
@@ -165,11 +164,16 @@ def _study(robot: ElasticRobot, reference: str, builtin: bool = False) -> str:
     return filled_text(
         "study.yaml.j2",
         name=robot.name,
-        robot=_word(reference),
+        robot=yaml_word(reference),
         builtin=builtin,
         file="study.yaml",
         joints=[
-            {"name": _word(name), "points": number, "low": _yaml(low, 3), "high": _yaml(high, 3)}
+            {
+                "name": yaml_word(name),
+                "points": number,
+                "low": _yaml(low, 3),
+                "high": _yaml(high, 3),
+            }
             for name, number, (low, high) in zip(robot.motor_joints, points, narrowed, strict=True)
         ],
         noise_floor=_yaml(noise_floor([m.inertia for m in robot.file.motors]), 1),
@@ -178,7 +182,7 @@ def _study(robot: ElasticRobot, reference: str, builtin: bool = False) -> str:
         usual_margin=_MARGINS[0],
         narrowed=bool(np.any(narrowed != ranges)),
         candidates=math.prod(points),
-        idle=text.listed([_word(name) for name in idle]),
+        idle=text.listed([yaml_word(name) for name in idle]),
         units="[rad; m]" if robot.elements.prismatic else "[rad]",
         walkers=max(64, 4 * len(robot.parameters.names)),
         runs=max(50, 2 * len(robot.parameters.names)),
@@ -226,10 +230,13 @@ def _from(folder: Path, path: Path) -> str:
     return Path(os.path.relpath(path.resolve(), folder.resolve())).as_posix()
 
 
-def _word(word: str) -> str:
+def yaml_word(word: str) -> str:
     """Return a text that YAML reads as one, quoted where it must be."""
     plain = re.fullmatch(r"[A-Za-z_./][\w./-]*(:[\w./-]+)*", word)
-    return word if plain and word.lower() not in _NOT_TEXT else json.dumps(word)
+    # Readers of YAML 1.1, such as most editors, take some words for truth.
+    return (
+        word if plain and reads_as_text(word) and word.lower() not in _TRUTH else json.dumps(word)
+    )
 
 
 def _yaml(value: float, digits: int = 2) -> str:

@@ -1,18 +1,21 @@
-"""YAML files read against a schema; every mistake becomes one line that names file and key."""
+"""YAML files read against a schema; a mistake becomes one line that names file, line and key."""
 
 import errno
+import json
 import os
 import re
-from collections.abc import Hashable
+import stat
 from pathlib import Path
 from typing import Any, TypeVar
 
-import yaml
-from pydantic import BaseModel, ConfigDict, ValidationError, ValidationInfo, field_validator
-from pydantic_core import PydanticCustomError
+from pydantic import BaseModel, ConfigDict, ValidationError
 
 from robotmodels.errors import InvalidInput, nearest
 from robotmodels.file_kinds import misplaced, needed
+from robotmodels.yaml_reader import Node, YamlError, read_document
+
+MOST_CHARACTERS = 4_000_000
+"""Size of a YAML file [bytes]; longer lists of positions fit into CSV or NumPy's files."""
 
 
 class Strict(BaseModel):
@@ -20,32 +23,8 @@ class Strict(BaseModel):
 
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
 
-    @field_validator("*", mode="before")
-    @classmethod
-    def _truth_is_no_number(cls, value: object, info: ValidationInfo) -> object:
-        annotation = cls.model_fields[str(info.field_name)].annotation
-        known = _allows(annotation, bool) or (_model_of(annotation) and not isinstance(value, bool))
-        if _has_truth(value) and not known:
-            raise PydanticCustomError("truth", "a number is needed")
-        return value
-
 
 _Section = TypeVar("_Section", bound=Strict)
-
-
-class _UniqueKeys(yaml.SafeLoader):
-    """YAML in which a key given twice is an error instead of a silent override."""
-
-    def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Hashable, Any]:
-        seen = set()
-        for key_node, _ in node.value:
-            key = self.construct_object(key_node, deep=True)
-            if key in seen:
-                raise yaml.MarkedYAMLError(
-                    problem=f"key {key!r} is given twice", problem_mark=key_node.start_mark
-                )
-            seen.add(key)
-        return super().construct_mapping(node, deep)
 
 
 def read_yaml(path: Path, schema: type[_Section]) -> _Section:
@@ -55,22 +34,81 @@ def read_yaml(path: Path, schema: type[_Section]) -> _Section:
     ------
     InvalidInput : if the file is absent, is not YAML, or does not fit the schema.
     """
+    return parse_yaml(read_text(path, MOST_CHARACTERS, needed(schema)), schema, str(path))
+
+
+def parse_yaml(text: str, schema: type[_Section], source: str) -> _Section:
+    """Return YAML as a `schema`; `source` names it in errors.
+
+    Raises
+    ------
+    InvalidInput : naming line and key at fault, what was found and what would be right.
+    """
+    document = yaml_document(text, source, needed(schema))
+    return parse(document, schema, source)
+
+
+def yaml_document(text: str, source: str, contents: str) -> Node:
+    """Return what a YAML file holds; `contents` is what it is to hold.
+
+    Raises
+    ------
+    InvalidInput : naming the line that is not YAML.
+    """
     try:
-        content = yaml.load(path.read_text(encoding="utf-8"), Loader=_UniqueKeys)
+        return read_document(text)
+    except YamlError as error:
+        wrong = f"{source}:{error.line}: not valid YAML: {error}"
+        raise InvalidInput(f"{wrong}; {contents} is needed") from None
+
+
+def read_text(path: Path, most: int, contents: str) -> str:
+    """Return the text of a file.
+
+    Parameters
+    ----------
+    path : Path
+        Of a file, no device and no pipe.
+    most : int
+        Largest size of the file [bytes].
+    contents : str
+        What the file is to hold, for errors.
+
+    Raises
+    ------
+    InvalidInput : if there is no such file, or it cannot be read.
+    """
+    check_file(path, most)
+    try:
+        return path.read_text(encoding="utf-8-sig")
+    except OSError as error:
+        raise InvalidInput(f"{path}: cannot be read: {reason(error)}") from None
+    except UnicodeDecodeError as error:
+        wrong = f"{path}: cannot be read: {reason(error)}"
+        raise InvalidInput(f"{wrong}; {contents} is needed") from None
+
+
+def check_file(path: Path, most: int | None = None) -> None:
+    """Refuse what is no file, or one of more than `most` bytes.
+
+    Raises
+    ------
+    InvalidInput : if `path` is absent, a folder, a device or a pipe, or too large.
+    """
+    try:
+        status = path.stat()
     except FileNotFoundError:
         raise InvalidInput(f"{path}: no such file") from None
-    except (OSError, UnicodeDecodeError) as error:
-        wanted = f"; {needed(schema)} is needed" if isinstance(error, UnicodeDecodeError) else ""
-        raise InvalidInput(f"{path}: cannot be read: {reason(error)}{wanted}") from None
-    except yaml.MarkedYAMLError as error:
-        mark = error.problem_mark
-        line = f"line {mark.line + 1}: " if mark else ""
-        wrong = f"{line}not valid YAML: {error.problem}"
-        raise InvalidInput(f"{path}: {wrong}; {needed(schema)} is needed") from None
-    except yaml.YAMLError as error:
-        wrong = f"not valid YAML: {' '.join(str(error).split())}"
-        raise InvalidInput(f"{path}: {wrong}; {needed(schema)} is needed") from None
-    return parse(content, schema, str(path))
+    except (OSError, ValueError) as error:  # ValueError for a path with a null character
+        raise InvalidInput(f"{path}: cannot be read: {reason(error)}") from None
+    if stat.S_ISDIR(status.st_mode):
+        raise InvalidInput(f"{path}: cannot be read: it is a folder, a file is needed")
+    if not stat.S_ISREG(status.st_mode):
+        raise InvalidInput(f"{path}: cannot be read: it is a device or a pipe, a file is needed")
+    if most is not None and status.st_size > most:
+        raise InvalidInput(
+            f"{path}: {status.st_size / 1e6:.3g} MB; a file of this kind has at most {most / 1e6:g}"
+        )
 
 
 def reason(error: Exception) -> str:
@@ -94,13 +132,14 @@ def disk_full(error: BaseException | None) -> bool:
     return False
 
 
-def parse(content: object, schema: type[_Section], source: str) -> _Section:
-    """Return `content` as a `schema`; `source` names it in errors.
+def parse(document: Node, schema: type[_Section], source: str) -> _Section:
+    """Return what a YAML file holds as a `schema`; `source` names it in errors.
 
     Raises
     ------
-    InvalidInput : naming the key at fault, what was found and what would be right.
+    InvalidInput : naming line and key at fault, what was found and what would be right.
     """
+    content = document.content
     if isinstance(content, str) and content.startswith("<"):
         raise InvalidInput(
             f"{source}: this is XML, such as a URDF, of which `oed init` makes a robot file and a "
@@ -112,12 +151,15 @@ def parse(content: object, schema: type[_Section], source: str) -> _Section:
     if other := misplaced(content, schema):
         raise InvalidInput(f"{source}: {other}")
     try:
-        return schema.model_validate(content)
+        # Strictly, where no text is a number and 1 is not true; as JSON, whose lists are tuples.
+        return schema.model_validate_json(json.dumps(content), strict=True)
     except ValidationError as error:
         details = error.errors(include_url=False)
         # An unknown key usually explains a missing one (a typing error): say it first.
         first = min(_meant(details), key=lambda e: e["type"] != "extra_forbidden")
-        raise InvalidInput(f"{source}: {_one_line(first, schema, content)}") from None
+        line = document.line_of(first["loc"])
+        where = source if line is None else f"{source}:{line}"
+        raise InvalidInput(f"{where}: {_one_line(first, schema, content)}") from None
 
 
 def _meant(details: list[Any]) -> list[Any]:
@@ -164,10 +206,8 @@ _PLAIN = {
     "dict_type": "a mapping of keys to values is needed",
     "model_type": "a mapping of keys to values is needed",
     "float_type": "a number is needed",
-    "float_parsing": "a number is needed",
     "int_type": "a whole number is needed",
-    "int_parsing": "a whole number is needed",
-    "int_from_float": "a whole number is needed",
+    "bool_type": "true or false is needed",
     "string_type": "text is needed",
     "finite_number": "a finite number is needed",
     "greater_than": "a number greater than {gt:g} is needed",
@@ -221,18 +261,6 @@ def _known_keys(schema: type[BaseModel], location: tuple[str | int, ...]) -> lis
             if field is not None:
                 current = _model_of(field.annotation) or current
     return [f.alias or name for name, f in current.model_fields.items()]
-
-
-def _has_truth(value: object) -> bool:
-    """Whether a value of a YAML file is true or false, or a list or mapping with one in it."""
-    if isinstance(value, dict):
-        value = list(value.values())
-    return isinstance(value, bool) or (isinstance(value, list) and any(map(_has_truth, value)))
-
-
-def _allows(annotation: Any, kind: type) -> bool:
-    """Whether an annotation such as ``list[float] | bool`` names a type."""
-    return annotation is kind or any(_allows(a, kind) for a in getattr(annotation, "__args__", ()))
 
 
 def _model_of(annotation: Any) -> type[BaseModel] | None:

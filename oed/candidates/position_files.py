@@ -6,10 +6,10 @@ from pathlib import Path
 from typing import Any, Protocol
 
 import numpy as np
-import yaml
 
 from robotmodels.arrays import Array, real_numbers
 from robotmodels.errors import InvalidInput, nearest
+from robotmodels.files import MOST_CHARACTERS, read_text, yaml_document
 
 
 class Motorised(Protocol):
@@ -103,10 +103,8 @@ def _columns(path: Path, header: list[str], robot: Motorised) -> list[int]:
 
 
 def _read_yaml(path: Path, _: Motorised) -> Any:
-    try:
-        content = yaml.safe_load(path.read_text(encoding="utf-8"))
-    except yaml.YAMLError as error:
-        raise InvalidInput(f"{path}: not valid YAML: {' '.join(str(error).split())}") from None
+    wanted = "a list of positions"
+    content = yaml_document(read_text(path, MOST_CHARACTERS, wanted), str(path), wanted).content
     if isinstance(content, dict):
         if "positions" not in content:
             raise InvalidInput(

@@ -25,6 +25,7 @@ from robotmodels.arrays import read_only
 from robotmodels.errors import InvalidInput
 from robotmodels.files import Strict, read_yaml, reason
 from robotmodels.replacing import replacing
+from robotmodels.yaml_reader import reads_as_text
 
 _ARRAYS = ("phases", "amplitudes", "scale")
 
@@ -76,6 +77,17 @@ class PlanFile(Strict):
     fingerprint: str
 
 
+class _Dumper(yaml.SafeDumper):
+    """Quotes the words that YAML 1.2 takes for numbers too, such as ``1e5``."""
+
+    def represent_str(self, data: str) -> yaml.ScalarNode:
+        style = None if reads_as_text(data) else '"'
+        return self.represent_scalar("tag:yaml.org,2002:str", data, style)
+
+
+_Dumper.add_representer(str, _Dumper.represent_str)
+
+
 def save_plan(plan: ExperimentPlan, path: str | os.PathLike[str]) -> None:
     """Write the YAML file `path`, and the arrays beside it as ``.h5``; each appears complete.
 
@@ -91,8 +103,9 @@ def save_plan(plan: ExperimentPlan, path: str | os.PathLike[str]) -> None:
     arrays = target.with_suffix(".h5")
     values = {"phases": plan.phases, "amplitudes": plan.multisine.amplitudes, "scale": plan.scale}
     fingerprint = _fingerprint(values)
-    text = yaml.safe_dump(
+    text = yaml.dump(
         _document(plan, arrays.name, fingerprint),
+        Dumper=_Dumper,
         sort_keys=False,
         default_flow_style=None,
         width=100,

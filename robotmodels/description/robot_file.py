@@ -61,7 +61,7 @@ def _six_inertias(value: object) -> object:
         return (xx, 0.0, 0.0, yy, 0.0, zz)
     if isinstance(value, list | tuple) and len(value) != 6:
         raise ValueError(f"3 or 6 numbers are needed (xx, yy, zz, or all six), found {len(value)}")
-    return value
+    return tuple(value) if isinstance(value, list) else value
 
 
 def _plain_name(name: str) -> str:

@@ -24,7 +24,7 @@ ENDLESS = STUDY.replace("steps: 400", "steps: 1000000, ess: 1.0e+9")
 STUDY_MISTAKES = {
     "unknown robot": ("robot: robot.yaml", "robot: ur11", ["'ur11'", "'ur10'"]),
     "absent robot file": ("robot: robot.yaml", "robot: robt.yaml", ["robt.yaml", "no such file"]),
-    "malformed YAML": ("seed: 3", "seed: [3", ["study.yaml", "line 4", "not valid YAML"]),
+    "malformed YAML": ("seed: 3", "seed: [3", ["study.yaml:4: not valid YAML"]),
     "unknown key": ("experiments: 5", "experimnts: 5", ["'design.experimnts'", "'experiments'"]),
     "unknown section": ("posterior:", "posteriour:", ["'posteriour'", "'posterior'"]),
     "missing key": ("high: 60.0, ", "", ["missing key 'frequencies.high'"]),
@@ -45,7 +45,7 @@ STUDY_MISTAKES = {
 }
 
 ROBOT_MISTAKES = {
-    "negative stiffness": ("stiffness: 2.5e4", "stiffness: -2.5e4", ["stiffness", "-2.5e4"]),
+    "negative stiffness": ("stiffness: 2.5e4", "stiffness: -2.5e4", ["stiffness", "-25000"]),
     "joint not in the URDF": (
         "{name: m3, joint: elbow_joint",
         "{name: m3, joint: elbw_joint",

@@ -210,6 +210,12 @@ def edited(path, **changes):
     path.write_text(yaml.safe_dump({**content, **changes}))
 
 
+@pytest.mark.parametrize("name", ["1e5", "0o17", "on", "1:40", "~", "a # b", ".5"])
+def test_names_that_look_like_numbers_are_read_as_they_were_written(tmp_path, name):
+    replace(plan(), robot=name).save(tmp_path / "plan.yaml")
+    assert ExperimentPlan.load(tmp_path / "plan.yaml").robot == name
+
+
 def test_files_that_do_not_fit_are_named(tmp_path):
     path, arrays = tmp_path / "plan.yaml", tmp_path / "plan.h5"
 
@@ -223,7 +229,7 @@ def test_files_that_do_not_fit_are_named(tmp_path):
     edited(path, periods=0)
     load("plan.yaml: periods: 0; a whole number >= 1")
     edited(path, perods=1)
-    load(r"plan.yaml: unknown key 'perods' \(did you mean 'periods'\?\)")
+    load(r"plan.yaml:44: unknown key 'perods' \(did you mean 'periods'\?\)")
     edited(path, positions=[[0.0, 0.0], [0.0]])
     load("plan.yaml: positions: rows of equal length")
     edited(path, blocks=3)

@@ -80,7 +80,7 @@ EXPERIMENT = "schema: experiment/1\nrobot: ur10\n"
         ("check", STUDY, ("a study (schema: study/1), which `oed run` takes", "robot/1")),
         ("init", STUDY, ("a study (schema: study/1)", "a robot file")),
         ("simulate", STUDY, ("which `oed run` takes", "an experiment (YAML, schema")),
-        ("run", "# Title\n\nSome: text: here\n", ("line 3: not valid YAML", "a study (YAML, ")),
+        ("run", "# Title\n\nSome: text: here\n", (":3: not valid YAML", "a study (YAML, ")),
         ("run", "schema: study/2\n", ("schema: input should be 'study/1'",)),
     ],
 )

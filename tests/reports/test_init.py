@@ -15,11 +15,13 @@ from reports.starter_files import (
     noise_floor,
     starter_files,
     write_starter_files,
+    yaml_word,
 )
 from robotmodels import InvalidInput, load_robot
 from robotmodels.description.idle_joints import idle_joints
 from robotmodels.description.proposal import propose_drives
 from robotmodels.description.urdf_joints import moving_joints
+from robotmodels.yaml_reader import read_document
 
 URDF = """\
 <robot name="arm">
@@ -64,6 +66,15 @@ def oed(monkeypatch, capsys):
         return (ended.value.code or 0, *capsys.readouterr())
 
     return run
+
+
+@pytest.mark.parametrize(
+    "word", ["1e5", ".5", "0o17", "on", "Yes", "null", "2001-12-14", "a:b", "a b"]
+)
+def test_words_of_files_are_text_in_either_version_of_yaml(word):
+    written = yaml_word(word)
+    assert read_document(written).content == word
+    assert yaml.safe_load(written) == word
 
 
 def test_joints_of_a_urdf(urdf):
