@@ -38,7 +38,8 @@ if TYPE_CHECKING:
     from robotmodels.plant.linear import simulate_linear
     from robotmodels.plant.simulation import Imperfections, simulate
     from robotmodels.process_pool import ProcessPool
-    from robotmodels.records import Records, iterate_records, save_records
+    from robotmodels.record_files import iterate_records, save_records
+    from robotmodels.records import Records
     from robotmodels.response import frequency_response, linearize, sensitivity
 
 _HOMES = {
@@ -66,14 +67,14 @@ _HOMES = {
     "damped_modes": "modes",
     "default_controller": "plant.controller",
     "frequency_response": "response",
-    "iterate_records": "records",
+    "iterate_records": "record_files",
     "linearize": "response",
     "load_robot": "library",
     "modally_damped": "chain_responses",
     "position_controlled": "chain_responses",
     "resonances": "modes",
     "rigid_modes": "modes",
-    "save_records": "records",
+    "save_records": "record_files",
     "sensitivity": "response",
     "simulate": "plant.simulation",
     "simulate_linear": "plant.linear",

@@ -13,6 +13,8 @@ IntArray = NDArray[np.int64]
 BoolArray = NDArray[np.bool_]
 
 _T = TypeVar("_T", bound=np.generic)
+_NUMBERS = "biuf"  # kinds of numpy
+_LARGEST_WHOLE = 2**53  # beyond it floats leave out whole numbers
 
 
 def read_only(array: NDArray[_T]) -> NDArray[_T]:
@@ -22,8 +24,8 @@ def read_only(array: NDArray[_T]) -> NDArray[_T]:
     return view
 
 
-def real_numbers(values: ArrayLike, what: str) -> Array:
-    """Return `values` as a float array.
+def real_numbers(values: ArrayLike, what: str, *, copy: bool = True) -> Array:
+    """Return `values` as a float array, of its own unless `copy` is false.
 
     Raises
     ------
@@ -31,8 +33,47 @@ def real_numbers(values: ArrayLike, what: str) -> Array:
     """
     try:
         array = np.asarray(values)
-        if not np.iscomplexobj(array):
-            return array.astype(float)
-    except (TypeError, ValueError):
+        # Text, times and objects such as None would turn into numbers too; what is empty has no
+        # type that tells.
+        if array.dtype.kind in _NUMBERS or not array.size:
+            return array.astype(float, copy=copy)
+    except (TypeError, ValueError, OverflowError):
         pass
     raise InvalidInput(f"{what}: an array of real numbers is needed, found {str(values)[:60]}")
+
+
+def whole_numbers(values: ArrayLike, what: str) -> IntArray:
+    """Return `values` as an array of integers; floats such as 5.0 are taken, 5.9 is not.
+
+    Raises
+    ------
+    InvalidInput : if one is no whole number, or none that a float or int64 holds exactly; it
+        starts with `what`.
+    """
+    array = np.asarray(values)
+    if not array.size or array.dtype.kind == "i":
+        return array.astype(np.int64)
+    reals = real_numbers(values, what)
+    wrong = ~(np.abs(reals) <= _LARGEST_WHOLE) | (reals != np.rint(reals))
+    if wrong.any():
+        index = tuple(int(i) for i in np.argwhere(wrong)[0])
+        place = f" at {', '.join(map(str, index))} (counted from 0)" if index else ""
+        raise InvalidInput(f"{what}: {reals[index]:.17g}{place}; whole numbers are needed")
+    return reals.astype(np.int64)
+
+
+def truth_values(values: ArrayLike, what: str) -> BoolArray:
+    """Return `values`, true and false or 1 and 0, as an array of truth values.
+
+    Raises
+    ------
+    InvalidInput : if one is neither; it starts with `what`.
+    """
+    array = np.asarray(values)
+    if array.dtype.kind == "b":
+        return array
+    reals = real_numbers(values, what)
+    wrong = (reals != 0) & (reals != 1)
+    if wrong.any():
+        raise InvalidInput(f"{what}: {reals[wrong][0]:g}; true and false, or 1 and 0, are needed")
+    return reals.astype(bool)

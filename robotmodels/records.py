@@ -1,20 +1,24 @@
 """Periodic experiments, measured or simulated: what a controller was told, did and saw."""
 
 import os
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from robotmodels.arrays import Array, IntArray, read_only
+from robotmodels.arrays import (
+    Array,
+    IntArray,
+    read_only,
+    real_numbers,
+    truth_values,
+    whole_numbers,
+)
 from robotmodels.errors import InvalidInput
-from robotmodels.replacing import replacing
 
-SCHEMA = "records/1"
-_SIGNALS = ("reference", "torque", "angle", "saturated")
+SIGNALS = ("reference", "torque", "angle", "saturated")
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,10 +57,13 @@ class Records:
     saturated: Array
 
     def __post_init__(self) -> None:
-        kinds: dict[str, Any] = {"lines": np.int64, "detection": np.int64, "saturated": np.bool_}
-        for name in ("positions", *_SIGNALS, "lines", "detection"):
-            array = np.asarray(getattr(self, name), dtype=kinds.get(name, np.float64))
-            object.__setattr__(self, name, read_only(array))
+        for name in ("positions", "reference", "torque", "angle"):
+            signal = real_numbers(getattr(self, name), name, copy=False)
+            object.__setattr__(self, name, read_only(signal))
+        for name in ("lines", "detection"):
+            object.__setattr__(self, name, read_only(whole_numbers(getattr(self, name), name)))
+        saturated = truth_values(self.saturated, "saturated")
+        object.__setattr__(self, "saturated", read_only(saturated))
         _check_shapes(self)
         _check_lines(self)
         _check_values(self)
@@ -82,7 +89,7 @@ class Records:
     def at(self, index: int) -> "Records":
         """Return the records of one position, with Q = 1."""
         part = slice(index, index + 1) if index != -1 else slice(-1, None)
-        signals: dict[str, Any] = {k: getattr(self, k)[part] for k in ("positions", *_SIGNALS)}
+        signals: dict[str, Any] = {k: getattr(self, k)[part] for k in ("positions", *SIGNALS)}
         return replace(self, **signals)
 
     @staticmethod
@@ -97,15 +104,17 @@ class Records:
             raise InvalidInput("records: nothing to join; at least one position is needed")
         first = parts[0]
         for i, part in enumerate(parts):
-            _check_alike(first, part, f"records {i}")
+            check_alike(first, part, f"records {i}")
         signals: dict[str, Any] = {
             name: np.concatenate([getattr(part, name) for part in parts])
-            for name in ("positions", *_SIGNALS)
+            for name in ("positions", *SIGNALS)
         }
         return replace(first, **signals)
 
     def save(self, path: str | os.PathLike[str]) -> None:
-        """Write an HDF5 file; see `save_records`."""
+        """Write an HDF5 file; see `record_files.save_records`."""
+        from robotmodels.record_files import save_records
+
         save_records(path, [self])
 
     @staticmethod
@@ -116,6 +125,8 @@ class Records:
         ------
         InvalidInput : naming the file and what is wrong in it.
         """
+        from robotmodels.record_files import iterate_records
+
         return Records.join(list(iterate_records(path)))
 
 
@@ -128,85 +139,6 @@ def check_periods(periods: int, transient: int) -> None:
     """
     if periods < 1 or transient < 0:
         raise InvalidInput(f"periods: {periods} measured, {transient} dropped; at least 1 and 0")
-
-
-def save_records(path: str | os.PathLike[str], parts: Iterable[Records]) -> int:
-    """Write records to HDF5 position by position, as they come; return how many there were.
-
-    Layout: attributes ``schema`` ("records/1") and ``sample_time`` [s]; datasets ``lines`` and
-    ``detection``; for position i a group ``position_00000`` (i in five digits) with the datasets
-    ``position`` (n,) and ``reference``, ``torque``, ``angle``, ``saturated`` as in `Records`
-    without their first axis. The file appears under its name when it is complete.
-
-    Raises
-    ------
-    InvalidInput : if there are no records, or they differ in sampling, lines or shape.
-    """
-    import h5py
-
-    count, first = 0, None
-    with replacing(path) as unfinished, h5py.File(unfinished, "w") as file:
-        for records in parts:
-            if first is None:
-                first = records
-                file.attrs["schema"] = SCHEMA
-                file.attrs["sample_time"] = records.sample_time
-                file["lines"], file["detection"] = records.lines, records.detection
-            _check_alike(first, records, f"{path}: position {count}")
-            for i in range(len(records)):
-                group = file.create_group(_group(count))
-                group["position"] = records.positions[i]
-                for name in _SIGNALS:
-                    group[name] = getattr(records, name)[i]
-                count += 1
-        if first is None:
-            raise InvalidInput(f"{path}: no records to write; at least one position is needed")
-    return count
-
-
-def iterate_records(path: str | os.PathLike[str]) -> Iterator[Records]:
-    """Read an HDF5 file position by position; each item has Q = 1.
-
-    Raises
-    ------
-    InvalidInput : naming the file and what is wrong in it.
-    """
-    import h5py
-
-    if not Path(path).is_file():
-        raise InvalidInput(f"{path}: no such file; records are needed")
-    if not h5py.is_hdf5(path):
-        raise InvalidInput(f"{path}: not an HDF5 file; records are needed")
-    with h5py.File(path, "r") as file:
-        if file.attrs.get("schema") != SCHEMA:
-            found = file.attrs.get("schema")
-            raise InvalidInput(f"{path}: attribute 'schema' is {found!r}; {SCHEMA!r} is needed")
-        common = {name: _dataset(file, name, path) for name in ("lines", "detection")}
-        if "sample_time" not in file.attrs:
-            raise InvalidInput(f"{path}: attribute 'sample_time' [s] is missing")
-        sample_time = float(file.attrs["sample_time"])
-        count = sum(name.startswith("position_") for name in file)
-        for i in range(count):
-            if _group(i) not in file:
-                raise InvalidInput(f"{path}: group {_group(i)!r} is missing")
-            group = file[_group(i)]
-            signals = {name: _dataset(group, name, path)[None] for name in _SIGNALS}
-            position = _dataset(group, "position", path)[None]
-            try:
-                yield Records(positions=position, sample_time=sample_time, **common, **signals)
-            except InvalidInput as error:
-                raise InvalidInput(f"{path}: {_group(i)}: {error}") from error
-
-
-def _group(index: int) -> str:
-    return f"position_{index:05d}"
-
-
-def _dataset(group: Any, name: str, path: str | os.PathLike[str]) -> Any:
-    if name not in group:
-        found = ", ".join(group) or "nothing"
-        raise InvalidInput(f"{path}: dataset {name!r} of {group.name} is missing (found: {found})")
-    return group[name][()]
 
 
 def _check_shapes(r: Records) -> None:
@@ -270,7 +202,13 @@ def _refuse(wrong: NDArray[np.bool_], name: str, axes: tuple[str, ...]) -> None:
         )
 
 
-def _check_alike(first: Records, other: Records, who: str) -> None:
+def check_alike(first: Records, other: Records, who: str) -> None:
+    """Refuse records that differ from the first in sampling, lines or shape.
+
+    Parameters
+    ----------
+    who : names them in errors.
+    """
     if other.sample_time != first.sample_time:
         raise InvalidInput(
             f"{who}: sample time {other.sample_time:g} s, the first has {first.sample_time:g} s"

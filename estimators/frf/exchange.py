@@ -5,8 +5,8 @@ every bit (see `exchange_uff` for what UFF keeps). Files appear under their name
 
 HDF5 and .mat hold the fields of `FrfEstimate`, or of `Distortion`, as datasets (variables) of the
 same names, axes and units, and ``schema``, "frf/1" or "distortion/1", as an attribute (variable).
-HDF5 records are laid out as `robotmodels.records.save_records` says; .mat records hold the fields
-of `Records` and ``schema``, "records/1". For CSV see `exchange_csv`.
+HDF5 records are laid out as `robotmodels.record_files.save_records` says; .mat records hold the
+fields of `Records` and ``schema``, "records/1". For CSV see `exchange_csv`.
 """
 
 import os
@@ -19,27 +19,26 @@ import numpy as np
 
 from estimators.frf.distortion import Distortion
 from estimators.frf.estimate import FrfEstimate
+from estimators.frf.file_schemas import (
+    DISTORTION,
+    DISTORTION_SCHEMA,
+    FRF,
+    FRF_SCHEMA,
+    check_hertz,
+)
 from robotmodels.arrays import Array
+from robotmodels.data_files.array_schema import ArraySchema, Field
+from robotmodels.data_files.hdf5_file import read_hdf5
+from robotmodels.data_files.matlab_file import read_mat
 from robotmodels.errors import InvalidInput
-from robotmodels.files import reason
 from robotmodels.noise import RelativeNoise
+from robotmodels.record_files import RECORDS, RECORDS_SCHEMA
 from robotmodels.records import Records
 from robotmodels.replacing import replacing
 
 _T = TypeVar("_T")
+_LEVELS = "levels of distortion are"
 PathLike = str | os.PathLike[str]
-FRF_SCHEMA, RECORDS_SCHEMA, DISTORTION_SCHEMA = "frf/1", "records/1", "distortion/1"
-# MATLAB drops trailing axes of length one, and has no vectors.
-_FRF_AXES = {"positions": 2, "omega": 1, "response": 4, "covariance": 4, "repetitions": 1}
-_RECORD_AXES = {
-    "positions": 2,
-    "reference": 6,
-    "torque": 6,
-    "angle": 6,
-    "lines": 1,
-    "detection": 1,
-    "saturated": 5,
-}
 
 
 def write_frf(path: PathLike, estimate: FrfEstimate) -> None:
@@ -79,8 +78,8 @@ def read_frf(
     from estimators.frf import exchange_csv, exchange_uff
 
     readers: dict[str, Callable[[Path], FrfEstimate]] = {
-        ".h5": lambda p: FrfEstimate(**_read_hdf5(p, _FRF_AXES, FRF_SCHEMA)),
-        ".mat": lambda p: FrfEstimate(**_read_mat(p, _FRF_AXES, FRF_SCHEMA)),
+        ".h5": lambda p: FrfEstimate(**read_hdf5(p, FRF, FRF_SCHEMA, "FRFs are")),
+        ".mat": lambda p: FrfEstimate(**_mat_frf(p, FRF, FRF_SCHEMA)),
         ".csv": exchange_csv.read_frf,
         ".uff": lambda p: exchange_uff.read_frf(p, positions, noise),
     }
@@ -117,7 +116,7 @@ def read_records(path: PathLike) -> Records:
 
     readers: dict[str, Callable[[Path], Records]] = {
         ".h5": Records.load,
-        ".mat": _mat_records,
+        ".mat": lambda p: Records(**read_mat(p, RECORDS, RECORDS_SCHEMA, "records are")),
         ".csv": exchange_csv.read_records,
     }
     return _read(path, readers)
@@ -138,13 +137,9 @@ def read_distortion(path: PathLike) -> Distortion:
     ------
     InvalidInput : naming the file and what is wrong in it.
     """
-    axes = dict.fromkeys(("noise", "total"), 4)
-    axes |= dict.fromkeys(("output", "odd", "even"), 3)
-    axes |= dict.fromkeys(("odd_noise", "even_noise", "odd_raw", "even_raw"), 3)
-    axes |= {"positions": 2, "omega": 1, "odd_omega": 1, "even_omega": 1, "blocks": 1}
     readers: dict[str, Callable[[Path], Distortion]] = {
-        ".h5": lambda p: Distortion(**_read_hdf5(p, axes, DISTORTION_SCHEMA)),
-        ".mat": lambda p: Distortion(**_read_mat(p, axes, DISTORTION_SCHEMA)),
+        ".h5": lambda p: Distortion(**read_hdf5(p, DISTORTION, DISTORTION_SCHEMA, _LEVELS)),
+        ".mat": lambda p: Distortion(**_mat_frf(p, DISTORTION, DISTORTION_SCHEMA)),
     }
     return _read(path, readers)
 
@@ -159,8 +154,6 @@ def _kind(path: PathLike, known: Mapping[str, Any]) -> str:
 
 def _read(path: PathLike, readers: Mapping[str, Callable[[Path], _T]]) -> _T:
     read = readers[_kind(path, readers)]
-    if not Path(path).is_file():
-        raise InvalidInput(f"{path}: no such file")
     try:
         return read(Path(path))
     except InvalidInput as error:
@@ -182,17 +175,6 @@ def _write_hdf5(path: Path, contents: Mapping[str, Any], schema: str) -> None:
             file[name] = value
 
 
-def _read_hdf5(path: Path, axes: Mapping[str, int], schema: str) -> dict[str, Any]:
-    import h5py
-
-    if not h5py.is_hdf5(path):
-        raise InvalidInput("not an HDF5 file")
-    with h5py.File(path, "r") as file:
-        _check_schema(file.attrs.get("schema"), schema)
-        _check_names(file, axes)
-        return {name: file[name][()] for name in axes}
-
-
 def _write_mat(path: Path, contents: Mapping[str, Any], schema: str) -> None:
     from scipy.io import savemat
 
@@ -205,45 +187,10 @@ def _write_mat(path: Path, contents: Mapping[str, Any], schema: str) -> None:
         raise InvalidInput(f"{path}: too large for .mat ({error}); write .h5 instead") from None
 
 
-def _read_mat(path: Path, axes: Mapping[str, int], schema: str) -> dict[str, Any]:
-    from scipy.io import loadmat
-    from scipy.io.matlab import MatReadError
-
-    try:
-        found = loadmat(path, appendmat=False)
-    except NotImplementedError:
-        raise InvalidInput("a MATLAB 7.3 file; save it with -v7, or as HDF5") from None
-    except (ValueError, OSError, MatReadError) as error:
-        raise InvalidInput(f"not a MATLAB file ({reason(error)})") from None
-    if "schema" in found:
-        _check_schema("".join(np.ravel(found["schema"])[:1]), schema)
-    _check_names(found, {"schema": 0, **axes})
-    return {name: _with_axes(found[name], count) for name, count in axes.items()}
-
-
-def _mat_records(path: Path) -> Records:
-    axes = _RECORD_AXES | {"sample_time": 0}
-    contents = _read_mat(path, axes, RECORDS_SCHEMA)
-    contents["sample_time"] = float(contents["sample_time"])
-    return Records(**contents)
-
-
-def _with_axes(array: Any, count: int) -> Any:
-    """Give an array the axes it had before MATLAB's conventions."""
-    if count < 2:
-        flat = np.ravel(array)
-        return flat[0] if count == 0 and flat.size == 1 else flat
-    return np.reshape(array, array.shape + (1,) * (count - array.ndim))
-
-
-def _check_schema(found: object, needed: str) -> None:
-    if found != needed:
-        raise InvalidInput(f"'schema' is {found!r}; {needed!r} is needed")
-
-
-def _check_names(found: Any, names: Mapping[str, int]) -> None:
-    missing = [repr(name) for name in names if name not in found]
-    if missing:
-        there = ", ".join(k for k in found if not k.startswith("__")) or "nothing"
-        are = "is" if len(missing) == 1 else "are"
-        raise InvalidInput(f"{', '.join(missing)} {are} missing (found: {there})")
+def _mat_frf(path: Path, schema: ArraySchema, name: str) -> dict[str, Any]:
+    """Read arrays over frequencies, which are told in Hz as well."""
+    hertz = {"frequency_hz": Field(("frequency",), optional=True)}
+    contents = read_mat(path, ArraySchema({**schema.fields, **hertz}), name, "FRFs are")
+    if "frequency_hz" in contents:
+        check_hertz(contents.pop("frequency_hz"), contents["omega"], path)
+    return contents

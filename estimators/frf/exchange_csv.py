@@ -21,16 +21,19 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from estimators.frf.estimate import FrfEstimate, unvec, vec
-from robotmodels.arrays import Array
+from estimators.frf.file_schemas import FRF, FRF_SCHEMA, check_hertz
+from robotmodels.arrays import Array, whole_numbers
+from robotmodels.data_files.array_schema import ArraySchema, Field, stored_array
+from robotmodels.data_files.csv_table import CsvTable, read_table
 from robotmodels.errors import InvalidInput
-from robotmodels.records import Records
+from robotmodels.record_files import RECORDS, RECORDS_SCHEMA
+from robotmodels.records import SIGNALS, Records
 
 _FRF_COLUMNS = ("position", "omega", "frequency_hz", "output", "input", "re", "im")
 _RECORD_INDEX = ("position", "block", "experiment", "period", "sample")
-_SIGNALS = ("reference", "torque", "angle", "saturated")
+_AXES = Field(("axis",), "whole", least=1)
 
 
 def write_frf(path: Path, estimate: FrfEstimate) -> None:
@@ -50,7 +53,7 @@ def write_frf(path: Path, estimate: FrfEstimate) -> None:
         table.append(vec(estimate.covariance).ravel())
         names.append("variance")
     comments = {
-        "schema": "frf/1",
+        "schema": FRF_SCHEMA,
         "positions": estimate.positions.tolist(),
         "repetitions": estimate.repetitions.tolist(),
     }
@@ -59,34 +62,34 @@ def write_frf(path: Path, estimate: FrfEstimate) -> None:
 
 def read_frf(path: Path) -> FrfEstimate:
     """Read what `write_frf` wrote."""
-    comments, names, table = _load(path, "frf/1", ("positions", "repetitions"))
-    full = any(name.startswith("covariance_") for name in names)
-    _check_columns(names, _FRF_COLUMNS if full else (*_FRF_COLUMNS, "variance"))
-    position, omega, _, row, column, re, im = table[:, :7].T
-    Q, m, n = len(comments["positions"]), int(row.max()) + 1, int(column.max()) + 1
-    F = len(table) // (Q * m * n)
+    table = read_table(path, FRF_SCHEMA, "FRFs are")
+    comments = ArraySchema({k: FRF.fields[k] for k in ("positions", "repetitions")}).read(
+        table.comments, table.where
+    )
+    Q, (m, n) = len(comments["positions"]), (_count(table, key) for key in ("output", "input"))
+    full = any(name.startswith("covariance_") for name in table.columns)
+    entries = [f"covariance_{part}_{k}" for k in range(m * n) for part in ("re", "im")]
+    errors = entries if full else ["variance"]
+    table.check_columns([*_FRF_COLUMNS, *errors])
+    F = max(1, len(table.values) // max(Q * m * n, 1))
     shape = (Q, F, n, m)
-    _check_grid(np.stack([position, column, row], axis=1), shape, (0, 2, 3))
-    response = unvec((re + 1j * im).reshape(Q, F, n * m), m)
-    if full:
-        covariance = table[:, 7::2] + 1j * table[:, 8::2]
-        if covariance.shape[1] != m * n:
-            raise InvalidInput(
-                f"{covariance.shape[1]} covariance columns; {m * n} are needed for {m} outputs and "
-                f"{n} inputs"
-            )
-        errors: NDArray[Any] = covariance.reshape(Q, F, m * n, m * n)
-    else:
-        errors = unvec(table[:, 7].reshape(Q, F, n * m), m)
-    lines = omega.reshape(Q, F, n * m)
-    if (lines != lines[:1, :, :1]).any():
-        raise InvalidInput("omega: rows of one frequency, or positions, differ in it")
+    table.check_grid(("position", None, "input", "output"), shape)
+    omega, hertz = table.column(("omega", "frequency_hz")).T.reshape(2, Q, F, n * m)
+    if (omega != omega[:1, :, :1]).any():
+        raise InvalidInput(f"{path}: omega: rows of one frequency, or positions, differ in it")
+    check_hertz(hertz.ravel(), omega.ravel(), path)
+    table.check_finite()
+    re, im = table.column(("re", "im")).T
+    values = table.column(errors)
+    covariance = (
+        values[:, ::2] + 1j * values[:, 1::2] if full else unvec(values.reshape(Q, F, -1), m)
+    )
     return FrfEstimate(
-        np.array(comments["positions"], dtype=float),
-        lines[0, :, 0],
-        response,
-        errors,
-        np.array(comments["repetitions"]),
+        comments["positions"],
+        omega[0, :, 0],
+        unvec((re + 1j * im).reshape(Q, F, n * m), m),
+        covariance.reshape(Q, F, m * n, m * n) if full else covariance,
+        comments["repetitions"],
     )
 
 
@@ -104,10 +107,10 @@ def write_records(path: Path, records: Records) -> None:
     ]
     index = np.indices(axes).reshape(5, -1).T
     names = [*_RECORD_INDEX]
-    for name, signal in zip(_SIGNALS, signals, strict=True):
+    for name, signal in zip(SIGNALS, signals, strict=True):
         names += [f"{name}_{i}" for i in range(signal.shape[1])]
     comments = {
-        "schema": "records/1",
+        "schema": RECORDS_SCHEMA,
         "sample_time": records.sample_time,
         "positions": records.positions.tolist(),
         "lines": records.lines.tolist(),
@@ -119,27 +122,54 @@ def write_records(path: Path, records: Records) -> None:
 
 def read_records(path: Path) -> Records:
     """Read what `write_records` wrote."""
-    needed = ("sample_time", "positions", "lines", "detection", "axes")
-    comments, names, table = _load(path, "records/1", needed)
-    _check_columns(names, _RECORD_INDEX)
-    *axes, reference_periods = (int(a) for a in comments["axes"])
-    _check_grid(table[:, :5], axes, range(5))
-    signals = {}
-    for name in _SIGNALS:
-        columns = [i for i, column in enumerate(names) if column.startswith(f"{name}_")]
-        if not columns:
-            raise InvalidInput(f"column '{name}_0' is missing (found: {', '.join(names)})")
-        signals[name] = table[:, columns].reshape(*axes, len(columns))
-    return Records(
-        positions=np.array(comments["positions"], dtype=float),
-        sample_time=float(comments["sample_time"]),
-        reference=signals["reference"][:, :, :, :reference_periods],
-        torque=signals["torque"],
-        angle=signals["angle"],
-        lines=np.array(comments["lines"], dtype=np.int64),
-        detection=np.array(comments["detection"], dtype=np.int64),
-        saturated=signals["saturated"].max(axis=4),
+    table = read_table(path, RECORDS_SCHEMA, "records are")
+    names = {name: table.numbered(name) for name in SIGNALS}
+    table.check_columns([*_RECORD_INDEX, *(column for group in names.values() for column in group)])
+    comments = dict(table.comments)
+    grid = ArraySchema({"axes": _AXES}).read(
+        {key: comments.pop(key) for key in ("axes",) if key in comments}, table.where
     )
+    if len(grid["axes"]) != len(_RECORD_INDEX) + 1:
+        raise InvalidInput(
+            f"{table.where}: axes: {len(grid['axes'])} numbers; {len(_RECORD_INDEX) + 1} are "
+            f"needed, of each of {', '.join(_RECORD_INDEX)}, and of periods of the reference"
+        )
+    *axes, reference_periods = (int(length) for length in grid["axes"])
+    table.check_grid(_RECORD_INDEX, axes)
+    signals = {
+        name: table.column(columns).reshape(*axes, len(columns)) for name, columns in names.items()
+    }
+    signals["reference"] = _periods(signals["reference"], reference_periods, table.where)
+    signals["saturated"] = signals["saturated"].max(axis=4)
+    stored = {name: stored_array(signal) for name, signal in signals.items()}
+    return Records(**RECORDS.read({**comments, **stored}, table.where))
+
+
+def _periods(reference: Array, periods: int, where: str) -> Array:
+    """Return the reference of as many periods as it was given for, one or all."""
+    if periods not in (1, reference.shape[3]):
+        raise InvalidInput(
+            f"{where}: axes: {periods} periods of the reference; 1 or {reference.shape[3]} needed"
+        )
+    if periods == 1 and not np.array_equal(
+        reference, np.broadcast_to(reference[:, :, :, :1], reference.shape)
+    ):
+        raise InvalidInput(
+            f"{where}: axes: one period of the reference, but in the table its periods differ"
+        )
+    return reference[:, :, :, :periods]
+
+
+def _count(table: CsvTable, column: str) -> int:
+    """Return how many outputs or inputs there are: one more than the largest number."""
+    numbers = whole_numbers(table.column((column,)), f"{table.where}: {column}")
+    largest = int(numbers.max())
+    if not 0 <= largest < len(numbers):
+        raise InvalidInput(
+            f"{table.where}: {column}: {largest} in a table of {len(numbers)} rows; numbers from "
+            "0 on are needed"
+        )
+    return largest + 1
 
 
 def _write(path: Path, comments: dict[str, Any], names: Sequence[str], table: Array) -> None:
@@ -148,55 +178,3 @@ def _write(path: Path, comments: dict[str, Any], names: Sequence[str], table: Ar
             file.write(f"# {key}: {json.dumps(value)}\n")
         file.write(",".join(names) + "\n")
         np.savetxt(file, table, fmt="%.17g", delimiter=",")
-
-
-def _load(
-    path: Path, schema: str, needed: Sequence[str]
-) -> tuple[dict[str, Any], list[str], Array]:
-    """Return the comments, the names of the columns and the table."""
-    comments: dict[str, Any] = {}
-    names: list[str] = []
-    try:
-        with path.open(encoding="utf-8") as file:
-            for line in file:
-                if not line.startswith("#"):
-                    names = [name.strip() for name in line.split(",")]
-                    break
-                key, _, value = line[1:].partition(":")
-                comments[key.strip()] = json.loads(value)
-            rows = [row for row in file if row.strip()]
-        table = (
-            np.loadtxt(rows, delimiter=",", ndmin=2, comments=None) if rows else np.empty((0, 0))
-        )
-    except ValueError as error:  # JSON's, numpy's and the decoder's errors are of this kind
-        raise InvalidInput(f"no table of numbers below comments '# key: JSON': {error}") from None
-    if not table.size:
-        raise InvalidInput("no table of numbers below comments '# key: JSON'")
-    if comments.get("schema") != schema:
-        raise InvalidInput(f"'schema' is {comments.get('schema')!r}; {schema!r} is needed")
-    for key in needed:
-        if key not in comments:
-            raise InvalidInput(f"comment '# {key}: ...' is missing (found: {', '.join(comments)})")
-    if table.shape[1] != len(names):
-        raise InvalidInput(f"{len(names)} names for {table.shape[1]} columns")
-    return comments, names, table
-
-
-def _check_columns(names: Sequence[str], needed: Sequence[str]) -> None:
-    if tuple(names[: len(needed)]) != tuple(needed):
-        raise InvalidInput(f"columns {', '.join(names)}; {', '.join(needed)} must come first")
-
-
-def _check_grid(index: Array, axes: Sequence[int], which: Sequence[int]) -> None:
-    """Check that rows (R, k) count through the axes `which` of a grid, last axis fastest."""
-    rows = int(np.prod(axes))
-    if len(index) != rows:
-        raise InvalidInput(f"{len(index)} rows; {' x '.join(map(str, axes))} = {rows} are needed")
-    expected = np.indices(tuple(axes)).reshape(len(axes), -1).T[:, list(which)]
-    wrong = (index != expected).any(axis=1)
-    if wrong.any():
-        row = int(np.argmax(wrong))
-        raise InvalidInput(
-            f"row {row} of the table (counted from 0): indices {index[row].astype(int).tolist()}, "
-            f"{expected[row].tolist()} are needed there; a row is missing or out of order"
-        )

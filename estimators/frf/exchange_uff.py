@@ -10,9 +10,6 @@ Responses, variances, positions and repetitions keep every bit, frequencies all 
 the conversion to Hz. Of full covariances the diagonal is kept: UFF has no place for the rest.
 """
 
-import warnings
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -20,14 +17,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from estimators.frf.estimate import FrfEstimate
-from robotmodels.arrays import Array, ComplexArray
+from robotmodels.arrays import Array, ComplexArray, whole_numbers
+from robotmodels.data_files.universal_file import files_left_open, read_functions
 from robotmodels.errors import InvalidInput
-from robotmodels.files import reason
 from robotmodels.noise import RelativeNoise
 
 _FRF, _GENERAL = 4, 0
 _ROTATION, _FREQUENCY, _ACCELERATION, _FORCE = 4, 18, 12, 13
 _NAME = "elastic robot FRF"
+_MOST_ELEMENTS = 1000  # of the FRFs for each function; the missing ones are named below that
 
 
 def write_frf(path: Path, estimate: FrfEstimate) -> None:
@@ -55,7 +53,7 @@ def read_frf(
     path: Path, positions: Array | None = None, noise: RelativeNoise | None = None
 ) -> FrfEstimate:
     """Read FRFs; see `estimators.frf.exchange.read_frf`."""
-    sets = [s for s in _read_sets(path) if s["type"] == 58]
+    sets = read_functions(path, "FRFs are")
     responses = [s for s in sets if s["func_type"] == _FRF]
     if not responses:
         raise InvalidInput("no frequency response function (dataset 58 of type 4)")
@@ -69,16 +67,36 @@ def read_frf(
         variance = noise.variance(response)
     else:
         raise InvalidInput("no variances; give the law of the errors as noise=RelativeNoise(...)")
-    found = sorted((s for s in sets if s["id1"].strip() == "positions"), key=_version)
-    if found:
-        positions = np.array([_trimmed(s) for s in found])
+    numbers = axes[0]
+    told = [s for s in sets if s["id1"].strip() == "positions"]
+    if told:
+        positions = _positions(told, numbers)
     elif positions is None:
         raise InvalidInput("no positions; give them as positions=... (Q, n) [rad]")
     counts = [_trimmed(s) for s in sets if s["id1"].strip() == "repetitions"]
+    if len(counts) > 1:
+        raise InvalidInput("repetitions: given twice")
     repetitions = counts[0] if counts else np.ones(len(response))
     return FrfEstimate(
-        np.asarray(positions, dtype=float), omega, response, variance, repetitions.astype(np.int64)
+        np.asarray(positions, dtype=float),
+        omega,
+        response,
+        variance,
+        whole_numbers(repetitions, "repetitions"),
     )
+
+
+def _positions(functions: list[dict[str, Any]], numbers: list[int]) -> Array:
+    """Return coordinates (Q, n), one function for each of the positions' numbers."""
+    coordinates = {_version(s): _trimmed(s) for s in functions}
+    if len(coordinates) < len(functions) or sorted(coordinates) != numbers:
+        raise InvalidInput(
+            f"positions: of the numbers {sorted(map(_version, functions))}; one for each of "
+            f"{numbers} is needed"
+        )
+    if len({len(row) for row in coordinates.values()}) > 1:
+        raise InvalidInput("positions: they differ in their number of coordinates")
+    return np.array([coordinates[number] for number in numbers])
 
 
 def _function(
@@ -114,7 +132,15 @@ def _vector(name: str, values: Array, place: dict[str, int]) -> dict[str, Any]:
 
 
 def _trimmed(one: dict[str, Any]) -> Array:
-    return np.asarray(one["data"].real[: int(one["id2"].split()[0])])
+    """Return the values of what `_vector` made; its title says how many there are."""
+    values, title = one["data"].real, one["id2"].split()
+    count = int(title[0]) if title and title[0].isdecimal() and len(title[0]) < 10 else -1
+    if len(values) != (2 if count == 1 else count):
+        raise InvalidInput(
+            f"{one['id1'].strip()}: {len(values)} values under the title {one['id2'][:60]!r}; "
+            "'... values' with their number is needed"
+        )
+    return np.asarray(values[:count])
 
 
 def _write_sets(path: Path, sets: list[dict[str, Any]]) -> None:
@@ -130,7 +156,7 @@ def _write_sets(path: Path, sets: list[dict[str, Any]]) -> None:
         with path.open("wb") as file:
             for one in sets:
                 single.unlink(missing_ok=True)
-                with _files_left_open():
+                with files_left_open():
                     pyuff.UFF(str(single)).write_sets(one, mode="add")
                 content = single.read_bytes()
                 numbers = 3 if np.iscomplexobj(one["data"]) else 2
@@ -139,25 +165,6 @@ def _write_sets(path: Path, sets: list[dict[str, Any]]) -> None:
                 file.write(content[:at] + count + content[at + 12 :])
     finally:
         single.unlink(missing_ok=True)
-
-
-def _read_sets(path: Path) -> list[dict[str, Any]]:
-    import pyuff
-
-    try:
-        with _files_left_open():
-            found = pyuff.UFF(str(path)).read_sets()
-    except Exception as error:  # pyuff raises nothing more particular
-        raise InvalidInput(f"not a universal file that pyuff can read ({reason(error)})") from None
-    return found if isinstance(found, list) else [found]
-
-
-@contextmanager
-def _files_left_open() -> Iterator[None]:
-    """Accept that pyuff leaves its files to be closed when it is done with them."""
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", ResourceWarning)
-        yield
 
 
 def _version(one: dict[str, Any]) -> int:
@@ -180,6 +187,11 @@ def _gathered(sets: list[dict[str, Any]], axes: list[list[Any]], x: Array) -> Co
         frequencies.
     """
     numbers, outputs, inputs = axes
+    if len(numbers) * len(outputs) * len(inputs) > _MOST_ELEMENTS * len(sets):
+        raise InvalidInput(
+            f"{len(sets)} functions for {len(numbers)} positions, {len(outputs)} outputs and "
+            f"{len(inputs)} inputs; one for each of their combinations is needed"
+        )
     values = np.full((len(numbers), len(outputs), len(inputs), len(x)), np.nan, dtype=complex)
     for s in sets:
         response, reference = (s["rsp_node"], s["rsp_dir"]), (s["ref_node"], s["ref_dir"])
@@ -187,6 +199,11 @@ def _gathered(sets: list[dict[str, Any]], axes: list[list[Any]], x: Array) -> Co
         if s["func_type"] == _FRF and s["ordinate_spec_data_type"] not in (0, 1, _ACCELERATION):
             raise InvalidInput(
                 f"{who}: ordinate of type {s['ordinate_spec_data_type']}; accelerations (12) are "
+                "needed"
+            )
+        if s["abscissa_spec_data_type"] not in (0, 1, _FREQUENCY):
+            raise InvalidInput(
+                f"{who}: abscissa of type {s['abscissa_spec_data_type']}; frequencies (18) are "
                 "needed"
             )
         if not np.array_equal(s["x"], x):

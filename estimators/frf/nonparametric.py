@@ -43,7 +43,7 @@ def estimate_frf(
 
     Parameters
     ----------
-    records : experiments, or any iterable of them, e.g. `robotmodels.records.iterate_records`;
+    records : experiments, or any iterable of them, e.g. `robotmodels.record_files.iterate_records`;
         one position at a time is held in memory.
     method : "ari", "har", "log", "h1" or "jio"; `estimators.compare_methods` helps to choose.
     covariance : "total", over blocks, or "noise", from what does not repeat from period to period,

@@ -11,7 +11,8 @@ from estimators.chains.identification import ChainIdentification, identify_chain
 from oed.experiment.measured_frf import MeasuredFrf, measured_frf
 from robotmodels.arrays import Array
 from robotmodels.errors import IdentificationError, InvalidInput
-from robotmodels.records import Records, iterate_records
+from robotmodels.record_files import iterate_records
+from robotmodels.records import Records
 
 Progress = Callable[[str, int, int], None]
 # Fewer blocks say too little about what differs from block to block.

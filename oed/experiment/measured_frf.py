@@ -21,7 +21,8 @@ from estimators.frf.visits import merge_distortion, merge_visits, visits_of
 from robotmodels import ElasticRobot, frequency_response, load_robot
 from robotmodels.arrays import ComplexArray, IntArray
 from robotmodels.errors import IdentificationWarning, InvalidInput
-from robotmodels.records import Records, iterate_records
+from robotmodels.record_files import iterate_records
+from robotmodels.records import Records
 
 Progress = Callable[[str, int, int], None]
 """Called with the stage's name, the steps done and the steps in all (0: not known yet)."""

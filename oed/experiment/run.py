@@ -13,7 +13,8 @@ from oed.experiment.build import Prepared, Progress
 from robotmodels import ElasticRobot
 from robotmodels.arrays import Array
 from robotmodels.plant.simulation import simulate
-from robotmodels.records import Records, iterate_records, save_records
+from robotmodels.record_files import iterate_records, save_records
+from robotmodels.records import Records
 
 
 @dataclass(frozen=True, eq=False)

@@ -18,7 +18,7 @@ from estimators.chains.identification import identify_chains
 from oed.experiment.measured_chains import measured_chains
 from robotmodels.plant.controller import default_controller
 from robotmodels.plant.linear import simulate_linear
-from robotmodels.records import save_records
+from robotmodels.record_files import save_records
 
 
 def identified(records):

@@ -1,0 +1,56 @@
+"""What files of FRFs and of distortion levels hold, whatever their container."""
+
+import numpy as np
+
+from robotmodels.arrays import Array
+from robotmodels.data_files.array_schema import ArraySchema, Field
+from robotmodels.errors import InvalidInput
+
+FRF_SCHEMA, DISTORTION_SCHEMA = "frf/1", "distortion/1"
+_LARGEST_MISFIT = 1e-9  # of frequencies told twice, relative
+
+# Axes of the covariance depend on its kind; `FrfEstimate` knows both.
+FRF = ArraySchema(
+    {
+        "positions": Field(("position", "motor")),
+        "omega": Field(("frequency",)),
+        "response": Field(("position", "frequency", "output", "motor"), "complex"),
+        "covariance": Field(("position", "frequency", "", ""), "complex"),
+        "repetitions": Field(("position",), "whole", least=1),
+    }
+)
+
+_LINES = {"odd": "odd line", "even": "even line"}
+DISTORTION = ArraySchema(
+    {
+        "positions": Field(("position", "motor")),
+        "omega": Field(("frequency",), least=0),
+        "noise": Field(("position", "frequency", "output", "motor"), least=0),
+        # One block alone tells no total.
+        "total": Field(("position", "frequency", "output", "motor"), least=0, finite=False),
+        "blocks": Field(("position",), "whole", least=1),
+        "output": Field(("position", "frequency", "output"), least=0),
+        **{f"{kind}_omega": Field((line,), least=0) for kind, line in _LINES.items()},
+        **{
+            f"{kind}{what}": Field(("position", line, "output"), least=0)
+            for kind, line in _LINES.items()
+            for what in ("", "_noise", "_raw")
+        },
+    }
+)
+
+
+def check_hertz(hertz: Array, omega: Array, where: object) -> None:
+    """Refuse frequencies [Hz] that are not those of `omega` [rad/s], of which one would be ignored.
+
+    Raises
+    ------
+    InvalidInput : naming the first that differs.
+    """
+    wrong = ~(np.abs(2 * np.pi * hertz - omega) <= _LARGEST_MISFIT * np.abs(omega))
+    if wrong.any():
+        i = int(np.argmax(wrong))
+        raise InvalidInput(
+            f"{where}: frequency_hz: {hertz[i]:.9g} Hz where omega is {omega[i]:.9g} rad/s; the "
+            "same frequencies are needed"
+        )

@@ -1,0 +1,130 @@
+"""What may be opened at all, and what libraries raise over files that are damaged."""
+
+import os
+import stat
+import struct
+import zlib
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import numpy as np
+
+from robotmodels.errors import InvalidInput
+from robotmodels.files import reason
+
+PathLike = str | os.PathLike[str]
+_MOST_NAMES, _MOST_LETTERS = 12, 40  # that an error lists, of each
+_LARGEST_SHARE = 0.5  # of the memory: checks take a second copy of an array
+_FALLBACK_MEMORY = 8 * 2**30  # where the system does not tell
+
+# All that h5py, scipy.io, zlib, pyuff and numpy were seen to raise over mutated files. The list is
+# broad on purpose and belongs around calls of these libraries only, never around code of our own.
+LIBRARY_ERRORS = (
+    OSError,
+    RuntimeError,  # h5py, for most of HDF5's errors; NotImplementedError, RecursionError
+    LookupError,
+    ValueError,  # UnicodeError among them
+    TypeError,
+    AttributeError,
+    ArithmeticError,  # OverflowError among them
+    AssertionError,
+    MemoryError,
+    EOFError,
+    BufferError,
+    SystemError,
+    SyntaxError,  # numpy parses the headers of its files
+    struct.error,
+    zlib.error,
+)
+
+
+@contextmanager
+def library_errors(
+    where: object, container: str, *more: type[Exception], needed: str = ""
+) -> Iterator[None]:
+    """Turn what a library raises over a file into an InvalidInput.
+
+    Parameters
+    ----------
+    where : file, and the place in it.
+    container : what the library takes the file for, in words.
+    more : exceptions that only one library raises.
+    needed : what would be right.
+    """
+    try:
+        with np.errstate(all="ignore"):
+            yield
+    except InvalidInput:
+        raise
+    except LIBRARY_ERRORS + more as error:
+        why = "not enough memory" if isinstance(error, MemoryError) else reason(error)
+        right = f"; {needed} is needed" if needed else ""
+        said = f"not {container} ({why[:200] or type(error).__name__}){right}"
+        raise InvalidInput(f"{where}: {said}") from None
+
+
+def check_regular_file(path: PathLike, needed: str) -> Path:
+    """Return `path` if it is a file that can be read from beginning to end.
+
+    Parameters
+    ----------
+    needed : what the file should be, in words.
+
+    Raises
+    ------
+    InvalidInput : if there is none, or it is a folder, a device, a pipe, or no name of a file.
+    """
+    source = Path(path)
+    if "\0" in str(source):
+        raise InvalidInput(f"{str(source)!r}: no name of a file; {needed} needed")
+    try:
+        mode = os.stat(source).st_mode
+    except (FileNotFoundError, NotADirectoryError):
+        raise InvalidInput(f"{source}: no such file; {needed} needed") from None
+    except (OSError, ValueError) as error:
+        raise InvalidInput(f"{source}: cannot be read ({reason(error)}); {needed} needed") from None
+    if not stat.S_ISREG(mode):
+        kind = "a folder" if stat.S_ISDIR(mode) else "a device, pipe or socket"
+        raise InvalidInput(f"{source}: it is {kind}, no file; {needed} needed")
+    return source
+
+
+def check_memory(where: object, size: int) -> None:
+    """Refuse arrays that are too large for this machine.
+
+    Parameters
+    ----------
+    size : of all arrays that are read at once [bytes].
+
+    Raises
+    ------
+    InvalidInput : naming both sizes.
+    """
+    if size > _LARGEST_SHARE * machine_memory():
+        raise InvalidInput(
+            f"{where}: {_readable(size)} to read at once; at most half of this machine's "
+            f"{_readable(machine_memory())} of memory is taken"
+        )
+
+
+def machine_memory() -> int:
+    """Return the physical memory of this machine [bytes]."""
+    try:
+        return os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")
+    except (AttributeError, OSError, ValueError):  # systems that are not POSIX
+        return _FALLBACK_MEMORY
+
+
+def listed(names: Iterable[object]) -> str:
+    """Return names from a file as a short list that is safe to print."""
+    quoted = [
+        ascii(str(name)) if not str(name).isprintable() else repr(str(name)) for name in names
+    ]
+    cut = [n if len(n) <= _MOST_LETTERS else f"{n[: _MOST_LETTERS - 4]}...'" for n in quoted]
+    more = f" and {len(cut) - _MOST_NAMES} more" if len(cut) > _MOST_NAMES else ""
+    return ", ".join(cut[:_MOST_NAMES]) + more if cut else "nothing"
+
+
+def _readable(size: int) -> str:
+    return f"{size / 2**30:.3g} GiB"

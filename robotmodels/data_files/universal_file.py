@@ -1,0 +1,69 @@
+"""Universal files: the functions at nodal degrees of freedom, dataset 58, through pyuff."""
+
+import warnings
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import Any
+
+import numpy as np
+
+from robotmodels.data_files.file_guard import PathLike, check_regular_file, library_errors
+from robotmodels.errors import InvalidInput
+
+_CONTAINER = "a universal file that pyuff can read"
+_FUNCTION = 58
+_WHOLE = ("func_type", "ver_num", "rsp_node", "rsp_dir", "ref_node", "ref_dir", "num_pts")
+_TEXT = ("id1", "id2")
+_MOST = 10**9  # of what a header of ten letters holds
+
+
+def read_functions(path: PathLike, needed: str) -> list[dict[str, Any]]:
+    """Return the functions of a file as pyuff names their entries; other datasets are passed over.
+
+    Abscissa ``x`` and ordinate ``data`` are of one length and finite.
+
+    Parameters
+    ----------
+    needed : what the file should be, in words, with a verb: ``"FRFs are"``.
+
+    Raises
+    ------
+    InvalidInput : naming the file, the function and what is wrong in it.
+    """
+    import pyuff
+
+    source = check_regular_file(path, needed)
+    # pyuff raises nothing more particular than Exception.
+    with library_errors(source, _CONTAINER, Exception), files_left_open():
+        file = pyuff.UFF(str(source))
+        numbers = [i for i, kind in enumerate(file.get_set_types()) if kind == _FUNCTION]
+        functions = [file.read_sets(i) for i in numbers]
+    for number, function in zip(numbers, functions, strict=True):
+        _check(function, f"{source}: dataset {number + 1}")
+    return functions
+
+
+@contextmanager
+def files_left_open() -> Iterator[None]:
+    """Accept that pyuff leaves its files to be closed when it is done with them."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", ResourceWarning)
+        yield
+
+
+def _check(function: dict[str, Any], where: str) -> None:
+    for key in _WHOLE:
+        value: Any = function.get(key)
+        if not isinstance(value, int) or abs(value) > _MOST:
+            raise InvalidInput(f"{where}: {key} is {str(value)[:60]!r}; a whole number is needed")
+    for key in _TEXT:
+        if not isinstance(function.get(key), str):
+            raise InvalidInput(f"{where}: {key} is missing; a line of text is needed")
+    x, data, points = function["x"], function["data"], function["num_pts"]
+    if len(x) != points or len(data) != points:
+        raise InvalidInput(
+            f"{where}: {len(data)} values at {len(x)} abscissae, its header says {points}; it is "
+            "cut off or damaged"
+        )
+    if not (np.isfinite(x).all() and np.isfinite(data).all()):
+        raise InvalidInput(f"{where}: values that are not finite")

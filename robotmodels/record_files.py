@@ -1,0 +1,101 @@
+"""Records as HDF5, position by position, and what files of records hold."""
+
+import os
+from collections.abc import Iterable, Iterator
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from robotmodels.data_files.array_schema import ArraySchema, Field
+from robotmodels.data_files.hdf5_file import open_hdf5
+from robotmodels.errors import InvalidInput
+from robotmodels.records import SIGNALS, Records, check_alike
+from robotmodels.replacing import replacing
+
+RECORDS_SCHEMA = "records/1"
+NEEDED = "records are"
+_GROUP = "position_"
+_EXPERIMENTS = ("block", "experiment", "period", "sample")
+_COMMON = {
+    "sample_time": Field(attribute=True),
+    "lines": Field(("line",), "whole", least=1),
+    "detection": Field(("detection line",), "whole", least=1),
+}
+# Experiments that are missing have NaN, of which `Records` itself takes care.
+_SIGNAL_FIELDS = {
+    "torque": Field((*_EXPERIMENTS, "motor"), finite=False),
+    "angle": Field((*_EXPERIMENTS, "output"), finite=False),
+    "reference": Field(("block", "experiment", "period or 1", "sample", "motor")),
+    "saturated": Field(("block", "experiment", "period", "motor"), "truth"),
+}
+_POSITION = ArraySchema({"position": Field(("motor",)), **_SIGNAL_FIELDS})
+# Of files that hold all positions in one array; HDF5 has a group for each.
+RECORDS = ArraySchema(
+    {
+        **_COMMON,
+        "positions": Field(("position", "motor")),
+        **{
+            name: replace(field, axes=("position", *field.axes))
+            for name, field in _SIGNAL_FIELDS.items()
+        },
+    }
+)
+
+
+def save_records(path: str | os.PathLike[str], parts: Iterable[Records]) -> int:
+    """Write records to HDF5 position by position, as they come; return how many there were.
+
+    Layout: attributes ``schema`` ("records/1") and ``sample_time`` [s]; datasets ``lines`` and
+    ``detection``; for position i a group ``position_00000`` (i in five digits) with the datasets
+    ``position`` (n,) and ``reference``, ``torque``, ``angle``, ``saturated`` as in `Records`
+    without their first axis. The file appears under its name when it is complete.
+
+    Raises
+    ------
+    InvalidInput : if there are no records, or they differ in sampling, lines or shape.
+    """
+    import h5py
+
+    count, first = 0, None
+    with replacing(path) as unfinished, h5py.File(unfinished, "w") as file:
+        for records in parts:
+            if first is None:
+                first = records
+                file.attrs["schema"] = RECORDS_SCHEMA
+                file.attrs["sample_time"] = records.sample_time
+                file["lines"], file["detection"] = records.lines, records.detection
+            check_alike(first, records, f"{path}: position {count}")
+            for i in range(len(records)):
+                group = file.create_group(f"{_GROUP}{count:05d}")
+                group["position"] = records.positions[i]
+                for name in SIGNALS:
+                    group[name] = getattr(records, name)[i]
+                count += 1
+        if first is None:
+            raise InvalidInput(f"{path}: no records to write; at least one position is needed")
+    return count
+
+
+def iterate_records(path: str | os.PathLike[str]) -> Iterator[Records]:
+    """Read an HDF5 file position by position; each item has Q = 1.
+
+    Raises
+    ------
+    InvalidInput : naming the file and what is wrong in it.
+    """
+    with open_hdf5(path, NEEDED) as file:
+        file.check_schema(RECORDS_SCHEMA)
+        groups = file.numbered(_GROUP)
+        common = file.read(ArraySchema(_COMMON), beside=groups)
+        for name in groups:
+            group = file.group(name)
+            signals: dict[str, Any] = {
+                key: np.asarray(value)[None] for key, value in group.read(_POSITION).items()
+            }
+            position = signals.pop("position")
+            try:
+                records = Records(positions=position, **common, **signals)
+            except InvalidInput as error:
+                raise InvalidInput(f"{group.where}: {error}") from error
+            yield records
