@@ -116,7 +116,7 @@ def read_records(path: PathLike) -> Records:
 
     readers: dict[str, Callable[[Path], Records]] = {
         ".h5": Records.load,
-        ".mat": lambda p: Records(**read_mat(p, RECORDS, RECORDS_SCHEMA, "records are")),
+        ".mat": lambda p: Records(**read_mat(p, RECORDS, RECORDS_SCHEMA)),
         ".csv": exchange_csv.read_records,
     }
     return _read(path, readers)
@@ -190,7 +190,7 @@ def _write_mat(path: Path, contents: Mapping[str, Any], schema: str) -> None:
 def _mat_frf(path: Path, schema: ArraySchema, name: str) -> dict[str, Any]:
     """Read arrays over frequencies, which are told in Hz as well."""
     hertz = {"frequency_hz": Field(("frequency",), optional=True)}
-    contents = read_mat(path, ArraySchema({**schema.fields, **hertz}), name, "FRFs are")
+    contents = read_mat(path, ArraySchema({**schema.fields, **hertz}), name)
     if "frequency_hz" in contents:
         check_hertz(contents.pop("frequency_hz"), contents["omega"], path)
     return contents

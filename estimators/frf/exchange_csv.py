@@ -62,7 +62,7 @@ def write_frf(path: Path, estimate: FrfEstimate) -> None:
 
 def read_frf(path: Path) -> FrfEstimate:
     """Read what `write_frf` wrote."""
-    table = read_table(path, FRF_SCHEMA, "FRFs are")
+    table = read_table(path, FRF_SCHEMA)
     comments = ArraySchema({k: FRF.fields[k] for k in ("positions", "repetitions")}).read(
         table.comments, table.where
     )
@@ -122,7 +122,7 @@ def write_records(path: Path, records: Records) -> None:
 
 def read_records(path: Path) -> Records:
     """Read what `write_records` wrote."""
-    table = read_table(path, RECORDS_SCHEMA, "records are")
+    table = read_table(path, RECORDS_SCHEMA)
     names = {name: table.numbered(name) for name in SIGNALS}
     table.check_columns([*_RECORD_INDEX, *(column for group in names.values() for column in group)])
     comments = dict(table.comments)

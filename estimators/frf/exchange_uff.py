@@ -53,7 +53,7 @@ def read_frf(
     path: Path, positions: Array | None = None, noise: RelativeNoise | None = None
 ) -> FrfEstimate:
     """Read FRFs; see `estimators.frf.exchange.read_frf`."""
-    sets = read_functions(path, "FRFs are")
+    sets = read_functions(path)
     responses = [s for s in sets if s["func_type"] == _FRF]
     if not responses:
         raise InvalidInput("no frequency response function (dataset 58 of type 4)")

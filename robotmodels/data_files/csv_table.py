@@ -4,6 +4,7 @@ import math
 import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -12,12 +13,12 @@ from robotmodels.arrays import Array
 from robotmodels.data_files.array_schema import StoredArray
 from robotmodels.data_files.file_guard import (
     PathLike,
-    check_regular_file,
     library_errors,
     listed,
 )
 from robotmodels.data_files.json_text import json_array, parse_json
 from robotmodels.errors import InvalidInput
+from robotmodels.files import check_file
 
 _CONTAINER = "a table of numbers below comments '# key: JSON'"
 
@@ -106,19 +107,19 @@ class CsvTable:
             )
 
 
-def read_table(path: PathLike, name: str, needed: str) -> CsvTable:
+def read_table(path: PathLike, name: str) -> CsvTable:
     """Return the table of a file.
 
     Parameters
     ----------
     name : that the comment ``schema`` must be.
-    needed : what the file should be, in words, with a verb: ``"records are"``.
 
     Raises
     ------
     InvalidInput : naming the file and what is wrong in it.
     """
-    source = check_regular_file(path, needed)
+    source = Path(path)
+    check_file(source)
     where, comments, line = str(source), {}, ""
     with (
         library_errors(where, _CONTAINER),

@@ -1,12 +1,10 @@
-"""What may be opened at all, and what libraries raise over files that are damaged."""
+"""What libraries raise over files that are damaged, and how much is read at once."""
 
 import os
-import stat
 import struct
 import zlib
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
-from pathlib import Path
 
 import numpy as np
 
@@ -40,9 +38,7 @@ LIBRARY_ERRORS = (
 
 
 @contextmanager
-def library_errors(
-    where: object, container: str, *more: type[Exception], needed: str = ""
-) -> Iterator[None]:
+def library_errors(where: object, container: str, *more: type[Exception]) -> Iterator[None]:
     """Turn what a library raises over a file into an InvalidInput.
 
     Parameters
@@ -50,7 +46,6 @@ def library_errors(
     where : file, and the place in it.
     container : what the library takes the file for, in words.
     more : exceptions that only one library raises.
-    needed : what would be right.
     """
     try:
         with np.errstate(all="ignore"):
@@ -59,35 +54,8 @@ def library_errors(
         raise
     except LIBRARY_ERRORS + more as error:
         why = "not enough memory" if isinstance(error, MemoryError) else reason(error)
-        right = f"; {needed} is needed" if needed else ""
-        said = f"not {container} ({why[:200] or type(error).__name__}){right}"
-        raise InvalidInput(f"{where}: {said}") from None
-
-
-def check_regular_file(path: PathLike, needed: str) -> Path:
-    """Return `path` if it is a file that can be read from beginning to end.
-
-    Parameters
-    ----------
-    needed : what the file should be, in words.
-
-    Raises
-    ------
-    InvalidInput : if there is none, or it is a folder, a device, a pipe, or no name of a file.
-    """
-    source = Path(path)
-    if "\0" in str(source):
-        raise InvalidInput(f"{str(source)!r}: no name of a file; {needed} needed")
-    try:
-        mode = os.stat(source).st_mode
-    except (FileNotFoundError, NotADirectoryError):
-        raise InvalidInput(f"{source}: no such file; {needed} needed") from None
-    except (OSError, ValueError) as error:
-        raise InvalidInput(f"{source}: cannot be read ({reason(error)}); {needed} needed") from None
-    if not stat.S_ISREG(mode):
-        kind = "a folder" if stat.S_ISDIR(mode) else "a device, pipe or socket"
-        raise InvalidInput(f"{source}: it is {kind}, no file; {needed} needed")
-    return source
+        said = why[:200] or type(error).__name__
+        raise InvalidInput(f"{where}: not {container} ({said})") from None
 
 
 def check_memory(where: object, size: int) -> None:

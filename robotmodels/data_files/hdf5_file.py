@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator
 from contextlib import contextmanager
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -9,11 +10,11 @@ import numpy as np
 from robotmodels.data_files.array_schema import ArraySchema, StoredArray
 from robotmodels.data_files.file_guard import (
     PathLike,
-    check_regular_file,
     library_errors,
     listed,
 )
 from robotmodels.errors import InvalidInput
+from robotmodels.files import check_file
 
 _CONTAINER = "a sound HDF5 file"
 MOST_COMPRESSED = 1100  # deflate makes of a byte at most 1032
@@ -190,7 +191,8 @@ def open_hdf5(path: PathLike, needed: str) -> Iterator[Hdf5Group]:
     """
     import h5py
 
-    source = check_regular_file(path, needed)
+    source = Path(path)
+    check_file(source)
     with library_errors(source, _CONTAINER):
         if not h5py.is_hdf5(source):
             raise InvalidInput(f"{source}: not an HDF5 file; {needed} needed")

@@ -1,29 +1,28 @@
 """JSON as the standard has it: keys once, numbers finite, and arrays of it for array schemas."""
 
 import json
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from robotmodels.data_files.array_schema import StoredArray
-from robotmodels.data_files.file_guard import PathLike, check_regular_file, library_errors
+from robotmodels.data_files.file_guard import PathLike, library_errors
 from robotmodels.errors import InvalidInput
+from robotmodels.files import check_file
 
 _CONTAINER = "valid JSON"
 
 
-def read_json(path: PathLike, needed: str) -> Any:
+def read_json(path: PathLike) -> Any:
     """Return what a file of JSON holds.
-
-    Parameters
-    ----------
-    needed : what the file should be, in words, with a verb: ``"a design is"``.
 
     Raises
     ------
     InvalidInput : naming the file and what is wrong in it.
     """
-    source = check_regular_file(path, needed)
+    source = Path(path)
+    check_file(source)
     with library_errors(source, _CONTAINER):
         text = source.read_text(encoding="utf-8")
     return parse_json(text, str(source))

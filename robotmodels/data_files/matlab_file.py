@@ -14,12 +14,12 @@ import numpy as np
 from robotmodels.data_files.array_schema import ArraySchema, Field, StoredArray
 from robotmodels.data_files.file_guard import (
     PathLike,
-    check_regular_file,
     library_errors,
     listed,
 )
 from robotmodels.data_files.hdf5_file import MOST_COMPRESSED, Hdf5Group, open_hdf5
 from robotmodels.errors import InvalidInput
+from robotmodels.files import check_file
 
 _CONTAINER = "a MATLAB file"
 _VERSION_7_3 = b"MATLAB 7.3"
@@ -36,24 +36,24 @@ _CONTENTS = {
 }
 
 
-def read_mat(path: PathLike, schema: ArraySchema, name: str, needed: str) -> dict[str, Any]:
+def read_mat(path: PathLike, schema: ArraySchema, name: str) -> dict[str, Any]:
     """Return the variables of a file, as `schema` says.
 
     Parameters
     ----------
     name : that its variable ``schema`` must be.
-    needed : what the file should be, in words, with a verb: ``"records are"``.
 
     Raises
     ------
     InvalidInput : naming the file, the variable, what was found and what would be right.
     """
-    source = check_regular_file(path, needed)
+    source = Path(path)
+    check_file(source)
     with source.open("rb") as file:
         new = file.read(len(_VERSION_7_3)) == _VERSION_7_3
     if not new:
         return _read(_variables(source), schema, name, str(source))
-    with open_hdf5(source, needed) as group:
+    with open_hdf5(source, "MATLAB 7.3 writes HDF5, which is") as group:
         return _read(_variables_7_3(group), schema, name, str(source))
 
 

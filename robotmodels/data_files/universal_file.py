@@ -3,12 +3,14 @@
 import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from robotmodels.data_files.file_guard import PathLike, check_regular_file, library_errors
+from robotmodels.data_files.file_guard import PathLike, library_errors
 from robotmodels.errors import InvalidInput
+from robotmodels.files import check_file
 
 _CONTAINER = "a universal file that pyuff can read"
 _FUNCTION = 58
@@ -17,14 +19,10 @@ _TEXT = ("id1", "id2")
 _MOST = 10**9  # of what a header of ten letters holds
 
 
-def read_functions(path: PathLike, needed: str) -> list[dict[str, Any]]:
+def read_functions(path: PathLike) -> list[dict[str, Any]]:
     """Return the functions of a file as pyuff names their entries; other datasets are passed over.
 
     Abscissa ``x`` and ordinate ``data`` are of one length and finite.
-
-    Parameters
-    ----------
-    needed : what the file should be, in words, with a verb: ``"FRFs are"``.
 
     Raises
     ------
@@ -32,7 +30,8 @@ def read_functions(path: PathLike, needed: str) -> list[dict[str, Any]]:
     """
     import pyuff
 
-    source = check_regular_file(path, needed)
+    source = Path(path)
+    check_file(source)
     # pyuff raises nothing more particular than Exception.
     with library_errors(source, _CONTAINER, Exception), files_left_open():
         file = pyuff.UFF(str(source))
