@@ -11,9 +11,9 @@ import numpy as np
 from oed.design.matrix_checks import check_matrices, check_positions
 from oed.design.null_space import open_combinations, unidentifiable, weak_directions
 from robotmodels.arrays import Array, IntArray, read_only
+from robotmodels.atomic_files import atomic_write
 from robotmodels.errors import InvalidInput
 from robotmodels.notebook import Printed
-from robotmodels.replacing import replacing
 
 if TYPE_CHECKING:
     from oed.store import StoredInformation
@@ -132,7 +132,7 @@ class InformationSet(Printed):
         import h5py
 
         # A run that is interrupted while writing leaves no half file under the final name.
-        with replacing(path) as unfinished, h5py.File(unfinished, "w") as file:
+        with atomic_write(path) as unfinished, h5py.File(unfinished, "w") as file:
             file["positions"] = self.positions
             file["matrices"] = self.matrices
             file.create_dataset("names", data=list(self.names), dtype=h5py.string_dtype())

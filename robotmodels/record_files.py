@@ -7,11 +7,11 @@ from typing import Any
 
 import numpy as np
 
+from robotmodels.atomic_files import atomic_write
 from robotmodels.data_files.array_schema import ArraySchema, Field
 from robotmodels.data_files.hdf5_file import open_hdf5
 from robotmodels.errors import InvalidInput
 from robotmodels.records import SIGNALS, Records, check_alike
-from robotmodels.replacing import replacing
 
 RECORDS_SCHEMA = "records/1"
 NEEDED = "records are"
@@ -58,7 +58,7 @@ def save_records(path: str | os.PathLike[str], parts: Iterable[Records]) -> int:
     import h5py
 
     count, first = 0, None
-    with replacing(path) as unfinished, h5py.File(unfinished, "w") as file:
+    with atomic_write(path) as unfinished, h5py.File(unfinished, "w") as file:
         for records in parts:
             if first is None:
                 first = records

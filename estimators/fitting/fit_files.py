@@ -17,9 +17,9 @@ from estimators.fitting.residuals import find_residual
 from estimators.fitting.robust import check_loss
 from estimators.frf.estimate import FrfEstimate, is_full
 from robotmodels.arrays import Array, ComplexArray, IntArray, read_only
+from robotmodels.atomic_files import atomic_write
 from robotmodels.description.parameters import Parameters
 from robotmodels.errors import InvalidInput
-from robotmodels.replacing import replacing
 from robotmodels.response import Elastic
 
 SCHEMA = "fits/1"
@@ -42,7 +42,7 @@ def write_fits(path: str | Path, fits: Sequence[Fit]) -> None:
     if any(one.parameters.names != names for one in fits):
         raise InvalidInput(f"{path}: fits of different parameters cannot share a file")
     weights: list[Array | ComplexArray] = []
-    with replacing(path) as unfinished, h5py.File(unfinished, "w") as file:
+    with atomic_write(path) as unfinished, h5py.File(unfinished, "w") as file:
         file.attrs["schema"] = SCHEMA
         file.create_dataset("names", data=list(names), dtype=h5py.string_dtype())
         for i, one in enumerate(fits):

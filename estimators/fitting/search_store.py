@@ -7,8 +7,8 @@ import numpy as np
 from estimators.fingerprint import fingerprint
 from estimators.fitting.cost import Problem
 from estimators.fitting.trust_region import Outcome
-from estimators.kept_file import KeptFile
 from robotmodels.arrays import Array
+from robotmodels.checkpoint_file import CheckpointFile
 from robotmodels.errors import IdentificationError
 
 
@@ -57,7 +57,7 @@ class SearchStore:
 
     def __init__(self, path: Path, fingerprint: str) -> None:
         other = "searches of another model, estimate or setting"
-        self.file = KeptFile(path, fingerprint, "searches", other)
+        self.file = CheckpointFile(path, fingerprint, "searches", other)
         self._kept: dict[tuple[str, bytes], tuple[Array, Outcome]] = {}
         if path.exists():
             self._read()

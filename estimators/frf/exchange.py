@@ -27,6 +27,7 @@ from estimators.frf.file_schemas import (
     check_hertz,
 )
 from robotmodels.arrays import Array
+from robotmodels.atomic_files import atomic_write
 from robotmodels.data_files.array_schema import ArraySchema, Field
 from robotmodels.data_files.hdf5_file import read_hdf5
 from robotmodels.data_files.matlab_file import read_mat
@@ -34,7 +35,6 @@ from robotmodels.errors import InvalidInput
 from robotmodels.noise import RelativeNoise
 from robotmodels.record_files import RECORDS, RECORDS_SCHEMA
 from robotmodels.records import Records
-from robotmodels.replacing import replacing
 
 _T = TypeVar("_T")
 _LEVELS = "levels of distortion are"
@@ -57,7 +57,7 @@ def write_frf(path: PathLike, estimate: FrfEstimate) -> None:
         ".uff": exchange_uff.write_frf,
     }
     write = writers[_kind(path, writers)]
-    with replacing(path) as unfinished:
+    with atomic_write(path) as unfinished:
         write(unfinished, estimate)
 
 
@@ -101,7 +101,7 @@ def write_records(path: PathLike, records: Records) -> None:
         ".csv": exchange_csv.write_records,
     }
     write = writers[_kind(path, writers)]
-    with replacing(path) as unfinished:
+    with atomic_write(path) as unfinished:
         write(unfinished, records)
 
 
@@ -126,7 +126,7 @@ def write_distortion(path: PathLike, found: Distortion) -> None:
     """Write distortion levels to HDF5 or .mat."""
     writers = {".h5": _write_hdf5, ".mat": _write_mat}
     write = writers[_kind(path, writers)]
-    with replacing(path) as unfinished:
+    with atomic_write(path) as unfinished:
         write(unfinished, _contents(found), DISTORTION_SCHEMA)
 
 

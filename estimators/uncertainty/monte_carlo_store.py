@@ -6,8 +6,8 @@ from pathlib import Path
 import h5py
 import numpy as np
 
-from estimators.kept_file import KeptFile
 from robotmodels.arrays import Array
+from robotmodels.checkpoint_file import CheckpointFile
 
 Run = dict[str, Array] | str
 
@@ -22,7 +22,7 @@ class RunStore:
     """
 
     def __init__(self, path: Path, fingerprint: str) -> None:
-        self.file = KeptFile(path, fingerprint, "runs", "another series of experiments")
+        self.file = CheckpointFile(path, fingerprint, "runs", "another series of experiments")
 
     def load(self) -> list[Run]:
         """Return the runs that are kept: arrays, or the reason why there are none.

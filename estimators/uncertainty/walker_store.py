@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from estimators.kept_file import KeptFile
 from robotmodels.arrays import Array, IntArray
+from robotmodels.checkpoint_file import CheckpointFile
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,7 +53,7 @@ class Store:
 
     def __init__(self, path: Path, fingerprint: str) -> None:
         other = "chains of another fit, seed or sampler setting"
-        self.file = KeptFile(path, fingerprint, "chains", other)
+        self.file = CheckpointFile(path, fingerprint, "chains", other)
 
     def load(self) -> list[Chain] | None:
         """Return the chains of all ensembles, or None if there is no file.

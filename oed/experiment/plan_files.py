@@ -22,9 +22,9 @@ from oed.experiment.multisine import Multisine
 from oed.experiment.plan import ExperimentPlan
 from oed.plans.order import VisitingOrder
 from robotmodels.arrays import read_only
+from robotmodels.atomic_files import atomic_write
 from robotmodels.errors import InvalidInput
 from robotmodels.files import Strict, read_yaml, reason
-from robotmodels.replacing import replacing
 from robotmodels.yaml_reader import reads_as_text
 
 _ARRAYS = ("phases", "amplitudes", "scale")
@@ -113,7 +113,7 @@ def save_plan(plan: ExperimentPlan, path: str | os.PathLike[str]) -> None:
     )
     try:
         # The inner one takes its place first: no plan names arrays that are not there.
-        with replacing(target) as unfinished, replacing(arrays) as unfinished_arrays:
+        with atomic_write(target) as unfinished, atomic_write(arrays) as unfinished_arrays:
             with h5py.File(unfinished_arrays, "w") as file:
                 file.attrs["fingerprint"] = fingerprint
                 for name in _ARRAYS:

@@ -17,14 +17,14 @@ import numpy as np
 from oed.published.paper import REASONABLE_BY_COST, REASONABLE_BY_SPRINGS, TABLE_1
 from oed.published.rival import Rivalry
 from oed.study.published import Published
-from oed.study.stages import write_atomically
 from robotmodels.arrays import Array
+from robotmodels.atomic_files import write_text
 
 
 def write_published_json(found: Published, path: Path) -> None:
     """Write the file."""
     text = json.dumps(published_document(found), indent=1, allow_nan=False) + "\n"
-    write_atomically(path, text)
+    write_text(path, text)
 
 
 def published_document(found: Published) -> dict[str, Any]:

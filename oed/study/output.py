@@ -44,11 +44,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from oed.study.fits import Search, start_number
+from oed.study.folders import created_folder, unwritable
 from oed.study.results import FittedStudy, PlannedStudy, StudyResults
-from oed.study.stages import write_atomically
 from oed.trials.outcome import PlanComparison
 from robotmodels.arrays import Array
-from robotmodels.errors import InvalidInput
+from robotmodels.atomic_files import write_text
 
 
 @contextmanager
@@ -59,21 +59,17 @@ def staged_folder(folder: Path) -> Iterator[Path]:
     ------
     InvalidInput : if `folder` cannot be written to.
     """
-    absent = [p for p in (folder, *folder.parents) if not p.exists()]
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        stage = Path(tempfile.mkdtemp(prefix=".unfinished-", dir=folder))
-    except OSError as error:
-        raise InvalidInput(f"output: {folder} cannot be written to ({error.strerror})") from None
-    try:
-        yield stage
-        for file in sorted(stage.iterdir()):
-            os.replace(file, folder / file.name)
-    finally:
-        shutil.rmtree(stage)
-        for path in absent:  # deepest first: take away what was made in vain
-            if not any(path.iterdir()):
-                path.rmdir()
+    with created_folder(folder):
+        try:
+            stage = Path(tempfile.mkdtemp(prefix=".unfinished-", dir=folder))
+        except OSError as error:
+            raise unwritable(folder, error) from None
+        try:
+            yield stage
+            for file in sorted(stage.iterdir()):
+                os.replace(file, folder / file.name)
+        finally:
+            shutil.rmtree(stage)
 
 
 def write_results(results: PlannedStudy, folder: Path) -> None:
@@ -85,7 +81,7 @@ def write_results(results: PlannedStudy, folder: Path) -> None:
         documents["uncertainty"] = uncertainty_document(results)
     for name, document in documents.items():
         text = json.dumps(document, indent=1, allow_nan=False) + "\n"
-        write_atomically(folder / f"{name}.json", text)
+        write_text(folder / f"{name}.json", text)
 
 
 def design_document(results: PlannedStudy) -> dict[str, Any]:

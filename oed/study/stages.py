@@ -12,11 +12,10 @@ instead of computed. A run may be killed at any moment: a finished stage appears
 one renaming, and an unfinished one goes on from what its own files hold.
 """
 
-import fcntl
 import json
+import math
 import os
 import platform
-import shutil
 import time
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
@@ -27,7 +26,10 @@ from pathlib import Path
 from typing import Any, Generic, TypeVar
 
 from oed.study.fingerprint import folder_digest, json_digest
-from robotmodels.errors import IdentificationError, InvalidInput
+from oed.study.folders import exclusive_folder, remove
+from robotmodels.atomic_files import write_text
+from robotmodels.checkpoint_file import UnusableCheckpoint
+from robotmodels.errors import IdentificationError
 
 T = TypeVar("T")
 Result = TypeVar("Result", covariant=True)
@@ -38,7 +40,7 @@ Report = Callable[[int, int], None]
 PACKAGE = "elastic-robot-oed"
 _PACKAGES = (PACKAGE, "numpy", "scipy", "pin", "mujoco", "cvxpy", "clarabel", "emcee", "numba")
 _RECORD, _KEY = "stage.json", "key"
-_OWN = frozenset({_RECORD, f"{_RECORD}.part", _KEY})
+_OWN = frozenset({_RECORD, "stage.part.json", _KEY})
 
 
 @dataclass(frozen=True)
@@ -132,8 +134,8 @@ class Stages:
             _rename(part, target)  # it was killed just before
         try:
             value = files.load(target)
-        except InvalidInput:
-            return None  # of another form of this package, though of the same version
+        except Exception:  # of another form of this package, though of the same version
+            return None  # whatever the reason: a stage that cannot be read is computed again
         return Stage(name, value, record["digest"], record["seconds"], True)
 
     def _computed(
@@ -150,9 +152,13 @@ class Stages:
         if report is not None:
             report(0, 0)
         try:
-            files.save(compute(part, report), part)
+            try:
+                files.save(compute(part, report), part)
+            except UnusableCheckpoint:  # what cannot be gone on from is not there
+                _prepare(part, key, fresh=True)
+                files.save(compute(part, report), part)
         except IdentificationError:
-            shutil.rmtree(part)  # it would fail again: there is nothing to go on from
+            remove(part)  # it would fail again: there is nothing to go on from
             raise
         record = {
             "key": key,
@@ -160,7 +166,7 @@ class Stages:
             "seconds": time.perf_counter() - begun,
             "versions": versions(),
         }
-        write_atomically(part / _RECORD, json.dumps(record, indent=1) + "\n")
+        write_text(part / _RECORD, json.dumps(record, indent=1) + "\n")
         return record
 
 
@@ -180,25 +186,8 @@ def open_stages(
     ------
     InvalidInput : if the folder cannot be written to, or another process is using it.
     """
-    absent = [p for p in (folder, *folder.parents) if not p.exists()]
-    lock = folder / ".lock"
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        file = lock.open("w")
-    except OSError as error:
-        raise InvalidInput(f"output: {folder} cannot be written to ({error.strerror})") from None
-    with file:
-        try:
-            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except BlockingIOError:
-            raise InvalidInput(f"output: {folder} is in use by another run") from None
-        try:
-            yield Stages(folder, progress, fresh)
-        finally:
-            lock.unlink(missing_ok=True)
-            for path in absent:  # deepest first: take away what was made in vain
-                if not any(path.iterdir()):
-                    path.rmdir()
+    with exclusive_folder(folder):
+        yield Stages(folder, progress, fresh)
 
 
 def versions() -> dict[str, str]:
@@ -206,23 +195,15 @@ def versions() -> dict[str, str]:
     return {"python": platform.python_version()} | {p: version(p) for p in _PACKAGES}
 
 
-def write_atomically(path: Path, text: str) -> None:
-    """Write a text file that appears under its name when it is whole."""
-    unfinished = path.with_name(path.name + ".part")
-    unfinished.write_text(text, encoding="utf-8")
-    os.replace(unfinished, path)
-
-
 def _fitting(folder: Path, key: str) -> dict[str, Any] | None:
     """Return the record of a finished stage if it has that key and its files are as they were."""
     try:
         record = json.loads((folder / _RECORD).read_text(encoding="utf-8"))
-    except (OSError, ValueError):
+        fits = record["key"] == key and record["digest"] == folder_digest(folder, _OWN)
+        timed = type(record["seconds"]) is float and 0 <= record["seconds"] < math.inf
+    except (OSError, ValueError, RecursionError, KeyError, TypeError):
         return None
-    if not isinstance(record, dict) or record.get("key") != key:
-        return None
-    whole = record.get("digest") == folder_digest(folder, _OWN)
-    return record if whole else None
+    return record if fits and timed else None
 
 
 def _prepare(part: Path, key: str, fresh: bool) -> None:
@@ -233,17 +214,17 @@ def _prepare(part: Path, key: str, fresh: bool) -> None:
         same = False
     if same and not fresh:
         return
-    shutil.rmtree(part, ignore_errors=True)
+    remove(part)
     part.mkdir()
-    write_atomically(part / _KEY, key)
+    write_text(part / _KEY, key)
 
 
 def _rename(part: Path, target: Path) -> None:
     """Put a finished stage in the place of an older one."""
     (part / _KEY).unlink(missing_ok=True)
     old = target.with_name(f"{target.name}.old")
-    shutil.rmtree(old, ignore_errors=True)
-    if target.exists():
+    remove(old)
+    if os.path.lexists(target):
         os.replace(target, old)
     os.replace(part, target)
-    shutil.rmtree(old, ignore_errors=True)
+    remove(old)

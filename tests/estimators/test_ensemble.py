@@ -143,9 +143,9 @@ def kept_run(path, **arguments):
 
 def test_killed_runs_lose_at_most_one_chunk_each(tmp_path):
     path = tmp_path / "chains.h5"
-    # A chunk is two changes: a file is renamed, and an unfinished one would be removed. Kills come
-    # before the second chunk is in its place, after that, and before the third is in its place.
-    killed_again_and_again(kept_run, [str(path)], tmp_path, [3, 2, 1])
+    # A chunk is two changes: a file is sealed and renamed. Kills come before the second chunk is in
+    # its place, after that, and before the third is in its place.
+    killed_again_and_again(kept_run, [str(path)], tmp_path, [4, 3, 2])
     kept = emcee.backends.HDFBackend(str(path), name="ensemble_0", read_only=True).iteration
     assert kept == 2 * 20
     # A kill amid the writing leaves half a file.

@@ -12,6 +12,7 @@ from test_least_squares import MODEL, TRUTH, exact, noisy
 
 from estimators import EarlyStop, Prior, fit, multistart, perturbed_starts
 from robotmodels import InvalidInput, NoEquilibrium, SpringNetwork
+from robotmodels.checkpoint_file import CheckpointFile
 
 
 def starts(n=4, decades=0.2, seed=1):
@@ -255,7 +256,11 @@ def test_a_store_that_is_something_else_is_refused(tmp_path):
         multistart(MODEL, noisy(), starts(1), store=path)
     with h5py.File(path, "w") as file:
         file.attrs["schema"] = "records/1"
-    with pytest.raises(InvalidInput, match="'schema' is 'records/1'; 'searches/1' is needed"):
+    with pytest.raises(InvalidInput, match=r"searches\.h5: is not .* name another file"):
+        multistart(MODEL, noisy(), starts(1), store=path)
+    with CheckpointFile(path, "", "runs", "").writing():
+        pass
+    with pytest.raises(InvalidInput, match="'schema' is 'runs/1'; 'searches/1' is needed"):
         multistart(MODEL, noisy(), starts(1), store=path)
 
 

@@ -7,8 +7,10 @@ import numpy as np
 import pytest
 from killed import killed_again_and_again
 
+from oed.study.folders import remove
 from oed.study.stage_files import ARRAY
 from oed.study.stages import Files, open_stages
+from robotmodels.checkpoint_file import CheckpointFile
 from robotmodels.errors import InvalidInput
 
 
@@ -91,6 +93,88 @@ def test_a_stage_whose_files_were_changed_is_computed_again(tmp_path):
     (tmp_path / "c" / "stage.json").write_text("{")
     chain.run()
     assert chain.computed == ["c"]
+
+
+def without(key):
+    return lambda record: {name: value for name, value in record.items() if name != key}
+
+
+SPOILED = {
+    "no seconds": without("seconds"),
+    "no digest": without("digest"),
+    "seconds in words": lambda record: record | {"seconds": "3"},
+    "seconds that are none": lambda record: record | {"seconds": float("nan")},
+    "seconds that are true": lambda record: record | {"seconds": True},
+    "a list": lambda record: [record],
+}
+
+
+@pytest.mark.parametrize("spoiled", SPOILED.values(), ids=SPOILED)
+def test_a_stage_without_its_record_is_computed_again(tmp_path, spoiled):
+    chain = Chain(tmp_path)
+    chain.run()
+    record = tmp_path / "b" / "stage.json"
+    record.write_text(json.dumps(spoiled(json.loads(record.read_text()))))
+    for computed in (["b"], []):
+        assert chain.run() == 6.0
+        assert chain.computed == computed
+
+
+@pytest.mark.parametrize("text", ["", "[" * 100_000, "\0", "9" * 5000, '{"key":' * 50_000])
+def test_a_record_that_is_no_json_is_that_of_no_stage(tmp_path, text):
+    chain = Chain(tmp_path)
+    chain.run()
+    (tmp_path / "b" / "stage.json").write_text(text)
+    assert chain.run() == 6.0
+    assert chain.computed == ["b"]
+
+
+@pytest.mark.parametrize("name", ["b", "b.part", "b.old"])
+@pytest.mark.parametrize("wrong", ["file", "dangling link", "link to a file", "link to itself"])
+def test_what_has_the_name_of_a_stage_and_is_none_gives_way(tmp_path, name, wrong):
+    chain = Chain(tmp_path / "stages")
+    chain.run()
+    remove(tmp_path / "stages" / "b")
+    place, target = tmp_path / "stages" / name, tmp_path / "target"
+    if wrong == "file":
+        place.write_text("no stage")
+    else:
+        place.symlink_to(place if "itself" in wrong else target)
+    if wrong == "link to a file":
+        target.write_text("another's")
+    assert chain.run() == 6.0
+    assert chain.computed == ["b"]
+    assert chain.run() == 6.0
+    assert chain.computed == []
+    assert not target.exists() or target.read_text() == "another's"
+
+
+@pytest.mark.parametrize("wrong", ["bit", "empty", "cut", "of other work"])
+def test_an_unfinished_stage_goes_on_from_undamaged_files_only(tmp_path, wrong):
+    def compute(folder, report):
+        kept = CheckpointFile(folder / "half.h5", "this work", "numbers", "other work")
+        if kept.path.exists():
+            with kept.reading() as file:
+                return 2 * file["half"][:]
+        with kept.writing() as file:
+            file["half"] = np.array([1.5])
+        raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt), open_stages(tmp_path) as stages:
+        stages.run("a", {}, compute, ARRAY)
+    path = tmp_path / "a.part" / "half.h5"
+    content = bytearray(path.read_bytes())
+    if wrong == "bit":
+        content[-3] ^= 4
+    path.write_bytes({"empty": b"", "cut": content[:-1]}.get(wrong, content))
+    if wrong == "of other work":
+        with CheckpointFile(path, "other", "numbers", "").writing() as file:
+            file["half"] = np.array([7.0])
+    # What is damaged is not there: it begins anew, and is interrupted as before.
+    with pytest.raises(KeyboardInterrupt), open_stages(tmp_path) as stages:
+        stages.run("a", {}, compute, ARRAY)
+    with open_stages(tmp_path) as stages:
+        assert stages.run("a", {}, compute, ARRAY).value == [3.0]
 
 
 def test_a_stage_that_cannot_be_read_is_computed_again(tmp_path):

@@ -7,12 +7,19 @@ from pathlib import Path
 
 
 @contextmanager
-def replacing(path: str | os.PathLike[str]) -> Iterator[Path]:
+def atomic_write(path: str | os.PathLike[str]) -> Iterator[Path]:
     """Yield a temporary path that takes the place of `path` once all is written."""
     target = Path(path)
     unfinished = target.with_name(f"{target.stem}.part{target.suffix}")
     try:
         yield unfinished
         unfinished.replace(target)
-    finally:
+    except BaseException:
         unfinished.unlink(missing_ok=True)
+        raise
+
+
+def write_text(path: str | os.PathLike[str], text: str) -> None:
+    """Write a text file that appears under its name when it is complete."""
+    with atomic_write(path) as part:
+        part.write_text(text, encoding="utf-8")
