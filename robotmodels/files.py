@@ -88,6 +88,12 @@ def read_text(path: Path, most: int, contents: str) -> str:
         raise InvalidInput(f"{wrong}; {contents} is needed") from None
 
 
+def absolute(beside: Path, path: str | Path) -> Path:
+    """Return the absolute path that `path` means in a file of the folder `beside`."""
+    # Functions of `os.path`: those of `Path` raise where a user has no home or links form a circle.
+    return Path(os.path.realpath(beside / os.path.expanduser(path)))
+
+
 def check_file(path: Path, most: int | None = None) -> None:
     """Refuse what is no file, or one of more than `most` bytes.
 

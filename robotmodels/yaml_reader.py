@@ -11,6 +11,8 @@ from typing import Any
 
 import yaml
 
+from robotmodels.plain_text import unprintable
+
 MOST_NESTED = 32
 """Lists and mappings within each other."""
 
@@ -22,10 +24,6 @@ _PARSER = getattr(
     yaml, "CSafeLoader", yaml.SafeLoader
 )  # in C where PyYAML has it: six times faster
 _CORE = "tag:yaml.org,2002:"
-# Characters that end or reorder a line, that a terminal obeys, or that are halves of others.
-_UNPRINTABLE = re.compile(
-    "[\x00-\x08\x0b-\x1f\x7f-\x9f\u2028\u2029\u202a-\u202e\u2066-\u2069\ud800-\udfff]"
-)
 
 
 class YamlError(ValueError):
@@ -182,8 +180,8 @@ def _scalar(event: yaml.ScalarEvent) -> Any:
 
 
 def _check_text(event: yaml.ScalarEvent) -> None:
-    if character := _UNPRINTABLE.search(event.value):
-        raise YamlError(_line(event), f"it has the character {character[0]!a}, which is not text")
+    if character := unprintable(event.value):
+        raise YamlError(_line(event), f"it has the character {character}, which is not text")
 
 
 _CORE_SCHEMA: tuple[tuple[str, re.Pattern[str], Callable[[str], Any]], ...] = (

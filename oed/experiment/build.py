@@ -14,6 +14,7 @@ from oed.experiment.scaling import Binding, Limits, Scaling, scale
 from robotmodels import ElasticRobot, load_robot
 from robotmodels.arrays import Array, IntArray, read_only
 from robotmodels.errors import InvalidInput
+from robotmodels.memory import check_memory
 from robotmodels.plant.controller import Controller, default_controller
 from robotmodels.plant.simulation import Imperfections
 
@@ -91,6 +92,7 @@ def prepare_in(
             f"positions: {positions.shape[1]} angles each; {len(motors)} are needed, one per motor "
             f"({', '.join(motors)})"
         )
+    _check_memory(shaking, repetitions, len(motors))
     moves = shaking.moves
     plan = experiment_plan(
         robot,
@@ -110,6 +112,16 @@ def prepare_in(
     imperfections = _imperfections(shaking, motors)
     scaling = _scaled(shaking, plan, robot, controller, progress)
     return Prepared(robot, controller, scaling, imperfections, rng)
+
+
+def _check_memory(shaking: Shaking, repetitions: IntArray, motors: int) -> None:
+    """Refuse signals that do not fit into memory: those of all visits, and records of one."""
+    period = 8.0 * shaking.blocks * motors**2 * shaking.multisine.samples
+    signals = period * float(repetitions.sum())
+    records = 2 * period * (shaking.periods + shaking.transient_periods)
+    check_memory(
+        signals + records, "multisine.period over sample_time, blocks, periods and repetitions"
+    )
 
 
 def _multisine(shaking: Shaking, motors: int, rng: np.random.Generator) -> Multisine:

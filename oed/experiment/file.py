@@ -53,29 +53,41 @@ from pathlib import Path
 from typing import Annotated, Any, Literal, Self
 
 import numpy as np
-from pydantic import Field, NonNegativeFloat, PositiveFloat, PositiveInt, model_validator
+from pydantic import Field, model_validator
 
 from oed.study.file_paths import output_folder, robot_reference
 from robotmodels.arrays import Array, IntArray
+from robotmodels.description.ranges import (
+    Coordinate,
+    Count,
+    Hertz,
+    NonNegative,
+    Positive,
+    Seconds,
+    Seed,
+)
 from robotmodels.errors import InvalidInput
-from robotmodels.files import Strict, read_yaml, reason
+from robotmodels.files import Strict, absolute, read_yaml, reason
 
-Positive = PositiveFloat | Annotated[list[PositiveFloat], Field(min_length=1)]
-NonNegative = NonNegativeFloat | Annotated[list[NonNegativeFloat], Field(min_length=1)]
+MOST_SAMPLES = 10_000_000
+"""Samples of a run of all blocks and periods: an hour at 2.8 kHz."""
+
+PositiveEach = Positive | Annotated[list[Positive], Field(min_length=1)]
+NonNegativeEach = NonNegative | Annotated[list[NonNegative], Field(min_length=1)]
 
 
 class MultisineChoice(Strict):
     """Lines of the speed reference: band [Hz], sampling [s], what is left out."""
 
-    band: tuple[PositiveFloat, PositiveFloat]
-    sample_time: PositiveFloat
-    period: PositiveFloat
-    count: PositiveInt | None = None
+    band: tuple[Hertz, Hertz]
+    sample_time: Seconds
+    period: Seconds
+    count: Count | None = None
     spacing: Literal["linear", "quasi_log"] = "linear"
     odd: bool = True
-    detection: Annotated[int, Field(ge=2)] | None = None
-    slope: float = 0.0
-    crest_iterations: Annotated[int, Field(ge=0)] = 0
+    detection: Annotated[int, Field(ge=2, le=1000)] | None = None
+    slope: Annotated[float, Field(ge=-10, le=10)] = 0.0
+    crest_iterations: Annotated[int, Field(ge=0, le=100_000)] = 0
 
     @model_validator(mode="after")
     def _fits(self) -> Self:
@@ -106,9 +118,9 @@ class MultisineChoice(Strict):
 class LimitChoice(Strict):
     """What the linear model may predict at most; per motor, at least one of the three."""
 
-    torque: Positive | None = None
-    speed: Positive | None = None
-    swing: Positive | None = None
+    torque: PositiveEach | None = None
+    speed: PositiveEach | None = None
+    swing: PositiveEach | None = None
     margin: Annotated[float, Field(ge=0, lt=1)] = 0.0
     balance: bool = True
 
@@ -122,28 +134,28 @@ class LimitChoice(Strict):
 class MoveChoice(Strict):
     """Largest speed and acceleration between positions, arm side, per motor."""
 
-    speed: Positive = 1.0
-    acceleration: Positive = 2.0
+    speed: PositiveEach = 1.0
+    acceleration: PositiveEach = 2.0
 
 
 class ControllerChoice(Strict):
     """Gains of the cascaded controller, per motor; see `robotmodels.Controller`."""
 
-    speed_gain: Positive
-    integral_time: Positive
-    position_gain: NonNegative
-    filter_time: NonNegative = 0.0
+    speed_gain: PositiveEach
+    integral_time: PositiveEach
+    position_gain: NonNegativeEach
+    filter_time: NonNegativeEach = 0.0
 
 
 class ImperfectionChoice(Strict):
     """What the simulated robot has that its linear model has not; see `Imperfections`."""
 
-    friction: NonNegativeFloat = 1.0
-    backlash: NonNegative = 0.0
-    quantisation: NonNegativeFloat = 0.0
-    angle_noise: NonNegative = 0.0
-    torque_disturbance: NonNegative = 0.0
-    torque_limit: Positive | None = None
+    friction: NonNegative = 1.0
+    backlash: NonNegativeEach = 0.0
+    quantisation: NonNegative = 0.0
+    angle_noise: NonNegativeEach = 0.0
+    torque_disturbance: NonNegativeEach = 0.0
+    torque_limit: PositiveEach | None = None
     nonlinear_gears: bool = True
 
 
@@ -151,13 +163,23 @@ class Shaking(Strict):
     """How a robot is shaken in its positions: the keys that a study's ``experiment`` has too."""
 
     multisine: MultisineChoice
-    blocks: PositiveInt = 4
-    periods: PositiveInt = 2
-    transient_periods: Annotated[int, Field(ge=0)] = 1
+    blocks: Count = 4
+    periods: Count = 2
+    transient_periods: Annotated[int, Field(ge=0, le=1000)] = 1
     limits: LimitChoice
     moves: MoveChoice = MoveChoice()
     controller: ControllerChoice | None = None
     imperfections: ImperfectionChoice = ImperfectionChoice()
+
+    @model_validator(mode="after")
+    def _not_too_long(self) -> Self:
+        periods = self.blocks * (self.periods + self.transient_periods)
+        if periods * self.multisine.samples > MOST_SAMPLES:
+            raise ValueError(
+                f"blocks, periods: {periods} periods of {self.multisine.samples} samples in all; "
+                f"at most {MOST_SAMPLES} samples can be measured in one go"
+            )
+        return self
 
 
 class Experiment(Shaking):
@@ -165,10 +187,10 @@ class Experiment(Shaking):
 
     schema_: Literal["experiment/1"] = Field(alias="schema")
     robot: str
-    positions: Annotated[list[list[float]], Field(min_length=1)] | None = None
-    repetitions: list[PositiveInt] | None = None
+    positions: Annotated[list[list[Coordinate]], Field(min_length=1)] | None = None
+    repetitions: list[Count] | None = None
     design: Path | None = None
-    seed: Annotated[int, Field(ge=0)] = 1
+    seed: Seed = 1
     output: Path
 
     @model_validator(mode="after")
@@ -198,7 +220,7 @@ def load_experiment(path: str | Path) -> Experiment:
     changed = {
         "output": output_folder(path, experiment.output),
         "robot": robot_reference(path, experiment.robot),
-        "design": design and (path.resolve().parent / design.expanduser()).resolve(),
+        "design": design and absolute(path.resolve().parent, design),
     }
     return experiment.model_copy(update=changed)
 

@@ -39,8 +39,10 @@ _ANGLE_NOISE = 1e-5
 class RivalChoice(Strict):
     """How many starts of the time-domain rival, at each distance from the truth [decades]."""
 
-    starts: Annotated[int, Field(ge=1)] = 3
-    decades: Annotated[tuple[Annotated[float, Field(gt=0, le=1.4)], ...], Field(min_length=1)] = (
+    starts: Annotated[int, Field(ge=1, le=1000)] = 3
+    decades: Annotated[
+        tuple[Annotated[float, Field(gt=0, le=1.4)], ...], Field(min_length=1, max_length=20)
+    ] = (
         0.1,
         1.0,
     )

@@ -26,8 +26,9 @@ import math
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Self
 
-from pydantic import Field, NonNegativeFloat, PositiveFloat, PositiveInt, model_validator
+from pydantic import Field, model_validator
 
+from robotmodels.description.ranges import Coordinate, JointLimit, Length, Positive, Vector
 from robotmodels.errors import InvalidInput
 from robotmodels.files import Strict
 
@@ -41,7 +42,7 @@ if TYPE_CHECKING:
 MOST_CANDIDATES = 5_000_000
 """Their positions stay in memory: 240 MB of six joints. See `oed.study.design` for matrices."""
 
-Vector = tuple[float, float, float]
+Points = Annotated[int, Field(ge=1, le=MOST_CANDIDATES)]
 
 
 class ObstacleChoice(Strict):
@@ -49,11 +50,11 @@ class ObstacleChoice(Strict):
 
     name: str
     normal: Vector | None = None
-    offset: float | None = None
+    offset: Coordinate | None = None
     center: Vector | None = None
     size: Vector | None = None
     rpy: Vector | None = None
-    radius: PositiveFloat | None = None
+    radius: Length | None = None
 
     @model_validator(mode="after")
     def _one_shape(self) -> Self:
@@ -84,29 +85,29 @@ class BoxChoice(Strict):
     link: str
     low: Vector
     high: Vector
-    points: tuple[PositiveInt, PositiveInt, PositiveInt]
+    points: tuple[Points, Points, Points]
     direction: Vector | None = None
     at: Vector = (0.0, 0.0, 0.0)
     axis: Vector = (0.0, 0.0, 1.0)
-    solutions: PositiveInt = 4
+    solutions: Annotated[int, Field(ge=1, le=100)] = 4
 
 
 class Candidates(Strict):
     """Sources of candidate positions, and what the robot must not touch."""
 
-    per_joint: Annotated[dict[str, PositiveInt], Field(min_length=1)] | None = None
-    limits: dict[str, tuple[float, float]] = {}
-    sobol: PositiveInt | None = None
+    per_joint: Annotated[dict[str, Points], Field(min_length=1)] | None = None
+    limits: dict[str, tuple[JointLimit, JointLimit]] = {}
+    sobol: Points | None = None
     boxes: tuple[BoxChoice, ...] = ()
-    positions: tuple[tuple[float, ...], ...] = ()
+    positions: tuple[tuple[Coordinate, ...], ...] = ()
     files: tuple[Path, ...] = ()
-    floor: float | None = None
-    obstacles: tuple[ObstacleChoice, ...] = ()
+    floor: Coordinate | None = None
+    obstacles: Annotated[tuple[ObstacleChoice, ...], Field(max_length=1000)] = ()
     self_collision: bool | None = None
-    link_radius: PositiveFloat | None = None
-    margin: NonNegativeFloat = 0.0
+    link_radius: Length | None = None
+    margin: Annotated[float, Field(ge=0, le=1e4)] = 0.0
     ignored: tuple[tuple[str, str], ...] = ()
-    torque: PositiveFloat | tuple[PositiveFloat, ...] | None = None
+    torque: Positive | tuple[Positive, ...] | None = None
 
     @model_validator(mode="after")
     def _not_too_many(self) -> Self:

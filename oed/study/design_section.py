@@ -31,10 +31,11 @@ about it with standard deviation `std`: one number, or numbers by parameter or k
 from typing import TYPE_CHECKING, Annotated, Literal, Self
 
 import numpy as np
-from pydantic import Field, PositiveFloat, PositiveInt, model_validator
+from pydantic import Field, model_validator
 
 from oed.experiment.file import MoveChoice, per_motor
 from robotmodels.arrays import Array, IntArray
+from robotmodels.description.ranges import Coordinate, Count, JointLimit, Seconds
 from robotmodels.errors import InvalidInput, nearest
 from robotmodels.files import Strict
 
@@ -46,13 +47,15 @@ if TYPE_CHECKING:
 
 _SAME = 1e-6  # [rad] or [m]
 
-Ranges = Annotated[dict[str, tuple[float, float]], Field(min_length=1)]
+Deviation = Annotated[float, Field(ge=1e-6, le=10)]
+
+Ranges = Annotated[dict[str, tuple[JointLimit, JointLimit]], Field(min_length=1)]
 
 
 class Moves(MoveChoice):
     """How the robot moves between positions, and from where."""
 
-    home: Annotated[tuple[float, ...], Field(min_length=1)] | None = None
+    home: Annotated[tuple[Coordinate, ...], Field(min_length=1)] | None = None
 
     def limits(self, robot: "ElasticRobot") -> "MoveLimits":
         """Return the limits of moves.
@@ -86,8 +89,8 @@ class GroupChoice(Strict):
     """Limits on the experiments in candidates within ranges of joints."""
 
     where: Ranges
-    most: PositiveInt | None = None
-    least: Annotated[int, Field(ge=0)] = 0
+    most: Count | None = None
+    least: Annotated[int, Field(ge=0, le=100_000)] = 0
 
     @model_validator(mode="after")
     def _some(self) -> Self:
@@ -100,7 +103,7 @@ class RobustChoice(Strict):
     """Samples of theta for which a design is to hold, the robot file's values first."""
 
     kind: Literal["maximin", "average"] = "maximin"
-    std: PositiveFloat | Annotated[dict[str, PositiveFloat], Field(min_length=1)]
+    std: Deviation | Annotated[dict[str, Deviation], Field(min_length=1)]
     samples: Annotated[int, Field(ge=2, le=64)] = 8
 
     def values(self, robot: "ElasticRobot", rng: np.random.Generator) -> Array:
@@ -130,16 +133,16 @@ class DesignChoice(Strict):
 
     criterion: Literal["D", "A", "E", "Ds", "As"] = "D"
     interest: tuple[str, ...] = ()
-    experiments: PositiveInt = 15
-    most: PositiveInt | None = None
-    time: PositiveFloat | None = None
-    measuring: PositiveFloat | None = None
+    experiments: Count = 15
+    most: Count | None = None
+    time: Seconds | None = None
+    measuring: Seconds | None = None
     moves: Moves | None = None
-    mandatory: tuple[tuple[float, ...], ...] = ()
+    mandatory: tuple[tuple[Coordinate, ...], ...] = ()
     forbidden: tuple[Ranges, ...] = ()
     groups: dict[str, GroupChoice] = {}
     robust: RobustChoice | None = None
-    tolerance: PositiveFloat = 1e-6
+    tolerance: Annotated[float, Field(ge=1e-12, le=1)] = 1e-6
     solver: Literal["cvxpy", "newton"] = "cvxpy"
 
     @model_validator(mode="after")

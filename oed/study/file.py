@@ -60,7 +60,7 @@ from pathlib import Path
 from typing import Annotated, Literal, Self
 
 import numpy as np
-from pydantic import Field, NonNegativeFloat, PositiveFloat, PositiveInt, model_validator
+from pydantic import Field, model_validator
 
 from oed.experiment.file import Shaking
 from oed.published.paper import ESTIMATORS
@@ -68,18 +68,22 @@ from oed.published.rival import RivalChoice
 from oed.study.candidates_section import Candidates
 from oed.study.design_section import DesignChoice
 from oed.study.file_paths import existing_file, output_folder, robot_reference
-from oed.study.fit_section import FitChoice, Index
+from oed.study.fit_section import FitChoice
 from robotmodels.arrays import Array
+from robotmodels.description.ranges import Count, Hertz, Index, Positive, Seed
 from robotmodels.files import Strict, read_yaml
 from robotmodels.noise import RelativeNoise
+
+MOST_DRAWS = 10**9
+"""Steps of all walkers of a posterior; a thousandth of them takes some minutes."""
 
 
 class Frequencies(Strict):
     """The frequency grid [Hz], ends included."""
 
-    low: PositiveFloat
-    high: PositiveFloat
-    count: PositiveInt
+    low: Hertz
+    high: Hertz
+    count: Annotated[int, Field(ge=1, le=10_000)]
     spacing: Literal["log", "linear"] = "log"
 
     @model_validator(mode="after")
@@ -97,13 +101,15 @@ class Frequencies(Strict):
 class Noise(Strict):
     """The noise law of `RelativeNoise`: parts of the element and of the largest element [-]."""
 
-    relative: NonNegativeFloat
-    floor: NonNegativeFloat
+    relative: Annotated[float, Field(ge=0, le=1e3)]
+    floor: Annotated[float, Field(ge=0, le=1e3)]
 
     @model_validator(mode="after")
     def _positive(self) -> Self:
-        if self.relative == 0 and self.floor == 0:
-            raise ValueError("relative and floor are both zero; one must be positive")
+        if max(self.relative, self.floor) < 1e-9:
+            raise ValueError(
+                "relative and floor are both zero; one must be positive, 1e-9 at least"
+            )
         return self
 
     def law(self) -> RelativeNoise:
@@ -120,7 +126,7 @@ class DataChoice(Strict):
     method: Literal["ari", "har", "log", "h1", "jio"] = "ari"
     covariance: Literal["total", "noise"] = "total"
     structure: Literal["diagonal", "full"] = "diagonal"
-    delay: float = 0.0
+    delay: Annotated[float, Field(ge=-1e3, le=1e3)] = 0.0
     hold: bool = True
 
     @model_validator(mode="after")
@@ -143,11 +149,20 @@ class PosteriorChoice(Strict):
     least `ess`, or after `steps` each.
     """
 
-    ensembles: Annotated[int, Field(ge=2)] = 4
-    walkers: PositiveInt = 64
-    steps: PositiveInt = 20_000
-    r_hat: Annotated[float, Field(gt=1)] = 1.01
-    ess: PositiveFloat = 4000.0
+    ensembles: Annotated[int, Field(ge=2, le=64)] = 4
+    walkers: Annotated[int, Field(ge=1, le=10_000)] = 64
+    steps: Annotated[int, Field(ge=1, le=10_000_000)] = 20_000
+    r_hat: Annotated[float, Field(gt=1, le=10)] = 1.01
+    ess: Positive = 4000.0
+
+    @model_validator(mode="after")
+    def _not_too_long(self) -> Self:
+        draws = self.ensembles * self.walkers * self.steps
+        if draws > MOST_DRAWS:
+            raise ValueError(
+                f"steps: {draws:.3g} steps of all walkers; at most {MOST_DRAWS:.3g} can be taken"
+            )
+        return self
 
 
 class ValidationChoice(Strict):
@@ -157,7 +172,7 @@ class ValidationChoice(Strict):
     positions, counted from 0, or a share of them drawn at random.
     """
 
-    count: PositiveInt | None = None
+    count: Count | None = None
     positions: Annotated[tuple[Index, ...], Field(min_length=1)] | None = None
     share: Annotated[float, Field(gt=0, lt=1)] | None = None
 
@@ -174,8 +189,10 @@ class CompareChoice(Strict):
     """Rivals of the plan, and how many experiments are simulated by each plan."""
 
     random: Annotated[int, Field(ge=0, le=100)] = 3
-    grid: Annotated[dict[str, PositiveInt], Field(min_length=1)] | None = None
-    runs: Annotated[int, Field(ge=0)] | None = None
+    grid: Annotated[dict[str, Annotated[int, Field(ge=1, le=1000)]], Field(min_length=1)] | None = (
+        None
+    )
+    runs: Annotated[int, Field(ge=0, le=100_000)] | None = None
 
 
 class Study(Strict):
@@ -184,7 +201,7 @@ class Study(Strict):
     schema_: Literal["study/1"] = Field(alias="schema")
     robot: str
     truth: str | None = None
-    seed: Annotated[int, Field(ge=0)] = 1
+    seed: Seed = 1
     frequencies: Frequencies | None = None
     noise: Noise | None = None
     candidates: Candidates | None = None
@@ -193,7 +210,7 @@ class Study(Strict):
     fit: FitChoice = FitChoice()
     compare: CompareChoice = CompareChoice()
     posterior: PosteriorChoice = PosteriorChoice()
-    profiles: Annotated[int, Field(ge=0)] = 3
+    profiles: Annotated[int, Field(ge=0, le=1000)] = 3
     validation: ValidationChoice | None = None
     compare_with: Literal["wernholt_moberg_2008"] | None = None
     rival: RivalChoice | None = None

@@ -1,8 +1,10 @@
 """Paths inside study and experiment files, which start at the file's own folder."""
 
+import os
 from pathlib import Path
 
 from robotmodels.errors import InvalidInput
+from robotmodels.files import absolute
 
 
 def output_folder(path: Path, output: Path) -> Path:
@@ -12,16 +14,16 @@ def output_folder(path: Path, output: Path) -> Path:
     ------
     InvalidInput : if there is a file of that name.
     """
-    folder = path.resolve().parent / output.expanduser()
-    if folder.exists() and not folder.is_dir():
+    folder = absolute(path.resolve().parent, output)
+    if os.path.exists(folder) and not os.path.isdir(folder):
         raise InvalidInput(f"{path}: output: {folder} is a file; a folder is needed")
-    return folder.resolve()
+    return folder
 
 
 def robot_reference(path: Path, robot: str) -> str:
     """Return `robot`, given in the file `path`: a built-in name as it is, a path absolute."""
     if robot.endswith((".yaml", ".yml")) or "/" in robot:
-        return str((path.resolve().parent / Path(robot).expanduser()).resolve())
+        return str(absolute(path.resolve().parent, robot))
     return robot
 
 
@@ -32,7 +34,7 @@ def existing_file(path: Path, key: str, file: Path) -> Path:
     ------
     InvalidInput : if there is no such file.
     """
-    found = (path.resolve().parent / file.expanduser()).resolve()
-    if not found.is_file():
+    found = absolute(path.resolve().parent, file)
+    if not os.path.isfile(found):
         raise InvalidInput(f"{path}: {key}: {found}: no such file")
     return found

@@ -2,21 +2,21 @@
 
 from typing import Annotated, Literal, Self
 
-from pydantic import Field, NonNegativeFloat, PositiveInt, model_validator
+from pydantic import Field, model_validator
 
+from robotmodels.description.ranges import Index, NonNegative
 from robotmodels.errors import nearest
 from robotmodels.files import Strict
 
 Residual = Literal["nls", "lls", "lls_magnitude"]
-Index = Annotated[int, Field(ge=0)]
 
 
 class WeightChoice(Strict):
     """User-defined weights: of elements on and off the diagonal, zero below a frequency [Hz]."""
 
-    diagonal: NonNegativeFloat = 1.0
-    off_diagonal: NonNegativeFloat = 0.1
-    low: NonNegativeFloat = 0.0
+    diagonal: NonNegative = 1.0
+    off_diagonal: NonNegative = 0.1
+    low: NonNegative = 0.0
 
 
 class Estimator(Strict):
@@ -36,9 +36,9 @@ class FitChoice(Strict):
     """Estimators, each from the same starts, perturbed by 10^U(-decades, decades)."""
 
     residuals: Annotated[tuple[Residual, ...], Field(min_length=1)] = ("lls", "nls")
-    estimators: Annotated[tuple[Estimator, ...], Field(min_length=1)] | None = None
+    estimators: Annotated[tuple[Estimator, ...], Field(min_length=1, max_length=100)] | None = None
     decades: Annotated[float, Field(ge=0, lt=3)] = 0.3  # fits seek within three decades
-    starts: PositiveInt = 4
+    starts: Annotated[int, Field(ge=1, le=10_000)] = 4
     user_weights: WeightChoice = WeightChoice()
     result: str | None = None
 

@@ -13,7 +13,7 @@ from robotmodels.errors import IdentificationError
 
 Workers = Annotated[
     int,
-    typer.Option(min=1, help="Processes that share the work; 1 works in this one."),
+    typer.Option(min=1, max=1024, help="Processes that share the work; 1 works in this one."),
 ]
 AsJson = Annotated[
     bool,
@@ -22,7 +22,9 @@ AsJson = Annotated[
 WORKERS = available_cores()
 
 Records = Annotated[Path, typer.Argument(help="Records: .h5, .mat or .csv.")]
-Delay = Annotated[float, typer.Option(help="Of the angles after the torques, in s.")]
+Delay = Annotated[
+    float, typer.Option(min=-1e3, max=1e3, help="Of the angles after the torques, in s.")
+]
 Hold = Annotated[
     bool,
     typer.Option("--hold/--no-hold", help="Commanded torques are held, measured ones not."),

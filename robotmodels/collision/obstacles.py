@@ -10,6 +10,8 @@ from robotmodels.errors import InvalidInput
 
 Vector = tuple[float, float, float]
 
+_LEAST_NORMAL = 1e-6
+
 
 @dataclass(frozen=True)
 class Plane:
@@ -31,10 +33,10 @@ class Plane:
     offset: float
 
     def __post_init__(self) -> None:
-        normal = _vector(self.normal, f"obstacle {self.name!r}: normal")
-        if not normal.any():
+        normal = _vector(self, "normal")
+        if np.linalg.norm(normal) < _LEAST_NORMAL:
             raise InvalidInput(f"obstacle {self.name!r}: normal is zero; a direction is needed")
-        _number(self.offset, f"obstacle {self.name!r}: offset")
+        _number(self, "offset")
 
     @property
     def direction(self) -> Array:
@@ -65,7 +67,7 @@ class Box:
 
     def __post_init__(self) -> None:
         for key in ("center", "size", "rpy"):
-            _vector(getattr(self, key), f"obstacle {self.name!r}: {key}")
+            _vector(self, key)
         if min(self.size) <= 0:
             raise InvalidInput(
                 f"obstacle {self.name!r}: size {list(self.size)} m; three positive lengths are "
@@ -94,8 +96,8 @@ class Sphere:
     radius: float
 
     def __post_init__(self) -> None:
-        _vector(self.center, f"obstacle {self.name!r}: center")
-        _number(self.radius, f"obstacle {self.name!r}: radius")
+        _vector(self, "center")
+        _number(self, "radius")
         if self.radius <= 0:
             raise InvalidInput(
                 f"obstacle {self.name!r}: radius {self.radius:g} m; a positive one is needed"
@@ -112,7 +114,7 @@ def floor(height: float, gravity: Vector | Array) -> Plane:
     ------
     InvalidInput : if the height is not finite, or gravity is zero, so that nothing is up.
     """
-    _number(height, "floor")
+    height = _finite(height, "floor")
     down = np.asarray(gravity, dtype=float)
     if not down.any():
         raise InvalidInput(
@@ -120,17 +122,27 @@ def floor(height: float, gravity: Vector | Array) -> Plane:
             "its normal instead"
         )
     x, y, z = (float(u) + 0.0 for u in -down / np.linalg.norm(down))
-    return Plane("floor", (x, y, z), float(height))
+    return Plane("floor", (x, y, z), height)
 
 
-def _vector(value: ArrayLike, what: str) -> Array:
+def _vector(obstacle: Obstacle, key: str) -> Array:
+    """Return a vector of an obstacle, which then holds the numbers that were checked."""
+    value, what = getattr(obstacle, key), f"obstacle {obstacle.name!r}: {key}"
     array = real_numbers(value, what)
     if array.shape != (3,) or not np.isfinite(array).all():
         raise InvalidInput(f"{what} is {value!r}; three finite numbers are needed")
+    object.__setattr__(obstacle, key, tuple(array.tolist()))
     return array
 
 
-def _number(value: ArrayLike, what: str) -> None:
+def _number(obstacle: Obstacle, key: str) -> None:
+    """Check a number of an obstacle, which then holds it."""
+    value = _finite(getattr(obstacle, key), f"obstacle {obstacle.name!r}: {key}")
+    object.__setattr__(obstacle, key, value)
+
+
+def _finite(value: ArrayLike, what: str) -> float:
     array = real_numbers(value, what)
     if array.shape != () or not np.isfinite(array):
         raise InvalidInput(f"{what} is {value!r}; a finite number is needed")
+    return float(array)

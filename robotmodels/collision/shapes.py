@@ -12,6 +12,7 @@ import pinocchio as pin
 
 from robotmodels.arrays import Array
 from robotmodels.description.urdf import locate
+from robotmodels.description.urdf_check import checked_urdf
 from robotmodels.elastic.robot import ElasticRobot
 from robotmodels.errors import InvalidInput
 
@@ -96,7 +97,7 @@ def robot_shapes(robot: ElasticRobot, link_radius: float | None = None) -> Robot
 def mesh_files(robot: ElasticRobot) -> dict[str, Path | None]:
     """Return the collision meshes as the URDF names them, and where each is; None if nowhere."""
     path = locate(robot.file.urdf, robot.folder)
-    meshes = ET.parse(path).getroot().iterfind("link/collision/geometry/mesh")
+    meshes = checked_urdf(path, shapes=True).iterfind("link/collision/geometry/mesh")
     names = [mesh.get("filename", "") for mesh in meshes]
     return {name: _mesh_file(name, path) for name in names}
 
@@ -109,15 +110,6 @@ def _drawn(rigid: pin.Model, path: Path) -> tuple[tuple[Shape, ...], tuple[str, 
         geometry = pin.buildGeomFromUrdfString(rigid, xml, pin.COLLISION)
     except (ValueError, RuntimeError) as error:
         raise InvalidInput(f"{path}: collision shapes: {' '.join(str(error).split())}") from None
-    # A link with a mistake in it is skipped without an error.
-    for link in robot.findall("link"):
-        name, asked = link.get("name"), len(link.findall("collision"))
-        read = sum(rigid.frames[o.parentFrame].name == name for o in geometry.geometryObjects)
-        if read < asked:
-            raise InvalidInput(
-                f"{path}: link {name!r}: of its {asked} collision shapes {read} can be read; "
-                "each needs <geometry> with a box, cylinder, sphere or mesh and its numbers"
-            )
     shapes = []
     for item in geometry.geometryObjects:
         link = rigid.frames[item.parentFrame].name
@@ -132,10 +124,7 @@ def _drawn(rigid: pin.Model, path: Path) -> tuple[tuple[Shape, ...], tuple[str, 
 
 def _with_meshes_found(path: Path) -> tuple[ET.Element, tuple[str, ...]]:
     """Return the URDF with absolute mesh paths, without the meshes not found, and their names."""
-    robot = ET.parse(path).getroot()
-    for limit in robot.iter("limit"):  # the parser insists on what nothing here needs
-        for key in ("effort", "velocity"):
-            limit.attrib.setdefault(key, "0")
+    robot = checked_urdf(path, shapes=True)
     missing = []
     for link in robot.findall("link"):
         for collision in link.findall("collision"):
@@ -149,10 +138,6 @@ def _with_meshes_found(path: Path) -> tuple[ET.Element, tuple[str, ...]]:
                 link.remove(collision)
             else:
                 mesh.set("filename", str(found))
-    for part in ("visual", "material"):
-        for link in (robot, *robot.findall("link")):
-            for element in link.findall(part):
-                link.remove(element)
     return robot, tuple(missing)
 
 
@@ -160,13 +145,16 @@ def _mesh_file(given: str, urdf: Path) -> Path | None:
     """Return where a mesh is.
 
     A ``package://NAME/...`` is sought in folders NAME, or that hold NAME, around the URDF and on
-    ROS's search paths.
+    ROS's search paths, and stays inside NAME; another path starts at the URDF's folder.
     """
     if not given.startswith(_PACKAGE):
-        path = Path(given.removeprefix("file://"))
-        path = path if path.is_absolute() else urdf.parent / path
-        return path if path.is_file() else None
+        path = urdf.parent / given.removeprefix("file://")
+        return path if os.path.isfile(path) else None
     inside = Path(given.removeprefix(_PACKAGE))
+    if not inside.parts or inside.is_absolute() or ".." in inside.parts:
+        raise InvalidInput(
+            f"{urdf}: mesh {given!r}: package:// and the path of a file inside a package is needed"
+        )
     ros = ("ROS_PACKAGE_PATH", "AMENT_PREFIX_PATH")
     places = [Path(p) for v in ros for p in os.environ.get(v, "").split(os.pathsep) if p]
     for folder in (*urdf.parents, *places, *(p / "share" for p in places)):
@@ -174,7 +162,7 @@ def _mesh_file(given: str, urdf: Path) -> Path | None:
         if folder.name == inside.parts[0]:
             candidates.append(folder.parent / inside)
         for candidate in candidates:
-            if candidate.is_file():
+            if os.path.isfile(candidate):
                 return candidate
     return None
 

@@ -45,12 +45,25 @@
 `motors`, `springs` and `accelerometers` are lists; of one entry each, what its keys mean.
 """
 
+import math
 from collections import Counter
 from pathlib import Path
 from typing import Annotated, Literal, Self
 
-from pydantic import AfterValidator, BeforeValidator, Field, PositiveFloat, model_validator
+from pydantic import AfterValidator, BeforeValidator, Field, model_validator
 
+from robotmodels.description.ranges import (
+    LEAST_DIRECTION,
+    Damping,
+    Friction,
+    GearRatio,
+    JointLimit,
+    Mass,
+    Moment,
+    RotorInertia,
+    Stiffness,
+    Vector,
+)
 from robotmodels.files import Strict, read_yaml
 
 
@@ -65,10 +78,10 @@ def _six_inertias(value: object) -> object:
 
 
 def _plain_name(name: str) -> str:
-    if not name.strip() or "." in name or name in _RESERVED:
+    if not name.strip() or "." in name or "\n" in name or name in _RESERVED:
         # A parameter is called by a name, a point and an entry.
         raise ValueError(
-            f"{name!r} cannot be a name: one without points is needed, "
+            f"{name!r} cannot be a name: one line without points is needed, "
             f"other than {' and '.join(map(repr, _RESERVED))}"
         )
     return name
@@ -77,13 +90,12 @@ def _plain_name(name: str) -> str:
 _RESERVED = ("payload", "universe")  # the latter is Pinocchio's word for the ground
 
 Name = Annotated[str, AfterValidator(_plain_name)]
-Vector = tuple[float, float, float]
 Inertia = Annotated[
-    tuple[float, float, float, float, float, float],
+    tuple[Moment, Moment, Moment, Moment, Moment, Moment],
     BeforeValidator(
         _six_inertias,
-        json_schema_input_type=tuple[float, float, float]
-        | tuple[float, float, float, float, float, float],
+        json_schema_input_type=tuple[Moment, Moment, Moment]
+        | tuple[Moment, Moment, Moment, Moment, Moment, Moment],
     ),
     Field(description="xx, yy, zz, or xx, xy, xz, yy, yz, zz [kg m^2]"),
 ]
@@ -94,31 +106,33 @@ class Motor(Strict):
 
     name: Name
     joint: str
-    gear_ratio: float
-    inertia: PositiveFloat
-    viscous: float = Field(0.0, ge=0)
-    coulomb: float = Field(0.0, ge=0)
-    torque_gain: PositiveFloat = 1.0
+    gear_ratio: GearRatio
+    inertia: RotorInertia
+    viscous: Friction = 0.0
+    coulomb: Friction = 0.0
+    torque_gain: Annotated[float, Field(ge=1e-6, le=1e6)] = 1.0
 
     @model_validator(mode="after")
     def _ratio_is_not_zero(self) -> Self:
-        if self.gear_ratio == 0:
-            raise ValueError(f"motor {self.name!r}: gear_ratio must not be zero")
+        if abs(self.gear_ratio) < 1e-6:
+            raise ValueError(
+                f"motor {self.name!r}: gear_ratio must not be zero, nor below 1e-6 in size"
+            )
         return self
 
 
 class Hardening(Strict):
     """A cubic spring: slope `low` at rest, `high` where its torque is `torque`."""
 
-    low: PositiveFloat
-    high: PositiveFloat
-    torque: PositiveFloat
+    low: Stiffness
+    high: Stiffness
+    torque: Annotated[float, Field(ge=1e-9, le=1e12)]
 
 
 class Body(Strict):
     """Mass [kg], centre of mass [m] in the link frame, inertia about it [kg m^2]."""
 
-    mass: float = Field(ge=0)
+    mass: Mass
     com: Vector
     inertia: Inertia
 
@@ -131,8 +145,8 @@ class Spring(Strict):
     link: str | None = None
     at: Vector | None = None
     axis: Literal["drive", "x", "y", "z"]
-    stiffness: PositiveFloat | Hardening
-    damping: PositiveFloat
+    stiffness: Stiffness | Hardening
+    damping: Damping
     distal: Body | None = None
 
     @model_validator(mode="after")
@@ -180,7 +194,7 @@ class Accelerometer(Strict):
 
     @model_validator(mode="after")
     def _direction_is_not_zero(self) -> Self:
-        if not any(self.direction):
+        if math.hypot(*self.direction) < LEAST_DIRECTION:
             raise ValueError(f"accelerometer {self.name!r}: direction must not be zero")
         return self
 
@@ -193,14 +207,14 @@ class RobotFile(Strict):
     source: str = ""
     urdf: str
     gravity: Vector = (0.0, 0.0, -9.81)
-    lock: dict[str, float] = {}
-    motors: list[Motor] = Field(min_length=1)
-    springs: list[Spring] = Field(min_length=1)
+    lock: dict[str, JointLimit] = {}
+    motors: list[Motor] = Field(min_length=1, max_length=64)
+    springs: list[Spring] = Field(min_length=1, max_length=256)
     parameters: Choice = Choice()
     payload: Payload | None = None
     output: Literal["acceleration", "velocity", "position"] = "acceleration"
-    accelerometers: list[Accelerometer] = []
-    delay: float = Field(0.0, ge=0)
+    accelerometers: list[Accelerometer] = Field([], max_length=256)
+    delay: float = Field(0.0, ge=0, le=1e3)
 
     @model_validator(mode="after")
     def _names_are_unique(self) -> Self:

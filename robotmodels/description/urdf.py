@@ -1,6 +1,8 @@
 """URDF files: where they are, whether they can be used, and their rigid Pinocchio model."""
 
 import importlib.metadata
+import os
+import xml.etree.ElementTree as ET
 from collections.abc import Iterable
 from pathlib import Path
 
@@ -10,6 +12,7 @@ import pinocchio as pin
 from robotmodels.arrays import Array
 from robotmodels.description.urdf_check import checked_urdf
 from robotmodels.errors import InvalidInput, nearest
+from robotmodels.files import absolute
 
 _PACKAGE_PREFIX = "example-robot-data:"
 
@@ -24,10 +27,10 @@ def locate(urdf: str, beside: Path) -> Path:
     InvalidInput : if there is no such file.
     """
     if not urdf.startswith(_PACKAGE_PREFIX):
-        path = (beside / urdf).resolve()
-        if path.is_dir():
+        path = absolute(beside, urdf)
+        if os.path.isdir(path):
             raise InvalidInput(f"urdf: {path} is a folder; the URDF file itself is needed")
-        if not path.is_file():
+        if not os.path.isfile(path):
             raise InvalidInput(f"urdf: {path}: no such file")
         return path
     wanted = "/robots/" + urdf.removeprefix(_PACKAGE_PREFIX)
@@ -53,7 +56,7 @@ def rigid_model(path: Path, lock: dict[str, float]) -> pin.Model:
     InvalidInput : if the file is malformed, has an unsupported joint type or unphysical inertias,
         or does not have a joint of `lock`.
     """
-    xml = checked_urdf(path)
+    xml = ET.tostring(checked_urdf(path), encoding="unicode")
     try:
         model = pin.buildModelFromXML(xml)
     except ValueError as error:

@@ -1,66 +1,68 @@
-"""What of a URDF matters, and mistakes in it that a parser would skip or print to the console."""
+"""What of a URDF matters, and mistakes in it that a parser would skip or print to the console.
+
+All that reads a URDF reads it through this module, which writes every number anew: Pinocchio, Coal
+and MuJoCo are handed what was checked, whatever their own readers make of other spellings.
+"""
 
 import math
+import re
 import xml.etree.ElementTree as ET
 from collections import Counter
 from pathlib import Path
 
+from robotmodels.description.ranges import (
+    LEAST_DIRECTION,
+    MOST_INERTIA,
+    MOST_LENGTH,
+    MOST_LIMIT,
+    MOST_MASS,
+)
+from robotmodels.description.xml_reader import read_xml
 from robotmodels.errors import InvalidInput, nearest
-from robotmodels.files import reason
+from robotmodels.plain_text import unprintable
+
+MOST_LINKS = 500
+"""Links of a URDF."""
 
 _SUPPORTED = ("revolute", "continuous", "prismatic", "fixed")
+_NUMBER = re.compile(r"[-+]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][-+]?[0-9]+)?")
+_SHAPES = {"box": ("size", 3), "cylinder": ("radius", 1), "sphere": ("radius", 1)}
 
 
-def checked_urdf(path: Path) -> str:
-    """Return the links and joints of a URDF as XML, without what is drawn, collides or drives.
+def checked_urdf(path: Path, *, shapes: bool = False) -> ET.Element:
+    """Return the links and joints of a URDF, their numbers written anew.
+
+    Parameters
+    ----------
+    path : Path
+        Of the URDF.
+    shapes : bool
+        Whether the links' collision shapes are read too.
 
     Raises
     ------
     InvalidInput : naming the file and the link or joint at fault.
     """
-    try:
-        robot = ET.parse(path).getroot()
-    except ET.ParseError as error:
-        raise InvalidInput(f"{path}: not a well-formed URDF: {error}") from None
-    except OSError as error:
-        raise InvalidInput(f"{path}: cannot be read: {reason(error)}") from None
+    robot = read_xml(path)
     if robot.tag != "robot":
         raise InvalidInput(f"{path}: not a URDF: its root is <{robot.tag}>, not <robot>")
     if any("xacro" in element.tag for element in robot.iter() if isinstance(element.tag, str)):
         raise InvalidInput(f"{path}: has xacro macros; a URDF in which they are expanded is needed")
+    checked = ET.Element("robot", name="robot")
     try:
         _check_tree(robot)
-        for joint in robot.findall("joint"):
-            _check_joint(joint)
-        for link in robot.findall("link"):
-            _check_link(link)
+        joints = [_joint(joint) for joint in robot.findall("joint")]
+        checked.extend([*(_link(link, shapes) for link in robot.findall("link")), *joints])
     except InvalidInput as error:
         raise InvalidInput(f"{path}: {error}") from None
-    return ET.tostring(_bare(robot), encoding="unicode")
+    return checked
 
 
 def mimics(path: Path) -> dict[str, str]:
     """Return which joints of a URDF follow which others (``<mimic>``)."""
-    joints = ET.parse(path).getroot().findall("joint")
+    joints = read_xml(path).findall("joint")
     found = ((str(j.get("name")), j.find("mimic")) for j in joints)
     return {name: str(mimic.get("joint")) for name, mimic in found if mimic is not None}
-
-
-def _bare(robot: ET.Element) -> ET.Element:
-    bare = ET.Element("robot", name=robot.get("name", "robot"))
-    for link in robot.findall("link"):
-        element = ET.SubElement(bare, "link", name=str(link.get("name")))
-        element.extend(link.findall("inertial"))
-    for joint in robot.findall("joint"):
-        names = {"name": str(joint.get("name")), "type": str(joint.get("type"))}
-        element = ET.SubElement(bare, "joint", names)
-        for part in ("origin", "parent", "child", "axis"):
-            element.extend(joint.findall(part))
-        for limit in joint.findall("limit"):
-            bounds = {key: limit.get(key, "0") for key in ("lower", "upper")}
-            # The parser insists on effort and velocity, which nothing here needs.
-            ET.SubElement(element, "limit", bounds | {"effort": "0", "velocity": "0"})
-    return bare
 
 
 def _check_tree(robot: ET.Element) -> None:
@@ -68,9 +70,14 @@ def _check_tree(robot: ET.Element) -> None:
     joints = robot.findall("joint")
     if not links:
         raise InvalidInput("it has no <link>")
+    if len(links) > MOST_LINKS:
+        raise InvalidInput(f"it has {len(links)} links; at most {MOST_LINKS} are read")
     for element in (*robot.findall("link"), *joints):
-        if not element.get("name"):
+        name = element.get("name")
+        if not name:
             raise InvalidInput(f"a <{element.tag}> has no name")
+        if unprintable(name) or "\n" in name:
+            raise InvalidInput(f"{element.tag} {name!a}: a name has printable characters only")
     for kind, names in (("link", links), ("joint", [str(j.get("name")) for j in joints])):
         for name, count in Counter(names).items():
             if count > 1:
@@ -93,75 +100,138 @@ def _check_tree(robot: ET.Element) -> None:
 
 
 def _end(joint: ET.Element, end: str, links: list[str]) -> str:
-    element = joint.find(end)
+    who = f"joint {joint.get('name')!r}"
+    element = _only(joint, end, who)
     if element is None:
-        raise InvalidInput(f"joint {joint.get('name')!r} has no <{end}>")
+        raise InvalidInput(f"{who} has no <{end}>")
     link = str(element.get("link"))
     if link not in links:
-        raise InvalidInput(
-            f"joint {joint.get('name')!r}: its {end} {link!r} is not a link{nearest(link, links)}"
-        )
+        raise InvalidInput(f"{who}: its {end} {link!r} is not a link{nearest(link, links)}")
     return link
 
 
-def _check_joint(joint: ET.Element) -> None:
+def _joint(joint: ET.Element) -> ET.Element:
+    """Return what of a joint matters."""
     who, kind = f"joint {joint.get('name')!r}", joint.get("type")
     if kind not in _SUPPORTED:
         raise InvalidInput(
             f"{who} {f'is {kind!r}' if kind else 'has no type'}; "
             f"only {', '.join(_SUPPORTED)} joints are supported"
         )
-    _check_origin(joint, who)
-    axis = joint.find("axis")
-    if kind != "fixed" and axis is not None and not any(_numbers(axis, "xyz", 3, who)):
-        raise InvalidInput(f"{who}: its axis is zero; a direction is needed")
+    checked = ET.Element("joint", name=str(joint.get("name")), type=kind)
+    _add_origin(checked, joint, who)
+    for end in ("parent", "child"):
+        ET.SubElement(checked, end, link=str(joint.find(end).get("link")))  # type: ignore[union-attr]
+    axis = _only(joint, "axis", who)
+    if kind != "fixed" and axis is not None:
+        direction = _numbers(axis, "xyz", 3, who)
+        if math.hypot(*direction) < LEAST_DIRECTION:
+            raise InvalidInput(f"{who}: its axis is zero; a direction is needed")
+        ET.SubElement(checked, "axis", xyz=_written(direction))
     if kind in ("revolute", "prismatic"):
-        limit = joint.find("limit")
+        limit = _only(joint, "limit", who)
         if limit is None:
             raise InvalidInput(f"{who} has no <limit>; a {kind} joint needs lower and upper")
-        low, high = (_number(limit, key, who, "0") for key in ("lower", "upper"))
+        low, high = (_number(limit, key, who, "0", MOST_LIMIT) for key in ("lower", "upper"))
         if low > high:
             raise InvalidInput(f"{who}: its lower limit {low:g} is above its upper one, {high:g}")
+        # The parser insists on effort and velocity, which nothing here needs.
+        ends = {"lower": repr(low), "upper": repr(high)}
+        ET.SubElement(checked, "limit", ends | {"effort": "0", "velocity": "0"})
+    return checked
 
 
-def _check_link(link: ET.Element) -> None:
-    inertial = link.find("inertial")
-    if inertial is None:
-        return
+def _link(link: ET.Element, shapes: bool) -> ET.Element:
+    """Return what of a link matters."""
     who = f"link {link.get('name')!r}"
-    _check_origin(inertial, who)
-    mass, inertia = inertial.find("mass"), inertial.find("inertia")
-    if mass is None or inertia is None:
-        raise InvalidInput(f"{who}: its <inertial> needs <mass> and <inertia>")
-    if _number(mass, "value", who) < 0:
-        raise InvalidInput(f"{who} has mass {mass.get('value')} kg; it must not be negative")
-    for key in ("ixx", "ixy", "ixz", "iyy", "iyz", "izz"):
-        _number(inertia, key, who)
+    checked = ET.Element("link", name=str(link.get("name")))
+    inertial = _only(link, "inertial", who)
+    if inertial is not None:
+        part = ET.SubElement(checked, "inertial")
+        _add_origin(part, inertial, who)
+        mass, inertia = _only(inertial, "mass", who), _only(inertial, "inertia", who)
+        if mass is None or inertia is None:
+            raise InvalidInput(f"{who}: its <inertial> needs <mass> and <inertia>")
+        value = _number(mass, "value", who, most=MOST_MASS)
+        if value < 0:
+            raise InvalidInput(f"{who} has mass {mass.get('value')} kg; it must not be negative")
+        ET.SubElement(part, "mass", value=repr(value))
+        entries = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
+        moments = {key: repr(_number(inertia, key, who, most=MOST_INERTIA)) for key in entries}
+        ET.SubElement(part, "inertia", moments)
+    for number, collision in enumerate(link.findall("collision") if shapes else (), start=1):
+        checked.append(_collision(collision, f"{who}: collision shape {number}"))
+    return checked
 
 
-def _check_origin(element: ET.Element, who: str) -> None:
-    origin = element.find("origin")
+def _collision(collision: ET.Element, who: str) -> ET.Element:
+    checked = ET.Element("collision")
+    _add_origin(checked, collision, who)
+    geometry = _only(collision, "geometry", who)
+    drawn = [] if geometry is None else list(geometry)
+    if len(drawn) != 1 or drawn[0].tag not in (*_SHAPES, "mesh"):
+        raise InvalidInput(f"{who}: <geometry> with a box, cylinder, sphere or mesh is needed")
+    (shape,) = drawn
+    part = ET.SubElement(ET.SubElement(checked, "geometry"), shape.tag)
+    if shape.tag == "mesh":
+        part.set("filename", shape.get("filename", ""))
+        part.set("scale", _written(_numbers(shape, "scale", 3, who, "1 1 1")))
+        return checked
+    key, count = _SHAPES[shape.tag]
+    for name, numbers in ((key, count), ("length", 1 if shape.tag == "cylinder" else 0)):
+        lengths = _numbers(shape, name, numbers, who, "") if numbers else []
+        if any(length <= 0 for length in lengths):
+            raise InvalidInput(f"{who}: <{shape.tag}> has {name}={shape.get(name)!r}; not positive")
+        if lengths:
+            part.set(name, _written(lengths))
+    return checked
+
+
+def _add_origin(checked: ET.Element, element: ET.Element, who: str) -> None:
+    origin = _only(element, "origin", who)
     if origin is not None:
-        for key in ("xyz", "rpy"):
-            _numbers(origin, key, 3, who)
+        numbers = {key: _written(_numbers(origin, key, 3, who)) for key in ("xyz", "rpy")}
+        ET.SubElement(checked, "origin", numbers)
 
 
-def _number(element: ET.Element, key: str, who: str, default: str = "") -> float:
-    (value,) = _numbers(element, key, 1, who, default)
+def _only(element: ET.Element, tag: str, who: str) -> ET.Element | None:
+    """Return the child with a tag; parsers take the first of several, silently."""
+    children = element.findall(tag)
+    if len(children) > 1:
+        raise InvalidInput(f"{who} has {len(children)} <{tag}>; one at most")
+    return children[0] if children else None
+
+
+def _number(
+    element: ET.Element, key: str, who: str, default: str = "", most: float = MOST_LENGTH
+) -> float:
+    (value,) = _numbers(element, key, 1, who, default, most)
     return value
 
 
 def _numbers(
-    element: ET.Element, key: str, count: int, who: str, default: str = "0 0 0"
+    element: ET.Element,
+    key: str,
+    count: int,
+    who: str,
+    default: str = "0 0 0",
+    most: float = MOST_LENGTH,
 ) -> list[float]:
     text = element.get(key, default)
-    try:
-        values = [float(part) for part in text.split()]
-    except ValueError:
-        values = []
+    # Not all that Python reads: digits of other scripts, 1_0 and no-break spaces are no numbers.
+    parts = re.split("[ \t\r\n]+", text.strip(" \t\r\n"))
+    values = [float(part) if _NUMBER.fullmatch(part) else math.nan for part in parts]
     if len(values) != count or not all(map(math.isfinite, values)):
         raise InvalidInput(
             f"{who}: <{element.tag}> has {key}={text!r}; "
             f"{'a number is' if count == 1 else f'{count} numbers are'} needed"
         )
+    if max(map(abs, values)) > most:
+        raise InvalidInput(
+            f"{who}: <{element.tag}> has {key}={text!r}; numbers of at most {most:g} are needed"
+        )
     return values
+
+
+def _written(numbers: list[float]) -> str:
+    return " ".join(map(repr, numbers))

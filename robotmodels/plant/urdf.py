@@ -8,6 +8,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from robotmodels.arrays import Array
+from robotmodels.description.urdf_check import checked_urdf
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,7 +54,7 @@ class Tree:
 
 def read_tree(path: Path) -> Tree:
     """Read the kinematics and inertias of a URDF; whatever is drawn or collides is skipped."""
-    robot = ET.parse(path).getroot()
+    robot = checked_urdf(path)
     inertials = {str(link.get("name")): _inertial(link) for link in robot.findall("link")}
     joints: dict[str, list[Joint]] = {name: [] for name in inertials}
     children = set()

@@ -222,7 +222,7 @@ def test_no_floor_without_gravity(tmp_path):
 
 def test_a_shape_that_cannot_be_read(tmp_path):
     shapes = SHAPES | {"hand": shape("<nonsense/>")}
-    with pytest.raises(InvalidInput, match=r"arm\.urdf: link 'hand': of its 1 collision shapes 0"):
+    with pytest.raises(InvalidInput, match=r"arm\.urdf: link 'hand': collision shape 1"):
         surroundings(arm(tmp_path, shapes))
 
 

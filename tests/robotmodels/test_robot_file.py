@@ -51,7 +51,7 @@ def payload(**entries: object) -> dict:
     [
         (
             with_spring(SPLIT, "d4", stiffness=-1),
-            "springs[3].stiffness of 'd4': a number greater than 0 is needed, found -1",
+            "springs[3].stiffness of 'd4': a number of at least 1e-06 is needed, found -1",
         ),
         (
             with_spring(SPLIT, "d4", stiffness=[1, 2]),
@@ -79,11 +79,11 @@ def payload(**entries: object) -> dict:
         ),
         (
             with_spring(SPLIT, "d4", damping=0),
-            "springs[3].damping of 'd4': a number greater than 0 is needed, found 0",
+            "springs[3].damping of 'd4': a number of at least 1e-09 is needed, found 0",
         ),
         (
             with_spring(SPLIT, "d2", stiffness={"low": -1, "high": 2, "torque": 3}),
-            "springs[1].stiffness.low of 'd2': a number greater than 0 is needed, found -1",
+            "springs[1].stiffness.low of 'd2': a number of at least 1e-06 is needed, found -1",
         ),
         (
             with_spring(SPLIT, "d2", stiffness={"low": 1, "high": 2}),
@@ -103,25 +103,28 @@ def payload(**entries: object) -> dict:
         (without(SPLIT, "schema"), "missing key 'schema'"),
         (motor(inertia=None), "missing key 'motors[2].inertia' of 'm3'"),
         (changed(SPLIT, schema="robot/2"), "schema: input should be 'robot/1', found 'robot/2'"),
-        (motor(gear_ratio=0), "motors[2]: motor 'm3': gear_ratio must not be zero"),
+        (
+            motor(gear_ratio=0),
+            "motors[2]: motor 'm3': gear_ratio must not be zero, nor below 1e-6 in size",
+        ),
         (
             motor(viscous=-1),
             "motors[2].viscous of 'm3': a number of at least 0 is needed, found -1",
         ),
         (
             motor(name="payload"),
-            "motors[2].name: 'payload' cannot be a name: one without points is needed, other than "
-            "'payload' and 'universe'",
+            "motors[2].name: 'payload' cannot be a name: one line without points is needed, "
+            "other than 'payload' and 'universe'",
         ),
         (
             with_spring(SPLIT, "d4", name="d.4"),
-            "springs[3].name: 'd.4' cannot be a name: one without points is needed, other than "
-            "'payload' and 'universe'",
+            "springs[3].name: 'd.4' cannot be a name: one line without points is needed, "
+            "other than 'payload' and 'universe'",
         ),
         (
             with_spring(SPLIT, "d4", name=" "),
-            "springs[3].name: ' ' cannot be a name: one without points is needed, other than "
-            "'payload' and 'universe'",
+            "springs[3].name: ' ' cannot be a name: one line without points is needed, "
+            "other than 'payload' and 'universe'",
         ),
         (
             changed(

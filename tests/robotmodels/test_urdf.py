@@ -1,5 +1,6 @@
 """URDF files that cannot be used, each refused in one line that names what is at fault."""
 
+import xml.etree.ElementTree as ET
 from pathlib import Path
 
 import numpy as np
@@ -9,7 +10,9 @@ from robots import CRANE, HERE, PANDA, PENDULUM, WALL, built, changed
 from robotmodels import InvalidInput, load_robot
 from robotmodels.description.robot_file import RobotFile
 from robotmodels.description.urdf import locate, rigid_model
+from robotmodels.description.urdf_check import checked_urdf
 from robotmodels.elastic.robot import ElasticRobot
+from robotmodels.plant.urdf import read_tree
 
 LAMP = 'ixx="0.02" ixy="0" ixz="0" iyy="0.03" iyz="0" izz="0.03"'
 LOOP = '<joint name="l" type="fixed"><parent link="hand"/><child link="floor"/></joint>'
@@ -79,6 +82,97 @@ def test_mistakes_are_named(tmp_path: Path, old: str, new: str, message: str) ->
     line = refusal(changed(CRANE, urdf="edited.urdf"), tmp_path)
     assert message in line
     assert "edited.urdf" in line
+
+
+@pytest.mark.parametrize(
+    "spelling", ["8_0", "８", "٨", "8\u00a0", "\u20098", "0x8", "8d0", "8f", "1e999", "inf"]
+)
+@pytest.mark.parametrize(
+    ("old", "new"),
+    [
+        ('<mass value="8"/>', '<mass value="{}"/>'),
+        ('lower="-2"', 'lower="{}"'),
+        ('"0 3 4"', '"0 {} 4"'),
+        ('ixx="0.02"', 'ixx="{}"'),
+        ('rpy="-0.4 0 1.5"', 'rpy="-0.4 {} 1.5"'),
+    ],
+)
+def test_numbers_that_readers_take_differently_are_refused(
+    tmp_path: Path, old: str, new: str, spelling: str
+) -> None:
+    text = (HERE / "crane.urdf").read_text()
+    assert old in text
+    (tmp_path / "arm.urdf").write_text(text.replace(old, new.format(spelling), 1), encoding="utf-8")
+    line = refusal(changed(CRANE, urdf="arm.urdf"), tmp_path)
+    assert "needed" in line
+    assert spelling in line or ascii(spelling)[1:-1] in line
+
+
+def test_every_reader_is_handed_the_numbers_that_were_checked(tmp_path: Path) -> None:
+    """Spellings that are numbers everywhere: same robot, same plant, same shapes."""
+    text = (HERE / "crane.urdf").read_text()
+    odd = text.replace('<mass value="8"/>', '<mass value=" +.8E+1\t"/>').replace(
+        'rpy="-0.4 0 1.5"', 'rpy="\n -4.e-1   0.0 1.50"'
+    )
+    assert odd != text
+    (tmp_path / "arm.urdf").write_text(odd, encoding="utf-8")
+    plain, other = (
+        checked_urdf(p, shapes=True) for p in (HERE / "crane.urdf", tmp_path / "arm.urdf")
+    )
+    assert ET.tostring(plain) == ET.tostring(other)
+    for element in other.iter():
+        for key, value in element.attrib.items():
+            if key not in ("name", "type", "link", "filename"):
+                assert [repr(float(part)) for part in value.split(" ")] == value.split(
+                    " "
+                ) or key in (
+                    "effort",
+                    "velocity",
+                )
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ("<robot", '<!DOCTYPE r [<!ENTITY a "aaaa"><!ENTITY b "&a;&a;">]><robot', "a <!DOCTYPE>"),
+        ("<robot", '<!DOCTYPE r [<!ENTITY x SYSTEM "file:///etc/passwd">]><robot', "a <!DOCTYPE>"),
+        ("<robot", '<!DOCTYPE r SYSTEM "http://localhost/x.dtd"><robot', "a <!DOCTYPE>"),
+        ("<robot", '<?xml version="1.0" encoding="bogus"?><robot', "unknown encoding: bogus"),
+        ("<robot", '<?xml version="1.0" encoding="rot13"?><robot', "not a well-formed URDF"),
+        ("<robot", '<?xml version="1.0" encoding="utf-16"?><robot', "not a well-formed URDF"),
+        ('<mass value="8"/>', "<a>" * 40 + "</a>" * 40, "nested more than 32 deep"),
+        ('<mass value="8"/>', '<mass value="8"/><mass value="9"/>', "has 2 <mass>; one at most"),
+        ('<mass value="8"/>', '<mass value="1e300"/>', "numbers of at most 1e+09 are needed"),
+        ('"0 3 4"', '"0 1e-200 0"', "its axis is zero"),
+        ('link name="lamp"', 'link name="la&#x9b;31mmp"', "printable characters only"),
+        ('link name="lamp"', 'link name="la&#10;mp"', "printable characters only"),
+    ],
+)
+def test_hostile_xml_is_refused(tmp_path: Path, old: str, new: str, message: str) -> None:
+    text = (HERE / "crane.urdf").read_text()
+    text = text[text.index("<robot") :]
+    assert old in text
+    (tmp_path / "arm.urdf").write_text(text.replace(old, new, 1))
+    line = refusal(changed(CRANE, urdf="arm.urdf"), tmp_path)
+    assert message in line
+    assert "arm.urdf" in line
+    assert line.isprintable()
+
+
+def test_long_chains_of_links_are_refused_or_read(tmp_path: Path) -> None:
+    def chain(links: int) -> str:
+        parts = ['<robot name="chain"><link name="l0"/>']
+        for k in range(1, links):
+            parts.append(
+                f'<link name="l{k}"/><joint name="j{k}" type="fixed"><parent link="l{k - 1}"/>'
+                f'<child link="l{k}"/></joint>'
+            )
+        return "".join(parts) + "</robot>"
+
+    (tmp_path / "chain.urdf").write_text(chain(501))
+    assert "501 links; at most 500" in refusal(changed(CRANE, urdf="chain.urdf"), tmp_path)
+    (tmp_path / "chain.urdf").write_text(chain(500))
+    assert len(read_tree(tmp_path / "chain.urdf").joints) == 500
 
 
 def test_zero_inertias_are_refused_where_a_motion_moves_no_mass(tmp_path: Path) -> None:

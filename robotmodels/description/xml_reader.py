@@ -1,0 +1,57 @@
+"""XML files without what makes them expand, reach for other files or nest without end."""
+
+import xml.etree.ElementTree as ET
+from pathlib import Path
+
+from robotmodels.errors import InvalidInput
+from robotmodels.files import check_file, reason
+
+MOST_BYTES = 4_000_000
+"""Size of a URDF."""
+
+_MOST_NESTED = 32
+
+
+class _GuardedTree(ET.TreeBuilder):
+    """Refuses what no URDF needs as soon as it begins."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self._depth = 0
+
+    def doctype(self, name: str, public: str | None, system: str | None) -> None:
+        """Refuse definitions of entities, which expand without end or name other files."""
+        raise InvalidInput("it has a <!DOCTYPE>, which is not read; leave it out")
+
+    def start(self, tag: str, attributes: dict[str, str]) -> ET.Element:
+        """Begin an element."""
+        self._depth += 1
+        if self._depth > _MOST_NESTED:
+            raise InvalidInput(f"elements are nested more than {_MOST_NESTED} deep")
+        return super().start(tag, attributes)
+
+    def end(self, tag: str) -> ET.Element:
+        """End an element."""
+        self._depth -= 1
+        return super().end(tag)
+
+
+def read_xml(path: Path) -> ET.Element:
+    """Return the root of an XML file.
+
+    Raises
+    ------
+    InvalidInput : if it cannot be read, is not well formed, defines entities or nests too deeply.
+    """
+    check_file(path, MOST_BYTES)
+    try:
+        return ET.fromstring(path.read_bytes(), parser=ET.XMLParser(target=_GuardedTree()))
+    except ET.ParseError as error:
+        raise InvalidInput(f"{path}: not a well-formed URDF: {error}") from None
+    except (LookupError, ValueError) as error:
+        # Of an encoding that Python does not have, or that is none of text.
+        raise InvalidInput(f"{path}: not a well-formed URDF: {reason(error)}") from None
+    except OSError as error:
+        raise InvalidInput(f"{path}: cannot be read: {reason(error)}") from None
+    except InvalidInput as error:
+        raise InvalidInput(f"{path}: {error}") from None

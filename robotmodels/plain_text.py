@@ -1,0 +1,19 @@
+"""Characters that no name or text of a file may have, and how a terminal is spared them."""
+
+import re
+
+# They end or reorder a line, make a terminal obey, or are halves of others.
+_UNPRINTABLE = re.compile(
+    "[\x00-\x08\x0b-\x1f\x7f-\x9f\u2028\u2029\u202a-\u202e\u2066-\u2069\ud800-\udfff]"
+)
+
+
+def unprintable(text: str) -> str:
+    """Return the first character that does not belong into a text, escaped; or nothing."""
+    character = _UNPRINTABLE.search(text)
+    return ascii(character[0])[1:-1] if character else ""
+
+
+def printable(text: str) -> str:
+    r"""Return a text with such characters escaped, as in ``\x1b``."""
+    return _UNPRINTABLE.sub(lambda character: ascii(character[0])[1:-1], text)
