@@ -3,7 +3,6 @@
 import os
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -12,11 +11,21 @@ from oed.design.matrix_checks import check_matrices, check_positions
 from oed.design.null_space import open_combinations, unidentifiable, weak_directions
 from robotmodels.arrays import Array, IntArray, read_only
 from robotmodels.atomic_files import atomic_write
+from robotmodels.data_files.array_schema import ArraySchema, Field
+from robotmodels.data_files.hdf5_file import open_hdf5
 from robotmodels.errors import InvalidInput
 from robotmodels.notebook import Printed
 
 if TYPE_CHECKING:
     from oed.store import StoredInformation
+
+_FILE = ArraySchema(
+    {
+        "positions": Field(("candidate", "axis")),
+        "matrices": Field(("candidate", "parameter", "parameter"), finite=False),
+        "names": Field(("parameter",), "text"),
+    }
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -157,23 +166,12 @@ class InformationSet(Printed):
         ------
         InvalidInput : if there is no such file, it is not HDF5, or a dataset is missing.
         """
-        import h5py
-
-        if not Path(path).is_file():
-            raise InvalidInput(f"{path}: no such file; an information set is needed")
-        if not h5py.is_hdf5(path):
-            raise InvalidInput(f"{path}: not an HDF5 file; an information set is needed")
-        with h5py.File(path, "r") as file:
-            for key in ("positions", "matrices", "names"):
-                if key not in file:
-                    raise InvalidInput(
-                        f"{path}: dataset {key!r} is missing (found: {', '.join(file) or 'none'})"
-                    )
-            names = tuple(str(name) for name in file["names"].asstr()[:])
-            try:
-                return cls(file["positions"][:], file["matrices"][:], names)
-            except InvalidInput as error:
-                raise InvalidInput(f"{path}: {error}") from error
+        with open_hdf5(path, "an information set is") as file:
+            contents = file.read(_FILE)
+        try:
+            return cls(**contents)
+        except InvalidInput as error:
+            raise InvalidInput(f"{path}: {error}") from error
 
 
 def _check_shapes(positions: Array, matrices: Array, names: tuple[str, ...]) -> None:

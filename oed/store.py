@@ -14,16 +14,30 @@ from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 from types import TracebackType
+from typing import Annotated, Literal
 
 import numpy as np
+from pydantic import Field, NonNegativeInt, PositiveInt
 
 from oed.design.matrix_checks import check_matrices, check_positions
 from oed.design.null_space import unidentifiable, weak_directions
 from robotmodels.arrays import Array, IntArray
+from robotmodels.data_files.json_text import parse_json
 from robotmodels.errors import InvalidInput
+from robotmodels.files import Strict, check_file, parse
+from robotmodels.yaml_reader import Node
 
 _FORMAT, _HEADER = "oed-information/1", 65536
 _CHUNK_BYTES = 8 * 2**20
+
+
+class StoreHeader(Strict):
+    """The first line of a store."""
+
+    format: Literal["oed-information/1"]
+    names: Annotated[list[str], Field(min_length=1)]
+    candidates: PositiveInt
+    axes: NonNegativeInt
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,18 +63,15 @@ class StoredInformation:
     def open(cls, path: str | os.PathLike[str]) -> "StoredInformation":
         """Return what `StoreWriter` wrote; nothing is read but the header."""
         source = Path(path)
-        if not source.is_file():
-            raise InvalidInput(f"{source}: no such file; an information store is needed")
+        check_file(source)
         with source.open("rb") as file:
             line = file.read(_HEADER)
         try:
-            header = json.loads(line)
-            known = header["format"] == _FORMAT
-            names, shape = tuple(header["names"]), (int(header["candidates"]), int(header["axes"]))
-        except (ValueError, KeyError, TypeError):
-            known = False
-        if not known:
-            raise InvalidInput(f"{source}: not an information store ({_FORMAT})")
+            content = parse_json(line, "its header")
+            header = parse(Node(0, content), StoreHeader, "its header")
+        except InvalidInput as error:
+            raise InvalidInput(f"{source}: not an information store ({_FORMAT}): {error}") from None
+        names, shape = tuple(header.names), (header.candidates, header.axes)
         size = _packed_size(len(names))
         needed = _HEADER + 8 * (size + shape[0] * (shape[1] + size))
         found = source.stat().st_size

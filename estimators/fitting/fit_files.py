@@ -18,11 +18,31 @@ from estimators.fitting.robust import check_loss
 from estimators.frf.estimate import FrfEstimate, is_full
 from robotmodels.arrays import Array, ComplexArray, IntArray, read_only
 from robotmodels.atomic_files import atomic_write
+from robotmodels.data_files.array_schema import ArraySchema, Field
+from robotmodels.data_files.hdf5_file import Hdf5Group, open_hdf5
 from robotmodels.description.parameters import Parameters
 from robotmodels.errors import InvalidInput
 from robotmodels.response import Elastic
 
 SCHEMA = "fits/1"
+_NAMES = Field(("parameter",), "text")
+_WEIGHTS = Field(("", "", "", ""), "complex")
+_TEXTS = ("residual", "loss", "message", "weights")
+_FIT = ArraySchema(
+    {
+        **dict.fromkeys(_TEXTS, Field((), "text", attribute=True)),
+        "status": Field((), "whole", attribute=True),
+        "cost": Field(attribute=True, finite=False),  # infinite where no search began
+        "evaluations": Field((), "whole", least=0, attribute=True),
+        "values": Field(("parameter",)),
+        "start": Field(("parameter",)),
+        "bounds": Field(("", "parameter"), finite=False),
+        "positions": Field(("position", "motor")),
+        "prior_names": Field(("known",), "text", attribute=True, optional=True),
+        "prior_values": Field(("known",), optional=True),
+        "prior_std": Field(("known",), optional=True),
+    }
+)
 
 
 def write_fits(path: str | Path, fits: Sequence[Fit]) -> None:
@@ -65,29 +85,20 @@ def read_fits(path: str | Path, model: Elastic, estimate: FrfEstimate) -> tuple[
     ------
     InvalidInput : if the file is absent or another one, or belongs to another model or estimate.
     """
-    import h5py
-
-    if not Path(path).is_file():
-        raise InvalidInput(f"{path}: no such file")
-    if not h5py.is_hdf5(path):
-        raise InvalidInput(f"{path}: is not an HDF5 file of fits")
-    with h5py.File(path, "r") as file:
-        if file.attrs.get("schema") != SCHEMA:
-            raise InvalidInput(
-                f"{path}: 'schema' is {file.attrs.get('schema')!r}; {SCHEMA!r} is needed"
-            )
-        names = tuple(file["names"].asstr()[()])
+    with open_hdf5(path, "fits are") as file:
+        file.check_schema(SCHEMA)
+        groups, weights = file.numbered("fit_"), file.numbered("weights_", digits=1)
+        contents = file.read(
+            ArraySchema({"names": _NAMES, **dict.fromkeys(weights, _WEIGHTS)}), beside=groups
+        )
+        names = contents["names"]
         if names != model.parameters.names:
             raise InvalidInput(
                 f"{path}: fits of {', '.join(names)}; the model's free parameters are "
                 f"{', '.join(model.parameters.names)}"
             )
-        groups = sorted(name for name in file if name.startswith("fit_"))
-        weights = {name: file[name][()] for name in file if name.startswith("weights_")}
         estimates: dict[bytes, FrfEstimate] = {}
-        return tuple(
-            _read_fit(str(path), file[name], weights, model, estimate, estimates) for name in groups
-        )
+        return tuple(_read_fit(file.group(g), contents, model, estimate, estimates) for g in groups)
 
 
 def _place(weights: Array | ComplexArray, known: list[Array | ComplexArray]) -> int:
@@ -118,46 +129,62 @@ def _write_fit(group: Any, one: Fit, weights: int) -> None:
 
 
 def _read_fit(
-    path: str,
-    group: Any,
-    weights: dict[str, Any],
+    group: Hdf5Group,
+    shared: dict[str, Any],
     model: Elastic,
     estimate: FrfEstimate,
     estimates: dict[bytes, FrfEstimate],
 ) -> Fit:
-    said, positions = group.attrs, group["positions"][()]
-    key = positions.tobytes()
+    stored, own = group.read(_FIT), model.parameters
+    key = stored["positions"].tobytes()
     if key not in estimates:
-        chosen = _chosen(path, positions, estimate)
+        chosen = _chosen(group.where, stored["positions"], estimate)
         whole = len(chosen) == len(estimate.positions)
         estimates[key] = estimate if whole else estimate.subset(chosen)
-    prior = None
-    if "prior_names" in said:
-        prior = Prior(tuple(said["prior_names"]), group["prior_values"][()], group["prior_std"][()])
-    array = weights[said["weights"]]
+    weights = shared.get(stored["weights"])
+    if stored["weights"] == "names" or weights is None:
+        raise InvalidInput(f"{group.where}: weights {stored['weights'][:60]!r} are not in the file")
     try:
-        is_full(array, estimates[key].response.shape)
+        is_full(weights, estimates[key].response.shape)
     except InvalidInput:
         raise InvalidInput(
-            f"{path}: weights of shape {array.shape} do not fit an estimate of shape "
+            f"{group.where}: weights of shape {weights.shape} do not fit an estimate of shape "
             f"{estimates[key].response.shape}"
         ) from None
-    own = model.parameters
-    return Fit(
-        model=model,
-        estimate=estimates[key],
-        residual=find_residual(said["residual"]).name,
-        weights=read_only(array),
-        parameters=Parameters(own.names, group["values"][()], own.units),
-        cost=float(said["cost"]),
-        start=read_only(group["start"][()]),
-        bounds=read_only(group["bounds"][()]),
-        status=int(said["status"]),
-        message=str(said["message"]),
-        evaluations=int(said["evaluations"]),
-        prior=prior,
-        loss=check_loss(said["loss"]),
-    )
+    try:
+        return Fit(
+            model=model,
+            estimate=estimates[key],
+            residual=find_residual(stored["residual"]).name,
+            weights=read_only(weights),
+            parameters=Parameters(own.names, stored["values"], own.units),
+            cost=stored["cost"],
+            start=read_only(stored["start"]),
+            bounds=read_only(stored["bounds"]),
+            status=stored["status"],
+            message=stored["message"],
+            evaluations=stored["evaluations"],
+            prior=_prior(stored),
+            loss=check_loss(stored["loss"]),
+        )
+    except InvalidInput as error:
+        raise InvalidInput(f"{group.where}: {error}") from error
+
+
+def _prior(stored: dict[str, Any]) -> Prior | None:
+    """Return the prior of a fit, which has all of its three arrays or none.
+
+    Raises
+    ------
+    InvalidInput : naming one that is missing.
+    """
+    names = ("prior_names", "prior_values", "prior_std")
+    missing = [name for name in names if name not in stored]
+    if len(missing) == len(names):
+        return None
+    if missing:
+        raise InvalidInput(f"{missing[0]!r} is missing; a prior has {', '.join(names)}")
+    return Prior(*(stored[name] for name in names))
 
 
 def _chosen(path: str, positions: Array, estimate: FrfEstimate) -> IntArray:

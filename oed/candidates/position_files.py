@@ -1,6 +1,7 @@
 """Lists of positions in files: CSV, YAML or NumPy's."""
 
 import csv
+import re
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, Protocol
@@ -8,8 +9,11 @@ from typing import Any, Protocol
 import numpy as np
 
 from robotmodels.arrays import Array, real_numbers
+from robotmodels.data_files.file_guard import library_errors
 from robotmodels.errors import InvalidInput, nearest
-from robotmodels.files import MOST_CHARACTERS, read_text, yaml_document
+from robotmodels.files import MOST_CHARACTERS, check_file, read_text, yaml_document
+
+_NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)(e[+-]?\d+)?|[+-]?(nan|inf)", re.IGNORECASE | re.ASCII)
 
 
 class Motorised(Protocol):
@@ -41,13 +45,8 @@ def read_positions(path: str | Path, robot: Motorised) -> Array:
     readers = {".csv": _read_csv, ".yaml": _read_yaml, ".yml": _read_yaml, ".npy": _read_npy}
     if path.suffix not in readers:
         raise InvalidInput(f"{path}: positions are read from {', '.join(readers)} files")
-    if not path.is_file():
-        raise InvalidInput(f"{path}: no such file; a list of positions is needed")
-    try:
-        found = readers[path.suffix](path, robot)
-    except (OSError, UnicodeDecodeError) as error:
-        raise InvalidInput(f"{path}: cannot be read ({error})") from None
-    positions = real_numbers(found, f"{path}: positions")
+    check_file(path)
+    positions = real_numbers(readers[path.suffix](path, robot), f"{path}: positions")
     n = len(robot.motor_names)
     if positions.ndim != 2 or positions.shape[1] != n or not len(positions):
         raise InvalidInput(
@@ -61,7 +60,10 @@ def read_positions(path: str | Path, robot: Motorised) -> Array:
 
 
 def _read_csv(path: Path, robot: Motorised) -> list[list[float]]:
-    with path.open(newline="", encoding="utf-8-sig") as file:
+    with (
+        library_errors(path, "a table of numbers as text", csv.Error),
+        path.open(newline="", encoding="utf-8-sig") as file,
+    ):
         lines = [
             (number, [cell.strip() for cell in row])
             for number, row in enumerate(csv.reader(file), start=1)
@@ -115,15 +117,11 @@ def _read_yaml(path: Path, _: Motorised) -> Any:
 
 
 def _read_npy(path: Path, _: Motorised) -> Any:
-    try:
-        return np.load(path, allow_pickle=False)
-    except ValueError as error:
-        raise InvalidInput(f"{path}: not a NumPy array file: {error}") from None
+    with library_errors(path, "a NumPy array file"):
+        # Mapped, so that a shape beyond the end of the file is noticed before memory is taken.
+        return np.lib.format.open_memmap(path, mode="r")
 
 
 def _number(cell: str) -> bool:
-    try:
-        float(cell)
-    except ValueError:
-        return False
-    return True
+    """Whether text is a number to any program: Python also takes 0_1 and digits of any script."""
+    return _NUMBER.fullmatch(cell) is not None

@@ -48,13 +48,13 @@ joint). Where a key is "per motor", one number serves all motors and a list has 
     output: ../out/r3_experiment # folder; it, robot and design are relative to this file
 """
 
-import json
 from pathlib import Path
-from typing import Annotated, Any, Literal, Self
+from typing import Annotated, Literal, Self
 
 import numpy as np
 from pydantic import Field, model_validator
 
+from oed.experiment.design_file import designed_positions
 from oed.study.file_paths import output_folder, robot_reference
 from robotmodels.arrays import Array, IntArray
 from robotmodels.description.ranges import (
@@ -67,7 +67,7 @@ from robotmodels.description.ranges import (
     Seed,
 )
 from robotmodels.errors import InvalidInput
-from robotmodels.files import Strict, absolute, read_yaml, reason
+from robotmodels.files import Strict, absolute, read_yaml
 
 MOST_SAMPLES = 10_000_000
 """Samples of a run of all blocks and periods: an hour at 2.8 kHz."""
@@ -237,7 +237,7 @@ def planned_positions(experiment: Experiment, robot: str) -> tuple[Array, IntArr
     InvalidInput : if positions differ in length, or the design cannot be used.
     """
     if experiment.design is not None:
-        return _designed(experiment.design, robot)
+        return designed_positions(experiment.design, robot)
     rows = experiment.positions or []
     for i, row in enumerate(rows):
         if len(row) != len(rows[0]):
@@ -259,40 +259,3 @@ def per_motor(key: str, value: float | list[float], motors: tuple[str, ...]) -> 
             f"({', '.join(motors)}), is needed"
         )
     return np.array(np.broadcast_to(np.asarray(value, dtype=float), (len(motors),)))
-
-
-def _designed(path: Path, robot: str) -> tuple[Array, IntArray]:
-    try:
-        document: Any = json.loads(path.read_text(encoding="utf-8"))
-    except FileNotFoundError:
-        raise InvalidInput(f"design: {path}: no such file; `oed run` writes it") from None
-    except (OSError, ValueError) as error:
-        raise InvalidInput(f"design: {path}: not a design ({reason(error)})") from None
-    schema = document.get("schema") if isinstance(document, dict) else None
-    if schema != "design/1":
-        raise InvalidInput(f"design: {path}: schema is {schema!r}; 'design/1' is needed")
-    if document.get("robot") != robot:
-        raise InvalidInput(
-            f"design: {path} is for the robot {document.get('robot')!r}, this experiment's is "
-            f"{robot!r}"
-        )
-    try:
-        rows = [
-            (row["position"], row["repetitions"])
-            for row in _as_visited(document["positions"], document.get("order"))
-        ]
-        positions = np.array([row[0] for row in rows], dtype=float)
-        repetitions = np.array([row[1] for row in rows], dtype=np.int64)
-    except (KeyError, TypeError, ValueError) as error:
-        raise InvalidInput(f"design: {path}: its positions cannot be read ({error})") from None
-    if positions.ndim != 2 or not np.isfinite(positions).all():
-        raise InvalidInput(f"design: {path}: its positions are not rows of numbers")
-    return positions, repetitions
-
-
-def _as_visited(rows: list[Any], order: Any) -> list[Any]:
-    """Return a design's positions in the order of its visits, where it has one."""
-    if order is None:
-        return rows
-    places = {candidate: place for place, candidate in enumerate(order["candidates"])}
-    return sorted(rows, key=lambda row: places[row["candidate"]])

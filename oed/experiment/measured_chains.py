@@ -137,10 +137,7 @@ def _first(path: Path) -> Records:
 
     if path.suffix.lower() not in (".h5", ".hdf5"):
         return read_records(path).at(0)
-    found = next(iter(iterate_records(path)), None)
-    if found is None:
-        raise InvalidInput(f"{path}: no records in it; at least one position is needed")
-    return found
+    return next(iterate_records(path))
 
 
 def _check_excitation(first: Records, path: Path) -> None:

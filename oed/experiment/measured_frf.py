@@ -209,10 +209,7 @@ class _Source:
         self.lazy = path.suffix.lower() in (".h5", ".hdf5")
         self.read: list[Records] = [] if self.lazy else [read_records(path)]
         self.missing = 0
-        found = next(iter(iterate_records(path)), None) if self.lazy else self.read[0].at(0)
-        if found is None:
-            raise InvalidInput(f"{path}: no records in it; at least one position is needed")
-        self.first = found
+        self.first = next(iterate_records(path)) if self.lazy else self.read[0].at(0)
 
     def __iter__(self) -> Iterator[Records]:
         """Yield records and count the experiments that are missing."""

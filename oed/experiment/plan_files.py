@@ -10,7 +10,7 @@ for one.
 
 import os
 from pathlib import Path
-from typing import Any, Literal
+from typing import Annotated, Any, Literal
 
 import numpy as np
 import yaml
@@ -23,21 +23,33 @@ from oed.experiment.plan import ExperimentPlan
 from oed.plans.order import VisitingOrder
 from robotmodels.arrays import read_only
 from robotmodels.atomic_files import atomic_write
+from robotmodels.data_files.array_schema import ArraySchema
+from robotmodels.data_files.array_schema import Field as ArrayField
+from robotmodels.data_files.hdf5_file import open_hdf5
 from robotmodels.errors import InvalidInput
 from robotmodels.files import Strict, read_yaml, reason
 from robotmodels.yaml_reader import reads_as_text
 
 _ARRAYS = ("phases", "amplitudes", "scale")
+_FILE = ArraySchema(
+    {
+        "phases": ArrayField(("visit", "block", "line", "motor")),
+        "amplitudes": ArrayField(("line", "motor")),
+        "scale": ArrayField(("visit",)),
+        "fingerprint": ArrayField((), "text", attribute=True),
+    }
+)
+Count = Annotated[int, Field(ge=0, le=10**9)]
 
 
 class MultisineSection(Strict):
     """Lines of the multisine."""
 
-    samples: int
+    samples: Count
     sample_time: float
     odd: bool
-    lines: list[int]
-    detection: list[int]
+    lines: list[Count]
+    detection: list[Count]
 
 
 class MovesSection(Strict):
@@ -65,10 +77,10 @@ class PlanFile(Strict):
     robot: str
     motors: list[str]
     duration: float
-    blocks: int
-    periods: int
-    transient_periods: int
-    repetitions: list[int]
+    blocks: Count
+    periods: Count
+    transient_periods: Count
+    repetitions: list[Count]
     positions: list[list[float]]
     order: OrderSection | None = None
     moves: MovesSection
@@ -132,6 +144,10 @@ def load_plan(path: str | os.PathLike[str]) -> ExperimentPlan:
     """
     path = Path(path)
     plan = read_yaml(path, PlanFile)
+    if Path(plan.signals).name != plan.signals:
+        raise InvalidInput(
+            f"{path}: signals: {plan.signals!r}; the name of a file in the same folder is needed"
+        )
     arrays = _read_arrays(path.parent / plan.signals, plan.fingerprint)
     try:
         built = ExperimentPlan(
@@ -158,7 +174,7 @@ def load_plan(path: str | os.PathLike[str]) -> ExperimentPlan:
             ),
             scale=arrays["scale"],
             start=np.array(plan.moves.start),
-            order=_order(plan.order),
+            order=_order(plan.order, len(plan.positions)),
         )
     except InvalidInput as error:
         raise InvalidInput(f"{path}: {error}") from None
@@ -209,26 +225,21 @@ def _order_document(order: VisitingOrder | None) -> dict[str, Any]:
     return {"order": {"order": order.order.tolist(), **rest}}
 
 
-def _order(section: OrderSection | None) -> VisitingOrder | None:
+def _order(section: OrderSection | None, count: int) -> VisitingOrder | None:
     if section is None:
         return None
+    if sorted(section.order) != list(range(count)):
+        raise InvalidInput(
+            f"order: {section.order[:8]} ...; each of the numbers 0 to {count - 1} once is needed"
+        )
     order = read_only(np.array(section.order, dtype=np.int64))
     return VisitingOrder(order, section.duration, section.given, section.optimal)
 
 
 def _read_arrays(path: Path, fingerprint: str) -> dict[str, Any]:
-    import h5py
-
-    if not path.is_file():
-        raise InvalidInput(f"{path}: no such file; it holds the phases of the plan")
-    if not h5py.is_hdf5(path):
-        raise InvalidInput(f"{path}: not an HDF5 file; the phases of the plan are needed")
-    with h5py.File(path, "r") as file:
-        for name in _ARRAYS:
-            if name not in file:
-                found = ", ".join(file) or "nothing"
-                raise InvalidInput(f"{path}: dataset {name!r} is missing (found: {found})")
-        values = {name: file[name][()] for name in _ARRAYS}
+    with open_hdf5(path, "the phases of the plan are") as file:
+        values = file.read(_FILE)
+    values.pop("fingerprint")  # of those who wrote it; what is there decides
     if _fingerprint(values) != fingerprint:
         raise InvalidInput(
             f"{path}: its signals are not those of the plan that names it (fingerprint "

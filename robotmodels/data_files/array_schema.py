@@ -9,8 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from robotmodels.arrays import truth_values, whole_numbers
-from robotmodels.data_files.file_guard import check_memory, listed
+from robotmodels.data_files.file_guard import listed
 from robotmodels.errors import InvalidInput, nearest
+from robotmodels.memory import check_memory
 
 Kind = Literal["real", "whole", "complex", "truth", "text"]
 
@@ -113,7 +114,8 @@ class Field:
             values = truth_values(given, where)
         else:
             with np.errstate(over="ignore"):  # long doubles; infinities are told below
-                values = given.astype(complex if np.iscomplexobj(given) else float)
+                kind = complex if np.iscomplexobj(given) else float
+                values = given.astype(kind, copy=False)
         if self.finite:
             self._refuse(~np.isfinite(values), values, where, "a finite number")
         if self.kind in ("real", "whole"):
@@ -162,7 +164,7 @@ class ArraySchema:
         total = sum(
             math.prod(shape) * _ITEM[self.fields[name].kind] for name, shape in shapes.items()
         )
-        check_memory(where, total)
+        check_memory(_COPIES * total, f"{where}: arrays")
         return {
             name: self.fields[name].values(stored[name].read(), shape, f"{where}: {name}")
             for name, shape in shapes.items()
@@ -216,6 +218,7 @@ class ArraySchema:
         return shapes
 
 
+_COPIES = 2  # checks take a second one
 _ITEM: dict[Kind, int] = {"real": 8, "whole": 8, "complex": 16, "truth": 1, "text": 1}
 
 

@@ -1,4 +1,4 @@
-"""What libraries raise over files that are damaged, and how much is read at once."""
+"""What libraries raise over files that are damaged, and names that are safe to print."""
 
 import os
 import struct
@@ -13,8 +13,6 @@ from robotmodels.files import reason
 
 PathLike = str | os.PathLike[str]
 _MOST_NAMES, _MOST_LETTERS = 12, 40  # that an error lists, of each
-_LARGEST_SHARE = 0.5  # of the memory: checks take a second copy of an array
-_FALLBACK_MEMORY = 8 * 2**30  # where the system does not tell
 
 # All that h5py, scipy.io, zlib, pyuff and numpy were seen to raise over mutated files. The list is
 # broad on purpose and belongs around calls of these libraries only, never around code of our own.
@@ -58,32 +56,6 @@ def library_errors(where: object, container: str, *more: type[Exception]) -> Ite
         raise InvalidInput(f"{where}: not {container} ({said})") from None
 
 
-def check_memory(where: object, size: int) -> None:
-    """Refuse arrays that are too large for this machine.
-
-    Parameters
-    ----------
-    size : of all arrays that are read at once [bytes].
-
-    Raises
-    ------
-    InvalidInput : naming both sizes.
-    """
-    if size > _LARGEST_SHARE * machine_memory():
-        raise InvalidInput(
-            f"{where}: {_readable(size)} to read at once; at most half of this machine's "
-            f"{_readable(machine_memory())} of memory is taken"
-        )
-
-
-def machine_memory() -> int:
-    """Return the physical memory of this machine [bytes]."""
-    try:
-        return os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")
-    except (AttributeError, OSError, ValueError):  # systems that are not POSIX
-        return _FALLBACK_MEMORY
-
-
 def listed(names: Iterable[object]) -> str:
     """Return names from a file as a short list that is safe to print."""
     quoted = [
@@ -92,7 +64,3 @@ def listed(names: Iterable[object]) -> str:
     cut = [n if len(n) <= _MOST_LETTERS else f"{n[: _MOST_LETTERS - 4]}...'" for n in quoted]
     more = f" and {len(cut) - _MOST_NAMES} more" if len(cut) > _MOST_NAMES else ""
     return ", ".join(cut[:_MOST_NAMES]) + more if cut else "nothing"
-
-
-def _readable(size: int) -> str:
-    return f"{size / 2**30:.3g} GiB"

@@ -84,19 +84,23 @@ class Hdf5Group:
                 stored[name] = self._attribute(name)
         return schema.read(stored, self.where)
 
-    def numbered(self, prefix: str) -> tuple[str, ...]:
-        """Return the names prefix00000, prefix00001, ... of groups that are there.
+    def numbered(self, prefix: str, digits: int = 5) -> tuple[str, ...]:
+        """Return the names prefix00000, prefix00001, ... of what is there, one at least.
+
+        Parameters
+        ----------
+        digits : of the numbers, with leading zeros.
 
         Raises
         ------
         InvalidInput : if one of them is missing.
         """
         names = {name for name in self.names() if name.startswith(prefix)}
-        numbered = tuple(f"{prefix}{i:05d}" for i in range(len(names)))
+        numbered = tuple(f"{prefix}{i:0{digits}d}" for i in range(max(len(names), 1)))
         missing = [name for name in numbered if name not in names]
         if missing:
             there = listed(sorted(names))
-            raise InvalidInput(f"{self.where}: group {missing[0]!r} is missing (found: {there})")
+            raise InvalidInput(f"{self.where}: {missing[0]!r} is missing (found: {there})")
         return numbered
 
     def stored(self, name: str) -> StoredArray:

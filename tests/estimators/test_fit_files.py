@@ -74,7 +74,7 @@ def test_files_that_do_not_fit_are_refused(tmp_path):
     with pytest.raises(InvalidInput, match="no such file"):
         read_fits(path, MODEL, estimate)
     path.write_text("nothing")
-    with pytest.raises(InvalidInput, match="not an HDF5 file of fits"):
+    with pytest.raises(InvalidInput, match="not an HDF5 file; fits are needed"):
         read_fits(path, MODEL, estimate)
     with h5py.File(path, "w") as file:
         file.attrs["schema"] = "frf/1"

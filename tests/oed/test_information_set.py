@@ -162,7 +162,7 @@ def test_load_names_the_file_and_what_is_wrong(tmp_path):
         InformationSet.load(tmp_path / "text.h5")
     with h5py.File(tmp_path / "part.h5", "w") as file:
         file["positions"] = np.zeros((1, 1))
-    with pytest.raises(InvalidInput, match=r"part\.h5: dataset 'matrices' is missing \(found: pos"):
+    with pytest.raises(InvalidInput, match=r"part\.h5: 'matrices', 'names' are missing"):
         InformationSet.load(tmp_path / "part.h5")
     information_set(np.ones((1, 1, 1))).save(tmp_path / "negative.h5")
     with h5py.File(tmp_path / "negative.h5", "r+") as file:

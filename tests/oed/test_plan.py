@@ -239,7 +239,7 @@ def test_files_that_do_not_fit_are_named(tmp_path):
     load("other.h5: its signals are not those of the plan that names it")
     with h5py.File(arrays, "a") as file:
         del file["scale"]
-    load(r"plan.h5: dataset 'scale' is missing \(found: amplitudes, phases\)")
+    load(r"plan.h5: 'scale' is missing \(found: 'amplitudes', 'phases', 'fingerprint'\)")
     arrays.write_text("text")
     load("plan.h5: not an HDF5 file")
     arrays.unlink()
