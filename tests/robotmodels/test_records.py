@@ -163,7 +163,7 @@ def test_files_at_fault_are_named(tmp_path: Path) -> None:
         (lambda f: f.attrs.pop("schema"), "'schema' is None"),
         (lambda f: f.attrs.pop("sample_time"), "'sample_time'"),
         (lambda f: f.pop("lines"), "'lines' is missing"),
-        (lambda f: f.pop("position_00001"), "group 'position_00001' is missing"),
+        (lambda f: f.pop("position_00001"), "'position_00001' is missing"),
         (lambda f: f.pop("position_00002/angle"), "position_00002: 'angle' is missing"),
         (lambda f: f["position_00000/torque"].write_direct(
             np.full((B, E, P, N, n), np.inf)), "position_00000: torque"),
