@@ -37,7 +37,7 @@ _FIT = ArraySchema(
         "values": Field(("parameter",)),
         "start": Field(("parameter",)),
         "bounds": Field(("", "parameter"), finite=False),
-        "positions": Field(("position", "motor")),
+        "positions": Field(("position", "coordinate")),
         "prior_names": Field(("known",), "text", attribute=True, optional=True),
         "prior_values": Field(("known",), optional=True),
         "prior_std": Field(("known",), optional=True),

@@ -12,7 +12,7 @@ _LARGEST_MISFIT = 1e-9  # of frequencies told twice, relative
 # Axes of the covariance depend on its kind; `FrfEstimate` knows both.
 FRF = ArraySchema(
     {
-        "positions": Field(("position", "motor")),
+        "positions": Field(("position", "coordinate")),
         "omega": Field(("frequency",)),
         "response": Field(("position", "frequency", "output", "motor"), "complex"),
         "covariance": Field(("position", "frequency", "", ""), "complex"),
@@ -23,7 +23,7 @@ FRF = ArraySchema(
 _LINES = {"odd": "odd line", "even": "even line"}
 DISTORTION = ArraySchema(
     {
-        "positions": Field(("position", "motor")),
+        "positions": Field(("position", "coordinate")),
         "omega": Field(("frequency",), least=0),
         "noise": Field(("position", "frequency", "output", "motor"), least=0),
         # One block alone tells no total.
