@@ -14,6 +14,9 @@ from robotmodels.arrays import Array, ComplexArray
 from robotmodels.errors import InvalidInput, nearest
 from robotmodels.normal_equations import Residual as Name
 
+# Relative error of J/G, two complex products and a division of some epsilons each.
+ROUNDING = 16 * float(np.finfo(float).eps)
+
 
 def nls(measured: ComplexArray, modelled: ComplexArray) -> ComplexArray:
     """Nonlinear least squares residual, [WM] (4c)."""
@@ -79,12 +82,17 @@ class Residual:
         sensitivity: ComplexArray,
         used: NDArray[np.bool_] | None = None,
     ) -> Array | ComplexArray:
-        """Return d residual / d ln theta, (Q, F, m, n, p), from dG/d ln theta: -J or -J/G."""
+        """Return d residual / d ln theta, (Q, F, m, n, p), from dG/d ln theta: -J or -J/G.
+
+        A magnitude's derivative that is rounding beside the phase's is zero, not information.
+        """
         if used is not None:
             modelled = np.where(used, modelled, 1.0 + 0j)
             sensitivity = np.where(used[..., None], sensitivity, 0.0)
         slope = -sensitivity / modelled[..., None] if self.relative else -sensitivity
-        return np.asarray(slope.real) if self.real else np.asarray(slope)
+        if not self.real:
+            return np.asarray(slope)
+        return np.where(np.abs(slope.real) > ROUNDING * np.abs(slope), slope.real, 0.0)
 
     def noise(
         self,

@@ -29,7 +29,8 @@ class _Point:
     """Residuals and Jacobian about a start; the last point is kept, so one evaluation serves both.
 
     A trial step at which the robot has no equilibrium counts as infinitely bad, which makes the
-    trust region shrink.
+    trust region shrink. A parameter that nothing depends on would be taken as far as the trust
+    region reaches, by rounding: p more residuals, all zero, have a slope that holds it.
     """
 
     def __init__(self, evaluate: Callable[[Array], tuple[Array, Array]], reference: Array) -> None:
@@ -52,11 +53,12 @@ class _Point:
         except (IdentificationError, np.linalg.LinAlgError):
             if self._last is None:
                 raise
-            return np.full(len(self._last[0]), np.inf)
-        return values
+            values = np.full(len(self._last[0]), np.inf)
+        return np.append(values, np.zeros_like(x))
 
     def jacobian(self, x: Array) -> Array:
-        return self.at(x)[1]
+        slopes = self.at(x)[1]
+        return np.vstack([slopes, np.diag(~slopes.any(axis=0) * np.abs(slopes).max())])
 
 
 def exact_search(problem: Problem, start: Array, max_evaluations: int, tolerance: float) -> Outcome:

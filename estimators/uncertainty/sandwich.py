@@ -15,21 +15,23 @@ def sandwich(bread: Array, meat: Array, names: tuple[str, ...]) -> Array:
 
     Raises
     ------
-    NotIdentifiable : if the bread is singular.
+    NotIdentifiable : if the bread is singular, with every parameter that is in its null space.
     """
-    remedy = "add positions or frequencies, free fewer parameters, or fix one of them"
     size = np.sqrt(np.diag(bread))
     # Sensitivities that are zero but for rounding stay zero.
     blind = ~(size > 16 * np.finfo(float).eps * size.max())
-    if blind.any():
-        raise NotIdentifiable(tuple(n for n, b in zip(names, blind, strict=True) if b), remedy)
-    values, vectors = np.linalg.eigh(bread / np.outer(size, size))
-    null = vectors[:, values < SINGULAR * values[-1]]
-    if null.size:
-        share = np.abs(null).max(axis=1)
+    size = np.where(blind, 1.0, size)
+    scaled = np.where(blind | blind[:, None], 0.0, bread / np.outer(size, size))
+    values, vectors = np.linalg.eigh(scaled)
+    # Without any information at all, all are blind and all eigenvalues zero.
+    null = values <= SINGULAR * values[-1]
+    if null.any():
+        share = np.linalg.norm(vectors[:, null], axis=1)  # in any basis of the null space
         guilty = share > 0.1 * share.max()
-        raise NotIdentifiable(tuple(n for n, g in zip(names, guilty, strict=True) if g), remedy)
+        raise NotIdentifiable(
+            tuple(name for name, one in zip(names, guilty, strict=True) if one),
+            "add positions or frequencies, free fewer parameters, or fix one of them",
+        )
     inverse = (vectors / values) @ vectors.T
-    scaled = inverse @ (meat / np.outer(size, size)) @ inverse
-    result = scaled / np.outer(size, size)
+    result = inverse @ (meat / np.outer(size, size)) @ inverse / np.outer(size, size)
     return np.asarray((result + result.T) / 2)

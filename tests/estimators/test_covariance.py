@@ -200,15 +200,18 @@ class Blind(MassSprings):
 
 def _exponents(change):
     e = np.eye(6)
-    if change == "absent":
+    if change != "product":
         e[4, 4] = 0.0  # c2 acts nowhere
-    else:
+    if change != "absent":
         e[0, :2] = 0.5  # only the product k1 k2 acts
         e[1, :2] = 0.5
     return e
 
 
-@pytest.mark.parametrize(("change", "names"), [("absent", ("c2",)), ("product", ("k1", "k2"))])
+@pytest.mark.parametrize(
+    ("change", "names"),
+    [("absent", ("c2",)), ("product", ("k1", "k2")), ("both", ("k1", "k2", "c2"))],
+)
 def test_parameters_without_information_are_named(change, names):
     model = Blind(_exponents(change))
     estimate = simulate_frf(model, POSITIONS, OMEGA, RelativeNoise(), np.random.default_rng(0))

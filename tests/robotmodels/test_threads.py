@@ -1,37 +1,41 @@
 """Work shared out over threads: all of it once, and errors come through."""
 
-from itertools import pairwise
+import threading
+from collections.abc import Iterator
 
+import numba
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
-from robotmodels.kernel import threads
-
-
-@pytest.mark.parametrize(("shares", "pieces"), [(1, 3), (4, 12)])
-def test_pieces_cover_everything_once(
-    shares: int, pieces: int, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr("numba.get_num_threads", lambda: 3)
-    seen: list[tuple[int, int]] = []
-    threads.over_threads(lambda *piece: seen.append(piece), 100, threads.WORTHWHILE, shares)
-    seen.sort()
-    assert len(seen) == pieces
-    assert (seen[0][0], seen[-1][1]) == (0, 100)
-    assert all(before[1] == after[0] for before, after in pairwise(seen))
+from robotmodels.kernel.threads import WORTHWHILE, over_threads
 
 
-def test_little_work_stays_in_this_thread(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("numba.get_num_threads", lambda: 3)
-    seen: list[tuple[int, int]] = []
-    threads.over_threads(lambda *piece: seen.append(piece), 100, 1, 4)
-    assert seen == [(0, 100)]
+@pytest.fixture(autouse=True, scope="module")
+def all_threads() -> Iterator[None]:
+    before = numba.get_num_threads()
+    numba.set_num_threads(numba.config.NUMBA_NUM_THREADS)
+    yield
+    numba.set_num_threads(before)
 
 
-def test_an_error_in_a_thread_is_raised(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("numba.get_num_threads", lambda: 3)
+@given(items=st.integers(0, 100), work=st.sampled_from([1, WORTHWHILE]), shares=st.integers(1, 200))
+def test_all_items_are_worked_on_once(items: int, work: int, shares: int) -> None:
+    seen: list[int] = []
+    over_threads(lambda start, stop: seen.extend(range(start, stop)), items, work, shares)
+    assert sorted(seen) == list(range(items))
 
+
+def test_little_work_stays_in_this_thread() -> None:
+    threads: list[threading.Thread] = []
+    over_threads(lambda *_: threads.append(threading.current_thread()), 100, 1, 4)
+    assert set(threads) == {threading.current_thread()}
+
+
+def test_an_error_in_a_thread_is_raised() -> None:
     def fail(start: int, stop: int) -> None:
-        raise ZeroDivisionError(f"{start} to {stop}")
+        if stop == 100:
+            raise ZeroDivisionError(f"{start} to {stop}")
 
     with pytest.raises(ZeroDivisionError):
-        threads.over_threads(fail, 100, threads.WORTHWHILE, 2)
+        over_threads(fail, 100, WORTHWHILE, 2)
