@@ -1,11 +1,20 @@
 """Characters that no name or text of a file may have, and how a terminal is spared them."""
 
+import math
 import re
 
 # They end or reorder a line, make a terminal obey, or are halves of others.
 _UNPRINTABLE = re.compile(
     "[\x00-\x08\x0b-\x1f\x7f-\x9f\u2028\u2029\u202a-\u202e\u2066-\u2069\ud800-\udfff]"
 )
+
+
+_DECIMAL = re.compile(r"[-+]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][-+]?[0-9]+)?")
+
+
+def decimal(text: str) -> float:
+    """Return a number, or NaN for what is none: digits of other scripts and ``1_0`` are none."""
+    return float(text) if _DECIMAL.fullmatch(text) else math.nan
 
 
 def unprintable(text: str) -> str:

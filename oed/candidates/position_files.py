@@ -10,8 +10,17 @@ import numpy as np
 
 from robotmodels.arrays import Array, real_numbers
 from robotmodels.data_files.file_guard import library_errors
+from robotmodels.description.ranges import Coordinate
 from robotmodels.errors import InvalidInput, nearest
-from robotmodels.files import MOST_CHARACTERS, check_file, read_text, yaml_document
+from robotmodels.files import (
+    MOST_CHARACTERS,
+    Strict,
+    check_file,
+    parse,
+    read_text,
+    yaml_document,
+)
+from robotmodels.yaml_reader import Node
 
 _NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)(e[+-]?\d+)?|[+-]?(nan|inf)", re.IGNORECASE | re.ASCII)
 
@@ -28,6 +37,12 @@ class Motorised(Protocol):
     def motor_joints(self) -> Sequence[str]:
         """Names of their joints."""
         ...
+
+
+class PositionList(Strict, extra="ignore"):
+    """Positions in a YAML file [rad or m]."""
+
+    positions: list[list[Coordinate]]
 
 
 def read_positions(path: str | Path, robot: Motorised) -> Array:
@@ -106,14 +121,10 @@ def _columns(path: Path, header: list[str], robot: Motorised) -> list[int]:
 
 def _read_yaml(path: Path, _: Motorised) -> Any:
     wanted = "a list of positions"
-    content = yaml_document(read_text(path, MOST_CHARACTERS, wanted), str(path), wanted).content
-    if isinstance(content, dict):
-        if "positions" not in content:
-            raise InvalidInput(
-                f"{path}: key 'positions' is missing (found: {', '.join(map(str, content))})"
-            )
-        content = content["positions"]
-    return content if content is not None else []
+    document = yaml_document(read_text(path, MOST_CHARACTERS, wanted), str(path), wanted)
+    if isinstance(document.content, list):
+        document = Node(1, {"positions": document.content}, {"positions": document})
+    return parse(document, PositionList, str(path)).positions
 
 
 def _read_npy(path: Path, _: Motorised) -> Any:

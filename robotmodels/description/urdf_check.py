@@ -19,13 +19,12 @@ from robotmodels.description.ranges import (
 )
 from robotmodels.description.xml_reader import read_xml
 from robotmodels.errors import InvalidInput, nearest
-from robotmodels.plain_text import unprintable
+from robotmodels.plain_text import decimal, unprintable
 
 MOST_LINKS = 500
 """Links of a URDF."""
 
 _SUPPORTED = ("revolute", "continuous", "prismatic", "fixed")
-_NUMBER = re.compile(r"[-+]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][-+]?[0-9]+)?")
 _SHAPES = {"box": ("size", 3), "cylinder": ("radius", 1), "sphere": ("radius", 1)}
 
 
@@ -218,9 +217,8 @@ def _numbers(
     most: float = MOST_LENGTH,
 ) -> list[float]:
     text = element.get(key, default)
-    # Not all that Python reads: digits of other scripts, 1_0 and no-break spaces are no numbers.
     parts = re.split("[ \t\r\n]+", text.strip(" \t\r\n"))
-    values = [float(part) if _NUMBER.fullmatch(part) else math.nan for part in parts]
+    values = [decimal(part) for part in parts]
     if len(values) != count or not all(map(math.isfinite, values)):
         raise InvalidInput(
             f"{who}: <{element.tag}> has {key}={text!r}; "

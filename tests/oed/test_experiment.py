@@ -122,6 +122,10 @@ def test_positions_of_a_design(tmp_path):
         (DESIGN | {"robot": "ur10"}, "for the robot 'ur10', this experiment's is 'moberg_axis1'"),
         (DESIGN | {"schema": "fit/1"}, "'design/1' is needed"),
         (DESIGN | {"positions": [{"position": [0.1]}]}, "missing key 'positions[0].repetitions'"),
+        (
+            DESIGN | {"positions": [{"position": [0.1], "repetitions": 2.9, "candidate": 0}]},
+            "a whole number is needed, found 2.9",
+        ),
         ([1], "'design/1' is needed"),
     ],
 )

@@ -5,10 +5,10 @@ from pathlib import Path
 import pytest
 import yaml
 
+from oed.experiment.build import prepare
 from oed.experiment.file import load_experiment
 from oed.study.file import load_study
 from robotmodels import InvalidInput, load_robot
-from robotmodels.memory import check_memory
 
 REPOSITORY = Path(__file__).parents[2]
 LIBRARY = REPOSITORY / "robotmodels" / "library"
@@ -90,13 +90,14 @@ def test_physical_values_have_ranges(tmp_path: Path, keys: str, value: object) -
     assert "\n" not in str(error.value)
 
 
-def test_products_of_counts_have_limits(tmp_path: Path) -> None:
+def test_products_of_counts_have_limits(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     edited = changed(STUDY, tmp_path, "posterior", {"walkers": 10_000, "steps": 10_000_000})
     with pytest.raises(InvalidInput, match=r"posterior: steps: .* at most 1e.09 can be taken"):
         load_study(edited)
     edited = changed(EXPERIMENT, tmp_path, "blocks", 100_000)
     with pytest.raises(InvalidInput, match="at most 10000000 samples can be measured in one go"):
         load_experiment(edited)
-    with pytest.raises(InvalidInput, match=r"blocks: 1e\+09 GB are needed, this machine has"):
-        check_memory(1e18, "blocks")
-    check_memory(1.0, "blocks")
+    edited = changed(EXPERIMENT, tmp_path, "repetitions", [100_000] * 2)
+    monkeypatch.setattr("oed.experiment.build.machine_memory", lambda: 16e9)
+    with pytest.raises(InvalidInput, match="of signals; this machine has"):
+        prepare(load_experiment(edited))
