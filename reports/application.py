@@ -17,6 +17,7 @@ import typer
 from reports.commands import register_all
 from robotmodels.errors import IdentificationError
 from robotmodels.files import disk_full, reason
+from robotmodels.plain_text import printable
 
 app = typer.Typer(
     no_args_is_help=True,
@@ -93,7 +94,8 @@ def _usage(error: typer.TyperException) -> str:
 
 
 def _fail(message: str, code: int) -> None:
-    sys.stderr.write(f"error: {message}\n")
+    line = printable(message).replace("\n", "\\n")  # of a path, say
+    sys.stderr.write(f"error: {line}\n")
     sys.exit(code)
 
 

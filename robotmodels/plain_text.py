@@ -20,9 +20,13 @@ def decimal(text: str) -> float:
 def unprintable(text: str) -> str:
     """Return the first character that does not belong into a text, escaped; or nothing."""
     character = _UNPRINTABLE.search(text)
-    return ascii(character[0])[1:-1] if character else ""
+    return _escaped(character) if character else ""
 
 
 def printable(text: str) -> str:
-    r"""Return a text with such characters escaped, as in ``\x1b``."""
-    return _UNPRINTABLE.sub(lambda character: ascii(character[0])[1:-1], text)
+    r"""Return a text with such characters escaped, as in ``\u001b``, which JSON reads too."""
+    return _UNPRINTABLE.sub(_escaped, text)
+
+
+def _escaped(character: re.Match[str]) -> str:
+    return f"\\u{ord(character[0]):04x}"

@@ -13,8 +13,8 @@ from oed.experiment.plan import ExperimentPlan, experiment_plan
 from oed.experiment.scaling import Binding, Limits, Scaling, scale
 from robotmodels import ElasticRobot, load_robot
 from robotmodels.arrays import Array, IntArray, read_only
-from robotmodels.data_files.file_guard import machine_memory
 from robotmodels.errors import InvalidInput
+from robotmodels.memory import check_memory
 from robotmodels.plant.controller import Controller, default_controller
 from robotmodels.plant.simulation import Imperfections
 
@@ -119,12 +119,9 @@ def _check_memory(shaking: Shaking, repetitions: IntArray, motors: int) -> None:
     period = 8.0 * shaking.blocks * motors**2 * shaking.multisine.samples
     signals = period * float(repetitions.sum())
     records = 2 * period * (shaking.periods + shaking.transient_periods)
-    if signals + records > machine_memory():
-        raise InvalidInput(
-            f"multisine.period over sample_time, blocks, periods, repetitions: "
-            f"{(signals + records) / 1e9:.3g} GB of signals; this machine has "
-            f"{machine_memory() / 1e9:.3g} GB of memory"
-        )
+    check_memory(
+        signals + records, "multisine.period over sample_time, blocks, periods and repetitions"
+    )
 
 
 def _multisine(shaking: Shaking, motors: int, rng: np.random.Generator) -> Multisine:

@@ -6,6 +6,7 @@ speed is the multisine's. One sample per sample time of the plan.
 """
 
 import csv
+import io
 import os
 from collections.abc import Iterator, Sequence
 from pathlib import Path
@@ -50,7 +51,7 @@ def export_csv(
             time = np.arange(len(positions)) * plan.multisine.sample_time
             table = np.column_stack([time, positions, speeds])
             name = stage / str(row[1])
-            np.savetxt(name, table, "%.12g", ",", header=",".join(header), comments="")
+            np.savetxt(name, table, "%.12g", ",", header=_csv_line(header), comments="")
             rows.append((len(rows), *row))
         with (stage / "sequence.csv").open("w", newline="", encoding="utf-8") as file:
             csv.writer(file, lineterminator="\n").writerows(rows)
@@ -116,6 +117,13 @@ def _steps(plan: ExperimentPlan, ratios: Array) -> Iterator[tuple[tuple[Any, ...
                 drop = plan.transient_periods
                 row = ("excitation", file, *place, block, experiment, repeats, drop)
                 yield row, rest, speeds
+
+
+def _csv_line(cells: Sequence[str]) -> str:
+    """Return a line of a CSV file; a name may have a comma."""
+    line = io.StringIO()
+    csv.writer(line, lineterminator="").writerow(cells)
+    return line.getvalue()
 
 
 def _checked_ratios(plan: ExperimentPlan, given: Sequence[float] | Array) -> Array:

@@ -4,7 +4,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from reports.commands.options import AsJson, BesideRecords, Delay, Hold, Records, say
+from reports.commands.options import AsJson, BesideRecords, Delay, Hold, Records, say, warn
 from reports.commands.workers import one_thread_each
 from robotmodels.errors import InvalidInput
 
@@ -66,8 +66,7 @@ def chains(
             write_frf(folder / "frf.h5", found.frf.estimate)
             write_chains(found, folder / "chains.json")
             write_chains_page(found, records, folder / "chains.html")
-    for warning in found.warnings:
-        typer.echo(f"warning: {warning}", err=True)
+    warn(found.warnings)
     files = [target / name for name in ("frf.h5", "chains.json", "chains.html")]
     say(lambda: chains_summary(found, files), lambda: chains_json(found, files), as_json)
 

@@ -37,8 +37,9 @@ def check(
     from robotmodels import load_robot
     from robotmodels.description.diagnosis import diagnose
     from robotmodels.description.suspicions import suspicions
+    from robotmodels.plain_text import printable
 
     model = load_robot(robot)
     diagnosis = diagnose(model, read_position(model, position), read_band(band))
     show = robot_json if as_json else robot_summary
-    typer.echo(show(diagnosis, (*guesses(robot), *suspicions(diagnosis)), model.file))
+    typer.echo(printable(show(diagnosis, (*guesses(robot), *suspicions(diagnosis)), model.file)))

@@ -4,7 +4,16 @@ from typing import Annotated
 
 import typer
 
-from reports.commands.options import AsJson, BesideRecords, Delay, Hold, Records, robot_names, say
+from reports.commands.options import (
+    AsJson,
+    BesideRecords,
+    Delay,
+    Hold,
+    Records,
+    robot_names,
+    say,
+    warn,
+)
 from reports.commands.workers import one_thread_each
 
 
@@ -72,7 +81,6 @@ def frf(
         with staged_folder(target) as folder:
             write_frf(folder / "frf.h5", found.estimate)
             write_frf_page(found, records, folder / "frf.html", progress)
-    for warning in found.warnings:
-        typer.echo(f"warning: {warning}", err=True)
+    warn(found.warnings)
     files = [target / "frf.h5", target / "frf.html"]
     say(lambda: frf_summary(found, files), lambda: frf_json(found, files), as_json)

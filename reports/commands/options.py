@@ -1,7 +1,7 @@
 """Options that several commands share, and how a command ends: with text or with JSON."""
 
 import json
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Annotated, Any
@@ -10,6 +10,7 @@ import typer
 
 from reports.commands.workers import available_cores
 from robotmodels.errors import IdentificationError
+from robotmodels.plain_text import printable
 
 Workers = Annotated[
     int,
@@ -36,9 +37,16 @@ BesideRecords = Annotated[
 
 def say(text: Callable[[], str], document: Callable[[], Any], as_json: bool) -> None:
     """Print the summary for people, or the one for scripts."""
-    typer.echo(
+    words = (
         json.dumps(document(), indent=1, ensure_ascii=False, allow_nan=False) if as_json else text()
     )
+    typer.echo(printable(words))
+
+
+def warn(warnings: Iterable[str]) -> None:
+    """Print warnings beside the summary."""
+    for warning in warnings:
+        typer.echo(f"warning: {printable(warning)}", err=True)
 
 
 @contextmanager

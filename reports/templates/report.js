@@ -126,7 +126,10 @@
   };
   const csv = (table) => {
     const quoted = (text) => (/[",\n]/.test(text) ? `"${text.replaceAll('"', '""')}"` : text);
-    const line = (cells) => cells.map((text) => quoted(text.trim().replace(/\s+/g, " "))).join(",");
+    // A spreadsheet takes what begins so for a formula, unless an apostrophe marks it as text.
+    const inert = (text) => (/^[=+@-]/.test(text) && Number.isNaN(Number(text)) ? `'${text}` : text);
+    const cell = (text) => quoted(inert(text.trim().replace(/\s+/g, " ")));
+    const line = (cells) => cells.map(cell).join(",");
     const rows = all("tbody tr:not(.group)", table);
     const head = all("thead th", table).map((cell) => cell.textContent);
     return [head, ...rows.map((row) => [...row.cells].map(worth))].map(line).join("\r\n") + "\r\n";

@@ -78,11 +78,12 @@ def _six_inertias(value: object) -> object:
 
 
 def _plain_name(name: str) -> str:
-    if not name.strip() or "." in name or "\n" in name or name in _RESERVED:
+    formula = name.startswith(("=", "+", "-", "@"))  # to a spreadsheet
+    if not name.strip() or formula or "." in name or "\n" in name or name in _RESERVED:
         # A parameter is called by a name, a point and an entry.
         raise ValueError(
-            f"{name!r} cannot be a name: one line without points is needed, "
-            f"other than {' and '.join(map(repr, _RESERVED))}"
+            f"{name!r} cannot be a name: one line that has no point and begins with none of "
+            f"= + - @ is needed, other than {' and '.join(map(repr, _RESERVED))}"
         )
     return name
 

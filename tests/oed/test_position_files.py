@@ -38,7 +38,7 @@ def test_numpy_files(tmp_path):
         ("a.csv", "0,1\n2,x\n", r"line 2: '2, x'; 2 numbers"),
         ("a.csv", "base,elbo\n0,1\n", r"column 'elbo' is neither .*did you mean 'elbow'"),
         ("a.csv", "base,m1\n0,1\n", r"motor 'm1' \(joint 'base'\) has 2 columns"),
-        ("a.csv", "0,nan\n", "line 1: '0, nan'; 2 numbers"),
+        ("a.csv", "0,nan\n", "position 1 is not finite"),
         (
             "a.yaml",
             "- [0.1, on]\n",

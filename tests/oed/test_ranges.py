@@ -98,6 +98,7 @@ def test_products_of_counts_have_limits(tmp_path: Path, monkeypatch: pytest.Monk
     with pytest.raises(InvalidInput, match="at most 10000000 samples can be measured in one go"):
         load_experiment(edited)
     edited = changed(EXPERIMENT, tmp_path, "repetitions", [100_000] * 2)
-    monkeypatch.setattr("oed.experiment.build.machine_memory", lambda: 16e9)
-    with pytest.raises(InvalidInput, match="of signals; this machine has"):
+    pages = {"SC_PHYS_PAGES": 4_000_000, "SC_PAGE_SIZE": 4096}
+    monkeypatch.setattr("os.sysconf", pages.__getitem__)
+    with pytest.raises(InvalidInput, match=r"blocks.* GB are needed, this machine has 16\.4 GB"):
         prepare(load_experiment(edited))

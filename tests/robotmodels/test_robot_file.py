@@ -113,17 +113,20 @@ def payload(**entries: object) -> dict:
         ),
         (
             motor(name="payload"),
-            "motors[2].name: 'payload' cannot be a name: one line without points is needed, "
+            "motors[2].name: 'payload' cannot be a name: one line that has no point and begins "
+            "with none of = + - @ is needed, "
             "other than 'payload' and 'universe'",
         ),
         (
             with_spring(SPLIT, "d4", name="d.4"),
-            "springs[3].name: 'd.4' cannot be a name: one line without points is needed, "
+            "springs[3].name: 'd.4' cannot be a name: one line that has no point and begins "
+            "with none of = + - @ is needed, "
             "other than 'payload' and 'universe'",
         ),
         (
             with_spring(SPLIT, "d4", name=" "),
-            "springs[3].name: ' ' cannot be a name: one line without points is needed, "
+            "springs[3].name: ' ' cannot be a name: one line that has no point and begins "
+            "with none of = + - @ is needed, "
             "other than 'payload' and 'universe'",
         ),
         (

@@ -108,7 +108,7 @@ def bomb(levels: int) -> str:
         ("a: b\nc: d\x00\n", 2, "it has a control character"),
         ("a: \x9b31m\n", 1, "it has a control character"),
         ('a: "\\ud800"\n', 1, "invalid Unicode|which is not text"),
-        ('a: "\\x1b[31m"\n', 1, "it has the character \\x1b, which is not text"),
+        ('a: "\\x1b[31m"\n', 1, "it has the character \\u001b, which is not text"),
         ('"\\0": 1\n', 1, "which is not text"),
         ('a: "\\u202e"\n', 1, "which is not text"),
         ("a: [1\nb: 2\n", 2, "expected ',' or ']'"),
