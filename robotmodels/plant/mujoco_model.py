@@ -15,6 +15,7 @@ from scipy.spatial.transform import Rotation
 
 from robotmodels.arrays import Array, IntArray
 from robotmodels.description.robot_file import Body, Hardening, Motor, RobotFile, Spring
+from robotmodels.errors import InvalidInput
 from robotmodels.plant.urdf import Inertial, Joint, Tree, read_tree
 
 UNIT = {"x": (1.0, 0.0, 0.0), "y": (0.0, 1.0, 0.0), "z": (0.0, 0.0, 1.0)}
@@ -110,7 +111,13 @@ class PlantBuilder:
         self.drives = {s.joint: s for s in file.springs if s.axis == "drive"}
 
     def compile(self) -> mujoco.MjModel:
-        """Return the compiled model."""
+        """Return the compiled model.
+
+        Raises
+        ------
+        InvalidInput : if MuJoCo refuses a body, whose moments of inertia must fit each other
+            exactly, also where bodies fixed to it make up for them.
+        """
         self._add_link(self.tree.root, self.spec.worldbody.add_body(name="root"))
         for motor in self.file.motors:
             if motor.joint in self.drives:
@@ -121,7 +128,11 @@ class PlantBuilder:
                 objtype=mujoco.mjtObj.mjOBJ_SITE,
                 objname=sensor.name,
             )
-        return self.spec.compile()
+        try:
+            return self.spec.compile()
+        except ValueError as error:
+            said = " ".join(str(error).split())
+            raise InvalidInput(f"MuJoCo, which simulates, refuses the robot: {said}") from None
 
     def _add_motor(self, motor: Motor, spring: Spring) -> None:
         """Add a motor on its own hinge and the gear that joins it to its joint."""

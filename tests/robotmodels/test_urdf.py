@@ -1,5 +1,6 @@
 """URDF files that cannot be used, each refused in one line that names what is at fault."""
 
+import re
 import xml.etree.ElementTree as ET
 from pathlib import Path
 
@@ -12,6 +13,7 @@ from robotmodels.description.robot_file import RobotFile
 from robotmodels.description.urdf import locate, rigid_model
 from robotmodels.description.urdf_check import checked_urdf
 from robotmodels.elastic.robot import ElasticRobot
+from robotmodels.plant.mujoco_model import build_plant
 from robotmodels.plant.urdf import read_tree
 
 LAMP = 'ixx="0.02" ixy="0" ixz="0" iyy="0.03" iyz="0" izz="0.03"'
@@ -173,6 +175,18 @@ def test_long_chains_of_links_are_refused_or_read(tmp_path: Path) -> None:
     assert "501 links; at most 500" in refusal(changed(CRANE, urdf="chain.urdf"), tmp_path)
     (tmp_path / "chain.urdf").write_text(chain(500))
     assert len(read_tree(tmp_path / "chain.urdf").joints) == 500
+
+
+def test_a_link_that_only_mujoco_refuses_is_named(tmp_path: Path) -> None:
+    """Fixed to a heavier link it makes a possible body; on its own it is none."""
+    text = (HERE / "crane.urdf").read_text()
+    place = text.index('link name="bracket"')
+    thin = text[:place] + re.sub(r'ixx="[^"]*"', 'ixx="0.012"', text[place:], count=1)
+    (tmp_path / "arm.urdf").write_text(thin)
+    content = RobotFile.model_validate(changed(CRANE, urdf="arm.urdf"))
+    assert ElasticRobot(content, tmp_path).name == "crane"
+    with pytest.raises(InvalidInput, match=r"MuJoCo.* refuses the robot: .*'bracket'"):
+        build_plant(content, tmp_path / "arm.urdf")
 
 
 def test_zero_inertias_are_refused_where_a_motion_moves_no_mass(tmp_path: Path) -> None:
