@@ -4,7 +4,7 @@ from collections.abc import Callable, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass
 from functools import partial
-from typing import TYPE_CHECKING, Any
+from statistics import NormalDist
 
 import numpy as np
 
@@ -13,18 +13,20 @@ from estimators.fitting.priors import Prior
 from estimators.levels import check_level
 from estimators.uncertainty.laplace import laplace, student_t
 from estimators.uncertainty.log_posterior import LogPosterior, posterior_density
-from estimators.uncertainty.log_posterior_slope import Slope, slope
+from estimators.uncertainty.profile_search import (
+    AT_BOUND,
+    FAILED,
+    FLAT,
+    FOUND,
+    Deviance,
+    Point,
+    end_of_interval,
+    lowest,
+    moved,
+)
 from estimators.uncertainty.theorem_1 import sandwich_parts
 from robotmodels.arrays import Array, read_only
-from robotmodels.errors import IdentificationError
 from robotmodels.notebook import Printed
-
-if TYPE_CHECKING:
-    from iminuit import Minuit
-
-FOUND, FLAT, FAILED = "found", "flat", "failed"
-# What counts as infinitely bad where the model has no FRF; Minuit cannot do with infinity.
-NO_FRF = 1e12
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,9 +37,9 @@ class Profile(Printed):
     ----------
     name : of the parameter.
     mode : where the likelihood is largest [SI].
-    lower, upper : ends of the interval [SI]; a bound of the fit where the profile is flat, not a
-        number where the search failed.
-    sides : "found", "flat" or "failed" for either end.
+    lower, upper : ends of the interval [SI]; a bound of the fit where the profile is flat, or where
+        the mode is at it and the interval one-sided; not a number where the search failed.
+    sides : "found", "flat", "bound" or "failed" for either end.
     level : of the interval.
     curve : (2, points) values [SI] and rise of -2 log p, in units of the adjusted chi square; none
         if not asked for.
@@ -59,7 +61,8 @@ class Profile(Printed):
     @property
     def asymmetry(self) -> float:
         """Distance of the upper end over that of the lower, in ln theta; one if symmetric."""
-        return float(np.log(self.upper / self.mode) / np.log(self.mode / self.lower))
+        above, below = np.log(self.upper / self.mode), np.log(self.mode / self.lower)
+        return float(above / below) if below else np.inf
 
     @property
     def std(self) -> float:
@@ -69,7 +72,12 @@ class Profile(Printed):
         return float(np.log(self.upper / self.lower) / (2 * ndtri((1 + self.level) / 2)))
 
     def __str__(self) -> str:
-        notes = {FOUND: "", FLAT: " (flat up to the bound)", FAILED: " (search failed)"}
+        notes = {
+            FOUND: "",
+            FLAT: " (flat up to the bound)",
+            AT_BOUND: " (the mode is at this bound)",
+            FAILED: " (search failed)",
+        }
         return (
             f"{self.name}: {self.mode:.6g}, {100 * self.level:g} % from {self.lower:.6g}"
             f"{notes[self.sides[0]]} to {self.upper:.6g}{notes[self.sides[1]]}, "
@@ -90,7 +98,9 @@ def profile_likelihood(
     executor: Executor | None = None,
     progress: Callable[[int, int], object] | None = None,
 ) -> tuple[Profile, ...]:
-    """Return profile likelihood intervals by Minuit's MINOS.
+    """Return profile likelihood intervals, inside the fit's bounds.
+
+    A parameter whose mode is at a bound has a one-sided interval, which ends there.
 
     For weights that are not inverse covariances -2 log p does not rise like a chi square. Where
     the noise is known each parameter's rise is then divided by its own factor, the ratio of
@@ -140,60 +150,6 @@ def adjustments(fit: Fit, scale: float) -> Array:
     return np.asarray(np.where(seen & (ratio > 0), ratio, 1.0))
 
 
-class _Function:
-    """-2 log p over the adjustment for Minuit, in units of the standard deviations."""
-
-    def __init__(
-        self, density: LogPosterior, center: Array, unit: Array, adjustment: float
-    ) -> None:
-        self.density, self.center, self.unit = density, center, unit
-        self.factor = 2 / adjustment
-        self._x: Array | None = None
-        self._last: Slope | None = None
-
-    def at(self, x: Array) -> Slope | None:
-        if self._x is None or not np.array_equal(x, self._x):
-            self._x = np.array(x)
-            try:
-                self._last = slope(self.density, self.center + self.unit * self._x)
-            except (IdentificationError, np.linalg.LinAlgError):
-                self._last = None
-        return self._last
-
-    def value(self, x: Array) -> float:
-        found = self.at(x)
-        return NO_FRF if found is None else self.factor * found.value
-
-    def gradient(self, x: Array) -> Array:
-        found = self.at(x)
-        return np.zeros(len(x)) if found is None else self.factor * self.unit * found.gradient
-
-    def hessian(self, x: Array) -> Array:
-        found = self.at(x)
-        size = self.factor * np.outer(self.unit, self.unit)
-        return np.eye(len(x)) if found is None else size * found.hessian
-
-
-def _minuit(function: _Function, limits: Array) -> "Minuit":
-    """Return Minuit at the minimum."""
-    from iminuit import Minuit
-
-    p = len(function.center)
-    search = Minuit(
-        function.value,
-        np.zeros(p),
-        grad=function.gradient,
-        hessian=function.hessian,
-        name=function.density.names,
-    )
-    search.limits = limits.T
-    search.errors = np.ones(p)
-    search.errordef = 1.0
-    search.strategy = 1
-    search.migrad(ncall=100 * p)
-    return search
-
-
 def _profile(
     density: LogPosterior,
     center: Array,
@@ -203,22 +159,20 @@ def _profile(
     task: tuple[int, float],
 ) -> Profile:
     i, adjustment = task
-    unit = unit * np.sqrt(adjustment)
-    function = _Function(density, center, unit, adjustment)
-    search = _minuit(function, (density.bounds - center) / unit)
-    name = density.names[i]
-    search.minos(name, cl=level)
-    error = search.merrors[name]
-    mode = search.values[i]
-    ends = [
-        _end(error, "lower", mode, search.limits[i][0]),
-        _end(error, "upper", mode, search.limits[i][1]),
-    ]
-    values = np.exp(center[i] + unit[i] * np.array([mode, *(end for end, _ in ends)]))
-    curve = _curve(search, i, mode, ends, points)
-    curve[0] = np.exp(center[i] + unit[i] * curve[0])
+    deviance = Deviance(density, center, unit * np.sqrt(adjustment), 2 / adjustment)
+    mode = lowest(deviance, np.zeros(len(center)), np.ones(len(center), dtype=bool))
+    rise = NormalDist().inv_cdf((1 + level) / 2) ** 2
+    x, ends = 0.0, [(np.nan, FAILED)] * 2
+    if mode is not None:
+        x = float(mode.x[i])
+        ends = [end_of_interval(deviance, mode, i, side, rise) for side in (-1, 1)]
+    curve = np.empty((2, 0))
+    if mode is not None and points:
+        curve = _curve(deviance, mode, i, ends, points)
+    values = np.exp(center[i] + deviance.unit[i] * np.array([x, *(end for end, _ in ends)]))
+    curve[0] = np.exp(center[i] + deviance.unit[i] * curve[0])
     return Profile(
-        name=name,
+        name=density.names[i],
         mode=float(values[0]),
         lower=float(values[1]),
         upper=float(values[2]),
@@ -228,29 +182,18 @@ def _profile(
     )
 
 
-def _end(error: Any, side: str, mode: float, limit: float) -> tuple[float, str]:
-    """Return one end, in units of the search, and how it was found."""
-    if getattr(error, f"at_{side}_limit"):
-        return float(limit), FLAT
-    if not getattr(error, f"{side}_valid"):
-        return float("nan"), FAILED
-    return float(mode + getattr(error, side)), FOUND
-
-
 def _curve(
-    search: "Minuit",
-    i: int,
-    mode: float,
-    ends: list[tuple[float, str]],
-    points: int,
+    deviance: Deviance, mode: Point, i: int, ends: list[tuple[float, str]], points: int
 ) -> Array:
     """Return (2, points) places and the rise of -2 log p over the minimum, adjusted."""
-    if not points:
-        return np.empty((2, 0))
-    low, high = (mode + 2 * (end - mode) if found == FOUND else end for end, found in ends)
-    low, high = np.clip([low, high], *search.limits[i])
-    low, high = np.nan_to_num([low, high], nan=mode)
-    minimum = float(search.fval)
+    at = mode.x[i]
+    low, high = (at + 2 * (end - at) if found == FOUND else end for end, found in ends)
+    low, high = np.nan_to_num(np.clip([low, high], *deviance.limits[:, i]), nan=at)
     grid = np.linspace(low, high, points)
-    places, values, _ = search.mnprofile(i, grid=grid)
-    return np.stack([places, values - minimum])
+    rises = np.full(points, np.nan)
+    for side in (grid < at, grid >= at):
+        here: Point | None = mode
+        for k in sorted(np.flatnonzero(side), key=lambda k: abs(grid[k] - at)):
+            here = moved(deviance, mode if here is None else here, i, grid[k])
+            rises[k] = np.nan if here is None else here.value - mode.value
+    return np.stack([grid, rises])

@@ -75,7 +75,7 @@ def test_a_changed_robot_file_recomputes_all(copied, tmp_path):
     assert kept("fit", path) == set()
 
 
-LIBRARIES = ("pinocchio", "cvxpy", "iminuit", "robotmodels.kernel", "oed.study.pipeline")
+LIBRARIES = ("pinocchio", "cvxpy", "robotmodels.kernel", "oed.study.pipeline")
 LIBRARIES += ("estimators.uncertainty.posterior", "reports.terminal.study_summary")
 
 
