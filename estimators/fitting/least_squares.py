@@ -65,6 +65,16 @@ class Fit(Printed):
         return self.status > 0
 
     @property
+    def at_bounds(self) -> dict[str, str]:
+        """Names of parameters that stopped at a bound, with "lower" or "upper"."""
+        held = np.isclose(self.parameters.values, self.bounds, rtol=1e-6, atol=0)
+        return {
+            name: "lower" if low else "upper"
+            for name, low, high in zip(self.parameters.names, *held, strict=True)
+            if low or high
+        }
+
+    @property
     def data_cost(self) -> float:
         """The cost without the prior's part."""
         if self.prior is None:

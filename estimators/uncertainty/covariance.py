@@ -143,12 +143,9 @@ def covariance(
 
 def _doubts(fit: "Fit") -> str:
     """Return why a fit's covariance may not hold, in brackets; nothing if there is no reason."""
-    held = np.isclose(fit.parameters.values, fit.bounds, rtol=1e-6, atol=0)
-    stuck = np.asarray(held).any(axis=0)
     said = [] if fit.converged else ["the fit has not converged"]
-    if stuck.any():
-        names = [fit.parameters.names[i] for i in np.flatnonzero(stuck)]
-        said.append(f"at a bound, as if free: {', '.join(names)}")
+    if fit.at_bounds:
+        said.append(f"at a bound, as if free: {', '.join(fit.at_bounds)}")
     return f" ({'; '.join(said)})" if said else ""
 
 

@@ -13,7 +13,8 @@ files depends on the clock or on where they lie: the same seed gives the same fi
     the start and back to it, and ``robust``: efficiencies at each sample of theta of the design and
     of the ``nominal`` one.
 ``fit.json``
-    ``parameters``: name, unit, ``truth`` (null where it is not known), ``estimate``;
+    ``parameters``: name, unit, ``truth`` (null where it is not known), ``estimate``, ``at_bound``
+    ("lower" or "upper" where the search stopped at one, null elsewhere);
     ``residual``, ``cost``, ``origin`` of the chosen fit; ``estimators``: what each estimator came
     to: ``residual``, ``weights``, ``positions`` (how many), ``estimate``, ``cost``, ``converged``;
     ``starts``: per estimator, the runs with ``start`` number and ``values``, ``cost`` (null where
@@ -23,6 +24,7 @@ files depends on the clock or on where they lie: the same seed gives the same fi
     first, with the blocks that were allowed for; ``convergence``: ``r_hat``, ``ess``,
     ``autocorrelation_time`` [steps], ``acceptance``, ``converged``, ``message``;
     ``z``: (ln estimate - ln truth) / std of Theorem 1, null where no truth is known.
+    ``failures``: stages that could not be computed, with the reason; what they would give is null.
     ``plans``: of plans compared, ``positions``, ``worth`` promised and found with its 95 %
     ``interval``, ``promised`` and ``found`` relative std; null where parameters are left open.
 ``stages/``
@@ -43,6 +45,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from estimators.uncertainty.covariance import Uncertainty
+from estimators.uncertainty.posterior import Posterior
 from oed.study.fits import Search, start_number
 from oed.study.folders import created_folder, unwritable
 from oed.study.results import FittedStudy, PlannedStudy, StudyResults
@@ -142,13 +146,20 @@ def fit_document(results: FittedStudy) -> dict[str, Any]:
     fit = results.fit
     fitted = fit.parameters
     rows = zip(fitted.names, fitted.units, results.truth, fitted.values, strict=True)
+    bounds = fit.at_bounds
     return {
         **_header("fit/1", results),
         "residual": fit.residual,
         "cost": float(fit.cost),
         "origin": results.fit_origin,
         "parameters": [
-            {"name": name, "unit": unit, "truth": _number(truth), "estimate": float(estimate)}
+            {
+                "name": name,
+                "unit": unit,
+                "truth": _number(truth),
+                "estimate": float(estimate),
+                "at_bound": bounds.get(name),
+            }
             for name, unit, truth, estimate in rows
         ],
         "estimators": {
@@ -184,26 +195,40 @@ def _runs(search: Search, starts: Array) -> list[dict[str, Any]]:
 
 def uncertainty_document(results: StudyResults) -> dict[str, Any]:
     """Return the content of uncertainty.json."""
-    posterior, sampled = results.posterior, results.posterior.uncertainty()
+    theorem1, posterior = results.theorem1, results.posterior
     return {
         **_header("uncertainty/1", results),
-        "parameters": list(results.theorem1.names),
-        "theorem1": {
-            "method": results.theorem1.method,
-            "std": _numbers(results.theorem1.std),
-            "correlation": _numbers(results.theorem1.correlation),
+        "parameters": list(results.fit.parameters.names),
+        "theorem1": None
+        if theorem1 is None
+        else {
+            "method": theorem1.method,
+            "std": _numbers(theorem1.std),
+            "correlation": _numbers(theorem1.correlation),
         },
-        "emcee": {"std": _numbers(sampled.std), "correlation": _numbers(sampled.correlation)},
-        "convergence": {
-            "r_hat": _numbers(posterior.r_hat),
-            "ess": _numbers(posterior.ess),
-            "autocorrelation_time": _numbers(posterior.autocorrelation_time),
-            "acceptance": float(np.mean(posterior.acceptance)),
-            "converged": bool(posterior.converged),
-            "message": posterior.message,
-        },
+        "emcee": None if posterior is None else _sampled(posterior.uncertainty()),
+        "convergence": None if posterior is None else _convergence(posterior),
         "z": _numbers(results.z_scores),
         **({} if results.comparison is None else {"plans": _plans(results.comparison)}),
+        "failures": {one.name: one.reason for one in results.failures},
+    }
+
+
+def _sampled(uncertainty: Uncertainty) -> dict[str, Any]:
+    return {
+        "std": _numbers(uncertainty.std),
+        "correlation": _numbers(uncertainty.correlation),
+    }
+
+
+def _convergence(posterior: Posterior) -> dict[str, Any]:
+    return {
+        "r_hat": _numbers(posterior.r_hat),
+        "ess": _numbers(posterior.ess),
+        "autocorrelation_time": _numbers(posterior.autocorrelation_time),
+        "acceptance": float(np.mean(posterior.acceptance)),
+        "converged": bool(posterior.converged),
+        "message": posterior.message,
     }
 
 

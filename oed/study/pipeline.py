@@ -8,7 +8,7 @@ from collections.abc import Iterator, Mapping
 from concurrent.futures import Executor
 from contextlib import contextmanager
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, TypeVar
 
 from oed.candidates.screening import ScreenedCandidates
 from oed.study import data as study_data
@@ -30,6 +30,8 @@ from oed.study.run import Run
 from oed.study.stages import Progress, Stage, open_stages, versions
 from robotmodels import load_robot
 from robotmodels.arrays import Array
+
+T = TypeVar("T")
 
 __all__ = [
     "FittedStudy",
@@ -94,6 +96,9 @@ def run_study(
     progress : told how far each stage is.
     executor : runs information matrices, simulations, fits and ensembles in parallel.
     fresh : compute every stage again.
+
+    What comes after the fit may fail without cost to it: the results have the rest, and
+    `failures` with the reasons.
 
     Raises
     ------
@@ -217,6 +222,7 @@ def _planned(run: Run, planned: _Planned) -> dict[str, Any]:
         "robust": planned.plan.value.robust,
         "order": planned.plan.value.order,
         "omega": planned.omega,
+        "failures": tuple(run.stages.failures),
         "seconds": run.stages.seconds,
         "kept": run.stages.kept,
         "versions": versions(),
@@ -227,7 +233,10 @@ def _fitted(run: Run, source: _Source, fits: _Fits) -> dict[str, Any]:
     """Return the fields that a `FittedStudy` has besides."""
     data, compared = source.data.value, None
     if run.study.compare_with is not None:
-        compared = study_published.compared(run, source.data, fits.searches, fits.starts)
+        compared = run.stages.attempt(
+            "published",
+            lambda: study_published.compared(run, source.data, fits.searches, fits.starts),
+        )
     return {
         "estimate": data.estimate,
         "distortion": data.distortion,
@@ -243,36 +252,45 @@ def _fitted(run: Run, source: _Source, fits: _Fits) -> dict[str, Any]:
 
 def _judged(run: Run, source: _Source, fits: _Fits) -> dict[str, Any]:
     """Return the fields that `StudyResults` has besides: how far to trust plan and fit."""
+    attempt, result = run.stages.attempt, fits.result
     comparison = None
     if run.study.compares:
-        comparison = compared(run, source.information, source.plan)
-    covariances = study_uncertainty.covariances(run, fits.result)
+        comparison = attempt("comparison", lambda: compared(run, source.information, source.plan))
+    covariances = attempt("uncertainty", lambda: study_uncertainty.covariances(run, result))
     known = study_uncertainty.Known(
         covariances,
-        study_uncertainty.posterior(run, fits.result, covariances),
-        study_uncertainty.profiles(run, fits.result, covariances),
+        attempt("posterior", lambda: study_uncertainty.posterior(run, result, covariances)),
+        attempt("profiles", lambda: study_uncertainty.profiles(run, result, covariances)),
         comparison,
     )
-    checked = study_uncertainty.checked(run, fits.result, known, fits.searches)
-    held_out = _held_out(run, source, fits, covariances)
+    checked = attempt(
+        "cross-check", lambda: study_uncertainty.checked(run, result, known, fits.searches)
+    )
+    held_out = attempt("validation", lambda: _held_out(run, source, fits, covariances))
+    stated = _value(covariances)
     return {
-        "theorem1": covariances.value.theorem1,
-        "empirical": covariances.value.empirical,
-        "posterior": known.posterior.value,
-        "cross_check": checked.value,
-        "held_out": None if held_out is None else held_out.value,
-        "comparison": None if comparison is None else comparison.value,
+        "theorem1": None if stated is None else stated.theorem1,
+        "empirical": None if stated is None else stated.empirical,
+        "posterior": _value(known.posterior),
+        "cross_check": _value(checked),
+        "held_out": _value(held_out),
+        "comparison": _value(comparison),
     }
+
+
+def _value(stage: Stage[T] | None) -> T | None:
+    return None if stage is None else stage.value
 
 
 def _held_out(
     run: Run,
     source: _Source,
     fits: _Fits,
-    known: Stage[study_uncertainty.Covariances],
+    covariances: Stage[study_uncertainty.Covariances] | None,
 ) -> Stage[study_validation.HeldOut] | None:
     if run.study.validation is None:
         return None
+    known = study_uncertainty.needed(covariances)
     if source.split is not None:
         return study_validation.held_back(run, source.split, fits.result, known)
     return study_validation.held_out(run, source.information, source.plan, fits.result, known)

@@ -24,6 +24,7 @@ from oed.study.file import Study
 from oed.study.fits import Search
 from oed.study.published import Published
 from oed.study.run import truth_of
+from oed.study.stages import Failure
 from oed.study.validation import HeldOut
 from oed.trials.outcome import PlanComparison
 from robotmodels import ElasticRobot
@@ -45,6 +46,7 @@ class PlannedStudy:
     robust : what a robust design keeps at each sample of theta; None where it is for one theta.
     order : of the plan's support, to shorten the moves; None where the study says nothing of them.
     omega : (F,) of the data, or of the design where there are none yet [rad/s].
+    failures : what came after the fit and could not be computed, with the reasons.
     seconds : time per stage, when it was computed.
     kept : stages that earlier runs had computed.
     versions : of Python and of the packages that computed.
@@ -60,6 +62,7 @@ class PlannedStudy:
     robust: RobustDesign | None
     order: VisitingOrder | None
     omega: Array
+    failures: tuple[Failure, ...]
     seconds: dict[str, float]
     kept: tuple[str, ...]
     versions: dict[str, str]
@@ -120,20 +123,35 @@ class StudyResults(FittedStudy):
 
     Attributes
     ----------
-    theorem1, empirical, posterior : uncertainty of the fit, three ways.
-    cross_check : all that is known of it side by side, with verdicts.
+    theorem1, empirical, posterior : uncertainty of the fit, three ways; None where that failed.
+    cross_check : all that is known of it side by side, with verdicts; None where that failed.
     held_out : validation in positions that were not fitted; None unless the study asks for it.
     comparison : the plan beside rivals in simulated experiments; None where there is none.
     """
 
-    theorem1: Uncertainty
-    empirical: Uncertainty
-    posterior: Posterior
-    cross_check: CrossCheck
+    theorem1: Uncertainty | None
+    empirical: Uncertainty | None
+    posterior: Posterior | None
+    cross_check: CrossCheck | None
     held_out: HeldOut | None
     comparison: PlanComparison | None
 
     @property
+    def std(self) -> Array:
+        """Standard deviations by Theorem 1, (p,); NaN where there are none."""
+        return _std(self.theorem1, len(self.fit.parameters))
+
+    @property
+    def sampled_std(self) -> Array:
+        """Standard deviations of the posterior, (p,); NaN where there are none."""
+        sampled = None if self.posterior is None else self.posterior.uncertainty()
+        return _std(sampled, len(self.fit.parameters))
+
+    @property
     def z_scores(self) -> Array:
-        """(ln estimate - ln truth) / standard deviation of Theorem 1, (p,); NaN without truth."""
-        return np.log(self.fit.parameters.values / self.truth) / self.theorem1.std
+        """(ln estimate - ln truth) / standard deviation of Theorem 1, (p,); NaN without either."""
+        return np.log(self.fit.parameters.values / self.truth) / self.std
+
+
+def _std(uncertainty: Uncertainty | None, p: int) -> Array:
+    return np.full(p, np.nan) if uncertainty is None else uncertainty.std

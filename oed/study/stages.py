@@ -13,6 +13,7 @@ one renaming, and an unfinished one goes on from what its own files hold.
 """
 
 import json
+import logging
 import math
 import os
 import platform
@@ -38,6 +39,7 @@ Progress = Callable[[str, int, int], None]
 Report = Callable[[int, int], None]
 
 PACKAGE = "elastic-robot-oed"
+_LOG = logging.getLogger(__name__)
 _PACKAGES = (PACKAGE, "numpy", "scipy", "pin", "mujoco", "cvxpy", "clarabel", "emcee", "numba")
 _RECORD, _KEY = "stage.json", "key"
 _OWN = frozenset({_RECORD, "stage.part.json", _KEY})
@@ -49,6 +51,33 @@ class Files(Generic[T]):
 
     save: Callable[[T, Path], None]
     load: Callable[[Path], T]
+
+
+@dataclass(frozen=True)
+class Failure:
+    """What could not be computed, though the results go on without it.
+
+    Attributes
+    ----------
+    name : str
+        Of the stage, or of a section of a page.
+    reason : str
+        In one line.
+    mistake : bool
+        Whether a user can mend it: an `IdentificationError`.
+    """
+
+    name: str
+    reason: str
+    mistake: bool
+
+    @classmethod
+    def of(cls, name: str, error: Exception) -> "Failure":
+        """Return the failure that an error means."""
+        _LOG.debug("%s failed", name, exc_info=error)
+        mistake, words = isinstance(error, IdentificationError), " ".join(str(error).split())
+        reason = words if mistake and words else f"{type(error).__name__}: {words}"
+        return cls(name, reason, mistake)
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,6 +106,7 @@ class Stages:
     Attributes
     ----------
     finished : all stages so far, by name.
+    failures : of stages that the results do without.
     """
 
     def __init__(self, folder: Path, progress: Progress | None = None, fresh: bool = False) -> None:
@@ -84,6 +114,7 @@ class Stages:
         self.progress = progress
         self.fresh = fresh
         self.finished: dict[str, Stage[Any]] = {}
+        self.failures: list[Failure] = []
 
     def run(
         self,
@@ -112,6 +143,17 @@ class Stages:
         if self.progress is not None:
             self.progress(name, 1, 1)
         return stage
+
+    def attempt(self, name: str, run: Callable[[], T]) -> T | None:
+        """Return what `run` returns; None where it fails, which is then among the failures.
+
+        A late stage must not cost what came before: whatever its error, the results go on without.
+        """
+        try:
+            return run()
+        except Exception as error:
+            self.failures.append(Failure.of(name, error))
+            return None
 
     @property
     def seconds(self) -> dict[str, float]:

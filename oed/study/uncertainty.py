@@ -21,7 +21,7 @@ from oed.study.run import Run
 from oed.study.stage_files import dataclass_files
 from oed.study.stages import Report, Stage
 from oed.trials.outcome import PlanComparison
-from robotmodels.errors import InvalidInput
+from robotmodels.errors import IdentificationError, InvalidInput
 
 THIN = 5
 """Steps between stored snapshots of the chains."""
@@ -90,9 +90,23 @@ def covariances(run: Run, result: Stage[Chosen]) -> Stage[Covariances]:
     return run.stages.run("uncertainty", inputs, compute, dataclass_files(Covariances))
 
 
-def posterior(run: Run, result: Stage[Chosen], known: Stage[Covariances]) -> Stage[Posterior]:
+def needed(known: Stage[Covariances] | None) -> Stage[Covariances]:
+    """Return the covariances.
+
+    Raises
+    ------
+    IdentificationError : if they could not be computed.
+    """
+    if known is None:
+        raise IdentificationError("it rests on the covariances, which could not be computed")
+    return known
+
+
+def posterior(
+    run: Run, result: Stage[Chosen], known: Stage[Covariances] | None
+) -> Stage[Posterior]:
     """Return the posterior of the result; its chains outlive an interruption."""
-    choice, scale = run.study.posterior, known.value.scale
+    choice, scale = run.study.posterior, None if known is None else known.value.scale
 
     def compute(folder: Path, report: Report | None) -> Posterior:
         return sample_posterior(
@@ -125,11 +139,20 @@ class Profiles:
     found: tuple[Profile, ...]
 
 
-def profiles(run: Run, result: Stage[Chosen], known: Stage[Covariances]) -> Stage[Profiles] | None:
-    """Return profile likelihoods of the least certain parameters, as many as the study asks for."""
-    count, std = run.study.profiles, known.value.theorem1.std
+def profiles(
+    run: Run, result: Stage[Chosen], covariances: Stage[Covariances] | None
+) -> Stage[Profiles] | None:
+    """Return profile likelihoods of the least certain parameters, as many as the study asks for.
+
+    Raises
+    ------
+    IdentificationError : without covariances.
+    """
+    count = run.study.profiles
     if not count:
         return None
+    known = needed(covariances)
+    std = known.value.theorem1.std
     chosen = np.sort(np.argsort(-std, kind="stable")[:count])
     names = [known.value.theorem1.names[i] for i in chosen]
     fit, scale = result.value.fit, known.value.scale
@@ -149,10 +172,10 @@ def profiles(run: Run, result: Stage[Chosen], known: Stage[Covariances]) -> Stag
 
 @dataclass(frozen=True, eq=False)
 class Known:
-    """What the stages before a cross-check found; the last two as far as there are any."""
+    """What the stages before a cross-check found, as far as there are any."""
 
-    covariances: Stage[Covariances]
-    posterior: Stage[Posterior]
+    covariances: Stage[Covariances] | None
+    posterior: Stage[Posterior] | None
     profiles: Stage[Profiles] | None
     comparison: Stage[PlanComparison] | None
 
@@ -164,33 +187,40 @@ def checked(
     name = run.study.fit.result or _likelihood(searches)
     runs: tuple[Fit, ...] = () if name is None else searches[name].value.runs
     repeated = _repeated(run, result, known)
-    fit, stated = result.value.fit, known.covariances.value
+    fit = result.value.fit
+    stated = None if known.covariances is None else known.covariances.value
 
     def compute(folder: Path, report: Report | None) -> CrossCheck:
         return cross_check(
             fit,
-            theorem1=stated.theorem1,
-            empirical=stated.empirical,
-            posterior=known.posterior.value,
-            importance=importance_sample(fit, rng=run.rng("importance"), scale=stated.scale),
+            theorem1=None if stated is None else stated.theorem1,
+            empirical=None if stated is None else stated.empirical,
+            posterior=None if known.posterior is None else known.posterior.value,
+            importance=importance_sample(
+                fit, rng=run.rng("importance"), scale=None if stated is None else stated.scale
+            ),
             profiles=() if known.profiles is None else known.profiles.value.found,
             monte_carlo=repeated,
             multistart=[one for one in runs if one.converged],
-            blocks=stated.blocks,
+            blocks=None if stated is None else stated.blocks,
         )
 
     inputs = {
         "robot": run.robot_digest,
         "result": result.digest,
-        "uncertainty": known.covariances.digest,
-        "posterior": known.posterior.digest,
-        "profiles": None if known.profiles is None else known.profiles.digest,
-        "comparison": None if known.comparison is None else known.comparison.digest,
+        "uncertainty": _digest(known.covariances),
+        "posterior": _digest(known.posterior),
+        "profiles": _digest(known.profiles),
+        "comparison": _digest(known.comparison),
         "repeated": repeated is not None,
         "runs": None if name is None else searches[name].digest,
         **run.settings("seed"),
     }
     return run.stages.run("cross-check", inputs, compute, dataclass_files(CrossCheck))
+
+
+def _digest(stage: Stage[object] | None) -> str | None:
+    return None if stage is None else stage.digest
 
 
 def _repeated(run: Run, result: Stage[Chosen], known: Known) -> MonteCarlo | None:

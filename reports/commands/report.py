@@ -7,7 +7,7 @@ from typing import Annotated, Any
 import typer
 
 from reports.commands.options import WORKERS, AsJson, Workers, about, say
-from reports.commands.studies import compute_study
+from reports.commands.studies import compute_study, end_with_failures
 from robotmodels.errors import InvalidInput
 
 
@@ -32,12 +32,13 @@ def report(
     Example: oed report studies/ur10.yaml more_positions.yaml -o comparison.html
     """
     from oed.study.pipeline import run_study
+    from oed.study.stages import Failure
     from reports.pages.comparison import comparison_json, comparison_summary, write_comparison
     from reports.pages.study_page import write_report
     from reports.terminal.study_summary import study_json, study_summary
 
-    def page(results: Any, folder: Path, progress: Any) -> None:
-        write_report(
+    def page(results: Any, folder: Path, progress: Any) -> tuple[Failure, ...]:
+        return write_report(
             results, folder / "report.html", progress, f"oed report {shlex.quote(str(studies[0]))}"
         )
 
@@ -47,6 +48,7 @@ def report(
         one = compute_study(studies[0], run_study, workers, False, page)
         written = [one.study.output / "report.html"]
         say(lambda: study_summary(one, written), lambda: study_json(one, written), as_json)
+        end_with_failures(studies[0], one)
         return
     found = {
         name: compute_study(path, run_study, workers, False)
@@ -60,6 +62,8 @@ def report(
         lambda: comparison_json(found, target),
         as_json,
     )
+    for path, results in zip(studies, found.values(), strict=True):
+        end_with_failures(path, results)
 
 
 def study_names(studies: list[Path]) -> list[str]:

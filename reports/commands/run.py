@@ -7,7 +7,7 @@ from typing import Any
 import typer
 
 from reports.commands.options import WORKERS, AsJson, Workers, say
-from reports.commands.studies import Cluster, Fresh, StudyFile, compute_study
+from reports.commands.studies import Cluster, Fresh, StudyFile, compute_study, end_with_failures
 
 
 def register(app: typer.Typer) -> None:
@@ -31,18 +31,24 @@ def run(
     # Imported here: `oed --help` need not wait for the numerics.
     from oed.published.output import write_published_json
     from oed.study.pipeline import run_study
+    from oed.study.stages import Failure
     from reports.pages.published_page import write_published
     from reports.pages.study_page import write_report
     from reports.terminal.study_summary import study_json, study_summary
 
-    def pages(results: Any, folder: Path, progress: Any) -> None:
-        write_report(
+    def pages(results: Any, folder: Path, progress: Any) -> tuple[Failure, ...]:
+        failed = write_report(
             results, folder / "report.html", progress, f"oed run {shlex.quote(str(study))}"
         )
         if results.published is not None:
             write_published_json(results.published, folder / "published.json")
-            write_published(results, results.published, folder / "published.html")
+            try:
+                write_published(results, results.published, folder / "published.html")
+            except Exception as error:
+                return *failed, Failure.of("published.html", error)
+        return failed
 
     results = compute_study(study, run_study, workers, fresh, pages, cluster=cluster)
     written = [results.study.output / "report.html"]
     say(lambda: study_summary(results, written), lambda: study_json(results, written), as_json)
+    end_with_failures(study, results)

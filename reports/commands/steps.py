@@ -5,7 +5,7 @@ from collections.abc import Callable
 import typer
 
 from reports.commands.options import WORKERS, AsJson, Workers, say
-from reports.commands.studies import Cluster, Fresh, StudyFile, compute_study
+from reports.commands.studies import Cluster, Fresh, StudyFile, compute_study, end_with_failures
 
 _PURPOSE = {
     "design": "Choose where to measure: candidates, optimal design, whole experiments; "
@@ -46,5 +46,6 @@ def _up_to(name: str) -> Callable[..., None]:
         results = compute_study(study, steps[name], workers, fresh, cluster=cluster)
         written = [results.study.output / _WRITTEN[name]]
         say(lambda: study_summary(results, written), lambda: study_json(results, written), as_json)
+        end_with_failures(study, results)
 
     return command

@@ -3,6 +3,7 @@
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, TypeVar
 
@@ -14,6 +15,7 @@ from robotmodels.errors import InvalidInput
 
 if TYPE_CHECKING:
     from oed.study.results import PlannedStudy
+    from oed.study.stages import Failure
 
 StudyFile = Annotated[Path, typer.Argument(help="Study file, such as studies/ur10.yaml.")]
 Fresh = Annotated[
@@ -29,8 +31,8 @@ Cluster = Annotated[
 ]
 
 _Step = TypeVar("_Step", bound="PlannedStudy")
-Pages = Callable[[Any, Path, Any], None]
-"""Writes pages of results into a folder, and tells its progress."""
+Pages = Callable[[Any, Path, Any], "tuple[Failure, ...]"]
+"""Writes pages of results into a folder, tells its progress, returns what could not be made."""
 
 
 @contextmanager
@@ -83,5 +85,20 @@ def compute_study(
         with staged_folder(content.output) as folder:
             write_results(results, folder)
             if pages is not None:
-                pages(results, folder, progress)
+                failed = pages(results, folder, progress)
+                results = replace(results, failures=results.failures + failed)
     return results
+
+
+def end_with_failures(study: Path, results: "PlannedStudy") -> None:
+    """End with an error if something could not be computed; all else is written by now.
+
+    Exit code 2 if all of it is a user's to mend, 1 if not.
+    """
+    failures = results.failures
+    if not failures:
+        return
+    reasons = "; ".join(f"{one.name}: {one.reason}" for one in failures)
+    rest = "all else is written, and the same command goes on from it"
+    sys.stderr.write(f"error: {study}: {reasons}; {rest}\n")
+    raise typer.Exit(2 if all(one.mistake for one in failures) else 1)

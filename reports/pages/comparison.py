@@ -64,19 +64,19 @@ def estimates(studies: Studies) -> list[Section]:
 
 def all_names(studies: Studies) -> list[str]:
     """Return the parameters of all studies: stiffnesses first, as robots have them."""
-    return list(dict.fromkeys(name for r in studies.values() for name in r.theorem1.names))
+    return list(dict.fromkeys(name for r in studies.values() for name in r.fit.parameters.names))
 
 
 def std_rows(studies: Studies) -> list[Array]:
     """Return the standard deviations of ln theta by Theorem 1, (p,) per study; NaN for none."""
-    return [_aligned(studies, r, r.theorem1.std) for r in studies.values()]
+    return [_aligned(studies, r, r.std) for r in studies.values()]
 
 
 def overview_table(studies: Studies) -> Table:
     """Return the key figures of the studies, a row each."""
     rows: list[Row] = []
     for name, r in studies.items():
-        std = r.theorem1.std
+        std = r.std
         values: list[Cell] = [
             Number(text.count(len(r.information.positions)), len(r.information.positions)),
             Number(str(len(r.used)), len(r.used)),
@@ -134,7 +134,7 @@ def comparison_summary(studies: Studies, path: Path) -> str:
             name,
             str(len(r.used)),
             str(int(r.exact.repetitions.sum())),
-            *(columns.plain(text.percent(v)) for v in _spread(r.theorem1.std)),
+            *(columns.plain(text.percent(v)) for v in _spread(r.std)),
         )
         for name, r in studies.items()
     ]
@@ -157,7 +157,7 @@ def _section(id: str, title: str, **contents: object) -> Section:
 
 def _aligned(studies: Studies, results: StudyResults, values: Array) -> Array:
     """Return values of a study's parameters in the order of all, NaN where it has none."""
-    known = dict(zip(results.theorem1.names, values, strict=True))
+    known = dict(zip(results.fit.parameters.names, values, strict=True))
     return np.array([known.get(name, np.nan) for name in all_names(studies)])
 
 

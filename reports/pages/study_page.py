@@ -3,18 +3,28 @@
 from pathlib import Path
 
 from oed.study.pipeline import Progress, StudyResults
+from oed.study.stages import Failure
+from reports.parts import Section
 from reports.sections import study_sections
 from reports.template import page
+from robotmodels.atomic_files import write_text
 
 
 def write_report(
     results: StudyResults, path: Path, progress: Progress | None = None, command: str = ""
-) -> None:
-    """Write the report of a study as one HTML file; `command` is what made it."""
-    path.write_text(render(results, progress, command), encoding="utf-8")
+) -> tuple[Failure, ...]:
+    """Write the report of a study as one HTML file; return what of it could not be made.
+
+    Parameters
+    ----------
+    command : what made the report.
+    """
+    sections, failed = study_sections(results, progress, command)
+    write_text(path, _page(results, sections))
+    return failed
 
 
-def render(results: StudyResults, progress: Progress | None = None, command: str = "") -> str:
+def _page(results: StudyResults, sections: list[Section]) -> str:
     """Return the report of a study as HTML."""
     return page(
         title=results.robot.name,
@@ -23,5 +33,5 @@ def render(results: StudyResults, progress: Progress | None = None, command: str
         lead=(
             "Where to measure, what the springs and dampers come out as, and how far to trust them."
         ),
-        sections=study_sections(results, progress, command),
+        sections=sections,
     )

@@ -1,8 +1,10 @@
 """The sections of a study's report, one module each; what a study has not is left out."""
 
 from collections.abc import Callable
+from functools import partial
 
 from oed.study.pipeline import Progress, StudyResults
+from oed.study.stages import Failure
 from reports.parts import Section
 from reports.sections import (
     candidates,
@@ -10,6 +12,7 @@ from reports.sections import (
     cross_check,
     design,
     experiment,
+    failures,
     fit,
     identifiability,
     parameters,
@@ -26,16 +29,31 @@ from reports.sections import (
 
 def study_sections(
     results: StudyResults, progress: Progress | None = None, command: str = ""
-) -> list[Section]:
-    """Return the sections of a report, in order; `command` is what made it."""
-    found = []
-    for number, make in enumerate(_IN_ORDER, start=1):
-        section = make(results)
+) -> tuple[list[Section], tuple[Failure, ...]]:
+    """Return the sections of a report, in order, and which of them could not be made.
+
+    One that cannot be made does not cost the others: what failed has a section of its own.
+
+    Parameters
+    ----------
+    command : what made the report.
+    """
+    sections: list[Section] = []
+    failed: list[Failure] = []
+    makers = _IN_ORDER | {"provenance": partial(provenance.section, command=command)}
+    for number, (name, make) in enumerate(makers.items(), start=1):
+        try:
+            section = make(results)
+        except Exception as error:
+            failed.append(Failure.of(f"section {name}", error))
+            section = None
         if section is not None:
-            found.append(section)
+            sections.append(section)
         if progress is not None:
-            progress("report", number, len(_IN_ORDER))
-    return [*found, provenance.section(results, command)]
+            progress("report", number, len(makers))
+    if results.failures or failed:
+        sections.insert(1, failures.section([*results.failures, *failed]))
+    return sections, tuple(failed)
 
 
 def _residuals(results: StudyResults) -> Section:
@@ -43,28 +61,34 @@ def _residuals(results: StudyResults) -> Section:
     return residuals.section(results.residuals, robot_.output_names, robot_.motor_names)
 
 
-def _cross_check(results: StudyResults) -> Section:
-    return cross_check.section(results.cross_check)
+def _cross_check(results: StudyResults) -> Section | None:
+    return None if results.cross_check is None else cross_check.section(results.cross_check)
+
+
+def _uncertainty(results: StudyResults) -> Section | None:
+    if results.theorem1 is None or results.posterior is None:
+        return None
+    return uncertainty.section(results, results.theorem1, results.posterior)
 
 
 def _identifiability(results: StudyResults) -> Section:
     return identifiability.section(results.identifiability)
 
 
-_IN_ORDER: tuple[Callable[[StudyResults], Section | None], ...] = (
-    summary.section,
-    robot.section,
-    candidates.section,
-    design.section,
-    positions.section,
-    comparison.section,
-    experiment.section,
-    responses.section,
-    fit.section,
-    _residuals,
-    parameters.section,
-    _cross_check,
-    uncertainty.section,
-    _identifiability,
-    validation.section,
-)
+_IN_ORDER: dict[str, Callable[[StudyResults], Section | None]] = {
+    "summary": summary.section,
+    "robot": robot.section,
+    "candidates": candidates.section,
+    "design": design.section,
+    "positions": positions.section,
+    "plans": comparison.section,
+    "experiment": experiment.section,
+    "responses": responses.section,
+    "fit": fit.section,
+    "residuals": _residuals,
+    "parameters": parameters.section,
+    "cross-check": _cross_check,
+    "uncertainty": _uncertainty,
+    "weak directions": _identifiability,
+    "validation": validation.section,
+}

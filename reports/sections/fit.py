@@ -64,10 +64,12 @@ def reached_words(found: list[tuple[str, int, int]]) -> str:
 
 def distances(results: StudyResults) -> list[tuple[str, str]]:
     """Return, per other estimator, how far its estimate lies at most, in standard deviations."""
+    if results.theorem1 is None:
+        return []
     chosen, rows = results.fit.parameters.values, []
     for name, search in results.searches.items():
         if name != results.fit.residual:
-            away = np.abs(np.log(search.result.parameters.values / chosen)) / results.theorem1.std
+            away = np.abs(np.log(search.result.parameters.values / chosen)) / results.std
             rows.append((text.residual_label(name), text.fixed(float(away.max()), 1)))
     return rows
 

@@ -1,5 +1,7 @@
 """The parameters: estimates with their standard deviations, against the truth where known."""
 
+from collections.abc import Callable
+
 import numpy as np
 
 from oed.study.pipeline import StudyResults
@@ -13,8 +15,7 @@ _KINDS = {"stiffness": "Springs", "damping": "Dampers"}
 
 def section(results: StudyResults) -> Section:
     """Return the section."""
-    std = results.theorem1.std, results.posterior.uncertainty().std
-    ratio = std[0] / std[1]
+    ratio = results.std / results.sampled_std
     z = results.z_scores[np.isfinite(results.z_scores)]
     body = filled(
         "parameters.html.j2",
@@ -23,16 +24,15 @@ def section(results: StudyResults) -> Section:
         forest=figure(
             "forest",
             uncertainty_figures.intervals(
-                results.theorem1.names,
+                results.fit.parameters.names,
                 _offsets(results),
-                std,
+                (results.std, results.sampled_std),
                 ("Theorem 1", "emcee"),
                 "the truth" if z.size else "the fit",
             ),
             "Parameters with one standard deviation by Theorem 1 and by emcee",
         ),
-        ratio_low=text.fixed(float(ratio.min()), 2),
-        ratio_high=text.fixed(float(ratio.max()), 2),
+        ratio=tuple(text.fixed(float(v), 2) for v in (ratio.min(), ratio.max()) if np.isfinite(v)),
         z_rms=text.fixed(float(np.sqrt(np.mean(z**2))), 2) if z.size else "",
     )
     return Section("parameters", "Parameters", body)
@@ -64,28 +64,34 @@ def parameter_table(results: StudyResults) -> Table:
 
 def _row(results: StudyResults, i: int, with_truth: bool) -> list[Cell]:
     fitted, z = results.fit.parameters, float(results.z_scores[i])
-    value, relative = float(fitted.values[i]), float(results.theorem1.std[i])
-    sampled, truth = float(results.posterior.uncertainty().std[i]), float(results.truth[i])
+    value, relative = float(fitted.values[i]), float(results.std[i])
+    sampled, truth = float(results.sampled_std[i]), float(results.truth[i])
     factor, unit = text.scaled_unit(value, fitted.units[i])
-    decimals = text.decimals_for(relative * value / factor)
+    shown = relative if np.isfinite(relative) else 0.01
+    decimals = text.decimals_for(shown * value / factor)
     row: list[Cell] = [fitted.names[i]]
     if with_truth:
         row.append(Number(text.significant(truth / factor, 4), truth / factor))
     row += [
         Number(text.fixed(value / factor, decimals), value / factor),
-        Number(text.fixed(relative * value / factor, decimals), relative * value / factor),
+        _number(relative * value / factor, text.fixed, decimals),
         unit,
-        Number(text.percent(relative), relative),
-        Number(text.percent(sampled), sampled),
-        Number(text.fixed(relative / sampled, 2), relative / sampled),
+        _number(relative, text.percent),
+        _number(sampled, text.percent),
+        _number(relative / sampled, text.fixed, 2),
     ]
-    return [*row, Number(text.fixed(z, 1) if np.isfinite(z) else "–", z)] if with_truth else row
+    return [*row, _number(z, text.fixed, 1)] if with_truth else row
+
+
+def _number(value: float, words: Callable[..., str], *options: int) -> Number:
+    """Return a number, a dash where there is none."""
+    return Number(words(value, *options) if np.isfinite(value) else "–", value)
 
 
 def _offsets(results: StudyResults) -> tuple[np.ndarray, np.ndarray]:
     """Return ln theta by the fit and by emcee, less the truth, or less the fit where unknown."""
     known = np.isfinite(results.truth).all()
     reference = np.log(results.truth if known else results.fit.parameters.values)
-    chains = results.posterior.chains
-    sampled = chains.reshape(-1, chains.shape[-1]).mean(axis=0)
-    return np.log(results.fit.parameters.values) - reference, sampled - reference
+    fitted = np.log(results.fit.parameters.values)
+    sampled = np.nan * fitted if results.posterior is None else results.posterior.draws.mean(axis=0)
+    return fitted - reference, sampled - reference

@@ -3,6 +3,8 @@
 import numpy as np
 
 from estimators.uncertainty.convergence import ESS, R_HAT, TIMES
+from estimators.uncertainty.covariance import Uncertainty
+from estimators.uncertainty.posterior import Posterior
 from oed.study.pipeline import StudyResults
 from reports import text
 from reports.drawing import uncertainty_figures
@@ -13,12 +15,12 @@ CORNER_PARAMETERS = 6
 CORNER_DRAWS = 40_000
 
 
-def section(results: StudyResults) -> Section:
+def section(results: StudyResults, theorem1: Uncertainty, posterior: Posterior) -> Section:
     """Return the section."""
-    posterior = results.posterior
     body = filled(
         "uncertainty.html.j2",
         results=results,
+        posterior=posterior,
         facts={
             "steps": text.count(posterior.steps),
             "r_hat": text.fixed(float(np.max(posterior.r_hat)), 3),
@@ -29,56 +31,51 @@ def section(results: StudyResults) -> Section:
             "tau_limit": text.count(int(TIMES)),
             "acceptance": text.percent(float(np.mean(posterior.acceptance))),
         },
-        correlation=correlation(results),
-        strongest=strongest_correlation(results),
-        corner=corner(results),
-        corner_names=corner_names(results),
-        convergence=convergence_table(results),
+        correlation=correlation(theorem1),
+        strongest=strongest_correlation(theorem1),
+        corner=corner(results, theorem1, posterior),
+        corner_names=corner_names(theorem1),
+        convergence=convergence_table(posterior),
     )
     return Section("uncertainty", "Uncertainty", body)
 
 
-def correlation(results: StudyResults) -> Figure:
+def correlation(t: Uncertainty) -> Figure:
     """Return the heat map of correlations."""
-    t = results.theorem1
     drawing = uncertainty_figures.correlation_map(t.names, t.correlation)
     return figure(
         "correlation", drawing, "Heat map of the correlations between all estimated parameters"
     )
 
 
-def strongest_correlation(results: StudyResults) -> tuple[str, str, str]:
+def strongest_correlation(t: Uncertainty) -> tuple[str, str, str]:
     """Return two parameters, and their correlation."""
-    t = results.theorem1
     size = np.abs(np.triu(t.correlation, 1))
     i, j = np.unravel_index(np.argmax(size), size.shape)
     return t.names[i], t.names[j], text.fixed(float(t.correlation[i, j]), 2)
 
 
-def corner_names(results: StudyResults) -> list[str]:
+def corner_names(t: Uncertainty) -> list[str]:
     """Return the least certain parameters, in the order of all."""
-    t = results.theorem1
     chosen = np.sort(np.argsort(-t.std)[:CORNER_PARAMETERS])
     return [t.names[i] for i in chosen]
 
 
-def corner(results: StudyResults) -> Figure:
+def corner(results: StudyResults, theorem1: Uncertainty, posterior: Posterior) -> Figure:
     """Return the corner plot of the least certain parameters, in per cent of the estimate."""
-    names = corner_names(results)
-    i = [results.theorem1.names.index(name) for name in names]
-    chains = results.posterior.chains
-    draws = chains.reshape(-1, chains.shape[-1])
+    names = corner_names(theorem1)
+    i = [theorem1.names.index(name) for name in names]
+    draws = posterior.draws
     estimate = np.log(results.fit.parameters.values)
     shown = 100 * (draws[:: max(len(draws) // CORNER_DRAWS, 1)] - estimate)[:, i]
     truth = 100 * (np.log(results.truth) - estimate)[i]
-    covariance = 1e4 * results.theorem1.covariance[np.ix_(i, i)]
+    covariance = 1e4 * theorem1.covariance[np.ix_(i, i)]
     drawing = uncertainty_figures.corner_plot(names, shown, covariance, truth)
     return figure("corner", drawing, f"Corner plot of the posterior of {text.listed(names)}")
 
 
-def convergence_table(results: StudyResults) -> Table:
+def convergence_table(p: Posterior) -> Table:
     """Return how well emcee knows each parameter."""
-    p = results.posterior
     rows = [
         (
             name,

@@ -21,6 +21,7 @@ def study_summary(results: PlannedStudy, written: list[Path]) -> str:
         lines += _fit_lines(results)
     if isinstance(results, StudyResults):
         lines += _uncertainty_lines(results)
+    lines += [("FAILED", f"{one.name}: {one.reason}") for one in results.failures]
     lines.append(("time", _time(results)))
     if results.kept:
         lines.append(("kept", f"{', '.join(results.kept)} (nothing they rest on has changed)"))
@@ -44,17 +45,25 @@ def study_json(results: PlannedStudy, written: list[Path]) -> dict[str, Any]:
         "efficiency": float(r.exact.efficiency),
     }
     if isinstance(r, FittedStudy):
-        document |= {"cost": float(r.fit.cost), "fit_converged": r.fit.converged}
-    if isinstance(r, StudyResults):
-        std = zip(r.theorem1.names, map(float, r.theorem1.std), strict=True)
-        verdicts = dict(zip(r.cross_check.names, r.cross_check.verdicts, strict=True))
         document |= {
-            "posterior_converged": r.posterior.converged,
-            "relative_std": dict(std),
+            "cost": float(r.fit.cost),
+            "fit_converged": r.fit.converged,
+            "at_bounds": r.fit.at_bounds,
+            "failures": {one.name: one.reason for one in r.failures},
+        }
+    if isinstance(r, StudyResults):
+        document |= {
             "chi2_over_expected": float(r.residuals.chi2 / r.residuals.dof),
             "chi2_p_value": float(r.residuals.p_value),
-            "verdicts": verdicts,
         }
+        if r.posterior is not None:
+            document["posterior_converged"] = r.posterior.converged
+        if r.theorem1 is not None:
+            std = map(float, r.theorem1.std)
+            document["relative_std"] = dict(zip(r.theorem1.names, std, strict=True))
+        if r.cross_check is not None:
+            found = r.cross_check
+            document["verdicts"] = dict(zip(found.names, found.verdicts, strict=True))
         if r.comparison is not None:
             document["rivals_beaten"] = list(r.comparison.beaten)
     files = [str(path) for path in written]
@@ -83,32 +92,48 @@ def _fit_lines(r: FittedStudy) -> Lines:
     lines = [("fit", f"{r.fit.residual.upper()} cost {r.fit.cost:.1f} from {r.fit_origin}")]
     if not r.fit.converged:
         lines.append(("", f"NOT converged: {r.fit.message}"))
+    lines += [
+        (
+            "",
+            f"AT A BOUND: {name}, the {side} one: its interval is one-sided",
+        )
+        for name, side in r.fit.at_bounds.items()
+    ]
     return [*lines, ("", f"starts that reached the best cost: {reached_words(reached(r))}")]
 
 
 def _uncertainty_lines(r: StudyResults) -> Lines:
-    names, std, posterior = r.theorem1.names, r.theorem1.std, r.posterior
-    best, worst = int(np.argmin(std)), int(np.argmax(std))
-    ratio = std / posterior.uncertainty().std
-    verdicts = {v: r.cross_check.verdicts.count(v) for v in dict.fromkeys(r.cross_check.verdicts)}
-    lines = [
-        (
-            "std",
-            f"best {names[best]} {_percent(std[best])}, "
-            f"worst {names[worst]} {_percent(std[worst])}",
-        ),
-        *misfit_lines(r),
-        (
-            "emcee",
-            f"R-hat <= {np.max(posterior.r_hat):.3f}, ESS >= {np.min(posterior.ess):.0f}, "
-            f"Theorem 1 / emcee {ratio.min():.2f} to {ratio.max():.2f}",
-        ),
-    ]
-    if not posterior.converged:
-        lines.append(("", posterior.message))
+    names, std, posterior = r.fit.parameters.names, r.std, r.posterior
+    lines: Lines = []
+    if r.theorem1 is not None:
+        best, worst = int(np.argmin(std)), int(np.argmax(std))
+        lines.append(
+            (
+                "std",
+                f"best {names[best]} {_percent(std[best])}, "
+                f"worst {names[worst]} {_percent(std[worst])}",
+            )
+        )
+    lines += misfit_lines(r)
+    if posterior is not None:
+        ratio = std / r.sampled_std
+        between = f", Theorem 1 / emcee {ratio.min():.2f} to {ratio.max():.2f}"
+        lines.append(
+            (
+                "emcee",
+                f"R-hat <= {np.max(posterior.r_hat):.3f}, ESS >= {np.min(posterior.ess):.0f}"
+                f"{between if r.theorem1 is not None else ''}",
+            )
+        )
+        if not posterior.converged:
+            lines.append(("", posterior.message))
     if r.comparison is not None:
         lines.append(("plans", str(r.comparison).splitlines()[0]))
-    return [*lines, ("methods", ", ".join(f"{n} x {verdict}" for verdict, n in verdicts.items()))]
+    if r.cross_check is not None:
+        verdicts = r.cross_check.verdicts
+        counts = ", ".join(f"{verdicts.count(v)} x {v}" for v in dict.fromkeys(verdicts))
+        lines.append(("methods", counts))
+    return lines
 
 
 def misfit_lines(r: StudyResults) -> Lines:

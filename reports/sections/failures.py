@@ -1,0 +1,18 @@
+"""What could not be computed or shown, and why."""
+
+from collections.abc import Sequence
+
+from oed.study.stages import Failure
+from reports import text
+from reports.parts import Column, Section, table
+from reports.template import filled
+
+
+def section(failures: Sequence[Failure]) -> Section:
+    """Return the section."""
+    rows = [(one.name, text.sentence(one.reason)) for one in failures]
+    columns = [Column("stage"), Column("because", "words")]
+    body = filled(
+        "failures.html.j2", failures=table("failures-table", "What failed.", columns, rows)
+    )
+    return Section("failures", "What failed", body)
