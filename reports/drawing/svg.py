@@ -3,6 +3,7 @@
 import base64
 import io
 import re
+import warnings
 from collections import Counter
 from collections.abc import Callable
 from dataclasses import dataclass, fields
@@ -48,13 +49,15 @@ def inline(draw: Callable[[Palette], Figure], name: str, alt: str) -> Markup:
     name : prefixes every identifier inside, so that figures can share a page.
     alt : says what is to be seen.
     """
-    with mpl.rc_context(_style(STAND_IN)):
+    with warnings.catch_warnings(), mpl.rc_context(_style(STAND_IN)):
+        # Of a name in another script: the page has fonts for it, matplotlib only measures.
+        warnings.filterwarnings("ignore", "Glyph .* missing from font")
         buffer = io.StringIO()
         figure = draw(STAND_IN)
         figure.savefig(buffer, format="svg", metadata={"Date": None, "Creator": None})
-    svg = _compact(buffer.getvalue(), name, alt)
-    if len(svg.encode()) > LARGEST_SVG:
-        return _picture(draw, alt)
+        svg = _compact(buffer.getvalue(), name, alt)
+        if len(svg.encode()) > LARGEST_SVG:
+            return _picture(draw, alt)
     for field in fields(Palette):
         svg = svg.replace(getattr(STAND_IN, field.name), f"var(--{field.name})")
     return Markup(svg)

@@ -11,6 +11,7 @@ import numpy as np
 import pinocchio as pin
 
 from robotmodels.arrays import Array
+from robotmodels.description.ranges import MOST_LENGTH
 from robotmodels.description.urdf import locate
 from robotmodels.description.urdf_check import checked_urdf
 from robotmodels.elastic.robot import ElasticRobot
@@ -109,17 +110,34 @@ def _drawn(rigid: pin.Model, path: Path) -> tuple[tuple[Shape, ...], tuple[str, 
     try:
         geometry = pin.buildGeomFromUrdfString(rigid, xml, pin.COLLISION)
     except (ValueError, RuntimeError) as error:
-        raise InvalidInput(f"{path}: collision shapes: {' '.join(str(error).split())}") from None
+        said = " ".join(str(error).split()).partition("message: ")
+        raise InvalidInput(f"{path}: collision shapes: {said[2] or said[0]}") from None
     shapes = []
     for item in geometry.geometryObjects:
         link = rigid.frames[item.parentFrame].name
         hull, mesh = item.geometry, None
         if isinstance(hull, coal.BVHModelBase):
             mesh = hull
-            mesh.buildConvexHull(True, "Qt")  # Qhull's option for triangular faces
-            hull = mesh.convex
+            hull = _convex_hull(mesh, f"{path}: link {link!r}: mesh {Path(item.meshPath).name}")
         shapes.append(Shape(link, int(item.parentJoint), item.placement, hull, mesh))
     return tuple(shapes), missing
+
+
+def _convex_hull(mesh: coal.BVHModelBase, who: str) -> coal.CollisionGeometry:
+    """Return the convex hull of a mesh.
+
+    Raises
+    ------
+    InvalidInput : if its points are not finite, which ends the process inside Qhull, or span none.
+    """
+    points = mesh.vertices()
+    if not (np.isfinite(points).all() and np.abs(points).max(initial=0.0) <= MOST_LENGTH):
+        raise InvalidInput(f"{who}: its points are not finite numbers of at most {MOST_LENGTH:g} m")
+    try:
+        mesh.buildConvexHull(True, "Qt")  # Qhull's option for triangular faces
+    except (ValueError, RuntimeError):
+        raise InvalidInput(f"{who}: its points lie in a plane or are too few for a body") from None
+    return mesh.convex
 
 
 def _with_meshes_found(path: Path) -> tuple[ET.Element, tuple[str, ...]]:

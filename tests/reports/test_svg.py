@@ -72,3 +72,12 @@ def test_a_large_figure_becomes_a_picture(monkeypatch):
     assert page.startswith('<img class="card" alt="a line" src="data:image/png;base64,')
     data = base64.b64decode(re.search(r"base64,([^\"]*)", page)[1])
     assert data.startswith(b"\x89PNG")
+
+
+def test_names_in_any_script_are_drawn_without_a_warning():
+    def draw(palette):
+        figure = Figure(figsize=(3, 2))
+        figure.subplots().set_title("电机", color=palette.ink)
+        return figure
+
+    assert "电机" in inline(draw, "a", "a title")

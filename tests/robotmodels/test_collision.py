@@ -226,6 +226,39 @@ def test_a_shape_that_cannot_be_read(tmp_path):
         surroundings(arm(tmp_path, shapes))
 
 
+@pytest.mark.parametrize(
+    ("name", "content", "said"),
+    [
+        ("nan.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 nan\nf 1 2 3\nf 1 2 4\n", "finite numbers"),
+        ("far.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1e30\nf 1 2 3\nf 1 2 4\n", "finite numbers"),
+        ("flat.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n", "lie in a plane or are too few"),
+        ("empty.stl", "", "File is empty"),
+        ("none.xyz", "a", "No suitable reader"),
+    ],
+)
+def test_meshes_that_are_no_bodies(tmp_path, name, content, said):
+    (tmp_path / name).write_text(content)
+    with pytest.raises(InvalidInput, match=said) as error:
+        surroundings(arm(tmp_path, SHAPES | {"hand": shape(f'<mesh filename="{name}"/>')}))
+    assert "\n" not in str(error.value)
+    assert name in str(error.value)
+
+
+@pytest.mark.parametrize("name", ["package://", "package:///etc/passwd", "package://a/../../b.stl"])
+def test_meshes_of_a_package_stay_inside_it(tmp_path, name):
+    with pytest.raises(InvalidInput, match="the path of a file inside a package is needed"):
+        surroundings(arm(tmp_path, SHAPES | {"hand": shape(f'<mesh filename="{name}"/>')}))
+
+
+def test_obstacles_hold_the_numbers_that_were_checked():
+    box = Box("box", np.array([1, 2, 3]), [1, 1, 1])
+    assert box.center == (1.0, 2.0, 3.0)
+    assert all(type(x) is float for x in (*box.center, *box.size))
+    for wrong in (["0.2_0", "1", "1"], [True, None, 1.0]):
+        with pytest.raises(InvalidInput, match="obstacle 'box': center"):
+            Box("box", wrong, [1, 1, 1])
+
+
 def _without_meshes(around):
     shapes = tuple(replace(s, mesh=None) for s in around.shapes.shapes)
     return replace(around, shapes=replace(around.shapes, shapes=shapes))
