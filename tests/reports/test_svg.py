@@ -80,4 +80,4 @@ def test_names_in_any_script_are_drawn_without_a_warning():
         figure.subplots().set_title("电机", color=palette.ink)
         return figure
 
-    assert "电机" in inline(draw, "a", "a title")
+    assert "电机" in svg.inline(draw, "a", "a title")
