@@ -1,30 +1,82 @@
 """Fingerprints of numbers: by them kept work knows whether it belongs to what is asked now."""
 
 import hashlib
-from collections.abc import Iterable
+from collections.abc import Mapping
+from dataclasses import fields, is_dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from robotmodels.arrays import Array
+from robotmodels.elastic.spring_network import SpringNetwork
+from robotmodels.errors import IdentificationError
+from robotmodels.response import Elastic
 
-def fingerprint(
-    said: object = "",
-    exact: Iterable[NDArray[Any]] = (),
-    rounded: Iterable[NDArray[Any]] = (),
-) -> str:
-    """Return the SHA-256 of settings and arrays.
+
+def fingerprint(given: object, computed: object = ()) -> str:
+    """Return the SHA-256 of plain data, arrays, and dataclasses, tuples and mappings of them.
 
     Parameters
     ----------
-    said : plain data, told apart by their `repr`.
-    exact : arrays that were given: every bit counts, and their shapes.
-    rounded : arrays that were computed, in whatever order of additions: five digits count.
+    given : every bit of an array counts, and its shape.
+    computed : five digits of an array's numbers count, whatever the order of its additions.
+
+    Raises
+    ------
+    TypeError : for anything else, which could change without a trace.
     """
-    digest = hashlib.sha256(repr(said).encode())
-    for array in exact:
+    plain, arrays = _parted(given)
+    digest = hashlib.sha256(repr(plain).encode())
+    for array in arrays:
         digest.update(repr(array.shape).encode())
         digest.update(np.ascontiguousarray(array).tobytes())
-    for array in rounded:
-        digest.update("".join(f"{x:.5g} " for x in np.ravel(array)).encode())
+    plain, arrays = _parted(computed)
+    digest.update(repr(plain).encode())
+    for array in arrays:
+        digest.update(repr(array.shape).encode())
+        digest.update(_rounded(array).encode())
     return digest.hexdigest()
+
+
+def network_of(model: Elastic, positions: Array) -> SpringNetwork | None:
+    """Return what tells one model from another of the same parameters: its network in positions.
+
+    None for a model without an equilibrium at its own values, which is told by those alone.
+    """
+    try:
+        return model.network(positions)
+    except IdentificationError:
+        return None
+
+
+def _parted(value: object) -> tuple[object, list[NDArray[Any]]]:
+    """Return plain data with a mark for each array, and the arrays in their order."""
+    arrays: list[NDArray[Any]] = []
+
+    def plain(item: object) -> object:
+        if isinstance(item, np.ndarray):
+            arrays.append(item)
+            return item.dtype.str
+        if isinstance(item, np.generic):
+            return item.item()
+        if is_dataclass(item) and not isinstance(item, type):
+            named = {f.name: getattr(item, f.name) for f in fields(item) if f.init}
+            return type(item).__name__, plain(named)
+        if isinstance(item, Mapping):
+            return {key: plain(one) for key, one in item.items()}
+        if isinstance(item, tuple | list):
+            return tuple(plain(one) for one in item)
+        if item is None or isinstance(item, str | int | float | complex):
+            return item
+        raise TypeError(f"fingerprint: {type(item).__name__} is neither plain data nor an array")
+
+    return plain(value), arrays
+
+
+def _rounded(array: NDArray[Any]) -> str:
+    """Return five digits of each number; nothing of those that only rounding keeps from zero."""
+    flat = np.ravel(array)
+    size = np.abs(flat)
+    least = 1e-12 * float(size.max(initial=0.0, where=np.isfinite(size)))
+    return " ".join("0" if s <= least else f"{x:.5g}" for x, s in zip(flat, size, strict=True))

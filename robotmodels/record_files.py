@@ -3,7 +3,7 @@
 import os
 from collections.abc import Iterable, Iterator
 from dataclasses import replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -12,6 +12,9 @@ from robotmodels.data_files.array_schema import ArraySchema, Field
 from robotmodels.data_files.hdf5_file import open_hdf5
 from robotmodels.errors import InvalidInput
 from robotmodels.records import SIGNALS, Records, check_alike
+
+if TYPE_CHECKING:
+    import h5py
 
 RECORDS_SCHEMA = "records/1"
 NEEDED = "records are"
@@ -57,23 +60,28 @@ def save_records(path: str | os.PathLike[str], parts: Iterable[Records]) -> int:
     """
     import h5py
 
-    count, first = 0, None
     with atomic_write(path) as unfinished, h5py.File(unfinished, "w") as file:
-        for records in parts:
-            if first is None:
-                first = records
-                file.attrs["schema"] = RECORDS_SCHEMA
-                file.attrs["sample_time"] = records.sample_time
-                file["lines"], file["detection"] = records.lines, records.detection
-            check_alike(first, records, f"{path}: position {count}")
-            for i in range(len(records)):
-                group = file.create_group(f"{_GROUP}{count:05d}")
-                group["position"] = records.positions[i]
-                for name in SIGNALS:
-                    group[name] = getattr(records, name)[i]
-                count += 1
+        return write_records(file, parts, str(path))
+
+
+def write_records(file: "h5py.File", parts: Iterable[Records], where: str) -> int:
+    """Write records into an open file; otherwise as `save_records`, with `where` in errors."""
+    count, first = 0, None
+    for records in parts:
         if first is None:
-            raise InvalidInput(f"{path}: no records to write; at least one position is needed")
+            first = records
+            file.attrs["schema"] = RECORDS_SCHEMA
+            file.attrs["sample_time"] = records.sample_time
+            file["lines"], file["detection"] = records.lines, records.detection
+        check_alike(first, records, f"{where}: position {count}")
+        for i in range(len(records)):
+            group = file.create_group(f"{_GROUP}{count:05d}")
+            group["position"] = records.positions[i]
+            for name in SIGNALS:
+                group[name] = getattr(records, name)[i]
+            count += 1
+    if first is None:
+        raise InvalidInput(f"{where}: no records to write; at least one position is needed")
     return count
 
 

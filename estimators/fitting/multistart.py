@@ -27,6 +27,8 @@ Progress = Callable[[int, int], object]
 _Begun = tuple[Array, Outcome | None]
 # Tasks into which the starts are parted: few enough that handing out the problem costs little.
 TASKS = 32
+# Costs this close, relatively, are one minimum: searches end at changes of 1e-10.
+SAME_COST = 1e-8
 
 
 @dataclass(frozen=True)
@@ -78,7 +80,7 @@ def multistart(
     early_stop: EarlyStop | None = None,
     store: str | Path | None = None,
 ) -> tuple[Fit, ...]:
-    """Return the fits from all `starts` (N, p), the least cost first.
+    """Return the fits from all `starts` (N, p), the least cost first, equal ones as the starts.
 
     A start at which the model has no FRF gives a fit that is not converged, of infinite cost and
     with the reason as its message. Other arguments as in `fit`.
@@ -107,7 +109,23 @@ def multistart(
     runs = _Runs(problem, max_evaluations, tolerance, executor, kept)
     found = _all_searched(runs, points, early_stop, progress)
     fits = [as_fit(problem, point, found[i]) for i, point in enumerate(points)]
-    return tuple(sorted(fits, key=lambda one: one.cost))
+    return tuple(fits[i] for i in order_of_costs([one.cost for one in fits]))
+
+
+def order_of_costs(costs: Sequence[float] | Array) -> list[int]:
+    """Return the order of costs, the least first; those of one minimum in the order given.
+
+    Fits from different starts that end in one minimum differ by what rounding made of them, which
+    another processor would make otherwise.
+    """
+    order: list[int] = []
+    alike: list[int] = []
+    for i in sorted(range(len(costs)), key=lambda i: costs[i]):
+        if alike and costs[i] > costs[alike[0]] * (1 + SAME_COST):
+            order += sorted(alike)
+            alike = []
+        alike.append(i)
+    return order + sorted(alike)
 
 
 def _all_searched(

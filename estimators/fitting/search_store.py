@@ -4,46 +4,23 @@ from pathlib import Path
 
 import numpy as np
 
-from estimators.fingerprint import fingerprint
+from estimators.fingerprint import fingerprint, network_of
 from estimators.fitting.cost import Problem
 from estimators.fitting.trust_region import Outcome
 from robotmodels.arrays import Array
 from robotmodels.checkpoint_file import CheckpointFile
-from robotmodels.errors import IdentificationError
 
 
 def problem_fingerprint(problem: Problem, max_evaluations: int, tolerance: float) -> str:
     """Return a number that changes with anything that changes the outcome of a search."""
-    estimate, parameters = problem.estimate, problem.model.parameters
-    prior = problem.prior
-    known = None if prior is None else (prior.names, prior.values.tolist(), prior.std.tolist())
-    said = (problem.kind.name, problem.loss, known, parameters.names, max_evaluations, tolerance)
-    arrays = [
-        parameters.values,
-        problem.bounds,
-        problem.weights,
-        estimate.positions,
-        estimate.omega,
-        estimate.response,
-    ]
-    if problem.loss != "linear":
-        arrays.append(estimate.covariance)
-    return fingerprint(said, [*arrays, *_model_arrays(problem)])
-
-
-def _model_arrays(problem: Problem) -> list[Array]:
-    """Return what tells one model from another: its own linear model in the positions."""
-    try:
-        network = problem.model.network(problem.estimate.positions)
-    except IdentificationError:
-        return []  # a model without equilibrium at its own values is told by those alone
-    return [
-        network.mass,
-        network.damping,
-        network.stiffness,
-        network.selector,
-        *network.coefficients,
-    ]
+    estimate = problem.estimate
+    given = (
+        (problem.kind.name, problem.loss, problem.prior, max_evaluations, tolerance),
+        (problem.model.parameters, problem.bounds, problem.weights),
+        (estimate.positions, estimate.omega, estimate.response),
+        None if problem.loss == "linear" else estimate.covariance,
+    )
+    return fingerprint(given, network_of(problem.model, estimate.positions))
 
 
 class SearchStore:

@@ -102,7 +102,7 @@ class Sampler:
         """Return an ensemble at `walkers` (W, p) that has not moved yet."""
         w = len(walkers)
         state = tuple(np.random.RandomState(seed).get_state(legacy=True))
-        return Chain(walkers[None], np.full((1, w), np.nan), np.zeros(w, dtype=np.int64), state)
+        return Chain(walkers[None], np.full((1, w), np.nan), np.zeros((1, w), dtype=bool), state)
 
     def advance(self, task: tuple[Chain, int]) -> Chain:
         """Return the next snapshots of a chain."""
@@ -119,11 +119,16 @@ class Sampler:
             log_prob=None if np.isnan(last).any() else last.copy(),
             random_state=chain.random_state,
         )
-        state = sampler.run_mcmc(state, snapshots, thin_by=self.thin, skip_initial_state_check=True)
+        totals = [np.zeros(walkers)]  # emcee counts what was taken in the steps it keeps
+        steps = sampler.sample(
+            state, iterations=snapshots, thin_by=self.thin, skip_initial_state_check=True
+        )
+        for state in steps:  # noqa: B007  # the last one is needed
+            totals.append(sampler.backend.accepted.copy())
         return Chain(
             sampler.get_chain(),
             sampler.get_log_prob(),
-            sampler.backend.accepted.astype(np.int64),
+            np.diff(totals, axis=0) > 0,
             tuple(state.random_state),
         )
 
@@ -182,8 +187,7 @@ def run_ensembles(
             break
     if progress is not None:
         progress(per_snapshot * mark, per_snapshot * mark)
-    # emcee counts what was taken in the steps it keeps.
-    taken = np.mean([c.accepted.mean() for c in chains]) / done
+    taken = np.mean([c.accepted[:mark] for c in chains])
     return np.stack([c.walkers[:mark] for c in chains]), float(taken)
 
 
@@ -192,7 +196,7 @@ def _advanced(
 ) -> list[Chain]:
     # The last snapshot is all that another process needs.
     tasks = [
-        (Chain(c.walkers[-1:], c.log_probability[-1:], c.accepted, c.random_state), snapshots)
+        (Chain(c.walkers[-1:], c.log_probability[-1:], c.accepted[-1:], c.random_state), snapshots)
         for c in chains
     ]
     one = sampler.advance

@@ -10,14 +10,14 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from estimators.fingerprint import fingerprint
+from estimators.fingerprint import fingerprint, network_of
 from estimators.levels import check_level
 from estimators.uncertainty.covariance import Uncertainty
 from estimators.uncertainty.interval_methods import INTERVAL_METHODS
 from estimators.uncertainty.likelihood import Noise
 from estimators.uncertainty.simulated_run import Experiment, Recipe
 from robotmodels.arrays import Array, BoolArray, IntArray, read_only
-from robotmodels.errors import InvalidInput, SolverFailed, nearest
+from robotmodels.errors import IdentificationError, InvalidInput, SolverFailed, nearest
 from robotmodels.notebook import Printed
 from robotmodels.response import Elastic
 
@@ -163,7 +163,8 @@ def monte_carlo(
         "posterior" (by importance sampling, by emcee where its weights fail), "profile".
     level : of the intervals.
     noise, blocks : of the intervals, as in `sample_posterior` and `covariance`.
-    store : HDF5 file that keeps the runs; an interrupted series goes on from it.
+    store : HDF5 file that keeps the runs; an interrupted series goes on from it. It knows an
+        experiment by what that gives first.
     executor : takes one run at a time; in sequence where None.
     progress : called with the runs done and their number.
 
@@ -229,9 +230,11 @@ def _check(runs: int, methods: Sequence[str], level: float) -> None:
 
 
 def _fingerprint(recipe: Recipe, seed: int) -> str:
-    """Return what tells one series from another: its settings and its first experiment."""
-    first = recipe.experiment(np.random.default_rng(seed))
-    weights = recipe.weights if isinstance(recipe.weights, str) else recipe.weights.tobytes()
-    noise = recipe.noise, recipe.blocks
-    settings = (recipe.residual, weights, recipe.methods, recipe.level, noise, seed)
-    return fingerprint(settings, rounded=(first.response, recipe.model.parameters.values))
+    """Return what tells one series from another: its settings, model and first experiment."""
+    settings = (recipe.residual, recipe.weights, recipe.methods, recipe.level)
+    given = (settings, recipe.noise, recipe.blocks, seed, recipe.model.parameters)
+    try:
+        first = recipe.experiment(np.random.default_rng(seed))
+    except IdentificationError as error:
+        return fingerprint((given, str(error)))
+    return fingerprint(given, (first, network_of(recipe.model, first.positions)))

@@ -155,14 +155,17 @@ def sample_posterior(
         rngs = [np.random.default_rng(int(seed)) for seed in seeds]
         first = np.stack([drawn_starts(proposal, density, walkers, one) for one in rngs])
     check_starts(density, first)
-    aim = target or Target()
+    aim, store = target or Target(), None
+    if backend is not None:
+        told = _fingerprint(fit, density, seeds, walkers, thin, starts)
+        store = Store(Path(backend), told)
     chains, acceptance = run_ensembles(
         Sampler(density, thin, proposal),
         first,
         seeds,
         steps // thin,
         lambda so_far: enough(so_far, aim),
-        None if backend is None else Store(Path(backend), _fingerprint(fit, density, seeds, thin)),
+        store,
         progress,
         executor,
     )
@@ -220,12 +223,15 @@ def check_sizes(p: int, ensembles: int, walkers: int, steps: int, thin: int) -> 
         )
 
 
-def _fingerprint(fit: Fit, density: LogPosterior, seeds: IntArray, thin: int) -> str:
+def _fingerprint(
+    fit: Fit, density: LogPosterior, seeds: IntArray, walkers: int, thin: int, starts: Array | None
+) -> str:
     """Return a digest of what the chains depend on; rounded where computed, not given."""
-    settings = (fit.residual, density.names, density.noise.kind, density.noise.blocks, thin)
-    estimate, prior = fit.estimate, density.prior
-    given = [estimate.positions, estimate.omega, estimate.response, seeds]
-    computed = [fit.weights, fit.parameters.values, fit.bounds, np.array(density.noise.scale)]
-    if prior is not None:
-        computed += [prior.values, prior.std]
-    return fingerprint((*settings, None if prior is None else prior.names), given, computed)
+    estimate = fit.estimate
+    given = (
+        (fit.residual, density.names, density.noise.kind, density.noise.blocks, density.prior),
+        (estimate.positions, estimate.omega, estimate.response),
+        (seeds, walkers, thin, starts),
+    )
+    computed = (fit.weights, fit.parameters.values, fit.bounds, np.array(density.noise.scale))
+    return fingerprint(given, (computed, density.network))

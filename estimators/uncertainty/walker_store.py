@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from robotmodels.arrays import Array, IntArray
+from robotmodels.arrays import Array, BoolArray
 from robotmodels.checkpoint_file import CheckpointFile
 
 
@@ -20,13 +20,13 @@ class Chain:
     ----------
     walkers : (T, W, p).
     log_probability : (T, W); not a number where the ensemble has not moved yet.
-    accepted : (W,) proposals taken.
+    accepted : (T, W) whether the proposal of the step to each snapshot was taken.
     random_state : of numpy's Mersenne twister.
     """
 
     walkers: Array
     log_probability: Array
-    accepted: IntArray
+    accepted: BoolArray
     random_state: tuple[Any, ...]
 
     def followed_by(self, more: "Chain") -> "Chain":
@@ -34,7 +34,7 @@ class Chain:
         return Chain(
             np.concatenate([self.walkers, more.walkers]),
             np.concatenate([self.log_probability, more.log_probability]),
-            self.accepted + more.accepted,
+            np.concatenate([self.accepted, more.accepted]),
             more.random_state,
         )
 
@@ -91,7 +91,8 @@ def _write(group: Any, chain: Chain) -> None:
         group.attrs[name] = value
     for i, value in enumerate(chain.random_state):
         group.attrs[f"random_state_{i}"] = value
-    group.create_dataset("accepted", data=chain.accepted.astype(float))
+    group.create_dataset("accepted", data=chain.accepted.sum(axis=0, dtype=float))
+    group.create_dataset("steps_accepted", data=chain.accepted)
     group.create_dataset("chain", data=chain.walkers)
     group.create_dataset("log_prob", data=chain.log_probability)
 
@@ -100,6 +101,6 @@ def _read(group: Any) -> Chain:
     return Chain(
         group["chain"][:],
         group["log_prob"][:],
-        group["accepted"][:].astype(np.int64),
+        group["steps_accepted"][:],
         tuple(group.attrs[f"random_state_{i}"] for i in range(5)),
     )

@@ -249,7 +249,7 @@ def _read_arrays(path: Path, fingerprint: str) -> dict[str, Any]:
 
 
 def _fingerprint(values: dict[str, Any]) -> str:
-    return fingerprint(_ARRAYS, [np.asarray(values[name], dtype="<f8") for name in _ARRAYS])[:16]
+    return fingerprint({name: np.asarray(values[name], dtype="<f8") for name in _ARRAYS})[:16]
 
 
 def _matrix(name: str, rows: list[list[float]]) -> Any:

@@ -6,14 +6,18 @@ from concurrent.futures import Executor
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
+from estimators.fingerprint import fingerprint
 from oed.experiment.build import Prepared, Progress
+from oed.study.fingerprint import robot_digest
 from robotmodels import ElasticRobot
 from robotmodels.arrays import Array
+from robotmodels.checkpoint_file import CheckpointFile
 from robotmodels.plant.simulation import simulate
-from robotmodels.record_files import iterate_records, save_records
+from robotmodels.record_files import iterate_records, save_records, write_records
 from robotmodels.records import Records
 
 
@@ -88,13 +92,17 @@ def _simulated_visits(
     """Simulate the visits that have no file yet; return the files of all."""
     plan, blocks = prepared.plan, prepared.plan.blocks
     visits, signals = plan.visited, plan.signals
+    simulated = prepared.robot if plant is None else plant
     files = [folder / f"visit_{v:05d}.h5" for v in range(len(visits))]
+    told = _fingerprint(prepared, simulated)
     for v, file in enumerate(files):
+        visit = CheckpointFile(file, told, "visit", "a visit of another experiment")
         if file.exists():
-            prepared.rng.spawn(blocks)  # the random numbers of the blocks it holds
+            with visit.reading():
+                prepared.rng.spawn(blocks)  # the random numbers of the blocks it holds
             continue
         records = simulate(
-            prepared.robot if plant is None else plant,
+            simulated,
             visits[v : v + 1],
             signals[v : v + 1],
             prepared.controller,
@@ -109,8 +117,20 @@ def _simulated_visits(
             if progress is None
             else _after(progress, v * blocks, len(files) * blocks),
         )
-        save_records(file, records)
+        with visit.writing() as unfinished:
+            write_records(unfinished, records, str(file))
     return files
+
+
+def _fingerprint(prepared: Prepared, plant: ElasticRobot) -> str:
+    """Return what tells the visits of one experiment from those of another."""
+    seeds: Any = prepared.rng.bit_generator.seed_seq
+    given = (
+        (prepared.plan, prepared.controller, prepared.imperfections),
+        (robot_digest(plant), plant.parameters.values),
+        (seeds.entropy, seeds.spawn_key, seeds.n_children_spawned),
+    )
+    return fingerprint(given)
 
 
 def _after(

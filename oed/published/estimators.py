@@ -14,6 +14,7 @@ import numpy as np
 
 from estimators.fitting.cost import Problem, stated
 from estimators.fitting.frozen_search import can_compile, cost_kernel
+from estimators.fitting.multistart import order_of_costs
 from estimators.fitting.weights import MINIMUM_SNR, optimal_weights
 from estimators.frf.estimate import FrfEstimate
 from oed.published.paper import ESTIMATORS
@@ -130,7 +131,7 @@ def evaluate(
         if progress is not None:
             progress(i + 1, len(fits))
     shape = (len(ESTIMATORS), len(starts))
-    order = np.argsort(costs[:, 0].reshape(shape), axis=1, kind="stable")
+    order = np.array([order_of_costs(row) for row in costs[:, 0].reshape(shape)])
 
     def arranged(per_fit: Array | IntArray) -> Array:
         return np.asarray(np.take_along_axis(per_fit.reshape(shape), order, axis=1))
