@@ -211,3 +211,58 @@ def test_gains_may_be_given(tmp_path):
     ready = prepare(loaded(tmp_path, FILE, ("seed: 3", gains)))
     assert ready.controller.speed_gain.tolist() == [0.1]
     assert ready.controller.sample_time == 0.002
+
+
+class Interrupted(Exception):
+    pass
+
+
+def interrupted(folder):
+    """Simulate the first of three visits."""
+
+    def progress(stage, done, total):
+        if stage == "simulation" and done > total / 3:
+            raise Interrupted
+
+    with pytest.raises(Interrupted):
+        run_experiment(prepare(loaded(folder)), folder, progress)
+    assert [p.name for p in folder.glob("visit_*")] == ["visit_00000.h5"]
+
+
+def angles(folder, *changes):
+    run_experiment(prepare(loaded(folder, FILE, *changes)), folder)
+    return Records.load(folder / "records.h5").angle
+
+
+def test_an_interrupted_experiment_goes_on_with_its_next_visit(tmp_path):
+    whole = angles(tmp_path)
+    interrupted(tmp_path)
+    assert np.array_equal(angles(tmp_path), whole)
+    assert not list(tmp_path.glob("visit_*"))
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        ("seed: 3", "seed: 4"),
+        ("angle_noise: 1.0e-6", "angle_noise: 2.0e-6"),
+        ("[[0.3], [-0.2]]", "[[0.3], [-0.1]]"),
+        ("swing: 0.002", "swing: 0.001"),
+        ("seed: 3", "controller: {speed_gain: 0.1, integral_time: 0.5, position_gain: 1}\nseed: 3"),
+    ],
+    ids=str,
+)
+def test_visits_of_another_experiment_are_not_taken(tmp_path, change):
+    interrupted(tmp_path)
+    with pytest.raises(InvalidInput, match=r"visit_00000\.h5: holds a visit of another experiment"):
+        angles(tmp_path, change)
+
+
+def test_a_damaged_visit_is_not_taken(tmp_path):
+    interrupted(tmp_path)
+    file = tmp_path / "visit_00000.h5"
+    content = bytearray(file.read_bytes())
+    content[len(content) // 2] ^= 1
+    file.write_bytes(content)
+    with pytest.raises(InvalidInput, match=r"visit_00000\.h5: .*remove it and run the same again"):
+        angles(tmp_path)
