@@ -2,238 +2,279 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from functools import partial
 
 import numpy as np
 
-from oed.design.certificate import Certificate, certify
+from oed.design.barrier import barrier
+from oed.design.certificate import Certificate, bounded
 from oed.design.conic import conic
-from oed.design.criteria import sensitivities
-from oed.design.inner_problem import InnerAnswer, InnerProblem
-from oed.design.newton import newton
+from oed.design.multiplicative import multiplicative
+from oed.design.problem import Problem
 from oed.design.ranking import largest
-from oed.design.scaled_problem import Problem, ScaledProblem
-from robotmodels.arrays import Array, IntArray
+from oed.design.relaxed_design import Design
+from oed.design.trimming import trimmed
+from oed.design.white_problem import Answer, WhiteProblem
+from oed.design.whitening import Whitening
+from robotmodels.arrays import Array, IntArray, read_only
 from robotmodels.errors import InvalidInput, SolverFailed
 
-Solver = Callable[[InnerProblem], InnerAnswer]
+Method = Callable[[WhiteProblem, float], Answer]
 
-# Rounds of the interior-point method that look for the candidates cvxpy then states.
-_SCOUTING = 10
+# Rounds of multiplicative steps that look for the candidates cvxpy begins with.
+_SCOUTING = 8
+# The barrier method's goals, round by round: which candidates matter shows long before their
+# weights are precise.
+_GOAL = 0.03
+# Of the tolerance: gaps that end the search, and excess that brings a candidate in.
+_CLOSED, _EXCESS = 0.5, 0.25
+# Of the condition: rounding in white matrices. Eigenvalues of regular information.
+_ROUNDING, _REGULAR = 1e-15, 1e-6
+# Of the tolerance: the goal for the weights of the few candidates that are left in the end.
+_PRECISE = 1e-3
 
 
 @dataclass(frozen=True, eq=False)
-class Solution:
-    """Weights (Q,) with their certificate, and the multipliers of the rows, (m,)."""
+class _Round:
+    """One active set's answer, its weights complete, with log value and certificate."""
 
-    weights: Array
+    active: IntArray
+    few: WhiteProblem
+    answer: Answer
+    value: float
     certificate: Certificate
-    witness: tuple[Array, ...]
-    row_multipliers: Array
-    rounds: int
-    solver: str
-    by_derivative: bool
 
 
 def solve(
-    problem: Problem, tolerance: float, max_rounds: int, solver: str, form: str = "dual"
-) -> Solution:
-    """Return a solution; the caller judges its gap.
+    problem: Problem,
+    tolerance: float,
+    max_rounds: int,
+    solver: str,
+    form: str = "primal",
+    trim: bool = True,
+) -> Design:
+    """Return the best design that is found; the caller judges its gap.
+
+    Parameters
+    ----------
+    problem : what is maximised.
+    tolerance : gap that ends the search.
+    max_rounds : largest number of active sets.
+    solver : "newton", the barrier method, or "cvxpy", with that one behind it where it stalls.
+    form : what cvxpy states, "primal" or "dual".
+    trim : whether small weights that are not needed are left out.
 
     Raises
     ------
     InvalidInput : if `max_rounds` is not positive.
     NotIdentifiable : naming the parameters that all candidates together leave open.
-    SolverFailed : if the solver gives no answer.
+    SolverFailed : if no method gives an answer.
     """
     if max_rounds < 1:
         raise InvalidInput(f"max_rounds: {max_rounds!r}; at least 1 is needed")
-    scaled = ScaledProblem.of(problem)
-    active = scaled.first_active()
-    fast = partial(newton, tolerance=1e-3 * tolerance)
-    finishes = _finishes(problem, partial(_or_conic, fast, form), form)
-    answer: Solver = finishes[0][0] if solver == "newton" else partial(conic, form=form)
-    if solver != "newton" and problem.objective.smooth:
-        active = _scouted(scaled, active, tolerance, fast)
-    best: Solution | None = None
-    used: list[str] = []
-    rounds, trim = 0, True
-    while rounds < max_rounds:
-        rounds += 1
-        solution = _round(scaled, active, tolerance, answer, trim)
-        used = list(dict.fromkeys([*used, solution.solver]))
-        if best is None or solution.certificate.gap < best.certificate.gap:
-            best = solution
-        closed = solution.certificate.gap <= 0.5 * tolerance
-        larger = None if closed else _larger(scaled, solution, active, tolerance)
-        if larger is None:
-            solution = _with_derivative(problem, solution)
-            if solution.certificate.gap <= tolerance:
-                best = solution
+    search = _Search(Whitening.of(problem), tolerance, max_rounds)
+    if solver == "cvxpy":
+        search.scout()
+        search.run(lambda few, goal: conic(few, form))
+    if not search.closed:
+        search.run(barrier, loose=search.best is None)
+    return search.design(trim)
+
+
+class _Search:
+    """The growing active set, and the best answer so far."""
+
+    def __init__(self, whitening: Whitening, tolerance: float, max_rounds: int) -> None:
+        self.whitening, self.tolerance, self.max_rounds = whitening, tolerance, max_rounds
+        self.active = whitening.first_active()
+        self.best: _Round | None = None
+        self.rounds, self.scouted = 0, ""
+        self.methods: list[str] = []
+        self.failures: list[str] = []
+
+    @property
+    def closed(self) -> bool:
+        """Whether the best answer is good enough."""
+        return self.best is not None and self.best.certificate.gap <= _CLOSED * self.tolerance
+
+    def scout(self) -> None:
+        """Begin with the candidates that a few multiplicative steps find to matter.
+
+        They ask for a smooth objective of one group, and a budget as the only limit.
+        """
+        objective, allowed = self.whitening.objective, self.whitening.problem.allowed
+        limited = len(allowed.rows) > 1 or bool(np.isfinite(allowed.upper).any())
+        if limited or not objective.smooth or len(objective.groups) > 1:
+            return
+        self.scouted = " after multiplicative steps"
+        for _ in range(_SCOUTING):
+            scouted = self._round(multiplicative, _GOAL)
+            larger = self._larger(scouted, _GOAL)
+            if larger is None:
                 break
-        if larger is not None:
-            active = larger
-        elif finishes:
-            # The right candidates, but not precisely enough: once more, without the others.
-            answer, trim = finishes.pop(0)
-            active = _used(scaled, solution, active)
+            self.active = larger
+        p = len(self.whitening.problem.candidates.names)
+        most = scouted.active[largest(scouted.answer.weights, 2 * p)]
+        others = largest(self._excess(scouted, most), 4 * p)
+        fewer = self.whitening.distinct(np.concatenate([most, others]), len(most) + p)
+        if self.whitening.determined(fewer):
+            self.active = fewer
+
+    def run(self, method: Method, loose: bool = False) -> None:
+        """Solve and grow the active set until no candidate could help.
+
+        A `loose` search is for candidates first, and for precise weights in the end.
+        """
+        goal = max(_GOAL, self.tolerance) if loose else self.tolerance
+        for _ in range(self.max_rounds):
+            self.rounds += 1
+            try:
+                current = self._round(method, goal)
+            except SolverFailed as error:
+                self.failures.append(str(error))
+                return
+            name = current.answer.method + ("" if self.methods else self.scouted)
+            if not any(known.startswith(current.answer.method) for known in self.methods):
+                self.methods.append(name)
+            if self.best is None or current.certificate.gap < self.best.certificate.gap:
+                self.best = current
+            if self.closed:
+                return
+            larger = self._larger(current, _EXCESS * goal)
+            if larger is not None:
+                self.active = larger
+            elif goal <= self.tolerance:
+                return
+            goal = self.tolerance if larger is None else max(_GOAL * goal, self.tolerance)
+
+    def design(self, trim: bool) -> Design:
+        """Return the best answer as a design.
+
+        Raises
+        ------
+        SolverFailed : if there is none.
+        """
+        if self.best is None:
+            raise SolverFailed(f"optimal design: {'; '.join(self.failures)}")
+        best = self._trimmed(self.best) if trim else self.best
+        whitening, problem, allowed = (w := self.whitening), w.problem, w.problem.allowed
+        weights = whitening.weights(best.active, best.answer.weights)
+        information = problem.information(weights)
+        rows = best.answer.row_multipliers / whitening.row_scales(best.active)
+        value = best.value + whitening.constant
+        return Design(
+            weights=read_only(weights),
+            value=problem.objective.usual_form(value, len(problem.candidates.names)),
+            gap=best.certificate.gap,
+            support=read_only(np.flatnonzero(weights)),
+            information=read_only(information),
+            criterion=problem.objective.name,
+            names=problem.candidates.names,
+            rounds=self.rounds,
+            solver=", ".join(self.methods),
+            witness=whitening.coordinates.witness(whitening.objective, best.answer.witness),
+            sensitivity=read_only(best.certificate.prices),
+            multipliers=dict(zip(allowed.names, map(float, rows), strict=True)),
+        )
+
+    def _round(self, method: Method, goal: float) -> _Round:
+        """Solve the active set and price all candidates."""
+        few = self.whitening.few(self.active)
+        answer = method(few, goal)
+        # Conic solvers leave weights of no sign; regular information needs every one of them.
+        least = 0.01 * self.tolerance / len(self.active)
+        weights = few.completed(np.maximum(answer.weights, least))
+        information = few.information(weights)
+        value = few.objective.log_value(information)
+        witnesses = [answer.witness]
+        if few.objective.smooth and len(few.objective.groups) == 1:
+            derivative = few.objective.witness(information)
+            witnesses = [derivative] if answer.method == "newton" else [*witnesses, derivative]
+        rounds = []
+        for witness in witnesses:
+            changed = replace(answer, weights=weights, witness=witness)
+            certificate = self._certified(changed, value)
+            rounds.append(_Round(self.active, few, changed, value, certificate))
+            if certificate.gap <= _CLOSED * self.tolerance:
+                break
+        return min(rounds, key=lambda one: one.certificate.gap)
+
+    def _certified(self, answer: Answer, value: float) -> Certificate:
+        if not np.isfinite([value, *(np.abs(W).max() for W in answer.witness)]).all():
+            raise SolverFailed(f"{answer.method}: no usable answer")
+        rows = answer.row_multipliers / self.whitening.row_scales(self.active)
+        certificate = bounded(self.whitening, value, answer.witness, rows)
+        if certificate.gap > _CLOSED * self.tolerance and len(rows) > 1:
+            # The solver's multipliers of the rows may be the only thing that lacks precision.
+            other = bounded(self.whitening, value, answer.witness, None)
+            certificate = min(certificate, other, key=lambda one: one.gap)
+        return certificate
+
+    def _larger(self, current: _Round, least: float) -> IntArray | None:
+        """Return the active set and candidates worth most above their price, or None."""
+        whitening, active = self.whitening, current.active
+        excess = self._excess(current, active)
+        worst = largest(excess, 2 * whitening.batch)
+        worst = worst[excess[worst] > least]
+        if not len(worst):
+            return None
+        both = np.concatenate([active, worst])
+        return whitening.distinct(both, len(active) + whitening.batch)
+
+    def _excess(self, current: _Round, active: IntArray) -> Array:
+        """Return what a share of each candidate is worth above its price, (Q,); -inf if active."""
+        whitening = self.whitening
+        worth = current.certificate.prices * whitening.units
+        if len(whitening.bounds) > 1:
+            rows = current.answer.row_multipliers / whitening.row_scales(current.active)
+            worth = worth - (rows @ whitening.problem.allowed.rows) * whitening.units
         else:
-            break
-    assert best is not None  # of one round at least
-    return replace(best, rounds=rounds, solver=", ".join(used))
+            # Shares cost the same; what the active ones are worth says how much.
+            worth = worth - float(current.answer.weights @ worth[current.active])
+        worth[active] = -np.inf
+        worth[whitening.closed] = -np.inf
+        return np.asarray(worth)
 
+    def _trimmed(self, full: _Round) -> _Round:
+        """Return the answer without small weights that are not needed.
 
-def _finishes(problem: Problem, surest: Solver, form: str) -> list[tuple[Solver, bool]]:
-    """Return what answers more precisely, and whether shares that vanish are then left out.
+        Where the information stays regular, so that anybody can compute the derivative from the
+        weights alone, that certifies them; else the witness of all weights does.
+        """
+        few, objective = full.few, full.few.objective
+        rounding = _ROUNDING * self.whitening.coordinates.condition
+        fewer = trimmed(few, full.answer, full.value, 0.1 * self.tolerance, rounding)
+        if fewer is None:
+            return full
+        weights, value = fewer
+        gap = float(np.expm1(full.certificate.log_bound - self.whitening.constant - value))
+        best = replace(
+            full,
+            answer=replace(full.answer, weights=weights),
+            value=value,
+            certificate=replace(full.certificate, gap=gap),
+        )
+        smooth = objective.smooth and len(objective.groups) == 1
+        least = min(float(np.linalg.eigvalsh(M)[0]) for M in few.information(weights))
+        if not smooth or least < _REGULAR:
+            return best
+        choices = [weights]
+        if full.answer.method == "newton":
+            choices = [*self._polished(full.active, weights), *choices]
+        for choice in choices:
+            information = few.information(choice)
+            answer = replace(full.answer, weights=choice, witness=objective.witness(information))
+            value = objective.log_value(information)
+            certificate = self._certified(answer, value)
+            if certificate.gap <= max(full.certificate.gap, _CLOSED * self.tolerance):
+                return replace(full, answer=answer, value=value, certificate=certificate)
+        return full
 
-    First they are, then they stay, for nearly equal candidates may need theirs however small. If
-    that does not help either, the solver's witness must do. Without second derivatives it is the
-    other form of the problem that may, where there is one.
-    """
-    if problem.objective.smooth:
-        return [(surest, True), (surest, False)]
-    if len(problem.objective.groups) > 1:
-        return []
-    return [(partial(conic, form="primal" if form == "dual" else "dual"), True)]
-
-
-def _scouted(scaled: ScaledProblem, active: IntArray, tolerance: float, answer: Solver) -> IntArray:
-    """Return the candidates that a fast method finds to matter, and as many others as parameters.
-
-    It spares the slow one most rounds; what it misses or cannot solve is left to those that follow.
-    """
-    for _ in range(_SCOUTING):
+    def _polished(self, active: IntArray, weights: Array) -> list[Array]:
+        """Return more precise weights, those of the used candidates alone, if there are any."""
+        used, precise = np.flatnonzero(weights), np.zeros(len(weights))
+        few = self.whitening.few(active[used])
         try:
-            solution = _round(scaled, active, tolerance, answer)
+            precise[used] = few.completed(barrier(few, _PRECISE * self.tolerance).weights)
         except SolverFailed:
-            break
-        larger = _larger(scaled, solution, active, tolerance)
-        if larger is None:
-            used = _used(scaled, solution, active)
-            others = largest(_excess(scaled, solution, used), 4 * scaled.parameters)
-            both = np.concatenate([used, others])
-            return scaled.distinct(both, len(used) + scaled.parameters)
-        active = larger
-    return active
-
-
-def _with_derivative(problem: Problem, solution: Solution) -> Solution:
-    """Return the solution certified by the derivative at its weights, where there is one.
-
-    That is what anybody finds who checks the weights; it asks more of them than the solver's
-    witness does, for weights near the best ones may have a poor derivative.
-    """
-    one_group = len(problem.objective.groups) == 1
-    if solution.by_derivative or not (problem.objective.smooth and one_group):
-        return solution
-    witness = problem.objective.witness(problem.information(solution.weights))
-    certificate = _certificate(problem, solution.weights, witness, solution.row_multipliers)
-    return replace(solution, certificate=certificate, witness=witness, by_derivative=True)
-
-
-def _certificate(
-    problem: Problem, weights: Array, witness: tuple[Array, ...], multipliers: Array
-) -> Certificate:
-    p = problem
-    return certify(weights, p.candidates, p.objective, p.allowed, p.prior, witness, multipliers)
-
-
-def _round(
-    scaled: ScaledProblem, active: IntArray, tolerance: float, answer: Solver, trim: bool = True
-) -> Solution:
-    """Solve one active set and price all candidates."""
-    problem, allowed = scaled.problem, scaled.problem.allowed
-    inner, row_scales = scaled.inner(active)
-    found = answer(inner)
-    shares = _complete(inner, found.weights)
-    if trim:
-        shares = _trimmed(inner, found, min(tolerance, 1e-6))
-    weights = allowed.lower.copy()
-    weights[active] += shares * scaled.units[active]
-    white, same = _at(inner, shares, found.witness)
-    witness = scaled.coordinates.witness(scaled.objective, white)
-    multipliers = found.row_multipliers[: len(allowed.rows)] / row_scales
-    certificate = _certificate(problem, weights, witness, multipliers)
-    return Solution(weights, certificate, witness, multipliers, 1, found.solver, same)
-
-
-def _larger(
-    scaled: ScaledProblem, solution: Solution, active: IntArray, tolerance: float
-) -> IntArray | None:
-    """Return the candidates used and those worth most above their price; None if there is none."""
-    excess = _excess(scaled, solution, active)
-    worst = largest(excess, 2 * scaled.batch)
-    worst = worst[excess[worst] > 0.25 * tolerance]
-    if not len(worst):
-        return None
-    used = _used(scaled, solution, active)
-    return scaled.distinct(np.concatenate([used, worst]), len(used) + scaled.batch)
-
-
-def _excess(scaled: ScaledProblem, solution: Solution, active: IntArray) -> Array:
-    """Return what a share of each candidate is worth above its price, (Q,); -inf if active."""
-    priced = solution.row_multipliers @ scaled.problem.allowed.rows
-    excess = (solution.certificate.prices - priced) * scaled.units
-    excess[active] = -np.inf
-    excess[scaled.closed] = -np.inf
-    return np.asarray(excess)
-
-
-def _used(scaled: ScaledProblem, solution: Solution, active: IntArray) -> IntArray:
-    return active[solution.weights[active] > scaled.problem.allowed.lower[active]]
-
-
-def _or_conic(fast: Solver, form: str, inner: InnerProblem) -> InnerAnswer:
-    """Solve; where the interior-point method gets stuck, cvxpy takes over."""
-    try:
-        return fast(inner)
-    except SolverFailed as error:
-        answer = conic(inner, form)
-        return replace(answer, solver=f"{error}: {answer.solver}")
-
-
-def _at(
-    inner: InnerProblem, shares: Array, witness: tuple[Array, ...]
-) -> tuple[tuple[Array, ...], bool]:
-    """Return the derivative at the shares and True, if it is the solver's witness but for rounding.
-
-    That saves to price all candidates by both.
-    """
-    if len(inner.objective.groups) > 1 or not inner.objective.smooth:
-        return witness, False
-    derivative = inner.objective.witness(inner.information(shares))
-    pairs = zip(derivative, witness, strict=True)
-    same = all(np.abs(a - b).max() <= 1e-6 * np.abs(b).max() for a, b in pairs)
-    return (derivative, True) if same else (witness, False)
-
-
-def _trimmed(inner: InnerProblem, answer: InnerAnswer, tolerance: float) -> Array:
-    """Return shares without those that vanish at the optimum, if that costs nothing.
-
-    There either a share or what its candidate costs above its price is zero; of two small numbers
-    the larger one is not.
-    """
-    shares = answer.weights
-    terms = zip(inner.objective.terms, answer.witness, strict=True)
-    prices = sum(sensitivities(W, inner.matrices[term.sample]) for term, W in terms)
-    excess = answer.row_multipliers @ inner.rows - prices
-    kept = np.where(shares > np.maximum(0.1 * tolerance, excess), shares, 0.0)
-    kept, shares = _complete(inner, kept), _complete(inner, shares)
-    before = inner.objective.log_value(inner.information(shares))
-    after = inner.objective.log_value(inner.information(kept))
-    return np.asarray(kept if after > before - 0.1 * tolerance else shares)
-
-
-def _complete(inner: InnerProblem, shares: Array) -> Array:
-    """Return shares that use up the budget, where nothing else limits them, and no more of a limit.
-
-    Solvers meet limits but for their tolerance. Rows with negative entries, which ask for a least
-    use, stay as they are.
-    """
-    if len(inner.rows) == 1:
-        return np.asarray(shares / shares.sum())
-    for row, bound in zip(inner.rows, inner.bounds, strict=True):
-        taken = float(row @ shares)
-        if taken > bound and (row >= 0).all():
-            shares = np.where(row > 0, shares * (max(bound, 0.0) / taken), shares)
-    return shares
+            return []
+        return [precise]

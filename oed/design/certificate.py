@@ -7,50 +7,23 @@ semidefinite W_j, with c from `Objective.log_polar`, no allowed weights w' have 
 
 and the gap is that divided by the design's own value, less one. Where W is the derivative of log f
 this is the equivalence theorem (Kiefer and Wolfowitz 1960; Pukelsheim 1993): for D and shares,
-max_i tr(M^-1 H_i)/p - 1. E and maximin need a better W than the derivative, which is not unique.
+max_i tr(M^-1 H_i)/p - 1. E, maximin and a singular M need a better W than the derivative, which is
+not unique. All of it is computed in white coordinates: in others the terms of a trace may cancel.
 """
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Protocol
 
 import numpy as np
 
 from oed.design.constraints import Constraints
-from oed.design.criteria import Criterion, sensitivities
+from oed.design.criteria import Criterion
 from oed.design.criteria import objective as stated
-from oed.design.objective import Objective
 from oed.design.polytope import Polytope
-from robotmodels.arrays import Array, IntArray, real_numbers
-from robotmodels.errors import InvalidInput
-
-
-class Candidates(Protocol):
-    """What designs need of candidates, in memory or not; `InformationSet` is one."""
-
-    @property
-    def names(self) -> tuple[str, ...]:
-        """Names of the p parameters."""
-        ...
-
-    @property
-    def samples(self) -> int:
-        """Number K of parameter values for which the information is known."""
-        ...
-
-    def __len__(self) -> int: ...
-
-    def take(self, indices: IntArray) -> Array:
-        """Return matrices, (n, p, p), or (n, K, p, p) with samples."""
-        ...
-
-    def prices(self, weight: Array) -> Array:
-        """Return tr(W H_i), (Q,), summed over samples; W is (p, p) or (K, p, p)."""
-        ...
-
-    def combined(self, weights: Array) -> Array:
-        """Return sum_i w_i H_i, (p, p) or (K, p, p)."""
-        ...
+from oed.design.problem import Matrices, Problem
+from oed.design.whitening import Whitening
+from robotmodels.arrays import Array, real_numbers
+from robotmodels.errors import InvalidInput, NotIdentifiable
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,46 +33,71 @@ class Certificate:
     Attributes
     ----------
     gap : no allowed weights have more than (1 + gap) times the design's value.
+    log_bound : no allowed weights have a larger log value.
     prices : (Q,) what a unit of each weight adds to the log value, the sensitivity function.
     """
 
     gap: float
+    log_bound: float
     prices: Array
 
 
 def certify(
+    problem: Problem,
     weights: Array,
-    candidates: Candidates,
-    objective: Objective,
-    allowed: Polytope,
-    prior: Array | None = None,
     witness: Sequence[Array] | None = None,
     multipliers: Array | None = None,
 ) -> Certificate:
-    """Return the certificate of weights (Q,).
+    """Return the certificate of weights (Q,), whoever chose them.
 
     Parameters
     ----------
-    weights, candidates, objective, allowed : the design's problem.
-    prior : M_0, of the shape of one candidate's information.
+    problem, weights : the design.
     witness : W_j of each term; the derivative at the design if None.
-    multipliers : of the rows of `allowed`, if known; they spare a linear program.
+    multipliers : of the rows, if known; they spare a linear program.
     """
-    own = candidates.combined(weights)
-    information = own if prior is None else own + prior
-    value = objective.log_value(information)
+    nothing = np.full(len(problem.candidates), np.inf)
+    try:
+        whitening = Whitening.of(problem)
+    except NotIdentifiable:
+        return Certificate(np.inf, np.inf, nothing)
+    p, coordinates = len(problem.candidates.names), whitening.coordinates
+    white = coordinates.matrices(problem.information(weights).reshape(1, -1, p, p))
+    information = tuple(matrix[0] for matrix in white)
+    value = whitening.objective.log_value(information)
     if witness is None:
-        witness = objective.witness(information)
+        witness = whitening.objective.witness(information)
+    else:
+        witness = coordinates.white_witness(problem.objective, witness)
     if not all(np.isfinite(W).all() for W in witness) or not value > -np.inf:
-        return Certificate(np.inf, np.full(len(candidates), np.inf))
-    weight = objective.price(witness, information.shape)
-    prices = candidates.prices(weight)
-    known = 0.0 if prior is None else float(np.vdot(weight, prior))
-    most = known + allowed.most(prices, multipliers)
+        return Certificate(np.inf, np.inf, nothing)
+    return bounded(whitening, value, tuple(witness), multipliers)
+
+
+def bounded(
+    whitening: Whitening, value: float, witness: tuple[Array, ...], multipliers: Array | None
+) -> Certificate:
+    """Return the certificate of a white log value by a white witness.
+
+    Parameters
+    ----------
+    whitening : of the problem.
+    value : of a design, in white coordinates.
+    witness : W_j of each term, positive semidefinite.
+    multipliers : of the rows, or None for those of a linear program.
+    """
+    problem, objective = whitening.problem, whitening.objective
+    p, K = len(problem.candidates.names), len(whitening.base)
+    raw = whitening.coordinates.witness(objective, witness)
+    weight = problem.objective.price(raw, (p, p) if K == 1 else (K, p, p))
+    prices = problem.candidates.prices(weight)
+    prior = 0.0 if problem.prior is None else float(np.vdot(weight, problem.prior))
+    most = prior + problem.allowed.most(prices, multipliers)
     if not most > 0:
-        return Certificate(np.inf, prices)
-    log_bound = np.log(most) - objective.log_polar(witness)
-    return Certificate(float(np.expm1(log_bound - value)), prices)
+        return Certificate(np.inf, np.inf, prices)
+    log_bound = float(np.log(most)) - objective.log_polar(witness)
+    gap = float(np.expm1(log_bound - value))
+    return Certificate(gap, log_bound + whitening.constant, prices)
 
 
 def optimality_gap(
@@ -124,7 +122,8 @@ def optimality_gap(
     criterion : a criterion or its name; one that speaks of parameter names needs an `Objective`.
     constraints : what limits the weights; by default they are shares.
     prior : information there is already, (p, p) or (K, p, p).
-    witness : of a `Design`, needed for E and maximin, where the derivative is not unique.
+    witness : of a `Design`, needed for E, maximin and designs that leave something open, where the
+        derivative is not unique.
 
     Raises
     ------
@@ -142,35 +141,7 @@ def optimality_gap(
     matrices = np.asarray(matrices, dtype=float)
     candidates = Matrices(tuple(str(i) for i in range(matrices.shape[-1])), matrices)
     objective = stated(criterion, candidates.names, candidates.samples)
-    return certify(shares, candidates, objective, allowed, prior, witness).gap
-
-
-@dataclass(frozen=True, eq=False)
-class Matrices:
-    """Candidates without positions, as they are: matrices (Q, p, p) or (Q, K, p, p)."""
-
-    names: tuple[str, ...]
-    matrices: Array
-
-    def __len__(self) -> int:
-        return len(self.matrices)
-
-    @property
-    def samples(self) -> int:
-        """Number K of parameter values."""
-        return 1 if self.matrices.ndim == 3 else self.matrices.shape[1]
-
-    def take(self, indices: IntArray) -> Array:
-        """Return matrices, see `Candidates`."""
-        return np.asarray(self.matrices[indices])
-
-    def prices(self, weight: Array) -> Array:
-        """Return tr(W H_i), see `Candidates`."""
-        return sensitivities(weight, self.matrices)
-
-    def combined(self, weights: Array) -> Array:
-        """Return sum_i w_i H_i, see `Candidates`."""
-        return np.asarray(np.tensordot(weights, self.matrices, axes=1))
+    return certify(Problem(candidates, objective, allowed, prior), shares, witness).gap
 
 
 def efficiency_bound(gap: float) -> float:

@@ -13,13 +13,15 @@ Where a single mean is maximised, it stands itself for its logarithm, which the 
 
 import warnings
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
 from oed.design.conic_means import ConicMean, conic_mean, conic_polar
-from oed.design.inner_problem import InnerAnswer, InnerProblem
+from oed.design.coordinates import semidefinite
 from oed.design.objective import Term
+from oed.design.white_problem import Answer, WhiteProblem
 from robotmodels.arrays import Array
 from robotmodels.errors import SolverFailed
 
@@ -28,7 +30,7 @@ _CLARABEL = {"tol_gap_abs": 1e-11, "tol_gap_rel": 1e-11, "tol_feas": 1e-11, "max
 _SCS = {"eps": 1e-9, "max_iters": 50_000}
 
 
-def conic(problem: InnerProblem, form: str = "dual") -> InnerAnswer:
+def conic(problem: WhiteProblem, form: str = "dual") -> Answer:
     """Return the design by Clarabel, or by SCS where Clarabel gives no answer.
 
     Parameters
@@ -44,17 +46,19 @@ def conic(problem: InnerProblem, form: str = "dual") -> InnerAnswer:
 
     cp: Any = cvxpy  # what it exports by star imports has no types
     state = _primal if form == "primal" or len(problem.objective.groups) > 1 else _dual
-    statement, read = state(cp, problem)
+    capped = np.flatnonzero(np.isfinite(problem.caps))
+    rows = np.concatenate([problem.rows, np.eye(len(problem.caps))[capped]])
+    bounds = np.concatenate([problem.bounds, problem.caps[capped]])
+    statement, read = state(cp, replace(problem, rows=rows, bounds=bounds))
     reasons = []
     for name, options in (("CLARABEL", _CLARABEL), ("SCS", _SCS)):
         reason = _solved(cp, statement, name, options)
         if reason is None:
-            weights, rows, witness = read()
-            return InnerAnswer(
-                np.maximum(weights, 0.0), np.maximum(rows, 0.0), witness, f"cvxpy, {name.lower()}"
-            )
+            weights, multipliers, witness = read()
+            multipliers = np.maximum(multipliers[: len(problem.rows)], 0.0)
+            return Answer(np.maximum(weights, 0.0), multipliers, witness, f"cvxpy, {name.lower()}")
         reasons.append(f"{name}: {reason}")
-    raise SolverFailed(f'optimal design: {"; ".join(reasons)}; try solver="newton"')
+    raise SolverFailed("; ".join(reasons))
 
 
 def _solved(cp: Any, statement: Any, name: str, options: dict[str, Any]) -> str | None:
@@ -69,7 +73,7 @@ def _solved(cp: Any, statement: Any, name: str, options: dict[str, Any]) -> str 
     return None if statement.status in ("optimal", "optimal_inaccurate") else str(statement.status)
 
 
-def _primal(cp: Any, problem: InnerProblem) -> tuple[Any, Any]:
+def _primal(cp: Any, problem: WhiteProblem) -> tuple[Any, Any]:
     w = cp.Variable(problem.rows.shape[1], nonneg=True)
     limits = problem.rows @ w <= problem.bounds
     information = [_sum(cp, M, H, w) for M, H in zip(problem.base, problem.matrices, strict=True)]
@@ -104,7 +108,7 @@ def _primal(cp: Any, problem: InnerProblem) -> tuple[Any, Any]:
     return statement, read
 
 
-def _dual(cp: Any, problem: InnerProblem) -> tuple[Any, Any]:
+def _dual(cp: Any, problem: WhiteProblem) -> tuple[Any, Any]:
     group = problem.objective.groups[0]
     y = cp.Variable(len(problem.bounds), nonneg=True)
     parts, matrices, spent, prices = [], [], problem.bounds @ y, 0.0
@@ -126,13 +130,13 @@ def _dual(cp: Any, problem: InnerProblem) -> tuple[Any, Any]:
         statement = cp.Problem(cp.Maximize(goal), constraints)
 
     def read() -> tuple[Array, Array, tuple[Array, ...]]:
-        witness = tuple(_semidefinite(W.value) for W in matrices)
+        witness = tuple(semidefinite(W.value) for W in matrices)
         return _factor(parts) * limits.dual_value, y.value, witness
 
     return statement, read
 
 
-def _guesses(problem: InnerProblem) -> list[float]:
+def _guesses(problem: WhiteProblem) -> list[float]:
     """Return each term's logarithm at equal weights; zero where that leaves something open."""
     n = problem.rows.shape[1]
     information = problem.information(np.full(n, 1.0 / n))
@@ -155,16 +159,10 @@ def _shared(cp: Any, group: Sequence[Term], parts: Sequence[ConicMean]) -> Any:
 
 
 def _slope(part: ConicMean, p: int, factor: float) -> Array:
-    return _semidefinite(factor * sum(c.dual_value[:p, :p] for c in part.slopes))
+    return semidefinite(factor * sum(c.dual_value[:p, :p] for c in part.slopes))
 
 
 def _sum(cp: Any, base: Array, matrices: Array, weights: Any) -> Any:
     n, p = matrices.shape[:2]
     total = cp.reshape(matrices.reshape(n, -1).T @ weights, (p, p), order="C")
     return base + total
-
-
-def _semidefinite(matrix: Array) -> Array:
-    """Return the nearest positive semidefinite matrix."""
-    eigenvalues, vectors = np.linalg.eigh(0.5 * (matrix + matrix.T))
-    return np.asarray((vectors * np.maximum(eigenvalues, 0.0)) @ vectors.T)

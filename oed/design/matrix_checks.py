@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import ArrayLike
 
-from oed.design.null_space import unit_diagonal_scaling
+from oed.design.null_space import SPREAD, unit_diagonal_scaling
 from robotmodels.arrays import Array
 from robotmodels.errors import InvalidInput
 
@@ -30,7 +30,7 @@ def check_matrices(matrices: Array, first: int = 0) -> None:
     if all(_is_definite(matrices[start : start + _PART]) for start in parts):
         return
     _refuse(~np.isfinite(matrices).all(axis=(1, 2)), "a matrix that is not finite", first)
-    s = unit_diagonal_scaling(matrices)
+    s = unit_diagonal_scaling(matrices, SPREAD)
     # What is zero but for rounding is judged against the largest entry.
     least = np.where(s > 0, s, np.inf).min(axis=1, keepdims=True)
     s = np.where(s > 0, s, np.where(np.isfinite(least), least, 1.0))

@@ -22,8 +22,8 @@ Kind = Literal["D", "A", "E"]
 
 # Below this a pivot or an eigenvalue of a matrix of unit diagonal is rounding.
 _PIVOT, _EIGENVALUE = 1e-7, 1e-12
-# What a singular matrix may leave open of a unit combination and still be said to determine it.
-_OPEN = 1e-6
+OPEN = 1e-9
+"""What a singular matrix may leave open of a unit combination and still be said to determine it."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,14 +44,29 @@ class MatrixMean:
     def log_value(self, information: Array) -> float:
         """Return the logarithm for M, (p, p); -inf where M leaves a combination open."""
         half = self._half(information)
-        if half is None:
+        return -np.inf if half is None else self._of_root(half[1])
+
+    def log_value_of_factor(self, factor: Array) -> float:
+        """Return the logarithm for M = F F', F (p, k), in units that make M of order one.
+
+        Small weights leave the singular values of F their precision, not the eigenvalues of M.
+        """
+        U, sizes, _ = np.linalg.svd(factor, full_matrices=False)
+        used = sizes > OPEN * sizes[0]
+        U, sizes = U[:, used], sizes[used]
+        B = np.eye(len(factor)) if self.combinations is None else self.combinations
+        inside = U.T @ B
+        left = np.linalg.norm(B - U @ inside, axis=0)
+        if (left > OPEN * np.linalg.norm(B, axis=0)).any():
             return -np.inf
-        root = half[1]
+        return self._of_root(inside / sizes[:, None])
+
+    def _of_root(self, root: Array) -> float:
+        """Return the logarithm for C = root' root."""
         if self.kind == "D":
             return float(-2 * _log_abs_det(root) / root.shape[1]) + self.offset
-        if self.kind == "A":
-            return float(-2 * np.log(np.linalg.norm(root))) + self.offset
-        return float(-2 * np.log(np.linalg.norm(root, 2))) + self.offset
+        size = np.linalg.norm(root) if self.kind == "A" else np.linalg.norm(root, 2)
+        return float(-2 * np.log(size)) + self.offset
 
     def log_gradient(self, information: Array) -> Array:
         """Return W, (p, p), the derivative of the logarithm: tr(W M) = 1, W positive semidefinite.
@@ -77,11 +92,8 @@ class MatrixMean:
         """Return the logarithm of the least tr(W M) over all M of value one, W (p, p).
 
         D: m det(B'WB)^(1/m); A: (tr (B'WB)^(1/2))^2; E: tr B'WB. W must be positive
-        semidefinite, for else the bound it gives is none: -inf.
+        semidefinite, for else the bound it gives is none.
         """
-        s = unit_diagonal_scaling(weight)
-        if np.linalg.eigvalsh(s[:, None] * weight * s)[0] < -_EIGENVALUE * len(s):
-            return -np.inf
         inner = weight
         if self.combinations is not None:
             inner = self.combinations.T @ weight @ self.combinations
@@ -101,16 +113,25 @@ class MatrixMean:
         return float(value) - self.offset
 
     def transformed(self, transform: Array) -> "MatrixMean":
-        """Return the same function of T M T' for a T, (r, p), that loses nothing of M."""
-        if (
-            self.combinations is None
-            and self.kind == "D"
-            and transform.shape[0] == len(transform.T)
-        ):
-            shift = 2 * np.linalg.slogdet(transform).logabsdet / len(transform)
-            return MatrixMean("D", None, self.offset - float(shift))
+        """Return the same function of T M T' for a T, (r, p), that loses nothing of M.
+
+        Its combinations are of order one, whatever the units: an orthonormal basis for D, of norm
+        one together for A and E, and never more than r.
+        """
+        r, p = transform.shape
         B = transform if self.combinations is None else transform @ self.combinations
-        return MatrixMean(self.kind, B, self.offset)
+        if self.kind == "D" and self.combinations is None and r == p:
+            shift = 2 * np.linalg.slogdet(transform).logabsdet / p
+            return MatrixMean("D", None, self.offset - float(shift))
+        if self.kind == "D":
+            basis, R = np.linalg.qr(B)
+            shift = 2 * np.log(np.abs(np.diagonal(R))).sum() / B.shape[1]
+            square = B.shape[1] == r
+            return MatrixMean("D", None if square else basis, self.offset - float(shift))
+        if B.shape[1] > r:  # tr and the largest eigenvalue of B'M^-1 B depend on B B' only
+            B = _triangle(B.T).T
+        size = float(np.linalg.norm(B))
+        return MatrixMean(self.kind, B / size, self.offset - 2 * np.log(size))
 
     def second_order(self, information: Array, matrices: Array) -> tuple[float, Array, Array]:
         """Return the logarithm at M, and its first (n,) and second (n, n) derivatives.
@@ -129,7 +150,7 @@ class MatrixMean:
         L = np.linalg.cholesky(information)
         T = solve_triangular(L, np.eye(p), lower=True, check_finite=False)
         if self.kind == "D" and self.combinations is None:
-            white = _between(T, matrices, T.T)
+            white = between(T, matrices, T.T)
             flat = white.reshape(n, -1)
             log_det = 2 * float(np.log(np.diagonal(L)).sum())
             slopes = np.trace(white, axis1=1, axis2=2) / p
@@ -139,14 +160,14 @@ class MatrixMean:
         if self.kind == "D":
             R = _triangle(root)
             right = np.linalg.solve(R.T, root.T).T
-            half = _between(T, matrices, T.T @ right)
+            half = between(T, matrices, T.T @ right)
             flat = half.reshape(n, -1)
             inner = (right.T @ half).reshape(n, -1)
             slopes = inner[:, :: m + 1].sum(axis=1) / m
             value = -2 * _log_abs_det(root) / m + self.offset
             return value, slopes, (inner @ inner.T - 2 * flat @ flat.T) / m
         size = float(np.vdot(root, root))
-        flat = _between(T, matrices, T.T @ root).reshape(n, -1)
+        flat = between(T, matrices, T.T @ root).reshape(n, -1)
         slopes = flat @ root.ravel() / size
         curvature = np.outer(slopes, slopes) - 2 * flat @ flat.T / size
         return -float(np.log(size)) + self.offset, slopes, curvature
@@ -166,7 +187,7 @@ class MatrixMean:
             away = np.abs(B[s == 0]).max(initial=0.0) > 0
             units = np.where(s > 0, s, 0.0)[:, None] * B
             left = np.linalg.norm(vectors[:, ~known].T @ units, axis=0)
-            if away or (left > _OPEN * np.linalg.norm(units, axis=0)).any():
+            if away or (left > OPEN * np.linalg.norm(units, axis=0)).any():
                 return None
             S = (vectors[:, known] / np.sqrt(eigenvalues[known])).T
         S = S * s
@@ -185,7 +206,7 @@ def _inverse_root(scaled: Array) -> Array | None:
     return np.asarray(solve_triangular(L, np.eye(len(L)), lower=True, check_finite=False))
 
 
-def _between(left: Array, matrices: Array, right: Array) -> Array:
+def between(left: Array, matrices: Array, right: Array) -> Array:
     """Return left @ H_i @ right, (n, a, b), as two large products."""
     n, p = matrices.shape[:2]
     products = (matrices.reshape(n * p, p) @ right).reshape(n, p, -1)

@@ -8,30 +8,36 @@ from robotmodels.arrays import Array
 
 # Rounding leaves a singular information matrix of unit diagonal with eigenvalues near 1e-15.
 _RANK_TOLERANCE = 1e-12
+SPREAD = 1.0 / (16 * np.finfo(float).eps)
+"""Beyond this ratio of sensitivities, 2.8e14, the smaller one cannot be told from rounding."""
 
 
-def unit_diagonal_scaling(matrices: Array) -> Array:
+def unit_diagonal_scaling(matrices: Array, spread: float = np.inf) -> Array:
     """Return s, (..., p), such that s_i H_ij s_j has a diagonal of ones, or zero where H_ii is.
 
-    A parameter's unit then has no say in ranks, inverses and determinants.
+    A parameter's unit then has no say in ranks, inverses and determinants. Sensitivities that are
+    smaller than the largest by more than `spread` count as zero.
     """
     diagonal = np.abs(np.diagonal(matrices, axis1=-2, axis2=-1))
-    # Sensitivities that are zero but for rounding, 1e-16 of the largest, stay zero.
-    floor = (16 * np.finfo(float).eps) ** 2 * diagonal.max(axis=-1, keepdims=True)
-    usable = (diagonal > floor) & (diagonal > 0)
+    usable = diagonal > diagonal.max(axis=-1, keepdims=True) / spread / spread
     return np.where(usable, 1.0 / np.sqrt(np.where(usable, diagonal, 1.0)), 0.0)
 
 
-def weak_directions(matrix: Array) -> Array:
-    """Return an orthonormal basis, (p, k), of the null space of the scaled information (p, p)."""
-    s = unit_diagonal_scaling(matrix)
+def weak_directions(matrix: Array, tolerance: float = _RANK_TOLERANCE) -> Array:
+    """Return an orthonormal basis, (p, k), of the null space of the scaled information (p, p).
+
+    Eigenvalues up to `tolerance` of the largest one count as zero.
+    """
+    s = unit_diagonal_scaling(matrix, SPREAD)
     eigenvalues, vectors = np.linalg.eigh(s[:, None] * matrix * s)
-    return np.asarray(vectors[:, eigenvalues <= _RANK_TOLERANCE * max(eigenvalues[-1], 1.0)])
+    return np.asarray(vectors[:, eigenvalues <= tolerance * max(eigenvalues[-1], 1.0)])
 
 
-def unidentifiable(matrix: Array, names: Sequence[str]) -> tuple[str, ...]:
+def unidentifiable(
+    matrix: Array, names: Sequence[str], tolerance: float = _RANK_TOLERANCE
+) -> tuple[str, ...]:
     """Return the names of the parameters on which `matrix` (p, p) leaves a direction open."""
-    part = np.linalg.norm(weak_directions(matrix), axis=1)
+    part = np.linalg.norm(weak_directions(matrix, tolerance), axis=1)
     return tuple(name for name, share in zip(names, part, strict=True) if share > 0.01)
 
 
@@ -43,7 +49,7 @@ def open_combinations(matrix: Array, names: Sequence[str]) -> tuple[str, ...]:
     from scipy.linalg import qr
 
     # From scaled coordinates to the parameters' own; one not informed on at all is a unit there.
-    s = unit_diagonal_scaling(matrix)
+    s = unit_diagonal_scaling(matrix, SPREAD)
     basis = weak_directions(matrix) * np.where(s > 0, s, 1.0)[:, None]
     count = basis.shape[1]
     if not count:

@@ -55,12 +55,15 @@ class Objective:
         D: log det M, D_s: -log det of the covariance of what is of interest; A, c, I: minus the
         (weighted) sum of variances; E: the smallest eigenvalue; all others: the log value.
         """
-        log_value = self.log_value(information)
+        return self.usual_form(self.log_value(information), information.shape[-1])
+
+    def usual_form(self, log_value: float, p: int) -> float:
+        """Return the criterion in its usual form, of its log value for p parameters."""
         if not self._plain:
             return log_value
         mean = self.terms[0].mean
         if mean.kind == "D":
-            return log_value * self._size(information)
+            return log_value * (p if mean.combinations is None else mean.combinations.shape[1])
         with np.errstate(over="ignore"):
             return float(-np.exp(-log_value) if mean.kind == "A" else np.exp(log_value))
 
@@ -72,10 +75,11 @@ class Objective:
         log_gradient = self.price(self.witness(information), information.shape)
         if not self._plain:
             return log_gradient
-        mean = self.terms[0].mean
+        mean, factor = self.terms[0].mean, abs(self.value(information))
         if mean.kind == "D":
-            return log_gradient * self._size(information)
-        return log_gradient * abs(self.value(information))
+            B = mean.combinations
+            factor = information.shape[-1] if B is None else B.shape[1]
+        return np.asarray(log_gradient * factor)
 
     def log_value(self, information: Information) -> float:
         """Return the logarithm of a value that is proportional to the information."""
@@ -158,10 +162,6 @@ class Objective:
     @property
     def _plain(self) -> bool:
         return len(self.terms) == 1 and self.references is None
-
-    def _size(self, information: Array) -> int:
-        combinations = self.terms[0].mean.combinations
-        return int(information.shape[-1] if combinations is None else combinations.shape[1])
 
 
 def samples(information: Information) -> Sequence[Array]:

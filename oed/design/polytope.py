@@ -4,12 +4,17 @@ Every set of weights here is { w : R w <= b, lower <= w <= upper } with a first 
 everywhere, the budget, so that it is bounded.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
 from robotmodels.arrays import Array
 from robotmodels.errors import InvalidInput, SolverFailed
+
+# How much wider bounds are made, of a row's scale, where rows leave no room together.
+_WIDENED = 2e-7
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,15 +77,36 @@ class Polytope:
         """
         if len(self.rows) == 1:
             return self._fill(prices), np.zeros(1)
-        from scipy.optimize import linprog
-
         scale = np.abs(prices).max() or 1.0
-        found = linprog(-prices / scale, A_ub=self.rows, b_ub=self.bounds, bounds=self._intervals)
-        if found.status == 2:
-            raise InvalidInput(f"constraints: no design satisfies {self.conflict()}")
-        if found.x is None:
-            raise SolverFailed(f"constraints: HiGHS ended without an answer: {found.message}")
-        return np.asarray(found.x), np.asarray(-scale * found.ineqlin.marginals)
+        try:
+            best = _linear_program(-prices / scale, self.rows, self.bounds, self._intervals)
+        except InvalidInput:
+            raise InvalidInput(f"constraints: no design satisfies {self.conflict()}") from None
+        return np.asarray(best.x), np.asarray(-scale * best.ineqlin.marginals)
+
+    def interior(self, units: Array) -> tuple[Array, Array]:
+        """Return bounds beyond the lower weights, (m,), and shares (Q,) with room in every row.
+
+        Where rows leave no room together, as a pair that makes an equation, the bounds are a little
+        wider than allowed. Shares are weights over `units`.
+        """
+        bounds = self.room
+        if len(self.rows) == 1:
+            return bounds, np.zeros(len(units))
+        rows = self.rows * units
+        scales = np.maximum(np.abs(rows).max(axis=1), np.abs(bounds))
+        scales = np.where(scales > 0, scales, 1.0)
+        caps = (self.upper - self.lower) / units
+        table = np.column_stack([rows / scales[:, None], np.ones(len(rows))])
+        limits = [*((0.0, cap) for cap in caps.tolist()), (None, 1.0)]
+        goal = np.append(np.zeros(len(units)), -1.0)
+        for _ in range(len(rows) + 1):
+            most = _linear_program(goal, table, bounds / scales, limits)
+            if most.x[-1] >= 0.5 * _WIDENED:
+                break
+            # The rows that together leave none are those of positive multipliers.
+            bounds = bounds + np.where(most.ineqlin.marginals < -1e-9, _WIDENED * scales, 0.0)
+        return bounds, np.asarray(most.x[:-1])
 
     def conflict(self) -> str:
         """Return the names of rows that together with the limits allow no weights.
@@ -95,11 +121,12 @@ class Polytope:
         return " together with ".join(self.names[r] for r in kept)
 
     def _feasible(self, kept: list[int]) -> bool:
-        from scipy.optimize import linprog
-
         zero = np.zeros(len(self.lower))
-        found = linprog(zero, A_ub=self.rows[kept], b_ub=self.bounds[kept], bounds=self._intervals)
-        return bool(found.status != 2)
+        try:
+            _linear_program(zero, self.rows[kept], self.bounds[kept], self._intervals)
+        except InvalidInput:
+            return False
+        return True
 
     @property
     def _intervals(self) -> list[tuple[float, float]]:
@@ -130,3 +157,24 @@ class Polytope:
         before = np.concatenate([[0.0], np.cumsum(wanted)[:-1]]) if len(order) else wanted
         weights[order] += np.minimum(wanted, np.maximum(room - before, 0.0)) / cost[order]
         return weights
+
+
+def _linear_program(
+    goal: Array, rows: Array, bounds: Array, limits: Sequence[tuple[float | None, float]]
+) -> Any:
+    """Return what scipy says of the least goal'x with rows x <= bounds, within the limits.
+
+    Raises
+    ------
+    InvalidInput : if there is no such x.
+    SolverFailed : if HiGHS gives no answer for another reason.
+    """
+    from scipy.optimize import linprog
+
+    options = {"primal_feasibility_tolerance": 1e-10, "dual_feasibility_tolerance": 1e-10}
+    answer = linprog(goal, A_ub=rows, b_ub=bounds, bounds=limits, options=options)
+    if answer.status == 2:
+        raise InvalidInput("constraints: no design satisfies them")
+    if answer.x is None:
+        raise SolverFailed(f"constraints: HiGHS ended without an answer: {answer.message}")
+    return answer

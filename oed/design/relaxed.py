@@ -5,74 +5,22 @@ weight, so the problem is solved over an active set; the certificate prices all 
 when none of them could help. Size is then no matter.
 """
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Sequence
 
 import numpy as np
 
-from oed.design.active_set import Solution, solve
-from oed.design.certificate import Candidates, efficiency_bound
+from oed.design.active_set import solve
 from oed.design.constraints import Constraints
 from oed.design.criteria import Criterion, objective
 from oed.design.polytope import Polytope
-from oed.design.scaled_problem import Problem
-from robotmodels.arrays import Array, IntArray, read_only, real_numbers
+from oed.design.problem import Candidates, Problem, check_candidates
+from oed.design.relaxed_design import SHOWN as SHOWN
+from oed.design.relaxed_design import Design as Design
+from robotmodels.arrays import Array, real_numbers
 from robotmodels.errors import InvalidInput, SolverFailed, nearest
-from robotmodels.notebook import Printed
 
 SOLVERS = ("cvxpy", "newton")
 FORMS = ("primal", "dual")
-SHOWN = 8
-"""Candidates that a design names when it is printed."""
-
-
-@dataclass(frozen=True, eq=False)
-class Design(Printed):
-    """Weights of the candidates, with their certificate.
-
-    Attributes
-    ----------
-    weights : (Q,) shares that sum to one, or experiments where constraints say how many; of equal
-        candidates one carries the weight.
-    value : the criterion, see `Objective.value` (for D: log det).
-    gap : certified over all candidates, see `certificate`.
-    support : indices of the candidates with a positive weight.
-    information : (p, p), or (K, p, p) for samples: the prior and sum_i w_i H_i.
-    criterion, names : what was optimised, and for which parameters.
-    rounds : active sets that `solver` solved.
-    solver : that solved them.
-    witness : W_j of each of the criterion's terms, with which the gap was found.
-    sensitivity : (Q,) what a unit of each weight adds to the logarithm of the efficiency; over a
-        position's cost it is nowhere above that of the support.
-    multipliers : what a unit of each constraint's bound adds to it, by name.
-    """
-
-    weights: Array
-    value: float
-    gap: float
-    support: IntArray
-    information: Array
-    criterion: str
-    names: tuple[str, ...]
-    rounds: int
-    solver: str
-    witness: tuple[Array, ...]
-    sensitivity: Array
-    multipliers: Mapping[str, float]
-
-    @property
-    def efficiency(self) -> float:
-        """Certified lower bound on the efficiency against the true optimum."""
-        return efficiency_bound(self.gap)
-
-    def __str__(self) -> str:
-        shares = ", ".join(f"{self.weights[i]:.3g} in {i}" for i in self.support[:SHOWN])
-        more = len(self.support) - SHOWN
-        return (
-            f"{self.criterion}-optimal design: {len(self.support)} of {len(self.weights)} "
-            f"candidates, certified gap {self.gap:.1e}\n"
-            f"  weights {shares}{f' and {more} more' if more > 0 else ''}"
-        )
 
 
 def optimal_design(
@@ -98,9 +46,9 @@ def optimal_design(
         shares of N experiments to come, a Nth of it.
     tolerance : largest certified gap accepted.
     max_rounds : largest number of active sets.
-    solver : "cvxpy" (Clarabel, then SCS), or "newton", an interior-point method of this package
-        that is faster; it takes every criterion but E. For all criteria but E it also finds the
-        candidates that cvxpy begins with.
+    solver : "cvxpy" (Clarabel, then SCS), or "newton", the barrier method of this package, which is
+        faster; it takes every criterion but E. Where cvxpy stalls, the barrier method goes on;
+        `Design.solver` tells.
     form : what cvxpy states, "primal" or "dual".
 
     Raises
@@ -111,6 +59,7 @@ def optimal_design(
     InvalidInput : if criterion, solver or form are unknown, the tolerance is not positive, the
         prior does not fit, or constraints do not fit or conflict (it says which).
     """
+    check_candidates(info)
     _known("solver", solver, SOLVERS)
     _known("form", form, FORMS)
     if not tolerance > 0:
@@ -121,14 +70,13 @@ def optimal_design(
     problem = Problem(
         info, wanted, allowed_weights(constraints, len(info)), checked_prior(prior, info)
     )
-    found = solve(problem, tolerance, max_rounds, solver, form)
-    if not found.certificate.gap <= tolerance:
+    design = solve(problem, tolerance, max_rounds, solver, form)
+    if not design.gap <= tolerance:
         raise SolverFailed(
-            f"optimal design: the certified gap is {found.certificate.gap:.2g} after "
-            f"{found.rounds} rounds, above the tolerance {tolerance:.2g}; allow more rounds or a "
-            "larger tolerance"
+            f"optimal design: the certified gap is {design.gap:.2g} after {design.rounds} rounds, "
+            f"above the tolerance {tolerance:.2g}; allow more rounds or a larger tolerance"
         )
-    return _design(problem, found)
+    return design
 
 
 def allowed_weights(constraints: Constraints | Polytope | None, n_candidates: int) -> Polytope:
@@ -162,27 +110,6 @@ def checked_prior(prior: Array | None, info: Candidates) -> Array | None:
     if np.linalg.eigvalsh(given).min() < -1e-9 * scale:
         raise InvalidInput("prior: the matrix is not positive semidefinite")
     return given if info.samples == 1 else np.broadcast_to(given, (info.samples, p, p)).copy()
-
-
-def _design(problem: Problem, found: Solution) -> Design:
-    wanted, info = problem.objective, problem.candidates
-    information = problem.information(found.weights)
-    return Design(
-        weights=read_only(found.weights),
-        value=wanted.value(information),
-        gap=found.certificate.gap,
-        support=read_only(np.flatnonzero(found.weights)),
-        information=read_only(information),
-        criterion=wanted.name,
-        names=info.names,
-        rounds=found.rounds,
-        solver=found.solver,
-        witness=found.witness,
-        sensitivity=read_only(found.certificate.prices),
-        multipliers=dict(
-            zip(problem.allowed.names, map(float, found.row_multipliers), strict=True)
-        ),
-    )
 
 
 def _known(what: str, word: str, known: Sequence[str]) -> None:

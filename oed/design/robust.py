@@ -12,9 +12,9 @@ from typing import Any
 
 import numpy as np
 
-from oed.design.certificate import Candidates
 from oed.design.criteria import Criterion, averaged, checked_shares, objective
 from oed.design.objective import Objective, Term
+from oed.design.problem import Candidates
 from oed.design.relaxed import Design, optimal_design
 from robotmodels.arrays import Array, IntArray, read_only, real_numbers
 from robotmodels.errors import InvalidInput, nearest

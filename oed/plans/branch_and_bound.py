@@ -10,9 +10,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from oed.design.certificate import Candidates
 from oed.design.constraints import Constraints
 from oed.design.criteria import Criterion
+from oed.design.problem import Candidates
 from oed.design.relaxed import Design
 from oed.plans.exact import ExactDesign, exchanged, finished, relaxation
 from oed.plans.exchange import WholeProblem

@@ -10,7 +10,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from oed.design.certificate import (
-    Candidates,
     certify,
     checked_weights,
     efficiency_bound,
@@ -21,6 +20,7 @@ from oed.design.criteria import CRITERIA, Criterion
 from oed.design.criteria import objective as stated
 from oed.design.null_space import open_combinations, unidentifiable
 from oed.design.polytope import Polytope
+from oed.design.problem import Candidates, Problem, check_candidates
 from oed.design.relaxed import SHOWN, Design, checked_prior, optimal_design
 from oed.plans.enough import first_sample, too_few
 from oed.plans.exchange import Pool, WholeProblem, exchange, fill
@@ -137,6 +137,7 @@ def relaxation(
     No allowed weights, whole or not, have a log value above the bound. Arguments and errors are
     those of `exact_design`.
     """
+    check_candidates(info)
     objective = stated(_criterion(criterion, design), info.names, info.samples)
     allowed = _allowed(n_experiments, constraints, len(info))
     known = checked_prior(prior, info)
@@ -151,11 +152,8 @@ def relaxation(
     reference = info.combined(weights) if known is None else info.combined(weights) + known
     rows = np.array(list(design.multipliers.values()))
     certificate = certify(
+        Problem(info, objective, allowed, known),
         weights,
-        info,
-        objective,
-        allowed,
-        known,
         design.witness if len(design.witness) == len(objective.terms) else None,
         rows if rows.shape == allowed.bounds.shape else None,
     )

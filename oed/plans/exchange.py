@@ -10,11 +10,11 @@ from functools import cached_property
 
 import numpy as np
 
-from oed.design.certificate import Candidates
 from oed.design.criteria import sensitivities
 from oed.design.gains import best_addition
 from oed.design.objective import Objective
 from oed.design.polytope import Polytope
+from oed.design.problem import Candidates
 from robotmodels.arrays import Array, BoolArray, IntArray
 
 # Keeps values finite while a plan is still singular, beside the relaxed optimum's information.

@@ -7,10 +7,10 @@ from itertools import count
 
 import numpy as np
 
-from oed.design.active_set import Solution, solve
-from oed.design.certificate import Candidates, Matrices
+from oed.design.active_set import solve
 from oed.design.polytope import Polytope
-from oed.design.scaled_problem import Problem
+from oed.design.problem import Candidates, Matrices, Problem
+from oed.design.relaxed_design import Design
 from oed.plans.exchange import WholeProblem
 from robotmodels.arrays import Array, IntArray
 from robotmodels.errors import IdentificationError
@@ -125,26 +125,24 @@ class Search:
             self.progress(self.nodes, self.max_nodes)
         bound = -node.rank
         weights = np.asarray(0.5 * (lower + np.minimum(upper, lower + 1)), dtype=float)
-        solution = self._solved(few, part)
-        if solution is not None:
-            weights = solution.weights
-            problem = Problem(few, self.problem.objective, part, self.problem.prior)
-            information = problem.information(weights)
+        design = self._solved(few, part)
+        if design is not None:
+            weights, information = design.weights, design.information
             value = self.problem.objective.log_value(information)
-            bound = min(bound, value + float(np.log1p(max(solution.certificate.gap, 0.0))))
+            bound = min(bound, value + float(np.log1p(max(design.gap, 0.0))))
             tangent, prices = self._tangent(information, few)
             lower, upper = self._tightened(part, tangent, prices, lower, upper)
             self._keep_part(self._rounded(weights, lower, upper), used)
         return [(bound, *limits) for limits in _split(weights, lower, upper)]
 
-    def _solved(self, few: Matrices, allowed: Polytope) -> Solution | None:
+    def _solved(self, few: Matrices, allowed: Polytope) -> Design | None:
         problem = Problem(few, self.problem.objective, allowed, self.problem.prior)
         solver = "newton" if self.problem.objective.smooth else "cvxpy"
         try:
-            solution = solve(problem, _GAP, 20, solver)
-        except (IdentificationError, np.linalg.LinAlgError):
+            design = solve(problem, _GAP, 20, solver, trim=False)
+        except IdentificationError:
             return None  # the bound of the node before holds on
-        return solution if np.isfinite(solution.certificate.gap) else None
+        return design if np.isfinite(design.gap) else None
 
     def _tangent(self, information: Array, candidates: Candidates) -> tuple[float, Array]:
         """Return a and g, (n,), with log value <= a + g'n for every plan n."""

@@ -19,6 +19,7 @@ from oed.design.criteria import Criterion, sensitivities
 from oed.design.criteria import objective as stated
 from oed.design.objective import Objective
 from oed.design.polytope import Polytope
+from oed.design.problem import Problem
 from oed.design.relaxed import Design, optimal_design
 from oed.information_set import InformationSet
 from oed.plans.climbing import Region, climbed, new_positions
@@ -223,7 +224,7 @@ def _gap(
     weights = np.zeros(len(both))
     weights[len(check) :] = design.weights
     allowed = Polytope.shares(len(both))
-    return certify(weights, both, objective, allowed, prior, design.witness).gap
+    return certify(Problem(both, objective, allowed, prior), weights, design.witness).gap
 
 
 def _joined(info: InformationSet, positions: Array, matrices: Array) -> InformationSet:

@@ -6,10 +6,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from oed.design.certificate import Candidates
 from oed.design.criteria import Criterion
 from oed.design.gains import best_addition
 from oed.design.null_space import unit_diagonal_scaling, weak_directions
+from oed.design.problem import Candidates
 from oed.design.relaxed import Design
 from oed.plans.exact import ExactDesign, finished, relaxation
 from robotmodels.arrays import Array, IntArray, read_only, real_numbers

@@ -6,9 +6,9 @@ from functools import partial
 
 import numpy as np
 
-from oed.design.certificate import Candidates
 from oed.design.constraints import Constraints
 from oed.design.criteria import Criterion
+from oed.design.problem import Candidates
 from oed.design.relaxed import checked_prior
 from oed.plans.exact import ExactDesign, exact_design
 from oed.plans.scoring import standard_deviations

@@ -10,10 +10,10 @@ import numpy as np
 from estimators.uncertainty.covariance import Uncertainty
 from estimators.uncertainty.monte_carlo import MonteCarlo, monte_carlo
 from estimators.uncertainty.simulated_run import FrfExperiment
-from oed.design.certificate import Candidates
 from oed.design.criteria import Criterion
 from oed.design.criteria import objective as stated
 from oed.design.null_space import unidentifiable
+from oed.design.problem import Candidates
 from oed.trials.held import held
 from oed.trials.outcome import LEVEL, PlanComparison, PlanTrial
 from oed.trials.scatter import ratio_interval

@@ -1,0 +1,76 @@
+"""Leave out the small weights that a barrier method keeps, where they are not needed.
+
+At the optimum either a weight or what its candidate costs above its price is zero. Where the
+optimum is singular, the information of what is left is too; its derivative is then not unique, and
+the gap is that by the witness of all weights.
+"""
+
+import numpy as np
+
+from oed.design.criteria import sensitivities
+from oed.design.white_problem import Answer, WhiteProblem
+from robotmodels.arrays import Array
+
+_SHARES = (1e-3, 1e-4, 1e-5, 1e-6)  # of the largest weight
+_RANK = 1e-12  # of the largest eigenvalue of a candidate's information
+_TIGHT = 1e-6  # room of a row that is used up
+
+
+def trimmed(
+    problem: WhiteProblem, answer: Answer, value: float, loss: float, rounding: float
+) -> tuple[Array, float] | None:
+    """Return fewer weights (n,) and their log value, or None if all are needed.
+
+    Parameters
+    ----------
+    problem, answer : the answer's weights are complete.
+    value : log value of all weights.
+    loss : how much less the value may be.
+    rounding : of the candidates' matrices.
+    """
+    weights = answer.weights
+    terms = zip(problem.objective.terms, answer.witness, strict=True)
+    worth = np.sum([sensitivities(W, problem.matrices[t.sample]) for t, W in terms], axis=0)
+    if len(problem.rows) > 1:
+        excess = answer.row_multipliers @ problem.rows - worth
+    else:
+        excess = np.max(worth / problem.rows[0]) * problem.rows[0] - worth
+    limits = (np.maximum(excess, loss), *(share * weights.max() for share in _SHARES))
+    choices = [_without(problem, weights, weights > least) for least in limits]
+    values = [_value(problem, choice, max(_RANK, rounding)) for choice in choices]
+    enough = max(max(values) - 0.1 * loss, value - loss)
+    good = [k for k, there in enumerate(values) if there >= enough]
+    if not good:
+        return None
+    best = min(good, key=lambda k: np.count_nonzero(choices[k]))
+    return choices[best], values[best]
+
+
+def _without(problem: WhiteProblem, weights: Array, used: Array) -> Array:
+    """Return the used weights, changed so that rows stay as far used up as they are.
+
+    The change is the least one relative to each weight, or to what is left below its cap.
+    """
+    fewer = np.where(used, weights, 0.0)
+    tight = problem.rows @ weights >= problem.bounds - _TIGHT
+    rows = problem.rows[tight]
+    scale = np.minimum(fewer, np.maximum(problem.caps - fewer, 0.0))
+    change = np.linalg.lstsq(rows * scale, rows @ (weights - fewer), rcond=1e-12)[0]
+    return np.asarray(np.maximum(fewer + scale * change, 0.0))
+
+
+def _value(problem: WhiteProblem, weights: Array, rounding: float) -> float:
+    """Return the log value; what only rounding tells is left out."""
+    used = np.flatnonzero(weights)
+    factors = []
+    for base, H in zip(problem.base, problem.matrices, strict=True):
+        parts = np.concatenate([weights[used, None, None] * H[used], base[None]])
+        eigenvalues, vectors = np.linalg.eigh(parts)
+        own = (eigenvalues > rounding * eigenvalues[:, -1:]) & (eigenvalues > 0)
+        roots = vectors * np.sqrt(np.where(own, eigenvalues, 0.0))[:, None, :]
+        factors.append(np.swapaxes(roots, 1, 2)[own].T)
+    values = [
+        sum(t.share * t.mean.log_value_of_factor(factors[t.sample]) for t in group)
+        for group in problem.objective.groups
+    ]
+    return float((np.array(values) - problem.objective.log_references).min())

@@ -1,0 +1,71 @@
+"""The convex problem over a few candidates, in coordinates where information is of order one."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from oed.design.objective import Objective
+from robotmodels.arrays import Array
+
+
+@dataclass(frozen=True, eq=False)
+class WhiteProblem:
+    """Maximise objective(base + sum_i w_i H_i) over 0 <= w <= caps, rows w <= bounds.
+
+    Attributes
+    ----------
+    objective : its samples are the places of `base` and `matrices`.
+    base : for each sample, (r, r), information there is already.
+    matrices : for each sample, (n, r, r), of the candidates.
+    rows, bounds : (m, n), (m,); each row's largest number is one.
+    caps : (n,), infinite where nothing limits a candidate by itself.
+    start : (n,) weights that leave room in every row, or lie on it where no weights do.
+    """
+
+    objective: Objective
+    base: tuple[Array, ...]
+    matrices: tuple[Array, ...]
+    rows: Array
+    bounds: Array
+    caps: Array
+    start: Array
+
+    def information(self, weights: Array) -> tuple[Array, ...]:
+        """Return each sample's information, (r, r)."""
+        pairs = zip(self.base, self.matrices, strict=True)
+        return tuple(
+            base + (weights @ H.reshape(len(H), -1)).reshape(base.shape) for base, H in pairs
+        )
+
+    def completed(self, weights: Array) -> Array:
+        """Return weights that use up the budget, where nothing else limits them, and no limit more.
+
+        Solvers meet limits but for their tolerance. Rows with negative entries, which ask for a
+        least use, stay as they are.
+        """
+        if len(self.rows) == 1 and np.isinf(self.caps).all():
+            return np.asarray(weights * (self.bounds[0] / (self.rows[0] @ weights)))
+        weights = np.minimum(weights, self.caps)
+        for row, bound in zip(self.rows, self.bounds, strict=True):
+            taken = float(row @ weights)
+            if taken > bound and (row >= 0).all():
+                weights = np.where(row > 0, weights * (max(bound, 0.0) / taken), weights)
+        return weights
+
+
+@dataclass(frozen=True, eq=False)
+class Answer:
+    """What a method says of a white problem.
+
+    Attributes
+    ----------
+    weights : (n,).
+    row_multipliers : (m,) none negative, what a unit of each bound would add to the log value.
+    witness : one (r, r) for each term, the derivative of the log value, or its equal in the dual.
+    method : that gave the answer.
+    """
+
+    weights: Array
+    row_multipliers: Array
+    witness: tuple[Array, ...]
+    method: str

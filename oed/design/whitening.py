@@ -1,0 +1,176 @@
+"""A design's problem in numbers of order one, and the part of it over a few candidates."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from oed.design.coordinates import Coordinates
+from oed.design.duplicates import distinct
+from oed.design.objective import Objective
+from oed.design.problem import Problem
+from oed.design.ranking import largest
+from oed.design.white_problem import WhiteProblem
+from robotmodels.arrays import Array, BoolArray, IntArray
+
+# An active set must determine every direction at least this well beside all candidates.
+_WEAKEST = 1e-6
+# Candidates to begin with, and to add in a round, for each parameter: more make the small problems
+# larger, fewer take more passes over all candidates.
+_BATCH = 4
+
+
+@dataclass(frozen=True, eq=False)
+class Whitening:
+    """The map between a problem and white problems over a few candidates.
+
+    Their variables are shares of the budget beyond the lower weights.
+
+    Attributes
+    ----------
+    problem : as it is.
+    coordinates : in which information is of order one.
+    objective, constant : in these coordinates, and what its log value lacks to the problem's.
+    base : for each sample, (r, r), information of the lower weights and the prior.
+    units : (Q,) what a share of one means for the weight.
+    bounds, interior : (m,) of the rows, beyond the lower weights, and shares (Q,) that leave room.
+    """
+
+    problem: Problem
+    coordinates: Coordinates
+    objective: Objective
+    constant: float
+    base: tuple[Array, ...]
+    units: Array
+    bounds: Array
+    interior: Array
+
+    @classmethod
+    def of(cls, problem: Problem) -> "Whitening":
+        """Return the map, after the rank check.
+
+        Raises
+        ------
+        NotIdentifiable : naming the parameters that all candidates together leave open.
+        """
+        allowed, candidates = problem.allowed, problem.candidates
+        room = max(float(allowed.room[0]), 1e-12 * float(allowed.bounds[0]))
+        units = room / allowed.rows[0]
+        usable = allowed.upper > allowed.lower
+        equal = np.where(usable, units, 0.0) / max(int(usable.sum()), 1)
+        base = _samples(problem.information(allowed.lower))
+        reference = base + _samples(candidates.combined(equal))
+        coordinates = Coordinates.whitening(reference, problem.objective, candidates.names)
+        white = tuple(matrix[0] for matrix in coordinates.matrices(base[None]))
+        bounds, interior = allowed.interior(units)
+        objective, constant = coordinates.objective(problem.objective)
+        return cls(problem, coordinates, objective, constant, white, units, bounds, interior)
+
+    @property
+    def batch(self) -> int:
+        """How many candidates an active set begins with, and how many a round adds."""
+        return _BATCH * len(self.problem.candidates.names)
+
+    @property
+    def closed(self) -> BoolArray:
+        """Which weights cannot move, (Q,)."""
+        return self.problem.allowed.upper <= self.problem.allowed.lower
+
+    def few(self, active: IntArray) -> WhiteProblem:
+        """Return the problem over the active candidates."""
+        allowed, units = self.problem.allowed, self.units[active]
+        rows, scales = allowed.rows[:, active] * units, self.row_scales(active)
+        rows, bounds = rows / scales[:, None], self.bounds / scales
+        caps = (allowed.upper - allowed.lower)[active] / units
+        # The budget alone keeps shares below one.
+        caps = np.where(caps < 1.0, caps, np.inf)
+        start = _inside(rows, bounds, caps, self.interior[active])
+        return WhiteProblem(
+            self.objective, self.base, self.white(active), rows, bounds, caps, start
+        )
+
+    def row_scales(self, active: IntArray) -> Array:
+        """Return what the rows over the active candidates are divided by, (m,)."""
+        rows = self.problem.allowed.rows[:, active] * self.units[active]
+        scales = np.maximum(np.abs(rows).max(axis=1), np.abs(self.bounds))
+        return np.asarray(np.where(scales > 0, scales, 1.0))
+
+    def weights(self, active: IntArray, shares: Array) -> Array:
+        """Return weights (Q,) of the active candidates' shares (n,)."""
+        weights = self.problem.allowed.lower.copy()
+        weights[active] += shares * self.units[active]
+        return weights
+
+    def first_active(self) -> IntArray:
+        """Return some candidates of largest trace that determine everything and obey the rows."""
+        allowed, K = self.problem.allowed, len(self.base)
+        price = self.prices([np.eye(len(M)) for M in self.base])
+        active = self.distinct(largest(price, 2 * self.batch), self.batch)
+        if len(allowed.rows) > 1 or np.isfinite(allowed.upper).any():
+            vertex = allowed.best(np.where(self.closed, 0.0, price) / self.units)[0]
+            needed = ((vertex > allowed.lower) | (self.interior > 0)) & ~self.closed
+            active = np.union1d(active, np.flatnonzero(needed))
+        open_count = int((~self.closed).sum())
+        while len(active) < open_count and not self.determined(active):
+            # What the chosen ones leave open is priced highest.
+            mean = self._mean(active)
+            price = self.prices([np.linalg.inv(M + _WEAKEST * np.eye(len(M))) / K for M in mean])
+            price[active] = -np.inf
+            active = np.concatenate([active, largest(price, max(self.batch // 4, 1))])
+        return np.asarray(active)
+
+    def determined(self, active: IntArray) -> bool:
+        """Return whether the active candidates determine every direction well enough."""
+        return min(float(np.linalg.eigvalsh(M)[0]) for M in self._mean(active)) > _WEAKEST
+
+    def _mean(self, active: IntArray) -> list[Array]:
+        pairs = zip(self.base, self.white(active), strict=True)
+        return [base + H.mean(axis=0) for base, H in pairs]
+
+    def distinct(self, indices: IntArray, count: int) -> IntArray:
+        """Return the first `count` candidates of `indices` without equals among them.
+
+        Equal candidates only spread weight, but where each has a limit they are needed.
+        """
+        allowed = self.problem.allowed
+        if np.isfinite((allowed.upper - allowed.lower)[indices]).any():
+            return indices[:count]
+        rows = allowed.rows[1:, indices] * self.units[indices]
+        sizes = np.maximum(np.abs(rows).max(axis=1, initial=0.0), 1e-300)
+        parts = [H.reshape(len(indices), -1) for H in self.white(indices)]
+        first = distinct(np.concatenate([*parts, (rows / sizes[:, None]).T], axis=1))
+        return np.asarray(indices[first[:count]])
+
+    def white(self, indices: IntArray) -> tuple[Array, ...]:
+        """Return some candidates' information for a share of one, (n, r, r) for each sample."""
+        H = self.problem.candidates.take(indices)
+        p = H.shape[-1]
+        stack = H.reshape(len(H), -1, p, p) * self.units[indices, None, None, None]
+        return self.coordinates.matrices(np.asarray(stack))
+
+    def prices(self, white: Sequence[Array]) -> Array:
+        """Return what a share of each candidate is worth by one matrix for each sample, (Q,).
+
+        -inf where there is no room.
+        """
+        pairs = zip(self.coordinates.transforms, white, strict=True)
+        weight = np.stack([T.T @ W @ T for T, W in pairs])
+        candidates = self.problem.candidates
+        prices = candidates.prices(weight if candidates.samples > 1 else weight[0]) * self.units
+        prices[self.closed] = -np.inf
+        return np.asarray(prices)
+
+
+def _inside(rows: Array, bounds: Array, caps: Array, inside: Array) -> Array:
+    """Return positive shares with room in every row, beside shares (n,) that may be zero."""
+    n = rows.shape[1]
+    equal = np.minimum(0.9 / n, 0.5 * caps)
+    if len(rows) == 1:
+        return equal
+    room, other = bounds - rows @ inside, bounds - rows @ equal
+    less = np.maximum(room - other, 1e-300)
+    return np.asarray(inside + min(0.5, 0.5 * float((room / less).min())) * (equal - inside))
+
+
+def _samples(information: Array) -> Array:
+    return information if information.ndim == 3 else information[None]
