@@ -27,8 +27,8 @@ _SCOUTING = 8
 _GOAL = 0.03
 # Of the tolerance: gaps that end the search, and excess that brings a candidate in.
 _CLOSED, _EXCESS = 0.5, 0.25
-# Of the condition: rounding in white matrices. Eigenvalues of regular information.
-_ROUNDING, _REGULAR = 1e-15, 1e-6
+# Of the condition: rounding in white matrices.
+_ROUNDING = 1e-15
 # Of the tolerance: the goal for the weights of the few candidates that are left in the end.
 _PRECISE = 1e-3
 
@@ -75,9 +75,14 @@ def solve(
     if solver == "cvxpy":
         search.scout()
         search.run(lambda few, goal: conic(few, form))
-    if not search.closed:
-        search.run(barrier, loose=search.best is None)
-    return search.design(trim)
+    answer = search.answer(trim)
+    if answer is None:
+        stalled, search.best = search.best, None
+        search.run(barrier, loose=stalled is None)
+        answer = search.answer(trim) or search.best or stalled
+    if answer is None:
+        raise SolverFailed(f"optimal design: {'; '.join(search.failures)}")
+    return search.design(answer)
 
 
 class _Search:
@@ -146,16 +151,8 @@ class _Search:
                 return
             goal = self.tolerance if larger is None else max(_GOAL * goal, self.tolerance)
 
-    def design(self, trim: bool) -> Design:
-        """Return the best answer as a design.
-
-        Raises
-        ------
-        SolverFailed : if there is none.
-        """
-        if self.best is None:
-            raise SolverFailed(f"optimal design: {'; '.join(self.failures)}")
-        best = self._trimmed(self.best) if trim else self.best
+    def design(self, best: _Round) -> Design:
+        """Return an answer as a design."""
         whitening, problem, allowed = (w := self.whitening), w.problem, w.problem.allowed
         weights = whitening.weights(best.active, best.answer.weights)
         information = problem.information(weights)
@@ -223,51 +220,50 @@ class _Search:
     def _excess(self, current: _Round, active: IntArray) -> Array:
         """Return what a share of each candidate is worth above its price, (Q,); -inf if active."""
         whitening = self.whitening
-        worth = current.certificate.prices * whitening.units
-        if len(whitening.bounds) > 1:
-            rows = current.answer.row_multipliers / whitening.row_scales(current.active)
-            worth = worth - (rows @ whitening.problem.allowed.rows) * whitening.units
-        else:
-            # Shares cost the same; what the active ones are worth says how much.
-            worth = worth - float(current.answer.weights @ worth[current.active])
-        worth[active] = -np.inf
-        worth[whitening.closed] = -np.inf
-        return np.asarray(worth)
+        rows = current.answer.row_multipliers / whitening.row_scales(current.active)
+        priced = rows @ whitening.problem.allowed.rows
+        excess = (current.certificate.prices - priced) * whitening.units
+        excess[active] = -np.inf
+        excess[whitening.closed] = -np.inf
+        return np.asarray(excess)
 
-    def _trimmed(self, full: _Round) -> _Round:
-        """Return the answer without small weights that are not needed.
+    def answer(self, trim: bool) -> _Round | None:
+        """Return the best answer without small weights that are not needed, or None if it is poor.
 
-        Where the information stays regular, so that anybody can compute the derivative from the
-        weights alone, that certifies them; else the witness of all weights does.
+        Weights of a smooth objective must be certified by their derivative, which anybody can
+        compute from them. Where they leave the information singular there are many, and the
+        witness of all weights certifies them.
         """
+        full = self.best
+        if full is None or not self.closed:
+            return None
         few, objective = full.few, full.few.objective
-        rounding = _ROUNDING * self.whitening.coordinates.condition
-        fewer = trimmed(few, full.answer, full.value, 0.1 * self.tolerance, rounding)
-        if fewer is None:
-            return full
-        weights, value = fewer
-        gap = float(np.expm1(full.certificate.log_bound - self.whitening.constant - value))
-        best = replace(
-            full,
-            answer=replace(full.answer, weights=weights),
-            value=value,
-            certificate=replace(full.certificate, gap=gap),
-        )
         smooth = objective.smooth and len(objective.groups) == 1
-        least = min(float(np.linalg.eigvalsh(M)[0]) for M in few.information(weights))
-        if not smooth or least < _REGULAR:
-            return best
-        choices = [weights]
-        if full.answer.method == "newton":
-            choices = [*self._polished(full.active, weights), *choices]
-        for choice in choices:
-            information = few.information(choice)
-            answer = replace(full.answer, weights=choice, witness=objective.witness(information))
+        rounding = _ROUNDING * self.whitening.coordinates.condition
+        fewer = (
+            trimmed(few, full.answer, full.value, 0.1 * self.tolerance, rounding) if trim else None
+        )
+        choices = [full.answer.weights]
+        if fewer is not None:
+            weights, value, singular = fewer
+            if singular or not smooth:
+                gap = float(np.expm1(full.certificate.log_bound - self.whitening.constant - value))
+                answer = replace(full.answer, weights=weights)
+                certificate = replace(full.certificate, gap=gap)
+                return replace(full, answer=answer, value=value, certificate=certificate)
+            choices.insert(0, weights)
+            if full.answer.method == "newton":
+                choices = [*self._polished(full.active, weights), *choices]
+        if not smooth:
+            return full
+        for weights in choices:
+            information = few.information(weights)
+            answer = replace(full.answer, weights=weights, witness=objective.witness(information))
             value = objective.log_value(information)
             certificate = self._certified(answer, value)
-            if certificate.gap <= max(full.certificate.gap, _CLOSED * self.tolerance):
+            if certificate.gap <= _CLOSED * self.tolerance:
                 return replace(full, answer=answer, value=value, certificate=certificate)
-        return full
+        return None
 
     def _polished(self, active: IntArray, weights: Array) -> list[Array]:
         """Return more precise weights, those of the used candidates alone, if there are any."""

@@ -12,6 +12,7 @@ from typing import Protocol, runtime_checkable
 import numpy as np
 
 from oed.design.matrix_means import Kind, MatrixMean
+from oed.design.null_space import unit_diagonal_scaling
 from oed.design.objective import Objective, Term
 from robotmodels.arrays import Array, real_numbers
 from robotmodels.errors import InvalidInput, nearest
@@ -133,15 +134,20 @@ class ICriterion:
             raise InvalidInput(
                 f"criterion I: matrix of shape {L.shape}; finite numbers of shape {(p, p)} needed"
             )
-        eigenvalues, vectors = np.linalg.eigh(0.5 * (L + L.T))
-        small = 1e-12 * abs(eigenvalues).max()
-        if eigenvalues[-1] <= 0 or eigenvalues[0] < -small or abs(L - L.T).max() > 1e3 * small:
+        # Of unit diagonal: units differ, and so much that small ones would be taken for rounding.
+        s = unit_diagonal_scaling(L)
+        scaled = s[:, None] * L * s
+        eigenvalues, vectors = np.linalg.eigh(0.5 * (scaled + scaled.T))
+        small = 1e-12 * len(L)
+        missing = bool(np.abs(L[s == 0]).max(initial=0.0) > 0)
+        if missing or eigenvalues[0] < -small or abs(scaled - scaled.T).max() > 1e3 * small:
             raise InvalidInput(
                 "criterion I: the matrix is not symmetric, positive semidefinite and nonzero; "
                 "`prediction_matrix` makes one from gradients"
             )
         used = eigenvalues > small
-        root = vectors[:, used] * np.sqrt(eigenvalues[used])
+        units = np.divide(1.0, s, out=np.zeros_like(s), where=s > 0)
+        root = units[:, None] * vectors[:, used] * np.sqrt(eigenvalues[used])
         return Objective(self.name, ((Term(MatrixMean("A", root)),),))
 
 

@@ -16,13 +16,13 @@ def multiplicative(problem: WhiteProblem, goal: float) -> Answer:
     """Return shares of a budget, which must be the only limit, until none is worth `goal` more."""
     weights = np.full(len(problem.start), 1.0 / len(problem.start))
     terms = problem.objective.terms
-    for _ in range(_STEPS):
+    for step in range(_STEPS + 1):
         witness = problem.objective.witness(problem.information(weights))
         parts = zip(terms, witness, strict=True)
         worth = np.sum([sensitivities(W, problem.matrices[t.sample]) for t, W in parts], axis=0)
-        if worth.max() <= (1.0 + goal) * float(weights @ worth):
+        level = float(weights @ worth)
+        if step == _STEPS or worth.max() <= (1.0 + goal) * level:
             break
         weights = weights * np.sqrt(np.maximum(worth, 0.0))
         weights /= weights.sum()
-    witness = problem.objective.witness(problem.information(weights))
-    return Answer(weights, np.zeros(1), witness, "multiplicative steps")
+    return Answer(weights, np.array([level]), witness, "multiplicative steps")

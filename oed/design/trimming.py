@@ -8,6 +8,7 @@ the gap is that by the witness of all weights.
 import numpy as np
 
 from oed.design.criteria import sensitivities
+from oed.design.matrix_means import OPEN
 from oed.design.white_problem import Answer, WhiteProblem
 from robotmodels.arrays import Array
 
@@ -18,8 +19,10 @@ _TIGHT = 1e-6  # room of a row that is used up
 
 def trimmed(
     problem: WhiteProblem, answer: Answer, value: float, loss: float, rounding: float
-) -> tuple[Array, float] | None:
-    """Return fewer weights (n,) and their log value, or None if all are needed.
+) -> tuple[Array, float, bool] | None:
+    """Return fewer weights (n,), their log value and whether their information is singular.
+
+    None if all are needed.
 
     Parameters
     ----------
@@ -31,19 +34,17 @@ def trimmed(
     weights = answer.weights
     terms = zip(problem.objective.terms, answer.witness, strict=True)
     worth = np.sum([sensitivities(W, problem.matrices[t.sample]) for t, W in terms], axis=0)
-    if len(problem.rows) > 1:
-        excess = answer.row_multipliers @ problem.rows - worth
-    else:
-        excess = np.max(worth / problem.rows[0]) * problem.rows[0] - worth
+    excess = answer.row_multipliers @ problem.rows - worth
     limits = (np.maximum(excess, loss), *(share * weights.max() for share in _SHARES))
     choices = [_without(problem, weights, weights > least) for least in limits]
-    values = [_value(problem, choice, max(_RANK, rounding)) for choice in choices]
+    judged = [_value(problem, choice, max(_RANK, rounding)) for choice in choices]
+    values = [value for value, _ in judged]
     enough = max(max(values) - 0.1 * loss, value - loss)
     good = [k for k, there in enumerate(values) if there >= enough]
     if not good:
         return None
     best = min(good, key=lambda k: np.count_nonzero(choices[k]))
-    return choices[best], values[best]
+    return choices[best], *judged[best]
 
 
 def _without(problem: WhiteProblem, weights: Array, used: Array) -> Array:
@@ -59,8 +60,8 @@ def _without(problem: WhiteProblem, weights: Array, used: Array) -> Array:
     return np.asarray(np.maximum(fewer + scale * change, 0.0))
 
 
-def _value(problem: WhiteProblem, weights: Array, rounding: float) -> float:
-    """Return the log value; what only rounding tells is left out."""
+def _value(problem: WhiteProblem, weights: Array, rounding: float) -> tuple[float, bool]:
+    """Return the log value, and whether the information is singular but for rounding."""
     used = np.flatnonzero(weights)
     factors = []
     for base, H in zip(problem.base, problem.matrices, strict=True):
@@ -73,4 +74,5 @@ def _value(problem: WhiteProblem, weights: Array, rounding: float) -> float:
         sum(t.share * t.mean.log_value_of_factor(factors[t.sample]) for t in group)
         for group in problem.objective.groups
     ]
-    return float((np.array(values) - problem.objective.log_references).min())
+    value = float((np.array(values) - problem.objective.log_references).min())
+    return value, any(np.linalg.matrix_rank(F, tol=OPEN) < len(F) for F in factors)

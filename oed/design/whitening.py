@@ -156,9 +156,9 @@ class Whitening:
         pairs = zip(self.coordinates.transforms, white, strict=True)
         weight = np.stack([T.T @ W @ T for T, W in pairs])
         candidates = self.problem.candidates
-        prices = candidates.prices(weight if candidates.samples > 1 else weight[0]) * self.units
+        prices: Array = candidates.prices(weight if len(weight) > 1 else weight[0]) * self.units
         prices[self.closed] = -np.inf
-        return np.asarray(prices)
+        return prices
 
 
 def _inside(rows: Array, bounds: Array, caps: Array, inside: Array) -> Array:
