@@ -8,7 +8,7 @@ import numpy as np
 from oed.design.barrier import barrier
 from oed.design.certificate import Certificate, bounded
 from oed.design.conic import conic
-from oed.design.multiplicative import multiplicative
+from oed.design.multiplicative import NAME, multiplicative
 from oed.design.problem import Problem
 from oed.design.ranking import largest
 from oed.design.relaxed_design import Design
@@ -29,8 +29,8 @@ _GOAL = 0.03
 _CLOSED, _EXCESS = 0.5, 0.25
 # Of the condition: rounding in white matrices.
 _ROUNDING = 1e-15
-# Of the tolerance: the goal for the weights of the few candidates that are left in the end.
-_PRECISE = 1e-3
+# For the few candidates left in the end: the goal, of the tolerance, and multiplicative steps.
+_PRECISE, _STEPS = 1e-3, 1000
 
 
 @dataclass(frozen=True, eq=False)
@@ -97,20 +97,22 @@ class _Search:
         self.failures: list[str] = []
 
     @property
+    def _multiplicative(self) -> bool:
+        """Whether there are multiplicative steps: for one smooth group, and a budget alone."""
+        objective, allowed = self.whitening.objective, self.whitening.problem.allowed
+        limited = len(allowed.rows) > 1 or bool(np.isfinite(allowed.upper).any())
+        return objective.smooth and len(objective.groups) == 1 and not limited
+
+    @property
     def closed(self) -> bool:
         """Whether the best answer is good enough."""
         return self.best is not None and self.best.certificate.gap <= _CLOSED * self.tolerance
 
     def scout(self) -> None:
-        """Begin with the candidates that a few multiplicative steps find to matter.
-
-        They ask for a smooth objective of one group, and a budget as the only limit.
-        """
-        objective, allowed = self.whitening.objective, self.whitening.problem.allowed
-        limited = len(allowed.rows) > 1 or bool(np.isfinite(allowed.upper).any())
-        if limited or not objective.smooth or len(objective.groups) > 1:
+        """Begin with the candidates that a few multiplicative steps find to matter."""
+        if not self._multiplicative:
             return
-        self.scouted = " after multiplicative steps"
+        self.scouted = f" after {NAME}"
         for _ in range(_SCOUTING):
             scouted = self._round(multiplicative, _GOAL)
             larger = self._larger(scouted, _GOAL)
@@ -234,43 +236,78 @@ class _Search:
         compute from them. Where they leave the information singular there are many, and the
         witness of all weights certifies them.
         """
-        full = self.best
-        if full is None or not self.closed:
+        if self.best is None or not self.closed:
             return None
-        few, objective = full.few, full.few.objective
-        smooth = objective.smooth and len(objective.groups) == 1
+        current, certified = self.best, not _unique(self.best)
+        while trim:
+            fewer, singular = self._fewer(current)
+            if fewer is None:
+                break
+            current, certified = fewer, True
+            if singular:
+                break
+        return current if certified else self._precise(current, current.answer.weights)
+
+    def _fewer(self, full: _Round) -> tuple[_Round | None, bool]:
+        """Return an answer with fewer weights, if one is as good, and whether it is singular."""
         rounding = _ROUNDING * self.whitening.coordinates.condition
-        fewer = (
-            trimmed(few, full.answer, full.value, 0.1 * self.tolerance, rounding) if trim else None
-        )
-        choices = [full.answer.weights]
-        if fewer is not None:
-            weights, value, singular = fewer
-            if singular or not smooth:
-                gap = float(np.expm1(full.certificate.log_bound - self.whitening.constant - value))
-                answer = replace(full.answer, weights=weights)
-                certificate = replace(full.certificate, gap=gap)
-                return replace(full, answer=answer, value=value, certificate=certificate)
-            choices.insert(0, weights)
-            if full.answer.method == "newton":
-                choices = [*self._polished(full.active, weights), *choices]
-        if not smooth:
-            return full
-        for weights in choices:
-            information = few.information(weights)
-            answer = replace(full.answer, weights=weights, witness=objective.witness(information))
-            value = objective.log_value(information)
-            certificate = self._certified(answer, value)
-            if certificate.gap <= _CLOSED * self.tolerance:
-                return replace(full, answer=answer, value=value, certificate=certificate)
+        fewer = trimmed(full.few, full.answer, full.value, 0.1 * self.tolerance, rounding)
+        if fewer is None:
+            return None, False
+        weights, value, singular = fewer
+        if singular or not _unique(full):
+            gap = float(np.expm1(full.certificate.log_bound - self.whitening.constant - value))
+            answer = replace(full.answer, weights=weights)
+            certificate = replace(full.certificate, gap=gap)
+            return replace(full, answer=answer, value=value, certificate=certificate), singular
+        return self._precise(full, weights), False
+
+    def _precise(self, full: _Round, weights: Array) -> _Round | None:
+        """Return an answer of the used candidates that its derivative certifies, if there is one.
+
+        They are solved for alone, more precisely: by the barrier method after itself, by
+        multiplicative steps after cvxpy.
+        """
+        used, newton = np.flatnonzero(weights), full.answer.method == "newton"
+        few = self.whitening.few(full.active[used])
+        better = None
+        if newton:
+            better = self._derived(full, _spread(used, weights, _finely(few, self.tolerance)))
+        better = better or self._derived(full, weights)
+        if better is None and not newton and self._multiplicative:
+            answer = multiplicative(few, 0.1 * self.tolerance, weights[used], _STEPS)
+            better = self._derived(full, _spread(used, weights, answer.weights))
+            if better is not None and NAME not in self.methods:
+                self.methods.append(NAME)
+        return better
+
+    def _derived(self, full: _Round, weights: Array) -> _Round | None:
+        """Return an answer certified by the derivative at its weights, if that is good enough."""
+        few, information = full.few, full.few.information(weights)
+        answer = replace(full.answer, weights=weights, witness=few.objective.witness(information))
+        value = few.objective.log_value(information)
+        certificate = self._certified(answer, value)
+        if certificate.gap > _CLOSED * self.tolerance:
+            return None
+        return replace(full, answer=answer, value=value, certificate=certificate)
+
+
+def _unique(one: _Round) -> bool:
+    """Return whether regular information has a unique derivative."""
+    return one.few.objective.smooth and len(one.few.objective.groups) == 1
+
+
+def _finely(few: WhiteProblem, tolerance: float) -> Array | None:
+    """Return precise weights of a few candidates, if the barrier method finds them."""
+    try:
+        return few.completed(barrier(few, _PRECISE * tolerance).weights)
+    except SolverFailed:
         return None
 
-    def _polished(self, active: IntArray, weights: Array) -> list[Array]:
-        """Return more precise weights, those of the used candidates alone, if there are any."""
-        used, precise = np.flatnonzero(weights), np.zeros(len(weights))
-        few = self.whitening.few(active[used])
-        try:
-            precise[used] = few.completed(barrier(few, _PRECISE * self.tolerance).weights)
-        except SolverFailed:
-            return []
-        return [precise]
+
+def _spread(used: IntArray, weights: Array, precise: Array | None) -> Array:
+    """Return weights (n,) with `precise` ones in the used places, if there are any."""
+    spread = weights.copy()
+    if precise is not None:
+        spread[used] = precise
+    return spread

@@ -27,7 +27,7 @@ from robotmodels.errors import SolverFailed
 
 # With looser tolerances Clarabel stops at gaps of 1e-5.
 _CLARABEL = {"tol_gap_abs": 1e-11, "tol_gap_rel": 1e-11, "tol_feas": 1e-11, "max_iter": 200}
-_SCS = {"eps": 1e-9, "max_iters": 50_000}
+_SCS = {"eps": 1e-9, "max_iters": 5_000}
 
 
 def conic(problem: WhiteProblem, form: str = "dual") -> Answer:

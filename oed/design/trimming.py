@@ -44,6 +44,8 @@ def trimmed(
     if not good:
         return None
     best = min(good, key=lambda k: np.count_nonzero(choices[k]))
+    if np.count_nonzero(choices[best]) == np.count_nonzero(weights):
+        return None
     return choices[best], *judged[best]
 
 

@@ -164,7 +164,7 @@ class Whitening:
 def _inside(rows: Array, bounds: Array, caps: Array, inside: Array) -> Array:
     """Return positive shares with room in every row, beside shares (n,) that may be zero."""
     n = rows.shape[1]
-    equal = np.minimum(0.9 / n, 0.5 * caps)
+    equal: Array = np.minimum(0.9 / n, 0.5 * caps)
     if len(rows) == 1:
         return equal
     room, other = bounds - rows @ inside, bounds - rows @ equal

@@ -1,8 +1,8 @@
-"""Random and degenerate designs, each judged in 60 digits by what a reader of a paper would compute.
+"""Random and degenerate designs, each judged in 60 digits by textbook formulas.
 
-`check_design(seed)` draws a problem, designs for it and returns an `Outcome`. The judge sees the raw
-matrices and the weights; for E, and where the information that is left is singular, also the dual
-point. Nothing of it is the package's own arithmetic.
+`check_design(seed)` draws a problem, designs for it and returns an `Outcome`. The judge sees the
+raw matrices and the weights; for E, and where the information that is left is singular, also the
+dual point. Nothing of it is the package's own arithmetic.
 """
 
 import time
@@ -236,7 +236,7 @@ def judged(draw, design):
     """Return a failure or nothing, the true gap, and whether the information is singular."""
     ctx.dps = 100  # scales of 1e60 and e^30 leave 60 of them
     H, w = draw.matrices, design.weights
-    Q, p = H.shape[:2]
+    Q = len(H)
     constraints = draw.options.get("constraints")
     if not (np.isfinite(w).all() and (w >= 0).all()):
         return "weights that are negative or not finite", np.nan, False
@@ -273,7 +273,7 @@ def _violation(constraints, w):
 
 
 def _information(draw, w):
-    Q, p = draw.matrices.shape[:2]
+    p = draw.matrices.shape[1]
     used = np.flatnonzero(w)
     total = exactly(w[used]) * exactly(draw.matrices[used].reshape(len(used), -1))
     M = arb_mat(p, p, total.entries())
@@ -282,7 +282,6 @@ def _information(draw, w):
 
 def _singular(M, mean):
     """Return whether a pivot of M in units of the mean information is below 1e-12."""
-    p = M.nrows()
     scales = exactly(np.diag(1 / np.sqrt(mean)))
     pivots = [pivot for pivot, _ in _pivots(scales * M * scales)]
     return min(pivots) < 1e-12 * max(pivots)

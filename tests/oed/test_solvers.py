@@ -9,9 +9,9 @@ from random_candidates import information_set, random_set
 
 import oed
 import oed.design.active_set
+from oed.design.barrier import barrier
 from oed.design.criteria import objective
-from oed.design.inner_problem import InnerProblem
-from oed.design.newton import newton
+from oed.design.white_problem import WhiteProblem
 from robotmodels import InvalidInput, SolverFailed
 
 
@@ -50,26 +50,25 @@ def test_awkward_candidates(kind, seed, criterion):
         assert judge.efficiency(other, design.information) <= 1 + 2e-6
 
 
-def test_small_shares_of_nearly_equal_candidates_are_kept_where_they_matter():
-    """Without them these gaps stay above the tolerance."""
-    for seed, criterion in ((537, "A"), (125, "D"), (140, "D")):
-        info = awkward(seed, "nearly equal")
-        assert oed.optimal_design(info, criterion, solver="newton").gap <= 1e-6
-
-
-def test_inner_problem_against_cvxpy():
-    """Weights, rows' multipliers and derivative of one small problem with two rows."""
+def test_barrier_method_against_cvxpy():
+    """Weights, rows' multipliers and derivative of one small problem with two rows and caps."""
     info = random_set(3, 20, 3, 2)
-    rows, bounds = np.stack([np.ones(20), np.linspace(0, 2, 20)]), np.array([1.0, 0.6])
-    wanted = objective("D", info.names)
-    found = newton(InnerProblem(wanted, (0.1 * np.eye(3),), (info.matrices,), rows, bounds), 1e-10)
+    rows, bounds = np.stack([np.ones(20), np.linspace(0, 2, 20)]) / [[1], [2]], np.array([1.0, 0.3])
+    caps = np.where(np.arange(20) % 2, 0.1, np.inf)
+    wanted, base = objective("D", info.names), 0.1 * np.eye(3)
+    start = np.full(20, 0.02)
+    problem = WhiteProblem(wanted, (base,), (info.matrices,), rows, bounds, caps, start)
+    answer = barrier(problem, 1e-9)
     w = cp.Variable(20, nonneg=True)
-    M = 0.1 * np.eye(3) + cp.reshape(info.matrices.reshape(20, -1).T @ w, (3, 3), order="C")
+    M = base + cp.reshape(info.matrices.reshape(20, -1).T @ w, (3, 3), order="C")
     limits = rows @ w <= bounds
-    cp.Problem(cp.Maximize(cp.log_det(M) / 3), [limits]).solve(cp.CLARABEL)
-    np.testing.assert_allclose(found.weights, w.value, atol=1e-4)
-    np.testing.assert_allclose(found.row_multipliers, limits.dual_value, rtol=1e-3, atol=1e-5)
-    np.testing.assert_allclose(found.witness[0], np.linalg.inv(M.value) / 3, rtol=1e-3, atol=1e-5)
+    judge = cp.Problem(cp.Maximize(cp.log_det(M) / 3), [limits, w[1::2] <= 0.1])
+    tight = {"tol_gap_abs": 1e-11, "tol_gap_rel": 1e-11, "tol_feas": 1e-11}
+    judge.solve(cp.CLARABEL, **tight)
+    assert judge.status == "optimal"
+    np.testing.assert_allclose(answer.weights, w.value, atol=1e-5)
+    np.testing.assert_allclose(answer.row_multipliers, limits.dual_value, rtol=1e-4, atol=1e-6)
+    np.testing.assert_allclose(answer.witness[0], np.linalg.inv(M.value) / 3, rtol=1e-4, atol=1e-6)
 
 
 @pytest.mark.parametrize("criterion", ["D", "A", "c", "Ds"])
@@ -101,26 +100,52 @@ def test_scs_takes_over_from_clarabel(monkeypatch):
     assert design.value == pytest.approx(oed.optimal_design(info, solver="newton").value, abs=1e-6)
 
 
-def test_cvxpy_takes_over_from_newton(monkeypatch):
-    def stuck(*_, **__):
-        raise SolverFailed("interior-point method stopped 0.1 from its goal")
+@pytest.mark.parametrize("criterion", ["D", "E"])
+def test_the_barrier_method_goes_on_where_cvxpy_gives_no_answer(monkeypatch, criterion):
+    info = random_set(1, 30, 3, 2)
+    expected = oed.optimal_design(info, criterion).value
 
-    monkeypatch.setattr(oed.design.active_set, "newton", stuck)
-    design = oed.optimal_design(random_set(1, 30, 3, 2), solver="newton", tolerance=1e-5)
-    assert design.solver == "interior-point method stopped 0.1 from its goal: cvxpy, clarabel"
-    assert design.gap <= 1e-5
+    def refuse(problem, **options):
+        raise cp.SolverError("no luck")
+
+    monkeypatch.setattr(cp.Problem, "solve", refuse)
+    design = oed.optimal_design(info, criterion)
+    assert design.solver.startswith("newton")
+    assert design.value == pytest.approx(expected, rel=2e-6)
+    monkeypatch.setattr(cp.Problem, "solve", lambda problem, **options: None)
+    assert "cvxpy" not in oed.optimal_design(info, criterion).solver
 
 
-def test_cvxpy_finds_its_candidates_where_newton_is_stuck(monkeypatch):
-    def stuck(*_, **__):
-        raise SolverFailed("interior-point method stopped 0.1 from its goal")
+def test_no_method_with_an_answer_says_why(monkeypatch):
+    def stuck(*_):
+        raise SolverFailed("barrier method: no room between the constraints")
+
+    def refuse(problem, **options):
+        raise cp.SolverError("no luck")
+
+    monkeypatch.setattr(oed.design.active_set, "barrier", stuck)
+    with pytest.raises(SolverFailed, match="optimal design: barrier method: no room"):
+        oed.optimal_design(random_set(1, 30, 3, 2), solver="newton")
+    monkeypatch.setattr(cp.Problem, "solve", refuse)
+    with pytest.raises(SolverFailed, match="CLARABEL: no luck; SCS: no luck; barrier method: no"):
+        oed.optimal_design(random_set(1, 30, 3, 2))
+
+
+@pytest.mark.parametrize("criterion", ["D", "A", "c", "E"])
+def test_cvxpy_is_a_judge_of_its_own(monkeypatch, criterion):
+    """It never runs the barrier method, nor begins with its candidates, unless it stalls."""
+
+    def forbidden(*_):
+        raise AssertionError("the barrier method ran")
 
     info = random_set(1, 3000, 6, 1)
-    expected = oed.optimal_design(info, solver="newton").value
-    monkeypatch.setattr(oed.design.active_set, "newton", stuck)
-    design = oed.optimal_design(info, tolerance=1e-5)
-    assert design.solver.startswith("cvxpy, clarabel")
-    assert design.value == pytest.approx(expected, abs=1e-4)
+    wanted = oed.CCriterion(np.arange(6.0)) if criterion == "c" else criterion
+    fast = None if criterion == "E" else oed.optimal_design(info, wanted, solver="newton").value
+    monkeypatch.setattr(oed.design.active_set, "barrier", forbidden)
+    design = oed.optimal_design(info, wanted, tolerance=1e-5)
+    assert "newton" not in design.solver
+    assert ("multiplicative" in design.solver) == (criterion != "E")
+    assert fast is None or design.value == pytest.approx(fast, rel=1e-5)
 
 
 def test_no_rounds_no_design():
