@@ -6,19 +6,16 @@ It maximises, for a falling mu,
 
 by Newton's method with primal-dual scaling and a line search, and stops at a positive mu. Weights
 are then positive, mu over what each candidate costs above its price: the information stays regular,
-its derivative is unique, and the gap, (n + m) mu, follows from the weights alone.
-
-Two kinds of objective are smoothed by the same mu. The least of several groups' log values v_g is
-the largest t + mu sum_g log (v_g - t). The logarithm of the smallest eigenvalue of (B'M^-1 B)^-1 is
-the largest log s + mu log det (M - s B B').
+its derivative is unique, and the gap, (n + m) mu, follows from the weights alone. What has no
+second derivatives is smoothed by the same mu, see `smoothing`.
 """
 
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.linalg import lu_factor, lu_solve, solve_triangular
+from scipy.linalg import lu_factor, lu_solve
 
-from oed.design.matrix_means import MatrixMean, between
+from oed.design.smoothing import Smoothed, smoothed, smoothed_value
 from oed.design.white_problem import Answer, WhiteProblem
 from robotmodels.arrays import Array
 from robotmodels.errors import SolverFailed
@@ -33,35 +30,6 @@ _CLOSE, _CENTRED, _CONVERGED = 0.1, 1e-2, 1e-13
 # Duals stay within this factor of mu over their primals.
 _TRUST = 1e6
 _SHARE_OF_GOAL = 0.15
-
-
-@dataclass(frozen=True, eq=False)
-class _Smooth:
-    """The smoothed log value at some weights, and what Newton's method needs of it.
-
-    Attributes
-    ----------
-    value : of the objective.
-    slopes : (G, n) of the groups' values, and their multipliers (G,), which sum to one.
-    curvature : (n, n) minus the second derivative at these multipliers.
-    rooms : (G,) of the groups above t.
-    sizes : (n, k) minus the mixed derivatives by w and by each smoothed eigenvalue's s, and (k,)
-        minus the second ones by s.
-    witness : of each term.
-    """
-
-    value: float
-    slopes: Array
-    multipliers: Array
-    curvature: Array
-    rooms: Array
-    mixed: Array
-    sizes: Array
-    witness: tuple[Array, ...]
-
-    @property
-    def gradient(self) -> Array:
-        return np.asarray(self.multipliers @ self.slopes)
 
 
 @dataclass(frozen=True, eq=False)
@@ -101,12 +69,12 @@ def barrier(problem: WhiteProblem, goal: float) -> Answer:
 
 def _newton(
     problem: WhiteProblem, point: _Point, mu: float, least: float
-) -> tuple[_Point, _Smooth]:
+) -> tuple[_Point, Smoothed]:
     """Return the point of the central path at mu, or as near to it as rounding lets come.
 
     Steps end where the next one promises less than `least` of mu.
     """
-    model = _model(problem, point.weights, mu)
+    model = smoothed(problem, point.weights, mu)
     value = _merit(problem, point.weights, mu)
     best = np.inf
     for step in range(_MOST_STEPS):
@@ -125,7 +93,7 @@ def _newton(
         else:
             break  # rounding: no step makes progress
         point = _moved(problem, point, move, weights, length, mu)
-        model, value = _model(problem, weights, mu), there
+        model, value = smoothed(problem, weights, mu), there
     return point, model
 
 
@@ -146,21 +114,16 @@ def _merit(problem: WhiteProblem, weights: Array, mu: float) -> float:
     above, slack = _rooms(problem, weights)
     if not (min(weights.min(), above.min(), slack.min()) > 0):
         return -np.inf
-    information = problem.information(weights)
     try:
-        values = [
-            sum(t.share * _value(t.mean, information[t.sample], mu / t.share) for t in group)
-            for group in problem.objective.groups
-        ]
+        value = smoothed_value(problem, weights, mu)
     except np.linalg.LinAlgError:
         return -np.inf
-    value = _least(np.array(values) - problem.objective.log_references, mu)[0]
     capped = above[np.isfinite(above)]
     return value + mu * float(np.log(weights).sum() + np.log(capped).sum() + np.log(slack).sum())
 
 
 def _direction(
-    problem: WhiteProblem, point: _Point, model: _Smooth, mu: float
+    problem: WhiteProblem, point: _Point, model: Smoothed, mu: float
 ) -> tuple[_Point, float]:
     """Return the move of the weights with the new duals, and the first-order gain of it.
 
@@ -235,149 +198,3 @@ def _moved(
         dual(point.upper, move.upper, above),
         dual(point.rows, move.rows, slack),
     )
-
-
-def _model(problem: WhiteProblem, weights: Array, mu: float) -> _Smooth:
-    objective, information = problem.objective, problem.information(weights)
-    n, groups = len(weights), len(objective.groups)
-    values, slopes, parts = np.zeros(groups), np.zeros((groups, n)), []
-    for g, group in enumerate(objective.groups):
-        for term in group:
-            M, H = information[term.sample], problem.matrices[term.sample]
-            part = _term(term.mean, M, H, mu / term.share)
-            values[g] += term.share * part.value
-            slopes[g] += term.share * part.slopes
-            parts.append((g, term.share, part))
-    value, rooms = _least(values - objective.log_references, mu)
-    multipliers = mu / rooms if groups > 1 else np.ones(1)
-    curvature, mixed, sizes, witness = np.zeros((n, n)), [], [], []
-    for g, share, part in parts:
-        factor = multipliers[g] * share
-        curvature += factor * part.curvature
-        witness.append(factor * part.witness)
-        if part.mixed is not None:
-            mixed.append(factor * part.mixed)
-            sizes.append(factor * part.size)
-    return _Smooth(
-        value,
-        slopes,
-        multipliers,
-        curvature,
-        rooms,
-        np.array(mixed).reshape(-1, n).T,
-        np.array(sizes),
-        tuple(witness),
-    )
-
-
-@dataclass(frozen=True, eq=False)
-class _Term:
-    value: float
-    slopes: Array
-    curvature: Array
-    witness: Array
-    mixed: Array | None = None
-    size: float = 0.0
-
-
-def _term(mean: MatrixMean, information: Array, matrices: Array, mu: float) -> _Term:
-    """Return one mean's logarithm, smoothed by mu if it is that of the smallest eigenvalue."""
-    if mean.kind != "E":
-        value, slopes, curvature = mean.second_order(information, matrices)
-        return _Term(value, slopes, -curvature, mean.log_gradient(information))
-    T, U, ratios, largest, log_det = _spectrum(mean, information)
-    s, left = _largest_size(ratios, mu)
-    # X = M - s B B': its inverse is G G'.
-    G = T.T @ np.concatenate([U / np.sqrt(left), _complement(U)], axis=1)
-    white = between(G.T, matrices, G)
-    flat = white.reshape(len(white), -1)
-    inner = s * ratios / left  # of G's columns along B, times s
-    k = len(ratios)
-    diagonal = np.einsum("ijj->ij", white)
-    value = np.log(s) - np.log(largest) + mu * (log_det + float(np.log(left).sum()))
-    return _Term(
-        float(value),
-        mu * diagonal.sum(axis=1),
-        mu * flat @ flat.T,
-        mu * G @ G.T,
-        -mu * diagonal[:, :k] @ inner,
-        float(1.0 + mu * (inner**2).sum()),
-    )
-
-
-def _value(mean: MatrixMean, information: Array, mu: float) -> float:
-    """Return the value of `_term` alone."""
-    if mean.kind != "E":
-        return mean.log_value(information)
-    _, _, ratios, largest, log_det = _spectrum(mean, information)
-    s, left = _largest_size(ratios, mu)
-    return float(np.log(s) - np.log(largest) + mu * (log_det + float(np.log(left).sum())))
-
-
-def _spectrum(mean: MatrixMean, information: Array) -> tuple[Array, Array, Array, float, float]:
-    """Return T with T'T = M^-1, then U, l and c in T B = U sqrt(c l) V', and log det M."""
-    L = np.linalg.cholesky(information)
-    T = solve_triangular(L, np.eye(len(information)), lower=True, check_finite=False)
-    root = T if mean.combinations is None else T @ mean.combinations
-    U, sizes, _ = np.linalg.svd(root, full_matrices=False)
-    return (
-        T,
-        U,
-        (sizes / sizes[0]) ** 2,
-        float(sizes[0] ** 2),
-        2 * float(np.log(np.diagonal(L)).sum()),
-    )
-
-
-def _largest_size(ratios: Array, mu: float) -> tuple[float, Array]:
-    """Return the s that maximises log s + mu sum_k log (1 - s l_k), and 1 - s l_k; l_0 = 1.
-
-    With d = 1 - s it solves 1 = mu sum_k s l_k / (1 - s l_k), and 1 - s l = (1 - l) + d l.
-    """
-    d = mu / (1.0 + mu)
-    low, high = d, d * len(ratios)
-    high = min(high, 1.0)
-    for _ in range(100):
-        left = (1.0 - ratios) + d * ratios
-        s = 1.0 - d
-        excess = mu * float((s * ratios / left).sum()) - 1.0
-        if excess > 0:
-            low = d
-        else:
-            high = d
-        slope = -mu * float((ratios / left + s * ratios**2 / left**2).sum())
-        step = d - excess / slope
-        following = step if low < step < high else 0.5 * (low + high)
-        if abs(following - d) <= 1e-15 * d:
-            break
-        d = following
-    return 1.0 - d, (1.0 - ratios) + d * ratios
-
-
-def _least(values: Array, mu: float) -> tuple[float, Array]:
-    """Return the largest t + mu sum_g log (v_g - t), (G,), and v_g - t there."""
-    if len(values) == 1:
-        return float(values[0]), np.zeros(1)
-    above = values - values.min()
-    # sum_g mu / (above_g + d) = 1 for d between mu and G mu.
-    low, high = mu, mu * len(values)
-    d = low
-    for _ in range(100):
-        excess = float((mu / (above + d)).sum()) - 1.0
-        if excess > 0:
-            low = d
-        else:
-            high = d
-        slope = -float((mu / (above + d) ** 2).sum())
-        step = d - excess / slope
-        following = step if low <= step <= high else 0.5 * (low + high)
-        if abs(following - d) <= 1e-15 * d:
-            break
-        d = following
-    rooms = above + d
-    return float(values.min() - d + mu * np.log(rooms).sum()), rooms
-
-
-def _complement(basis: Array) -> Array:
-    """Return an orthonormal basis of what the columns of one, (r, k), leave."""
-    return np.asarray(np.linalg.qr(basis, mode="complete")[0][:, basis.shape[1] :])

@@ -40,7 +40,7 @@ class Candidates(Protocol):
         ...
 
 
-def check_candidates(info: object) -> None:
+def check_candidates(info: object, argument: str = "info") -> None:
     """Refuse what has no information of candidates.
 
     Raises
@@ -52,7 +52,7 @@ def check_candidates(info: object) -> None:
         shape = getattr(info, "shape", None)
         what = type(info).__name__ if shape is None else f"an array of shape {shape}"
         raise InvalidInput(
-            f"info: {what}; an InformationSet is needed, which "
+            f"{argument}: {what}; an InformationSet is needed, which "
             "oed.InformationSet(positions, matrices, names) makes of matrices (Q, p, p)"
         )
 

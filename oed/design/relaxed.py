@@ -95,6 +95,7 @@ def checked_prior(prior: Array | None, info: Candidates) -> Array | None:
     ------
     InvalidInput : if it is not (p, p) or (K, p, p), finite, symmetric and positive semidefinite.
     """
+    check_candidates(info)
     if prior is None:
         return None
     p = len(info.names)

@@ -14,7 +14,7 @@ import numpy as np
 
 from oed.design.criteria import Criterion, averaged, checked_shares, objective
 from oed.design.objective import Objective, Term
-from oed.design.problem import Candidates
+from oed.design.problem import Candidates, check_candidates
 from oed.design.relaxed import Design, optimal_design
 from robotmodels.arrays import Array, IntArray, read_only, real_numbers
 from robotmodels.errors import InvalidInput, nearest
@@ -44,6 +44,7 @@ class InformationSamples:
         if not self.sets:
             raise InvalidInput("samples: no information set; at least one is needed")
         for k, other in enumerate(self.sets):
+            check_candidates(other, f"samples: set {k}")
             if len(other) != len(self) or other.names != self.names or other.samples != 1:
                 raise InvalidInput(
                     f"samples: set {k} has {len(other)} candidates and parameters "
@@ -204,6 +205,8 @@ def robust_design(
         raise InvalidInput(
             f"kind {kind!r} is not known{nearest(kind, KINDS)}; there are {', '.join(KINDS)}"
         )
+    if kind == "maximin" and shares is not None:
+        raise InvalidInput('shares: they weigh an average; kind "maximin" has none')
     if not isinstance(samples, InformationSamples):
         samples = InformationSamples(tuple(samples))
     base = objective(criterion, samples.names)

@@ -14,6 +14,7 @@ from itertools import combinations
 import numpy as np
 
 from oed.design.criteria import Criterion, objective
+from oed.design.problem import check_candidates
 from oed.design.relaxed import Design
 from oed.design.sensor_relaxation import Shop, relaxed_choice
 from oed.information_set import InformationSet
@@ -132,12 +133,14 @@ def optimal_sensors(
 def _checked(
     base: InformationSet, sensors: Mapping[str, Sensor], budget: float
 ) -> tuple[tuple[str, ...], Array, Array]:
+    check_candidates(base, "base")
     if not sensors:
         raise InvalidInput("sensors: none given; at least one is needed")
     if not (np.isfinite(budget) and budget >= 0):
         raise InvalidInput(f"budget: {budget!r} is not a number >= 0")
     for name, sensor in sensors.items():
         other = sensor.information
+        check_candidates(other, f"sensors: {name}: information")
         if len(other) != len(base) or other.names != base.names:
             raise InvalidInput(
                 f"sensors: {name}: {len(other)} candidates and parameters "

@@ -49,7 +49,7 @@ class BestPlans(Printed):
 
 def best_plans(
     info: Candidates,
-    n_experiments: int = 15,
+    n_experiments: int | None = None,
     plans: int = 1,
     design: Design | None = None,
     *,

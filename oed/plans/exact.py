@@ -30,6 +30,7 @@ from robotmodels.errors import InvalidInput, NotIdentifiable
 from robotmodels.notebook import Printed
 
 _POOL = 256  # candidates that exchanges begin with, at least
+_EXPERIMENTS = 15  # where nothing says how many
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,7 +75,7 @@ class ExactDesign(Printed):
 
 def exact_design(
     info: Candidates,
-    n_experiments: int = 15,
+    n_experiments: int | None = None,
     design: Design | None = None,
     *,
     criterion: str | Criterion | None = None,
@@ -86,7 +87,8 @@ def exact_design(
     Parameters
     ----------
     info : information of each candidate, in memory or in a store.
-    n_experiments : number of experiments, where the constraints name neither a number nor a time.
+    n_experiments : number of experiments; by default what the constraints say, or 15 where they
+        name neither a number nor a time.
     design : relaxed design of the same problem; computed if None. Its gap is certified anew.
     criterion : "D", "A", "E" or an object of `oed.design.criteria`; by default the design's, or D.
     constraints : limits on the experiments.
@@ -94,8 +96,8 @@ def exact_design(
 
     Raises
     ------
-    InvalidInput : if `n_experiments` is not a positive whole number, `design` does not fit, or no
-        whole plan satisfies the constraints.
+    InvalidInput : if `n_experiments` is not a positive whole number or contradicts the constraints,
+        `design` does not fit, or no whole plan satisfies the constraints.
     NotIdentifiable : naming the parameters, if so few experiments leave a direction open (and
         how many are needed), or all candidates together do.
     """
@@ -125,7 +127,7 @@ def exchanged(problem: WholeProblem, prices: Array, weights: Array) -> IntArray:
 
 def relaxation(
     info: Candidates,
-    n_experiments: int,
+    n_experiments: int | None,
     design: Design | None = None,
     *,
     criterion: str | Criterion | None = None,
@@ -206,16 +208,29 @@ def _criterion(given: str | Criterion | None, design: Design | None) -> str | Cr
     )
 
 
-def _allowed(n_experiments: int, constraints: Constraints | None, n_candidates: int) -> Polytope:
-    whole = isinstance(n_experiments, (int, np.integer)) and not isinstance(n_experiments, bool)
-    if not whole or n_experiments < 1:
-        raise InvalidInput(f"n_experiments: {n_experiments!r} is not a whole number >= 1")
+def _allowed(
+    n_experiments: int | None, constraints: Constraints | None, n_candidates: int
+) -> Polytope:
+    limited = constraints is not None and (
+        constraints.experiments is not None or constraints.time is not None
+    )
+    if n_experiments is not None:
+        whole = isinstance(n_experiments, (int, np.integer)) and not isinstance(n_experiments, bool)
+        if not whole or n_experiments < 1:
+            raise InvalidInput(f"n_experiments: {n_experiments!r} is not a whole number >= 1")
+        if limited and constraints is not None and constraints.experiments != n_experiments:
+            said = f"time={constraints.time!r} alone"
+            if constraints.experiments is not None:
+                said = f"experiments={constraints.experiments!r}"
+            raise InvalidInput(
+                f"n_experiments: {n_experiments} contradicts the constraints, which say {said}; "
+                f"leave it out, or put experiments={n_experiments} into the constraints"
+            )
+    number = float(_EXPERIMENTS if n_experiments is None else n_experiments)
     if constraints is None:
-        shares = Polytope.shares(n_candidates)
-        return replace(shares, bounds=np.array([float(n_experiments)]))
-    if constraints.experiments is None and constraints.time is None:
-        constraints = replace(constraints, experiments=float(n_experiments))
-    return constraints.polytope(n_candidates)
+        return replace(Polytope.shares(n_candidates), bounds=np.array([number]))
+    allowed = constraints if limited else replace(constraints, experiments=number)
+    return allowed.polytope(n_candidates)
 
 
 def _promising(prices: Array, weights: Array) -> IntArray:

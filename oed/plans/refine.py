@@ -19,7 +19,7 @@ from oed.design.criteria import Criterion, sensitivities
 from oed.design.criteria import objective as stated
 from oed.design.objective import Objective
 from oed.design.polytope import Polytope
-from oed.design.problem import Problem
+from oed.design.problem import Problem, check_candidates
 from oed.design.relaxed import Design, optimal_design
 from oed.information_set import InformationSet
 from oed.plans.climbing import Region, climbed, new_positions
@@ -149,6 +149,7 @@ def refined_over(
     ------
     InvalidInput : if `max_rounds` or the tolerance is not positive, or as `optimal_design`.
     """
+    check_candidates(info)
     if max_rounds < 1 or not tolerance > 0:
         raise InvalidInput(
             f"refine: max_rounds {max_rounds!r} and tolerance {tolerance!r} must be positive"

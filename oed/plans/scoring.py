@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike
 from oed.design.criteria import Criterion
 from oed.design.gains import best_addition
 from oed.design.null_space import unit_diagonal_scaling, weak_directions
-from oed.design.problem import Candidates
+from oed.design.problem import Candidates, check_candidates
 from oed.design.relaxed import Design
 from oed.plans.exact import ExactDesign, finished, relaxation
 from robotmodels.arrays import Array, IntArray, read_only, real_numbers
@@ -103,6 +103,7 @@ def score(
     InvalidInput : if a candidate does not exist or repetitions do not fit.
     NotIdentifiable : naming the parameters that the plan leaves open.
     """
+    check_candidates(info)
     counts = _counts(info, plan, repetitions)
     problem, _, _, bound = relaxation(
         info, int(counts.sum()), design, criterion=criterion, prior=prior

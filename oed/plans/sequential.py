@@ -8,7 +8,7 @@ import numpy as np
 
 from oed.design.constraints import Constraints
 from oed.design.criteria import Criterion
-from oed.design.problem import Candidates
+from oed.design.problem import Candidates, check_candidates
 from oed.design.relaxed import checked_prior
 from oed.plans.exact import ExactDesign, exact_design
 from oed.plans.scoring import standard_deviations
@@ -131,6 +131,7 @@ def measured_information(info: Candidates, repetitions: Sequence[int] | IntArray
     ------
     InvalidInput : if there are not as many numbers as positions, or one is negative.
     """
+    check_candidates(info)
     counts = np.asarray(repetitions, dtype=float)
     if counts.shape != (len(info),) or not (counts >= 0).all():
         raise InvalidInput(
@@ -215,6 +216,7 @@ def experiments_needed(
     """
     if not (np.isfinite(std) and std > 0):
         raise InvalidInput(f"std: {std!r}; a positive number is needed (0.01 for one percent)")
+    check_candidates(info)
     chosen = _chosen(info.names, parameters)
     attempt = partial(_attempt, info, known=known, criterion=criterion, constraints=constraints)
     reached: dict[int, tuple[ExactDesign | None, Array]] = {}

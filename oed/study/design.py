@@ -174,9 +174,8 @@ def _for_one(choice: DesignChoice, info: Information, constraints: Constraints |
     design = optimal_design(
         info, wanted, constraints, tolerance=choice.tolerance, solver=choice.solver
     )
-    exact = exact_design(
-        info, choice.experiments, design, criterion=wanted, constraints=constraints
-    )
+    number = _number(choice, constraints)
+    exact = exact_design(info, number, design, criterion=wanted, constraints=constraints)
     return Plan(design, exact)
 
 
@@ -198,10 +197,16 @@ def _for_all(
         base = objective(wanted, samples.names)
         values = np.array([base.log_value(matrix) for matrix in robust.design.information])
         criterion = MaximinCriterion(wanted, (values - np.log(robust.efficiency)).tolist())
+    number = _number(choice, constraints)
     exact = exact_design(
-        samples, choice.experiments, robust.design, criterion=criterion, constraints=constraints
+        samples, number, robust.design, criterion=criterion, constraints=constraints
     )
     return Plan(robust.design, exact, robust)
+
+
+def _number(choice: DesignChoice, constraints: Constraints | None) -> int | None:
+    """Return how many experiments, where the constraints do not say so themselves."""
+    return choice.experiments if constraints is None else None
 
 
 def _order(run: Run, positions: Array, exact: ExactDesign) -> VisitingOrder | None:

@@ -13,7 +13,7 @@ from estimators.uncertainty.simulated_run import FrfExperiment
 from oed.design.criteria import Criterion
 from oed.design.criteria import objective as stated
 from oed.design.null_space import unidentifiable
-from oed.design.problem import Candidates
+from oed.design.problem import Candidates, check_candidates
 from oed.trials.held import held
 from oed.trials.outcome import LEVEL, PlanComparison, PlanTrial
 from oed.trials.scatter import ratio_interval
@@ -66,6 +66,7 @@ def compare_plans(
     NotIdentifiable : if the first plan leaves parameters open.
     SolverFailed : if too few experiments of a plan can be fitted, naming it.
     """
+    check_candidates(info)
     runs = checked_runs(runs, len(info.names))
     series = _Series(model, positions, omega, noise, runs, executor)
     planned = [_planned(info, name, counts) for name, counts in plans.items()]

@@ -7,7 +7,14 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from random_candidates import information_set, quadratic_regression, random_set
 
-from oed import Constraints, exact_design, optimal_design
+from oed import (
+    Constraints,
+    best_plans,
+    exact_design,
+    experiments_needed,
+    next_experiments,
+    optimal_design,
+)
 from oed.plans.exact import efficient_rounding
 from robotmodels import InvalidInput, NotIdentifiable
 
@@ -151,6 +158,24 @@ def test_enough_experiments_kept_from_where_they_would_tell():
 def test_number_of_experiments(n_experiments):
     with pytest.raises(InvalidInput, match=r"n_experiments: .* is not a whole number >= 1"):
         exact_design(quadratic_regression(np.linspace(-1, 1, 5)), n_experiments)
+
+
+@pytest.mark.parametrize("search", [exact_design, best_plans])
+def test_numbers_that_contradict_are_refused(search):
+    info = quadratic_regression(np.linspace(-1, 1, 5))
+    five = Constraints(experiments=5)
+    said = r"n_experiments: 7 contradicts the constraints, which say experiments=5; leave it out"
+    with pytest.raises(InvalidInput, match=said):
+        search(info, n_experiments=7, constraints=five)
+    with pytest.raises(InvalidInput, match=r"which say time=60 alone; .* put experiments=7 into"):
+        search(info, n_experiments=7, constraints=Constraints(time=60, durations=10.0))
+    with pytest.raises(InvalidInput, match="n_experiments: 7 contradicts"):
+        next_experiments(info, 7, np.eye(3), constraints=five)
+    with pytest.raises(InvalidInput, match="n_experiments: 1 contradicts"):
+        experiments_needed(info, 0.1, constraints=five)
+    assert exact_design(info, n_experiments=5, constraints=five).n_experiments == 5
+    assert exact_design(info, constraints=five).n_experiments == 5
+    assert exact_design(info).n_experiments == 15
 
 
 def test_a_design_of_other_candidates_or_a_singular_one():

@@ -141,6 +141,10 @@ def test_robust_designs_obey_constraints():
         ),
         (lambda: oed.robust_design([]), "samples: no information set"),
         (
+            lambda: oed.robust_design(SETS, "D", "maximin", shares=[1, 2, 1]),
+            'shares: they weigh an average; kind "maximin" has none',
+        ),
+        (
             lambda: oed.robust_design([SETS[0], random_set(0, 5, P, 2)]),
             "samples: set 1 has 5 candidates .* set 0 has 60",
         ),
