@@ -238,29 +238,29 @@ class _Search:
         """
         if self.best is None or not self.closed:
             return None
-        current, certified = self.best, not _unique(self.best)
-        while trim:
+        current, singular = self.best, False
+        certified = not _unique(current) or current.answer.method == "newton"
+        while trim and not singular:
             fewer, singular = self._fewer(current)
             if fewer is None:
                 break
             current, certified = fewer, True
-            if singular:
-                break
         return current if certified else self._precise(current, current.answer.weights)
 
     def _fewer(self, full: _Round) -> tuple[_Round | None, bool]:
         """Return an answer with fewer weights, if one is as good, and whether it is singular."""
         rounding = _ROUNDING * self.whitening.coordinates.condition
-        fewer = trimmed(full.few, full.answer, full.value, 0.1 * self.tolerance, rounding)
-        if fewer is None:
-            return None, False
-        weights, value, singular = fewer
-        if singular or not _unique(full):
-            gap = float(np.expm1(full.certificate.log_bound - self.whitening.constant - value))
-            answer = replace(full.answer, weights=weights)
-            certificate = replace(full.certificate, gap=gap)
-            return replace(full, answer=answer, value=value, certificate=certificate), singular
-        return self._precise(full, weights), False
+        few, loss = full.few, 0.1 * self.tolerance
+        for weights, value, singular in trimmed(few, full.answer, full.value, loss, rounding):
+            if singular or not _unique(full):
+                gap = float(np.expm1(full.certificate.log_bound - self.whitening.constant - value))
+                answer = replace(full.answer, weights=weights)
+                certificate = replace(full.certificate, gap=gap)
+                return replace(full, answer=answer, value=value, certificate=certificate), singular
+            precise = self._precise(full, weights)
+            if precise is not None:
+                return precise, False
+        return None, False
 
     def _precise(self, full: _Round, weights: Array) -> _Round | None:
         """Return an answer of the used candidates that its derivative certifies, if there is one.
@@ -272,7 +272,9 @@ class _Search:
         few = self.whitening.few(full.active[used])
         better = None
         if newton:
-            better = self._derived(full, _spread(used, weights, _finely(few, self.tolerance)))
+            better = self._derived(
+                full, _spread(used, weights, _finely(few, weights[used], self.tolerance))
+            )
         better = better or self._derived(full, weights)
         if better is None and not newton and self._multiplicative:
             answer = multiplicative(few, 0.1 * self.tolerance, weights[used], _STEPS)
@@ -297,10 +299,10 @@ def _unique(one: _Round) -> bool:
     return one.few.objective.smooth and len(one.few.objective.groups) == 1
 
 
-def _finely(few: WhiteProblem, tolerance: float) -> Array | None:
+def _finely(few: WhiteProblem, weights: Array, tolerance: float) -> Array | None:
     """Return precise weights of a few candidates, if the barrier method finds them."""
     try:
-        return few.completed(barrier(few, _PRECISE * tolerance).weights)
+        return few.completed(barrier(few, _PRECISE * tolerance, weights).weights)
     except SolverFailed:
         return None
 

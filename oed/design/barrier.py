@@ -24,9 +24,9 @@ _MOST_STEPS = 60  # for one mu
 _TO_BOUNDARY = 0.99
 _ARMIJO = 1e-4
 # Where a step promises less than this part of mu, Newton's method converges without a line search;
-# less than the others, it has converged: well enough to go on, or so that multipliers, too, which
-# have the root of this relative error, are precise.
-_CLOSE, _CENTRED, _CONVERGED = 0.1, 1e-2, 1e-13
+# less than the others, it has converged: well enough to go on, to stop, or to stop with precise
+# multipliers of groups and of E, which have the root of this relative error.
+_CLOSE, _CENTRED, _CONVERGED, _PRECISE = 0.1, 0.5, 1e-5, 1e-13
 # Duals stay within this factor of mu over their primals.
 _TRUST = 1e6
 _SHARE_OF_GOAL = 0.15
@@ -42,8 +42,13 @@ class _Point:
     rows: Array
 
 
-def barrier(problem: WhiteProblem, goal: float) -> Answer:
+def barrier(problem: WhiteProblem, goal: float, near: Array | None = None) -> Answer:
     """Return a design whose log value is within about a fifth of `goal` of the best.
+
+    Parameters
+    ----------
+    problem, goal : what is maximised, and how well.
+    near : (n,) weights that are nearly the best ones, so that mu need not fall step by step.
 
     Raises
     ------
@@ -54,11 +59,14 @@ def barrier(problem: WhiteProblem, goal: float) -> Answer:
     pairs = n + m + int(np.isfinite(problem.caps).sum()) + len(problem.objective.groups)
     pairs += sum(len(problem.base[t.sample]) for t in problem.objective.terms if t.mean.kind == "E")
     last = _SHARE_OF_GOAL * goal / pairs
-    mu = max(1.0 / pairs, last)
-    point = _centred(problem, problem.start, mu)
+    mu, weights = max(1.0 / pairs, last), problem.start
+    if near is not None and _merit(problem, (1.0 - last) * near, last) > -np.inf:
+        mu, weights = last, (1.0 - last) * near
+    point = _centred(problem, weights, mu)
     try:
         while True:
-            point, model = _newton(problem, point, mu, _CENTRED if mu > last else _CONVERGED)
+            least = _CONVERGED if plain else _PRECISE
+            point, model = _newton(problem, point, mu, _CENTRED if mu > last else least)
             if mu <= last:
                 break
             mu = max(last, min(mu / 5, mu**1.5) if plain else mu / 10)

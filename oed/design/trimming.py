@@ -19,10 +19,10 @@ _TIGHT = 1e-6  # room of a row that is used up
 
 def trimmed(
     problem: WhiteProblem, answer: Answer, value: float, loss: float, rounding: float
-) -> tuple[Array, float, bool] | None:
-    """Return fewer weights (n,), their log value and whether their information is singular.
+) -> list[tuple[Array, float, bool]]:
+    """Return fewer weights (n,), their log value, and whether their information is singular.
 
-    None if all are needed.
+    Several choices, those of the fewest weights first; none if all are needed.
 
     Parameters
     ----------
@@ -37,16 +37,13 @@ def trimmed(
     excess = answer.row_multipliers @ problem.rows - worth
     limits = (np.maximum(excess, loss), *(share * weights.max() for share in _SHARES))
     choices = [_without(problem, weights, weights > least) for least in limits]
-    judged = [_value(problem, choice, max(_RANK, rounding)) for choice in choices]
-    values = [value for value, _ in judged]
-    enough = max(max(values) - 0.1 * loss, value - loss)
-    good = [k for k, there in enumerate(values) if there >= enough]
-    if not good:
-        return None
-    best = min(good, key=lambda k: np.count_nonzero(choices[k]))
-    if np.count_nonzero(choices[best]) == np.count_nonzero(weights):
-        return None
-    return choices[best], *judged[best]
+    by_size = {int(np.count_nonzero(choice)): choice for choice in choices}
+    judged = [
+        (by_size[size], *_value(problem, by_size[size], max(_RANK, rounding)))
+        for size in sorted(by_size)
+        if size < np.count_nonzero(weights)
+    ]
+    return [one for one in judged if one[1] >= value - loss]
 
 
 def _without(problem: WhiteProblem, weights: Array, used: Array) -> Array:
