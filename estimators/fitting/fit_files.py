@@ -193,6 +193,8 @@ def _chosen(path: str, positions: Array, estimate: FrfEstimate) -> IntArray:
         positions, estimate.positions
     ):
         return np.arange(len(positions))
+    if not len(positions):
+        raise InvalidInput(f"{path}: positions: none; a fit used one at least")
     chosen = []
     for position in positions:
         same = np.flatnonzero(

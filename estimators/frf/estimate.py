@@ -218,8 +218,10 @@ def _checked_covariance(
             f"{elements[tuple(wrong[0])]:g}, a positive number is needed"
         )
     if full:
-        size = np.sqrt(diagonal[..., :, None] * diagonal[..., None, :])
-        skew = np.abs(covariance - np.conj(np.swapaxes(covariance, -1, -2)))
+        deviation = np.sqrt(diagonal)
+        size = deviation[..., :, None] * deviation[..., None, :]
+        with np.errstate(over="ignore", invalid="ignore"):  # of what is refused next
+            skew = np.abs(covariance - np.conj(np.swapaxes(covariance, -1, -2)))
         bad = np.argwhere(~(skew <= 1e-9 * size).all(axis=(-2, -1)))
         if bad.size:
             raise InvalidInput(

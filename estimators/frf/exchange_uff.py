@@ -208,6 +208,8 @@ def _gathered(sets: list[dict[str, Any]], axes: list[list[Any]], x: Array) -> Co
             )
         if not np.array_equal(s["x"], x):
             raise InvalidInput(f"{who}: its frequencies differ from those of the first function")
+        if _version(s) not in numbers or response not in outputs or reference not in inputs:
+            raise InvalidInput(f"{who}: no frequency response function is there")
         place = (
             numbers.index(_version(s)),
             outputs.index(response),

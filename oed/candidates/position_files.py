@@ -4,6 +4,7 @@ import csv
 import re
 from collections.abc import Sequence
 from pathlib import Path
+from tokenize import TokenError
 from typing import Any, Protocol
 
 import numpy as np
@@ -92,7 +93,7 @@ def _read_csv(path: Path, robot: Motorised) -> list[list[float]]:
     for number, cells in lines:
         if len(cells) != len(order) or not all(map(_number, cells)):
             raise InvalidInput(
-                f"{path}: line {number}: {', '.join(cells)!r}; {len(order)} numbers are needed"
+                f"{path}: line {number}: {', '.join(cells)[:60]!r}; {len(order)} numbers are needed"
             )
         rows.append([float(cells[j]) for j in order])
     return rows
@@ -105,7 +106,7 @@ def _columns(path: Path, header: list[str], robot: Motorised) -> list[int]:
         if name not in names[0] and name not in names[1]:
             known = (*names[0], *names[1])
             raise InvalidInput(
-                f"{path}: column {name!r} is neither a motor nor a driven joint"
+                f"{path}: column {name[:60]!r} is neither a motor nor a driven joint"
                 f"{nearest(name, known)}; there are {', '.join(known)}"
             )
     columns = []
@@ -128,7 +129,7 @@ def _read_yaml(path: Path, _: Motorised) -> Any:
 
 
 def _read_npy(path: Path, _: Motorised) -> Any:
-    with library_errors(path, "a NumPy array file"):
+    with library_errors(path, "a NumPy array file", TokenError):
         # Mapped, so that a shape beyond the end of the file is noticed before memory is taken.
         return np.lib.format.open_memmap(path, mode="r")
 

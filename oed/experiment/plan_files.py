@@ -144,7 +144,7 @@ def load_plan(path: str | os.PathLike[str]) -> ExperimentPlan:
     """
     path = Path(path)
     plan = read_yaml(path, PlanFile)
-    if Path(plan.signals).name != plan.signals:
+    if Path(plan.signals).name != plan.signals or plan.signals == "..":
         raise InvalidInput(
             f"{path}: signals: {plan.signals!r}; the name of a file in the same folder is needed"
         )

@@ -1,5 +1,6 @@
 """HDF5 files of arrays: links that leave the file, and what was never written, are refused."""
 
+import math
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -12,6 +13,12 @@ from robotmodels.data_files.file_guard import (
     PathLike,
     library_errors,
     listed,
+)
+from robotmodels.data_files.hdf5_heaps import (
+    LENGTHS,
+    check_heaps,
+    check_text_attribute,
+    check_text_dataset,
 )
 from robotmodels.errors import InvalidInput
 from robotmodels.files import check_file
@@ -35,11 +42,13 @@ class Hdf5Group:
     ----------
     group : of h5py.
     where : file and group, for errors.
+    checked : names and lengths of attributes of text that were checked throughout the file.
     """
 
-    def __init__(self, group: Any, where: str) -> None:
+    def __init__(self, group: Any, where: str, checked: set[tuple[str, int]]) -> None:
         self._group = group
         self.where = where
+        self._checked = checked
 
     def names(self) -> list[str]:
         """Return the names of its datasets and groups."""
@@ -65,7 +74,7 @@ class Hdf5Group:
         member = self._member(name)
         if not isinstance(member, h5py.Group):
             raise InvalidInput(f"{self.where}: {name!r} is a dataset; a group is needed")
-        return Hdf5Group(member, f"{self.where}: {name}")
+        return Hdf5Group(member, f"{self.where}: {name}", self._checked)
 
     def read(self, schema: ArraySchema, beside: tuple[str, ...] = ()) -> dict[str, Any]:
         """Return its datasets and attributes by name, as `schema` says.
@@ -136,7 +145,9 @@ class Hdf5Group:
 
     def attribute_of(self, name: str, attribute: str) -> Any:
         """Return a number or text beside a dataset or group, None where there is none."""
-        return Hdf5Group(self._member(name), f"{self.where}: {name}")._attribute_value(attribute)
+        return Hdf5Group(
+            self._member(name), f"{self.where}: {name}", self._checked
+        )._attribute_value(attribute)
 
     def _member(self, name: str) -> Any:
         import h5py
@@ -151,8 +162,26 @@ class Hdf5Group:
                 )
             return self._group[name]
 
+    def _check_text(self, name: str) -> None:
+        import h5py
+
+        attribute = self._group.attrs.get_id(name)
+        text = h5py.check_string_dtype(attribute.dtype)
+        if text is not None and text.length is None and attribute.shape is not None:
+            kind = name, math.prod(attribute.shape)
+            if kind not in self._checked:  # wherever they are in the file
+                check_text_attribute(Path(self._group.file.filename), *kind)
+                self._checked.add(kind)
+
     def _texts(self, dataset: Any, where: str) -> Any:
+        import h5py
+
         with library_errors(where, _CONTAINER):
+            if h5py.check_string_dtype(dataset.dtype).length is None:
+                place = dataset.id.get_offset()
+                if place is None and dataset.size:
+                    raise InvalidInput(f"{where}: text in chunks; it is needed in one piece")
+                check_text_dataset(Path(dataset.file.filename), place or 0, dataset.size)
             texts = np.asarray(dataset.asstr()[()])
         return str(texts[()]) if texts.ndim == 0 else tuple(map(str, texts.ravel()))
 
@@ -173,6 +202,8 @@ class Hdf5Group:
 
     def _attribute_value(self, name: str) -> Any:
         with library_errors(f"{self.where}: attribute {name!r}", _CONTAINER):
+            if name in self._group.attrs:
+                self._check_text(name)
             value = self._group.attrs.get(name)
             if isinstance(value, bytes):
                 return value.decode()
@@ -202,7 +233,12 @@ def open_hdf5(path: PathLike, needed: str) -> Iterator[Hdf5Group]:
             raise InvalidInput(f"{source}: not an HDF5 file; {needed} needed")
         file = h5py.File(source, "r")
     try:
-        yield Hdf5Group(file, str(source))
+        with library_errors(source, _CONTAINER):
+            layout = file.id.get_create_plist()
+            if layout.get_sizes() != (LENGTHS, LENGTHS):
+                raise InvalidInput(f"{source}: its lengths have not {LENGTHS} bytes, as is usual")
+            check_heaps(source, layout.get_userblock())
+        yield Hdf5Group(file, str(source), set())
     finally:
         with library_errors(source, _CONTAINER):
             file.close()
