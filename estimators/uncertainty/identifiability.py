@@ -218,7 +218,7 @@ def _step(
     direction: Array, names: tuple[str, ...], std: float
 ) -> tuple[Advice, tuple[str, ...], Array]:
     """Return a step against one weak direction, the names left, and d old / d new (p, p - 1)."""
-    order = np.argsort(-np.abs(direction), kind="stable")
+    order = np.argsort(-np.round(np.abs(direction), 6), kind="stable")  # ties as the names are
     shares = np.cumsum(direction[order] ** 2)
     count = int(np.searchsorted(shares, SHARE)) + 1
     guilty = [names[i] for i in order[:count]]

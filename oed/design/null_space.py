@@ -10,6 +10,8 @@ from robotmodels.arrays import Array
 _RANK_TOLERANCE = 1e-12
 SPREAD = 1.0 / (16 * np.finfo(float).eps)
 """Beyond this ratio of sensitivities, 2.8e14, the smaller one cannot be told from rounding."""
+# Of parts that are equal but for rounding the first is taken, on every processor.
+_TIE = 1e-6
 
 
 def unit_diagonal_scaling(matrices: Array, spread: float = np.inf) -> Array:
@@ -55,13 +57,14 @@ def open_combinations(matrix: Array, names: Sequence[str]) -> tuple[str, ...]:
     if not count:
         return ()
     # In echelon form each direction has a parameter of its own, and as few others as can be.
-    pivots = qr(basis.T, mode="r", pivoting=True)[1][:count]
+    pivots = qr(basis.T * np.linspace(1, 1 - _TIE, len(basis)), mode="r", pivoting=True)[1][:count]
     basis = basis @ np.linalg.inv(basis[pivots])
     return tuple(_in_words(direction, names) for direction in basis.T[np.argsort(pivots)])
 
 
 def _in_words(direction: Array, names: Sequence[str]) -> str:
-    factors = direction / direction[np.argmax(np.abs(direction))]
+    size = np.abs(direction)
+    factors = direction / direction[np.argmax(size > (1 - _TIE) * size.max())]
     words = ""
     for name, factor in zip(names, factors, strict=True):
         if abs(factor) > 0.01:

@@ -48,7 +48,8 @@ def price_table(found: Identifiability) -> Table:
 def _mixture(found: Identifiability, k: int) -> str:
     """Return the main parts of a direction, ``0.72 b1x.stiffness − 0.69 d2.stiffness``."""
     direction = found.directions[k]
-    main = [int(i) for i in np.argsort(-np.abs(direction)) if abs(direction[i]) > 0.2][:4]
+    order = np.argsort(-np.round(np.abs(direction), 6), kind="stable")  # ties as the names are
+    main = [int(i) for i in order if abs(direction[i]) > 0.2][:4]
     words = ""
     for i in main:
         size, sign = (

@@ -294,3 +294,12 @@ def test_the_general_way_finds_equilibria_once():
 
 def test_no_information_at_all_leaves_every_parameter_open():
     assert information_set(np.zeros((2, 2, 2))).unidentifiable() == ("k0", "k1")
+
+
+@pytest.mark.parametrize("seed", range(10))
+def test_open_combinations_are_the_same_words_at_any_rounding(seed):
+    rng = np.random.default_rng(seed)
+    # a and b are seen by their sum only, and so are c and d; e is not seen at all.
+    J = np.repeat(rng.normal(size=(20, 3)), [2, 2, 1], axis=1) * [1, 1, 1, 1, 0]
+    matrix = J.T @ J * (1 + 1e-14 * rng.normal(size=(5, 5)))
+    assert open_combinations((matrix + matrix.T) / 2, tuple("abcde")) == ("a - b", "c - d", "e")
