@@ -63,8 +63,8 @@ def open_combinations(matrix: Array, names: Sequence[str]) -> tuple[str, ...]:
 
 
 def _in_words(direction: Array, names: Sequence[str]) -> str:
-    size = np.abs(direction)
-    factors = direction / direction[np.argmax(size > (1 - _TIE) * size.max())]
+    sizes = np.abs(direction)
+    factors = direction / direction[np.argmax(sizes > (1 - _TIE) * sizes.max())]
     words = ""
     for name, factor in zip(names, factors, strict=True):
         if abs(factor) > 0.01:
