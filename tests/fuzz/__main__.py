@@ -48,7 +48,10 @@ def _campaign(options: argparse.Namespace, scratch: Path) -> int:
                 if fault:
                     causes[fault] += 1
                     if causes[fault] == 1:
-                        print(f"{format.name} {number}: oed {' '.join(made.words)}: {fault}", flush=True)
+                        print(
+                            f"{format.name} {number}: oed {' '.join(made.words)}: {fault}",
+                            flush=True,
+                        )
                         if options.keep:
                             _keep(options.keep / f"{len(causes):03d}", made, outcome, fault)
                 shutil.rmtree(scratch / "work")

@@ -77,7 +77,10 @@ def wrong(outcome: Outcome, codes: Sequence[int] = (0, 2)) -> str:
 
 
 def _is_control(character: str) -> bool:
-    return unicodedata.category(character) in ("Cc", "Cf", "Zl", "Zp") and character != "\n"
+    """Whether a terminal would obey it, or show what follows elsewhere."""
+    category, bidirectional = unicodedata.category(character), unicodedata.bidirectional(character)
+    moves = bidirectional in ("LRE", "RLE", "LRO", "RLO", "PDF", "LRI", "RLI", "FSI", "PDI")
+    return (category in ("Cc", "Zl", "Zp") and character not in "\n\t") or moves
 
 
 def _last(errors: str) -> str:
@@ -92,7 +95,8 @@ def _place(errors: str) -> str:
     ours = [
         (path, line, name)
         for path, line, name in frames
-        if re.search(r"/(robotmodels|estimators|oed|reports)/", path) and "site-packages" not in path
+        if re.search(r"/(robotmodels|estimators|oed|reports)/", path)
+        and "site-packages" not in path
     ]
     if not ours:
         return "nowhere of ours"

@@ -9,9 +9,8 @@ from typing import Any
 
 import h5py
 import numpy as np
-from scipy.io import loadmat, savemat
-
 import tokens
+from scipy.io import loadmat, savemat
 
 
 def text(content: bytes, rng: Random) -> bytes:
@@ -198,8 +197,10 @@ def _change_hdf5(file: Any, rng: Random) -> None:
     name = rng.choice(sorted(names) or ["/"])
     kind = rng.randrange(12)
     item = file[name]
-    if kind == 0 and item.attrs or file.attrs and not rng.randrange(4):
-        _change_attribute(item if item.attrs else file, rng)
+    if file.attrs and not rng.randrange(4):
+        _change_attribute(file, rng)
+    elif kind == 0 and item.attrs:
+        _change_attribute(item, rng)
     elif kind == 1:
         del file[name]
     elif kind == 2:
@@ -281,4 +282,6 @@ def another_kind(path: Path, rng: Random) -> None:
     elif kind == 4:
         path.symlink_to(rng.choice(["/dev/zero", "/dev/null", "/etc/passwd", "."]))
     else:
-        path.write_bytes(rng.choice([b"", b"\n", b"\x89HDF\r\n\x1a\n" + content, b"PK\3\4", b"<robot/>"]))
+        path.write_bytes(
+            rng.choice([b"", b"\n", b"\x89HDF\r\n\x1a\n" + content, b"PK\3\4", b"<robot/>"])
+        )

@@ -11,6 +11,8 @@ from random import Random
 import contents
 import trees
 
+from oed.study.fingerprint import folder_digest
+
 Mutation = Callable[[bytes, Random], bytes]
 Prepare = Callable[[Path, Path, Random], None]
 """Does something to a folder after a file in it has been changed."""
@@ -67,11 +69,9 @@ def _unfinished(folder: Path, file: Path, rng: Random) -> None:
 
 def _resealed(folder: Path, file: Path, rng: Random) -> None:
     """Give the stage the digest of what is in it: only its reader can tell that it was changed."""
-    from oed.study import stages
-
     stage = (folder / file).parent
     record = json.loads((stage / "stage.json").read_text(encoding="utf-8"))
-    record["digest"] = stages.folder_digest(stage, stages._OWN)
+    record["digest"] = folder_digest(stage, frozenset({"stage.json"}))
     (stage / "stage.json").write_text(json.dumps(record), encoding="utf-8")
 
 
@@ -105,7 +105,9 @@ ROBOT_COMMANDS = (
 )
 
 FORMATS = (
-    Format("robot file", "inputs", "robot.yaml", YAML, (*ROBOT_COMMANDS, f"design study.yaml {ONE}")),
+    Format(
+        "robot file", "inputs", "robot.yaml", YAML, (*ROBOT_COMMANDS, f"design study.yaml {ONE}")
+    ),
     Format("robot file, all keys", "inputs", "rich.yaml", YAML, ROBOT_COMMANDS),
     Format("robot of the library", "examples", "[!s]*.yaml", YAML, ROBOT_COMMANDS),
     Format(
@@ -144,9 +146,17 @@ FORMATS = (
         YAML,
         (f"fit {{file}} {ONE}", f"design {{file}} {ONE}"),
     ),
-    Format("study of the repository", "examples", "study_[!m]*.yaml", YAML, (f"design {{file}} {ONE}",)),
+    Format(
+        "study of the repository", "examples", "study_[!m]*.yaml", YAML, (f"design {{file}} {ONE}",)
+    ),
     Format("experiment", "inputs", "experiment.yaml", YAML, (f"simulate {{file}} {ONE}",)),
-    Format("experiment, all keys", "inputs", "rich_experiment.yaml", YAML, (f"simulate {{file}} {ONE}",)),
+    Format(
+        "experiment, all keys",
+        "inputs",
+        "rich_experiment.yaml",
+        YAML,
+        (f"simulate {{file}} {ONE}",),
+    ),
     Format(
         "experiment of the repository",
         "examples",
@@ -177,7 +187,9 @@ FORMATS = (
         )
         for ending, mutations in (("h5", HDF5), ("mat", MAT), ("csv", CSV))
     ),
-    Format("records of chains", "inputs", "chains.h5", HDF5, ("chains {file} -o new", "frf {file}")),
+    Format(
+        "records of chains", "inputs", "chains.h5", HDF5, ("chains {file} -o new", "frf {file}")
+    ),
     *(
         Format(
             f"FRFs, {ending}",
@@ -226,18 +238,20 @@ FORMATS = (
         HDF5,
         ("python:oed.information_set:InformationSet.load {file}",),
     ),
+    Format("fits", "inputs", "fits.h5", HDF5, ("python:seeds:read_fits {file}",)),
     Format(
-        "fits",
+        "results",
         "finished",
-        "results/stages/fit-*/runs.h5",
-        HDF5,
-        ("python:estimators:read_fits {file}",),
+        "results/*.json",
+        JSON,
+        (f"report study.yaml {ONE}", f"fit study.yaml {ONE}"),
     ),
     Format(
-        "results", "finished", "results/*.json", JSON, (f"report study.yaml {ONE}", f"fit study.yaml {ONE}")
-    ),
-    Format(
-        "record of a stage", "finished", "results/stages/*/stage.json", JSON, (f"run study.yaml {ONE}",)
+        "record of a stage",
+        "finished",
+        "results/stages/*/stage.json",
+        JSON,
+        (f"run study.yaml {ONE}",),
     ),
     Format(
         "file of a stage",

@@ -76,8 +76,7 @@ class Runner:
         return self
 
     def __exit__(self, *_: object) -> None:
-        self._server.stdin.close()
-        self._server.wait()
+        self._server.communicate()  # closes what it reads, which ends it
 
     def run(self, words: Sequence[str], folder: Path, draws: bool = False) -> Outcome:
         """Return how ``oed WORDS`` ended in a folder.
@@ -101,7 +100,7 @@ class Runner:
 
 
 def serve(folder: Path) -> None:
-    """Load everything, make the folders of seeds in `folder`, then run the commands that are read."""
+    """Load everything, make the folders of seeds in `folder`, then run commands one by one."""
     answers = os.fdopen(os.dup(1), "w")
     os.dup2(2, 1)
     for name in LIBRARIES.split():
@@ -219,7 +218,15 @@ def _limit() -> None:
     resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
 
 
-_CHANGES = ("os.mkdir", "os.rename", "os.remove", "os.rmdir", "os.link", "os.symlink", "os.truncate")
+_CHANGES = (
+    "os.mkdir",
+    "os.rename",
+    "os.remove",
+    "os.rmdir",
+    "os.link",
+    "os.symlink",
+    "os.truncate",
+)
 _WRITING = os.O_WRONLY | os.O_RDWR
 
 

@@ -1,4 +1,4 @@
-"""Folders of whole files, all small, that mutants are made of: what people write, what is computed."""
+"""Folders of small whole files that mutants are made of: written, measured and computed ones."""
 
 import contextlib
 import io
@@ -91,7 +91,7 @@ urdf: arm.urdf
 gravity: [0.0, 0.0, -9.81]
 lock: {finger: 0.05}
 motors:
-  - {name: m1, joint: shoulder, gear_ratio: -100, inertia: 4.0e-4, viscous: 2.0e-3, torque_gain: 1.1}
+  - {name: m1, joint: shoulder, gear_ratio: -100, inertia: 4.0e-4, viscous: 0.002, torque_gain: 1.1}
   - {name: m2, joint: elbow, gear_ratio: 80, inertia: 2.0e-4, viscous: 1.5e-3, coulomb: 0.03}
 springs:
   - name: d1
@@ -324,7 +324,10 @@ def _inputs(folder: Path) -> None:
     oed("frf", folder / "records.h5", "-o", folder / "made")
     shutil.move(folder / "made" / "frf.h5", folder / "frf.h5")
     shutil.rmtree(folder / "made")
-    records, frf = estimators.read_records(folder / "records.h5"), estimators.read_frf(folder / "frf.h5")
+    records, frf = (
+        estimators.read_records(folder / "records.h5"),
+        estimators.read_frf(folder / "frf.h5"),
+    )
     for ending in ("mat", "csv"):
         estimators.write_records(folder / f"records.{ending}", records)
     for ending in ("mat", "csv", "uff"):
@@ -335,14 +338,24 @@ def _inputs(folder: Path) -> None:
                 text = MEASURED.replace("SOURCE", f"{name}: {name}.{ending}")
                 (folder / f"of_{name}_{ending}.yaml").write_text(text, encoding="utf-8")
     estimators.write_distortion(folder / "distortion.h5", estimators.distortion(records))
+    robot = robotmodels.load_robot(folder / "robot.yaml")
+    estimators.write_fits(folder / "fits.h5", [estimators.fit(robot, frf)])
     info = oed_api.information(
-        robotmodels.load_robot(folder / "robot.yaml"),
+        robot,
         np.array([[0.2, 0.4], [0.5, -0.5], [-1.0, 1.0]]),
         np.array([20.0, 60.0, 200.0]),
         robotmodels.RelativeNoise(relative=0.03, floor=0.01),
     )
     info.save(folder / "information.h5")
     _chain_records().save(folder / "chains.h5")
+
+
+def read_fits(path: str) -> None:
+    """Read the fits of the folder of inputs, in that folder."""
+    import estimators
+    import robotmodels
+
+    estimators.read_fits(path, robotmodels.load_robot("robot.yaml"), estimators.read_frf("frf.h5"))
 
 
 def _chain_records() -> Any:

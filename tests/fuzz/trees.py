@@ -7,9 +7,8 @@ from random import Random
 from typing import Any
 from xml.etree import ElementTree
 
-import yaml
-
 import tokens
+import yaml
 
 _MARK = "raw-token-{:03d}"
 
@@ -152,12 +151,16 @@ def _change_element(root: Any, rng: Random, raw: list[str]) -> None:
         if rng.randrange(2):
             element.set(rng.choice([f"{name}s", "link", "xyz", "value", "name"]), value)
     elif kind == 6:
-        element.tag = rng.choice(["link", "joint", "inertial", "mass", "mimic", "limit", "x", "robot"])
+        element.tag = rng.choice(
+            ["link", "joint", "inertial", "mass", "mimic", "limit", "x", "robot"]
+        )
     elif kind == 7 and len(element):
         element.remove(rng.choice(list(element)))
     elif kind == 8 and len(element):
         child = rng.choice(list(element))
-        element.append(child if rng.randrange(2) else rng.choice([e for e in elements if not len(e)]))
+        element.append(
+            child if rng.randrange(2) else rng.choice([e for e in elements if not len(e)])
+        )
     else:
         raw.append(rng.choice([*_XML, tokens.word(rng).replace("\x00", "")]))
         element.text = (element.text or "") + _MARK.format(len(raw) - 1)
