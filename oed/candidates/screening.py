@@ -7,6 +7,7 @@ import numpy as np
 
 from robotmodels.arrays import Array, BoolArray, IntArray, read_only, real_numbers
 from robotmodels.collision.surroundings import Surroundings
+from robotmodels.description.ranges import MOST_LENGTH
 from robotmodels.elastic.rigid_pose import holding_torques, unloaded
 from robotmodels.elastic.robot import ElasticRobot
 from robotmodels.errors import InvalidInput
@@ -203,6 +204,13 @@ def _checked(positions: Array, motors: list[str]) -> Array:
     wrong = ~np.isfinite(positions).all(axis=1)
     if wrong.any():
         raise InvalidInput(f"positions: position {int(np.argmax(wrong))} is not finite")
+    far = np.abs(positions) > MOST_LENGTH
+    if far.any():
+        number, motor = np.argwhere(far)[0]
+        raise InvalidInput(
+            f"positions: position {number}: {positions[number, motor]:g} of motor "
+            f"{motors[motor]!r} is beyond any joint; at most {MOST_LENGTH:g} rad or m is possible"
+        )
     return positions
 
 

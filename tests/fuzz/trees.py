@@ -67,32 +67,41 @@ def _places(tree: Any) -> list[tuple[Any, Any]]:
     return [(tree, key) for key in keys] + below
 
 
-def _change(owner: Any, key: Any, rng: Random, value: Callable[[], Any], root: list[Any]) -> None:
+def _change(owner: Any, key: Any, rng: Random, new: Callable[[], Any], root: list[Any]) -> None:
     """Change one entry."""
-    kind = rng.randrange(13)
-    inner = owner is not root
-    if kind < 5:
-        owner[key] = value()
-    elif kind == 5 and inner:
+    inner, value = owner is not root, owner[key]
+    number = isinstance(value, int | float) and not isinstance(value, bool)
+    kind = rng.randrange(14)
+    if kind < 4 and number:
+        owner[key] = _scaled(value, rng)
+    elif kind < 6:
+        owner[key] = new()
+    elif kind == 6 and inner:
         del owner[key]
-    elif kind == 6 and isinstance(owner, dict):
-        owner[rng.choice([str(key)[:-1], f"{key}s", str(value()), 5, None, True])] = owner.pop(key)
-    elif kind == 7:
+    elif kind == 7 and isinstance(owner, dict):
+        owner[rng.choice([str(key)[:-1], f"{key}s", str(new()), 5, None, True])] = owner.pop(key)
+    elif kind == 8:
         other, place = rng.choice(_places(root))
         if not (other is root and inner):
-            owner[key], other[place] = other[place], owner[key]
-    elif kind == 8 and isinstance(owner, list) and inner:
-        owner.extend([owner[key]] * rng.choice([1, 2, 20]))
-    elif kind == 9:
-        owner[key] = [owner[key]] if rng.randrange(2) else {"a": owner[key]}
-    elif kind == 10 and isinstance(owner[key], int | float):
-        owner[key] = owner[key] * rng.choice([-1, 0.5, 1.0000001, 1.9, 1e3, 1e-3, 1e9, 1e-9, 1e200])
-    elif kind == 11 and isinstance(owner[key], str):
-        owner[key] = owner[key] + tokens.word(rng)
+            owner[key], other[place] = other[place], value
+    elif kind == 9 and isinstance(owner, list) and inner:
+        owner.extend([value] * rng.choice([1, 2, 20]))
+    elif kind == 10:
+        owner[key] = [value] if rng.randrange(2) else {"a": value}
+    elif kind == 11 and isinstance(value, str):
+        owner[key] = value + tokens.word(rng)
     elif isinstance(owner, dict) and inner:
-        owner[str(value())] = value()
+        owner[str(new())] = new()
     else:
-        owner[key] = value()
+        owner[key] = new()
+
+
+def _scaled(value: float, rng: Random) -> float:
+    """Return a number that may do as well, for all that a schema knows."""
+    if isinstance(value, int):  # a count, which must not cost much more
+        return value * rng.choice([-1, 0, 2, 3]) + rng.choice([-1, 0, 1])
+    factor = rng.choice([-1.0, 0.0, 0.5, 1.9, 1.0000001, 30.0, 1e3, 1e-3, 1e6, 1e-6, 1e12, 1e-12])
+    return value * factor
 
 
 def _yaml_token(rng: Random) -> tuple[Any, bool]:
