@@ -33,6 +33,9 @@ register_all(app)
 _PATIENCE = 10.0
 """Time to end in order after a signal [s]."""
 
+_LONGEST = 1000
+"""Line of error [characters]."""
+
 _DISK_FULL = "the disk is full; free some space and run the same command again"
 
 
@@ -95,6 +98,8 @@ def _usage(error: typer.TyperException) -> str:
 
 def _fail(message: str, code: int) -> None:
     line = printable(message).replace("\n", "\\n")  # of a path, say
+    if len(line) > _LONGEST:  # a key or a name in it; file and remedy stand at the ends
+        line = f"{line[: _LONGEST // 2]} ... {line[-_LONGEST // 2 :]}"
     sys.stderr.write(f"error: {line}\n")
     sys.exit(code)
 

@@ -4,7 +4,7 @@ import json
 from collections.abc import Mapping
 from dataclasses import fields, is_dataclass
 from pathlib import Path
-from typing import Any, TypeVar, get_args, get_type_hints
+from typing import Any, TypeVar, get_args, get_origin, get_type_hints
 
 import numpy as np
 
@@ -126,7 +126,8 @@ def _item(stored: Any, annotation: Any) -> Any:
     """Return an array, a dataclass, or a tuple of arrays or dataclasses."""
     if not hasattr(stored, "keys"):
         return read_only(np.asarray(stored[()]))
-    if _PLAIN in stored:
+    kinds = () if get_origin(annotation) is tuple else (annotation, *get_args(annotation))
+    if any(map(is_dataclass, kinds)):
         return _read(stored, _dataclass_of(annotation))
     inner = next(iter(get_args(annotation)), None)
     return tuple(_item(stored[name], inner) for name in sorted(stored))

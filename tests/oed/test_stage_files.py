@@ -1,6 +1,7 @@
 from collections.abc import Mapping
 from dataclasses import dataclass
 
+import h5py
 import numpy as np
 import pytest
 
@@ -87,3 +88,13 @@ def test_another_file_is_refused_by_name(tmp_path):
 def test_arrays(tmp_path):
     ARRAY.save(np.array([[0.1, 0.2]]), tmp_path)
     np.testing.assert_array_equal(ARRAY.load(tmp_path), [[0.1, 0.2]])
+
+
+@pytest.mark.parametrize("name", ["inner", "there"])
+def test_a_group_without_a_dataclass_in_its_place_is_refused(name, tmp_path):
+    write_dataclass(tmp_path / "result.h5", example())
+    with h5py.File(tmp_path / "result.h5", "r+") as file:
+        del file[name]
+        file.create_group(name)
+    with pytest.raises(InvalidInput, match="not a stored Outer"):
+        read_dataclass(tmp_path / "result.h5", Outer)

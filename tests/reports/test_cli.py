@@ -68,6 +68,16 @@ def test_mistakes_end_in_one_line(oed, words, said):
     assert said in err
 
 
+def test_a_long_key_leaves_file_and_remedy_to_be_read(oed, tmp_path):
+    path = tmp_path / "robot.yaml"
+    path.write_text(f"schema: robot/1\nname: long\n? {'x' * 20_000}\n: 1\n", encoding="utf-8")
+    code, out, err = oed("check", str(path))
+    assert (code, out, err.count("\n")) == (2, "", 1)
+    assert len(err) < 1100
+    assert f"{path}:3: unknown key 'xxx" in err
+    assert "known are schema, name" in err
+
+
 ROBOT, STUDY = "schema: robot/1\nname: a\n", "schema: study/1\nrobot: ur10\n"
 EXPERIMENT = "schema: experiment/1\nrobot: ur10\n"
 
