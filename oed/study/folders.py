@@ -8,6 +8,7 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from robotmodels.errors import InvalidInput
+from robotmodels.files import reason
 
 _LOCK = ".lock"
 
@@ -80,7 +81,7 @@ def _locked(folder: Path) -> int:
 
 def unwritable(folder: Path, error: OSError) -> InvalidInput:
     """Return the error of an output folder that cannot be written to."""
-    return InvalidInput(f"output: {folder} cannot be written to ({error.strerror})")
+    return InvalidInput(f"output: {folder} cannot be written to ({reason(error)})")
 
 
 def remove(path: Path) -> None:

@@ -71,7 +71,10 @@ def staged_folder(folder: Path) -> Iterator[Path]:
         try:
             yield stage
             for file in sorted(stage.iterdir()):
-                os.replace(file, folder / file.name)
+                try:
+                    os.replace(file, folder / file.name)
+                except OSError as error:  # a folder of that name, say
+                    raise unwritable(folder / file.name, error) from None
         finally:
             shutil.rmtree(stage)
 

@@ -9,12 +9,14 @@ import pytest
 
 from oed.study import folders
 from oed.study.folders import created_folder, exclusive_folder, remove
+from oed.study.output import staged_folder
 from robotmodels.errors import InvalidInput
 
 LOOP = """
 import os, sys
 from pathlib import Path
 from oed.study.folders import exclusive_folder
+from oed.study.output import staged_folder
 from robotmodels.errors import InvalidInput
 
 folder, mark = Path(sys.argv[1]), sys.argv[2]
@@ -107,3 +109,11 @@ def test_whatever_has_a_name_is_removed(tmp_path):
     for name in ("folder", "file", "link", "dangling", "absent"):
         remove(tmp_path / name)
     assert [p.name for p in tmp_path.iterdir()] == ["target"]
+
+
+def test_a_folder_in_the_place_of_a_result_is_named(tmp_path):
+    (tmp_path / "design.json").mkdir()
+    named = rf"{tmp_path}/design.json cannot be written to \(it is a folder, a file is needed\)"
+    with pytest.raises(InvalidInput, match=named), staged_folder(tmp_path) as stage:
+        (stage / "design.json").write_text("{}")
+    assert [path.name for path in tmp_path.iterdir()] == ["design.json"]
