@@ -14,7 +14,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from runner import Runner
 
-MUTANTS = 120
+MUTANTS = 30
 
 
 @pytest.fixture(scope="module")
