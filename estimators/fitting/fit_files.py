@@ -202,8 +202,8 @@ def _chosen(path: str, positions: Array, estimate: FrfEstimate) -> IntArray:
         )
         if not same.size:
             raise InvalidInput(
-                f"{path}: a fit used position {np.round(position, 4).tolist()}, which the "
-                "estimate does not have"
+                f"{path}: a fit used position [{', '.join(f'{x:.5g}' for x in position)}], which "
+                "the estimate does not have"
             )
         chosen.append(int(same[0]))
     return np.array(chosen)

@@ -58,7 +58,8 @@ def read_frf(
     if not responses:
         raise InvalidInput("no frequency response function (dataset 58 of type 4)")
     axes = _axes(responses)
-    omega = 2 * np.pi * responses[0]["x"]
+    with np.errstate(over="ignore"):  # what is infinite is refused with the estimate
+        omega = 2 * np.pi * responses[0]["x"]
     response = np.asarray(_gathered(responses, axes, responses[0]["x"]), dtype=complex)
     variances = [s for s in sets if s["id1"].strip() == "variance"]
     if variances:

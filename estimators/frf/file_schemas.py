@@ -47,7 +47,8 @@ def check_hertz(hertz: Array, omega: Array, where: object) -> None:
     ------
     InvalidInput : naming the first that differs.
     """
-    wrong = ~(np.abs(2 * np.pi * hertz - omega) <= _LARGEST_MISFIT * np.abs(omega))
+    expected = omega / (2 * np.pi)
+    wrong = ~(np.abs(hertz - expected) <= _LARGEST_MISFIT * np.abs(expected))
     if wrong.any():
         i = int(np.argmax(wrong))
         raise InvalidInput(

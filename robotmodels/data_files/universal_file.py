@@ -58,6 +58,11 @@ def _check(function: dict[str, Any], where: str) -> None:
     for key in _TEXT:
         if not isinstance(function.get(key), str):
             raise InvalidInput(f"{where}: {key} is missing; a line of text is needed")
+    if "x" not in function or "data" not in function:
+        raise InvalidInput(
+            f"{where}: ordinates of type {function.get('ord_data_type')}; real or complex ones, of "
+            "type 2, 4, 5 or 6, are needed"
+        )
     x, data, points = function["x"], function["data"], function["num_pts"]
     if len(x) != points or len(data) != points:
         raise InvalidInput(

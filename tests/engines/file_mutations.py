@@ -2,6 +2,7 @@
 
 import io
 import json
+import warnings
 from collections.abc import Callable, Iterable
 from pathlib import Path
 
@@ -242,7 +243,8 @@ def mutate(path: Path, rng: np.random.Generator) -> None:
         ".json": lambda p, r: p.write_bytes(mutated_json(p.read_bytes(), r)),
     }
     if path.suffix in structured and rng.random() < 0.6:
-        structured[path.suffix](path, rng)
+        with warnings.catch_warnings(action="ignore"):  # of numbers on their way to other types
+            structured[path.suffix](path, rng)
     else:
         path.write_bytes(mutated_bytes(path.read_bytes(), rng))
 
