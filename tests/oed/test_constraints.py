@@ -42,11 +42,15 @@ CASES = {
 }
 
 
-def monolithic(constraints, criterion):
-    """State everything at once, in cvxpy's own words."""
+def judged(constraints, criterion):
+    """State everything at once, in cvxpy's own words; return a range that holds the best value.
+
+    The judge judges itself: its weights give a lower bound, and the tangent there an upper one.
+    """
     p = len(INFO.names)
+    flat = INFO.matrices.reshape(Q, -1)
     w = cp.Variable(Q, nonneg=True)
-    M = cp.reshape(INFO.matrices.reshape(Q, -1).T @ w, (p, p), order="C")
+    M = cp.reshape(flat.T @ w, (p, p), order="C")
     rules = [] if constraints.experiments is None else [cp.sum(w) <= constraints.experiments]
     if constraints.time is not None:
         rules.append(DURATIONS @ w <= constraints.time)
@@ -60,17 +64,29 @@ def monolithic(constraints, criterion):
             rules.append(cp.sum(w[list(group.members)]) <= group.most)
     rules += [a @ w <= b for a, b in constraints.linear.values()]
     goal = cp.log_det(M) if criterion == "D" else -cp.matrix_frac(np.eye(p), M)
-    return cp.Problem(cp.Maximize(goal), rules).solve(solver=cp.CLARABEL)
+    best = cp.Problem(cp.Maximize(goal), rules)
+    best.solve(solver=cp.CLARABEL)
+    assert best.status in ("optimal", "optimal_inaccurate")  # the tangent tells how inaccurate
+    M = (np.maximum(w.value, 0) @ flat).reshape(p, p)
+    inverse = np.linalg.inv(M)
+    value = np.linalg.slogdet(M).logabsdet if criterion == "D" else -np.trace(inverse)
+    slope = flat @ (inverse if criterion == "D" else inverse @ inverse).ravel()
+    linear = cp.Problem(cp.Maximize(slope @ w), rules)
+    linear.solve(solver=cp.HIGHS)
+    assert linear.status == "optimal"
+    tangent = linear.value - (p if criterion == "D" else np.trace(inverse))
+    return value, value + tangent
 
 
 @pytest.mark.parametrize("name", CASES)
 def test_constrained_design_equals_one_convex_problem(name):
     constraints = CASES[name]
-    best = monolithic(constraints, "D")
+    low, high = judged(constraints, "D")
+    assert high - low < 1e-2
     # Each of cvxpy's kinds of rules once; they are stated for both solvers alike.
     for solver in ("newton", "cvxpy") if name in ("own most", "all") else ("newton",):
         design = optimal_design(INFO, "D", constraints, solver=solver)
-        assert design.value == pytest.approx(best, abs=2e-4)
+        assert low - 1e-4 <= design.value <= high + 1e-4
         check_obeyed(constraints, design.weights)
         assert design.gap <= 1e-6
 
@@ -78,7 +94,9 @@ def test_constrained_design_equals_one_convex_problem(name):
 @pytest.mark.parametrize("name", ["own most", "all"])
 def test_constrained_a_design(name):
     design = optimal_design(INFO, "A", CASES[name], solver="newton")
-    assert design.value == pytest.approx(monolithic(CASES[name], "A"), rel=1e-4)
+    low, high = judged(CASES[name], "A")
+    assert high - low < 1e-2 * abs(low)
+    assert low - 1e-4 * abs(low) <= design.value <= high + 1e-4 * abs(low)
 
 
 @pytest.mark.parametrize("seed", [0, 2])

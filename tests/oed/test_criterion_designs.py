@@ -115,7 +115,9 @@ def test_best_of_a_search_by_scipy(kind, seed, p, rank):
     options = {"maxiter": 1000, "adaptive": True}
     found = minimize(cost, np.zeros(len(info)), method="Nelder-Mead", options=options).fun
     design = oed.optimal_design(info, criterion, solver="newton")
-    assert design.value == pytest.approx(value(design.information), rel=1e-6, abs=1e-9)
+    # Where the optimum is singular, a little of all candidates lets the textbook formula be.
+    regular = design.information + 1e-9 * info.matrices.mean(axis=0)
+    assert design.value == pytest.approx(value(regular), rel=1e-6, abs=1e-6)
     assert design.value >= -found - 1e-6 * abs(found)
     # The search may stop early, so this only rules out that both are far off.
     assert design.value == pytest.approx(-found, rel=0.2, abs=0.1)
@@ -139,7 +141,9 @@ def test_e_against_the_smallest_eigenvalue_maximised_by_cvxpy(seed, p):
     info = random_set(seed, 3 * p, p, 2)
     w = cp.Variable(len(info), nonneg=True)
     M = cp.reshape(info.matrices.reshape(len(info), -1).T @ w, (p, p), order="C")
-    best = cp.Problem(cp.Maximize(cp.lambda_min(M)), [cp.sum(w) == 1]).solve(solver=cp.CLARABEL)
+    problem = cp.Problem(cp.Maximize(cp.lambda_min(M)), [cp.sum(w) == 1])
+    best = problem.solve(solver=cp.CLARABEL)
+    assert problem.status == "optimal"
     design = oed.optimal_design(info, "E")
     assert design.value == pytest.approx(best, rel=1e-5)
     assert design.value == pytest.approx(np.linalg.eigvalsh(design.information)[0], rel=1e-9)
