@@ -199,7 +199,8 @@ class _Search:
 
     def _certified(self, answer: Answer, value: float) -> Certificate:
         if not np.isfinite([value, *(np.abs(W).max() for W in answer.witness)]).all():
-            raise SolverFailed(f"{answer.method}: no usable answer")
+            nothing = np.full(len(self.whitening.units), np.inf)
+            return Certificate(np.inf, np.inf, nothing)
         rows = answer.row_multipliers / self.whitening.row_scales(self.active)
         certificate = bounded(self.whitening, value, answer.witness, rows)
         if certificate.gap > _CLOSED * self.tolerance and len(rows) > 1:

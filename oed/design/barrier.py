@@ -15,7 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.linalg import lu_factor, lu_solve
 
-from oed.design.smoothing import Smoothed, smoothed, smoothed_value
+from oed.design.smoothing import Smoothed, smoothed, smoothed_value, smoothed_witness
 from oed.design.white_problem import Answer, WhiteProblem
 from robotmodels.arrays import Array
 from robotmodels.errors import SolverFailed
@@ -72,7 +72,8 @@ def barrier(problem: WhiteProblem, goal: float, near: Array | None = None) -> An
             mu = max(last, min(mu / 5, mu**1.5) if plain else mu / 10)
     except np.linalg.LinAlgError as error:
         raise SolverFailed(f"barrier method: {error} at mu {mu:.1g}") from error
-    return Answer(point.weights, point.rows, model.witness, "newton")
+    witness = smoothed_witness(problem, point.weights, last, model.multipliers)
+    return Answer(point.weights, point.rows, witness, "newton")
 
 
 def _newton(

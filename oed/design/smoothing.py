@@ -28,7 +28,6 @@ class Smoothed:
     rooms : (G,) of the groups above t.
     sizes : (n, k) minus the mixed derivatives by w and by each smoothed eigenvalue's s, and (k,)
         minus the second ones by s.
-    witness : of each term.
     """
 
     value: float
@@ -38,7 +37,6 @@ class Smoothed:
     rooms: Array
     mixed: Array
     sizes: Array
-    witness: tuple[Array, ...]
 
     @property
     def gradient(self) -> Array:
@@ -65,11 +63,10 @@ def smoothed(problem: WhiteProblem, weights: Array, mu: float) -> Smoothed:
             parts.append((g, term.share, part))
     value, rooms = _least(values - objective.log_references, mu)
     multipliers = mu / rooms if groups > 1 else np.ones(1)
-    curvature, mixed, sizes, witness = np.zeros((n, n)), [], [], []
+    curvature, mixed, sizes = np.zeros((n, n)), [], []
     for g, share, part in parts:
         factor = multipliers[g] * share
         curvature += factor * part.curvature
-        witness.append(factor * part.witness)
         if part.mixed is not None:
             mixed.append(factor * part.mixed)
             sizes.append(factor * part.size)
@@ -81,7 +78,6 @@ def smoothed(problem: WhiteProblem, weights: Array, mu: float) -> Smoothed:
         rooms,
         np.array(mixed).reshape(-1, n).T,
         np.array(sizes),
-        tuple(witness),
     )
 
 
@@ -100,7 +96,6 @@ class _Term:
     value: float
     slopes: Array
     curvature: Array
-    witness: Array
     mixed: Array | None = None
     size: float = 0.0
 
@@ -109,11 +104,10 @@ def _term(mean: MatrixMean, information: Array, matrices: Array, mu: float) -> _
     """Return one mean's logarithm, smoothed by mu if it is that of the smallest eigenvalue."""
     if mean.kind != "E":
         value, slopes, curvature = mean.second_order(information, matrices)
-        return _Term(value, slopes, -curvature, mean.log_gradient(information))
+        return _Term(value, slopes, -curvature)
     T, U, ratios, largest, log_det = _spectrum(mean, information)
     s, left = _largest_size(ratios, mu)
-    # X = M - s B B': its inverse is G G'.
-    G = T.T @ np.concatenate([U / np.sqrt(left), _complement(U)], axis=1)
+    G = _dual_root(T, U, left)
     white = between(G.T, matrices, G)
     flat = white.reshape(len(white), -1)
     inner = s * ratios / left  # of G's columns along B, times s
@@ -124,10 +118,32 @@ def _term(mean: MatrixMean, information: Array, matrices: Array, mu: float) -> _
         float(value),
         mu * diagonal.sum(axis=1),
         mu * flat @ flat.T,
-        mu * G @ G.T,
         -mu * diagonal[:, :k] @ inner,
         float(1.0 + mu * (inner**2).sum()),
     )
+
+
+def smoothed_witness(
+    problem: WhiteProblem, weights: Array, mu: float, multipliers: Array
+) -> tuple[Array, ...]:
+    """Return the derivative of each term by the information, at the groups' multipliers (G,)."""
+    information, witness = problem.information(weights), []
+    for group, factor in zip(problem.objective.groups, multipliers, strict=True):
+        for term in group:
+            M = information[term.sample]
+            if term.mean.kind != "E":
+                witness.append(factor * term.share * term.mean.log_gradient(M))
+                continue
+            T, U, ratios, _, _ = _spectrum(term.mean, M)
+            G = _dual_root(T, U, _largest_size(ratios, mu / term.share)[1])
+            witness.append(factor * mu * G @ G.T)
+    return tuple(witness)
+
+
+def _dual_root(inverse_root: Array, basis: Array, left: Array) -> Array:
+    """Return G with G G' the inverse of M - s B B', of `_spectrum` and 1 - s l."""
+    columns = [basis / np.sqrt(left), _complement(basis)]
+    return np.asarray(inverse_root.T @ np.concatenate(columns, axis=1))
 
 
 def _value(mean: MatrixMean, information: Array, mu: float) -> float:

@@ -18,6 +18,8 @@ _WEAKEST = 1e-6
 # Candidates to begin with, and to add in a round, for each parameter: more make the small problems
 # larger, fewer take more passes over all candidates.
 _BATCH = 4
+# Room of a row, of its scale, below which it is an equation.
+_TIGHT = 1e-6
 
 
 @dataclass(frozen=True, eq=False)
@@ -162,14 +164,24 @@ class Whitening:
 
 
 def _inside(rows: Array, bounds: Array, caps: Array, inside: Array) -> Array:
-    """Return positive shares with room in every row, beside shares (n,) that may be zero."""
-    n = rows.shape[1]
-    equal: Array = np.minimum(0.9 / n, 0.5 * caps)
+    """Return positive shares with room in every row, beside shares (n,) that may be zero.
+
+    They lie half way to equal ones, as far as there is room; rows that leave none, equations, are
+    kept by changing the larger shares.
+    """
+    equal: Array = np.minimum(0.9 / rows.shape[1], 0.5 * caps)
     if len(rows) == 1:
         return equal
-    room, other = bounds - rows @ inside, bounds - rows @ equal
-    less = np.maximum(room - other, 1e-300)
-    return np.asarray(inside + min(0.5, 0.5 * float((room / less).min())) * (equal - inside))
+    room, step = bounds - rows @ inside, equal - inside
+    tight = rows[room < _TIGHT]
+    if len(tight):
+        scale = np.maximum(inside, 1e-3 * equal)
+        step = step - scale * np.linalg.lstsq(tight * scale, tight @ step, rcond=1e-12)[0]
+    values = np.concatenate([room, inside, caps - inside])
+    moves = np.concatenate([rows @ step, -step, step])
+    falling = moves > 0
+    longest = float(np.min(values[falling] / moves[falling], initial=1.0))
+    return np.asarray(inside + 0.5 * longest * step)
 
 
 def _samples(information: Array) -> Array:
