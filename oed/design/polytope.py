@@ -14,7 +14,7 @@ from robotmodels.arrays import Array
 from robotmodels.errors import InvalidInput, SolverFailed
 
 # How much wider bounds are made, of a row's scale, where rows leave no room together.
-_WIDENED = 2e-7
+_WIDENED = 2e-8
 
 
 @dataclass(frozen=True, eq=False)

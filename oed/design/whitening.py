@@ -166,22 +166,25 @@ class Whitening:
 def _inside(rows: Array, bounds: Array, caps: Array, inside: Array) -> Array:
     """Return positive shares with room in every row, beside shares (n,) that may be zero.
 
-    They lie half way to equal ones, as far as there is room; rows that leave none, equations, are
-    kept by changing the larger shares.
+    They lie half way to equal ones, as far as there is room. Equations, rows that leave hardly any,
+    are kept by changing the larger shares, unless that leaves nothing of a smaller one.
     """
     equal: Array = np.minimum(0.9 / rows.shape[1], 0.5 * caps)
     if len(rows) == 1:
         return equal
-    room, step = bounds - rows @ inside, equal - inside
+    room, straight = bounds - rows @ inside, equal - inside
     tight = rows[room < _TIGHT]
-    if len(tight):
-        scale = np.maximum(inside, 1e-3 * equal)
-        step = step - scale * np.linalg.lstsq(tight * scale, tight @ step, rcond=1e-12)[0]
-    values = np.concatenate([room, inside, caps - inside])
-    moves = np.concatenate([rows @ step, -step, step])
-    falling = moves > 0
-    longest = float(np.min(values[falling] / moves[falling], initial=1.0))
-    return np.asarray(inside + 0.5 * longest * step)
+    scale = np.maximum(inside, 1e-3 * equal)
+    turn = scale * np.linalg.lstsq(tight * scale, tight @ straight, rcond=1e-12)[0]
+    for step in (straight - turn, straight):
+        values = np.concatenate([room, inside, caps - inside])
+        moves = np.concatenate([rows @ step, -step, step])
+        falling = moves > 0
+        longest = float(np.min(values[falling] / moves[falling], initial=1.0))
+        shares: Array = inside + 0.5 * longest * step
+        if shares.min() > 0:
+            break
+    return shares
 
 
 def _samples(information: Array) -> Array:
