@@ -4,17 +4,15 @@ Exit codes: 0 when all went well; 2 for a mistake in a command or a file; 1 for 
 mistake, such as a full disk; 130 when interrupted, 128 + n when ended by signal n.
 """
 
-import os
 import re
-import signal
 import sys
-import threading
 from concurrent.futures.process import BrokenProcessPool
 from typing import Annotated
 
 import typer
 
 from reports.commands import register_all
+from reports.commands.stopping import watched_signals
 from robotmodels.errors import IdentificationError
 from robotmodels.files import disk_full, reason
 from robotmodels.plain_text import printable
@@ -29,9 +27,6 @@ app = typer.Typer(
 )
 register_all(app)
 
-
-_PATIENCE = 10.0
-"""Time to end in order after a signal [s]."""
 
 _LONGEST = 1000
 """Line of error [characters]."""
@@ -61,12 +56,10 @@ def _oed(
 
 def run() -> None:
     """Run the command that was typed; a user's mistake ends in one line and exit code 2."""
-    for name in ("SIGTERM", "SIGHUP"):
-        number = getattr(signal, name, None)
-        if number is not None and signal.getsignal(number) == signal.SIG_DFL:  # not under nohup
-            signal.signal(number, _end)
     try:
-        sys.exit(app(standalone_mode=False) or 0)
+        with watched_signals():
+            code = app(standalone_mode=False) or 0
+        sys.exit(code)
     except IdentificationError as error:
         if disk_full(error):
             _fail(_DISK_FULL, 1)
@@ -102,15 +95,3 @@ def _fail(message: str, code: int) -> None:
         line = f"{line[: _LONGEST // 2]} ... {line[-_LONGEST // 2 :]}"
     sys.stderr.write(f"error: {line}\n")
     sys.exit(code)
-
-
-def _end(number: int, _: object) -> None:
-    """End as at an error, so that what is half-written is taken away.
-
-    An exit raised while compiled code calls back is swallowed; the process then ends a little
-    later. What stages have written outlives that, as it outlives a kill.
-    """
-    late = threading.Timer(_PATIENCE, os._exit, (128 + number,))
-    late.daemon = True
-    late.start()
-    sys.exit(128 + number)

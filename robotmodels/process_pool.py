@@ -3,16 +3,32 @@
 import multiprocessing
 import os
 import signal
+import sys
 import threading
 from collections.abc import Callable
 from concurrent.futures import Executor, Future, ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from functools import partial
 from multiprocessing.connection import wait
-from typing import Any, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
+
+from robotmodels.errors import InvalidInput
+
+if TYPE_CHECKING:
+    from multiprocessing.synchronize import Event
+
+_NEVER_BEGAN = (
+    "processes: they ended before they began. Each reads the script anew: what starts them must "
+    'stand under `if __name__ == "__main__":`. If it does, they were killed, perhaps for want of '
+    "memory"
+)
 
 T = TypeVar("T")
 Call = Callable[[], Any]
+
+
+class ProcessesNeverBegan(InvalidInput, BrokenProcessPool):
+    """The processes of a pool ended before they could be given work."""
 
 
 class ProcessPool(Executor):
@@ -26,14 +42,24 @@ class ProcessPool(Executor):
     ----------
     workers : number of processes; each is spawned, and ends with this one.
     restarts : deaths that are made good; the next one is a `BrokenProcessPool` error.
+
+    Raises
+    ------
+    InvalidInput : in a script that comes from standard input.
+    ProcessesNeverBegan : from tasks, where a script starts processes outside ``if __name__ ==
+        "__main__":``.
     """
 
     def __init__(self, workers: int, restarts: int = 3) -> None:
+        _check_script()
+        context = multiprocessing.get_context("spawn")
+        self._begun = context.Event()
         self._make = partial(
             ProcessPoolExecutor,
             workers,
-            mp_context=multiprocessing.get_context("spawn"),
+            mp_context=context,
             initializer=_prepare_worker,
+            initargs=(self._begun,),
         )
         self._pool = self._make()
         self._left = restarts
@@ -63,9 +89,9 @@ class ProcessPool(Executor):
         pool = self._pool
         try:
             inner = pool.submit(call)
-        except BrokenProcessPool:
+        except BrokenProcessPool as error:
             if not self._renewed(pool):
-                raise
+                raise self._explained(error) from error
             self._start(outer, call)
             return
         outer.add_done_callback(lambda done: inner.cancel() if done.cancelled() else None)
@@ -80,6 +106,8 @@ class ProcessPool(Executor):
             outer.set_running_or_notify_cancel()
             return
         error = inner.exception()
+        if isinstance(error, BrokenProcessPool):
+            error = self._explained(error)
         if isinstance(error, BrokenProcessPool) and not outer.cancelled() and self._renewed(pool):
             try:
                 self._start(outer, call)
@@ -98,16 +126,37 @@ class ProcessPool(Executor):
         with self._lock:
             if self._pool is not broken:
                 return True  # for another task that was lost
-            if not self._left:
+            if not self._left or not self._begun.is_set():
                 return False
             self._left -= 1
             # The broken pool ends by itself; to wait for it in its own thread would be for ever.
             self._pool = self._make()
         return True
 
+    def _explained(self, error: BrokenProcessPool) -> Exception:
+        """Return the error of processes that never began to work; the same for others."""
+        return error if self._begun.is_set() else ProcessesNeverBegan(_NEVER_BEGAN)
 
-def _prepare_worker() -> None:
+
+def _check_script() -> None:
+    """Refuse to start processes where they could not begin.
+
+    Each process reads the script that is run anew, up to where it is told what to do.
+    """
+    if getattr(multiprocessing.current_process(), "_inheriting", False):
+        sys.exit(1)  # this is such a process: that the first one tells its user is enough
+    script = sys.modules["__main__"]
+    path = getattr(script, "__file__", None)
+    if getattr(script, "__spec__", None) is None and path and not os.path.exists(path):
+        raise InvalidInput(
+            f"processes: the script is {path}, which new processes cannot read; save it to a file, "
+            "or work without a pool"
+        )
+
+
+def _prepare_worker(begun: "Event") -> None:
     """Let an interrupt end a worker without a traceback, and a killed parent take it along."""
+    begun.set()
     signal.signal(signal.SIGINT, signal.SIG_DFL)
     threading.Thread(target=_end_with_parent, daemon=True).start()
 

@@ -6,6 +6,7 @@ from typing import Annotated
 import typer
 
 from reports.commands.options import WORKERS, AsJson, Workers, about, say
+from reports.commands.stopping import stoppable, stopping_at_steps
 from reports.commands.workers import one_thread_each, process_pool
 
 
@@ -35,11 +36,13 @@ def simulate(
 
     content = load_experiment(experiment)
     with (
+        stoppable(),
         about(experiment),
         staged_folder(content.output) as folder,
-        progress_bars() as progress,
+        progress_bars() as bars,
         process_pool(workers) as executor,
     ):
+        progress = stopping_at_steps(bars)
         prepared = prepare(content, progress)
         outcome = run_experiment(prepared, folder, progress, executor)
     say(

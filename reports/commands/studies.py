@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any, TypeVar
 import typer
 
 from reports.commands.options import about
+from reports.commands.stopping import INTERRUPTED, stoppable, stopping_at_steps
 from reports.commands.workers import one_thread_each, shared
 from robotmodels.errors import InvalidInput
 
@@ -39,9 +40,10 @@ Pages = Callable[[Any, Path, Any], "tuple[Failure, ...]"]
 def _told_when_interrupted() -> Iterator[None]:
     """Say that nothing is lost by an interrupt."""
     try:
-        yield
+        with stoppable():
+            yield
     except KeyboardInterrupt:
-        sys.stderr.write("interrupted; the same command goes on from here\n")
+        sys.stderr.write(INTERRUPTED)
         raise
 
 
@@ -78,9 +80,10 @@ def compute_study(
     with (
         _told_when_interrupted(),
         about(study),
-        progress_bars() as progress,
+        progress_bars() as bars,
         shared(workers, cluster) as executor,
     ):
+        progress = stopping_at_steps(bars)
         results = step(content, progress, executor=executor, fresh=fresh)
         with staged_folder(content.output) as folder:
             write_results(results, folder)

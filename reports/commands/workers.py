@@ -6,6 +6,7 @@ from concurrent.futures import CancelledError, Executor
 from contextlib import AbstractContextManager, contextmanager
 from importlib import import_module
 
+from reports.commands.stopping import waking
 from robotmodels.errors import IdentificationError, InvalidInput
 from robotmodels.process_pool import ProcessPool
 
@@ -45,7 +46,8 @@ def process_pool(workers: int) -> Iterator[Executor | None]:
         return
     pool = ProcessPool(workers, RETRIES)
     try:
-        yield pool
+        with waking(pool.terminate):
+            yield pool
     except BaseException:
         pool.terminate()  # what they compute is not wanted any more
         raise

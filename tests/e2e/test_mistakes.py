@@ -144,6 +144,41 @@ def test_a_terminated_run_keeps_whole_stages_and_what_the_next_run_goes_on_from(
     assert "posterior" not in finished(endless)
 
 
+# The call that the signal meets is one of compiled code, qsort's, which drops exceptions.
+MET = """
+import ctypes, os, signal, sys
+from estimators.uncertainty.log_posterior import LogPosterior
+from reports import cli
+
+density, calls = LogPosterior.__call__, 0
+compared = ctypes.CFUNCTYPE(ctypes.c_int, ctypes.c_void_p, ctypes.c_void_p)
+
+def called_back(a, b):
+    os.kill(os.getpid(), signal.SIGTERM)
+    sum(range(1000))  # time for a handler
+    return 0
+
+def met(*arguments):
+    global calls
+    calls += 1
+    if calls == 50:
+        ctypes.CDLL(None).qsort(ctypes.create_string_buffer(2), 2, 1, compared(called_back))
+    return density(*arguments)
+
+LogPosterior.__call__ = met
+sys.argv = ["oed", "run", PATH, "--workers", "1"]
+cli.main()
+"""
+
+
+def test_a_signal_while_compiled_code_calls_back_ends_in_order(endless):
+    program = MET.replace("PATH", repr(str(endless)))
+    run = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True)
+    assert (run.returncode, run.stdout, run.stderr) == (128 + signal.SIGTERM, "", "")
+    assert "posterior.part" in finished(endless)
+    assert "posterior" not in finished(endless)
+
+
 def test_an_interrupt_amid_the_sampling_ends_without_a_traceback(endless, monkeypatch):
     calls = 0
     log_probability = LogPosterior.__call__

@@ -3,6 +3,8 @@
 import multiprocessing
 import os
 import signal
+import subprocess
+import sys
 import time
 from concurrent.futures import as_completed
 from concurrent.futures.process import BrokenProcessPool
@@ -91,3 +93,33 @@ def test_the_pool_ends_its_own_processes_only():
     other.terminate()
     other.join()
     assert alive
+
+
+SCRIPT = """
+from robotmodels import ProcessPool
+with ProcessPool(2) as pool:
+    print(list(pool.map(abs, [-1, -2])))
+"""
+
+
+def ran(command, **options):
+    done = subprocess.run(command, capture_output=True, text=True, check=False, **options)
+    return done.returncode, done.stdout, done.stderr.strip()
+
+
+def test_a_script_without_a_guard_is_told_so(tmp_path):
+    path = tmp_path / "script.py"
+    path.write_text(SCRIPT)
+    code, out, err = ran([sys.executable, str(path)])
+    assert (code, out) == (1, "")
+    assert 'must stand under `if __name__ == "__main__":`' in err.splitlines()[-1]
+    assert "bootstrapping" not in err  # the tracebacks of the processes that were started in vain
+    path.write_text("if __name__ == '__main__':" + SCRIPT.replace("\n", "\n    "))
+    assert ran([sys.executable, str(path)]) == (0, "[1, 2]\n", "")
+
+
+def test_a_script_from_standard_input_is_told_so():
+    code, out, err = ran([sys.executable, "-"], input=SCRIPT)
+    assert (code, out) == (1, "")
+    assert "the script is <stdin>, which new processes cannot read" in err.splitlines()[-1]
+    assert ran([sys.executable, "-c", SCRIPT]) == (0, "[1, 2]\n", "")
