@@ -12,10 +12,10 @@ from typing import Annotated
 import typer
 
 from reports.commands import register_all
+from reports.commands.options import fail
 from reports.commands.stopping import watched_signals
 from robotmodels.errors import IdentificationError
 from robotmodels.files import disk_full, reason
-from robotmodels.plain_text import printable
 
 app = typer.Typer(
     no_args_is_help=True,
@@ -27,9 +27,6 @@ app = typer.Typer(
 )
 register_all(app)
 
-
-_LONGEST = 1000
-"""Line of error [characters]."""
 
 _DISK_FULL = "the disk is full; free some space and run the same command again"
 
@@ -62,20 +59,20 @@ def run() -> None:
         sys.exit(code)
     except IdentificationError as error:
         if disk_full(error):
-            _fail(_DISK_FULL, 1)
-        _fail(str(error), 2)
+            fail(_DISK_FULL, 1)
+        fail(str(error), 2)
     except typer.TyperException as error:
         if message := _usage(error):
-            _fail(message, error.exit_code)
+            fail(message, error.exit_code)
         sys.exit(error.exit_code)  # help was shown
     except BrokenProcessPool:
-        _fail("a worker process was killed, perhaps for want of memory; try --workers 1", 1)
+        fail("a worker process was killed, perhaps for want of memory; try --workers 1", 1)
     except (OSError, RuntimeError) as error:  # HDF5 raises either
         if disk_full(error):
-            _fail(_DISK_FULL, 1)
+            fail(_DISK_FULL, 1)
         if not (isinstance(error, OSError) and error.filename):
             raise
-        _fail(f"{error.filename}: {reason(error)}", 1)
+        fail(f"{error.filename}: {reason(error)}", 1)
 
 
 def _usage(error: typer.TyperException) -> str:
@@ -87,11 +84,3 @@ def _usage(error: typer.TyperException) -> str:
     context = getattr(error, "ctx", None)
     see = f"see {context.command_path if context else 'oed'} --help"
     return f"{message[0].lower()}{message[1:]}; {see}" if message else ""
-
-
-def _fail(message: str, code: int) -> None:
-    line = printable(message).replace("\n", "\\n")  # of a path, say
-    if len(line) > _LONGEST:  # a key or a name in it; file and remedy stand at the ends
-        line = f"{line[: _LONGEST // 2]} ... {line[-_LONGEST // 2 :]}"
-    sys.stderr.write(f"error: {line}\n")
-    sys.exit(code)

@@ -1,10 +1,11 @@
 """Options that several commands share, and how a command ends: with text or with JSON."""
 
 import json
+import sys
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, NoReturn
 
 import typer
 
@@ -21,6 +22,8 @@ AsJson = Annotated[
     typer.Option("--json", help="Print the summary as JSON, in SI units, for scripts."),
 ]
 WORKERS = available_cores()
+_LONGEST = 1000
+"""Line of error [characters]."""
 
 Records = Annotated[Path, typer.Argument(help="Records: .h5, .mat or .csv.")]
 Delay = Annotated[
@@ -47,6 +50,15 @@ def warn(warnings: Iterable[str]) -> None:
     """Print warnings beside the summary."""
     for warning in warnings:
         typer.echo(f"warning: {printable(warning)}", err=True)
+
+
+def fail(message: str, code: int) -> NoReturn:
+    """End with one line of error."""
+    line = printable(message).replace("\n", "\\n")  # of a path, say
+    if len(line) > _LONGEST:  # a key or a name in it; file and remedy stand at the ends
+        line = f"{line[: _LONGEST // 2]} ... {line[-_LONGEST // 2 :]}"
+    sys.stderr.write(f"error: {line}\n")
+    sys.exit(code)
 
 
 @contextmanager

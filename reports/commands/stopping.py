@@ -28,6 +28,7 @@ class _Request:
     def __init__(self) -> None:
         self.number = 0
         self.computing = False
+        self.ending = False  # which the thread may learn before it learns of the signal
         self.wakers: list[Callable[[], object]] = []
 
     def watch(self, pipe: int) -> None:
@@ -35,7 +36,7 @@ class _Request:
         number = os.read(pipe, 1)[0]
         if not number:
             return
-        if self.computing:
+        if self.computing or self.ending:
             self.number = number
             for wake in list(self.wakers):
                 with suppress(Exception):
@@ -75,7 +76,7 @@ def watched_signals() -> Iterator[None]:
         thread.join()
         os.close(reading)
         os.close(writing)
-        _request.number = 0
+        _request.number, _request.ending = 0, False
 
 
 @contextmanager
@@ -113,10 +114,12 @@ def check_stop() -> None:
     ------
     KeyboardInterrupt, SystemExit : where a signal asked for it.
     """
+    if not _request.number:
+        return
+    _request.ending = True
     if _request.number == signal.SIGINT:
         raise KeyboardInterrupt
-    if _request.number:
-        raise SystemExit(128 + _request.number)
+    raise SystemExit(128 + _request.number)
 
 
 def stopping_at_steps(progress: Callable[..., object] | None) -> Callable[..., None]:

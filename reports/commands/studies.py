@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any, TypeVar
 
 import typer
 
-from reports.commands.options import about
+from reports.commands.options import about, fail
 from reports.commands.stopping import INTERRUPTED, stoppable, stopping_at_steps
 from reports.commands.workers import one_thread_each, shared
 from robotmodels.errors import InvalidInput
@@ -103,5 +103,4 @@ def end_with_failures(study: Path, results: "PlannedStudy") -> None:
         return
     reasons = "; ".join(f"{one.name}: {one.reason}" for one in failures)
     rest = "all else is written, and the same command goes on from it"
-    sys.stderr.write(f"error: {study}: {reasons}; {rest}\n")
-    raise typer.Exit(2 if all(one.mistake for one in failures) else 1)
+    fail(f"{study}: {reasons}; {rest}", 2 if all(one.mistake for one in failures) else 1)
