@@ -10,6 +10,7 @@ import numpy as np
 from robotmodels.atomic_files import atomic_write
 from robotmodels.data_files.array_schema import ArraySchema, Field
 from robotmodels.data_files.hdf5_file import open_hdf5
+from robotmodels.description.ranges import MOST_LENGTH
 from robotmodels.errors import InvalidInput
 from robotmodels.records import SIGNALS, Records, check_alike
 
@@ -25,6 +26,7 @@ _COMMON = {
     "lines": Field(("line",), "whole", least=1),
     "detection": Field(("detection line",), "whole", least=1),
 }
+_COORDINATES = Field(("motor",), least=-MOST_LENGTH, most=MOST_LENGTH)
 # Experiments that are missing have NaN, of which `Records` itself takes care.
 _SIGNAL_FIELDS = {
     "torque": Field((*_EXPERIMENTS, "motor"), finite=False),
@@ -32,12 +34,12 @@ _SIGNAL_FIELDS = {
     "reference": Field(("block", "experiment", "period or 1", "sample", "motor")),
     "saturated": Field(("block", "experiment", "period", "motor"), "truth"),
 }
-_POSITION = ArraySchema({"position": Field(("motor",)), **_SIGNAL_FIELDS})
+_POSITION = ArraySchema({"position": _COORDINATES, **_SIGNAL_FIELDS})
 # Of files that hold all positions in one array; HDF5 has a group for each.
 RECORDS = ArraySchema(
     {
         **_COMMON,
-        "positions": Field(("position", "motor")),
+        "positions": replace(_COORDINATES, axes=("position", "motor")),
         **{
             name: replace(field, axes=("position", *field.axes))
             for name, field in _SIGNAL_FIELDS.items()

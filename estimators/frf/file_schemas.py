@@ -4,15 +4,17 @@ import numpy as np
 
 from robotmodels.arrays import Array
 from robotmodels.data_files.array_schema import ArraySchema, Field
+from robotmodels.description.ranges import MOST_LENGTH
 from robotmodels.errors import InvalidInput
 
 FRF_SCHEMA, DISTORTION_SCHEMA = "frf/1", "distortion/1"
 _LARGEST_MISFIT = 1e-9  # of frequencies told twice, relative
 
+_POSITIONS = Field(("position", "coordinate"), least=-MOST_LENGTH, most=MOST_LENGTH)
 # Axes of the covariance depend on its kind; `FrfEstimate` knows both.
 FRF = ArraySchema(
     {
-        "positions": Field(("position", "coordinate")),
+        "positions": _POSITIONS,
         "omega": Field(("frequency",)),
         "response": Field(("position", "frequency", "output", "motor"), "complex"),
         "covariance": Field(("position", "frequency", "", ""), "complex"),
@@ -23,7 +25,7 @@ FRF = ArraySchema(
 _LINES = {"odd": "odd line", "even": "even line"}
 DISTORTION = ArraySchema(
     {
-        "positions": Field(("position", "coordinate")),
+        "positions": _POSITIONS,
         "omega": Field(("frequency",), least=0),
         "noise": Field(("position", "frequency", "output", "motor"), least=0),
         # One block alone tells no total.

@@ -150,7 +150,12 @@ def smoothed(raw: Array) -> tuple[Array, float]:
         )
     statistics: Any = array_stats  # has no types
     # Draws outside the support have no weight and no part in the tail.
-    found, k = statistics.psislw(-raw[positive])
+    with np.errstate(all="ignore"):
+        found, k = statistics.psislw(-raw[positive])
+    if not np.isfinite(found).all():
+        # The tail's weights vanish beside the largest: no Pareto law fits them, and arviz-stats
+        # returns the prior's k, near zero.
+        found, k = raw[positive], np.inf
     result = np.full(len(raw), -np.inf)
     result[positive] = found - np.logaddexp.reduce(found)
     return result, float(k)

@@ -67,3 +67,12 @@ def test_few_draws_and_impossible_levels_are_refused():
     sample = importance_sample(found, rng=np.random.default_rng(0), draws=200)
     with pytest.raises(InvalidInput, match=r"level 0\.0 does not lie"):
         sample.interval(0.0)
+
+
+@pytest.mark.parametrize("spread", [1e3, 1e5, 1e10])
+def test_weights_that_vanish_beside_the_largest_are_not_trusted(spread):
+    raw = spread * np.random.default_rng(3).standard_normal(2000)
+    log_weights, k = smoothed(raw)
+    assert k == np.inf
+    assert np.exp(log_weights).sum() == pytest.approx(1)
+    assert log_weights.argmax() == raw.argmax()

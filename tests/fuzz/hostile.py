@@ -283,6 +283,12 @@ CASES = (
     Case("zeros beyond all memory", hdf5("records.h5", _zeros), FRF, "records.h5"),
     Case("pickled positions", _pickle, "design rich_study.yaml --workers 1", "taught.npy"),
     Case(
+        "measured beyond any joint",
+        replaced("records.csv", "# positions: [[0.5", "# positions: [[1e300"),
+        "frf records.csv -o new --local",
+        "positions",
+    ),
+    Case(
         "comment of another type",
         replaced("records.csv", "# axes: [", '# axes: ["'),
         "frf records.csv",
