@@ -18,7 +18,8 @@ from oed.design.whitening import Whitening
 from robotmodels.arrays import Array, IntArray, read_only
 from robotmodels.errors import InvalidInput, SolverFailed
 
-Method = Callable[[WhiteProblem, float], Answer]
+# Of a problem, a goal, and an answer to go on from.
+Method = Callable[[WhiteProblem, float, Answer | None], Answer]
 
 # Rounds of multiplicative steps that look for the candidates cvxpy begins with.
 _SCOUTING = 8
@@ -74,7 +75,7 @@ def solve(
     search = _Search(Whitening.of(problem), tolerance, max_rounds)
     if solver == "cvxpy":
         search.scout()
-        search.run(lambda few, goal: conic(few, form))
+        search.run(lambda few, goal, near: conic(few, form))
     answer = search.answer(trim)
     if answer is None:
         stalled, search.best = search.best, None
@@ -114,7 +115,7 @@ class _Search:
             return
         self.scouted = f" after {NAME}"
         for _ in range(_SCOUTING):
-            scouted = self._round(multiplicative, _GOAL)
+            scouted = self._round(lambda few, goal, near: multiplicative(few, goal), _GOAL)
             larger = self._larger(scouted, _GOAL)
             if larger is None:
                 break
@@ -131,11 +132,11 @@ class _Search:
 
         A `loose` search is for candidates first, and for precise weights in the end.
         """
-        goal = max(_GOAL, self.tolerance) if loose else self.tolerance
+        goal, near = max(_GOAL, self.tolerance) if loose else self.tolerance, None
         for _ in range(self.max_rounds):
             self.rounds += 1
             try:
-                current = self._round(method, goal)
+                current = self._round(method, goal, near)
             except SolverFailed as error:
                 self.failures.append(str(error))
                 return
@@ -152,6 +153,7 @@ class _Search:
             elif goal <= self.tolerance:
                 return
             goal = self.tolerance if larger is None else max(_GOAL * goal, self.tolerance)
+            near = current.answer if larger is None else None
 
     def design(self, best: _Round) -> Design:
         """Return an answer as a design."""
@@ -175,10 +177,10 @@ class _Search:
             multipliers=dict(zip(allowed.names, map(float, rows), strict=True)),
         )
 
-    def _round(self, method: Method, goal: float) -> _Round:
+    def _round(self, method: Method, goal: float, near: Answer | None = None) -> _Round:
         """Solve the active set and price all candidates."""
         few = self.whitening.few(self.active)
-        answer = method(few, goal)
+        answer = method(few, goal, near)
         # Conic solvers leave weights of no sign; regular information needs every one of them.
         least = 0.01 * self.tolerance / len(self.active)
         weights = few.completed(np.maximum(answer.weights, least))
@@ -274,7 +276,14 @@ class _Search:
         better = None
         if newton:
             better = self._derived(
-                full, _spread(used, weights, _finely(few, weights[used], self.tolerance))
+                full,
+                _spread(
+                    used,
+                    weights,
+                    _finely(
+                        few, replace(full.answer, weights=weights[used], mu=0.0), self.tolerance
+                    ),
+                ),
             )
         better = better or self._derived(full, weights)
         if better is None and not newton and self._multiplicative:
@@ -300,10 +309,10 @@ def _unique(one: _Round) -> bool:
     return one.few.objective.smooth and len(one.few.objective.groups) == 1
 
 
-def _finely(few: WhiteProblem, weights: Array, tolerance: float) -> Array | None:
+def _finely(few: WhiteProblem, near: Answer, tolerance: float) -> Array | None:
     """Return precise weights of a few candidates, if the barrier method finds them."""
     try:
-        return few.completed(barrier(few, _PRECISE * tolerance, weights).weights)
+        return few.completed(barrier(few, _PRECISE * tolerance, near).weights)
     except SolverFailed:
         return None
 

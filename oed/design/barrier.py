@@ -42,13 +42,13 @@ class _Point:
     rows: Array
 
 
-def barrier(problem: WhiteProblem, goal: float, near: Array | None = None) -> Answer:
+def barrier(problem: WhiteProblem, goal: float, near: Answer | None = None) -> Answer:
     """Return a design whose log value is within about a fifth of `goal` of the best.
 
     Parameters
     ----------
     problem, goal : what is maximised, and how well.
-    near : (n,) weights that are nearly the best ones, so that mu need not fall step by step.
+    near : an answer to go on from, at its mu.
 
     Raises
     ------
@@ -60,8 +60,11 @@ def barrier(problem: WhiteProblem, goal: float, near: Array | None = None) -> An
     pairs += sum(len(problem.base[t.sample]) for t in problem.objective.terms if t.mean.kind == "E")
     last = _SHARE_OF_GOAL * goal / pairs
     mu, weights = max(1.0 / pairs, last), problem.start
-    if near is not None and _merit(problem, (1.0 - last) * near, last) > -np.inf:
-        mu, weights = last, (1.0 - last) * near
+    if near is not None:
+        # Complete weights are on the boundary.
+        inside = (1.0 - max(near.mu, last)) * near.weights
+        if _merit(problem, inside, last) > -np.inf:
+            mu, weights = max(near.mu, last), inside
     point = _centred(problem, weights, mu)
     try:
         while True:
@@ -73,7 +76,7 @@ def barrier(problem: WhiteProblem, goal: float, near: Array | None = None) -> An
     except np.linalg.LinAlgError as error:
         raise SolverFailed(f"barrier method: {error} at mu {mu:.1g}") from error
     witness = smoothed_witness(problem, point.weights, last, model.multipliers)
-    return Answer(point.weights, point.rows, witness, "newton")
+    return Answer(point.weights, point.rows, witness, "newton", last)
 
 
 def _newton(

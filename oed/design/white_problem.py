@@ -63,9 +63,11 @@ class Answer:
     row_multipliers : (m,) none negative, what a unit of each bound would add to the log value.
     witness : one (r, r) for each term, the derivative of the log value, or its equal in the dual.
     method : that gave the answer.
+    mu : where the barrier method stopped.
     """
 
     weights: Array
     row_multipliers: Array
     witness: tuple[Array, ...]
     method: str
+    mu: float = 0.0
