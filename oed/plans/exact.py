@@ -87,8 +87,8 @@ def exact_design(
     Parameters
     ----------
     info : information of each candidate, in memory or in a store.
-    n_experiments : number of experiments; by default what the constraints say, or 15 where they
-        name neither a number nor a time.
+    n_experiments : number of experiments, at most so many where the constraints limit time; by
+        default what the constraints say, or 15 where they name neither a number nor a time.
     design : relaxed design of the same problem; computed if None. Its gap is certified anew.
     criterion : "D", "A", "E" or an object of `oed.design.criteria`; by default the design's, or D.
     constraints : limits on the experiments.
@@ -211,26 +211,22 @@ def _criterion(given: str | Criterion | None, design: Design | None) -> str | Cr
 def _allowed(
     n_experiments: int | None, constraints: Constraints | None, n_candidates: int
 ) -> Polytope:
-    limited = constraints is not None and (
-        constraints.experiments is not None or constraints.time is not None
-    )
     if n_experiments is not None:
         whole = isinstance(n_experiments, (int, np.integer)) and not isinstance(n_experiments, bool)
         if not whole or n_experiments < 1:
             raise InvalidInput(f"n_experiments: {n_experiments!r} is not a whole number >= 1")
-        if limited and constraints is not None and constraints.experiments != n_experiments:
-            said = f"time={constraints.time!r} alone"
-            if constraints.experiments is not None:
-                said = f"experiments={constraints.experiments!r}"
-            raise InvalidInput(
-                f"n_experiments: {n_experiments} contradicts the constraints, which say {said}; "
-                f"leave it out, or put experiments={n_experiments} into the constraints"
-            )
     number = float(_EXPERIMENTS if n_experiments is None else n_experiments)
     if constraints is None:
         return replace(Polytope.shares(n_candidates), bounds=np.array([number]))
-    allowed = constraints if limited else replace(constraints, experiments=number)
-    return allowed.polytope(n_candidates)
+    if constraints.experiments is None:
+        if n_experiments is not None or constraints.time is None:
+            constraints = replace(constraints, experiments=number)
+    elif n_experiments not in (None, constraints.experiments):
+        raise InvalidInput(
+            f"n_experiments: {n_experiments} contradicts the constraints, which say "
+            f"experiments={constraints.experiments:g}; leave out one of them"
+        )
+    return constraints.polytope(n_candidates)
 
 
 def _promising(prices: Array, weights: Array) -> IntArray:
