@@ -1,0 +1,244 @@
+"""Whether errors are correlated along the lines, and by how much: deviations, or residuals."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from estimators.trust.linearised_fit import LinearisedFit, Lines
+from robotmodels.arrays import Array
+
+LAGS = 5
+"""Lags of the test of whiteness."""
+
+FALSE_ALARM = 0.002
+"""Probability with which white errors are called correlated; the sums are only about normal."""
+
+_HIGHEST_ORDER = 6
+_ORDER_LIMIT = 3.0  # a partial autocorrelation counts from so many standard deviations on
+
+
+@dataclass(frozen=True, eq=False)
+class LineCorrelation:
+    """Correlation of whitened errors along the lines.
+
+    Attributes
+    ----------
+    probability : float
+        Of lagged products as large if the errors are white.
+    coefficients : (F,)
+        Correlation at lags 0 to F - 1, of an autoregressive process; 1, 0, 0, ... where white.
+    variance : float
+        Of a whitened error, by the residuals; one where deviations were looked at.
+    data : float
+        Real numbers that this was estimated from.
+    """
+
+    probability: float
+    coefficients: Array
+    variance: float
+    data: float
+
+    @property
+    def white(self) -> bool:
+        """Whether the errors may well be white."""
+        return self.probability >= FALSE_ALARM
+
+    @property
+    def inflation(self) -> float:
+        """One plus twice the sum of squared correlations: by this degrees of freedom shrink."""
+        return float(1 + 2 * np.sum(self.coefficients[1:] ** 2))
+
+
+def declared_correlation(fit: LinearisedFit) -> LineCorrelation:
+    """Return the correlation that the estimator of the FRF made, which is known."""
+    lines = fit.residuals.shape[1]
+    return LineCorrelation(0.0, _padded(fit.line_correlation, lines), 1.0, np.inf)
+
+
+def white_errors(lines: int) -> LineCorrelation:
+    """Return the correlation of white errors."""
+    return LineCorrelation(1.0, _padded(np.empty(0), lines), 1.0, np.inf)
+
+
+def correlation_of_deviations(fit: LinearisedFit) -> LineCorrelation:
+    """Return the correlation along lines of what differs between blocks.
+
+    Blind to errors of the model, which every block has alike.
+    """
+    assert fit.deviations is not None
+    white = np.sqrt(fit.noise_weights)[:, None] * fit.deviations
+    lines = white.shape[2]
+    lags = min(lines - 1, max(LAGS, _HIGHEST_ORDER))
+    power = float((np.abs(white) ** 2).sum())
+    products = lagged_products(white, lags)
+    counts = np.array([lines - lag for lag in range(1, lags + 1)]) / lines
+    correlations = np.array([p.sum() for p in products]) / power / counts
+    data = fit.parts * float(np.count_nonzero(white)) / _element_correlation(white)
+    probability = _portmanteau(products[:LAGS])
+    if probability >= FALSE_ALARM:
+        return LineCorrelation(probability, _padded(np.empty(0), lines), 1.0, data)
+    return LineCorrelation(probability, autoregressive(correlations, data, lines), 1.0, data)
+
+
+def correlation_of_residuals(fit: LinearisedFit, columns: Lines | None = None) -> LineCorrelation:
+    """Return the correlation along lines of the errors behind the residuals.
+
+    The fit makes residuals less correlated than errors are: autocovariances c of r = (I - P) e have
+    the expectation B gamma, with gamma those of e, which is solved for gamma.
+
+    Parameters
+    ----------
+    columns : (Q, F, k, r), optional
+        Directions that are taken out of the residuals beside the parameters.
+    """
+    root = np.sqrt(fit.noise_weights)
+    J = fit.jacobian if columns is None else np.concatenate([fit.jacobian, columns], axis=-1)
+    rows = fit.rows if columns is None else fit.estimator(J)
+    residuals = fit.residuals
+    if columns is not None:
+        residuals = residuals - J @ fit.estimates(rows, residuals)
+    white = (root * residuals)[:, None]
+    lines, p = white.shape[2], J.shape[-1]
+    lags = min(lines // 3, max(LAGS, _HIGHEST_ORDER))
+    products = lagged_products(white, lags)
+    c = np.array([float((np.abs(white) ** 2).sum()), *(2 * q.sum() for q in products)])
+    B = _corrections(fit, root[..., None] * J, rows, root, lags)
+    gamma = 2 * np.linalg.lstsq(B, c, rcond=None)[0]  # half of the power in each real number
+    data = float(fit.data)
+    # What the fit takes away makes lagged products negative on average.
+    mean = B[1:, 0] * gamma[0] / 4
+    probability = _portmanteau(products[:LAGS], mean[:LAGS])
+    if probability >= FALSE_ALARM or not gamma[0] > 0:
+        coefficients = _padded(np.empty(0), lines)
+        return LineCorrelation(probability, coefficients, float(gamma[0]), data - p)
+    coefficients = autoregressive(gamma[1:] / gamma[0], data, lines)
+    effective = data / float(1 + 2 * np.sum(coefficients[1:] ** 2)) - p
+    return LineCorrelation(probability, coefficients, float(gamma[0]), effective)
+
+
+def lagged_products(white: Lines, lags: int) -> list[Array]:
+    """Return Re(conj(x_f) x_(f+l)), summed over elements, (Q, R, F - l), for lags 1 to `lags`."""
+    return [
+        np.asarray((np.conj(white[:, :, :-lag]) * white[:, :, lag:]).real.sum(axis=-1))
+        for lag in range(1, lags + 1)
+    ]
+
+
+def _portmanteau(products: list[Array], means: Array | None = None) -> float:
+    """Return the probability of sums of lagged products, each over the root of its squares."""
+    from scipy.stats import chi2
+
+    statistic = 0.0
+    for lag, product in enumerate(products):
+        square = float((product**2).sum())
+        shift = 0.0 if means is None else float(means[lag])
+        statistic += (float(product.sum()) - shift) ** 2 / square if square > 0 else 0.0
+    return float(chi2.sf(statistic, len(products)))
+
+
+def _element_correlation(white: Lines) -> float:
+    """Return by how much correlation between elements lessens the number of independent data.
+
+    sum |d_f^H d_(f+h)|^2 over the sum of the products of variances, of lines h apart, whose errors
+    are independent even where neighbours are not.
+    """
+    apart = min(5, white.shape[2] - 1)
+    if apart < 1:
+        return 1.0
+    first, second = white[:, :, :-apart], white[:, :, apart:]
+    # All pairs of draws, so that few blocks suffice.
+    inner = np.einsum("qafi,qbfi->qabf", np.conj(first), second)
+    powers = np.einsum("qafi,qbfi->qabf", np.abs(first) ** 2, np.abs(second) ** 2)
+    total = float(powers.sum())
+    return max(1.0, float((np.abs(inner) ** 2).sum()) / total) if total > 0 else 1.0
+
+
+def element_correlation(fit: LinearisedFit) -> float:
+    """Return the factor by which correlated elements lessen the number of independent data."""
+    root = np.sqrt(fit.noise_weights)
+    if fit.deviations is not None:
+        return _element_correlation(root[:, None] * fit.deviations)
+    if fit.covariance.ndim == 3:
+        return 1.0
+    white = root[..., :, None] * fit.covariance * root[..., None, :]
+    diagonal = np.diagonal(white, axis1=-2, axis2=-1).real
+    total = float((diagonal**2).sum())
+    return max(1.0, float((np.abs(white) ** 2).sum()) / total) if total > 0 else 1.0
+
+
+def _corrections(
+    fit: LinearisedFit, columns: Lines, rows: Lines, root: Array, lags: int
+) -> Array:
+    """Return B, (L + 1, L + 1): B_ij = tr(S_i (I - P) S_j (I - P)^T) with P = J A, whitened.
+
+    S_0 is the identity, S_l has ones where lines are l apart.
+    """
+    flat, p = columns.reshape(-1, columns.shape[-1]), columns.shape[-1]
+    with np.errstate(divide="ignore", invalid="ignore"):
+        white_rows = np.where(root > 0, rows / np.where(root > 0, root, 1.0), 0.0)
+    adjoint = white_rows.reshape(p, -1)
+    used = (root > 0)[..., None]
+    shifted = [_shift(columns, lag) * used for lag in range(lags + 1)]
+    shifted_rows = [
+        np.moveaxis(_shift(np.moveaxis(white_rows, 0, -1), lag) * used, -1, 0)
+        for lag in range(lags + 1)
+    ]
+    B = np.empty((lags + 1, lags + 1))
+    inner = [(np.conj(flat).T @ s.reshape(-1, p)).real for s in shifted]
+    outer = [(adjoint @ np.conj(s.reshape(p, -1)).T).real for s in shifted_rows]
+    for i in range(lags + 1):
+        for j in range(lags + 1):
+            cross = shifted_rows[j].reshape(p, -1) @ shifted[i].reshape(-1, p)
+            pairs = _pairs(root > 0, i) * fit.parts if i == j else 0.0
+            B[i, j] = pairs - 2 * float(np.trace(cross).real) + float(np.sum(inner[i] * outer[j].T))
+    return B
+
+
+def _pairs(used: NDArray[np.bool_], lag: int) -> float:
+    """Return tr(S_l S_l): ordered pairs of used elements l lines apart."""
+    if lag == 0:
+        return float(used.sum())
+    return 2.0 * float((used[:, lag:] & used[:, :-lag]).sum())
+
+
+def _shift(values: Lines, lag: int) -> Lines:
+    """Return S_l values along the axis of lines."""
+    if lag == 0:
+        return values
+    result = np.zeros_like(values)
+    result[:, lag:] += values[:, :-lag]
+    result[:, :-lag] += values[:, lag:]
+    return result
+
+
+def autoregressive(correlations: Array, data: float, lines: int) -> Array:
+    """Return the correlations 0 to `lines` - 1 of the autoregressive process of significant order.
+
+    The order is the highest whose partial autocorrelation exceeds three standard deviations of
+    white data (Levinson and Durbin).
+    """
+    limit = _ORDER_LIMIT / np.sqrt(data)
+    order, model, best = 0, np.empty(0), np.empty(0)
+    error = 1.0
+    for k in range(1, min(len(correlations), _HIGHEST_ORDER) + 1):
+        reflection = (correlations[k - 1] - model @ correlations[:k - 1][::-1]) / error
+        reflection = float(np.clip(reflection, -0.999, 0.999))
+        model = np.append(model - reflection * model[::-1], reflection)
+        error *= 1 - reflection**2
+        if abs(reflection) > limit:
+            order, best = k, model
+    result = np.zeros(lines)
+    result[0] = 1.0
+    known = min(order, lines - 1)
+    result[1 : known + 1] = correlations[:known]
+    for lag in range(known + 1, lines):
+        result[lag] = best @ result[lag - order : lag][::-1] if order else 0.0
+    return result
+
+
+def _padded(correlations: Array, lines: int) -> Array:
+    result = np.zeros(lines)
+    result[0] = 1.0
+    result[1 : len(correlations) + 1] = correlations[: lines - 1]
+    return result

@@ -1,0 +1,150 @@
+"""A fit about its solution: what every statement on its uncertainty is computed from."""
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from robotmodels.arrays import Array, ComplexArray
+
+Lines = NDArray[Any]
+"""An array (Q, F, k, ...) over positions, lines and elements of vec(G)."""
+
+
+@dataclass(frozen=True, eq=False)
+class LinearisedFit:
+    """Residuals r = e - J Re(A e) of a weighted least-squares fit with circular errors e.
+
+    A = N^-1 J^H W with N = Re(J^H W J) are the rows of the estimator: Re(A e) is the error of
+    ln theta, to first order. Sums run over positions, lines and elements.
+
+    Attributes
+    ----------
+    names : tuple of str
+        The p parameters.
+    residuals : (Q, F, k) complex, or real for magnitudes
+        Measured less fitted; zero where an element is not used.
+    jacobian : (Q, F, k, p)
+        Derivatives of the fitted values with respect to ln theta.
+    weights : (Q, F, k) or (Q, F, k, k)
+        Those of the fit; zero for elements that are not used.
+    noise_weights : (Q, F, k)
+        Inverse variances of the noise, estimated without the line itself; zero where not used.
+    covariance : (Q, F, k) variances or (Q, F, k, k) Hermitian
+        Of the errors, as stated or estimated.
+    deviations : (Q, R, F, k), optional
+        Independent draws whose outer products add up to the covariance.
+    degrees_of_freedom : (Q,)
+        Of the covariance, complex ones; infinite where it is declared.
+    line_correlation : (L,)
+        Correlation of errors 1 to L lines apart, where the estimator of the FRF makes one.
+    prior : (p, p)
+        Information on ln theta from elsewhere.
+    real : bool
+        Whether the residuals are real, as those of magnitudes.
+    """
+
+    names: tuple[str, ...]
+    residuals: Lines
+    jacobian: Lines
+    weights: Lines
+    noise_weights: Array
+    covariance: Lines
+    deviations: ComplexArray | None
+    degrees_of_freedom: Array
+    line_correlation: Array
+    prior: Array
+    real: bool = False
+
+    @property
+    def parts(self) -> int:
+        """Real numbers in one residual."""
+        return 1 if self.real else 2
+
+    @cached_property
+    def used(self) -> NDArray[np.bool_]:
+        """Which elements (Q, F, k) are used."""
+        return np.asarray(self.noise_weights > 0)
+
+    @property
+    def data(self) -> int:
+        """Real numbers that carry weight."""
+        return self.parts * int(self.used.sum())
+
+    @cached_property
+    def rows(self) -> Lines:
+        """Rows A (p, Q, F, k) of the estimator."""
+        return self.estimator(self.jacobian, self.prior)
+
+    def weighted(self, columns: Lines) -> Lines:
+        """Return W times columns (Q, F, k, r)."""
+        if self.weights.ndim == 4:
+            return np.asarray(self.weights @ columns)
+        return np.asarray(self.weights[..., None] * columns)
+
+    def estimator(self, columns: Lines, prior: Array | None = None) -> Lines:
+        """Return rows (r, Q, F, k) that estimate the coefficients of columns (Q, F, k, r)."""
+        r = columns.shape[-1]
+        flat = columns.reshape(-1, r)
+        adjoint = np.conj(self.weighted(columns).reshape(-1, r)).T
+        normal = (adjoint @ flat).real
+        if prior is not None:
+            normal = normal + prior / 2
+        return np.asarray((_inverse(normal) @ adjoint).reshape(r, *columns.shape[:3]))
+
+    def off_parameters(self, columns: Lines) -> Lines:
+        """Return columns (Q, F, k, r) less what the parameters can imitate of them."""
+        return columns - self.jacobian @ self.shifts(columns)
+
+    @cached_property
+    def squares(self) -> float:
+        """Sum of the squared residuals, weighted by the noise."""
+        return float((self.noise_weights * np.abs(self.residuals) ** 2).sum())
+
+    def off_power(self, columns: Lines) -> Array:
+        """Return sums of squares (r,) of columns (Q F k, r), weighted by the noise."""
+        return np.asarray(self.noise_weights.reshape(-1) @ np.abs(columns) ** 2)
+
+    def shifts(self, columns: Lines) -> Array:
+        """Return by how much unit columns (Q, F, k, r) move ln theta if they are left out, (p, r).
+        """
+        r = columns.shape[-1]
+        return np.asarray((self.rows.reshape(len(self.names), -1) @ columns.reshape(-1, r)).real)
+
+    def estimates(self, rows: Lines, errors: Lines) -> Array:
+        """Return Re(A e), (..., r), of errors (..., Q, F, k)."""
+        flat = rows.reshape(len(rows), -1)
+        return np.asarray((errors.reshape(*errors.shape[:-3], -1) @ flat.T).real)
+
+    def line_variances(self, rows: Lines) -> Array:
+        """Return what each line adds to the variances of Re(A e), (r, Q, F): A C A^H / 2."""
+        if self.deviations is not None:
+            return np.asarray((np.abs(self.line_scores(rows)) ** 2).sum(axis=2) / 2)
+        if self.covariance.ndim == 3:
+            return np.asarray((np.abs(rows) ** 2 * self.covariance).sum(axis=-1) / 2)
+        through = np.einsum("aqfi,qfij->aqfj", rows, self.covariance)
+        return np.asarray((through * np.conj(rows)).real.sum(axis=-1) / 2)
+
+    def line_scores(self, rows: Lines) -> Lines:
+        """Return A times the deviations, line by line, (r, Q, R, F)."""
+        assert self.deviations is not None
+        moved = self.deviations.transpose(0, 2, 3, 1)  # (Q, F, k, R)
+        product = np.moveaxis(rows, 0, -2) @ moved  # (Q, F, r, R)
+        return np.asarray(product.transpose(2, 0, 3, 1))
+
+    @cached_property
+    def element_variances(self) -> Array:
+        """Variances (Q, F, k) of the errors."""
+        if self.covariance.ndim == 3:
+            return np.asarray(self.covariance)
+        return np.asarray(np.diagonal(self.covariance, axis1=-2, axis2=-1).real)
+
+
+def _inverse(matrix: Array) -> Array:
+    """Return the inverse of a symmetric matrix, scaled to unit diagonal; zero where it is blind."""
+    size = np.sqrt(np.diagonal(matrix))
+    size = np.where(size > 0, size, 1.0)
+    outer = np.outer(size, size)
+    return np.asarray(np.linalg.pinv(matrix / outer, hermitian=True, rcond=1e-13) / outer)

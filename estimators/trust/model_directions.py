@@ -1,0 +1,140 @@
+"""Ways in which a model of a robot may be wrong, as columns beside its parameters' sensitivities."""
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from estimators.fitting.residuals import Residual
+from estimators.frf.estimate import vec
+from estimators.trust.directed_tests import Directions
+from robotmodels.arrays import Array, ComplexArray
+from robotmodels.description.extra import extra_elements
+from robotmodels.description.robot_file import Choice
+from robotmodels.elastic.robot import ElasticRobot
+from robotmodels.errors import IdentificationError
+from robotmodels.response import Elastic, frequency_response, sensitivity
+
+_GEAR_STEP = 1e-4
+
+
+def model_directions(
+    model: Elastic,
+    kind: Residual,
+    positions: Array,
+    omega: Array,
+    values: Array,
+    response: ComplexArray,
+    jacobian: ComplexArray,
+    used: Array,
+) -> Directions:
+    """Return the directions that are tested at a fit.
+
+    A delay common to all outputs; the gain of every motor's torque; every number of a robot file
+    that is fixed (springs, dampers, motor inertia and friction, payload, places of cuts) and every
+    gear ratio; each parameter in one position alone; each parameter in the lower half of the lines.
+
+    Parameters
+    ----------
+    model : Elastic
+        That was fitted.
+    kind : Residual
+        Of the fit.
+    positions : (Q, n) [rad]
+    omega : (F,) [rad/s]
+    values : (p,) [SI]
+        Fitted.
+    response : (Q, F, m, n)
+        FRF of the model at the fit.
+    jacobian : (Q, F, m, n, p)
+        Its derivatives with respect to ln theta.
+    used : (Q, F, m, n) of bool
+        Which elements the fit uses.
+    """
+    names: list[str] = []
+    units: list[str] = []
+    columns: list[ComplexArray] = []
+    for name, unit, column in _columns(model, positions, omega, values, response, jacobian):
+        names.append(name)
+        units.append(unit)
+        columns.append(column)
+    stacked = np.stack(columns, axis=-1)
+    changes = -kind.jacobian(response, stacked, used)
+    flat = np.moveaxis(vec(np.moveaxis(changes, -1, 2)), 2, -1)
+    return Directions(tuple(names), tuple(units), flat)
+
+
+def _columns(
+    model: Elastic,
+    positions: Array,
+    omega: Array,
+    values: Array,
+    G: ComplexArray,
+    J: ComplexArray,
+) -> Iterator[tuple[str, str, ComplexArray]]:
+    """Yield name, unit and change of the FRF (Q, F, m, n) of each direction."""
+    yield "delay", "s", -1j * omega[:, None, None] * G
+    inputs = getattr(model, "motor_names", tuple(f"input {j + 1}" for j in range(G.shape[-1])))
+    if G.shape[-1] * G.shape[-2] > 1 or len(inputs) == 1:
+        for j, motor in enumerate(inputs):
+            column = np.zeros_like(G)
+            column[..., j] = G[..., j]
+            yield f"gain of {motor}", "relative", column
+    if isinstance(model, ElasticRobot):
+        yield from _fixed_numbers(model, positions, omega, values, G)
+    names = model.parameters.names
+    if len(positions) > 1:
+        for q in range(len(positions)):
+            for i, name in enumerate(names):
+                column = np.zeros_like(G)
+                column[q] = J[q, ..., i]
+                yield f"{name} in position {q + 1}", "relative", column
+    half = len(omega) // 2
+    if half >= 1 and len(omega) > 3:
+        for i, name in enumerate(names):
+            column = J[..., i].copy()
+            column[:, half:] = 0
+            yield f"{name} below {omega[half] / (2 * np.pi):.3g} Hz", "relative", column
+
+
+def _fixed_numbers(
+    robot: ElasticRobot, positions: Array, omega: Array, values: Array, G: ComplexArray
+) -> Iterator[tuple[str, str, ComplexArray]]:
+    """Yield the directions of the numbers of a robot file that are not free."""
+    for i, motor in enumerate(robot.file.motors):
+        motors = list(robot.file.motors)
+        motors[i] = motor.model_copy(update={"gear_ratio": motor.gear_ratio * (1 + _GEAR_STEP)})
+        other = ElasticRobot(robot.file.model_copy(update={"motors": motors}), robot.folder)
+        try:
+            moved = frequency_response(other, positions, omega, values)
+        except IdentificationError:
+            continue
+        yield f"gear ratio of {motor.name}", "relative", (moved - G) / _GEAR_STEP
+    whole = _all_free(robot)
+    elements = dict(zip(robot.elements.names, robot.elements.at(values), strict=True))
+    wider = whole.parameters
+    theta = np.array(
+        [elements.get(n, v) for n, v in zip(wider.names, wider.values, strict=True)]
+    )
+    _, J = sensitivity(whole, positions, omega, theta, sag=True)
+    for i, name in enumerate(wider.names):
+        if name not in robot.parameters.names:
+            yield name, "relative", J[..., i]
+
+
+def _all_free(robot: ElasticRobot) -> ElasticRobot:
+    """Return the robot with every number free that can be a parameter."""
+    possible = extra_elements(robot.file)
+    extra, cuts = list[str](), set[object]()
+    for name, (value, _) in possible.items():
+        if not value > 0 or name == "delay" or name.endswith(".torque_gain"):
+            continue
+        if name.endswith(".at"):
+            spring = next(s for s in robot.file.springs if f"{s.name}.at" == name)
+            cut = (spring.link, spring.at)
+            if cut in cuts:
+                continue
+            cuts.add(cut)
+        extra.append(name)
+    return ElasticRobot(
+        robot.file.model_copy(update={"parameters": Choice(extra=extra)}), robot.folder
+    )

@@ -1,0 +1,102 @@
+"""Whether the residuals are as large as the noise makes them."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from estimators.trust.line_correlation import LineCorrelation, element_correlation
+from estimators.trust.linearised_fit import LinearisedFit
+from robotmodels.arrays import Array
+
+
+@dataclass(frozen=True)
+class ResidualSize:
+    """Squared residuals over what the noise lets expect of them.
+
+    Attributes
+    ----------
+    ratio : float
+        Sum of the squared residuals, weighted by the noise, over its expectation after the fit.
+    expected : float
+        This expectation.
+    numerator, denominator : float
+        Degrees of freedom of the F law of this ratio; the second is infinite for declared noise.
+    probability : float
+        Of a ratio as large or larger if there is only noise.
+    probability_below : float
+        Of a ratio as small or smaller.
+    """
+
+    ratio: float
+    expected: float
+    numerator: float
+    denominator: float
+    probability: float
+    probability_below: float
+
+
+def residual_size(fit: LinearisedFit, correlation: LineCorrelation) -> ResidualSize:
+    """Return the F ratio of totals, corrected for what the fit takes away.
+
+    sum w |r|^2 over sum w s^2 - 2 Re tr(w J A C) + tr(Re(J^H w J) V), with w the noise's weights
+    and V the covariance of ln theta; for w of the fit's own this is sum w s^2 - tr(H V)/2. With
+    a = w s^2 the numerator has 2 (sum a)^2 / sum a^2 nu/(nu + 1) degrees of freedom, as E s^4 =
+    sigma^4 (nu + 1)/nu, and the denominator nu times as many.
+    """
+    from scipy.stats import chi2
+    from scipy.stats import f as f_law
+
+    w, nu = fit.noise_weights, fit.degrees_of_freedom[:, None, None]
+    a = w * fit.element_variances
+    square = a**2 / (1 + 1 / nu)
+    dependence = element_correlation(fit) * correlation.inflation
+    expected = fit.parts / 2 * float(a.sum()) - _taken_by_fit(fit)
+    ratio = fit.squares / expected if expected > 0 else np.nan
+    size = fit.parts * float(a.sum()) ** 2 / dependence
+    numerator, scatter = size / float(square.sum()), float((square / nu).sum())
+    if scatter == 0:
+        law, denominator = chi2(numerator, scale=1 / numerator), np.inf
+    else:
+        denominator = size / scatter
+        law = f_law(numerator, denominator)
+    above, below = float(law.sf(ratio)), float(law.cdf(ratio))
+    return ResidualSize(ratio, expected, numerator, denominator, above, below)
+
+
+def _taken_by_fit(fit: LinearisedFit) -> float:
+    """Return by how much the fit lowers the expectation of sum w |r|^2."""
+    w, J, rows = fit.noise_weights, fit.jacobian, fit.rows
+    if fit.deviations is not None:
+        scores = fit.line_scores(rows)
+        back = fit.line_scores(np.moveaxis(np.conj(J) * w[..., None], -1, 0))
+        cross = float((np.conj(scores) * back).real.sum())
+        V = np.einsum("aqrf,bqrf->ab", scores, np.conj(scores), optimize=True).real / 2
+    else:
+        diagonal = fit.covariance.ndim == 3
+        through = rows * fit.covariance if diagonal else np.einsum(
+            "aqfi,qfij->aqfj", rows, fit.covariance
+        )
+        cross = float((np.moveaxis(through, 0, -1) * J * w[..., None]).real.sum())
+        V = np.einsum("aqfi,bqfi->ab", through, np.conj(rows), optimize=True).real / 2
+    flat = J.reshape(-1, J.shape[-1])
+    normal = (np.conj(flat).T @ (w.reshape(-1, 1) * flat)).real
+    return cross - float(np.sum(normal * V))
+
+
+def line_probabilities(fit: LinearisedFit) -> Array:
+    """Return the probability (Q, F, k) of residuals as large as each, exact for any nu.
+
+    Of |r|^2 over s^2 with nu complex degrees of freedom 2 nu log(1 + |r|^2/(nu s^2)) is chi square
+    with two. The fit's share of each residual is left out.
+    """
+    s2 = fit.element_variances
+    nu = fit.degrees_of_freedom[:, None, None]
+    ratio = np.abs(fit.residuals) ** 2 / s2
+    if fit.real:
+        ratio = 2 * ratio
+        from scipy.stats import f as f_law
+
+        return np.where(fit.used, f_law.sf(ratio, 1, nu), 1.0)
+    with np.errstate(invalid="ignore", over="ignore"):
+        estimated = (1 + ratio / nu) ** -nu
+    return np.where(fit.used, np.where(np.isfinite(nu), estimated, np.exp(-ratio)), 1.0)

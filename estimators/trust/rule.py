@@ -1,0 +1,312 @@
+"""The rule that chooses the recommended interval and the verdict, from stated evidence."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from estimators.trust.directed_tests import DirectedTests, Directions, directed_tests
+from estimators.trust.intervals import Verdict
+from estimators.trust.line_correlation import (
+    LineCorrelation,
+    correlation_of_deviations,
+    correlation_of_residuals,
+    declared_correlation,
+)
+from estimators.trust.line_scatter import Scatter, line_scatter
+from estimators.trust.linearised_fit import LinearisedFit
+from estimators.trust.residual_size import ResidualSize, line_probabilities, residual_size
+from estimators.trust.simulated_size import simulated_probability
+from robotmodels.arrays import Array
+
+LEVEL = 0.01
+"""Probability of a false alarm of all directed tests of a study together."""
+
+SIZE_LEVEL = 0.005
+"""Probability of a false alarm of the test of the residuals' size."""
+
+NOT_IDENTIFIABLE_STD = 1.0
+"""A relative standard deviation of one: an interval from a seventh to seven times the value."""
+
+_FEWEST = 2.0
+_ENOUGH_DATA = 50.0  # degrees of freedom of the noise before sizes of correlated errors are judged
+_CLEARLY_WHITE = 0.05
+_MINORITY = 0.5
+
+
+@dataclass(frozen=True, eq=False)
+class Evidence:
+    """What the rule looks at.
+
+    Attributes
+    ----------
+    fit : LinearisedFit
+        Residuals, sensitivities, weights and noise.
+    correlation : LineCorrelation
+        Of the errors along the lines.
+    scatter : Scatter
+        Variances of ln theta by the lines' scatter, before any scaling.
+    size : ResidualSize
+        Of the residuals.
+    size_known : bool
+        Whether there are enough data to judge the size.
+    tests : DirectedTests
+        Score tests of single directions.
+    explanation : str, optional
+        The direction that explains what is wrong: with it the other tests are silent.
+    correlated_excess : bool
+        Whether what exceeds the noise is smooth along the lines, or stands out at single ones.
+    converged : bool
+        Whether the fit ended at a minimum.
+    noise_known : bool
+        Whether the degrees of freedom of the noise are known.
+    """
+
+    fit: LinearisedFit
+    correlation: LineCorrelation
+    scatter: Scatter
+    size: ResidualSize
+    size_known: bool
+    tests: DirectedTests
+    explanation: str | None
+    correlated_excess: bool
+    converged: bool
+    noise_known: bool
+
+    @property
+    def too_large(self) -> bool:
+        """Whether the residuals are larger than noise makes them; an unknown size counts as one."""
+        return self.size_known and not self.size.probability >= SIZE_LEVEL
+
+
+def gather_evidence(
+    fit: LinearisedFit,
+    directions: Directions,
+    *,
+    converged: bool = True,
+    noise_known: bool = True,
+) -> Evidence:
+    """Compute everything that `judge` looks at."""
+    correlation = find_correlation(fit)
+    scatter = line_scatter(fit, fit.rows, correlation)
+    scatter = with_prior(fit, scatter)
+    size, size_known = judged_size(fit, correlation)
+    std = np.sqrt(scatter.variance)
+    fired = size_known and not size.probability >= SIZE_LEVEL
+    tests = directed_tests(
+        fit, directions, correlation, std, size.expected if fired else None
+    )
+    explanation = None
+    estimated = bool(np.isfinite(fit.degrees_of_freedom).any())
+    if not estimated and not correlation.white and not len(fit.line_correlation):
+        white = directed_tests(fit, directions, _white(correlation), std)
+        if white.significant(LEVEL).size:
+            explanation = _explaining(fit, directions, white, whiteness=True)
+            if explanation is not None:
+                tests = white
+    if explanation is None and tests.significant(LEVEL).size:
+        explanation = _explaining(fit, directions, tests, whiteness=False)
+    return Evidence(
+        fit, correlation, scatter, size, size_known, tests, explanation,
+        fired and _smooth_excess(fit, correlation, size), converged, noise_known,
+    )  # fmt: skip
+
+
+def find_correlation(fit: LinearisedFit) -> LineCorrelation:
+    """Return the correlation of errors along the lines: known, from deviations or residuals."""
+    if len(fit.line_correlation):
+        return declared_correlation(fit)
+    if fit.deviations is not None:
+        return correlation_of_deviations(fit)
+    return correlation_of_residuals(fit)
+
+
+def judge(evidence: Evidence) -> tuple[Verdict, ...]:
+    """Return the verdict on each parameter; the first rule that holds.
+
+    1. "not converged": the search did not end at a minimum.
+    2. "too few blocks": the degrees of freedom of the noise are unknown, or too few to judge the
+       size of residuals that are correlated along the lines.
+    3. "model error": a test of a single direction fires at 1 % over all of them, or residuals are
+       too large (F ratio, 1 %) and what exceeds the noise is smooth along the lines or stands out
+       at single ones.
+    4. "not identifiable": the standard deviation of ln theta exceeds one.
+    5. "noise understated": residuals are too large, and alike everywhere; intervals are scaled.
+    6. "noise correlated" along the lines; intervals allow for it.
+    7. "trustworthy".
+
+    Every rule fails closed: evidence that is not a number counts against the fit.
+    """
+    e = evidence
+    std = np.sqrt(e.scatter.variance)
+    overall = _overall(e)
+    verdicts = []
+    for i in range(len(std)):
+        if overall in ("not converged", "too few blocks", "model error"):
+            verdicts.append(overall)
+        elif not std[i] <= NOT_IDENTIFIABLE_STD:
+            reason = f"the relative standard deviation is {std[i]:.3g}, more than one"
+            verdicts.append(Verdict("not identifiable", reason))
+        else:
+            verdicts.append(overall)
+    return tuple(verdicts)
+
+
+def _overall(e: Evidence) -> Verdict:
+    """Return the verdict as far as it concerns all parameters alike."""
+    if not e.converged:
+        return Verdict("not converged", "the search did not end at a minimum of the cost")
+    if not e.noise_known:
+        return Verdict(
+            "too few blocks", "the degrees of freedom of the noise covariance are not known"
+        )
+    if not e.size_known:
+        return Verdict(
+            "too few blocks",
+            "errors are correlated along the lines, and blocks are too few to judge the residuals",
+        )
+    strongest = e.tests.significant(LEVEL)
+    if strongest.size:
+        return Verdict("model error", _named(e, int(strongest[0])))
+    if e.too_large and e.correlated_excess:
+        return Verdict(
+            "model error",
+            f"residuals are {e.size.ratio:.3g} times what noise explains (p = "
+            f"{e.size.probability:.1g}), smooth along the lines or large at single ones; none of "
+            "the tested directions explains them",
+        )
+    if e.too_large:
+        return Verdict(
+            "noise understated",
+            f"residuals are {e.size.ratio:.3g} times what noise explains (p = "
+            f"{e.size.probability:.1g}), everywhere alike; intervals are "
+            f"{np.sqrt(e.size.ratio):.3g} times as wide for it",
+        )
+    if not e.correlation.white:
+        lag = e.correlation.coefficients[1] if len(e.correlation.coefficients) > 1 else 0.0
+        return Verdict(
+            "noise correlated",
+            f"errors of neighbouring lines are correlated by {lag:.2g}; intervals allow for it",
+        )
+    reason = f"noise explains the residuals (F = {e.size.ratio:.3g}, p = {e.size.probability:.2g})"
+    if e.size.probability_below < LEVEL:
+        reason += ", which are smaller than the noise stated: intervals are wider than they need be"
+    return Verdict("trustworthy", reason)
+
+
+def _named(e: Evidence, i: int) -> str:
+    """Return the reason of a model error that a directed test shows."""
+    tests = e.tests
+    if e.explanation is not None:
+        j = tests.names.index(e.explanation)
+        return (
+            f"{e.explanation}: {tests.estimates[j]:.3g} {tests.units[j]} +- {tests.std[j]:.2g} "
+            f"would explain the residuals (p = {tests.probabilities[j]:.1g})"
+        )
+    return (
+        f"{len(tests.significant(LEVEL))} of {len(tests.names)} directed tests fire, the strongest "
+        f"along {tests.names[i]} (p = {tests.probabilities[i]:.1g}); none alone explains the rest"
+    )
+
+
+def variance_scale(evidence: Evidence) -> float:
+    """Return the factor of the variances for residuals that are too large."""
+    return evidence.size.ratio if evidence.too_large else 1.0
+
+
+def judged_size(fit: LinearisedFit, correlation: LineCorrelation) -> tuple[ResidualSize, bool]:
+    """Return the size of the residuals, and whether it can be judged.
+
+    Where errors are correlated along the lines, weights that were made from neighbouring lines bias
+    the ratio; what fires is then judged by draws of such noise.
+    """
+    size = residual_size(fit, correlation)
+    nu = fit.degrees_of_freedom
+    estimated = np.isfinite(nu)
+    if correlation.white or not estimated.any():
+        return size, True
+    few = size.denominator < _ENOUGH_DATA or bool((nu[estimated] < _FEWEST).any())
+    if few:
+        return size, False
+    if size.probability < SIZE_LEVEL:
+        probability = simulated_probability(fit, correlation, size.ratio)
+        size = replace(size, probability=probability)
+    return size, True
+
+
+def with_prior(fit: LinearisedFit, scatter: Scatter) -> Scatter:
+    """Add the prior's part to the variances of ln theta."""
+    if not fit.prior.any():
+        return scatter
+    rows = fit.rows.reshape(len(fit.names), -1)
+    J = fit.jacobian.reshape(-1, len(fit.names))
+    # Re(A J) = I - N^-1 (prior/2): what is left of the identity is the prior's.
+    share = np.eye(len(fit.names)) - (rows @ J).real
+    known = np.linalg.pinv(fit.prior, hermitian=True)
+    more = np.einsum("ij,jk,ik->i", share, known, share)
+    total = scatter.variance + more
+    with np.errstate(divide="ignore", invalid="ignore"):
+        dof = np.where(
+            scatter.variance > 0,
+            scatter.degrees_of_freedom * (total / scatter.variance) ** 2,
+            np.inf,
+        )
+    return Scatter(total, dof)
+
+
+def _white(correlation: LineCorrelation) -> LineCorrelation:
+    coefficients = np.zeros_like(correlation.coefficients)
+    coefficients[0] = 1.0
+    return replace(correlation, probability=1.0, coefficients=coefficients, variance=1.0)
+
+
+def _explaining(
+    fit: LinearisedFit, directions: Directions, tests: DirectedTests, *, whiteness: bool
+) -> str | None:
+    """Return the strongest significant direction with which, as a parameter, all tests pass."""
+    for i in tests.significant(LEVEL)[:5]:
+        name = tests.names[int(i)]
+        j = directions.names.index(name)
+        column = directions.columns[..., j : j + 1]
+        refitted = with_columns(fit, name, column)
+        correlation = find_correlation(refitted)
+        if whiteness and correlation.probability < _CLEARLY_WHITE:
+            continue
+        size, known = judged_size(refitted, correlation)
+        if known and size.probability < SIZE_LEVEL:
+            continue
+        std = np.sqrt(line_scatter(refitted, refitted.rows, correlation).variance)
+        if not directed_tests(refitted, directions, correlation, std).significant(LEVEL).size:
+            return name
+    return None
+
+
+def with_columns(fit: LinearisedFit, name: str, column: Array) -> LinearisedFit:
+    """Return the fit with one more parameter, by one linear step."""
+    J = np.concatenate([fit.jacobian, column], axis=-1)
+    p = len(fit.names)
+    prior = np.zeros((p + 1, p + 1))
+    prior[:p, :p] = fit.prior
+    wider = replace(fit, names=(*fit.names, name), jacobian=J, prior=prior)
+    step = wider.estimates(wider.rows, fit.residuals)
+    return replace(wider, residuals=fit.residuals - J @ step)
+
+
+def _smooth_excess(fit: LinearisedFit, correlation: LineCorrelation, size: ResidualSize) -> bool:
+    """Tell whether residuals beyond the noise are smooth along the lines, or single ones stand out.
+
+    Noise that was stated too small by one factor has the correlation of the noise; errors of a
+    model vary slowly along the lines. Single elements are judged after division by the common
+    factor.
+    """
+    white = np.sqrt(fit.noise_weights) * fit.residuals
+    power = float((np.abs(white) ** 2).sum())
+    lag_one = float((np.conj(white[:, :-1]) * white[:, 1:]).real.sum())
+    rho = float(correlation.coefficients[1]) if len(correlation.coefficients) > 1 else 0.0
+    noise = power / size.ratio
+    excess = power - noise
+    share = (lag_one - rho * noise) / excess if excess > 0 else 0.0
+    if share > max(_MINORITY, (1 + rho) / 2):
+        return True
+    scaled = replace(fit, residuals=fit.residuals / np.sqrt(max(size.ratio, 1.0)))
+    probabilities = line_probabilities(scaled)
+    return bool(probabilities.min() < LEVEL / max(int(fit.used.sum()), 1))
