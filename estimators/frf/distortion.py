@@ -14,10 +14,10 @@ import numpy as np
 from estimators.frf.local_model import interpolated
 from estimators.frf.nonparametric import (
     Transient,
-    diagonal,
+    variances,
     each_position,
     usable_spectra,
-    with_covariance,
+    with_deviations,
 )
 from estimators.frf.spectra import Spectra, spectra
 from robotmodels.arrays import Array, ComplexArray, IntArray
@@ -145,12 +145,11 @@ def _of_position(part: Records, who: str, settings: _Settings) -> _Position:
     found = usable_spectra(part, who, method, hold=hold, delay=delay, transient=transient)
     if found.periods < 2:
         raise InvalidInput(f"{who}: one period; distortion needs at least 2, to see the noise")
-    response, noise = with_covariance(found, method, "noise", who)
-    outputs = response.shape[1]
+    response, noise, _ = with_deviations(found, method, "noise", who)
     total = np.full(response.shape, np.nan)
     if len(found.present) > 1:
-        total = diagonal(with_covariance(found, method, "total", who)[1], outputs)
-    levels = {"noise": diagonal(noise, outputs), "total": total, "output": _rms(found)}
+        total = variances(with_deviations(found, method, "total", who)[1])
+    levels = {"noise": variances(noise), "total": total, "output": _rms(found)}
     lines = detection_lines(part)
     first = part.torque.shape[3] - found.periods
     for name, k in zip(("odd", "even"), lines, strict=True):

@@ -1,12 +1,14 @@
 """Measured FRFs with their uncertainty, and simulated ones."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from estimators.frf.pooled_noise import pooled_covariances, pooled_variances
 from robotmodels.arrays import Array, ComplexArray, IntArray, read_only
 from robotmodels.errors import InvalidInput
 from robotmodels.noise import RelativeNoise
@@ -63,6 +65,16 @@ class FrfEstimate(Printed):
         (Q, F, m, n) variances of independent elements, or (Q, F, m n, m n) Hermitian, of vec(G)
         with columns stacked.
     repetitions : (Q,) experiments averaged in each position.
+    degrees_of_freedom : (Q,)
+        Complex degrees of freedom of the covariance in each position, B - 1 over B blocks of one
+        visit; infinite where it is declared, as that of a noise law; not a number where it is not
+        known. A scalar stands for all positions.
+    deviations : (Q, R, F, m, n) complex, optional
+        Independent draws of the errors, scaled so that the outer products of their vec add up to
+        the full covariance; zero where a position has fewer. They show how errors of elements and
+        of neighbouring lines hang together.
+    line_correlation : (L,)
+        Correlation of the errors 1 to L lines apart, where lines share data [-].
     """
 
     positions: Array
@@ -70,6 +82,9 @@ class FrfEstimate(Printed):
     response: ComplexArray
     covariance: Array | ComplexArray
     repetitions: IntArray
+    degrees_of_freedom: Array = np.inf  # type: ignore[assignment]
+    deviations: ComplexArray | None = None
+    line_correlation: Array = ()  # type: ignore[assignment]
 
     def __post_init__(self) -> None:
         positions = np.array(self.positions, dtype=float)
@@ -78,14 +93,20 @@ class FrfEstimate(Printed):
         _check_axes(positions, omega, response)
         covariance = _checked_covariance(np.array(self.covariance), response.shape, omega)
         repetitions = _checked_repetitions(self.repetitions, len(positions))
+        freedom = _checked_freedom(self.degrees_of_freedom, len(positions))
         for name, array in (
             ("positions", positions),
             ("omega", omega),
             ("response", response),
             ("covariance", covariance),
             ("repetitions", repetitions),
+            ("degrees_of_freedom", freedom),
+            ("line_correlation", _checked_correlation(self.line_correlation, len(omega))),
         ):
             object.__setattr__(self, name, read_only(array))
+        if self.deviations is not None:
+            deviations = _checked_deviations(np.array(self.deviations, dtype=complex), self.variance)
+            object.__setattr__(self, "deviations", read_only(deviations))
 
     @property
     def has_full_covariance(self) -> bool:
@@ -99,6 +120,25 @@ class FrfEstimate(Printed):
             return np.asarray(self.covariance, dtype=float)
         diagonal = np.diagonal(self.covariance, axis1=-2, axis2=-1).real
         return np.asarray(unvec(diagonal, self.response.shape[-2]))
+
+    @property
+    def noise_known(self) -> bool:
+        """Whether the degrees of freedom of the covariance are known in every position."""
+        return not bool(np.isnan(self.degrees_of_freedom).any())
+
+    @cached_property
+    def pooled_variance(self) -> Array:
+        """Variances (Q, F, m, n) from neighbouring lines, see `pooled_variances`."""
+        freedom = np.where(np.isnan(self.degrees_of_freedom), np.inf, self.degrees_of_freedom)
+        return pooled_variances(self.variance, freedom, self.deviations)
+
+    @cached_property
+    def pooled_covariance(self) -> Array | ComplexArray:
+        """Covariances with pooled variances and correlations, as `covariance` is shaped."""
+        if not self.has_full_covariance:
+            return self.pooled_variance
+        freedom = np.where(np.isnan(self.degrees_of_freedom), np.inf, self.degrees_of_freedom)
+        return pooled_covariances(self.covariance, vec(self.pooled_variance), freedom)
 
     def __str__(self) -> str:
         q, f, m, n = self.response.shape
@@ -121,12 +161,14 @@ class FrfEstimate(Printed):
                 f"subset: {i.tolist()} does not choose from positions 0 to "
                 f"{len(self.positions) - 1}"
             )
-        return FrfEstimate(
-            self.positions[i],
-            self.omega,
-            self.response[i],
-            self.covariance[i],
-            self.repetitions[i],
+        return replace(
+            self,
+            positions=self.positions[i],
+            response=self.response[i],
+            covariance=self.covariance[i],
+            repetitions=self.repetitions[i],
+            degrees_of_freedom=self.degrees_of_freedom[i],
+            deviations=None if self.deviations is None else self.deviations[i],
         )
 
 
@@ -243,3 +285,42 @@ def _checked_repetitions(repetitions: Sequence[int] | IntArray, count: int) -> I
             f"repetitions: {given[q]} at position {q}; leave out positions that are not measured"
         )
     return given.astype(np.int64)
+
+
+def _checked_freedom(degrees_of_freedom: Array | float, count: int) -> Array:
+    freedom = np.array(degrees_of_freedom, dtype=float)
+    if freedom.ndim == 0:
+        freedom = np.full(count, float(freedom))
+    if freedom.shape != (count,) or (freedom <= 0).any():
+        raise InvalidInput(
+            f"degrees_of_freedom: {np.array2string(freedom, threshold=6)}; one positive number for "
+            f"each of {count} positions is needed, infinite for a declared covariance"
+        )
+    return freedom
+
+
+def _checked_correlation(line_correlation: Array, lines: int) -> Array:
+    correlation = np.array(line_correlation, dtype=float)
+    if correlation.ndim != 1 or not (np.abs(correlation) <= 1).all():
+        raise InvalidInput(
+            f"line_correlation: {np.array2string(correlation, threshold=6)}; correlations between "
+            "-1 and 1 at lags 1 to L are needed"
+        )
+    return correlation[: lines - 1]
+
+
+def _checked_deviations(deviations: ComplexArray, variance: Array) -> ComplexArray:
+    Q, F, m, n = variance.shape
+    if deviations.ndim != 5 or deviations.shape[::2] != (Q, F, n) or deviations.shape[3] != m:
+        raise InvalidInput(
+            f"deviations: shape {deviations.shape}; ({Q}, R, {F}, {m}, {n}) is needed"
+        )
+    power = (np.abs(deviations) ** 2).sum(axis=1)
+    wrong = np.argwhere(~(np.abs(power - variance) <= 1e-6 * variance))
+    if wrong.size:
+        at = tuple(wrong[0])
+        raise InvalidInput(
+            f"deviations: their squares add up to {power[at]:g} at {place(wrong[0])}, the variance "
+            f"there is {variance[at]:g}"
+        )
+    return deviations

@@ -13,7 +13,6 @@ from estimators.frf.estimate import FrfEstimate
 from estimators.frf.nonparametric import (
     PositionFrf,
     Transient,
-    above_rounding,
     check_choice,
     first_period,
     over_positions,
@@ -52,7 +51,8 @@ def local_frf(
     structure, hold, delay, transient : as in `estimators.estimate_frf`.
 
     The covariance comes from the residuals: noise and distortion alike, and the model's error if
-    the window is too wide for the order. As with h1, noise that feedback brings to the torques
+    the window is too wide for the order. Windows of neighbouring lines share data:
+    `FrfEstimate.line_correlation` says how far their errors are correlated. As with h1, noise that feedback brings to the torques
     biases the estimate.
 
     Raises
@@ -74,10 +74,15 @@ def local_frf(
         used = found.present.reshape(-1)
         Y, U = (np.concatenate(list(a), axis=-1)[..., used] for a in (Y, U))
         width = _window(half_width, U.shape, order, denominator, who)
-        response, error = _all_lines(Y, U, found.omega, (order, denominator, width), who)
-        shaped = structured(above_rounding(error, response), structure, response.shape[1])
+        response, error, correlation = _all_lines(
+            Y, U, found.omega, (order, denominator, width), who
+        )
+        shaped = structured(_above_rounding(error, response), structure, response.shape[1])
         repetitions = int(found.present.any(axis=1).sum())
-        return PositionFrf(found.omega, response, shaped, repetitions)
+        freedom = _degrees_of_freedom(width * U.shape[2], U.shape[1], Y.shape[1], order, denominator)
+        return PositionFrf(
+            found.omega, response, shaped, repetitions, freedom, None, correlation
+        )
 
     return over_positions(records, estimated)
 
@@ -109,16 +114,21 @@ def _all_lines(
     omega: Array,
     shape: tuple[int, int, int],
     who: str,
-) -> tuple[ComplexArray, ComplexArray]:
+) -> tuple[ComplexArray, ComplexArray, Array]:
+    """Return FRFs (F, m, n), covariances (F, m n, m n), and the errors' correlation over lags."""
     order, denominator, width = shape
     responses, covariances = [], []
+    lines, n, experiments = inputs.shape
+    weights = np.zeros((lines, lines, experiments, n), dtype=complex)
     for k in range(len(omega)):
         start = int(np.clip(k - width // 2, 0, len(omega) - width))
         window = slice(start, start + width)
         step = omega[window] - omega[k]
         step = step / np.abs(step).max() if width > 1 else step
         try:
-            response, error = one_line(outputs[window], inputs[window], step, order, denominator)
+            response, error, inverse = one_line(
+                outputs[window], inputs[window], step, order, denominator
+            )
         except np.linalg.LinAlgError:
             raise InvalidInput(
                 f"{who}: the torques around {omega[k] / (2 * np.pi):.6g} Hz do not determine the "
@@ -126,13 +136,46 @@ def _all_lines(
             ) from None
         responses.append(response)
         covariances.append(error)
-    return np.array(responses), np.array(covariances)
+        weights[k, window] = inverse.reshape(width, experiments, n)
+    return np.array(responses), np.array(covariances), _shared(weights.reshape(lines, -1, n), width)
+
+
+def _shared(weights: ComplexArray, width: int) -> Array:
+    """Return the correlation of errors at lags 1 to the width of the windows, on average.
+
+    With independent errors of the data, those of G at lines k and l, inputs i alike, have the
+    covariance sum conj(w_ki) w_li.
+    """
+    power = np.sum(np.abs(weights) ** 2, axis=1)
+    result = []
+    for lag in range(1, min(width, len(weights))):
+        shared = np.sum(np.conj(weights[:-lag]) * weights[lag:], axis=1).real
+        result.append(float(np.mean(shared / np.sqrt(power[:-lag] * power[lag:]))))
+    return np.array(result)
+
+
+def _degrees_of_freedom(
+    data: int, inputs: int, outputs: int, order: int, denominator: int
+) -> float:
+    """Return the complex degrees of freedom that a window leaves each output for its noise."""
+    return data - inputs * (order + 1) - denominator / outputs
+
+
+def _above_rounding(covariance: ComplexArray, response: ComplexArray) -> ComplexArray:
+    """Raise the variances (F, m n, m n) to those of rounding errors."""
+    size = np.abs(response).max(axis=(-2, -1))
+    i = np.arange(covariance.shape[-1])
+    least = (4 * np.finfo(float).eps * size[:, None]) ** 2
+    covariance[:, i, i] = np.maximum(covariance[:, i, i].real, least)
+    return covariance
 
 
 def one_line(
     outputs: ComplexArray, inputs: ComplexArray, step: Array, order: int, denominator: int
-) -> tuple[ComplexArray, ComplexArray]:
-    """Return G (m, n) where step = 0, and its covariance, from (W, m, E) and (W, n, E).
+) -> tuple[ComplexArray, ComplexArray, ComplexArray]:
+    """Return G (m, n) where step = 0, its covariance, and the weights (W E, n) of the data.
+
+    From outputs (W, m, E) and inputs (W, n, E).
 
     Y (1 + sum_d a_d step^d) = sum_r G_r step^r U + V is linear in a and G_r. What the regressors
     of G_r span is projected out first, which leaves a small problem in a.
@@ -149,14 +192,15 @@ def one_line(
     gram = np.linalg.inv(np.conj(basis.T) @ basis)
     a = np.concatenate([[1.0], -gram @ np.conj(basis.T) @ rest[0].reshape(-1)])
     error = np.tensordot(a, rest, 1)
-    freedom = regressors.shape[1] - len(regressors) - denominator / outputs.shape[1]
+    data, m = regressors.shape[1], outputs.shape[1]
+    freedom = _degrees_of_freedom(data, inputs.shape[1], m, order, denominator)
     noise = error @ np.conj(error.T) / freedom
     # vec(V W) has covariance conj(W^H W) kron noise; the denominator's errors add theirs.
     covariance = np.kron(np.conj(np.conj(inverse.T) @ inverse), noise)
     columns = np.swapaxes(through[1:], 1, 2).reshape(denominator, through[0].size).T
     middle = np.einsum("aic,ij,bjc->ab", np.conj(rest[1:]), noise, rest[1:])
     covariance = covariance + columns @ gram @ middle @ gram @ np.conj(columns.T)
-    return np.asarray(np.tensordot(a, through, 1)), np.asarray(covariance)
+    return np.asarray(np.tensordot(a, through, 1)), np.asarray(covariance), inverse
 
 
 def _inverse(regressors: ComplexArray) -> tuple[ComplexArray, ComplexArray]:
@@ -195,7 +239,7 @@ def interpolated(at: Array, omega: Array, response: ComplexArray) -> ComplexArra
         window = slice(start, start + _AROUND)
         apart = (omega[window] - frequency) / np.abs(omega[window] - frequency).max()
         try:
-            better, _ = one_line(response[window], unit, apart, 2, 2)
+            better, *_ = one_line(response[window], unit, apart, 2, 2)
         except np.linalg.LinAlgError:
             continue
         if np.abs(better).max() < _WILD * np.abs(response[window]).max():

@@ -12,7 +12,7 @@ from collections.abc import Callable
 import numpy as np
 
 from estimators.frf.estimate import vec
-from robotmodels.arrays import ComplexArray
+from robotmodels.arrays import Array, ComplexArray
 from robotmodels.errors import InvalidInput, nearest
 
 Method = Callable[[ComplexArray, ComplexArray, ComplexArray], ComplexArray]
@@ -91,10 +91,16 @@ def experiment_weights(method: str, input: ComplexArray, reference: ComplexArray
 def jackknife(
     method: Method, output: ComplexArray, input: ComplexArray, reference: ComplexArray
 ) -> tuple[ComplexArray, ComplexArray]:
-    """Return the estimate over all blocks and the covariance of its vec, (..., m n, m n).
+    """Return the estimate over all blocks and B - 1 independent draws of its error.
 
-    Each block is left out in turn. For ARI this is sum vec(G[b] - G) vec(.)^H / (B (B - 1)); for
-    the others it follows what a block does to that very estimator.
+    Each block is left out in turn. For ARI the outer products of the draws' vec add up to
+    sum vec(G[b] - G) vec(.)^H / (B (B - 1)); for the others they follow what a block does to that
+    very estimator. Orthogonal contrasts of the B deviations, whose sum is zero, are independent.
+
+    Returns
+    -------
+    estimate : (..., m, n)
+    deviations : (..., B - 1, m, n)
     """
     B = input.shape[_BLOCKS]
     estimate = method(output, input, reference)
@@ -105,9 +111,22 @@ def jackknife(
         ],
         axis=-3,
     )
-    deviation = vec(without - without.mean(axis=-3, keepdims=True))
-    covariance = np.swapaxes(deviation, -1, -2) @ np.conj(deviation) * ((B - 1) / B)
-    return estimate, np.asarray(covariance)
+    draws = np.einsum("rb,...bij->...rij", _contrasts(B), without) * np.sqrt((B - 1) / B)
+    return estimate, np.asarray(draws)
+
+
+def covariance_of(deviations: ComplexArray) -> ComplexArray:
+    """Return the covariance (..., m n, m n) of vec(G) from draws (..., R, m, n) of its error."""
+    columns = vec(deviations)
+    return np.asarray(np.swapaxes(columns, -1, -2) @ np.conj(columns))
+
+
+def _contrasts(count: int) -> Array:
+    """Return orthonormal rows (count - 1, count), each of sum zero (Helmert)."""
+    rows = np.tril(np.ones((count, count)), -1)[1:]
+    size = np.arange(1, count)
+    rows[size - 1, size] = -size
+    return np.asarray(rows / np.sqrt(size * (size + 1))[:, None])
 
 
 def _right_quotient(
@@ -124,34 +143,28 @@ def _adjoint(matrices: ComplexArray) -> ComplexArray:
     return np.asarray(np.conj(np.swapaxes(matrices, -1, -2)))
 
 
-def error_power(estimate: ComplexArray, output: ComplexArray, input: ComplexArray) -> ComplexArray:
-    """Return the covariance (..., B, E, m, m) of an experiment's V = Y - G U, from its noise.
+def noise_deviations(
+    method: str,
+    estimate: ComplexArray,
+    output: ComplexArray,
+    input: ComplexArray,
+    mean_input: ComplexArray,
+    reference: ComplexArray,
+) -> ComplexArray:
+    """Return draws of the estimate's error by noise alone, (..., B E J, m, n).
+
+    Errors V = Y - G U of different experiments are independent; where there is no signal, J bins
+    show V of each of them, and the estimate takes the error V w (see `experiment_weights`).
 
     Parameters
     ----------
     estimate : (..., m, n) G.
     output, input : (..., B, J, m, E) and (..., B, J, n, E) without signal, see `Spectra`.
+    mean_input, reference : (..., B, n, E) averaged over the periods.
     """
+    weights = experiment_weights(method, mean_input, reference)
     error = output - estimate[..., None, None, :, :] @ input
-    power = np.einsum("...bjie,...bjke->...beik", error, np.conj(error))
-    return np.asarray(power / input.shape[_BLOCKS])
-
-
-def noise_covariance(
-    method: str, power: ComplexArray, input: ComplexArray, reference: ComplexArray
-) -> ComplexArray:
-    """Return the estimate's covariance (..., m n, m n) by noise alone.
-
-    Errors V = Y - G U of different experiments are independent; those of experiment e, with
-    covariance C_e, give the estimate sum (w_e w_e^H) kron C_e over all experiments of all blocks
-    (see `experiment_weights`).
-
-    Parameters
-    ----------
-    power : (..., B, E, m, m) the experiments' C_e, see `error_power`.
-    input, reference : (..., B, n, E) averaged over the periods.
-    """
-    weights = experiment_weights(method, input, reference)
-    products = np.einsum("...bek,...bel,...beij->...kilj", weights, np.conj(weights), power)
-    mn = input.shape[-2] * power.shape[-1]
-    return np.asarray(products.reshape(*products.shape[:-4], mn, mn))
+    draws = np.einsum("...bjie,...bek->...bejik", error, weights)
+    count = np.sqrt(input.shape[_BLOCKS])
+    m, n = draws.shape[-2:]
+    return np.asarray(draws.reshape(*draws.shape[:-5], -1, m, n) / count)

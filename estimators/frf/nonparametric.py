@@ -1,6 +1,6 @@
 """FRFs from records, with their covariance: [WM] section 4."""
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from typing import Any, Literal, NamedTuple
 
 import numpy as np
@@ -9,10 +9,10 @@ from numpy.typing import NDArray
 from estimators.frf.estimate import FrfEstimate, unvec
 from estimators.frf.methods import (
     SUMMING,
-    error_power,
+    covariance_of,
     find_method,
     jackknife,
-    noise_covariance,
+    noise_deviations,
 )
 from estimators.frf.record_checks import check_condition, check_periods, check_records, warn
 from estimators.frf.spectra import Spectra, spectra
@@ -66,20 +66,24 @@ def estimate_frf(
 
     def estimated(part: Records, who: str) -> PositionFrf:
         found = usable_spectra(part, who, method, hold=hold, delay=delay, transient=transient)
-        response, error = with_covariance(found, method, covariance, who)
-        shaped = structured(error, structure, response.shape[1])
-        return PositionFrf(found.omega, response, shaped, len(found.present))
+        response, draws, freedom = with_deviations(found, method, covariance, who)
+        error = structured(covariance_of(draws), structure, response.shape[1])
+        count = len(found.present)
+        return PositionFrf(found.omega, response, error, count, freedom, draws.swapaxes(0, 1))
 
     return over_positions(records, estimated)
 
 
 class PositionFrf(NamedTuple):
-    """What one position gives: omega (F,), response, its covariance, and blocks averaged."""
+    """What one position gives: an `FrfEstimate` without the axis of positions."""
 
     omega: Array
     response: ComplexArray
     covariance: NDArray[Any]
     repetitions: int
+    degrees_of_freedom: float
+    deviations: ComplexArray | None = None
+    line_correlation: Array = np.empty(0)
 
 
 def over_positions(
@@ -110,7 +114,28 @@ def over_positions(
         np.array([one.response for one in found]),
         np.array([one.covariance for one in found]),
         np.array([one.repetitions for one in found], dtype=np.int64),
+        np.array([one.degrees_of_freedom for one in found]),
+        stacked_deviations([one.deviations for one in found]),
+        mean_correlation([one.line_correlation for one in found]),
     )
+
+
+def stacked_deviations(draws: Sequence[ComplexArray | None]) -> ComplexArray | None:
+    """Return the draws (R, F, m, n) of positions as one (Q, R, F, m, n), zeros filled in."""
+    known = [one for one in draws if one is not None]
+    if len(known) < len(draws):
+        return None
+    most = max(len(one) for one in known)
+    return np.stack(
+        [np.pad(one, [(0, most - len(one)), (0, 0), (0, 0), (0, 0)]) for one in known]
+    )
+
+
+def mean_correlation(correlations: Sequence[Array]) -> Array:
+    """Return the mean over positions of correlations at lags 1 to L, zero beyond each one's."""
+    most = max(len(one) for one in correlations)
+    padded = [np.pad(one, (0, most - len(one))) for one in correlations]
+    return np.asarray(np.mean(padded, axis=0))
 
 
 def each_position(records: Records | Iterable[Records]) -> Iterator[Records]:
@@ -158,10 +183,12 @@ def usable_spectra(
     return found
 
 
-def with_covariance(
+def with_deviations(
     found: Spectra, method: str, covariance: str, who: str
-) -> tuple[ComplexArray, ComplexArray]:
-    """Return the FRF (F, m, n) and its covariance (F, m n, m n), "total" or "noise".
+) -> tuple[ComplexArray, ComplexArray, float]:
+    """Return the FRF (F, m, n), draws (F, R, m, n) of its error, and their degrees of freedom.
+
+    Draws are of the "total" error, by leaving out blocks, or of "noise", by bins without signal.
 
     Raises
     ------
@@ -175,28 +202,30 @@ def with_covariance(
                 f"{who}: one block; a total covariance needs at least 2 with new phases, or "
                 "covariance='noise' from two periods or more"
             )
-        response, error = jackknife(find_method(method), Y, U, R)
+        response, draws = jackknife(find_method(method), Y, U, R)
+        freedom = float(B - 1)
     else:
         if P < 2:
             raise InvalidInput(f"{who}: one period; a noise covariance needs at least 2")
         response = find_method(method)(Y, U, R)
         noise = (np.moveaxis(a, 2, 0) for a in (found.noise_output, found.noise_input))
-        error = noise_covariance(method, error_power(response, *noise), U, R)
-    return response, above_rounding(error, response)
+        draws = noise_deviations(method, response, *noise, U, R)
+        freedom = float(found.noise_bins * found.present.sum())
+    return response, above_rounding(draws, response), freedom
 
 
-def above_rounding(covariance: ComplexArray, response: ComplexArray) -> ComplexArray:
-    """Raise the variances (F, m n, m n) to those of rounding errors, Hermitian to the last bit."""
-    covariance = (covariance + np.conj(np.swapaxes(covariance, -1, -2))) / 2
-    size = np.abs(response).max(axis=(-2, -1))
-    i = np.arange(covariance.shape[-1])
-    least = (4 * np.finfo(float).eps * size[:, None]) ** 2
-    covariance[:, i, i] = np.maximum(covariance[:, i, i].real, least)
-    return np.asarray(covariance)
+def above_rounding(draws: ComplexArray, response: ComplexArray) -> ComplexArray:
+    """Raise draws (F, R, m, n) of the error to the size of rounding errors."""
+    size = np.abs(response).max(axis=(-2, -1))[:, None, None]
+    least = 4 * np.finfo(float).eps * size
+    std = np.sqrt((np.abs(draws) ** 2).sum(axis=1))
+    poor = (std < least)[:, None]
+    return np.asarray(np.where(poor, (least / np.sqrt(draws.shape[1]))[:, None], draws))
 
 
 def structured(covariance: ComplexArray, structure: str, outputs: int) -> Array | ComplexArray:
     """Return covariances "full", (F, m n, m n), as they are, or their "diagonal", (F, m, n)."""
+    covariance = (covariance + np.conj(np.swapaxes(covariance, -1, -2))) / 2
     single = covariance.shape[-1] == 1  # a matrix of one element is a variance
     return covariance if structure == "full" and not single else diagonal(covariance, outputs)
 
@@ -204,6 +233,11 @@ def structured(covariance: ComplexArray, structure: str, outputs: int) -> Array 
 def diagonal(covariance: ComplexArray, outputs: int) -> Array:
     """Return the variances (F, m, n) of (F, m n, m n) covariances."""
     return np.asarray(unvec(np.diagonal(covariance, axis1=-2, axis2=-1).real, outputs))
+
+
+def variances(draws: ComplexArray) -> Array:
+    """Return the variances (F, m, n) of the elements from draws (F, R, m, n) of their errors."""
+    return np.asarray((np.abs(draws) ** 2).sum(axis=1))
 
 
 def first_period(found: Spectra, transient: Transient, who: str) -> int:

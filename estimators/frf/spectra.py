@@ -30,6 +30,7 @@ class Spectra:
     noise_input, noise_output : (B, J, F, ., E) at J frequencies around each line where no periodic
         signal is: bins of the whole record between those of its period; J = 0 for one period. They
         are scaled as averages over the periods are, so that their power is the averages' noise.
+    noise_bins : how many of the J bins a line has for itself: neighbouring lines may share some.
     present : (B, E) whether an experiment was measured.
     """
 
@@ -39,6 +40,7 @@ class Spectra:
     output: ComplexArray
     noise_input: ComplexArray
     noise_output: ComplexArray
+    noise_bins: float
     present: NDArray[np.bool_]
 
     @property
@@ -64,6 +66,7 @@ class Spectra:
             self.output[which],
             self.noise_input[which],
             self.noise_output[which],
+            self.noise_bins,
             self.present[which],
         )
 
@@ -109,7 +112,8 @@ def spectra(
     at = _transfer(omega, T, hold, delay)
     u, y, r = (_lines(signal, k) for signal in (torque, angle, reference))
     noise_u, noise_y = (_between(signal, k) for signal in (torque, angle))
-    near = _transfer(unit * _neighbours(k, P) / P, T, hold, delay)
+    bins = _neighbours(k, P)
+    near = _transfer(unit * bins / P, T, hold, delay)
     return Spectra(
         omega=omega,
         reference=np.broadcast_to(r, u.shape),
@@ -117,6 +121,7 @@ def spectra(
         output=y * at[1][:, None, None],
         noise_input=noise_u * near[0][..., None, None],
         noise_output=noise_y * near[1][..., None, None],
+        noise_bins=len(np.unique(bins)) / max(len(k), 1),
         present=present,
     )
 

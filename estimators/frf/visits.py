@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from estimators.frf.distortion import Distortion
 from estimators.frf.estimate import FrfEstimate
+from estimators.frf.nonparametric import stacked_deviations
 from robotmodels.arrays import Array, IntArray
 
 _SAME = 9
@@ -28,19 +29,32 @@ def merge_visits(estimate: FrfEstimate) -> FrfEstimate:
     """Return one FRF per distinct position, the mean over its visits by number of experiments.
 
     Errors of different visits are independent: the mean sum_v w_v G_v has the covariance
-    sum_v w_v^2 C_v. Estimated covariances are not used as weights, they scatter too much.
+    sum_v w_v^2 C_v and the degrees of freedom of all visits together: each visit's blocks tell
+    the scatter about that visit's own mean. Estimated covariances are not used as weights, they
+    scatter too much.
     """
     visits = visits_of(estimate.positions)
     if len(visits) == len(estimate.positions):
         return estimate
     weights = _shares(estimate.repetitions, visits)
     squares = [w**2 for w in weights]
+    draws = estimate.deviations
+    if draws is not None:
+        draws = stacked_deviations(
+            [
+                np.concatenate([w * draws[i] for i, w in zip(v, shares, strict=True)])
+                for v, shares in zip(visits, weights, strict=True)
+            ]
+        )
     return FrfEstimate(
         estimate.positions[[v[0] for v in visits]],
         estimate.omega,
         _sums(estimate.response, visits, weights),
         _sums(estimate.covariance, visits, squares),
         np.array([estimate.repetitions[v].sum() for v in visits]),
+        np.array([estimate.degrees_of_freedom[v].sum() for v in visits]),
+        draws,
+        estimate.line_correlation,
     )
 
 

@@ -5,11 +5,11 @@ from closed_loop import FEEDBACK, RESPONSE, circular, loop_spectra
 from estimators.frf.estimate import vec
 from estimators.frf.methods import (
     METHODS,
-    error_power,
+    covariance_of,
     experiment_weights,
     find_method,
     jackknife,
-    noise_covariance,
+    noise_deviations,
     per_block,
 )
 from robotmodels import InvalidInput
@@ -26,7 +26,12 @@ def scatter_trace(estimates):
 
 def estimates(method, std, runs, seed=1):
     Y, U, R = (a[:, :, 0] for a in loop_spectra(runs, std, np.random.default_rng(seed)))
-    return jackknife(METHODS[method], Y, U, R)
+    return estimate_and_covariance(method, Y, U, R)
+
+
+def estimate_and_covariance(method, *signals):
+    G, draws = jackknife(METHODS[method], *signals)
+    return G, covariance_of(draws)
 
 
 @pytest.mark.parametrize("method", METHODS)
@@ -65,7 +70,7 @@ def test_an_element_that_is_zero_stays_zero_in_the_geometric_mean():
 
 def test_aris_jackknife_is_the_covariance_of_a_mean():
     Y, U, R = (a[0, :, 0] for a in loop_spectra(1, 0.3, np.random.default_rng(2)))
-    G, covariance = jackknife(METHODS["ari"], Y, U, R)
+    G, covariance = estimate_and_covariance("ari", Y, U, R)
     deviation = vec(per_block(Y, U) - G)
     expected = sum(np.outer(d, d.conj()) for d in deviation) / (10 * 9)
     assert np.allclose(covariance, expected, rtol=1e-10)
@@ -99,18 +104,18 @@ def test_noise_and_total_covariance_agree_for_a_linear_plant():
     alone, torque, _ = loop_spectra(600, 0.05, rng, periods=2, signal=0.0)
 
     def by_noise(name, estimate):
-        power = error_power(estimate, alone, torque)
-        return trace(noise_covariance(name, power, U, R)).mean()
+        draws = noise_deviations(name, estimate, alone, torque, U, R)
+        return trace(covariance_of(draws)).mean()
 
     total, noise = {}, {}
     for name in METHODS:
-        G, c = jackknife(METHODS[name], Y, U, R)
+        G, c = estimate_and_covariance(name, Y, U, R)
         total[name], noise[name] = trace(c).mean(), by_noise(name, G)
     for name in METHODS:
         assert total[name] == pytest.approx(noise[name], rel=0.05), name
     # Negative control: distortions, the same in every period, show in the total one only.
     distorted = Y + 0.1 * circular(Y.shape, np.random.default_rng(9))
-    G, c = jackknife(METHODS["ari"], distorted, U, R)
+    G, c = estimate_and_covariance("ari", distorted, U, R)
     assert trace(c).mean() > 2 * by_noise("ari", G)
 
 

@@ -42,7 +42,7 @@ def test_models_within_reach_are_found_exactly(order, denominator):
     G = np.tensordot(step[:, None] ** np.arange(order + 1), top, 1)
     G = G / (step[:, None] ** np.arange(denominator + 1) @ bottom)[:, None, None]
     U = circular((15, 2, 1), rng)
-    found, covariance = one_line(G @ U, U, step, order, denominator)
+    found, covariance, _ = one_line(G @ U, U, step, order, denominator)
     assert np.allclose(found, top[0], atol=1e-9)
     assert np.abs(covariance).max() < 1e-18
 
@@ -57,7 +57,7 @@ def test_covariance_is_that_of_the_scatter(denominator):
     found, claimed = [], []
     for _ in range(500):
         V = 0.01 * circular((13, 2, 1), rng)
-        g, c = one_line(G @ U + V, U, step, 1, denominator)
+        g, c, _ = one_line(G @ U + V, U, step, 1, denominator)
         found.append(g.flatten(order="F"))
         claimed.append(np.trace(c).real)
     scatter = np.trace(np.cov(np.array(found), rowvar=False)).real
