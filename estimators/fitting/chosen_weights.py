@@ -21,18 +21,25 @@ KINDS = ("user", "optimal", "optimal_diagonal", "combined")
 
 
 def chosen_weights(
-    weights: str | NDArray[Any], estimate: FrfEstimate, kind: Residual
+    weights: str | NDArray[Any],
+    estimate: FrfEstimate,
+    kind: Residual,
+    response: ComplexArray | None = None,
 ) -> Array | ComplexArray:
     """Return the weights a fit was asked for: (Q, F, m, n), or (Q, F, m n, m n).
 
     Named weights leave out elements below 10 dB where a logarithm is taken.
+
+    Parameters
+    ----------
+    response : (Q, F, m, n) at which named weights are evaluated; the measured one where None.
 
     Raises
     ------
     InvalidInput : if the name is unknown, or an array does not fit or is not a weight.
     """
     if isinstance(weights, str):
-        return _named(weights, estimate, kind)
+        return _named(weights, estimate, kind, response)
     array = _numbers(weights)
     if array.ndim == 2:
         return user_weights(estimate, minimum_snr=0.0, elements=array)
@@ -46,18 +53,20 @@ def chosen_weights(
     return np.array(array, dtype=float)
 
 
-def _named(name: str, estimate: FrfEstimate, kind: Residual) -> Array | ComplexArray:
+def _named(
+    name: str, estimate: FrfEstimate, kind: Residual, response: ComplexArray | None
+) -> Array | ComplexArray:
     if name not in KINDS:
         raise InvalidInput(
             f"weights {name!r} are none of {', '.join(KINDS)}, nor an array{nearest(name, KINDS)}"
         )
     minimum_snr = MINIMUM_SNR if kind.relative else 0.0
     if name == "user":
-        return user_weights(estimate, minimum_snr=minimum_snr)
+        return user_weights(estimate, minimum_snr=minimum_snr, response=response)
     if name == "combined":
-        return combined_weights(estimate, kind, minimum_snr=minimum_snr)
+        return combined_weights(estimate, kind, response=response, minimum_snr=minimum_snr)
     diagonal = name == "optimal_diagonal"
-    return optimal_weights(estimate, kind, minimum_snr=minimum_snr, diagonal=diagonal)
+    return optimal_weights(estimate, kind, response, minimum_snr, diagonal=diagonal)
 
 
 def _numbers(weights: NDArray[Any]) -> NDArray[Any]:

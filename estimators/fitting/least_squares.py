@@ -2,7 +2,8 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,12 +14,16 @@ from estimators.fitting.residuals import find_residual
 from estimators.fitting.search import check_effort, search
 from estimators.fitting.start_values import named_start
 from estimators.fitting.trust_region import Outcome
-from estimators.fitting.weights import optimal_weights
+from estimators.fitting.chosen_weights import chosen_weights
 from estimators.frf.estimate import FrfEstimate
 from robotmodels.arrays import Array, ComplexArray, IntArray, read_only
 from robotmodels.description.parameters import Parameters
 from robotmodels.notebook import Printed
 from robotmodels.response import Elastic, frequency_response
+
+if TYPE_CHECKING:
+    from estimators.trust.intervals import Interval, Verdict
+    from estimators.trust.trust import Trust
 
 
 @dataclass(frozen=True, eq=False)
@@ -81,6 +86,22 @@ class Fit(Printed):
             return self.cost
         return self.cost - float(self.prior.cost(self.parameters.names, self.parameters.values))
 
+    @cached_property
+    def trust(self) -> "Trust":
+        """How far the fit can be trusted, with all evidence."""
+        from estimators.trust.trust import trust
+
+        return trust(self)
+
+    def intervals(self) -> "tuple[Interval, ...]":
+        """Return the recommended 95 % interval of each parameter, in SI units."""
+        return self.trust.intervals
+
+    @property
+    def verdict(self) -> "Verdict":
+        """The verdict on the whole fit, one of `estimators.VERDICTS`, with its reason."""
+        return self.trust.verdict
+
     def __str__(self) -> str:
         p = self.parameters
         width = max(len(name) for name in p.names)
@@ -116,7 +137,8 @@ def fit(
     estimate : FRFs to fit.
     residual : "nls" [WM] (4), "lls" [WM] (7) or "lls_magnitude".
     weights : "user", "optimal", "optimal_diagonal", "combined", or an array, see
-        `estimators.fitting.weights`.
+        `estimators.fitting.weights`. Where a logarithm is taken, named weights are evaluated once
+        more at the FRF of the fit, see `reweighted`.
     start : (p,) parameter values; the model's own where None; "physics" or "chains" for rough ones
         from the FRFs, see `physics_start` and `chain_start_values`.
     bounds : factors of the model's own values between which parameters are sought, or (2, p)
@@ -139,24 +161,42 @@ def fit(
     if isinstance(start, str):
         start = np.clip(named_start(start, model, problem.estimate), *problem.bounds)
     begin = problem.checked_start(start)
-    return as_fit(problem, begin, search(problem, begin, max_evaluations, tolerance))
+    first = as_fit(problem, begin, search(problem, begin, max_evaluations, tolerance))
+    if not isinstance(weights, str) or not problem.kind.relative or not first.converged:
+        return first
+    return reweighted(first, weights, rounds=1, tolerance=tolerance)
 
 
-def reweighted(found: Fit, rounds: int = 2, tolerance: float = 1e-10) -> Fit:
-    """Return the fit repeated with optimal weights evaluated at its own FRF, not the measured.
+def reweighted(
+    fit: Fit, weights: str = "optimal", rounds: int = 2, tolerance: float = 1e-10
+) -> Fit:
+    """Return the fit repeated with named weights evaluated at its own FRF, not the measured one.
 
-    [WM] (8) with the measured FRF correlates weights with errors. Over tens of thousands of noisy
-    elements that bias outgrows the standard deviations; at the FRF of a good fit it vanishes, and
-    no element need be left out. Costs of fits weighted by their own models do not compare: find
-    the best of many starts first.
+    [WM] (8) with the measured FRF correlates weights with errors, and a signal-to-noise ratio of
+    the measured FRF selects elements whose errors happen to be large. Over tens of thousands of
+    noisy elements these biases outgrow the standard deviations; at the FRF of a good fit both
+    vanish. Elements below 10 dB are left out where a logarithm is taken: its mean is
+    ln|G| + E1(snr)/2, whose second term is 2e-6 from there on. Costs of fits weighted by their own
+    models do not compare: find the best of many starts first.
+
+    Parameters
+    ----------
+    fit : Fit
+        Whose model, residual and data are kept.
+    weights : {"optimal", "optimal_diagonal", "user", "combined"}
+        As in `estimators.fit`.
+    rounds : int
+        How often weights are evaluated anew.
     """
+    start, evaluations = fit.start, fit.evaluations
     for _ in range(rounds):
-        model, estimate, values = found.model, found.estimate, found.parameters.values
+        model, estimate, values = fit.model, fit.estimate, fit.parameters.values
         G = np.asarray(frequency_response(model, estimate.positions, estimate.omega, values))
-        weights = optimal_weights(estimate, found.residual, G)
-        problem = problem_of(replace(found, weights=weights))
-        found = as_fit(problem, values, search(problem, values, 200, tolerance))
-    return found
+        array = chosen_weights(weights, estimate, find_residual(fit.residual), G)
+        problem = problem_of(replace(fit, weights=array))
+        fit = as_fit(problem, values, search(problem, values, 200, tolerance))
+        evaluations += fit.evaluations
+    return replace(fit, start=start, evaluations=evaluations)
 
 
 def problem_of(found: Fit) -> Problem:

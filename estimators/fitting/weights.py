@@ -24,6 +24,7 @@ def user_weights(
     from_omega: float = 0.0,
     minimum_snr: float = MINIMUM_SNR,
     elements: NDArray[Any] | None = None,
+    response: ComplexArray | None = None,
 ) -> Array:
     """Return [WM]'s rough weights (Q, F, m, n): constant per element, zero where FRFs are poor.
 
@@ -33,6 +34,7 @@ def user_weights(
     from_omega : weights below this frequency [rad/s] are zero.
     minimum_snr : weights are zero where |G| is below this many of its standard deviations.
     elements : (m, n) weights of the elements instead of `diagonal` and `off_diagonal`.
+    response : (Q, F, m, n) whose magnitude is compared with the noise; the measured one where None.
 
     Raises
     ------
@@ -50,7 +52,8 @@ def user_weights(
     element = np.where(np.eye(m, n, dtype=bool), diagonal, off_diagonal)
     if elements is not None:
         element = _checked_elements(elements, (m, n))
-    good = clear(estimate, minimum_snr) & (estimate.omega >= from_omega)[:, None, None]
+    at = _response(estimate, response)
+    good = clear(estimate, minimum_snr, at) & (estimate.omega >= from_omega)[:, None, None]
     return np.asarray(np.where(good, element, 0.0))
 
 
@@ -74,8 +77,13 @@ def _checked_elements(given: NDArray[Any], shape: tuple[int, ...]) -> Array:
     return elements
 
 
-def clear(estimate: FrfEstimate, minimum_snr: float) -> NDArray[np.bool_]:
-    """Return which elements (Q, F, m, n) are at least so many of their standard deviations.
+def clear(
+    estimate: FrfEstimate, minimum_snr: float, response: ComplexArray
+) -> NDArray[np.bool_]:
+    """Return a mask of the elements (Q, F, m, n) of `response` above a signal-to-noise ratio.
+
+    Elements of a measured response near the ratio pass if their error happens to be large; a
+    model's response makes no such choice.
 
     Raises
     ------
@@ -83,7 +91,7 @@ def clear(estimate: FrfEstimate, minimum_snr: float) -> NDArray[np.bool_]:
     """
     if not (np.isfinite(minimum_snr) and minimum_snr >= 0):
         raise InvalidInput(f"weights.minimum_snr: {minimum_snr!r} is not a number >= 0")
-    return np.asarray(np.abs(estimate.response) >= minimum_snr * np.sqrt(estimate.variance))
+    return np.asarray(np.abs(response) >= minimum_snr * np.sqrt(estimate.pooled_variance))
 
 
 def _response(estimate: FrfEstimate, response: ComplexArray | None) -> ComplexArray:
@@ -123,6 +131,9 @@ def optimal_weights(
 ) -> Array | ComplexArray:
     """Return the weights of least covariance: [WM] (6) for nls, (8) for log residuals.
 
+    Variances that were estimated come from neighbouring lines, see `pooled_variances`: weights that
+    follow a line's own scatter make it look more certain than it is.
+
     Parameters
     ----------
     residual : whose noise is to be whitened, "nls", "lls" or "lls_magnitude".
@@ -130,8 +141,7 @@ def optimal_weights(
         errors then correlate with the weights, a bias of the order of the relative variance. The
         FRF of a previous fit avoids it, see `estimators.reweighted`.
     minimum_snr : elements below so many of their standard deviations are left out.
-    diagonal : use the variances only, as [WM] 6 do; a full covariance needs more blocks than
-        elements.
+    diagonal : use the variances only, as [WM] 6 do.
 
     Returns
     -------
@@ -143,10 +153,10 @@ def optimal_weights(
         response does not fit, or `minimum_snr` is negative.
     """
     kind, at = find_residual(residual), _response(estimate, response)
-    used = clear(estimate, minimum_snr)
+    used = clear(estimate, minimum_snr, at)
     if kind.relative:
         used &= at != 0  # an infinite relative error
-    covariance = estimate.variance if diagonal else estimate.covariance
+    covariance = estimate.pooled_variance if diagonal else estimate.pooled_covariance
     noise = kind.noise(covariance, at, used)
     return _inverse(noise, used, estimate)
 
@@ -183,14 +193,18 @@ def combined_weights(
     if not (np.isfinite(floor) and floor > 0):
         raise InvalidInput(f"weights.floor: {floor!r} is not a positive number")
     kind, at = find_residual(residual), _response(estimate, response)
-    user = user_weights(estimate, minimum_snr=minimum_snr) if shape is None else np.asarray(shape)
+    user = np.asarray(shape)
+    if shape is None:
+        user = user_weights(estimate, minimum_snr=minimum_snr, response=response)
     if user.shape != at.shape:
         raise InvalidInput(f"weights.shape: {user.shape} given; {at.shape} is needed")
     check_positive(user, estimate, "weights.shape")
-    used = clear(estimate, minimum_snr) & (user > 0)
+    used = clear(estimate, minimum_snr, at) & (user > 0)
     if kind.relative:
         used &= at != 0
-    noise = kind.noise(estimate.variance if diagonal else estimate.covariance, at, used)
+    noise = kind.noise(
+        estimate.pooled_variance if diagonal else estimate.pooled_covariance, at, used
+    )
     error = floor**2 * (np.ones(at.shape) if kind.relative else np.abs(at) ** 2)
     if not is_full(noise, at.shape):
         weights: NDArray[Any] = user * _inverse(noise + error, used, estimate)
