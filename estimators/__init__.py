@@ -14,10 +14,9 @@ if TYPE_CHECKING:
     from estimators.fisher_information import information
     from estimators.fitting.chain_start import chain_start_values
     from estimators.fitting.fit_files import read_fits, write_fits
-    from estimators.fitting.least_squares import Fit, fit, reweighted
+    from estimators.fitting.least_squares import Fit, fit, likelihood_fit, reweighted
     from estimators.fitting.multistart import EarlyStop, multistart, perturbed_starts
     from estimators.fitting.priors import Prior
-    from estimators.fitting.residual_analysis import ResidualAnalysis, residual_analysis
     from estimators.fitting.residuals import lls, lls_magnitude, nls
     from estimators.fitting.start_values import StartValues, physics_start
     from estimators.fitting.weights import combined_weights, optimal_weights, user_weights
@@ -42,6 +41,9 @@ if TYPE_CHECKING:
     from estimators.frf.nonparametric import estimate_frf
     from estimators.frf.rigid_limit import RigidLimit, check_rigid_limit
     from estimators.frf.stationarity import Settling, settling
+    from estimators.trust.intervals import VERDICTS, Interval, Verdict
+    from estimators.trust.residual_analysis import ResidualAnalysis, residual_analysis
+    from estimators.trust.trust import Trust
     from estimators.uncertainty.additions import best_additions
     from estimators.uncertainty.convergence import Target
     from estimators.uncertainty.covariance import Uncertainty, covariance
@@ -53,7 +55,6 @@ if TYPE_CHECKING:
         identifiability,
     )
     from estimators.uncertainty.importance import ImportanceSample, importance_sample
-    from estimators.uncertainty.misfit import Misfit, misfit
     from estimators.uncertainty.monte_carlo import MonteCarlo, monte_carlo
     from estimators.uncertainty.posterior import Posterior, sample_posterior
     from estimators.uncertainty.prediction import (
@@ -82,20 +83,23 @@ _HOMES = {
     "FrfExperiment": "uncertainty.simulated_run",
     "Identifiability": "uncertainty.identifiability",
     "ImportanceSample": "uncertainty.importance",
+    "Interval": "trust.intervals",
     "Loop": "frf.compare",
-    "Misfit": "uncertainty.misfit",
     "ModeBand": "uncertainty.prediction",
     "MonteCarlo": "uncertainty.monte_carlo",
     "Posterior": "uncertainty.posterior",
     "Prior": "fitting.priors",
     "Profile": "uncertainty.profile",
-    "ResidualAnalysis": "fitting.residual_analysis",
+    "ResidualAnalysis": "trust.residual_analysis",
     "RigidLimit": "frf.rigid_limit",
     "Settling": "frf.stationarity",
     "StartValues": "fitting.start_values",
     "Target": "uncertainty.convergence",
+    "Trust": "trust.trust",
     "Uncertainty": "uncertainty.covariance",
+    "VERDICTS": "trust.intervals",
     "Validation": "uncertainty.validation",
+    "Verdict": "trust.intervals",
     "WorkspaceMap": "uncertainty.prediction",
     "best_additions": "uncertainty.additions",
     "chain_start_values": "fitting.chain_start",
@@ -115,11 +119,11 @@ _HOMES = {
     "identify_chains": "chains.identification",
     "importance_sample": "uncertainty.importance",
     "information": "fisher_information",
+    "likelihood_fit": "fitting.least_squares",
     "lls": "fitting.residuals",
     "lls_magnitude": "fitting.residuals",
     "local_frf": "frf.local_model",
     "measured_loop": "frf.compare",
-    "misfit": "uncertainty.misfit",
     "monte_carlo": "uncertainty.monte_carlo",
     "multistart": "fitting.multistart",
     "nls": "fitting.residuals",
@@ -134,7 +138,7 @@ _HOMES = {
     "read_fits": "fitting.fit_files",
     "read_frf": "frf.exchange",
     "read_records": "frf.exchange",
-    "residual_analysis": "fitting.residual_analysis",
+    "residual_analysis": "trust.residual_analysis",
     "reweighted": "fitting.least_squares",
     "sample_posterior": "uncertainty.posterior",
     "settling": "frf.stationarity",
@@ -149,6 +153,7 @@ _HOMES = {
 }
 
 __all__ = [
+    "VERDICTS",
     "ChainIdentification",
     "Comparison",
     "CrossCheck",
@@ -162,8 +167,8 @@ __all__ = [
     "FrfExperiment",
     "Identifiability",
     "ImportanceSample",
+    "Interval",
     "Loop",
-    "Misfit",
     "ModeBand",
     "MonteCarlo",
     "Posterior",
@@ -174,8 +179,10 @@ __all__ = [
     "Settling",
     "StartValues",
     "Target",
+    "Trust",
     "Uncertainty",
     "Validation",
+    "Verdict",
     "WorkspaceMap",
     "best_additions",
     "chain_start_values",
@@ -195,11 +202,11 @@ __all__ = [
     "identify_chains",
     "importance_sample",
     "information",
+    "likelihood_fit",
     "lls",
     "lls_magnitude",
     "local_frf",
     "measured_loop",
-    "misfit",
     "monte_carlo",
     "multistart",
     "nls",

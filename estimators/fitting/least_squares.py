@@ -8,13 +8,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from estimators.fitting.chosen_weights import chosen_weights
 from estimators.fitting.cost import Problem, stated
 from estimators.fitting.priors import Prior
 from estimators.fitting.residuals import find_residual
 from estimators.fitting.search import check_effort, search
 from estimators.fitting.start_values import named_start
 from estimators.fitting.trust_region import Outcome
-from estimators.fitting.chosen_weights import chosen_weights
 from estimators.frf.estimate import FrfEstimate
 from robotmodels.arrays import Array, ComplexArray, IntArray, read_only
 from robotmodels.description.parameters import Parameters
@@ -197,6 +197,14 @@ def reweighted(
         fit = as_fit(problem, values, search(problem, values, 200, tolerance))
         evaluations += fit.evaluations
     return replace(fit, start=start, evaluations=evaluations)
+
+
+def likelihood_fit(fit: Fit) -> Fit:
+    """Return the fit repeated with the weights of the noise, from its own values.
+
+    exp(-cost) of the result is the likelihood of the stated noise.
+    """
+    return reweighted(fit, "optimal", rounds=1 if fit.residual == "nls" else 2)
 
 
 def problem_of(found: Fit) -> Problem:

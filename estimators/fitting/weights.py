@@ -77,9 +77,7 @@ def _checked_elements(given: NDArray[Any], shape: tuple[int, ...]) -> Array:
     return elements
 
 
-def clear(
-    estimate: FrfEstimate, minimum_snr: float, response: ComplexArray
-) -> NDArray[np.bool_]:
+def clear(estimate: FrfEstimate, minimum_snr: float, response: ComplexArray) -> NDArray[np.bool_]:
     """Return a mask of the elements (Q, F, m, n) of `response` above a signal-to-noise ratio.
 
     Elements of a measured response near the ratio pass if their error happens to be large; a

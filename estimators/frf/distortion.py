@@ -14,9 +14,9 @@ import numpy as np
 from estimators.frf.local_model import interpolated
 from estimators.frf.nonparametric import (
     Transient,
-    variances,
     each_position,
     usable_spectra,
+    variances,
     with_deviations,
 )
 from estimators.frf.spectra import Spectra, spectra

@@ -105,7 +105,9 @@ class FrfEstimate(Printed):
         ):
             object.__setattr__(self, name, read_only(array))
         if self.deviations is not None:
-            deviations = _checked_deviations(np.array(self.deviations, dtype=complex), self.variance)
+            deviations = _checked_deviations(
+                np.array(self.deviations, dtype=complex), self.variance
+            )
             object.__setattr__(self, "deviations", read_only(deviations))
 
     @property

@@ -79,10 +79,10 @@ def local_frf(
         )
         shaped = structured(_above_rounding(error, response), structure, response.shape[1])
         repetitions = int(found.present.any(axis=1).sum())
-        freedom = _degrees_of_freedom(width * U.shape[2], U.shape[1], Y.shape[1], order, denominator)
-        return PositionFrf(
-            found.omega, response, shaped, repetitions, freedom, None, correlation
+        freedom = _degrees_of_freedom(
+            width * U.shape[2], U.shape[1], Y.shape[1], order, denominator
         )
+        return PositionFrf(found.omega, response, shaped, repetitions, freedom, None, correlation)
 
     return over_positions(records, estimated)
 

@@ -126,9 +126,7 @@ def stacked_deviations(draws: Sequence[ComplexArray | None]) -> ComplexArray | N
     if len(known) < len(draws):
         return None
     most = max(len(one) for one in known)
-    return np.stack(
-        [np.pad(one, [(0, most - len(one)), (0, 0), (0, 0), (0, 0)]) for one in known]
-    )
+    return np.stack([np.pad(one, [(0, most - len(one)), (0, 0), (0, 0), (0, 0)]) for one in known])
 
 
 def mean_correlation(correlations: Sequence[Array]) -> Array:

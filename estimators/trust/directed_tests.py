@@ -1,6 +1,7 @@
 """Score tests along single directions in which a model may be wrong."""
 
-from dataclasses import dataclass
+from collections.abc import Iterator
+from dataclasses import dataclass, fields
 
 import numpy as np
 from numpy.typing import NDArray
@@ -8,13 +9,16 @@ from numpy.typing import NDArray
 from estimators.trust.line_correlation import LineCorrelation
 from estimators.trust.line_scatter import line_scatter
 from estimators.trust.linearised_fit import LinearisedFit, Lines
-from robotmodels.arrays import Array
+from robotmodels.arrays import Array, IntArray
 
 DETECTION = 5.3
 """Standard deviations that an error needs to be seen with 95 %: at a level of 1 % over 38 tests."""
 
 _VISIBLE = 1e-6
 """Share of a direction off the parameters below which it is theirs but for rounding."""
+
+_TOGETHER = 2**21
+"""Numbers in the columns that are tested in one go."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -23,17 +27,47 @@ class Directions:
 
     Attributes
     ----------
-    names : tuple of str
-        r names, such as "delay".
-    units : tuple of str
-        Of the coefficients.
+    names, units : tuple of str
+        Of all directions: those of `columns`, then those of the parameters in one position or in
+        the lower half of the lines.
     columns : (Q, F, k, r)
         Change of the modelled values with a coefficient of one.
+    jacobian : (Q, F, k, p)
+        Change with ln theta, of which single positions and half of the lines are directions.
+    positions, half : int
+        How many positions are tested one by one; how many lines are the lower half.
     """
 
     names: tuple[str, ...]
     units: tuple[str, ...]
     columns: Lines
+    jacobian: Lines
+    positions: int = 0
+    half: int = 0
+
+    def batches(self) -> Iterator[Lines]:
+        """Yield the columns (Q, F, k, .) of all directions, some at a time."""
+        lines, p = self.columns[..., 0].size, self.jacobian.shape[-1]
+        step = max(1, _TOGETHER // max(lines, 1))
+        for first in range(0, self.columns.shape[-1], step):
+            yield self.columns[..., first : first + step]
+        for q in range(self.positions):
+            for first in range(0, p, step):
+                part = np.zeros_like(self.jacobian[..., first : first + step])
+                part[q] = self.jacobian[q, ..., first : first + step]
+                yield part
+        for first in range(0, p if self.half else 0, step):
+            part = self.jacobian[..., first : first + step].copy()
+            part[:, self.half :] = 0
+            yield part
+
+    def column(self, index: int) -> Lines:
+        """Return the column (Q, F, k, 1) of one direction."""
+        for batch in self.batches():
+            if index < batch.shape[-1]:
+                return batch[..., index : index + 1]
+            index -= batch.shape[-1]
+        raise IndexError(index)
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,28 +78,35 @@ class DirectedTests:
     ----------
     names, units : tuple of str
         As in `Directions`, but for those that the parameters imitate.
+    index : (r,)
+        Their place in `Directions`.
     estimates, std : (r,)
         Coefficients by one step, and their standard deviations.
     probabilities : (r,)
         Two-sided, of estimates as large if the model is right; not corrected for their number.
-    undetected_shift : (r, p)
-        By how many standard deviations an error at the limit of detection moves each parameter.
+    moved : (r,)
+        The parameter that an error at the limit of detection moves most.
+    shift : (r,)
+        By how many of its standard deviations.
     """
 
     names: tuple[str, ...]
     units: tuple[str, ...]
+    index: IntArray
     estimates: Array
     std: Array
     probabilities: Array
-    undetected_shift: Array
+    moved: IntArray
+    shift: Array
 
     def significant(self, level: float = 0.01) -> NDArray[np.intp]:
         """Return the directions whose test fires at `level` over all (Bonferroni), strongest first.
+
+        A probability that is not a number fires.
         """
-        if not len(self.names):
-            return np.empty(0, dtype=np.intp)
         order = np.argsort(self.probabilities, kind="stable")
-        return order[self.probabilities[order] < level / len(self.names)]
+        limit = level / max(len(self.names), 1)
+        return np.asarray(order[~(self.probabilities[order] >= limit)])
 
 
 def directed_tests(
@@ -88,29 +129,53 @@ def directed_tests(
         Of the sum of squared residuals, where they are larger: variances are then scaled by what
         remains of the sum beside a direction, as those of the parameters are.
     """
-    off = fit.off_parameters(directions.columns)
+    parts, offset = [], 0
+    for columns in directions.batches():
+        parts.append(_tested(fit, columns, offset, correlation, std, expected))
+        offset += columns.shape[-1]
+    joined = {
+        f.name: np.concatenate([getattr(part, f.name) for part in parts])
+        for f in fields(DirectedTests)[2:]
+    }
+    index = joined["index"]
+    return DirectedTests(
+        tuple(directions.names[i] for i in index),
+        tuple(directions.units[i] for i in index),
+        **joined,
+    )
+
+
+def _tested(
+    fit: LinearisedFit,
+    columns: Lines,
+    offset: int,
+    correlation: LineCorrelation,
+    std: Array,
+    expected: float | None,
+) -> DirectedTests:
+    off = fit.off_parameters(columns)
     weighted = fit.weighted(off)
-    r = off.shape[-1]
-    flat, whole = off.reshape(-1, r), directions.columns.reshape(-1, r)
-    size = np.einsum("ir,ir->r", np.conj(flat), weighted.reshape(-1, r)).real
-    before = fit.weighted(directions.columns).reshape(-1, r)
-    full = np.einsum("ir,ir->r", np.conj(whole), before).real
-    seen = size > _VISIBLE**2 * np.where(full > 0, full, 1.0)
-    seen &= full > 0
+    size = np.einsum("qfkr,qfkr->r", np.conj(off), weighted).real
+    whole = np.einsum("qfkr,qfkr->r", np.conj(columns), fit.weighted(columns)).real
+    seen = (size > _VISIBLE**2 * whole) & (whole > 0)
     rows = np.moveaxis(np.conj(weighted[..., seen]) / size[seen], -1, 0)
     estimates = fit.estimates(rows, fit.residuals)
     scatter = line_scatter(fit, rows, correlation)
     if expected is not None:
-        remaining = fit.squares - estimates**2 * fit.off_power(flat[:, seen])
+        power = fit.off_power(off[..., seen].reshape(-1, int(seen.sum())))
+        remaining = fit.squares - estimates**2 * power
         scatter = scatter.scaled(np.maximum(remaining / expected, 1.0))
     deviation = np.sqrt(scatter.variance)
-    shift = fit.shifts(directions.columns[..., seen]).T * (DETECTION * deviation)[:, None] / std
-    keep = np.flatnonzero(seen)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        shift = np.abs(fit.shifts(columns[..., seen]).T) * DETECTION * deviation[:, None] / std
+    shift = np.nan_to_num(shift, nan=0.0)
     return DirectedTests(
-        tuple(directions.names[i] for i in keep),
-        tuple(directions.units[i] for i in keep),
+        (),
+        (),
+        offset + np.flatnonzero(seen),
         estimates,
         deviation,
         scatter.probability(estimates),
-        shift,
+        shift.argmax(axis=1),
+        shift.max(axis=1, initial=0.0),
     )

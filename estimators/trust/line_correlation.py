@@ -167,9 +167,7 @@ def element_correlation(fit: LinearisedFit) -> float:
     return max(1.0, float((np.abs(white) ** 2).sum()) / total) if total > 0 else 1.0
 
 
-def _corrections(
-    fit: LinearisedFit, columns: Lines, rows: Lines, root: Array, lags: int
-) -> Array:
+def _corrections(fit: LinearisedFit, columns: Lines, rows: Lines, root: Array, lags: int) -> Array:
     """Return B, (L + 1, L + 1): B_ij = tr(S_i (I - P) S_j (I - P)^T) with P = J A, whitened.
 
     S_0 is the identity, S_l has ones where lines are l apart.
@@ -222,7 +220,7 @@ def autoregressive(correlations: Array, data: float, lines: int) -> Array:
     order, model, best = 0, np.empty(0), np.empty(0)
     error = 1.0
     for k in range(1, min(len(correlations), _HIGHEST_ORDER) + 1):
-        reflection = (correlations[k - 1] - model @ correlations[:k - 1][::-1]) / error
+        reflection = (correlations[k - 1] - model @ correlations[: k - 1][::-1]) / error
         reflection = float(np.clip(reflection, -0.999, 0.999))
         model = np.append(model - reflection * model[::-1], reflection)
         error *= 1 - reflection**2

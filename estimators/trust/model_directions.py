@@ -7,6 +7,7 @@ import numpy as np
 from estimators.fitting.residuals import Residual
 from estimators.frf.estimate import vec
 from estimators.trust.directed_tests import Directions
+from estimators.trust.linearised_fit import Lines
 from robotmodels.arrays import Array, ComplexArray
 from robotmodels.description.extra import extra_elements
 from robotmodels.description.robot_file import Choice
@@ -23,8 +24,7 @@ def model_directions(
     positions: Array,
     omega: Array,
     values: Array,
-    response: ComplexArray,
-    jacobian: ComplexArray,
+    at: tuple[ComplexArray, ComplexArray],
     used: Array,
 ) -> Directions:
     """Return the directions that are tested at a fit.
@@ -43,24 +43,41 @@ def model_directions(
     omega : (F,) [rad/s]
     values : (p,) [SI]
         Fitted.
-    response : (Q, F, m, n)
-        FRF of the model at the fit.
-    jacobian : (Q, F, m, n, p)
-        Its derivatives with respect to ln theta.
+    at : tuple
+        FRF of the model at the fit, (Q, F, m, n), and its derivatives with respect to ln theta,
+        (Q, F, m, n, p).
     used : (Q, F, m, n) of bool
         Which elements the fit uses.
     """
-    names: list[str] = []
-    units: list[str] = []
-    columns: list[ComplexArray] = []
-    for name, unit, column in _columns(model, positions, omega, values, response, jacobian):
+    response, jacobian = at
+    names, units, columns = [], [], []
+    for name, unit, column in _columns(model, positions, omega, values, response):
         names.append(name)
         units.append(unit)
         columns.append(column)
+    parameters = model.parameters.names
+    count = len(positions) if len(positions) > 1 else 0
+    half = len(omega) // 2 if len(omega) > 3 else 0
+    local = [f"{name} in position {q + 1}" for q in range(count) for name in parameters]
+    if half:
+        local += [f"{name} below {omega[half] / (2 * np.pi):.3g} Hz" for name in parameters]
     stacked = np.stack(columns, axis=-1)
-    changes = -kind.jacobian(response, stacked, used)
-    flat = np.moveaxis(vec(np.moveaxis(changes, -1, 2)), 2, -1)
-    return Directions(tuple(names), tuple(units), flat)
+    return Directions(
+        (*names, *local),
+        (*units, *["relative"] * len(local)),
+        _residual_changes(kind, response, stacked, used),
+        _residual_changes(kind, response, jacobian, used),
+        count,
+        half,
+    )
+
+
+def _residual_changes(
+    kind: Residual, response: ComplexArray, changes: ComplexArray, used: Array
+) -> Lines:
+    """Return changes (Q, F, m, n, r) of the FRF as those of the modelled values, (Q, F, m n, r)."""
+    slopes = -kind.jacobian(response, changes, used)
+    return np.moveaxis(vec(np.moveaxis(slopes, -1, 2)), 2, -1)
 
 
 def _columns(
@@ -69,31 +86,16 @@ def _columns(
     omega: Array,
     values: Array,
     G: ComplexArray,
-    J: ComplexArray,
 ) -> Iterator[tuple[str, str, ComplexArray]]:
     """Yield name, unit and change of the FRF (Q, F, m, n) of each direction."""
     yield "delay", "s", -1j * omega[:, None, None] * G
     inputs = getattr(model, "motor_names", tuple(f"input {j + 1}" for j in range(G.shape[-1])))
-    if G.shape[-1] * G.shape[-2] > 1 or len(inputs) == 1:
-        for j, motor in enumerate(inputs):
-            column = np.zeros_like(G)
-            column[..., j] = G[..., j]
-            yield f"gain of {motor}", "relative", column
+    for j, motor in enumerate(inputs):
+        column = np.zeros_like(G)
+        column[..., j] = G[..., j]
+        yield f"gain of {motor}", "relative", column
     if isinstance(model, ElasticRobot):
         yield from _fixed_numbers(model, positions, omega, values, G)
-    names = model.parameters.names
-    if len(positions) > 1:
-        for q in range(len(positions)):
-            for i, name in enumerate(names):
-                column = np.zeros_like(G)
-                column[q] = J[q, ..., i]
-                yield f"{name} in position {q + 1}", "relative", column
-    half = len(omega) // 2
-    if half >= 1 and len(omega) > 3:
-        for i, name in enumerate(names):
-            column = J[..., i].copy()
-            column[:, half:] = 0
-            yield f"{name} below {omega[half] / (2 * np.pi):.3g} Hz", "relative", column
 
 
 def _fixed_numbers(
@@ -112,9 +114,7 @@ def _fixed_numbers(
     whole = _all_free(robot)
     elements = dict(zip(robot.elements.names, robot.elements.at(values), strict=True))
     wider = whole.parameters
-    theta = np.array(
-        [elements.get(n, v) for n, v in zip(wider.names, wider.values, strict=True)]
-    )
+    theta = np.array([elements.get(n, v) for n, v in zip(wider.names, wider.values, strict=True)])
     _, J = sensitivity(whole, positions, omega, theta, sag=True)
     for i, name in enumerate(wider.names):
         if name not in robot.parameters.names:

@@ -73,8 +73,10 @@ def _taken_by_fit(fit: LinearisedFit) -> float:
         V = np.einsum("aqrf,bqrf->ab", scores, np.conj(scores), optimize=True).real / 2
     else:
         diagonal = fit.covariance.ndim == 3
-        through = rows * fit.covariance if diagonal else np.einsum(
-            "aqfi,qfij->aqfj", rows, fit.covariance
+        through = (
+            rows * fit.covariance
+            if diagonal
+            else np.einsum("aqfi,qfij->aqfj", rows, fit.covariance)
         )
         cross = float((np.moveaxis(through, 0, -1) * J * w[..., None]).real.sum())
         V = np.einsum("aqfi,bqfi->ab", through, np.conj(rows), optimize=True).real / 2

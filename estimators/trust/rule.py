@@ -92,9 +92,7 @@ def gather_evidence(
     size, size_known = judged_size(fit, correlation)
     std = np.sqrt(scatter.variance)
     fired = size_known and not size.probability >= SIZE_LEVEL
-    tests = directed_tests(
-        fit, directions, correlation, std, size.expected if fired else None
-    )
+    tests = directed_tests(fit, directions, correlation, std, size.expected if fired else None)
     explanation = None
     estimated = bool(np.isfinite(fit.degrees_of_freedom).any())
     if not estimated and not correlation.white and not len(fit.line_correlation):
@@ -265,9 +263,7 @@ def _explaining(
     """Return the strongest significant direction with which, as a parameter, all tests pass."""
     for i in tests.significant(LEVEL)[:5]:
         name = tests.names[int(i)]
-        j = directions.names.index(name)
-        column = directions.columns[..., j : j + 1]
-        refitted = with_columns(fit, name, column)
+        refitted = with_columns(fit, name, directions.column(int(tests.index[int(i)])))
         correlation = find_correlation(refitted)
         if whiteness and correlation.probability < _CLEARLY_WHITE:
             continue

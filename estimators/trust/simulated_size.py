@@ -2,18 +2,16 @@
 
 import numpy as np
 
+from estimators.frf.pooled_noise import pooled_variances
 from estimators.trust.line_correlation import LineCorrelation, element_correlation
 from estimators.trust.linearised_fit import LinearisedFit
-from estimators.frf.pooled_noise import pooled_variances
 
 _DRAWS = 200
 _LEAST_FACTOR = 1.15
 """Ratios below this are not called too large, however improbable: the law of draws is rough."""
 
 
-def simulated_probability(
-    fit: LinearisedFit, correlation: LineCorrelation, ratio: float
-) -> float:
+def simulated_probability(fit: LinearisedFit, correlation: LineCorrelation, ratio: float) -> float:
     """Return the probability of a ratio of totals as large, of noise with this correlation.
 
     The logarithm of the ratio of whitened totals, weights made from neighbouring lines as those of

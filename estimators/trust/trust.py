@@ -1,60 +1,113 @@
-"""The rule applied to a fit: recommended intervals, verdicts, and what they rest on."""
+"""How far a fit can be trusted: recommended intervals, verdicts and what they rest on."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
 
-from estimators.fitting.least_squares import Fit, problem_of
+from estimators.fitting.least_squares import Fit
 from estimators.fitting.residuals import find_residual
+from estimators.fitting.robust import loss_factors
 from estimators.fitting.weights import used_elements
-from estimators.frf.estimate import vec
+from estimators.trust.directed_tests import DirectedTests
 from estimators.trust.intervals import VERDICTS, Interval, Verdict
 from estimators.trust.line_scatter import Scatter
-from estimators.trust.linearised_fit import LinearisedFit
+from estimators.trust.linearise import linearise, sensitivities
 from estimators.trust.model_directions import model_directions
+from estimators.trust.residual_size import ResidualSize
 from estimators.trust.rule import Evidence, gather_evidence, judge, variance_scale
-from estimators.uncertainty.model_error import loss_factors
-from robotmodels.arrays import Array
+from robotmodels.arrays import Array, read_only
 from robotmodels.errors import SolverFailed
 from robotmodels.notebook import Printed
-from robotmodels.response import sensitivity
 
 LEVEL = 0.95
 
 
 @dataclass(frozen=True, eq=False)
 class Trust(Printed):
-    """The recommended intervals of a fit and the verdict on it.
+    """The recommended intervals of a fit and the verdict on it, as plain arrays and words.
 
     Attributes
     ----------
-    intervals : tuple of Interval
-        One for each parameter.
-    verdict : Verdict
-        Of the whole fit: the gravest of its parameters'.
-    evidence : Evidence
-        What the rule looked at.
+    names : tuple of str
+        The p parameters.
+    values : (p,) [SI]
+        Estimates.
+    scatter : Scatter
+        Variances of ln theta, with their degrees of freedom, that the intervals are made of.
+    ends : (p, 2) [SI]
+        Lower and upper ends; not a number where the verdict gives none.
+    method : str
+        Where the standard deviations come from.
+    verdicts, reasons : tuple of str
+        Of each parameter.
+    size : ResidualSize
+        Of the residuals beside the noise.
+    size_known : bool
+        Whether it could be judged.
+    whiteness : float
+        Probability of lagged products along the lines as large if errors are white.
+    lag_one : float
+        Correlation of errors of neighbouring lines [-].
+    tests : DirectedTests
+        Score tests of single directions in which the model may be wrong.
     """
 
-    intervals: tuple[Interval, ...]
-    verdict: Verdict
-    evidence: Evidence
+    names: tuple[str, ...]
+    values: Array
+    scatter: Scatter
+    ends: Array
+    method: str
+    verdicts: tuple[str, ...]
+    reasons: tuple[str, ...]
+    size: ResidualSize
+    size_known: bool
+    whiteness: float
+    lag_one: float
+    tests: DirectedTests
 
     @property
-    def possible_shifts(self) -> tuple[tuple[str, str, float], ...]:
-        """For each direction the parameter it moves most while undetected, and by how many std."""
-        tests, names = self.evidence.tests, self.evidence.fit.names
-        worst = np.abs(tests.undetected_shift)
+    def std(self) -> Array:
+        """Standard deviations of ln theta, (p,)."""
+        return np.asarray(np.sqrt(self.scatter.variance))
+
+    @cached_property
+    def intervals(self) -> tuple[Interval, ...]:
+        """The recommended 95 % interval of each parameter."""
         return tuple(
-            (name, names[int(np.argmax(row))], float(row.max()))
-            for name, row in zip(tests.names, worst, strict=True)
+            Interval(
+                name,
+                float(self.values[i]),
+                float(self.values[i] * self.std[i]),
+                *(None if np.isnan(end) else float(end) for end in self.ends[i]),
+                self.method,
+                float(self.scatter.degrees_of_freedom[i]),
+                Verdict(self.verdicts[i], self.reasons[i]),
+            )
+            for i, name in enumerate(self.names)
         )
 
+    @property
+    def verdict(self) -> Verdict:
+        """The verdict on the whole fit: the gravest of its parameters'."""
+        i = min(range(len(self.names)), key=lambda k: VERDICTS.index(self.verdicts[k]))
+        alike = [n for n, v in zip(self.names, self.verdicts, strict=True) if v == self.verdicts[i]]
+        if self.verdicts[i] != "not identifiable":
+            return Verdict(self.verdicts[i], self.reasons[i])
+        return Verdict(self.verdicts[i], f"{', '.join(alike)}: {self.reasons[i]}")
+
+    def not_identifiable(self, reasons: dict[int, str]) -> "Trust":
+        """Return the same with parameters that other evidence shows not to be identifiable."""
+        verdicts, words, ends = list(self.verdicts), list(self.reasons), self.ends.copy()
+        for i, reason in reasons.items():
+            if VERDICTS.index(verdicts[i]) > VERDICTS.index("not identifiable"):
+                verdicts[i], words[i], ends[i] = "not identifiable", reason, np.nan
+        return replace(self, verdicts=tuple(verdicts), reasons=tuple(words), ends=read_only(ends))
+
     def document(self) -> dict[str, Any]:
-        """Return all of it as plain numbers and words, for JSON."""
-        size, tests = self.evidence.size, self.evidence.tests
-        correlation = self.evidence.correlation
+        """Return all of it as plain numbers and words, for JSON; null where there is none."""
+        tests = self.tests
         return {
             "verdict": str(self.verdict),
             "reason": self.verdict.reason,
@@ -73,30 +126,31 @@ class Trust(Printed):
                 for i in self.intervals
             ],
             "residuals": {
-                "ratio": _plain(size.ratio),
-                "dof": [_plain(size.numerator), _plain(size.denominator)],
-                "probability": _plain(size.probability),
-                "judged": self.evidence.size_known,
-            },
-            "line_correlation": {
-                "probability": _plain(correlation.probability),
-                "lag_one": _plain(float(correlation.coefficients[1:2].sum())),
+                "ratio": _plain(self.size.ratio),
+                "dof": [_plain(self.size.numerator), _plain(self.size.denominator)],
+                "probability": _plain(self.size.probability),
+                "judged": self.size_known,
+                "whiteness": _plain(self.whiteness),
+                "lag_one": _plain(self.lag_one),
             },
             "directions": [
                 {
-                    "name": tests.names[i],
+                    "name": name,
                     "unit": tests.units[i],
-                    "estimate": _plain(float(tests.estimates[i])),
-                    "std": _plain(float(tests.std[i])),
-                    "probability": _plain(float(tests.probabilities[i])),
-                    "undetected_shift": {"parameter": parameter, "std": _plain(shift)},
+                    "estimate": _plain(tests.estimates[i]),
+                    "std": _plain(tests.std[i]),
+                    "probability": _plain(tests.probabilities[i]),
+                    "undetected_shift": {
+                        "parameter": self.names[int(tests.moved[i])],
+                        "std": _plain(tests.shift[i]),
+                    },
                 }
-                for i, (_, parameter, shift) in enumerate(self.possible_shifts)
+                for i, name in enumerate(tests.names)
             ],
         }
 
     def __str__(self) -> str:
-        width = max(len(i.name) for i in self.intervals)
+        width = max(len(name) for name in self.names)
         lines = [f"{self.verdict}: {self.verdict.reason}"]
         for i in self.intervals:
             low = "..." if i.low is None else f"{i.low:.5g}"
@@ -118,61 +172,34 @@ def trust(fit: Fit) -> Trust:
         raise SolverFailed(f"no intervals without a fit: {fit.message}")
     estimate, kind = fit.estimate, find_residual(fit.residual)
     used = used_elements(fit.weights, estimate.response.shape)
-    G, J = sensitivity(
-        fit.model, estimate.positions, estimate.omega, fit.parameters.values, sag=True
-    )
-    linear = linearise(fit, G, J)
+    at = sensitivities(fit)
     directions = model_directions(
-        fit.model, kind, estimate.positions, estimate.omega, fit.parameters.values, G, J, used
+        fit.model, kind, estimate.positions, estimate.omega, fit.parameters.values, at, used
     )
     evidence = gather_evidence(
-        linear, directions, converged=fit.converged, noise_known=estimate.noise_known
+        linearise(fit, at), directions, converged=fit.converged, noise_known=estimate.noise_known
     )
     slope, square = loss_factors(fit.loss)
-    scale = variance_scale(evidence) * square / slope**2
-    verdicts = judge(evidence)
-    intervals = _intervals(fit, evidence.scatter.scaled(scale), verdicts, _method(fit, evidence))
-    overall = min(verdicts, key=VERDICTS.index)
-    return Trust(intervals, _of_study(overall, verdicts, fit.parameters.names), evidence)
+    scatter = evidence.scatter.scaled(variance_scale(evidence) * square / slope**2)
+    return _summary(fit, evidence, scatter)
 
 
-def linearise(fit: Fit, response: Array, jacobian: Array) -> LinearisedFit:
-    """Return a fit about its solution.
-
-    Parameters
-    ----------
-    response : (Q, F, m, n)
-        FRF at the fit.
-    jacobian : (Q, F, m, n, p)
-        Its derivatives with respect to ln theta.
-    """
-    estimate, problem = fit.estimate, problem_of(fit)
-    kind, used = problem.kind, problem.used
-    slopes = -kind.jacobian(response, jacobian, used)
-    residuals = np.where(used, kind.error(estimate.response, response, used), 0.0)
-    noise = kind.noise(estimate.covariance, response, used)
-    pooled = kind.noise(estimate.pooled_variance, response, used)
-    deviations = estimate.deviations
-    if deviations is not None:
-        at = np.where(used, response, 1.0)[:, None]
-        deviations = deviations / at if kind.relative else deviations
-        deviations = np.where(used[:, None], deviations, 0.0)
-        deviations = vec(np.sqrt(2) * deviations.real if kind.real else deviations)
-    names = fit.parameters.names
-    prior = np.zeros((len(names),) * 2)
-    freedom = estimate.degrees_of_freedom
-    return LinearisedFit(
-        names=names,
-        residuals=vec(residuals),
-        jacobian=np.moveaxis(vec(np.moveaxis(slopes, -1, 2)), 2, -1),
-        weights=fit.weights if fit.weights.shape != response.shape else vec(fit.weights),
-        noise_weights=vec(np.where(used, 1.0 / np.where(used, pooled, 1.0), 0.0)),
-        covariance=vec(noise) if noise.shape == response.shape else noise,
-        deviations=deviations,
-        degrees_of_freedom=np.where(np.isnan(freedom), np.inf, freedom),
-        line_correlation=estimate.line_correlation,
-        prior=prior if fit.prior is None else fit.prior.information(names),
-        real=kind.real,
+def _summary(fit: Fit, evidence: Evidence, scatter: Scatter) -> Trust:
+    verdicts, ends = _ends(fit, scatter, judge(evidence))
+    correlation = evidence.correlation
+    return Trust(
+        names=fit.parameters.names,
+        values=fit.parameters.values,
+        scatter=scatter,
+        ends=read_only(ends),
+        method=_method(fit, evidence),
+        verdicts=tuple(str(v) for v in verdicts),
+        reasons=tuple(v.reason for v in verdicts),
+        size=evidence.size,
+        size_known=evidence.size_known,
+        whiteness=correlation.probability,
+        lag_one=float(correlation.coefficients[1:2].sum()),
+        tests=evidence.tests,
     )
 
 
@@ -187,38 +214,29 @@ def _method(fit: Fit, evidence: Evidence) -> str:
     return f"{fit.residual}, {', '.join(parts)}"
 
 
-def _intervals(
-    fit: Fit, scatter: Scatter, verdicts: tuple[Verdict, ...], method: str
-) -> tuple[Interval, ...]:
-    """Return the intervals; one-sided, in the values themselves, where a parameter is at a bound."""
+def _ends(fit: Fit, scatter: Scatter, verdicts: tuple[Verdict, ...]) -> tuple[list[Verdict], Array]:
+    """Return verdicts and ends (p, 2); one-sided, in the values themselves, at a bound of the fit.
+
+    The logarithm of a damper at its lower bound tells nothing: its interval is that of the value,
+    from zero to where noise would have pulled it from.
+    """
     values, std = fit.parameters.values, np.sqrt(scatter.variance)
     both, one = scatter.quantile(LEVEL), scatter.quantile(2 * LEVEL - 1)
     at_low, at_high = np.isclose(values, fit.bounds, rtol=1e-6, atol=0)
-    intervals = []
-    for i, name in enumerate(fit.parameters.names):
-        low: float | None = None
-        high: float | None = None
-        verdict, value = verdicts[i], float(values[i])
-        with np.errstate(over="ignore"):
-            if at_low[i] and verdict in ("not identifiable", "trustworthy"):
-                high = value * (1 + one[i] * std[i])
-                verdict = Verdict("not identifiable", "at its lower bound: only a limit is known")
-            elif at_high[i]:
-                verdict = Verdict("not identifiable", "at its upper bound; widen the bounds")
-            elif verdict.gives_interval and np.isfinite(std[i]):
-                low, high = (float(value * np.exp(s * both[i] * std[i])) for s in (-1, 1))
-        dof = float(scatter.degrees_of_freedom[i])
-        deviation = float(value * std[i])
-        intervals.append(Interval(name, value, deviation, low, high, method, dof, verdict))
-    return tuple(intervals)
-
-
-def _of_study(overall: Verdict, verdicts: tuple[Verdict, ...], names: tuple[str, ...]) -> Verdict:
-    """Return the verdict on the whole; it names the parameters that are not identifiable."""
-    if overall != "not identifiable":
-        return overall
-    open_ = [n for n, v in zip(names, verdicts, strict=True) if v == overall]
-    return Verdict(overall, f"relative standard deviations above one: {', '.join(open_)}")
+    ends, judged = np.full((len(values), 2), np.nan), list(verdicts)
+    for i, verdict in enumerate(verdicts):
+        bounded = VERDICTS.index(verdict) >= VERDICTS.index("not identifiable")
+        if bounded and at_low[i]:
+            judged[i] = Verdict(
+                "not identifiable", "at its lower bound; only an upper end is known"
+            )
+            ends[i, 1] = values[i] * (1 + one[i] * std[i])
+        elif bounded and at_high[i]:
+            judged[i] = Verdict("not identifiable", "at its upper bound; only a lower end is known")
+            ends[i, 0] = values[i] * np.exp(-one[i] * std[i])
+        elif verdict.gives_interval and np.isfinite(std[i]):
+            ends[i] = values[i] * np.exp(np.array([-1, 1]) * both[i] * std[i])
+    return judged, np.where(np.isfinite(ends), ends, np.nan)
 
 
 def _plain(value: float) -> float | None:

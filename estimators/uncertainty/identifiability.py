@@ -6,8 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from estimators.fitting.least_squares import Fit
-from estimators.uncertainty.log_posterior import magnitude_adjustment
-from estimators.uncertainty.theorem_1 import sandwich_parts
+from estimators.trust.linearise import linearise
 from robotmodels.arrays import Array, read_only
 from robotmodels.errors import InvalidInput
 from robotmodels.notebook import Printed
@@ -142,15 +141,16 @@ def identifiability(
 def fit_information(fit: Fit) -> Array:
     """Return the information on ln theta at a fit, (p, p), its prior included.
 
-    With weights that are not inverse covariances it is scaled as the posterior is.
+    That of the noise's weights, whatever weights the fit has.
 
     Raises
     ------
     SolverFailed : if the fit has no finite cost.
     """
-    bread, _ = sandwich_parts(fit)
-    known = 0.0 if fit.prior is None else fit.prior.information(fit.parameters.names)
-    return np.asarray(magnitude_adjustment(fit) * bread + known)
+    linear = linearise(fit)
+    flat = linear.jacobian.reshape(-1, len(linear.names))
+    weighted = linear.noise_weights.reshape(-1, 1) * flat
+    return np.asarray(2 * (np.conj(flat).T @ weighted).real + linear.prior)
 
 
 def in_names(direction: Array, names: Sequence[str]) -> str:

@@ -96,7 +96,6 @@ def importance_sample(
     dof: float = DOF,
     noise: str = "known",
     scale: float | None = None,
-    blocks: int | None = None,
     prior: Prior | None = None,
     progress: Callable[[int, int], object] | None = None,
 ) -> ImportanceSample:
@@ -109,7 +108,7 @@ def importance_sample(
     ----------
     draws : at least 100.
     dof : degrees of freedom of the proposal.
-    noise, scale, blocks, prior : as in `sample_posterior`.
+    noise, scale, prior : as in `sample_posterior`.
     progress : called with the draws evaluated and their total.
 
     Raises
@@ -119,7 +118,7 @@ def importance_sample(
     """
     if draws < 100:
         raise InvalidInput(f"draws: {draws}; at least 100 are needed")
-    density = posterior_density(fit, noise=noise, scale=scale, blocks=blocks, prior=prior)
+    density = posterior_density(fit, noise=noise, scale=scale, prior=prior)
     proposal = laplace(fit, density, dof)
     x = proposal.draw(draws, rng)
     values = np.empty(draws)

@@ -1,7 +1,5 @@
 """Intervals of one fit by every method there is, side by side."""
 
-from statistics import NormalDist
-
 import numpy as np
 
 from estimators.fitting.least_squares import Fit
@@ -9,7 +7,7 @@ from estimators.uncertainty.covariance import METHODS, covariance
 from robotmodels.arrays import Array
 from robotmodels.errors import InvalidInput, nearest
 
-INTERVAL_METHODS = (*METHODS, "posterior", "profile")
+INTERVAL_METHODS = ("recommended", *METHODS, "posterior", "profile")
 # Of the posterior's draws: an interval's ends to about a twentieth of a standard deviation.
 DRAWS, ESS = 4000, 1000.0
 
@@ -21,36 +19,39 @@ def intervals_of(
     rng: np.random.Generator,
     *,
     noise: str = "known",
-    blocks: int | None = None,
 ) -> tuple[Array, Array]:
     """Return standard deviations (p,) and intervals (p, 2) of ln theta.
 
     Parameters
     ----------
     fit : whose parameters.
-    method : "theorem1", "scaled", "empirical", "posterior" or "profile".
+    method : "recommended", "theorem1", "scaled", "empirical", "posterior" or "profile".
     level : of the intervals.
     rng : source of the posterior's draws.
-    noise, blocks : as in `sample_posterior`; estimated noise of so many blocks widens Theorem 1 as
-        well, see `covariance`.
+    noise : as in `sample_posterior`.
 
     Raises
     ------
     InvalidInput : for an unknown method.
     NotIdentifiable : if a covariance is asked for and the information is singular.
     """
+    center = np.log(fit.parameters.values)
+    if method == "recommended":
+        scatter = fit.trust.scatter
+        std = np.sqrt(scatter.variance)
+        half = scatter.quantile(level) * std
+        return std, np.stack([center - half, center + half], axis=-1)
     if method in METHODS:
-        counted = blocks if noise == "estimated" and method != "empirical" else None
-        std = covariance(fit, method, blocks=counted).std
-        half = NormalDist().inv_cdf((1 + level) / 2) * std
-        center = np.log(fit.parameters.values)
+        uncertainty = covariance(fit, method)
+        std = uncertainty.std
+        half = uncertainty.quantile(level) * std
         return std, np.stack([center - half, center + half], axis=-1)
     if method == "posterior":
-        return _posterior(fit, level, rng, noise, blocks)
+        return _posterior(fit, level, rng, noise)
     if method == "profile":
         from estimators.uncertainty.profile import profile_likelihood
 
-        profiles = profile_likelihood(fit, level=level, noise=noise, blocks=blocks)
+        profiles = profile_likelihood(fit, level=level, noise=noise)
         ends = np.log([[p.lower, p.upper] for p in profiles])
         return np.array([p.std for p in profiles]), ends
     raise InvalidInput(
@@ -59,19 +60,15 @@ def intervals_of(
     )
 
 
-def _posterior(
-    fit: Fit, level: float, rng: np.random.Generator, noise: str, blocks: int | None
-) -> tuple[Array, Array]:
+def _posterior(fit: Fit, level: float, rng: np.random.Generator, noise: str) -> tuple[Array, Array]:
     from estimators.uncertainty.importance import importance_sample
 
-    sample = importance_sample(fit, rng=rng, draws=DRAWS, noise=noise, blocks=blocks)
+    sample = importance_sample(fit, rng=rng, draws=DRAWS, noise=noise)
     if sample.trusted and sample.ess >= ESS:
         return sample.uncertainty().std, np.log(sample.interval(level))
     from estimators.uncertainty.convergence import Target
     from estimators.uncertainty.posterior import sample_posterior
 
     walkers = max(2 * len(fit.parameters), 16)
-    posterior = sample_posterior(
-        fit, rng=rng, walkers=walkers, target=Target(ess=ESS), noise=noise, blocks=blocks
-    )
+    posterior = sample_posterior(fit, rng=rng, walkers=walkers, target=Target(ess=ESS), noise=noise)
     return posterior.uncertainty().std, np.log(posterior.interval(level))

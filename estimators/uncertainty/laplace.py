@@ -64,7 +64,7 @@ def student_t(center: Array, information: Array, dof: float = DOF) -> StudentT:
 def laplace(fit: Fit, target: LogPosterior, dof: float = DOF) -> StudentT:
     """Return the t about the mode of `target`, found from the fit by Gauss and Newton's steps."""
     bread, _ = sandwich_parts(fit)
-    information = target.noise.curvature(fit.data_cost, target.data, target.elements) * bread
+    information = target.noise.curvature(fit.data_cost, target.data) * bread
     if target.prior is not None:
         information = information + target.prior.information(target.names)
     return student_t(_mode(fit, target), information, dof)
@@ -73,11 +73,11 @@ def laplace(fit: Fit, target: LogPosterior, dof: float = DOF) -> StudentT:
 def _mode(fit: Fit, target: LogPosterior) -> Array:
     """Return ln theta (p,) where the density is largest: the fit's, unless they differ.
 
-    Noise that is estimated and a prior that the fit did not have, or weighed otherwise, move it.
+    A prior that the fit did not have, or weighed otherwise, moves it.
     """
     center = np.clip(np.log(fit.parameters.values), *target.bounds)
     alike = fit.prior is target.prior and (target.prior is None or target.noise.scale == 1)
-    if alike and target.noise.kind != "estimated":
+    if alike:
         return center
     for _ in range(STEPS):
         here = slope(target, center)

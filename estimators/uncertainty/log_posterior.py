@@ -13,7 +13,6 @@ from estimators.fitting.priors import Prior
 from estimators.fitting.residuals import Residual, find_residual
 from estimators.fitting.weights import square_root, used_elements
 from estimators.frf.estimate import is_full
-from estimators.uncertainty.estimated_noise import meat_factor
 from estimators.uncertainty.likelihood import Noise, line_squares
 from estimators.uncertainty.side_by_side import side_by_side
 from estimators.uncertainty.theorem_1 import sandwich_parts
@@ -25,6 +24,8 @@ from robotmodels.response import Elastic
 if TYPE_CHECKING:
     from robotmodels.kernel import CostKernel
 
+# A factor two of Theorem 1's meat over its bread: variances of few blocks scatter by as much.
+SAME_WEIGHTS = np.log(2.0)
 # Matrix entries solved in one call when small systems are evaluated for many walkers.
 BATCH = 2**20
 
@@ -78,13 +79,6 @@ class LogPosterior:
         """Number of real data."""
         return int(self.used.sum()) * (1 if self.kind.real else 2)
 
-    @property
-    def elements(self) -> float:
-        """Residuals that are judged together, d of `estimators.uncertainty.likelihood`."""
-        if is_full(self.weights, self.measured.shape):
-            return int(self.used.sum(axis=(2, 3)).max())
-        return 1.5 if self.kind.real else 1
-
     def __call__(self, ln_theta: Array) -> Array:
         """Return log p (W,), up to a constant, at `ln_theta` (W, p); minus infinity outside.
 
@@ -120,10 +114,7 @@ class LogPosterior:
         return ", ".join(f"{self.names[i]} = {theta[i]:.4g} (fit {fitted[i]:.4g})" for i in order)
 
     def _log_likelihood(self, theta: Array) -> Array:
-        if self.noise.kind != "estimated":
-            return self.noise.of_cost(self.costs(theta), self.data)
-        parts = [self.noise.of_squares(q, self.elements) for q in self._squares(theta)]
-        return np.concatenate(parts)
+        return self.noise.of_cost(self.costs(theta), self.data)
 
     def _squares(self, parameters: Array) -> Iterator[Array]:
         """Yield the parts of V, (w, elements or lines), of batches of parameters."""
@@ -204,8 +195,6 @@ def log_posterior(fit: Fit, noise: Noise, prior: Prior | None = None) -> LogPost
         prior=prior,
         bounds=read_only(np.log(fit.bounds)),
     )
-    if noise.kind == "estimated":
-        _check_estimated(target)
     cost = float(target.costs(theta[None])[0])
     if not np.isclose(cost, fit.data_cost, rtol=1e-6):
         raise SolverFailed(
@@ -219,43 +208,26 @@ def posterior_density(
     *,
     noise: str = "known",
     scale: float | None = None,
-    blocks: int | None = None,
     prior: Prior | None = None,
 ) -> LogPosterior:
     """Return the density that `sample_posterior` samples; arguments as there.
 
     Raises
     ------
-    InvalidInput, SolverFailed : as `log_posterior`, or for noise settings that do not fit.
+    InvalidInput, SolverFailed
+        As `log_posterior`, or for noise settings that do not fit.
     """
-    if scale is None:
-        scale = magnitude_adjustment(fit) if noise == "known" and np.isfinite(fit.cost) else 1.0
-    return log_posterior(fit, Noise(noise, float(scale), blocks), prior or fit.prior)
+    return log_posterior(
+        fit, Noise(noise, 1.0 if scale is None else float(scale)), prior or fit.prior
+    )
 
 
-def magnitude_adjustment(fit: Fit, blocks: int | None = None) -> float:
-    """Return the factor of V that makes exp(-V) as wide as Theorem 1 on average.
+def has_noise_weights(fit: Fit) -> bool:
+    """Tell whether exp(-cost) is a likelihood: whether the weights are those of the noise.
 
-    Parameters
-    ----------
-    blocks : as in `estimators.covariance`.
-
-    Raises
-    ------
-    InvalidInput : if there are too few blocks.
+    Known by Theorem 1: bread and meat are alike on average then, in every parameter.
     """
     bread, meat = sandwich_parts(fit)
-    if blocks is not None:
-        meat = meat_factor(fit, blocks) * meat
-    # Directions without information have neither bread nor meat.
-    return len(bread) / float(np.trace(np.linalg.lstsq(bread, meat)[0]))
-
-
-def _check_estimated(target: LogPosterior) -> None:
-    """Refuse estimated noise whose likelihood is not known."""
-    if target.kind.real and is_full(target.weights, target.measured.shape):
-        raise InvalidInput(
-            "noise: 'estimated' is not known for magnitudes with full weights; "
-            "use the residual 'lls', or weights of single elements"
-        )
-    target.noise.power(target.elements)
+    size = np.sqrt(np.where(np.diag(bread) > 0, np.diag(bread), 1.0))
+    ratio = np.diag(meat) / size**2
+    return bool((np.abs(np.log(np.where(ratio > 0, ratio, 1.0))) < SAME_WEIGHTS).all())

@@ -6,7 +6,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from estimators.fitting.weights import whiten
-from estimators.frf.estimate import is_full
 from estimators.uncertainty.likelihood import line_squares
 from estimators.uncertainty.log_posterior import LogPosterior
 from robotmodels.arrays import Array
@@ -37,7 +36,7 @@ def slope(target: LogPosterior, ln_theta: Array) -> Slope:
     IdentificationError : if the model has no FRF there.
     """
     theta = np.exp(ln_theta)
-    found = _compiled(target, theta) if _can_compile(target) else _written_out(target, theta)
+    found = (_written_out if target.kernel is None else _compiled)(target, theta)
     if target.prior is None:
         return found
     names, prior = target.names, target.prior
@@ -48,15 +47,11 @@ def slope(target: LogPosterior, ln_theta: Array) -> Slope:
     )
 
 
-def _can_compile(target: LogPosterior) -> bool:
-    return target.kernel is not None and target.noise.kind != "estimated"
-
-
 def _compiled(target: LogPosterior, theta: Array) -> Slope:
     assert target.kernel is not None
     found = target.kernel.normal_equations(theta)
     value = float(target.noise.of_cost(np.array([found.cost]), target.data)[0])
-    factor = target.noise.curvature(found.cost, target.data, target.elements)
+    factor = target.noise.curvature(found.cost, target.data)
     return Slope(-value, factor * found.gradient, factor * found.hessian)
 
 
@@ -66,25 +61,16 @@ def _written_out(target: LogPosterior, theta: Array) -> Slope:
     error = target.kind.error(target.measured, G, target.used)
     white = whiten(target.root, error)
     slopes = whiten(target.root, target.kind.jacobian(G, J, target.used))
-    squares = line_squares(target.root, error)
-    if target.noise.kind != "estimated":
-        cost = float(squares.sum())
-        factor = target.noise.curvature(cost, target.data, target.elements)
-        value = -float(target.noise.of_cost(np.array([cost]), target.data)[0])
-        return Slope(value, *_normal(white, slopes, np.full(white.shape, factor)))
-    value = -float(target.noise.of_squares(squares[None], target.elements)[0])
-    if is_full(target.root, error.shape):
-        each = np.broadcast_to(squares[..., None, None], white.shape)
-    else:
-        each = white.real**2 + white.imag**2
-    return Slope(value, *_normal(white, slopes, target.noise.influence(each, target.elements)))
+    cost = float(line_squares(target.root, error).sum())
+    value = -float(target.noise.of_cost(np.array([cost]), target.data)[0])
+    return Slope(value, *_normal(white, slopes, target.noise.curvature(cost, target.data)))
 
 
 def _normal(
-    white: NDArray[np.generic], slopes: NDArray[np.generic], factors: Array
+    white: NDArray[np.generic], slopes: NDArray[np.generic], factor: float
 ) -> tuple[Array, Array]:
-    """Return 2 sum f Re(conj(J) e) and 2 sum f Re(conj(J) J^T)."""
+    """Return 2 f sum Re(conj(J) e) and 2 f sum Re(conj(J) J^T)."""
     lines = slopes.reshape(-1, slopes.shape[-1])
-    weighted = np.conj(lines) * factors.reshape(-1, 1)
+    weighted = factor * np.conj(lines)
     gradient = 2 * (weighted.T @ white.reshape(-1)).real
     return np.asarray(gradient), np.asarray(2 * (weighted.T @ lines).real)

@@ -1,15 +1,12 @@
-"""What a fit's residuals say of its uncertainty: empirical meat, reduced cost, robust losses."""
+"""What a fit's residuals say of its uncertainty: the empirical meat."""
 
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from estimators.fitting.least_squares import problem_of
-from estimators.fitting.robust import LOSSES
-from estimators.uncertainty.theorem_1 import sandwich_parts
 from robotmodels.arrays import Array
 from robotmodels.errors import InvalidInput, SolverFailed
-from robotmodels.response import frequency_response
 
 if TYPE_CHECKING:
     from estimators.fitting.least_squares import Fit
@@ -54,69 +51,3 @@ def empirical_parts(fit: "Fit", lags: int | None = None) -> tuple[Array, Array]:
         pairs = np.einsum("qfi,qfj->ij", by_line[:, :-lag], by_line[:, lag:])
         meat += (1 - lag / (window + 1)) * (pairs + pairs.T)
     return bread, meat
-
-
-def informative_lines(fit: "Fit") -> Array:
-    """Return how many lines carry the information on each parameter, (p,).
-
-    A line is a frequency in one position. The number is one over the sum of the squared shares
-    that lines have in the parameter's diagonal element of the bread: n for n equal ones.
-    """
-    positions, frequencies = fit.estimate.response.shape[:2]
-    known = 0 if fit.prior is None else len(fit.prior.names)
-    problem = problem_of(fit)
-    _, slope = problem.evaluate(fit.parameters.values)
-    parts = 1 if problem.kind.real else 2
-    square = slope[: len(slope) - known] ** 2
-    by_line = square.reshape(parts, positions * frequencies, -1, slope.shape[1]).sum(axis=(0, 2))
-    total = by_line.sum(axis=0)
-    with np.errstate(invalid="ignore", divide="ignore"):
-        return np.asarray(total**2 / (by_line**2).sum(axis=0))
-
-
-def reduced_cost(fit: "Fit") -> float:
-    """Return the cost over what the estimate's covariance lets expect: one if all is as stated.
-
-    Raises
-    ------
-    InvalidInput, SolverFailed : as `expected_cost`.
-    """
-    return float(fit.data_cost / expected_cost(fit))
-
-
-def expected_cost(fit: "Fit") -> float:
-    """Return the expectation of the cost's data part V after the fit, if all is as stated.
-
-    It is sum tr(W R) (half of it for real residuals) minus what the fitted parameters take away,
-    p/2 for optimal weights.
-
-    Raises
-    ------
-    InvalidInput : for a robust loss, whose cost is no sum of squares.
-    SolverFailed : if the search could not begin.
-    """
-    if fit.loss != "linear":
-        raise InvalidInput(f"reduced cost: loss {fit.loss!r}; it is defined for 'linear' only")
-    bread, meat = sandwich_parts(fit)
-    names = fit.parameters.names
-    known = np.zeros_like(bread) if fit.prior is None else fit.prior.information(names)
-    inverse = np.linalg.pinv(bread + known, hermitian=True)
-    taken = np.trace(inverse @ meat)
-    given = np.trace(inverse @ bread @ inverse @ (meat + known)) / 2
-    estimate, values = fit.estimate, fit.parameters.values
-    G = np.asarray(frequency_response(fit.model, estimate.positions, estimate.omega, values))
-    expected = float(problem_of(fit).expected_squares(G).sum())
-    return float(expected - taken + given)
-
-
-def loss_factors(loss: str) -> tuple[float, float]:
-    """Return E[rho' + 2 z rho''] and E[z rho'^2] with z = u^2 of a normal u.
-
-    By these a robust loss scales bread and meat where the noise is normal; one and one for
-    "linear".
-    """
-    u = np.linspace(-10.0, 10.0, 20001)
-    density = np.exp(-(u**2) / 2)
-    density /= density.sum()
-    _, first, second = LOSSES[loss](u**2)
-    return float(density @ (first + 2 * u**2 * second)), float(density @ (u * first) ** 2)

@@ -141,7 +141,6 @@ def monte_carlo(
     methods: Sequence[str] = ("theorem1",),
     level: float = 0.95,
     noise: str = "known",
-    blocks: int | None = None,
     store: str | Path | None = None,
     executor: Executor | None = None,
     progress: Callable[[int, int], object] | None = None,
@@ -155,14 +154,14 @@ def monte_carlo(
         one that is fitted: that is how model errors are studied.
     model : what is fitted, from its own parameter values on.
     rng : source of the runs' seeds.
-    residual, weights : of the fits, as in `estimators.fit`. Optimal weights of log residuals are
-        renewed once at the fit's own FRF.
+    residual, weights : of the fits, as in `estimators.fit`.
     truth : (p,) [SI] what intervals should cover; the model's own values where None; not a number
         for a parameter without a true value.
-    methods : whose intervals to compute: "theorem1", "scaled" and "empirical" (see `covariance`),
+    methods : whose intervals to compute: "recommended" (see `Fit.intervals`), "theorem1", "scaled"
+        and "empirical" (see `covariance`),
         "posterior" (by importance sampling, by emcee where its weights fail), "profile".
     level : of the intervals.
-    noise, blocks : of the intervals, as in `sample_posterior` and `covariance`.
+    noise : of posteriors and profiles, as in `sample_posterior`.
     store : HDF5 file that keeps the runs; an interrupted series goes on from it. It knows an
         experiment by what that gives first.
     executor : takes one run at a time; in sequence where None.
@@ -176,8 +175,8 @@ def monte_carlo(
     _check(runs, methods, level)
     from estimators.uncertainty.monte_carlo_store import RunStore
 
-    Noise(noise, blocks=blocks)  # refuses what does not fit before the first run
-    recipe = Recipe(experiment, model, residual, weights, tuple(methods), level, noise, blocks)
+    Noise(noise)  # refuses what does not fit before the first run
+    recipe = Recipe(experiment, model, residual, weights, tuple(methods), level, noise)
     seeds = rng.integers(2**63 - 1, size=runs, dtype=np.int64)
     kept = None if store is None else RunStore(Path(store), _fingerprint(recipe, int(seeds[0])))
     results = _results(recipe, seeds, kept, executor, progress)
@@ -232,7 +231,7 @@ def _check(runs: int, methods: Sequence[str], level: float) -> None:
 def _fingerprint(recipe: Recipe, seed: int) -> str:
     """Return what tells one series from another: its settings, model and first experiment."""
     settings = (recipe.residual, recipe.weights, recipe.methods, recipe.level)
-    given = (settings, recipe.noise, recipe.blocks, seed, recipe.model.parameters)
+    given = (settings, recipe.noise, seed, recipe.model.parameters)
     try:
         first = recipe.experiment(np.random.default_rng(seed))
     except IdentificationError as error:

@@ -100,7 +100,6 @@ def sample_posterior(
     thin: int = 5,
     noise: str = "known",
     scale: float | None = None,
-    blocks: int | None = None,
     prior: Prior | None = None,
     target: Target | None = None,
     starts: Array | None = None,
@@ -110,10 +109,9 @@ def sample_posterior(
 ) -> Posterior:
     """Return draws from the likelihood of a fit's cost V times the prior, within the fit's bounds.
 
-    For nls with optimal weights and known noise exp(-V) is the exact likelihood. For other weights
-    V is multiplied by a scale that makes the posterior as wide as Theorem 1 on average:
-    p / tr(bread^-1 meat), one for optimal weights (the magnitude adjustment of Pauli, Racugno and
-    Ventura 2011). Single parameters' widths may still differ from Theorem 1's then.
+    For nls with optimal weights exp(-V) is the likelihood. With other weights it is the density of
+    the fit's own cost and no likelihood: its widths are not those of the estimates, which
+    `likelihood_fit` gives.
 
     Sampling ends once the chains meet the target, after 3 autocorrelation times of burn-in.
     Moves: half independent draws from a Student t about the mode, half differential evolution
@@ -126,10 +124,9 @@ def sample_posterior(
     walkers : in each, at least twice the parameters.
     steps : of each ensemble at most.
     thin : steps from one stored snapshot to the next.
-    noise : "known", "unknown" (but for one common factor) or "estimated" (the weights are inverse
-        sample covariances): see `estimators.uncertainty.likelihood.Noise`.
-    scale : factor of V where the noise is known; None for the one above.
-    blocks : that estimated noise was estimated from.
+    noise : "known" or "unknown" (but for one common factor), see
+        `estimators.uncertainty.likelihood.Noise`.
+    scale : factor of V where the noise is known; one where None.
     prior : None takes the fit's own.
     target : R-hat and least effective sample size at which to stop; 1.01 and 4000 where None.
     starts : (walkers, p) or (ensembles, walkers, p) parameter values [SI]; None draws them about
@@ -147,7 +144,7 @@ def sample_posterior(
     SolverFailed : if a cost is not a number, with the parameters.
     """
     check_sizes(len(fit.parameters), ensembles, walkers, steps, thin)
-    density = posterior_density(fit, noise=noise, scale=scale, blocks=blocks, prior=prior)
+    density = posterior_density(fit, noise=noise, scale=scale, prior=prior)
     proposal = laplace(fit, density)
     seeds = rng.integers(2**32, size=ensembles, dtype=np.int64)
     first = given_starts(starts, density, ensembles, walkers)
@@ -229,7 +226,7 @@ def _fingerprint(
     """Return a digest of what the chains depend on; rounded where computed, not given."""
     estimate = fit.estimate
     given = (
-        (fit.residual, density.names, density.noise.kind, density.noise.blocks, density.prior),
+        (fit.residual, density.names, density.noise.kind, density.prior),
         (estimate.positions, estimate.omega, estimate.response),
         (seeds, walkers, thin, starts),
     )

@@ -92,7 +92,6 @@ def profile_likelihood(
     level: float = 0.95,
     noise: str = "known",
     scale: float | None = None,
-    blocks: int | None = None,
     prior: Prior | None = None,
     points: int = 0,
     executor: Executor | None = None,
@@ -111,7 +110,7 @@ def profile_likelihood(
     ----------
     names : parameters to profile; all where None.
     level : of the intervals.
-    noise, blocks, prior : as in `sample_posterior`.
+    noise, prior : as in `sample_posterior`.
     scale : one factor for all parameters instead of their own.
     points : of the curve between twice the distance of either end; none by default.
     executor : takes one parameter at a time; in sequence where None.
@@ -126,7 +125,7 @@ def profile_likelihood(
     chosen = fit.parameters.names if names is None else tuple(names)
     columns = [fit.parameters.index(name) for name in chosen]
     known = noise == "known" and scale is None
-    density = posterior_density(fit, noise=noise, scale=scale, blocks=blocks, prior=prior)
+    density = posterior_density(fit, noise=noise, scale=scale, prior=prior)
     factors = adjustments(fit, density.noise.scale) if known else np.ones(len(fit.parameters))
     start = laplace(fit, density)
     unit = np.sqrt(np.sum(start.root**2, axis=1))

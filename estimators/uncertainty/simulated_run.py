@@ -8,8 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from estimators.fitting.least_squares import fit, reweighted
-from estimators.fitting.residuals import find_residual
+from estimators.fitting.least_squares import fit
 from estimators.frf.estimate import FrfEstimate, noisy_frf
 from estimators.uncertainty.interval_methods import intervals_of
 from robotmodels.arrays import Array, ComplexArray, IntArray
@@ -59,7 +58,6 @@ class Recipe:
     methods: tuple[str, ...]
     level: float
     noise: str
-    blocks: int | None
 
     def run(self, seed: int) -> "dict[str, Array] | str":
         """Return the arrays of one run, or the reason why there are none."""
@@ -67,17 +65,11 @@ class Recipe:
         p = len(self.model.parameters)
         try:
             found = fit(self.model, self.experiment(rng), self.residual, self.weights)
-            optimal = isinstance(self.weights, str) and self.weights == "optimal"
-            if optimal and find_residual(self.residual).relative:
-                # Weights at the measured FRF correlate with its errors.
-                found = reweighted(found, rounds=1)
             if not found.converged:
                 return f"not converged: {found.message}"
             stds, ends = np.empty((len(self.methods), p)), np.empty((len(self.methods), p, 2))
             for i, method in enumerate(self.methods):
-                stds[i], ends[i] = intervals_of(
-                    found, method, self.level, rng, noise=self.noise, blocks=self.blocks
-                )
+                stds[i], ends[i] = intervals_of(found, method, self.level, rng, noise=self.noise)
         except (IdentificationError, np.linalg.LinAlgError) as error:
             return str(error)
         return {

@@ -67,7 +67,7 @@ def validate(
     The predicted covariance of a measured FRF is the parameters' by the delta method plus the
     noise. Regions are ellipses in the complex plane; elements share the parameters' errors, so a
     single validation's coverage scatters more than a binomial number. The misfit of all data
-    together takes that into account, and is chi square if predictions are right.
+    together takes that into account, and has an F law if predictions are right.
 
     Parameters
     ----------
@@ -93,7 +93,7 @@ def validate(
     error = held_out.response - G
     parts = np.stack([J.real, J.imag], axis=-2)
     shape = parts @ uncertainty.covariance @ np.swapaxes(parts, -1, -2)
-    shape = shape + held_out.variance[..., None, None] / 2 * np.eye(2)
+    shape = shape + held_out.pooled_variance[..., None, None] / 2 * np.eye(2)
     apart = np.stack([error.real, error.imag], axis=-1)
     squares = np.sum(apart * np.linalg.solve(shape, apart[..., None])[..., 0], axis=-1)
     inside = -np.expm1(-squares / 2)[..., None] <= levels  # chi square of two degrees
@@ -111,8 +111,12 @@ def validate(
 def _joint(
     error: ComplexArray, slopes_of_g: ComplexArray, held_out: FrfEstimate, uncertainty: Uncertainty
 ) -> tuple[float, float]:
-    """Return e^T (noise + J C J^T)^-1 e per datum by Woodbury's formula, and its probability."""
-    from scipy.stats import chi2
+    """Return e^T (noise + J C J^T)^-1 e per datum by Woodbury's formula, and its probability.
+
+    Of a covariance with few degrees of freedom the ratio to its own size has an F law, as in
+    `estimators.trust.residual_size`.
+    """
+    from scipy.stats import f as f_law
 
     root = square_root(optimal_weights(held_out, "nls"), error.shape)
     white = np.sqrt(2) * whiten(root, error).reshape(-1)
@@ -124,7 +128,12 @@ def _joint(
     slopes = slopes @ (vectors * np.sqrt(np.maximum(variances, 0.0)))
     seen = slopes.T @ white
     explained = seen @ np.linalg.solve(np.eye(len(seen)) + slopes.T @ slopes, seen)
-    total = float(white @ white - explained)
-    below = float(chi2.cdf(total, white.size))
-    above = float(chi2.sf(total, white.size))
-    return total / white.size, 2 * min(below, above)
+    stated = held_out.variance / held_out.pooled_variance
+    ratio = float(white @ white - explained) / white.size / float(stated.mean())
+    nu = held_out.degrees_of_freedom[:, None, None, None]
+    known = np.where(np.isfinite(nu), nu, 1e9)
+    numerator = white.size * stated.mean() ** 2 / (stated**2 * known / (known + 1)).mean()
+    denominator = numerator * float(known.mean())
+    below = float(f_law.cdf(ratio, numerator, denominator))
+    above = float(f_law.sf(ratio, numerator, denominator))
+    return ratio, 2 * min(below, above)

@@ -6,7 +6,7 @@ from functools import cached_property
 import numpy as np
 
 from estimators.fitting.least_squares import Fit
-from estimators.fitting.residual_analysis import LAGS, ResidualAnalysis, residual_analysis
+from estimators.trust.residual_analysis import LAGS, ResidualAnalysis, residual_analysis
 from estimators.frf.distortion import Distortion
 from estimators.frf.estimate import FrfEstimate
 from estimators.uncertainty.covariance import Uncertainty

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from estimators.fitting.residual_analysis import ResidualAnalysis
+from estimators.trust.residual_analysis import ResidualAnalysis
 from reports import text
 from reports.drawing import figures
 from reports.parts import Column, Figure, Number, Row, Section, Table, figure, numbers, table

@@ -7,7 +7,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from estimators.fitting.residual_analysis import ResidualAnalysis
+from estimators.trust.residual_analysis import ResidualAnalysis
 from estimators.uncertainty.cross_check import CrossCheck
 from estimators.uncertainty.identifiability import identifiability
 from reports.commands.report import study_names
