@@ -140,7 +140,8 @@ class FrfEstimate(Printed):
         if not self.has_full_covariance:
             return self.pooled_variance
         freedom = np.where(np.isnan(self.degrees_of_freedom), np.inf, self.degrees_of_freedom)
-        return pooled_covariances(self.covariance, vec(self.pooled_variance), freedom)
+        covariance = np.asarray(self.covariance, dtype=complex)
+        return pooled_covariances(covariance, vec(self.pooled_variance), freedom)
 
     def __str__(self) -> str:
         q, f, m, n = self.response.shape

@@ -52,8 +52,8 @@ def local_frf(
 
     The covariance comes from the residuals: noise and distortion alike, and the model's error if
     the window is too wide for the order. Windows of neighbouring lines share data:
-    `FrfEstimate.line_correlation` says how far their errors are correlated. As with h1, noise that feedback brings to the torques
-    biases the estimate.
+    `FrfEstimate.line_correlation` says how far their errors are correlated. As with h1, noise that
+    feedback brings to the torques biases the estimate.
 
     Raises
     ------

@@ -206,8 +206,8 @@ def with_deviations(
         if P < 2:
             raise InvalidInput(f"{who}: one period; a noise covariance needs at least 2")
         response = find_method(method)(Y, U, R)
-        noise = (np.moveaxis(a, 2, 0) for a in (found.noise_output, found.noise_input))
-        draws = noise_deviations(method, response, *noise, U, R)
+        noise = [np.moveaxis(a, 2, 0) for a in (found.noise_output, found.noise_input)]
+        draws = noise_deviations(method, response, noise[0], noise[1], U, R)
         freedom = float(found.noise_bins * found.present.sum())
     return response, above_rounding(draws, response), freedom
 

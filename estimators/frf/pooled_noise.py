@@ -67,7 +67,7 @@ def pooled_covariances(
     Correlations between elements are the mean over the other lines of the position, shrunk towards
     none by k/(k + (F - 1) nu), their number over that of the draws.
     """
-    Q, F, k = pooled.shape
+    _, F, k = pooled.shape
     finite = np.isfinite(degrees_of_freedom)
     if F < 2 or not finite.any():
         return covariance

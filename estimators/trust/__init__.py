@@ -1,1 +1,1 @@
-"""How far a fit can be trusted: one interval for each parameter, one verdict, and their evidence."""
+"""How far a fit can be trusted: one interval for each parameter, one verdict, their evidence."""

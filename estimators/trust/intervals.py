@@ -32,7 +32,7 @@ class Verdict(str):
         self.reason = reason
         return self
 
-    def __getnewargs__(self) -> tuple[str, str]:
+    def __getnewargs__(self) -> tuple[str, str]:  # type: ignore[override]
         return str(self), self.reason
 
     @property

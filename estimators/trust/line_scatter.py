@@ -39,7 +39,7 @@ class Scatter:
         at = (1 + level) / 2
         finite = np.isfinite(self.degrees_of_freedom)
         nu = np.where(finite, self.degrees_of_freedom, 1.0)
-        return np.where(finite, stdtrit(nu, at), norm.ppf(at))
+        return np.asarray(np.where(finite, stdtrit(nu, at), norm.ppf(at)))
 
     def probability(self, estimates: Array) -> Array:
         """Return the two-sided probability of estimates as large as these, (r,), of zero."""
@@ -50,7 +50,7 @@ class Scatter:
         z = np.where(self.variance > 0, z, 0.0)
         finite = np.isfinite(self.degrees_of_freedom)
         nu = np.where(finite, self.degrees_of_freedom, 1.0)
-        return 2 * np.where(finite, stdtr(nu, -z), ndtr(-z))
+        return np.asarray(2 * np.where(finite, stdtr(nu, -z), ndtr(-z)))
 
 
 def line_scatter(fit: LinearisedFit, rows: Lines, correlation: LineCorrelation) -> Scatter:

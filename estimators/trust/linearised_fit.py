@@ -108,7 +108,7 @@ class LinearisedFit:
         return np.asarray(self.noise_weights.reshape(-1) @ np.abs(columns) ** 2)
 
     def shifts(self, columns: Lines) -> Array:
-        """Return by how much unit columns (Q, F, k, r) move ln theta if they are left out, (p, r)."""
+        """Return how far unit columns (Q, F, k, r) move ln theta if they are left out, (p, r)."""
         r = columns.shape[-1]
         return np.asarray((self.rows.reshape(len(self.names), -1) @ columns.reshape(-1, r)).real)
 

@@ -1,8 +1,9 @@
-"""Ways in which a model of a robot may be wrong, as columns beside its parameters' sensitivities."""
+"""Ways in which the model of a robot may be wrong, as columns beside its sensitivities."""
 
 from collections.abc import Iterator
 
 import numpy as np
+from numpy.typing import NDArray
 
 from estimators.fitting.residuals import Residual
 from estimators.frf.estimate import vec
@@ -25,7 +26,7 @@ def model_directions(
     omega: Array,
     values: Array,
     at: tuple[ComplexArray, ComplexArray],
-    used: Array,
+    used: NDArray[np.bool_],
 ) -> Directions:
     """Return the directions that are tested at a fit.
 
@@ -73,7 +74,7 @@ def model_directions(
 
 
 def _residual_changes(
-    kind: Residual, response: ComplexArray, changes: ComplexArray, used: Array
+    kind: Residual, response: ComplexArray, changes: ComplexArray, used: NDArray[np.bool_]
 ) -> Lines:
     """Return changes (Q, F, m, n, r) of the FRF as those of the modelled values, (Q, F, m n, r)."""
     slopes = -kind.jacobian(response, changes, used)
@@ -85,21 +86,23 @@ def _columns(
     positions: Array,
     omega: Array,
     values: Array,
-    G: ComplexArray,
+    response: ComplexArray,
 ) -> Iterator[tuple[str, str, ComplexArray]]:
     """Yield name, unit and change of the FRF (Q, F, m, n) of each direction."""
-    yield "delay", "s", -1j * omega[:, None, None] * G
-    inputs = getattr(model, "motor_names", tuple(f"input {j + 1}" for j in range(G.shape[-1])))
+    yield "delay", "s", -1j * omega[:, None, None] * response
+    inputs = getattr(
+        model, "motor_names", tuple(f"input {j + 1}" for j in range(response.shape[-1]))
+    )
     for j, motor in enumerate(inputs):
-        column = np.zeros_like(G)
-        column[..., j] = G[..., j]
+        column = np.zeros_like(response)
+        column[..., j] = response[..., j]
         yield f"gain of {motor}", "relative", column
     if isinstance(model, ElasticRobot):
-        yield from _fixed_numbers(model, positions, omega, values, G)
+        yield from _fixed_numbers(model, positions, omega, values, response)
 
 
 def _fixed_numbers(
-    robot: ElasticRobot, positions: Array, omega: Array, values: Array, G: ComplexArray
+    robot: ElasticRobot, positions: Array, omega: Array, values: Array, response: ComplexArray
 ) -> Iterator[tuple[str, str, ComplexArray]]:
     """Yield the directions of the numbers of a robot file that are not free."""
     for i, motor in enumerate(robot.file.motors):
@@ -110,7 +113,7 @@ def _fixed_numbers(
             moved = frequency_response(other, positions, omega, values)
         except IdentificationError:
             continue
-        yield f"gear ratio of {motor.name}", "relative", (moved - G) / _GEAR_STEP
+        yield f"gear ratio of {motor.name}", "relative", (moved - response) / _GEAR_STEP
     whole = _all_free(robot)
     elements = dict(zip(robot.elements.names, robot.elements.at(values), strict=True))
     wider = whole.parameters
