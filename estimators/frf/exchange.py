@@ -5,8 +5,10 @@ every bit (see `exchange_uff` for what UFF keeps). Files appear under their name
 
 HDF5 and .mat hold the fields of `FrfEstimate`, or of `Distortion`, as datasets (variables) of the
 same names, axes and units, and ``schema``, "frf/1" or "distortion/1", as an attribute (variable).
-HDF5 records are laid out as `robotmodels.record_files.save_records` says; .mat records hold the
-fields of `Records` and ``schema``, "records/1". For CSV see `exchange_csv`.
+``degrees_of_freedom`` is infinite for a declared covariance, and not known in files without it;
+``deviations`` and ``line_correlation`` may be missing. HDF5 records are laid out as
+`robotmodels.record_files.save_records` says; .mat records hold the fields of `Records` and
+``schema``, "records/1". For CSV see `exchange_csv`.
 """
 
 import os
@@ -25,6 +27,7 @@ from estimators.frf.file_schemas import (
     FRF,
     FRF_SCHEMA,
     check_hertz,
+    read_freedom,
 )
 from robotmodels.arrays import Array
 from robotmodels.atomic_files import atomic_write
@@ -51,8 +54,8 @@ def write_frf(path: PathLike, estimate: FrfEstimate) -> None:
     from estimators.frf import exchange_csv, exchange_uff
 
     writers: dict[str, Callable[[Path, FrfEstimate], None]] = {
-        ".h5": lambda p, e: _write_hdf5(p, _contents(e), FRF_SCHEMA),
-        ".mat": lambda p, e: _write_mat(p, _contents(e), FRF_SCHEMA),
+        ".h5": lambda p, e: _write_hdf5(p, _frf_contents(e), FRF_SCHEMA),
+        ".mat": lambda p, e: _write_mat(p, _frf_contents(e), FRF_SCHEMA),
         ".csv": exchange_csv.write_frf,
         ".uff": exchange_uff.write_frf,
     }
@@ -78,8 +81,8 @@ def read_frf(
     from estimators.frf import exchange_csv, exchange_uff
 
     readers: dict[str, Callable[[Path], FrfEstimate]] = {
-        ".h5": lambda p: FrfEstimate(**read_hdf5(p, FRF, FRF_SCHEMA, "FRFs are")),
-        ".mat": lambda p: FrfEstimate(**_mat_frf(p, FRF, FRF_SCHEMA)),
+        ".h5": lambda p: _estimate(read_hdf5(p, FRF, FRF_SCHEMA, "FRFs are")),
+        ".mat": lambda p: _estimate(_mat_frf(p, FRF, FRF_SCHEMA)),
         ".csv": exchange_csv.read_frf,
         ".uff": lambda p: exchange_uff.read_frf(p, positions, noise),
     }
@@ -164,6 +167,22 @@ def _read(path: PathLike, readers: Mapping[str, Callable[[Path], _T]]) -> _T:
 
 def _contents(value: Any) -> dict[str, Any]:
     return {field.name: getattr(value, field.name) for field in fields(value)}
+
+
+def _frf_contents(estimate: FrfEstimate) -> dict[str, Any]:
+    """Return the fields of an estimate that hold something."""
+    contents = _contents(estimate)
+    empty = [k for k in ("deviations", "line_correlation") if not np.size(contents[k])]
+    if estimate.deviations is None:
+        empty.append("deviations")
+    return {name: value for name, value in contents.items() if name not in empty}
+
+
+def _estimate(contents: dict[str, Any]) -> FrfEstimate:
+    """Return an estimate; files that say nothing of degrees of freedom leave them unknown."""
+    freedom = contents.pop("degrees_of_freedom", None)
+    count = len(contents["positions"])
+    return FrfEstimate(**contents, degrees_of_freedom=read_freedom(freedom, count))
 
 
 def _write_hdf5(path: Path, contents: Mapping[str, Any], schema: str) -> None:

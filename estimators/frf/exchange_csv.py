@@ -3,7 +3,9 @@
 Comments are ``# key: JSON``. Numbers have 17 digits, so every bit survives. Positions, blocks,
 outputs and so on are counted from 0.
 
-FRFs: comments ``schema`` "frf/1", ``positions`` (Q, n) [rad], ``repetitions`` (Q,). Columns
+FRFs: comments ``schema`` "frf/1", ``positions`` (Q, n) [rad], ``repetitions`` (Q,), and, where they
+are known, ``degrees_of_freedom`` (Q,) of the covariance, 1e15 for a declared one, and
+``line_correlation`` (L,). Draws of the errors (`FrfEstimate.deviations`) are left out. Columns
 position, omega [rad/s], frequency_hz, output, input, re, im, and ``variance`` or, for full
 covariances, the row of the covariance matrix that belongs to the element, ``covariance_re_0``,
 ``covariance_im_0``, ``covariance_re_1``, ... in the order of vec(G), columns stacked.
@@ -23,7 +25,7 @@ from typing import Any
 import numpy as np
 
 from estimators.frf.estimate import FrfEstimate, unvec, vec
-from estimators.frf.file_schemas import FRF, FRF_SCHEMA, check_hertz
+from estimators.frf.file_schemas import FRF, FRF_SCHEMA, check_hertz, read_freedom, stored_freedom
 from robotmodels.arrays import Array, whole_numbers
 from robotmodels.data_files.array_schema import ArraySchema, Field, stored_array
 from robotmodels.data_files.csv_table import CsvTable, read_table
@@ -57,15 +59,20 @@ def write_frf(path: Path, estimate: FrfEstimate) -> None:
         "positions": estimate.positions.tolist(),
         "repetitions": estimate.repetitions.tolist(),
     }
+    freedom = stored_freedom(estimate.degrees_of_freedom)
+    if freedom is not None:
+        comments["degrees_of_freedom"] = freedom.tolist()
+    if estimate.line_correlation.size:
+        comments["line_correlation"] = estimate.line_correlation.tolist()
     _write(path, comments, names, np.stack(table, axis=1))
 
 
 def read_frf(path: Path) -> FrfEstimate:
     """Read what `write_frf` wrote."""
     table = read_table(path, FRF_SCHEMA)
-    comments = ArraySchema({k: FRF.fields[k] for k in ("positions", "repetitions")}).read(
-        table.comments, table.where
-    )
+    keys = ("positions", "repetitions", "degrees_of_freedom", "line_correlation")
+    schema = ArraySchema({key: FRF.fields[key] for key in keys})
+    comments = schema.read(table.comments, table.where)
     Q, (m, n) = len(comments["positions"]), (_count(table, key) for key in ("output", "input"))
     full = any(name.startswith("covariance_") for name in table.columns)
     entries = [f"covariance_{part}_{k}" for k in range(m * n) for part in ("re", "im")]
@@ -90,6 +97,8 @@ def read_frf(path: Path) -> FrfEstimate:
         unvec((re + 1j * im).reshape(Q, F, n * m), m),
         covariance.reshape(Q, F, m * n, m * n) if full else covariance,
         comments["repetitions"],
+        read_freedom(comments.get("degrees_of_freedom"), Q),
+        line_correlation=comments.get("line_correlation", np.empty(0)),
     )
 
 

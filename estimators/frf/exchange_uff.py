@@ -3,11 +3,13 @@
 Each element of each FRF is a function of type 4, binary with double precision: response node =
 output + 1, reference node = input + 1, both rotations (direction 4), rad/s^2 over N m, abscissa in
 Hz. The version number is the position's number, from 1. Functions of type 0 hold the variance of
-each element in the same way, and, with the words "positions" and "repetitions" in ID line 1, the
-positions' coordinates, one function a position, and the repetitions.
+each element in the same way, and, with the words "positions", "repetitions" and "degrees of
+freedom" in ID line 1, the positions' coordinates, one function a position, the repetitions, and the
+degrees of freedom of the variances (1e15 where they are declared).
 
 Responses, variances, positions and repetitions keep every bit, frequencies all but the last, for
-the conversion to Hz. Of full covariances the diagonal is kept: UFF has no place for the rest.
+the conversion to Hz. Of full covariances the diagonal is kept, and no draws of the errors: UFF has
+no place for them.
 """
 
 from pathlib import Path
@@ -17,6 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from estimators.frf.estimate import FrfEstimate
+from estimators.frf.file_schemas import read_freedom, stored_freedom
 from robotmodels.arrays import Array, ComplexArray, whole_numbers
 from robotmodels.data_files.universal_file import files_left_open, read_functions
 from robotmodels.errors import InvalidInput
@@ -44,8 +47,11 @@ def write_frf(path: Path, estimate: FrfEstimate) -> None:
             sets.append(_function(_GENERAL, "variance", title, hertz, values, place))
         place = {"ver_num": q + 1, "rsp_node": 0, "ref_node": 0}
         sets.append(_vector("positions", estimate.positions[q], place))
-    counts = estimate.repetitions.astype(float)
-    sets.append(_vector("repetitions", counts, {"ver_num": 0, "rsp_node": 0, "ref_node": 0}))
+    place = {"ver_num": 0, "rsp_node": 0, "ref_node": 0}
+    sets.append(_vector("repetitions", estimate.repetitions.astype(float), place))
+    freedom = stored_freedom(estimate.degrees_of_freedom)
+    if freedom is not None:
+        sets.append(_vector("degrees of freedom", freedom, place))
     _write_sets(path, sets)
 
 
@@ -62,10 +68,11 @@ def read_frf(
         omega = 2 * np.pi * responses[0]["x"]
     response = np.asarray(_gathered(responses, axes, responses[0]["x"]), dtype=complex)
     variances = [s for s in sets if s["id1"].strip() == "variance"]
+    freedom = read_freedom(_single(sets, "degrees of freedom"), len(response))
     if variances:
         variance = np.asarray(_gathered(variances, axes, responses[0]["x"]).real, dtype=float)
     elif noise is not None:
-        variance = noise.variance(response)
+        variance, freedom = noise.variance(response), np.full(len(response), np.inf)
     else:
         raise InvalidInput("no variances; give the law of the errors as noise=RelativeNoise(...)")
     numbers = axes[0]
@@ -74,17 +81,24 @@ def read_frf(
         positions = _positions(told, numbers)
     elif positions is None:
         raise InvalidInput("no positions; give them as positions=... (Q, n) [rad]")
-    counts = [_trimmed(s) for s in sets if s["id1"].strip() == "repetitions"]
-    if len(counts) > 1:
-        raise InvalidInput("repetitions: given twice")
-    repetitions = counts[0] if counts else np.ones(len(response))
+    counts = _single(sets, "repetitions")
+    repetitions = np.ones(len(response)) if counts is None else counts
     return FrfEstimate(
         np.asarray(positions, dtype=float),
         omega,
         response,
         variance,
         whole_numbers(repetitions, "repetitions"),
+        freedom,
     )
+
+
+def _single(sets: list[dict[str, Any]], name: str) -> Array | None:
+    """Return the values of the function called `name`; None where there is none."""
+    values = [_trimmed(s) for s in sets if s["id1"].strip() == name]
+    if len(values) > 1:
+        raise InvalidInput(f"{name}: given twice")
+    return values[0] if values else None
 
 
 def _positions(functions: list[dict[str, Any]], numbers: list[int]) -> Array:

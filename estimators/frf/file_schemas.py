@@ -19,8 +19,16 @@ FRF = ArraySchema(
         "response": Field(("position", "frequency", "output", "motor"), "complex"),
         "covariance": Field(("position", "frequency", "", ""), "complex"),
         "repetitions": Field(("position",), "whole", least=1),
+        "degrees_of_freedom": Field(("position",), finite=False, optional=True),
+        "deviations": Field(
+            ("position", "draw", "frequency", "output", "motor"), "complex", optional=True
+        ),
+        "line_correlation": Field(("lag",), least=-1, most=1, optional=True),
     }
 )
+
+DECLARED = 1e15
+"""Stands for infinite degrees of freedom where a format has no infinity."""
 
 _LINES = {"odd": "odd line", "even": "even line"}
 DISTORTION = ArraySchema(
@@ -40,6 +48,21 @@ DISTORTION = ArraySchema(
         },
     }
 )
+
+
+def stored_freedom(degrees_of_freedom: Array) -> Array | None:
+    """Return degrees of freedom as text and UFF hold them; None where they are not known."""
+    if np.isnan(degrees_of_freedom).any():
+        return None
+    return np.minimum(degrees_of_freedom, DECLARED)
+
+
+def read_freedom(stored: Array | None, count: int) -> Array:
+    """Return degrees of freedom (Q,) of a file; not a number where it says nothing of them."""
+    if stored is None:
+        return np.full(count, np.nan)
+    freedom = np.asarray(stored, dtype=float)
+    return np.where(freedom >= DECLARED, np.inf, freedom)
 
 
 def check_hertz(hertz: Array, omega: Array, where: object) -> None:
