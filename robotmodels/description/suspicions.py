@@ -69,6 +69,21 @@ def unexcited(d: Diagnosis) -> Iterator[Suspicion]:
         )
 
 
+def inseparable(d: Diagnosis) -> Iterator[Suspicion]:
+    """Pairs of free parameters that change every response alike, such as springs in series."""
+    excited = {p.name for p in d.parameters if p.sensitivity >= LEAST_SENSITIVITY}
+    for pair in d.inseparable:
+        if excited.issuperset(pair.names):
+            first, second = pair.names
+            yield Suspicion(
+                "inseparable",
+                pair.names,
+                f"{first} and {second} change every response in the band alike: together each is "
+                f"{pair.inflation:.2g} times less certain than alone, in this position; fix one or "
+                "tie them",
+            )
+
+
 def large_sag(d: Diagnosis) -> Iterator[Suspicion]:
     """Springs that give way by more than 1 degree, or 5 mm."""
     for s in d.springs:
@@ -144,6 +159,7 @@ _RULES = (
     outside_the_band,
     undivided_modes,
     unexcited,
+    inseparable,
     large_sag,
     softened,
     inconsistent_inertia,
