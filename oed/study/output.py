@@ -7,21 +7,27 @@ files depends on the clock or on where they lie: the same seed gives the same fi
     ``candidates``: how many; ``relaxed``: ``criterion``, ``support`` (indices of candidates in
     ``stages/information/information.h5``), their ``weights``, ``value``, certified ``gap``;
     ``exact``: ``experiments`` and ``efficiency`` (certified lower bound against the relaxed
-    optimum); ``positions``: the positions to measure in, each with ``candidate``, ``position``
-    [rad, in the order of ``motors``], ``weight``, ``repetitions``, in the order of visits; where
-    the study asks for them, ``order``: ``candidates`` in that order, ``seconds`` of all moves, from
-    the start and back to it, and ``robust``: efficiencies at each sample of theta of the design and
-    of the ``nominal`` one.
+    optimum); ``promised``: relative ``std`` by the plan's own information (null where a parameter
+    is left open) and ``weak`` combinations in words; ``positions``: the positions to measure in,
+    each with ``candidate``, ``position`` [rad, in the order of ``motors``], ``weight``,
+    ``repetitions``, in the order of visits; where the study asks for them, ``order``:
+    ``candidates`` in that order, ``seconds`` of all moves, from the start and back to it, and
+    ``robust``: efficiencies at each sample of theta of the design and of the ``nominal`` one.
 ``fit.json``
-    ``parameters``: name, unit, ``truth`` (null where it is not known), ``estimate``, ``at_bound``
-    ("lower" or "upper" where the search stopped at one, null elsewhere);
-    ``residual``, ``cost``, ``origin`` of the chosen fit; ``estimators``: what each estimator came
-    to: ``residual``, ``weights``, ``positions`` (how many), ``estimate``, ``cost``, ``converged``;
-    ``starts``: per estimator, the runs with ``start`` number and ``values``, ``cost`` (null where
-    the search could not begin), ``converged``, ``evaluations``, ``message``, best first.
+    ``parameters``: name, unit, ``truth`` (null where it is not known), ``estimate``;
+    ``residual``, ``cost``, ``origin`` of the chosen fit; ``trust``: ``verdict`` (one of
+    `estimators.VERDICTS`) and ``reason``, ``intervals`` (``name``, ``value``, ``std``, ``low`` and
+    ``high`` in SI units, null where there is none, ``method``, ``dof``, ``verdict``, ``reason``),
+    ``residuals`` (``ratio`` to what noise explains, its ``dof``, ``probability``, ``whiteness`` and
+    ``lag_one``), ``directions`` tested for errors of the model; ``estimators``: what each estimator
+    came to: ``residual``, ``weights``, ``positions`` (how many), ``estimate``, ``cost``,
+    ``converged``; ``starts``: per estimator, the runs with ``start`` number and ``values``,
+    ``cost`` (null where the search could not begin), ``converged``, ``evaluations``, ``message``,
+    best first.
 ``uncertainty.json``
     ``theorem1`` and ``emcee``: relative ``std`` and ``correlation``, and the ``method`` of the
-    first, with the blocks that were allowed for; ``convergence``: ``r_hat``, ``ess``,
+    first; ``trust``: as in fit.json, refined by posterior and profiles; ``convergence``:
+    ``r_hat``, ``ess``,
     ``autocorrelation_time`` [steps], ``acceptance``, ``converged``, ``message``;
     ``z``: (ln estimate - ln truth) / std of Theorem 1, null where no truth is known.
     ``failures``: stages that could not be computed, with the reason; what they would give is null.
@@ -115,6 +121,7 @@ def design_document(results: PlannedStudy) -> dict[str, Any]:
             "experiments": int(exact.repetitions.sum()),
             "efficiency": float(exact.efficiency),
         },
+        "promised": _promised(results),
         **_extras(results),
         "positions": [
             {
@@ -126,6 +133,12 @@ def design_document(results: PlannedStudy) -> dict[str, Any]:
             for i in results.used
         ],
     }
+
+
+def _promised(results: PlannedStudy) -> dict[str, Any]:
+    """Return what the plan's information promises before anyone measures."""
+    promise = results.promise
+    return {"std": _numbers(promise.std), "weak": list(promise.weak())}
 
 
 def _extras(results: PlannedStudy) -> dict[str, Any]:
@@ -155,6 +168,7 @@ def fit_document(results: FittedStudy) -> dict[str, Any]:
         "residual": fit.residual,
         "cost": float(fit.cost),
         "origin": results.fit_origin,
+        "trust": results.trust.document(),
         "parameters": [
             {
                 "name": name,
@@ -212,6 +226,7 @@ def uncertainty_document(results: StudyResults) -> dict[str, Any]:
         "emcee": None if posterior is None else _sampled(posterior.uncertainty()),
         "convergence": None if posterior is None else _convergence(posterior),
         "z": _numbers(results.z_scores),
+        "trust": results.trust.document(),
         **({} if results.comparison is None else {"plans": _plans(results.comparison)}),
         "failures": {one.name: one.reason for one in results.failures},
     }

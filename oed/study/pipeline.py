@@ -10,6 +10,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field
 from typing import Any, TypeVar
 
+from estimators.uncertainty.covariance import Uncertainty
 from oed.candidates.screening import ScreenedCandidates
 from oed.study import data as study_data
 from oed.study import design as study_design
@@ -256,10 +257,11 @@ def _judged(run: Run, source: _Source, fits: _Fits) -> dict[str, Any]:
     comparison = None
     if run.study.compares:
         comparison = attempt("comparison", lambda: compared(run, source.information, source.plan))
-    covariances = attempt("uncertainty", lambda: study_uncertainty.covariances(run, result))
+    covariances = attempt("uncertainty", lambda: study_uncertainty.theorem1(run, result))
     known = study_uncertainty.Known(
         covariances,
-        attempt("posterior", lambda: study_uncertainty.posterior(run, result, covariances)),
+        attempt("posterior", lambda: study_uncertainty.posterior(run, result)),
+        attempt("own-cost", lambda: study_uncertainty.own_cost(run, result)),
         attempt("profiles", lambda: study_uncertainty.profiles(run, result, covariances)),
         comparison,
     )
@@ -267,10 +269,8 @@ def _judged(run: Run, source: _Source, fits: _Fits) -> dict[str, Any]:
         "cross-check", lambda: study_uncertainty.checked(run, result, known, fits.searches)
     )
     held_out = attempt("validation", lambda: _held_out(run, source, fits, covariances))
-    stated = _value(covariances)
     return {
-        "theorem1": None if stated is None else stated.theorem1,
-        "empirical": None if stated is None else stated.empirical,
+        "theorem1": _value(covariances),
         "posterior": _value(known.posterior),
         "cross_check": _value(checked),
         "held_out": _value(held_out),
@@ -286,7 +286,7 @@ def _held_out(
     run: Run,
     source: _Source,
     fits: _Fits,
-    covariances: Stage[study_uncertainty.Covariances] | None,
+    covariances: Stage[Uncertainty] | None,
 ) -> Stage[study_validation.HeldOut] | None:
     if run.study.validation is None:
         return None

@@ -6,9 +6,10 @@ from functools import cached_property
 import numpy as np
 
 from estimators.fitting.least_squares import Fit
-from estimators.trust.residual_analysis import LAGS, ResidualAnalysis, residual_analysis
 from estimators.frf.distortion import Distortion
 from estimators.frf.estimate import FrfEstimate
+from estimators.trust.residual_analysis import LAGS, ResidualAnalysis, residual_analysis
+from estimators.trust.trust import Trust
 from estimators.uncertainty.covariance import Uncertainty
 from estimators.uncertainty.cross_check import CrossCheck
 from estimators.uncertainty.identifiability import Identifiability, fit_information, identifiability
@@ -72,6 +73,14 @@ class PlannedStudy:
         """Indices of the candidates that the plan measures in, in the order of visits."""
         return visited(self.exact, self.order)
 
+    @cached_property
+    def promise(self) -> Identifiability:
+        """What the plan's own information promises: standard deviations, open combinations."""
+        counts = self.exact.repetitions[self.used]
+        matrices = self.information.take(self.used)
+        total = sum(n * matrix for n, matrix in zip(counts, matrices, strict=True))
+        return identifiability(total, self.robot.parameters.names)
+
     @property
     def truth(self) -> Array:
         """The parameters behind simulated data, (p,) SI; NaN where there is none of that name."""
@@ -111,6 +120,11 @@ class FittedStudy(PlannedStudy):
         """What the fit leaves unexplained."""
         return residual_analysis(self.fit, min(LAGS, len(self.omega) - 1))
 
+    @property
+    def trust(self) -> Trust:
+        """Recommended intervals and the verdict."""
+        return self.fit.trust
+
     @cached_property
     def identifiability(self) -> Identifiability:
         """Which combinations of parameters the data tell least."""
@@ -123,18 +137,22 @@ class StudyResults(FittedStudy):
 
     Attributes
     ----------
-    theorem1, empirical, posterior : uncertainty of the fit, three ways; None where that failed.
+    theorem1, posterior : uncertainty of the fit, two ways; None where that failed.
     cross_check : all that is known of it side by side, with verdicts; None where that failed.
     held_out : validation in positions that were not fitted; None unless the study asks for it.
     comparison : the plan beside rivals in simulated experiments; None where there is none.
     """
 
     theorem1: Uncertainty | None
-    empirical: Uncertainty | None
     posterior: Posterior | None
     cross_check: CrossCheck | None
     held_out: HeldOut | None
     comparison: PlanComparison | None
+
+    @property
+    def trust(self) -> Trust:
+        """Recommended intervals and the verdict, refined by posterior and profiles."""
+        return self.fit.trust if self.cross_check is None else self.cross_check.trust
 
     @property
     def std(self) -> Array:

@@ -1,18 +1,18 @@
 """The stages of a study that say how far to trust its result."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TypeVar
 
 import numpy as np
 
-from estimators.fitting.least_squares import Fit
+from estimators.fitting.least_squares import Fit, likelihood_fit
 from estimators.uncertainty.convergence import Target
 from estimators.uncertainty.covariance import Uncertainty, covariance
 from estimators.uncertainty.cross_check import CrossCheck, cross_check
-from estimators.uncertainty.estimated_noise import least_blocks, weights_are_inverse
 from estimators.uncertainty.importance import importance_sample
-from estimators.uncertainty.log_posterior import magnitude_adjustment
+from estimators.uncertainty.log_posterior import has_noise_weights
 from estimators.uncertainty.monte_carlo import MonteCarlo
 from estimators.uncertainty.posterior import Posterior, check_sizes, sample_posterior
 from estimators.uncertainty.profile import Profile, profile_likelihood
@@ -23,25 +23,10 @@ from oed.study.stages import Report, Stage
 from oed.trials.outcome import PlanComparison
 from robotmodels.errors import IdentificationError, InvalidInput
 
+T = TypeVar("T")
+
 THIN = 5
 """Steps between stored snapshots of the chains."""
-
-
-@dataclass(frozen=True, eq=False)
-class Covariances:
-    """Theorem 1 with the stated noise, and with what the residuals show instead.
-
-    Attributes
-    ----------
-    theorem1, empirical : both covariances.
-    blocks : over which the noise was estimated that the weights are made of, see `counted_blocks`.
-    scale : factor of the cost at which a posterior allows for these blocks; None without them.
-    """
-
-    theorem1: Uncertainty
-    empirical: Uncertainty
-    blocks: int | None
-    scale: float | None
 
 
 def check_posterior(run: Run) -> None:
@@ -58,65 +43,64 @@ def check_posterior(run: Run) -> None:
         raise InvalidInput(f"posterior.{error}") from None
 
 
-def _over_blocks(run: Run) -> bool:
-    """Tell whether the noise was estimated over blocks, not known or told by other means."""
-    choice = run.study.data
-    measured = choice.experiment is not None or choice.records is not None
-    return choice.covariance == "total" and measured
+def theorem1(run: Run, result: Stage[Chosen]) -> Stage[Uncertainty]:
+    """Return the covariance of the result by [WM] Theorem 1."""
+    fit = result.value.fit
+
+    def compute(folder: Path, report: Report | None) -> Uncertainty:
+        return covariance(fit)
+
+    inputs = {"robot": run.robot_digest, "result": result.digest}
+    return run.stages.run("uncertainty", inputs, compute, dataclass_files(Uncertainty))
 
 
-def counted_blocks(fit: Fit) -> int | None:
-    """Return over how many blocks the noise was estimated that the result's weights are made of.
-
-    None where the weights do not depend on it, or the blocks are too few to allow for that.
-    """
-    if not np.isfinite(fit.cost) or not weights_are_inverse(fit):
-        return None
-    fewest = int(fit.estimate.repetitions.min())
-    return fewest if fewest >= least_blocks(fit) else None
-
-
-def covariances(run: Run, result: Stage[Chosen]) -> Stage[Covariances]:
-    """Return the covariance of the result by [WM] Theorem 1, two ways."""
-    fit, over_blocks = result.value.fit, _over_blocks(run)
-
-    def compute(folder: Path, report: Report | None) -> Covariances:
-        blocks = counted_blocks(fit) if over_blocks else None
-        scale = None if blocks is None else magnitude_adjustment(fit, blocks)
-        theorem1, empirical = covariance(fit, blocks=blocks), covariance(fit, "empirical")
-        return Covariances(theorem1, empirical, blocks, scale)
-
-    inputs = {"robot": run.robot_digest, "result": result.digest, "over blocks": over_blocks}
-    return run.stages.run("uncertainty", inputs, compute, dataclass_files(Covariances))
-
-
-def needed(known: Stage[Covariances] | None) -> Stage[Covariances]:
-    """Return the covariances.
+def needed(covariances: Stage[Uncertainty] | None) -> Stage[Uncertainty]:
+    """Return the covariance.
 
     Raises
     ------
-    IdentificationError : if they could not be computed.
+    IdentificationError
+        If it could not be computed.
     """
-    if known is None:
-        raise IdentificationError("it rests on the covariances, which could not be computed")
-    return known
+    if covariances is None:
+        raise IdentificationError("it rests on the covariance, which could not be computed")
+    return covariances
 
 
-def posterior(
-    run: Run, result: Stage[Chosen], known: Stage[Covariances] | None
+def posterior(run: Run, result: Stage[Chosen]) -> Stage[Posterior]:
+    """Return the posterior of the likelihood; its chains outlive an interruption.
+
+    The density is exp(-V), V the cost with the noise's weights; a result with other weights is
+    fitted once more with these.
+    """
+    return _sampled(run, result, "posterior", likelihood_of)
+
+
+def own_cost(run: Run, result: Stage[Chosen]) -> Stage[Posterior] | None:
+    """Return draws by the result's own cost, where its weights are not those of the noise."""
+    if has_noise_weights(result.value.fit):
+        return None
+    return _sampled(run, result, "own-cost", lambda fit: fit)
+
+
+def likelihood_of(fit: Fit) -> Fit:
+    """Return the fit whose cost is the likelihood: itself if its weights are the noise's."""
+    return fit if has_noise_weights(fit) else likelihood_fit(fit)
+
+
+def _sampled(
+    run: Run, result: Stage[Chosen], name: str, density: Callable[[Fit], Fit]
 ) -> Stage[Posterior]:
-    """Return the posterior of the result; its chains outlive an interruption."""
-    choice, scale = run.study.posterior, None if known is None else known.value.scale
+    choice = run.study.posterior
 
     def compute(folder: Path, report: Report | None) -> Posterior:
         return sample_posterior(
-            result.value.fit,
-            rng=run.rng("posterior"),
+            density(result.value.fit),
+            rng=run.rng(name),
             ensembles=choice.ensembles,
             walkers=choice.walkers,
             steps=choice.steps,
             thin=THIN,
-            scale=scale,
             target=Target(r_hat=choice.r_hat, ess=choice.ess),
             backend=folder / "posterior.h5",
             progress=report,
@@ -126,10 +110,9 @@ def posterior(
     inputs = {
         "robot": run.robot_digest,
         "result": result.digest,
-        "scale": scale,
         **run.settings("posterior", "seed"),
     }
-    return run.stages.run("posterior", inputs, compute, dataclass_files(Posterior))
+    return run.stages.run(name, inputs, compute, dataclass_files(Posterior))
 
 
 @dataclass(frozen=True, eq=False)
@@ -140,7 +123,7 @@ class Profiles:
 
 
 def profiles(
-    run: Run, result: Stage[Chosen], covariances: Stage[Covariances] | None
+    run: Run, result: Stage[Chosen], covariances: Stage[Uncertainty] | None
 ) -> Stage[Profiles] | None:
     """Return profile likelihoods of the least certain parameters, as many as the study asks for.
 
@@ -151,21 +134,18 @@ def profiles(
     count = run.study.profiles
     if not count:
         return None
-    known = needed(covariances)
-    std = known.value.theorem1.std
-    chosen = np.sort(np.argsort(-std, kind="stable")[:count])
-    names = [known.value.theorem1.names[i] for i in chosen]
-    fit, scale = result.value.fit, known.value.scale
+    stated, fit = needed(covariances).value, result.value.fit
+    chosen = np.sort(np.argsort(-stated.std, kind="stable")[:count])
+    names = [stated.names[i] for i in chosen]
 
     def compute(folder: Path, report: Report | None) -> Profiles:
         pool = run.executor
-        return Profiles(profile_likelihood(fit, names, scale=scale, executor=pool, progress=report))
+        return Profiles(profile_likelihood(fit, names, executor=pool, progress=report))
 
     inputs = {
         "robot": run.robot_digest,
         "result": result.digest,
         "parameters": names,
-        "scale": scale,
     }
     return run.stages.run("profiles", inputs, compute, dataclass_files(Profiles))
 
@@ -174,8 +154,9 @@ def profiles(
 class Known:
     """What the stages before a cross-check found, as far as there are any."""
 
-    covariances: Stage[Covariances] | None
+    covariances: Stage[Uncertainty] | None
     posterior: Stage[Posterior] | None
+    own_cost: Stage[Posterior] | None
     profiles: Stage[Profiles] | None
     comparison: Stage[PlanComparison] | None
 
@@ -188,21 +169,17 @@ def checked(
     runs: tuple[Fit, ...] = () if name is None else searches[name].value.runs
     repeated = _repeated(run, result, known)
     fit = result.value.fit
-    stated = None if known.covariances is None else known.covariances.value
 
     def compute(folder: Path, report: Report | None) -> CrossCheck:
         return cross_check(
             fit,
-            theorem1=None if stated is None else stated.theorem1,
-            empirical=None if stated is None else stated.empirical,
-            posterior=None if known.posterior is None else known.posterior.value,
-            importance=importance_sample(
-                fit, rng=run.rng("importance"), scale=None if stated is None else stated.scale
-            ),
+            theorem1=_value(known.covariances),
+            posterior=_value(known.posterior),
+            own_cost=_value(known.own_cost),
+            importance=importance_sample(likelihood_of(fit), rng=run.rng("importance")),
             profiles=() if known.profiles is None else known.profiles.value.found,
             monte_carlo=repeated,
             multistart=[one for one in runs if one.converged],
-            blocks=None if stated is None else stated.blocks,
         )
 
     inputs = {
@@ -210,6 +187,7 @@ def checked(
         "result": result.digest,
         "uncertainty": _digest(known.covariances),
         "posterior": _digest(known.posterior),
+        "own cost": _digest(known.own_cost),
         "profiles": _digest(known.profiles),
         "comparison": _digest(known.comparison),
         "repeated": repeated is not None,
@@ -217,6 +195,10 @@ def checked(
         **run.settings("seed"),
     }
     return run.stages.run("cross-check", inputs, compute, dataclass_files(CrossCheck))
+
+
+def _value(stage: Stage[T] | None) -> T | None:
+    return None if stage is None else stage.value
 
 
 def _digest(stage: Stage[object] | None) -> str | None:

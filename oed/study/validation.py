@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 
 from estimators.frf.estimate import FrfEstimate, simulate_frf
+from estimators.uncertainty.covariance import Uncertainty
 from estimators.uncertainty.validation import Validation, validate
 from oed.study.data import frf_of, shaken
 from oed.study.design import Information, Plan
@@ -14,7 +15,6 @@ from oed.study.held_out import Split
 from oed.study.run import Run
 from oed.study.stage_files import dataclass_files
 from oed.study.stages import Report, Stage
-from oed.study.uncertainty import Covariances
 from robotmodels.arrays import Array
 from robotmodels.errors import InvalidInput
 
@@ -26,12 +26,11 @@ class HeldOut:
     Attributes
     ----------
     estimate : the FRFs.
-    theorem1, empirical : judged with the one covariance and with the other.
+    theorem1 : judged with Theorem 1's covariance.
     """
 
     estimate: FrfEstimate
     theorem1: Validation
-    empirical: Validation
 
 
 def held_out(
@@ -39,7 +38,7 @@ def held_out(
     info: Stage[Information],
     plan: Stage[Plan],
     result: Stage[Chosen],
-    known: Stage[Covariances],
+    known: Stage[Uncertainty],
 ) -> Stage[HeldOut]:
     """Return the validation in candidates that the plan does not use.
 
@@ -64,7 +63,7 @@ def held_out(
 
 
 def held_back(
-    run: Run, split: Stage[Split], result: Stage[Chosen], known: Stage[Covariances]
+    run: Run, split: Stage[Split], result: Stage[Chosen], known: Stage[Uncertainty]
 ) -> Stage[HeldOut]:
     """Return the validation in measured positions that were not fitted."""
 
@@ -81,14 +80,10 @@ def held_back(
 
 
 def _judged(
-    run: Run, estimate: FrfEstimate, result: Stage[Chosen], known: Stage[Covariances]
+    run: Run, estimate: FrfEstimate, result: Stage[Chosen], known: Stage[Uncertainty]
 ) -> HeldOut:
     values = result.value.fit.parameters.values
-    judged = [
-        validate(run.robot, values, estimate, uncertainty)
-        for uncertainty in (known.value.theorem1, known.value.empirical)
-    ]
-    return HeldOut(estimate, *judged)
+    return HeldOut(estimate, validate(run.robot, values, estimate, known.value))
 
 
 def _positions(run: Run, info: Information, plan: Plan) -> Array:

@@ -82,11 +82,11 @@ def overview_table(studies: Studies) -> Table:
             Number(str(len(r.used)), len(r.used)),
             Number(str(n := int(r.exact.repetitions.sum())), n),
             Number(text.efficiency(r.exact.efficiency), float(r.exact.efficiency)),
-            Number(text.significant(ratio := r.residuals.chi2 / r.residuals.dof, 3), ratio),
+            Number(text.significant(ratio := r.residuals.ratio, 3), ratio),
             *(Number(text.percent(v), v) for v in (float(std.min()), _mean(std), float(std.max()))),
         ]
         rows.append([name, r.robot.name, *values])
-    titles = ["candidates", "positions", "experiments", "efficiency", "χ² over expected"]
+    titles = ["candidates", "positions", "experiments", "efficiency", "residuals over expected"]
     columns_ = [
         Column("study"),
         Column("robot"),

@@ -1,4 +1,4 @@
-"""The cross-check: every method's standard deviations side by side, and a verdict for each."""
+"""The cross-check: the recommended standard deviations beside every other method's."""
 
 import numpy as np
 
@@ -15,41 +15,27 @@ def section(found: CrossCheck) -> Section:
         "cross_check.html.j2",
         found=found,
         verdicts=verdicts,
+        agreeing=text.listed(list(found.agreeing())),
         stds=verdict_table(found),
-        shared=text.listed(shared(found)),
-        reasons=reason_table(found),
     )
     return Section("cross-check", "Cross-check", body)
 
 
 def verdict_table(found: CrossCheck) -> Table:
-    """Return standard deviations by every method, and the verdict."""
+    """Return standard deviations by every method, Theorem 1 over emcee, and the verdict."""
     rows = []
+    ratio = found.ratio()
     for i, name in enumerate(found.names):
         row: list[Cell] = [name]
         row += [_number(float(std)) for std in found.stds[:, i]]
+        row.append(Number(text.fixed(ratio[i], 2) if np.isfinite(ratio[i]) else "–", ratio[i]))
         rows.append([*row, found.verdicts[i]])
-    columns = [Column("parameter", code=True), *numbers(*found.methods), Column("verdict")]
-    return table("cross-check-table", "Relative standard deviations by method.", columns, rows)
-
-
-def shared(found: CrossCheck) -> list[str]:
-    """Return what led to a verdict on every parameter alike."""
-    return [why for why in found.evidence[0] if all(why in one for one in found.evidence)]
-
-
-def reason_table(found: CrossCheck) -> Table | None:
-    """Return what else led to each verdict; None where nothing did."""
-    alike = shared(found)
-    rows = [
-        (name, verdict, "; ".join(why for why in evidence if why not in alike))
-        for name, verdict, evidence in zip(found.names, found.verdicts, found.evidence, strict=True)
+    columns = [
+        Column("parameter", code=True),
+        *numbers(*found.methods, "Theorem 1 / posterior"),
+        Column("verdict"),
     ]
-    if not any(row[-1] for row in rows):
-        return None
-    columns = [Column("parameter", code=True), Column("verdict"), Column("because", "words")]
-    told = [row for row in rows if row[-1]]
-    return table("cross-check-reasons", "What led to these verdicts.", columns, told)
+    return table("cross-check-table", "Relative standard deviations by method.", columns, rows)
 
 
 def _number(std: float) -> Number:

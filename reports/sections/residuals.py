@@ -15,30 +15,29 @@ def section(found: ResidualAnalysis, outputs: tuple[str, ...], motors: tuple[str
     body = filled(
         "residuals.html.j2",
         found=found,
-        chi2=text.significant(found.chi2, 6),
-        dof=text.count(round(found.dof)),
+        ratio=text.significant(found.ratio, 4),
         p_value=text.probability(found.p_value),
         correlation=text.fixed(float(found.autocorrelation[0]), 3),
         whiteness=text.probability(found.whiteness_p_value),
         outlying=text.listed([str(q + 1) for q in found.outlying]),
         positions=by_position(found),
-        elements=element_table(found.element_chi2 / found.element_dof, outputs, motors),
+        elements=element_table(found.by_element, outputs, motors),
     )
     return Section("residuals", "Residuals", body)
 
 
 def times_expected(found: ResidualAnalysis) -> str:
     """Return how many times the expected sum the squared residuals are."""
-    return text.significant(found.chi2 / found.dof, 2)
+    return text.significant(found.ratio, 2)
 
 
 def by_position(found: ResidualAnalysis) -> Figure | None:
-    """Return chi squared over its expectation for every position; None where there is only one."""
-    if len(found.position_chi2) < 2:
+    """Return squared residuals over their expectation by position; None where there is only one."""
+    if len(found.by_position) < 2:
         return None
     return figure(
         "residuals-by-position",
-        figures.over_expected(found.position_chi2 / found.position_dof, found.outlying),
+        figures.over_expected(found.by_position, found.outlying),
         "Sum of squared residuals over its expectation, for every position",
     )
 

@@ -28,8 +28,8 @@ def section(results: StudyResults) -> Section | None:
             "calibration",
             figures.calibration(
                 found.theorem1.levels,
-                (found.theorem1.coverage, found.empirical.coverage),
-                ("Theorem 1", "empirical"),
+                (found.theorem1.coverage,),
+                ("Theorem 1",),
             ),
             "Share of measured elements inside their predicted regions, against the nominal share",
         ),
@@ -38,9 +38,9 @@ def section(results: StudyResults) -> Section | None:
 
 
 def judged_table(found: HeldOut) -> Table:
-    """Return misfit, its probability and coverage by both covariances."""
+    """Return misfit, its probability and coverage."""
     rows: list[Row] = []
-    for name, one in (("Theorem 1", found.theorem1), ("empirical", found.empirical)):
+    for name, one in (("Theorem 1", found.theorem1),):
         at, covered = _highest(one), one.coverage
         rows.append(
             [
@@ -70,11 +70,11 @@ def position_table(results: StudyResults, found: HeldOut) -> Table:
     at = _highest(found.theorem1)
     for q, position in enumerate(found.estimate.positions):
         angles = ", ".join(text.places(position, straight))
-        shares = [float(one.by_position[q, at]) for one in (found.theorem1, found.empirical)]
-        rows.append([angles, *(Number(text.percent(share), share) for share in shares)])
+        share = float(found.theorem1.by_position[q, at])
+        rows.append([angles, Number(text.percent(share), share)])
     level = text.percent(float(found.theorem1.levels[at]))
     caption = f"Elements inside their {level} regions, position by position."
-    columns = [Column("position"), *numbers("Theorem 1", "empirical")]
+    columns = [Column("position"), *numbers("Theorem 1")]
     return table("held-out", caption, columns, rows)
 
 

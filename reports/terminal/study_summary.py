@@ -7,7 +7,6 @@ import numpy as np
 
 from oed.study.pipeline import FittedStudy, PlannedStudy, StudyResults
 from reports.sections.fit import reached, reached_words
-from reports.sections.residuals import times_expected
 from reports.terminal.columns import hung, plain, plural
 from reports.text import duration, efficiency, percent
 
@@ -50,11 +49,13 @@ def study_json(results: PlannedStudy, written: list[Path]) -> dict[str, Any]:
             "fit_converged": r.fit.converged,
             "at_bounds": r.fit.at_bounds,
             "failures": {one.name: one.reason for one in r.failures},
+            "verdict": str(r.trust.verdict),
+            "reason": r.trust.verdict.reason,
         }
     if isinstance(r, StudyResults):
         document |= {
-            "chi2_over_expected": float(r.residuals.chi2 / r.residuals.dof),
-            "chi2_p_value": float(r.residuals.p_value),
+            "residuals_over_expected": r.trust.size.ratio,
+            "residuals_p_value": r.trust.size.probability,
         }
         if r.posterior is not None:
             document["posterior_converged"] = r.posterior.converged
@@ -85,7 +86,17 @@ def _design_lines(r: PlannedStudy) -> Lines:
             f"certified gap {_gap(r.design.gap)}, efficiency of the plan >= "
             f"{plain(efficiency(r.exact.efficiency))}",
         ),
+        *_promise_lines(r),
     ]
+
+
+def _promise_lines(r: PlannedStudy) -> Lines:
+    """Return the standard deviations that the plan promises, and what it leaves open."""
+    names, std = r.robot.parameters.names, r.promise.std
+    worst = int(np.argmax(std))
+    promised = f"worst {names[worst]} {_percent(std[worst])}" if np.isfinite(std[worst]) else ""
+    lines = [("promised", f"std best {_percent(std.min())}{', ' + promised if promised else ''}")]
+    return [*lines, *(("", f"WEAK: {combination}") for combination in r.promise.weak()[:3])]
 
 
 def _fit_lines(r: FittedStudy) -> Lines:
@@ -99,7 +110,8 @@ def _fit_lines(r: FittedStudy) -> Lines:
         )
         for name, side in r.fit.at_bounds.items()
     ]
-    return [*lines, ("", f"starts that reached the best cost: {reached_words(reached(r))}")]
+    lines.append(("", f"starts that reached the best cost: {reached_words(reached(r))}"))
+    return [*lines, ("verdict", f"{r.trust.verdict}: {r.trust.verdict.reason}")]
 
 
 def _uncertainty_lines(r: StudyResults) -> Lines:
@@ -114,7 +126,6 @@ def _uncertainty_lines(r: StudyResults) -> Lines:
                 f"worst {names[worst]} {_percent(std[worst])}",
             )
         )
-    lines += misfit_lines(r)
     if posterior is not None:
         ratio = std / r.sampled_std
         between = f", Theorem 1 / emcee {ratio.min():.2f} to {ratio.max():.2f}"
@@ -134,14 +145,6 @@ def _uncertainty_lines(r: StudyResults) -> Lines:
         counts = ", ".join(f"{verdicts.count(v)} x {v}" for v in dict.fromkeys(verdicts))
         lines.append(("methods", counts))
     return lines
-
-
-def misfit_lines(r: StudyResults) -> Lines:
-    """Return that residuals are more than noise; nothing where they are not."""
-    if r.residuals.explained:
-        return []
-    times = plain(times_expected(r.residuals))
-    return [("", f"TOO SMALL: squared residuals are {times} times what noise explains")]
 
 
 def _gap(gap: float) -> str:
