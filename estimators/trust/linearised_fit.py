@@ -9,6 +9,9 @@ from numpy.typing import NDArray
 
 from robotmodels.arrays import Array, ComplexArray
 
+SINGULAR = 1e-12
+"""Relative eigenvalues of the scaled information below this are rounding errors."""
+
 Lines = NDArray[Any]
 """An array (Q, F, k, ...) over positions, lines and elements of vec(G)."""
 
@@ -77,6 +80,20 @@ class LinearisedFit:
     def rows(self) -> Lines:
         """Rows A (p, Q, F, k) of the estimator."""
         return self.estimator(self.jacobian, self.prior)
+
+    @cached_property
+    def undetermined(self) -> NDArray[np.bool_]:
+        """Which parameters (p,) the data and the prior leave open: a singular information."""
+        flat = self.jacobian.reshape(-1, len(self.names))
+        weighted = self.weighted(self.jacobian).reshape(flat.shape)
+        normal = (np.conj(flat).T @ weighted).real + self.prior / 2
+        size = np.sqrt(np.diagonal(normal))
+        blind = ~(size > 16 * np.finfo(float).eps * size.max())
+        safe = np.where(blind, 1.0, size)
+        values, vectors = np.linalg.eigh(normal / np.outer(safe, safe))
+        null = np.abs(vectors[:, values < SINGULAR * values[-1]])
+        share = null.max(axis=1, initial=0.0)
+        return np.asarray(blind | (share > 0.1 * max(float(share.max()), 1e-300)))
 
     def weighted(self, columns: Lines) -> Lines:
         """Return W times columns (Q, F, k, r)."""

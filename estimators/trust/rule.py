@@ -89,6 +89,8 @@ def gather_evidence(
     correlation = find_correlation(fit)
     scatter = line_scatter(fit, fit.rows, correlation)
     scatter = with_prior(fit, scatter)
+    open_variances = np.where(fit.undetermined, np.inf, scatter.variance)
+    scatter = replace(scatter, variance=open_variances)
     size, size_known = judged_size(fit, correlation)
     std = np.sqrt(scatter.variance)
     fired = size_known and not size.probability >= SIZE_LEVEL

@@ -118,10 +118,10 @@ def cross_check(
 ) -> CrossCheck:
     """Return the recommended intervals beside what other methods say.
 
-    Two kinds of evidence can refine the verdict of `Fit.verdict`: a profile that is flat on a side,
-    or a posterior that reaches a bound of the fit, leaves a parameter "not identifiable". All else
-    is noted. Chains that have not converged and importance weights that are not trusted are left
-    out, and noted.
+    Three kinds of evidence can refine the verdict of `Fit.verdict` to "not identifiable": a profile
+    that is flat on a side, a posterior that reaches a bound of the fit, and other starts whose fits
+    are as good and a standard deviation and more apart. All else is noted. Chains that have not
+    converged and importance weights that are not trusted are left out, and noted.
 
     Parameters
     ----------
@@ -170,14 +170,13 @@ def cross_check(
     table = {method: std for method, std in stds.items() if std is not None}
     draws = None if posterior is None else posterior.draws
     return CrossCheck(
-        trust=trust.not_identifiable(_open(fit, trust, profiles, draws)),
+        trust=trust.not_identifiable(_open(fit, trust, profiles, draws, scatter)),
         methods=tuple(table),
         stds=read_only(np.array(list(table.values())).reshape(len(table), len(names))),
         notes=(
             *notes,
             *_agreement(table, names),
             *_shapes(names, profiles, draws),
-            *_answers(names, scatter, trust.std),
         ),
         covering=_covering(monte_carlo),
     )
@@ -225,9 +224,13 @@ def _left_out(
 
 
 def _open(
-    fit: Fit, trust: Trust, profiles: "Sequence[Profile]", draws: Array | None
+    fit: Fit,
+    trust: Trust,
+    profiles: "Sequence[Profile]",
+    draws: Array | None,
+    scatter: Array | None,
 ) -> dict[int, str]:
-    """Return the parameters that profiles or the posterior leave open, and why."""
+    """Return the parameters that profiles, posterior or starts leave open, and why."""
     reasons: dict[int, str] = {}
     names = fit.parameters.names
     for profile in profiles:
@@ -242,6 +245,10 @@ def _open(
         margin, bounds = _NEAR_BOUND * draws.std(axis=0), np.log(fit.bounds)
         for i in np.flatnonzero((low < bounds[0] + margin) | (high > bounds[1] - margin)):
             reasons.setdefault(int(i), "the posterior reaches a bound of the fit")
+    if scatter is not None:
+        for i in np.flatnonzero(~(scatter <= _APART * trust.std)):
+            reason = f"fits as good as the best scatter by {scatter[i] / trust.std[i]:.2g} std"
+            reasons.setdefault(int(i), reason)
     return reasons
 
 
@@ -289,13 +296,6 @@ def _shapes(
         if skewed:
             notes.append(f"posterior skewed: {_few(skewed)}")
     return notes
-
-
-def _answers(names: tuple[str, ...], scatter: Array | None, std: Array) -> list[str]:
-    if scatter is None:
-        return []
-    apart = [names[i] for i in np.flatnonzero(~(scatter <= _APART * std))]
-    return [f"fits as good as the best lie apart in {_few(apart)}"] if apart else []
 
 
 def _few(words: list[str]) -> str:
