@@ -111,7 +111,7 @@ def jackknife(
         ],
         axis=-3,
     )
-    draws = np.einsum("rb,...bij->...rij", _contrasts(B), without) * np.sqrt((B - 1) / B)
+    draws = np.einsum("rb,...bij->...rij", contrasts(B), without) * np.sqrt((B - 1) / B)
     return estimate, np.asarray(draws)
 
 
@@ -121,7 +121,7 @@ def covariance_of(deviations: ComplexArray) -> ComplexArray:
     return np.asarray(np.swapaxes(columns, -1, -2) @ np.conj(columns))
 
 
-def _contrasts(count: int) -> Array:
+def contrasts(count: int) -> Array:
     """Return orthonormal rows (count - 1, count), each of sum zero (Helmert)."""
     rows = np.tril(np.ones((count, count)), -1)[1:]
     size = np.arange(1, count)

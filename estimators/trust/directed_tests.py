@@ -88,6 +88,8 @@ class DirectedTests:
         The parameter that an error at the limit of detection moves most.
     shift : (r,)
         By how many of its standard deviations.
+    degrees_of_freedom : (r,)
+        Of the standard deviations.
     """
 
     names: tuple[str, ...]
@@ -98,6 +100,7 @@ class DirectedTests:
     probabilities: Array
     moved: IntArray
     shift: Array
+    degrees_of_freedom: Array
 
     def significant(self, level: float = 0.01) -> NDArray[np.intp]:
         """Return the directions whose test fires at `level` over all (Bonferroni), strongest first.
@@ -178,4 +181,5 @@ def _tested(
         scatter.probability(estimates),
         shift.argmax(axis=1),
         shift.max(axis=1, initial=0.0),
+        scatter.degrees_of_freedom,
     )
