@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator
 from dataclasses import dataclass, fields
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -45,8 +46,18 @@ class Directions:
     positions: int = 0
     half: int = 0
 
+    @cached_property
+    def _joined(self) -> list[Lines]:
+        """The columns of all directions in one array, where they are few."""
+        if self.columns[..., 0].size * len(self.names) > _TOGETHER:
+            return []
+        return [np.concatenate(list(self._parts()), axis=-1)]
+
     def batches(self) -> Iterator[Lines]:
         """Yield the columns (Q, F, k, .) of all directions, some at a time."""
+        yield from self._joined or self._parts()
+
+    def _parts(self) -> Iterator[Lines]:
         lines, p = self.columns[..., 0].size, self.jacobian.shape[-1]
         step = max(1, _TOGETHER // max(lines, 1))
         for first in range(0, self.columns.shape[-1], step):
@@ -158,8 +169,8 @@ def _tested(
 ) -> DirectedTests:
     off = fit.off_parameters(columns)
     weighted = fit.weighted(off)
-    size = np.einsum("qfkr,qfkr->r", np.conj(off), weighted).real
-    whole = np.einsum("qfkr,qfkr->r", np.conj(columns), fit.weighted(columns)).real
+    size = (np.conj(off) * weighted).real.sum(axis=(0, 1, 2))
+    whole = (np.conj(columns) * fit.weighted(columns)).real.sum(axis=(0, 1, 2))
     seen = (size > _VISIBLE**2 * whole) & (whole > 0)
     rows = np.moveaxis(np.conj(weighted[..., seen]) / size[seen], -1, 0)
     estimates = fit.estimates(rows, fit.residuals)

@@ -74,7 +74,7 @@ def correlation_of_deviations(fit: LinearisedFit) -> LineCorrelation:
     products = lagged_products(white, lags)
     counts = np.array([lines - lag for lag in range(1, lags + 1)]) / lines
     correlations = np.array([p.sum() for p in products]) / power / counts
-    data = fit.parts * float(np.count_nonzero(white)) / _element_correlation(white)
+    data = fit.parts * float(np.count_nonzero(white)) / element_correlation(fit)
     probability = _portmanteau(products[:LAGS])
     if probability >= FALSE_ALARM:
         return LineCorrelation(probability, _padded(np.empty(0), lines), 1.0, data)
@@ -127,44 +127,43 @@ def lagged_products(white: Lines, lags: int) -> list[Array]:
 
 def _portmanteau(products: list[Array], means: Array | None = None) -> float:
     """Return the probability of sums of lagged products, each over the root of its squares."""
-    from scipy.stats import chi2
+    from scipy.special import chdtrc
 
     statistic = 0.0
     for lag, product in enumerate(products):
         square = float((product**2).sum())
         shift = 0.0 if means is None else float(means[lag])
         statistic += (float(product.sum()) - shift) ** 2 / square if square > 0 else 0.0
-    return float(chi2.sf(statistic, len(products)))
-
-
-def _element_correlation(white: Lines) -> float:
-    """Return by how much correlation between elements lessens the number of independent data.
-
-    sum |d_f^H d_(f+h)|^2 over the sum of the products of variances, of lines h apart, whose errors
-    are independent even where neighbours are not.
-    """
-    apart = min(5, white.shape[2] - 1)
-    if apart < 1:
-        return 1.0
-    first, second = white[:, :, :-apart], white[:, :, apart:]
-    # All pairs of draws, so that few blocks suffice.
-    inner = np.einsum("qafi,qbfi->qabf", np.conj(first), second)
-    powers = np.einsum("qafi,qbfi->qabf", np.abs(first) ** 2, np.abs(second) ** 2)
-    total = float(powers.sum())
-    return max(1.0, float((np.abs(inner) ** 2).sum()) / total) if total > 0 else 1.0
+    return float(chdtrc(len(products), statistic))
 
 
 def element_correlation(fit: LinearisedFit) -> float:
-    """Return the factor by which correlated elements lessen the number of independent data."""
+    """Return the factor by which correlated elements lessen the number of independent data.
+
+    sum |d_f^H d_(f+h)|^2 over the sum of the products of variances, of draws d of lines h apart,
+    whose errors are independent even where neighbours are not; or the same of stated covariances.
+    """
     root = np.sqrt(fit.noise_weights)
-    if fit.deviations is not None:
-        return _element_correlation(root[:, None] * fit.deviations)
-    if fit.covariance.ndim == 3:
+    if fit.deviations is None:
+        if fit.covariance.ndim == 3:
+            return 1.0
+        white = root[..., :, None] * fit.covariance * root[..., None, :]
+        squares = float((np.abs(white) ** 2).sum())
+        diagonal = np.diagonal(white, axis1=-2, axis2=-1).real
+        return _at_least_one(squares, float((diagonal**2).sum()))
+    draws = (root[:, None] * fit.deviations).transpose(0, 2, 1, 3)  # (Q, F, R, k)
+    apart = min(5, draws.shape[1] - 1)
+    if apart < 1:
         return 1.0
-    white = root[..., :, None] * fit.covariance * root[..., None, :]
-    diagonal = np.diagonal(white, axis1=-2, axis2=-1).real
-    total = float((diagonal**2).sum())
-    return max(1.0, float((np.abs(white) ** 2).sum()) / total) if total > 0 else 1.0
+    # All pairs of draws, so that few blocks suffice.
+    inner = np.conj(draws[:, :-apart]) @ np.swapaxes(draws[:, apart:], -1, -2)
+    power = (np.abs(draws) ** 2).sum(axis=2)
+    total = float((power[:, :-apart] * power[:, apart:]).sum())
+    return _at_least_one(float((np.abs(inner) ** 2).sum()), total)
+
+
+def _at_least_one(squares: float, total: float) -> float:
+    return max(1.0, squares / total) if total > 0 else 1.0
 
 
 def _corrections(fit: LinearisedFit, columns: Lines, rows: Lines, root: Array, lags: int) -> Array:

@@ -33,13 +33,12 @@ class Scatter:
 
     def quantile(self, level: float) -> Array:
         """Return the factor of the standard deviation of two-sided intervals, (r,)."""
-        from scipy.special import stdtrit
-        from scipy.stats import norm
+        from scipy.special import ndtri, stdtrit
 
         at = (1 + level) / 2
         finite = np.isfinite(self.degrees_of_freedom)
         nu = np.where(finite, self.degrees_of_freedom, 1.0)
-        return np.asarray(np.where(finite, stdtrit(nu, at), norm.ppf(at)))
+        return np.asarray(np.where(finite, stdtrit(nu, at), ndtri(at)))
 
     def probability(self, estimates: Array) -> Array:
         """Return the two-sided probability of estimates as large as these, (r,), of zero."""

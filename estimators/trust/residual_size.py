@@ -43,8 +43,7 @@ def residual_size(fit: LinearisedFit, correlation: LineCorrelation) -> ResidualS
     a = w s^2 the numerator has 2 (sum a)^2 / sum a^2 nu/(nu + 1) degrees of freedom, as E s^4 =
     sigma^4 (nu + 1)/nu, and the denominator nu times as many.
     """
-    from scipy.stats import chi2
-    from scipy.stats import f as f_law
+    from scipy.special import fdtr, fdtrc, gammainc, gammaincc
 
     w, nu = fit.noise_weights, fit.degrees_of_freedom[:, None, None]
     a = w * fit.element_variances
@@ -55,11 +54,13 @@ def residual_size(fit: LinearisedFit, correlation: LineCorrelation) -> ResidualS
     size = fit.parts * float(a.sum()) ** 2 / dependence
     numerator, scatter = size / float(square.sum()), float((square / nu).sum())
     if scatter == 0:
-        law, denominator = chi2(numerator, scale=1 / numerator), np.inf
+        denominator = np.inf
+        half = numerator / 2
+        above, below = float(gammaincc(half, half * ratio)), float(gammainc(half, half * ratio))
     else:
         denominator = size / scatter
-        law = f_law(numerator, denominator)
-    above, below = float(law.sf(ratio)), float(law.cdf(ratio))
+        above = float(fdtrc(numerator, denominator, ratio))
+        below = float(fdtr(numerator, denominator, ratio))
     return ResidualSize(ratio, expected, numerator, denominator, above, below)
 
 

@@ -18,7 +18,7 @@ def simulated_probability(fit: LinearisedFit, correlation: LineCorrelation, rati
     the fit, is normal with the mean and standard deviation of draws. Elements that are correlated
     count as fewer independent ones.
     """
-    from scipy.stats import norm
+    from scipy.special import ndtr
 
     if not ratio > _LEAST_FACTOR:
         return 1.0
@@ -39,4 +39,4 @@ def simulated_probability(fit: LinearisedFit, correlation: LineCorrelation, rati
         s2 = (np.abs(deviations) ** 2).sum(axis=1)
         w = 1 / pooled_variances(s2, np.full(Q, float(draws)), deviations)
         logs[i] = np.log((w * np.abs(error) ** 2).sum() / (w * s2).sum())
-    return float(norm.sf((np.log(ratio) - logs.mean()) / logs.std(ddof=1)))
+    return float(ndtr((logs.mean() - np.log(ratio)) / logs.std(ddof=1)))
