@@ -41,7 +41,8 @@ def residual_size(fit: LinearisedFit, correlation: LineCorrelation) -> ResidualS
     sum w |r|^2 over sum w s^2 - 2 Re tr(w J A C) + tr(Re(J^H w J) V), with w the noise's weights
     and V the covariance of ln theta; for w of the fit's own this is sum w s^2 - tr(H V)/2. With
     a = w s^2 the numerator has 2 (sum a)^2 / sum a^2 nu/(nu + 1) degrees of freedom, as E s^4 =
-    sigma^4 (nu + 1)/nu, and the denominator nu times as many.
+    sigma^4 (nu + 1)/nu, and the denominator nu times as many; what errors of ln theta add to the
+    sum lessens the numerator's.
     """
     from scipy.special import fdtr, fdtrc, gammainc, gammaincc
 
@@ -49,10 +50,12 @@ def residual_size(fit: LinearisedFit, correlation: LineCorrelation) -> ResidualS
     a = w * fit.element_variances
     square = a**2 / (1 + 1 / nu)
     dependence = element_correlation(fit) * correlation.inflation
-    expected = fit.parts / 2 * float(a.sum()) - _taken_by_fit(fit)
+    taken, spread = _taken_by_fit(fit)
+    expected = fit.parts / 2 * float(a.sum()) - taken
     ratio = fit.squares / expected if expected > 0 else np.nan
     size = fit.parts * float(a.sum()) ** 2 / dependence
     numerator, scatter = size / float(square.sum()), float((square / nu).sum())
+    numerator = 1 / (1 / numerator + spread / expected**2)
     if scatter == 0:
         denominator = np.inf
         half = numerator / 2
@@ -64,8 +67,12 @@ def residual_size(fit: LinearisedFit, correlation: LineCorrelation) -> ResidualS
     return ResidualSize(ratio, expected, numerator, denominator, above, below)
 
 
-def _taken_by_fit(fit: LinearisedFit) -> float:
-    """Return by how much the fit lowers the expectation of sum w |r|^2."""
+def _taken_by_fit(fit: LinearisedFit) -> tuple[float, float]:
+    """Return by how much the fit lowers the expectation of sum w |r|^2, and tr((N V)^2).
+
+    The second is half of the variance of d^T N d, which errors d of ln theta add to the sum: little
+    for the noise's own weights, much for others.
+    """
     w, J, rows = fit.noise_weights, fit.jacobian, fit.rows
     if fit.deviations is not None:
         scores = fit.line_scores(rows)
@@ -83,7 +90,8 @@ def _taken_by_fit(fit: LinearisedFit) -> float:
         V = np.einsum("aqfi,bqfi->ab", through, np.conj(rows), optimize=True).real / 2
     flat = J.reshape(-1, J.shape[-1])
     normal = (np.conj(flat).T @ (w.reshape(-1, 1) * flat)).real
-    return cross - float(np.sum(normal * V))
+    through = normal @ V
+    return cross - float(np.trace(through)), float(np.sum(through * through.T))
 
 
 def line_probabilities(fit: LinearisedFit) -> Array:

@@ -11,6 +11,7 @@ from estimators.trust.line_correlation import (
     correlation_of_deviations,
     correlation_of_residuals,
     declared_correlation,
+    element_correlation,
 )
 from estimators.trust.line_scatter import Scatter, line_scatter
 from estimators.trust.linearised_fit import LinearisedFit
@@ -307,4 +308,24 @@ def _smooth_excess(fit: LinearisedFit, correlation: LineCorrelation, size: Resid
         return True
     scaled = replace(fit, residuals=fit.residuals / np.sqrt(max(size.ratio, 1.0)))
     probabilities = line_probabilities(scaled)
-    return bool(probabilities.min() < LEVEL / max(int(fit.used.sum()), 1))
+    single = bool(probabilities.min() < LEVEL / max(int(fit.used.sum()), 1))
+    return single or _group_stands_out(fit, correlation, size)
+
+
+def _group_stands_out(fit: LinearisedFit, correlation: LineCorrelation, size: ResidualSize) -> bool:
+    """Tell whether a line or an element of a position exceeds the common factor (F laws)."""
+    from scipy.stats import f as f_law
+
+    square = fit.noise_weights * np.abs(fit.residuals) ** 2
+    stated = fit.noise_weights * fit.element_variances
+    each = stated * (size.expected / stated.sum()) * size.ratio
+    nu = np.minimum(fit.degrees_of_freedom, 1e6)[:, None]
+    dependent = element_correlation(fit)
+    for axis, fewer in ((2, dependent), (1, correlation.inflation)):
+        count = fit.parts * fit.used.sum(axis=axis) / fewer
+        seen = count > 0
+        ratio = np.where(seen, square.sum(axis=axis), 0.0) / np.where(seen, each.sum(axis=axis), 1)
+        probability = f_law.sf(ratio, np.maximum(count, 1e-9), np.maximum(count, 1) * nu)
+        if (probability[seen] < LEVEL / 2 / max(int(seen.sum()), 1)).any():
+            return True
+    return False

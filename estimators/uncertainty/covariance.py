@@ -135,6 +135,8 @@ def covariance(fit: "Fit", method: str = "theorem1", lags: int | None = None) ->
         If the search could not begin.
     """
     _check_method(method, lags)
+    if method == "scaled" and fit.loss != "linear":
+        raise InvalidInput(f"covariance: loss {fit.loss!r}; 'scaled' is defined for 'linear' only")
     names, prior = fit.parameters.names, fit.prior
     known = np.zeros((len(names),) * 2) if prior is None else prior.information(names)
     freedom = np.full(len(names), np.inf)

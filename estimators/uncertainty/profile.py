@@ -125,6 +125,8 @@ def profile_likelihood(
     chosen = fit.parameters.names if names is None else tuple(names)
     columns = [fit.parameters.index(name) for name in chosen]
     known = noise == "known" and scale is None
+    if known:
+        scale = _mean_scale(fit)
     density = posterior_density(fit, noise=noise, scale=scale, prior=prior)
     factors = adjustments(fit, density.noise.scale) if known else np.ones(len(fit.parameters))
     start = laplace(fit, density)
@@ -137,6 +139,13 @@ def profile_likelihood(
         if progress is not None:
             progress(len(found), len(tasks))
     return tuple(found)
+
+
+def _mean_scale(fit: Fit) -> float:
+    """Return the factor of V that makes exp(-V) as wide as Theorem 1 on average."""
+    bread, meat = sandwich_parts(fit)
+    # Directions without information have neither bread nor meat.
+    return len(bread) / float(np.trace(np.linalg.lstsq(bread, meat)[0]))
 
 
 def adjustments(fit: Fit, scale: float) -> Array:

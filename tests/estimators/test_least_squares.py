@@ -53,11 +53,17 @@ def test_exact_data_with_a_full_covariance(residual):
     assert np.abs(np.log(found.parameters.values / TRUTH)).max() < 1e-6
 
 
+def response_of(fitted):
+    return frequency_response(MODEL, POSITIONS, OMEGA, fitted.parameters.values)
+
+
 @pytest.mark.parametrize("residual", ["nls", "lls"])
 def test_the_cost_is_wm_4b_and_stationary(residual):
     estimate = noisy()
     found = fit(MODEL, estimate, residual, "optimal")
-    weights = optimal_weights(estimate, residual)
+    # Weights of log residuals are evaluated at the fit's own FRF, a search before its end.
+    weights = found.weights
+    assert np.allclose(weights, optimal_weights(estimate, residual, response_of(found)), rtol=0.02)
 
     def cost(ln_theta):
         G = frequency_response(MODEL, POSITIONS, OMEGA, np.exp(ln_theta))
@@ -87,7 +93,8 @@ class Counting(MassSprings):
 
 def test_evaluations_are_counted_and_serve_residual_and_jacobian():
     model = Counting()
-    found = fit(model, noisy(), start=1.1 * TRUTH)
+    weights = user_weights(noisy())
+    found = fit(model, noisy(), start=1.1 * TRUTH, weights=weights)
     assert found.evaluations == len(set(model.values))
 
 

@@ -3,8 +3,8 @@ import pytest
 from scipy.stats import chi2, norm
 from two_chains import circular, drawn, truth, two_chains, with_errors
 
-from estimators import Prior, covariance, fit, multistart
-from estimators.uncertainty.model_error import loss_factors, reduced_cost
+from estimators import Prior, covariance, fit, multistart, residual_analysis
+from estimators.fitting.robust import loss_factors
 from robotmodels import CoupledChains, InvalidInput, RelativeNoise, SolverFailed
 
 MODEL = two_chains()
@@ -106,10 +106,12 @@ def test_the_empirical_sandwich_as_written_out():
 
 @pytest.mark.parametrize("residual", ["nls", "lls", "lls_magnitude"])
 @pytest.mark.parametrize("weights", ["optimal", "user"])
-def test_the_reduced_cost_is_one_on_average(residual, weights):
+def test_the_size_of_residuals_is_one_on_average(residual, weights):
     rng, n = np.random.default_rng(4), 60 if weights == "optimal" else 20
     found = [
-        reduced_cost(fit(MODEL, drawn(FRF[:, ::20], rng, NOISE, OMEGA[::20]), residual, weights))
+        residual_analysis(
+            fit(MODEL, drawn(FRF[:, ::20], rng, NOISE, OMEGA[::20]), residual, weights), 1
+        ).ratio
         for _ in range(n)
     ]
     spread = np.std(found) / np.sqrt(n)
@@ -240,7 +242,7 @@ def test_a_robust_fit_scatters_as_claimed():
 
 def test_what_cannot_be_told_is_refused():
     found = fit(MODEL, drawn(FRF, np.random.default_rng(0), NOISE, OMEGA), loss="huber")
-    with pytest.raises(InvalidInput, match="loss 'huber'; it is defined for 'linear' only"):
+    with pytest.raises(InvalidInput, match="loss 'huber'; 'scaled' is defined for 'linear' only"):
         covariance(found, "scaled")
     with pytest.raises(
         InvalidInput, match=r"'theorem' is none of .* \(did you mean 'theorem1'\?\)"

@@ -24,7 +24,7 @@ def noisy(relative=0.03, floor=0.01, seed=2):
     return simulate_frf(MODEL, POSITIONS[:2], OMEGA[2::5], RelativeNoise(relative, floor), rng)
 
 
-NOISES = Noise(), Noise("unknown"), Noise("estimated", blocks=7)
+NOISES = Noise(), Noise("unknown")
 
 
 @pytest.mark.parametrize(
@@ -34,7 +34,6 @@ NOISES = Noise(), Noise("unknown"), Noise("estimated", blocks=7)
         for residual in ("nls", "lls", "lls_magnitude")
         for weights in ("optimal", "full")
         for noise in NOISES
-        if (residual, weights, noise.kind) != ("lls_magnitude", "full", "estimated")  # refused
     ],
 )
 def test_gradients_are_those_of_finite_differences(residual, weights, noise):
@@ -46,18 +45,6 @@ def test_gradients_are_those_of_finite_differences(residual, weights, noise):
     assert found.value == pytest.approx(-target(x)[0], rel=1e-9)
     assert found.gradient == pytest.approx(expected, rel=1e-5, abs=1e-5 * np.abs(expected).max())
     assert np.linalg.eigvalsh(found.hessian).min() > 0
-
-
-def test_estimated_magnitudes_with_full_weights_are_refused():
-    found = fit(MODEL, exact(full_covariance((3, 23, 2, 2))), "lls_magnitude", "optimal")
-    with pytest.raises(InvalidInput, match="'estimated' is not known for magnitudes"):
-        log_posterior(found, Noise("estimated", blocks=7))
-
-
-def test_too_few_blocks_for_full_covariances_are_refused():
-    found = fit(MODEL, exact(full_covariance((3, 23, 2, 2))), "nls", "optimal")
-    with pytest.raises(InvalidInput, match="blocks: 4 give no covariance of 4 elements"):
-        log_posterior(found, Noise("estimated", blocks=4))
 
 
 @pytest.mark.parametrize(("residual", "weights"), [("nls", "optimal"), ("lls", "user")])
