@@ -101,7 +101,6 @@ POSTERIOR = {
     "thin": (2, [1]),
     "noise": ("known", ["unknown"]),
     "scale": (0.9, [1.1, None]),
-    "blocks": (None, []),
     "prior": (None, [PRIOR]),
     "target": (Target(r_hat=1.001, ess=1e6), [Target(r_hat=5.0, ess=10.0)]),
     "starts": (None, [CHAIN_STARTS, 1.0001 * CHAIN_STARTS]),
@@ -126,7 +125,6 @@ MONTE_CARLO = {
     "methods": (("theorem1",), [("scaled",), ()]),
     "level": (0.95, [0.9]),
     "noise": ("known", []),
-    "blocks": (None, []),
 }
 KINDS = {
     "multistart": (multistart, MULTISTART, "store"),

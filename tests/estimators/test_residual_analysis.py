@@ -34,7 +34,7 @@ def test_where_all_is_noise_the_tests_are_passed_as_often_as_they_say(residual):
     within = 4 * np.sqrt(2 / found[0].dof[0] / len(found))
     assert np.isclose(np.mean([one.ratio for one in found]), 1, atol=within)
     data = (1 if residual == "lls_magnitude" else 2) * 3 * 23 * 4
-    assert found[0].dof == pytest.approx((data, np.inf))
+    assert found[0].dof == (pytest.approx(data - 6, rel=1e-3), np.inf)
 
 
 def test_the_ratio_is_that_of_twice_the_cost_for_optimal_weights():
@@ -42,7 +42,7 @@ def test_the_ratio_is_that_of_twice_the_cost_for_optimal_weights():
     analysis = residual_analysis(found)
     data = 2 * 3 * 23 * 4
     assert np.isclose(analysis.ratio, 2 * found.cost / (data - 6))
-    assert np.isclose(analysis.p_value, chi2.sf(data * analysis.ratio, data))
+    assert np.isclose(analysis.p_value, chi2.sf(2 * found.cost, data - 6), rtol=2e-3)
     assert "times what noise explains" in str(analysis)
     assert "outlying positions (counted from 0): none" in str(analysis)
 
@@ -99,7 +99,8 @@ def test_elements_without_weight_are_left_out():
     weights[:, :5] = 0
     analysis = residual_analysis(fit(MODEL, noisy(), "lls", weights))
     assert np.isnan(analysis.by_element[0, 1])
-    assert analysis.dof[0] == pytest.approx(2 * 3 * 18 * 3)
+    # Weights that are not the noise's leave the sum of squares more scatter.
+    assert 0.8 * (2 * 3 * 18 * 3) < analysis.dof[0] < 2 * 3 * 18 * 3
 
 
 def test_what_cannot_be_analysed_is_refused():
