@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from estimators.fitting.residuals import Residual
 from estimators.fitting.weights import (
+    FLOOR,
     MINIMUM_SNR,
     check_positive,
     combined_weights,
@@ -67,6 +68,29 @@ def _named(
         return combined_weights(estimate, kind, response=response, minimum_snr=minimum_snr)
     diagonal = name == "optimal_diagonal"
     return optimal_weights(estimate, kind, response, minimum_snr, diagonal=diagonal)
+
+
+def own_line_shares(
+    weighting: str, estimate: FrfEstimate, kind: Residual, response: ComplexArray
+) -> Array:
+    """Return by which power (Q, F, m, n) weights fall with the estimated variance of their line.
+
+    Parameters
+    ----------
+    weighting : str
+        One of `KINDS`; weights of another origin are taken to follow the noise.
+    response : (Q, F, m, n)
+        At which weights were evaluated.
+    """
+    share = np.broadcast_to(estimate.own_share, response.shape)
+    if weighting == "user":
+        return np.zeros(response.shape)
+    if weighting != "combined":
+        return share
+    size = np.abs(response) ** 2
+    noise = kind.noise(estimate.weight_variance, response, size > 0)
+    floor = FLOOR**2 * (np.ones(response.shape) if kind.relative else size)
+    return np.asarray(share * noise / (noise + floor))
 
 
 def _numbers(weights: NDArray[Any]) -> NDArray[Any]:

@@ -26,7 +26,7 @@ class Problem:
 
     Attributes
     ----------
-    model, estimate, kind, weights, bounds, prior, loss : as in `estimators.Fit`.
+    model, estimate, kind, weights, bounds, prior, loss, weighting : as in `estimators.Fit`.
     root, used : of the weights, see `square_root` and `used_elements`.
     """
 
@@ -37,6 +37,7 @@ class Problem:
     bounds: Array
     prior: Prior | None = None
     loss: str = "linear"
+    weighting: str = ""
     root: Array | ComplexArray = field(init=False)
     used: NDArray[np.bool_] = field(init=False)
 
@@ -165,6 +166,7 @@ def stated(
         bounds=read_only(_checked_bounds(bounds, model.parameters)),
         prior=prior,
         loss=check_loss(loss),
+        weighting=weights if isinstance(weights, str) else "",
     )
 
 

@@ -38,6 +38,7 @@ _FIT = ArraySchema(
         "start": Field(("parameter",)),
         "bounds": Field(("", "parameter"), finite=False),
         "positions": Field(("position", "coordinate")),
+        "weighting": Field((), "text", attribute=True, optional=True),
         "prior_names": Field(("known",), "text", attribute=True, optional=True),
         "prior_values": Field(("known",), optional=True),
         "prior_std": Field(("known",), optional=True),
@@ -118,6 +119,7 @@ def _write_fit(group: Any, one: Fit, weights: int) -> None:
         message=one.message,
         evaluations=one.evaluations,
         weights=f"weights_{weights}",
+        weighting=one.weighting,
     )
     group["values"] = one.parameters.values
     group["start"] = one.start
@@ -166,6 +168,7 @@ def _read_fit(
             evaluations=stored["evaluations"],
             prior=_prior(stored),
             loss=check_loss(stored["loss"]),
+            weighting=stored.get("weighting") or "",
         )
     except InvalidInput as error:
         raise InvalidInput(f"{group.where}: {error}") from error

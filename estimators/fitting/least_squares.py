@@ -48,6 +48,7 @@ class Fit(Printed):
     evaluations : of the FRF and its sensitivities.
     prior : what was known before, see `Prior`.
     loss : "linear", or the robust loss.
+    weighting : the name of the weights; empty for an array.
     """
 
     model: Elastic
@@ -63,6 +64,7 @@ class Fit(Printed):
     evaluations: int
     prior: Prior | None = None
     loss: str = "linear"
+    weighting: str = ""
 
     @property
     def converged(self) -> bool:
@@ -193,7 +195,7 @@ def reweighted(
         model, estimate, values = fit.model, fit.estimate, fit.parameters.values
         G = np.asarray(frequency_response(model, estimate.positions, estimate.omega, values))
         array = chosen_weights(weights, estimate, find_residual(fit.residual), G)
-        problem = problem_of(replace(fit, weights=array))
+        problem = problem_of(replace(fit, weights=array, weighting=weights))
         fit = as_fit(problem, values, search(problem, values, 200, tolerance))
         evaluations += fit.evaluations
     return replace(fit, start=start, evaluations=evaluations)
@@ -217,6 +219,7 @@ def problem_of(found: Fit) -> Problem:
         bounds=found.bounds,
         prior=found.prior,
         loss=found.loss,
+        weighting=found.weighting,
     )
 
 
@@ -237,4 +240,5 @@ def as_fit(problem: Problem, start: Array, found: Outcome) -> Fit:
         evaluations=found.evaluations,
         prior=problem.prior,
         loss=problem.loss,
+        weighting=problem.weighting,
     )

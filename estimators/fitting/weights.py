@@ -129,8 +129,9 @@ def optimal_weights(
 ) -> Array | ComplexArray:
     """Return the weights of least covariance: [WM] (6) for nls, (8) for log residuals.
 
-    Variances that were estimated come from neighbouring lines, see `pooled_variances`: weights that
-    follow a line's own scatter make it look more certain than it is.
+    Variances that were estimated come from neighbouring lines, and from the line itself only as far
+    as neighbours tell less, see `own_shares`: weights that follow a line's own scatter make it look
+    more certain than it is.
 
     Parameters
     ----------
@@ -154,7 +155,7 @@ def optimal_weights(
     used = clear(estimate, minimum_snr, at)
     if kind.relative:
         used &= at != 0  # an infinite relative error
-    covariance = estimate.pooled_variance if diagonal else estimate.pooled_covariance
+    covariance = estimate.weight_variance if diagonal else estimate.weight_covariance
     noise = kind.noise(covariance, at, used)
     return _inverse(noise, used, estimate)
 
@@ -201,7 +202,7 @@ def combined_weights(
     if kind.relative:
         used &= at != 0
     noise = kind.noise(
-        estimate.pooled_variance if diagonal else estimate.pooled_covariance, at, used
+        estimate.weight_variance if diagonal else estimate.weight_covariance, at, used
     )
     error = floor**2 * (np.ones(at.shape) if kind.relative else np.abs(at) ** 2)
     if not is_full(noise, at.shape):

@@ -8,7 +8,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from estimators.frf.pooled_noise import pooled_covariances, pooled_variances
+from estimators.frf.pooled_noise import (
+    mixed_variances,
+    own_shares,
+    pooled_covariances,
+    pooled_variances,
+)
 from robotmodels.arrays import Array, ComplexArray, IntArray, read_only
 from robotmodels.errors import InvalidInput
 from robotmodels.noise import RelativeNoise
@@ -131,17 +136,31 @@ class FrfEstimate(Printed):
     @cached_property
     def pooled_variance(self) -> Array:
         """Variances (Q, F, m, n) from neighbouring lines, see `pooled_variances`."""
-        freedom = np.where(np.isnan(self.degrees_of_freedom), np.inf, self.degrees_of_freedom)
-        return pooled_variances(self.variance, freedom, self.deviations)
+        return pooled_variances(self.variance, self._freedom, self.deviations)
 
     @cached_property
-    def pooled_covariance(self) -> Array | ComplexArray:
-        """Covariances with pooled variances and correlations, as `covariance` is shaped."""
+    def own_share(self) -> Array:
+        """Share (Q, 1, m, n) of a line's own variance in `weight_variance`, see `own_shares`."""
+        return own_shares(self.variance, self.pooled_variance, self._freedom)
+
+    @cached_property
+    def weight_variance(self) -> Array:
+        """Variances (Q, F, m, n) from neighbouring lines and, by `own_share`, the line itself."""
+        return mixed_variances(self.variance, self.pooled_variance, self.own_share, self._freedom)
+
+    @cached_property
+    def weight_covariance(self) -> Array | ComplexArray:
+        """Covariances with `weight_variance` and pooled correlations, as `covariance` is shaped."""
         if not self.has_full_covariance:
-            return self.pooled_variance
-        freedom = np.where(np.isnan(self.degrees_of_freedom), np.inf, self.degrees_of_freedom)
+            return self.weight_variance
         covariance = np.asarray(self.covariance, dtype=complex)
-        return pooled_covariances(covariance, vec(self.pooled_variance), freedom)
+        return pooled_covariances(covariance, vec(self.weight_variance), self._freedom)
+
+    @property
+    def _freedom(self) -> Array:
+        """Degrees of freedom, infinite where they are not known."""
+        unknown = np.isnan(self.degrees_of_freedom)
+        return np.where(unknown, np.inf, self.degrees_of_freedom)
 
     def __str__(self) -> str:
         q, f, m, n = self.response.shape

@@ -12,8 +12,7 @@ from numpy.typing import NDArray
 
 from robotmodels.arrays import Array, ComplexArray
 
-_HALF_WIDTH = 3
-_PRECISE = 10  # degrees of freedom from which on two lines to either side suffice
+_HALF_WIDTHS = (3, 2, 1)
 _SHARE = 20  # of the lines, to either side, where that is more
 _MANY_LINES = 100
 _LEFT_OUT = 15  # at most a fifteenth of the lines is left out to either side
@@ -25,10 +24,11 @@ def pooled_variances(
 ) -> Array:
     """Return variances (Q, F, ...) from those of neighbouring lines, the line itself left out.
 
-    The geometric mean over two or three lines, or a twentieth of all, to either side, times
-    nu/exp(digamma(nu)), by which the logarithm of a variance with nu complex degrees of freedom is
-    too small on average. Declared variances (nu infinite) are returned as they are. Of 100 lines
-    and more those next to the line are left out as well, as far as deviations are correlated.
+    The geometric mean over one to three lines, or a twentieth of all, to either side, whichever
+    predicts the variances of an element best, times nu/exp(digamma(nu)), by which the logarithm of
+    a variance with nu complex degrees of freedom is too small on average. Declared variances (nu
+    infinite) are returned as they are. Of 100 lines and more those next to the line are left out as
+    well, as far as deviations are correlated.
 
     Parameters
     ----------
@@ -39,24 +39,61 @@ def pooled_variances(
     deviations : (Q, R, F, ...), optional
         Draws that the variances were made of.
     """
-    from scipy.special import digamma
-
     lines = variances.shape[1]
     finite = np.isfinite(degrees_of_freedom)
     if lines < 2 or not finite.any():
         return variances
-    few = bool((degrees_of_freedom[finite] < _PRECISE).any())
-    width = max(_HALF_WIDTH if few else _HALF_WIDTH - 1, lines // _SHARE)
-    pooled = _neighbour_mean(np.log(variances), width, 0)
+    logs, left_out = np.log(variances), 0
     if deviations is not None and lines >= _MANY_LINES:
-        white = deviations / np.exp(pooled / 2)[:, None]
+        white = deviations / np.exp(_neighbour_mean(logs, _HALF_WIDTHS[0], 0) / 2)[:, None]
         left_out = _correlated_lines(white)
-        if left_out:
-            pooled = _neighbour_mean(np.log(variances), width, left_out)
-    nu = np.where(finite, degrees_of_freedom, 1.0)
-    factor = (nu / np.exp(digamma(nu))).reshape(-1, *[1] * (variances.ndim - 1))
-    result = np.exp(pooled) * factor
-    return np.where(finite.reshape(factor.shape), result, variances)
+    widths = (max(_HALF_WIDTHS[0], lines // _SHARE), *_HALF_WIDTHS[1:])
+    means = np.stack([_neighbour_mean(logs, width, left_out) for width in widths])
+    best = ((logs - means) ** 2).mean(axis=2).argmin(axis=0)
+    pooled = np.take_along_axis(means, best[None, :, None], axis=0)[0]
+    nu, declared = _by_position(degrees_of_freedom, variances.ndim)
+    return np.where(declared, variances, np.exp(pooled) * _log_bias(nu))
+
+
+def own_shares(variances: Array, pooled: Array, degrees_of_freedom: Array) -> Array:
+    """Return how much a line's own variance tells beside its neighbours', (Q, 1, ...), 0 to 1.
+
+    Where variances change from line to line, as at resonances, log s^2 less its prediction scatters
+    by more than trigamma(nu), the variance of log s^2 itself. The excess over the whole is the best
+    share of the own one; one standard deviation of the estimated whole is given up, and a quarter
+    of nu is the most, beyond which weights scatter too much.
+    """
+    from scipy.special import polygamma
+
+    nu, declared = _by_position(degrees_of_freedom, variances.ndim)
+    lines = variances.shape[1]
+    square = (np.log(variances / pooled * _log_bias(nu)) ** 2).mean(axis=1, keepdims=True)
+    noise = polygamma(1, nu) * (1 + np.sqrt(2 / lines))
+    share = np.clip(1 - noise / np.maximum(square, 1e-300), 0.0, np.minimum(nu / 4, 1.0))
+    return np.where(declared, 0.0, share)
+
+
+def mixed_variances(
+    variances: Array, pooled: Array, shares: Array, degrees_of_freedom: Array
+) -> Array:
+    """Return geometric means of a line's own variance, by `shares`, and of the pooled one."""
+    nu, declared = _by_position(degrees_of_freedom, variances.ndim)
+    mixed = pooled * (variances / pooled * _log_bias(nu)) ** shares
+    return np.where(declared, variances, mixed)
+
+
+def _by_position(degrees_of_freedom: Array, ndim: int) -> tuple[Array, NDArray[np.bool_]]:
+    """Return finite degrees of freedom, and where there are none, shaped (Q, 1, ...)."""
+    finite = np.isfinite(degrees_of_freedom)
+    shape = (-1, *[1] * (ndim - 1))
+    return np.where(finite, degrees_of_freedom, 1.0).reshape(shape), ~finite.reshape(shape)
+
+
+def _log_bias(nu: Array) -> Array:
+    """Return the factor nu/exp(digamma(nu)) of a geometric mean of variances."""
+    from scipy.special import digamma
+
+    return np.asarray(nu / np.exp(digamma(nu)))
 
 
 def pooled_covariances(

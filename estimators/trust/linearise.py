@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from estimators.fitting.chosen_weights import own_line_shares
 from estimators.fitting.least_squares import Fit, problem_of
 from estimators.frf.estimate import is_full, vec
 from estimators.trust.linearised_fit import LinearisedFit
@@ -25,26 +26,35 @@ def linearise(fit: Fit, at: tuple[ComplexArray, ComplexArray] | None = None) -> 
     residuals = np.where(used, kind.error(estimate.response, response, used), 0.0)
     noise = kind.noise(estimate.covariance, response, used)
     pooled = kind.noise(estimate.pooled_variance, response, used)
+    # The logarithm of 1 + x has the variance r + r^2/2 + ..., with r = E|x|^2.
+    curved = np.where(used, 1 + pooled / 2, 1.0) if kind.relative else np.ones(response.shape)
+    pooled = pooled * curved
+    root = vec(np.sqrt(curved))
     deviations = estimate.deviations
     if deviations is not None:
         size = np.where(used, response, 1.0)[:, None]
         deviations = deviations / size if kind.relative else deviations
         deviations = np.where(used[:, None], deviations, 0.0)
-        deviations = vec(np.sqrt(2) * deviations.real if kind.real else deviations)
+        deviations = vec(np.sqrt(2) * deviations.real if kind.real else deviations) * root[:, None]
     names = fit.parameters.names
-    prior = np.zeros((len(names),) * 2)
     freedom = estimate.degrees_of_freedom
+    nu = freedom[:, None, None]
+    share = vec(own_line_shares(fit.weighting, estimate, kind, response))
+    prior = np.zeros((len(names),) * 2)
     return LinearisedFit(
         names=names,
         residuals=vec(residuals),
         jacobian=np.moveaxis(vec(np.moveaxis(slopes, -1, 2)), 2, -1),
         weights=fit.weights if is_full(fit.weights, response.shape) else vec(fit.weights),
         noise_weights=vec(np.where(used, 1.0 / np.where(used, pooled, 1.0), 0.0)),
-        covariance=noise if is_full(noise, response.shape) else vec(noise),
+        covariance=noise * root[..., :, None] * root[..., None, :]
+        if is_full(noise, response.shape)
+        else vec(noise * curved),
         deviations=deviations,
         degrees_of_freedom=np.where(np.isnan(freedom), np.inf, freedom),
         line_correlation=estimate.line_correlation,
         prior=prior if fit.prior is None else fit.prior.information(names),
+        scatter_factor=1 / (1 - 2 * share / nu),
         real=kind.real,
     )
 

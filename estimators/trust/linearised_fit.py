@@ -45,6 +45,10 @@ class LinearisedFit:
         Correlation of errors 1 to L lines apart, where the estimator of the FRF makes one.
     prior : (p, p)
         Information on ln theta from elsewhere.
+    scatter_factor : (Q, F, k) or 1
+        By which squared deviations are enlarged before weights that fall with the power q of the
+        line's own variance multiply them: nu/(nu - 2 q), as E[g^(1 - 2 q)] is (nu - 2 q)/nu times
+        E[g^(-2 q)] for a variance g with nu complex degrees of freedom.
     real : bool
         Whether the residuals are real, as those of magnitudes.
     """
@@ -59,6 +63,7 @@ class LinearisedFit:
     degrees_of_freedom: Array
     line_correlation: Array
     prior: Array
+    scatter_factor: Array | float = 1.0
     real: bool = False
 
     @property
@@ -138,6 +143,7 @@ class LinearisedFit:
         """Return what each line adds to the variances of Re(A e), (r, Q, F): A C A^H / 2."""
         if self.deviations is not None:
             return np.asarray((np.abs(self.line_scores(rows)) ** 2).sum(axis=2) / 2)
+        rows = rows * np.sqrt(self.scatter_factor)
         if self.covariance.ndim == 3:
             return np.asarray((np.abs(rows) ** 2 * self.covariance).sum(axis=-1) / 2)
         through = np.einsum("aqfi,qfij->aqfj", rows, self.covariance)
@@ -145,10 +151,15 @@ class LinearisedFit:
 
     def line_scores(self, rows: Lines) -> Lines:
         """Return A times the deviations, line by line, (r, Q, R, F)."""
-        assert self.deviations is not None
-        moved = self.deviations.transpose(0, 2, 3, 1)  # (Q, F, k, R)
-        product = np.moveaxis(rows, 0, -2) @ moved  # (Q, F, r, R)
+        product = np.moveaxis(rows, 0, -2) @ self._moved  # (Q, F, r, R)
         return np.asarray(product.transpose(2, 0, 3, 1))
+
+    @cached_property
+    def _moved(self) -> Lines:
+        """Deviations (Q, F, k, R) as large as weights leave them."""
+        assert self.deviations is not None
+        factor = np.sqrt(np.broadcast_to(self.scatter_factor, self.noise_weights.shape))
+        return np.asarray(self.deviations.transpose(0, 2, 3, 1) * factor[..., None])
 
     @cached_property
     def element_variances(self) -> Array:

@@ -10,7 +10,8 @@ from estimators.levels import IMPROBABLE
 from estimators.trust.line_correlation import correlation_of_residuals, lagged_products
 from estimators.trust.linearise import linearise
 from estimators.trust.linearised_fit import LinearisedFit
-from estimators.trust.rule import find_correlation, judged_size
+from estimators.trust.residual_size import residual_size
+from estimators.trust.rule import find_correlation
 from robotmodels.arrays import Array, IntArray
 from robotmodels.errors import InvalidInput, SolverFailed
 from robotmodels.notebook import Printed
@@ -103,7 +104,7 @@ def residual_analysis(fit: Fit, lags: int = LAGS) -> ResidualAnalysis:
         raise InvalidInput(
             f"residuals: {linear.data} data for {len(linear.names)} parameters leave none"
         )
-    size, _ = judged_size(linear, find_correlation(linear))
+    size = residual_size(linear, find_correlation(linear))
     m = fit.estimate.response.shape[-2]
     square = linear.noise_weights * np.abs(linear.residuals) ** 2
     each = linear.noise_weights * linear.element_variances * (size.expected / _stated(linear))

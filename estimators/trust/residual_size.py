@@ -9,6 +9,10 @@ from estimators.trust.linearised_fit import LinearisedFit
 from robotmodels.arrays import Array
 
 
+SIZE_LEVEL = 0.005
+"""Probability of a false alarm of the test of the residuals' size."""
+
+
 @dataclass(frozen=True)
 class ResidualSize:
     """Squared residuals over what the noise lets expect of them.
@@ -22,9 +26,9 @@ class ResidualSize:
     numerator, denominator : float
         Degrees of freedom of the F law of this ratio; the second is infinite for declared noise.
     probability : float
-        Of a ratio as large or larger if there is only noise.
+        Of residuals as large or larger if there is only noise.
     probability_below : float
-        Of a ratio as small or smaller.
+        Of residuals as small or smaller.
     """
 
     ratio: float
@@ -34,17 +38,27 @@ class ResidualSize:
     probability: float
     probability_below: float
 
+    @property
+    def too_large(self) -> bool:
+        """Whether residuals are larger than noise makes them; not a number counts as too large."""
+        return not self.probability >= SIZE_LEVEL
+
 
 def residual_size(fit: LinearisedFit, correlation: LineCorrelation) -> ResidualSize:
-    """Return the F ratio of totals, corrected for what the fit takes away.
+    """Return the ratio of totals, corrected for what the fit takes away, and its probability.
 
     sum w |r|^2 over sum w s^2 - 2 Re tr(w J A C) + tr(Re(J^H w J) V), with w the noise's weights
     and V the covariance of ln theta; for w of the fit's own this is sum w s^2 - tr(H V)/2. With
     a = w s^2 the numerator has 2 (sum a)^2 / sum a^2 nu/(nu + 1) degrees of freedom, as E s^4 =
     sigma^4 (nu + 1)/nu, and the denominator nu times as many; what errors of ln theta add to the
     sum lessens the numerator's.
+
+    Declared noise makes the ratio chi square. With estimated noise few lines may carry most of the
+    totals, whose F law is then wrong: there it is Fisher's combination -2 sum log p of the single
+    residuals' probabilities that is chi square, for any nu and whatever the weights. Where elements
+    or neighbouring lines are correlated, so many fewer of them count.
     """
-    from scipy.special import fdtr, fdtrc, gammainc, gammaincc
+    from scipy.special import gammainc, gammaincc
 
     w, nu = fit.noise_weights, fit.degrees_of_freedom[:, None, None]
     a = w * fit.element_variances
@@ -57,13 +71,12 @@ def residual_size(fit: LinearisedFit, correlation: LineCorrelation) -> ResidualS
     numerator, scatter = size / float(square.sum()), float((square / nu).sum())
     numerator = 1 / (1 / numerator + spread / expected**2)
     if scatter == 0:
-        denominator = np.inf
-        half = numerator / 2
-        above, below = float(gammaincc(half, half * ratio)), float(gammainc(half, half * ratio))
+        denominator, half, statistic = np.inf, numerator / 2, ratio * numerator / 2
     else:
-        denominator = size / scatter
-        above = float(fdtrc(numerator, denominator, ratio))
-        below = float(fdtr(numerator, denominator, ratio))
+        denominator, half = size / scatter, int(fit.used.sum()) / dependence
+        with np.errstate(divide="ignore"):
+            statistic = -float(np.log(line_probabilities(fit)).sum()) / dependence
+    above, below = float(gammaincc(half, statistic)), float(gammainc(half, statistic))
     return ResidualSize(ratio, expected, numerator, denominator, above, below)
 
 

@@ -16,20 +16,14 @@ from estimators.trust.line_correlation import (
 from estimators.trust.line_scatter import Scatter, line_scatter
 from estimators.trust.linearised_fit import LinearisedFit
 from estimators.trust.residual_size import ResidualSize, line_probabilities, residual_size
-from estimators.trust.simulated_size import simulated_probability
 from robotmodels.arrays import Array
 
 LEVEL = 0.01
 """Probability of a false alarm of all directed tests of a study together."""
 
-SIZE_LEVEL = 0.005
-"""Probability of a false alarm of the test of the residuals' size."""
-
 NOT_IDENTIFIABLE_STD = 1.0
 """A relative standard deviation of one: an interval from a seventh to seven times the value."""
 
-_FEWEST = 2.0
-_ENOUGH_DATA = 50.0  # degrees of freedom of the noise before sizes of correlated errors are judged
 _CLEARLY_WHITE = 0.05
 _MINORITY = 0.5
 
@@ -48,8 +42,6 @@ class Evidence:
         Variances of ln theta by the lines' scatter, before any scaling.
     size : ResidualSize
         Of the residuals.
-    size_known : bool
-        Whether there are enough data to judge the size.
     tests : DirectedTests
         Score tests of single directions.
     explanation : str, optional
@@ -66,7 +58,6 @@ class Evidence:
     correlation: LineCorrelation
     scatter: Scatter
     size: ResidualSize
-    size_known: bool
     tests: DirectedTests
     explanation: str | None
     correlated_excess: bool
@@ -75,8 +66,8 @@ class Evidence:
 
     @property
     def too_large(self) -> bool:
-        """Whether the residuals are larger than noise makes them; an unknown size counts as one."""
-        return self.size_known and not self.size.probability >= SIZE_LEVEL
+        """Whether the residuals are larger than noise makes them."""
+        return self.size.too_large
 
 
 def gather_evidence(
@@ -92,10 +83,10 @@ def gather_evidence(
     scatter = with_prior(fit, scatter)
     open_variances = np.where(fit.undetermined, np.inf, scatter.variance)
     scatter = replace(scatter, variance=open_variances)
-    size, size_known = judged_size(fit, correlation)
+    size = residual_size(fit, correlation)
     std = np.sqrt(scatter.variance)
-    fired = size_known and not size.probability >= SIZE_LEVEL
-    tests = directed_tests(fit, directions, correlation, std, size.expected if fired else None)
+    expected = size.expected if size.too_large else None
+    tests = directed_tests(fit, directions, correlation, std, expected)
     explanation = None
     estimated = bool(np.isfinite(fit.degrees_of_freedom).any())
     if not estimated and not correlation.white and not len(fit.line_correlation):
@@ -107,8 +98,8 @@ def gather_evidence(
     if explanation is None and tests.significant(LEVEL).size:
         explanation = _explaining(fit, directions, tests, whiteness=False)
     return Evidence(
-        fit, correlation, scatter, size, size_known, tests, explanation,
-        fired and _smooth_excess(fit, correlation, size), converged, noise_known,
+        fit, correlation, scatter, size, tests, explanation,
+        size.too_large and _smooth_excess(fit, correlation, size), converged, noise_known,
     )  # fmt: skip
 
 
@@ -125,10 +116,9 @@ def judge(evidence: Evidence) -> tuple[Verdict, ...]:
     """Return the verdict on each parameter; the first rule that holds.
 
     1. "not converged": the search did not end at a minimum.
-    2. "too few blocks": the degrees of freedom of the noise are unknown, or too few to judge the
-       size of residuals that are correlated along the lines.
+    2. "too few blocks": the degrees of freedom of the noise are unknown.
     3. "model error": a test of a single direction fires at 1 % over all of them, or residuals are
-       too large (F ratio, 1 %) and what exceeds the noise is smooth along the lines or stands out
+       too large (.5 %) and what exceeds the noise is smooth along the lines or stands out
        at single ones.
     4. "not identifiable": the standard deviation of ln theta exceeds one.
     5. "noise understated": residuals are too large, and alike everywhere; intervals are scaled.
@@ -159,11 +149,6 @@ def _overall(e: Evidence) -> Verdict:
     if not e.noise_known:
         return Verdict(
             "too few blocks", "the degrees of freedom of the noise covariance are not known"
-        )
-    if not e.size_known:
-        return Verdict(
-            "too few blocks",
-            "errors are correlated along the lines, and blocks are too few to judge the residuals",
         )
     strongest = e.tests.significant(LEVEL)
     if strongest.size:
@@ -214,26 +199,6 @@ def variance_scale(evidence: Evidence) -> float:
     return evidence.size.ratio if evidence.too_large else 1.0
 
 
-def judged_size(fit: LinearisedFit, correlation: LineCorrelation) -> tuple[ResidualSize, bool]:
-    """Return the size of the residuals, and whether it can be judged.
-
-    Where errors are correlated along the lines, weights that were made from neighbouring lines bias
-    the ratio; what fires is then judged by draws of such noise.
-    """
-    size = residual_size(fit, correlation)
-    nu = fit.degrees_of_freedom
-    estimated = np.isfinite(nu)
-    if correlation.white or not estimated.any():
-        return size, True
-    few = size.denominator < _ENOUGH_DATA or bool((nu[estimated] < _FEWEST).any())
-    if few:
-        return size, False
-    if size.probability < SIZE_LEVEL:
-        probability = simulated_probability(fit, correlation, size.ratio)
-        size = replace(size, probability=probability)
-    return size, True
-
-
 def with_prior(fit: LinearisedFit, scatter: Scatter) -> Scatter:
     """Add the prior's part to the variances of ln theta."""
     if not fit.prior.any():
@@ -270,8 +235,7 @@ def _explaining(
         correlation = find_correlation(refitted)
         if whiteness and correlation.probability < _CLEARLY_WHITE:
             continue
-        size, known = judged_size(refitted, correlation)
-        if known and size.probability < SIZE_LEVEL:
+        if residual_size(refitted, correlation).too_large:
             continue
         std = np.sqrt(line_scatter(refitted, refitted.rows, correlation).variance)
         if not directed_tests(refitted, directions, correlation, std).significant(LEVEL).size:

@@ -44,8 +44,6 @@ class Trust(Printed):
         Of each parameter.
     size : ResidualSize
         Of the residuals beside the noise.
-    size_known : bool
-        Whether it could be judged.
     whiteness : float
         Probability of lagged products along the lines as large if errors are white.
     lag_one : float
@@ -62,7 +60,6 @@ class Trust(Printed):
     verdicts: tuple[str, ...]
     reasons: tuple[str, ...]
     size: ResidualSize
-    size_known: bool
     whiteness: float
     lag_one: float
     tests: DirectedTests
@@ -130,7 +127,6 @@ class Trust(Printed):
                 "ratio": _plain(self.size.ratio),
                 "dof": [_plain(self.size.numerator), _plain(self.size.denominator)],
                 "probability": _plain(self.size.probability),
-                "judged": self.size_known,
                 "whiteness": _plain(self.whiteness),
                 "lag_one": _plain(self.lag_one),
             },
@@ -197,7 +193,6 @@ def _summary(fit: Fit, evidence: Evidence, scatter: Scatter) -> Trust:
         verdicts=tuple(str(v) for v in verdicts),
         reasons=tuple(v.reason for v in verdicts),
         size=evidence.size,
-        size_known=evidence.size_known,
         whiteness=correlation.probability,
         lag_one=float(correlation.coefficients[1:2].sum()),
         tests=evidence.tests,

@@ -303,6 +303,7 @@ def one_step(
     fit = Fit(
         model, estimate, cell.residual, weights, replace(model.parameters, values=values),
         0.0, values, np.stack([values / 1e3, values * 1e3]), 1, "", 1,
+        weighting=cell.weights,
     )  # fmt: skip
     linear = linearise(fit, (at.response, at.jacobian))
     step = linear.estimates(linear.rows, linear.residuals)
