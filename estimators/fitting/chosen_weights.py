@@ -82,7 +82,7 @@ def own_line_shares(
     response : (Q, F, m, n)
         At which weights were evaluated.
     """
-    share = np.broadcast_to(estimate.own_share, response.shape)
+    share = np.broadcast_to(estimate.pooled_noise.own_share, response.shape)
     if weighting == "user":
         return np.zeros(response.shape)
     if weighting != "combined":

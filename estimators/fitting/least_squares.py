@@ -139,8 +139,8 @@ def fit(
     estimate : FRFs to fit.
     residual : "nls" [WM] (4), "lls" [WM] (7) or "lls_magnitude".
     weights : "user", "optimal", "optimal_diagonal", "combined", or an array, see
-        `estimators.fitting.weights`. Where a logarithm is taken, named weights are evaluated once
-        more at the FRF of the fit, see `reweighted`.
+        `estimators.fitting.weights`. Named weights that depend on the FRF, "combined" ones and all
+        where a logarithm is taken, are evaluated once more at the FRF of the fit, see `reweighted`.
     start : (p,) parameter values; the model's own where None; "physics" or "chains" for rough ones
         from the FRFs, see `physics_start` and `chain_start_values`.
     bounds : factors of the model's own values between which parameters are sought, or (2, p)
@@ -164,7 +164,8 @@ def fit(
         start = np.clip(named_start(start, model, problem.estimate), *problem.bounds)
     begin = problem.checked_start(start)
     first = as_fit(problem, begin, search(problem, begin, max_evaluations, tolerance))
-    if not isinstance(weights, str) or not problem.kind.relative or not first.converged:
+    follows = problem.kind.relative or weights == "combined"
+    if not isinstance(weights, str) or not follows or not first.converged:
         return first
     return reweighted(first, weights, rounds=1, tolerance=tolerance)
 

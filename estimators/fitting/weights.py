@@ -89,7 +89,10 @@ def clear(estimate: FrfEstimate, minimum_snr: float, response: ComplexArray) -> 
     """
     if not (np.isfinite(minimum_snr) and minimum_snr >= 0):
         raise InvalidInput(f"weights.minimum_snr: {minimum_snr!r} is not a number >= 0")
-    return np.asarray(np.abs(response) >= minimum_snr * np.sqrt(estimate.pooled_variance))
+    return np.asarray(
+        np.abs(response)
+        >= minimum_snr * np.sqrt(np.maximum(estimate.pooled_variance, estimate.weight_variance))
+    )
 
 
 def _response(estimate: FrfEstimate, response: ComplexArray | None) -> ComplexArray:
@@ -130,7 +133,7 @@ def optimal_weights(
     """Return the weights of least covariance: [WM] (6) for nls, (8) for log residuals.
 
     Variances that were estimated come from neighbouring lines, and from the line itself only as far
-    as neighbours tell less, see `own_shares`: weights that follow a line's own scatter make it look
+    as neighbours tell less, see `pooled_noise`: weights that follow a line's own scatter make it look
     more certain than it is.
 
     Parameters

@@ -8,12 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from estimators.frf.pooled_noise import (
-    mixed_variances,
-    own_shares,
-    pooled_covariances,
-    pooled_variances,
-)
+from estimators.frf.pooled_noise import PooledNoise, pooled_covariances, pooled_noise
 from robotmodels.arrays import Array, ComplexArray, IntArray, read_only
 from robotmodels.errors import InvalidInput
 from robotmodels.noise import RelativeNoise
@@ -134,19 +129,19 @@ class FrfEstimate(Printed):
         return not bool(np.isnan(self.degrees_of_freedom).any())
 
     @cached_property
+    def pooled_noise(self) -> PooledNoise:
+        """Variances (Q, F, m, n) from neighbouring lines."""
+        return pooled_noise(self.variance, self._freedom, self.deviations)
+
+    @property
     def pooled_variance(self) -> Array:
-        """Variances (Q, F, m, n) from neighbouring lines, see `pooled_variances`."""
-        return pooled_variances(self.variance, self._freedom, self.deviations)
+        """Variances (Q, F, m, n) from neighbouring lines alone, independent of the line's own."""
+        return self.pooled_noise.variance
 
-    @cached_property
-    def own_share(self) -> Array:
-        """Share (Q, 1, m, n) of a line's own variance in `weight_variance`, see `own_shares`."""
-        return own_shares(self.variance, self.pooled_variance, self._freedom)
-
-    @cached_property
+    @property
     def weight_variance(self) -> Array:
-        """Variances (Q, F, m, n) from neighbouring lines and, by `own_share`, the line itself."""
-        return mixed_variances(self.variance, self.pooled_variance, self.own_share, self._freedom)
+        """Variances (Q, F, m, n) for weights: from neighbouring lines and the line itself."""
+        return self.pooled_noise.mixed
 
     @cached_property
     def weight_covariance(self) -> Array | ComplexArray:

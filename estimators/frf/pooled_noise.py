@@ -5,6 +5,7 @@ prefer lines whose errors happen to look small, which makes every covariance fro
 Variances of the neighbouring lines are independent of the line's own errors and scatter less.
 """
 
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -19,16 +20,41 @@ _LEFT_OUT = 15  # at most a fifteenth of the lines is left out to either side
 _FORGOTTEN = 0.1  # squared correlation at which lines count as independent
 
 
-def pooled_variances(
+@dataclass(frozen=True, eq=False)
+class PooledNoise:
+    """Variances of the lines as their neighbours tell them.
+
+    Attributes
+    ----------
+    variance : (Q, F, ...)
+        From neighbouring lines alone.
+    own_share : (Q, 1, ...)
+        How much a line's own variance tells beside them, 0 to 1.
+    mixed : (Q, F, ...)
+        Geometric means of the own variance, by its share, and that of the neighbours.
+    """
+
+    variance: Array
+    own_share: Array
+    mixed: Array
+
+
+def pooled_noise(
     variances: Array, degrees_of_freedom: Array, deviations: ComplexArray | None = None
-) -> Array:
-    """Return variances (Q, F, ...) from those of neighbouring lines, the line itself left out.
+) -> PooledNoise:
+    """Return variances of lines from those of their neighbours.
 
     The geometric mean over one to three lines, or a twentieth of all, to either side, whichever
     predicts the variances of an element best, times nu/exp(digamma(nu)), by which the logarithm of
-    a variance with nu complex degrees of freedom is too small on average. Declared variances (nu
-    infinite) are returned as they are. Of 100 lines and more those next to the line are left out as
-    well, as far as deviations are correlated.
+    a variance with nu complex degrees of freedom is too small on average. Where variances change
+    from line to line, as at resonances, log s^2 less its prediction scatters by more than
+    trigamma(nu), the variance of log s^2 itself: the excess over the whole is the best share of the
+    line's own one. One standard deviation of the estimated whole is given up, and a quarter of nu
+    is the most, beyond which weights scatter too much.
+
+    Neighbours whose errors are correlated say what the line itself says: there as many lines as
+    possible are averaged, none has a share of its own, and of 100 lines and more the nearest are
+    left out. Declared variances (nu infinite) are returned as they are.
 
     Parameters
     ----------
@@ -37,63 +63,38 @@ def pooled_variances(
     degrees_of_freedom : (Q,)
         Complex ones of the variances.
     deviations : (Q, R, F, ...), optional
-        Draws that the variances were made of.
+        Draws that the variances were made of; without them lines may be correlated.
     """
+    from scipy.special import digamma, polygamma
+
     lines = variances.shape[1]
     finite = np.isfinite(degrees_of_freedom)
+    shape = (-1, *[1] * (variances.ndim - 1))
+    none = np.zeros((len(variances), 1, *variances.shape[2:]))
     if lines < 2 or not finite.any():
-        return variances
-    logs, left_out = np.log(variances), 0
-    if deviations is not None and lines >= _MANY_LINES:
-        white = deviations / np.exp(_neighbour_mean(logs, _HALF_WIDTHS[0], 0) / 2)[:, None]
-        left_out = _correlated_lines(white)
-    widths = (max(_HALF_WIDTHS[0], lines // _SHARE), *_HALF_WIDTHS[1:])
+        return PooledNoise(variances, none, variances)
+    widest = max(_HALF_WIDTHS[0], lines // _SHARE)
+    logs, left_out, white = np.log(variances), 0, False
+    if deviations is not None:
+        size = np.exp(_neighbour_mean(logs, widest, 0) / 2)[:, None]
+        left_out = _correlated_lines(deviations / size)
+        white = not left_out
+    left_out = min(left_out, lines // _LEFT_OUT) if lines >= _MANY_LINES else 0
+    widths = (widest, *_HALF_WIDTHS[1:]) if white else (widest,)
     means = np.stack([_neighbour_mean(logs, width, left_out) for width in widths])
-    best = ((logs - means) ** 2).mean(axis=2).argmin(axis=0)
-    pooled = np.take_along_axis(means, best[None, :, None], axis=0)[0]
-    nu, declared = _by_position(degrees_of_freedom, variances.ndim)
-    return np.where(declared, variances, np.exp(pooled) * _log_bias(nu))
-
-
-def own_shares(variances: Array, pooled: Array, degrees_of_freedom: Array) -> Array:
-    """Return how much a line's own variance tells beside its neighbours', (Q, 1, ...), 0 to 1.
-
-    Where variances change from line to line, as at resonances, log s^2 less its prediction scatters
-    by more than trigamma(nu), the variance of log s^2 itself. The excess over the whole is the best
-    share of the own one; one standard deviation of the estimated whole is given up, and a quarter
-    of nu is the most, beyond which weights scatter too much.
-    """
-    from scipy.special import polygamma
-
-    nu, declared = _by_position(degrees_of_freedom, variances.ndim)
-    lines = variances.shape[1]
-    square = (np.log(variances / pooled * _log_bias(nu)) ** 2).mean(axis=1, keepdims=True)
+    squares = ((logs - means) ** 2).mean(axis=2, keepdims=True)
+    best = squares.argmin(axis=0)[None]
+    mean = np.take_along_axis(means, best, axis=0)[0]
+    square = np.take_along_axis(squares, best, axis=0)[0]
+    nu = np.where(finite, degrees_of_freedom, 1.0).reshape(shape)
     noise = polygamma(1, nu) * (1 + np.sqrt(2 / lines))
     share = np.clip(1 - noise / np.maximum(square, 1e-300), 0.0, np.minimum(nu / 4, 1.0))
-    return np.where(declared, 0.0, share)
-
-
-def mixed_variances(
-    variances: Array, pooled: Array, shares: Array, degrees_of_freedom: Array
-) -> Array:
-    """Return geometric means of a line's own variance, by `shares`, and of the pooled one."""
-    nu, declared = _by_position(degrees_of_freedom, variances.ndim)
-    mixed = pooled * (variances / pooled * _log_bias(nu)) ** shares
-    return np.where(declared, variances, mixed)
-
-
-def _by_position(degrees_of_freedom: Array, ndim: int) -> tuple[Array, NDArray[np.bool_]]:
-    """Return finite degrees of freedom, and where there are none, shaped (Q, 1, ...)."""
-    finite = np.isfinite(degrees_of_freedom)
-    shape = (-1, *[1] * (ndim - 1))
-    return np.where(finite, degrees_of_freedom, 1.0).reshape(shape), ~finite.reshape(shape)
-
-
-def _log_bias(nu: Array) -> Array:
-    """Return the factor nu/exp(digamma(nu)) of a geometric mean of variances."""
-    from scipy.special import digamma
-
-    return np.asarray(nu / np.exp(digamma(nu)))
+    share = np.where(finite.reshape(shape), share, 0.0) if white else none
+    bias = nu / np.exp(digamma(nu))
+    declared = ~finite.reshape(shape)
+    pooled = np.where(declared, variances, np.exp(mean) * bias)
+    mixed = np.exp((1 - share) * mean + share * logs) * bias
+    return PooledNoise(pooled, share, np.where(declared, variances, mixed))
 
 
 def pooled_covariances(
@@ -136,5 +137,4 @@ def _correlated_lines(white: NDArray[Any]) -> int:
     r = abs(lag_one) / power * white.shape[2] / (white.shape[2] - 1) if power > 0 else 0.0
     if r * np.sqrt(2 * white.size) < 5:
         return 0
-    lines = np.log(_FORGOTTEN) / np.log(min(r, 0.999) ** 2)
-    return int(min(np.ceil(lines), white.shape[2] // _LEFT_OUT))
+    return int(np.ceil(np.log(_FORGOTTEN) / np.log(min(r, 0.999) ** 2)))

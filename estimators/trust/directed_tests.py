@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from estimators.trust.line_correlation import LineCorrelation
-from estimators.trust.line_scatter import line_scatter
+from estimators.trust.line_scatter import cautious_scatter
 from estimators.trust.linearised_fit import LinearisedFit, Lines
 from robotmodels.arrays import Array, IntArray
 
@@ -174,7 +174,7 @@ def _tested(
     seen = (size > _VISIBLE**2 * whole) & (whole > 0)
     rows = np.moveaxis(np.conj(weighted[..., seen]) / size[seen], -1, 0)
     estimates = fit.estimates(rows, fit.residuals)
-    scatter = line_scatter(fit, rows, correlation)
+    scatter = cautious_scatter(fit, rows, correlation)
     if expected is not None:
         power = fit.off_power(off[..., seen].reshape(-1, int(seen.sum())))
         remaining = fit.squares - estimates**2 * power

@@ -64,21 +64,40 @@ def white_errors(lines: int) -> LineCorrelation:
 def correlation_of_deviations(fit: LinearisedFit) -> LineCorrelation:
     """Return the correlation along lines of what differs between blocks.
 
-    Blind to errors of the model, which every block has alike.
+    Blind to errors of the model, which every block has alike. Each pair of lines has a sample
+    correlation, whatever their variances, and the mean over pairs is corrected for its bias.
     """
     assert fit.deviations is not None
-    white = np.sqrt(fit.noise_weights)[:, None] * fit.deviations
+    with np.errstate(divide="ignore"):
+        root = np.where(fit.used, 1 / np.sqrt(fit.element_variances), 0.0)
+    white = root[:, None] * fit.deviations
     lines = white.shape[2]
     lags = min(lines - 1, max(LAGS, _HIGHEST_ORDER))
-    power = float((np.abs(white) ** 2).sum())
     products = lagged_products(white, lags)
-    counts = np.array([lines - lag for lag in range(1, lags + 1)]) / lines
-    correlations = np.array([p.sum() for p in products]) / power / counts
-    data = fit.parts * float(np.count_nonzero(white)) / element_correlation(fit)
     probability = _portmanteau(products[:LAGS])
+    counts = fit.used.sum(axis=(1, 2))
+    draws = fit.parts * fit.degrees_of_freedom
+    data = float((draws * counts).sum()) / element_correlation(fit)
     if probability >= FALSE_ALARM:
         return LineCorrelation(probability, _padded(np.empty(0), lines), 1.0, data)
+    pairs = np.array([(fit.used[:, lag:] & fit.used[:, :-lag]).sum() for lag in range(1, lags + 1)])
+    means = np.array([p.sum() for p in products]) / np.maximum(pairs, 1)
+    # Positions may have different degrees of freedom; the mean correlation is that of their mean.
+    correlations = _unbiased(means, float((draws * counts).sum() / counts.sum()))
     return LineCorrelation(probability, autoregressive(correlations, data, lines), 1.0, data)
+
+
+def _unbiased(correlations: Array, draws: float) -> Array:
+    """Return correlations whose sample correlations over so many real draws have these means.
+
+    E r = rho (2/n) (Gamma((n + 1)/2)/Gamma(n/2))^2 2F1(1/2, 1/2; n/2 + 1; rho^2), the mean of the
+    sample correlation of normal variables (without subtraction of means).
+    """
+    from scipy.special import gammaln, hyp2f1
+
+    rho = np.linspace(-0.999, 0.999, 400)
+    factor = 2 / draws * np.exp(2 * (gammaln((draws + 1) / 2) - gammaln(draws / 2)))
+    return np.interp(correlations, rho * factor * hyp2f1(0.5, 0.5, draws / 2 + 1, rho**2), rho)
 
 
 def correlation_of_residuals(fit: LinearisedFit, columns: Lines | None = None) -> LineCorrelation:

@@ -56,8 +56,8 @@ def line_scatter(fit: LinearisedFit, rows: Lines, correlation: LineCorrelation) 
     """Return the variances of Re(A e) for rows A (r, Q, F, k) of estimators.
 
     What each line adds to the variance is A C A^H / 2 and has 2 nu real degrees of freedom. Where
-    errors are correlated along the lines with R, the sum is multiplied by A R A^H / A A^H, whitened
-    element by element; but the scatter of whole positions over the draws is taken where that is
+    errors are correlated along the lines with R, the sum is multiplied by A R A^H / A A^H, with A
+    times the standard deviations of the elements; but the scatter of whole positions over the draws is taken where that is
     larger and has enough degrees of freedom.
     """
     by_line = fit.line_variances(rows)
@@ -84,10 +84,34 @@ def line_scatter(fit: LinearisedFit, rows: Lines, correlation: LineCorrelation) 
     return Scatter(variance * scale, dof)
 
 
+def cautious_scatter(fit: LinearisedFit, rows: Lines, correlation: LineCorrelation) -> Scatter:
+    """Return `line_scatter`, but no smaller than the variances of neighbouring lines make it.
+
+    A false alarm of many tests comes from the far tail of a t law, which Satterthwaite's
+    approximation misses where few lines with few degrees of freedom decide: one whose scatter
+    happens to be small looks certain, and other lines then count as many. The neighbours' variances
+    know nothing of the line's own.
+    """
+    scatter = line_scatter(fit, rows, correlation)
+    nu = fit.parts * fit.degrees_of_freedom[:, None]
+    if not np.isfinite(nu).any():
+        return scatter
+    with np.errstate(divide="ignore"):
+        variances = np.where(fit.used, 1 / fit.noise_weights, 0.0)
+    by_line = (np.abs(rows) ** 2 * variances).sum(axis=-1) / 2
+    total = by_line.sum(axis=(1, 2))
+    with np.errstate(divide="ignore", invalid="ignore"):
+        larger = total / fit.line_variances(rows).sum(axis=(1, 2))
+        dof = total**2 / (by_line**2 / nu).sum(axis=(1, 2)) / correlation.inflation
+    return Scatter(
+        scatter.variance * np.maximum(np.nan_to_num(larger, nan=1.0), 1.0),
+        np.fmin(scatter.degrees_of_freedom, np.maximum(dof, nu.min())),
+    )
+
+
 def _correlated_power(fit: LinearisedFit, rows: Lines, coefficients: Array) -> Array:
-    """Return A R A^H / A A^H of rows whitened element by element, (r,)."""
-    root = np.sqrt(fit.noise_weights)
-    white = np.where(root > 0, rows / np.where(root > 0, root, 1.0), 0.0)
+    """Return A R A^H / A A^H of rows times each element's standard deviation, (r,)."""
+    white = rows * np.sqrt(fit.element_variances) * fit.used
     lines = white.shape[2]
     power = (np.abs(white) ** 2).sum(axis=(1, 2, 3))
     lag = np.abs(np.arange(lines)[:, None] - np.arange(lines))

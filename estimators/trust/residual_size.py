@@ -8,7 +8,6 @@ from estimators.trust.line_correlation import LineCorrelation, element_correlati
 from estimators.trust.linearised_fit import LinearisedFit
 from robotmodels.arrays import Array
 
-
 SIZE_LEVEL = 0.005
 """Probability of a false alarm of the test of the residuals' size."""
 

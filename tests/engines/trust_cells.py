@@ -7,7 +7,6 @@ once more at the model's FRF, so that "lls" and "reweighted lls" are one path, t
 """
 
 import zlib
-from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
@@ -17,10 +16,9 @@ from trust_systems import NOISE, OUTLIER, WRONG, Linearisation, linearisation, s
 from estimators.fitting.chosen_weights import chosen_weights
 from estimators.fitting.least_squares import Fit
 from estimators.fitting.residuals import find_residual
-from estimators.frf.estimate import FrfEstimate, unvec, vec
+from estimators.frf.estimate import FrfEstimate, vec
 from estimators.frf.methods import contrasts, covariance_of
 from estimators.frf.visits import merge_visits
-from estimators.trust.directed_tests import Directions
 from estimators.trust.intervals import VERDICTS
 from estimators.trust.line_correlation import white_errors
 from estimators.trust.line_scatter import line_scatter
