@@ -1,9 +1,10 @@
 """The linear closed loop in each position: spectra to expect, and the noise of FRFs under feedback.
 
 With the controller u = F_r r - F_y y, sampled and held, and G_y from motor torques to motor
-angles, a reference of spectrum R gives U0 = (I + F_y G_y)^-1 F_r R and Y0 = G_y U0. Noise V at the
-output makes Y = G_y U + V whatever U is, so Ĝ - G = V U^-1, to first order V U0^-1:
-vec(Ĝ - G) has the covariance (U0 U0ᴴ)^-T ⊗ Λ_v. It is linear in the excitation's power.
+angles, a reference of spectrum R gives U0 = (I + F_y G_y)^-1 F_r R and Y0 = G_y U0. Noise at the
+output makes Y = G_y U + V whatever U is, V with the transient of `window_noise`, so Ĝ - G = V U^-1,
+to first order V U0^-1: vec(Ĝ - G) has the covariance (U0 U0ᴴ)^-T ⊗ Λ_v. It is linear in the
+excitation's power.
 """
 
 from dataclasses import dataclass, replace
@@ -12,8 +13,11 @@ import numpy as np
 
 from robotmodels.arrays import Array, ComplexArray, read_only
 from robotmodels.elastic.spring_network import SpringNetwork
-from robotmodels.errors import InvalidInput, NotIdentifiable
+from robotmodels.errors import InvalidInput, NotIdentifiable, SolverFailed
+from robotmodels.linear_model import LinearModel
 from robotmodels.plant.controller import Controller
+from robotmodels.plant.sampled_loop import sampled_loop
+from robotmodels.plant.window_noise import window_noise
 from robotmodels.response import check_omega
 
 # Beyond it a column of U0 is no more than rounding of the others.
@@ -98,8 +102,9 @@ class ClosedLoopNoise:
     """The noise law of FRFs measured under feedback: motor torque to motor acceleration.
 
     Noise is at the angles' measurement. What it makes the arm do through the controller is not
-    periodic and leaks into the lines: negligible where a period is many times the loop's time
-    constants. Unseen torques leak more than they add in place, and have no such law.
+    periodic and leaks into the lines, most below the loop's bandwidth; that is part of the law, see
+    `robotmodels.plant.window_noise`. Unseen torques leak more than they add in place, and have no
+    such law.
 
     Attributes
     ----------
@@ -110,6 +115,8 @@ class ClosedLoopNoise:
     samples : N per period.
     angle_noise : (n,) standard deviation of white noise on the sampled motor angles [rad].
     averages : number of periods times blocks that the estimate is the mean of.
+    periods : how many of them follow one another in an experiment: one begins as the last ended, so
+        their leakage nearly cancels.
 
     Raises
     ------
@@ -122,6 +129,7 @@ class ClosedLoopNoise:
     samples: int
     angle_noise: Array
     averages: int = 1
+    periods: int = 1
 
     def __post_init__(self) -> None:
         n = len(self.controller.speed_gain)
@@ -138,6 +146,10 @@ class ClosedLoopNoise:
             )
         if self.samples < 1 or self.averages < 1:
             raise InvalidInput(f"samples {self.samples} and averages {self.averages} must be >= 1")
+        if self.periods < 1 or self.averages % self.periods:
+            raise InvalidInput(
+                f"averages: {self.averages} is not {self.periods} periods times a number of blocks"
+            )
         noise = np.asarray(self.angle_noise, dtype=float)
         if noise.shape not in ((), (n,)) or not (np.isfinite(noise) & (noise > 0)).all():
             raise InvalidInput(
@@ -158,6 +170,7 @@ class ClosedLoopNoise:
             accelerations is measured.
         NotIdentifiable : if the experiments do not excite all motors, naming frequency and
             condition.
+        SolverFailed : if the closed loop is unstable in a position.
         """
         if not (np.shape(omega) == self.omega.shape and np.allclose(omega, self.omega, rtol=1e-9)):
             raise InvalidInput("noise: omega differs from the frequencies of the excitation")
@@ -178,17 +191,28 @@ class ClosedLoopNoise:
         )
         power = np.swapaxes(torque @ np.conj(np.swapaxes(torque, -1, -2)), -1, -2)
         _check_power(power, w)
-        # E|DFT|^2 of white noise is N times its variance.
-        variance = self.samples / self.averages * np.square(self.angle_noise)
-        output = w[:, None, None] ** 4 * np.diag(variance)
+        output = w[:, None, None] ** 4 * self._angle_covariance(model)
         return power, np.asarray(np.broadcast_to(output, power.shape))
+
+    def _angle_covariance(self, model: LinearModel) -> ComplexArray:
+        """Return the covariance (Q, F, n, n) of the angles' errors, as DFTs of one period."""
+        z = np.exp(1j * self.omega * self.controller.sample_time)
+        window, blocks = self.periods * self.samples, self.averages // self.periods
+        found = []
+        for q in range(len(model.mass)):
+            loop = sampled_loop(model.at(q), self.controller)
+            try:
+                found.append(window_noise(loop, z, window, self.angle_noise))
+            except SolverFailed as error:
+                raise SolverFailed(f"position {q}: {error}") from None
+        return np.asarray(found) / (blocks * self.periods**2)
 
     def covariance(self, network: SpringNetwork, omega: Array) -> ComplexArray:
         """Return the covariances of vec(Ĝ), (Q, F, n n, n n), columns stacked.
 
         Raises
         ------
-        InvalidInput, NotIdentifiable : as `factors`.
+        InvalidInput, NotIdentifiable, SolverFailed : as `factors`.
         """
         power, output = self.factors(network, omega)
         return _kron(np.asarray(np.linalg.inv(power)), output)
@@ -198,7 +222,7 @@ class ClosedLoopNoise:
 
         Raises
         ------
-        InvalidInput, NotIdentifiable : as `factors`.
+        InvalidInput, NotIdentifiable, SolverFailed : as `factors`.
         """
         power, output = self.factors(network, omega)
         return _kron(power, np.asarray(np.linalg.inv(output)))

@@ -17,7 +17,9 @@ from robotmodels import (
     simulate,
 )
 from robotmodels.plant.closed_loop import angle_response, closed_loop
+from robotmodels.plant.sampled_loop import sampled_loop
 from robotmodels.plant.simulation import IDEAL
+from robotmodels.plant.window_noise import window_noise
 
 T, N = 5e-4, 2000
 POSITIONS = np.array([[0.3, -1.0, 1.0, 0.5, 0.7, 0.2], [-0.6, -0.4, 0.5, -0.5, 1.1, 0.2]])
@@ -64,7 +66,7 @@ def test_many_angles_are_computed_by_compiled_code_alike(monkeypatch: pytest.Mon
 
 
 def test_covariance_is_that_of_noisy_quotients() -> None:
-    """(G U0 + V) U0^-1 with many draws of V."""
+    """(G U0 + V) U0^-1 with many draws of V; those of V's own law are in `test_window_noise`."""
     noise = law()
     network = ROBOT.network(POSITIONS[:1])
     covariance = noise.covariance(network, OMEGA)[0]
@@ -73,10 +75,15 @@ def test_covariance_is_that_of_noisy_quotients() -> None:
     half = OMEGA * T / 2
     hold = np.sinc(half / np.pi) * np.exp(-1j * half)
     loop = closed_loop(network, OMEGA, noise.controller).torque[0]
+    outputs = window_noise(
+        sampled_loop(network.linear_model().at(0), noise.controller),
+        np.exp(1j * OMEGA * T),
+        N,
+        noise.angle_noise,
+    )
     for f in (0, len(OMEGA) - 1):
         normal = rng.normal(size=(draws, 6, 6, 2)) @ np.array([1, 1j]) / np.sqrt(2)
-        scale = np.sqrt(N / noise.averages)
-        V = scale * noise.angle_noise[:, None] * normal
+        V = np.linalg.cholesky(outputs[f] / noise.averages) @ normal
         error = -(OMEGA[f] ** 2) / hold[f] * V @ np.linalg.inv(loop[f] @ noise.reference[f])
         vectors = np.swapaxes(error, 1, 2).reshape(draws, 36)
         sample = vectors.T @ vectors.conj() / draws
