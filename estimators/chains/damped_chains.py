@@ -39,6 +39,11 @@ class DampedChains:
     delay: float
     offsets: Array
 
+    @property
+    def motor_names(self) -> tuple[str, ...]:
+        """Names of the motors, for messages."""
+        return tuple(f"motor {i + 1}" for i in range(self.layout.chains))
+
     @cached_property
     def parameters(self) -> Parameters:
         """Springs, dampers, masses, then couplings, friction and delay above their offsets."""

@@ -7,9 +7,7 @@ import numpy as np
 from estimators.chains.damped_chains import DampedChains
 from estimators.chains.estimate import ChainEstimate
 from estimators.chains.identification import ChainIdentification
-from estimators.chains.modal_data import Data
 from estimators.fitting.least_squares import Fit, fit
-from estimators.frf.estimate import FrfEstimate
 from estimators.uncertainty.covariance import Uncertainty, covariance
 from robotmodels.arrays import Array, ComplexArray
 from robotmodels.modes import resonances
@@ -94,25 +92,12 @@ def fit_dampers(found: ChainIdentification) -> DamperFit:
     NotIdentifiable : if the data do not say all parameters.
     """
     start = _start(found)
-    estimate = as_estimate(found.modes.data, found.modes.cost)
-    result = fit(
-        start, estimate, residual="nls", weights=1 / found.modes.data.deviations[None] ** 2
-    )
+    data = found.modes.data
+    sized = data.of_size(2 * found.modes.cost / data.size) if data.scaled else data
+    result = fit(start, sized.estimate, residual="nls", weights=1 / data.std[None] ** 2)
     uncertainty = covariance(result)
     model = start.at(result.parameters.values)
     return DamperFit(result, model, uncertainty, _structure(result, uncertainty, model, found))
-
-
-def as_estimate(data: Data, cost: float) -> FrfEstimate:
-    """Return the FRFs as `FrfEstimate`; where the noise was guessed, of the size of the misfit."""
-    spread = data.covariance * (2 * cost / data.size if data.scaled else 1.0)
-    return FrfEstimate(
-        np.zeros((1, data.chains)),
-        data.omega,
-        data.response[None],
-        spread[None],
-        np.ones(1, dtype=np.int64),
-    )
 
 
 def _start(found: ChainIdentification) -> DampedChains:
@@ -159,5 +144,10 @@ def _structure(
     scale = result.parameters.values[order]
     spread = uncertainty.covariance[np.ix_(order, order)] * np.outer(scale, scale)
     return ChainEstimate(
-        layout, model.theta, spread, "least squares with dampers", found.inverse.condition
+        layout,
+        model.theta,
+        spread,
+        "least squares with dampers",
+        found.inverse.condition,
+        result.trust,
     )

@@ -1,14 +1,17 @@
 """Estimated masses, springs and couplings of chains, and how far to trust them."""
 
 from dataclasses import dataclass
-from statistics import NormalDist
+from functools import cached_property
 
 import numpy as np
 
+from estimators.chains.chain_trust import chain_intervals, chain_trust, chain_verdict
 from estimators.chains.maps import ChainLayout, forward_map, inverse_map, inverse_slope
 from estimators.chains.modal_model import modal_response, modal_sensitivity
 from estimators.chains.modes import FittedModes
-from robotmodels.arrays import Array
+from estimators.trust.intervals import Interval, Verdict
+from estimators.trust.trust import Trust
+from robotmodels.arrays import Array, ComplexArray
 from robotmodels.chains import CoupledChains
 from robotmodels.errors import NotIdentifiable
 
@@ -26,6 +29,8 @@ class ChainEstimate:
     covariance : (k, k) of the values themselves, not of their logarithms [SI].
     method : where they come from.
     condition : largest growth of a relative error from poles and gains to parameters [-].
+    trust : the rule's verdict and intervals on all that was fitted; None for the inverse problem,
+        which is the start of what is recommended.
     """
 
     layout: ChainLayout
@@ -33,6 +38,7 @@ class ChainEstimate:
     covariance: Array
     method: str
     condition: float
+    trust: Trust | None = None
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -47,6 +53,8 @@ class ChainEstimate:
     @property
     def std(self) -> Array:
         """Standard deviations, (k,), in SI units; zero for what was given."""
+        if self.intervals:
+            return np.array([i.std for i in self.intervals])
         return np.asarray(np.sqrt(np.maximum(np.diag(self.covariance), 0.0)))
 
     @property
@@ -54,14 +62,15 @@ class ChainEstimate:
         """Standard deviations over magnitudes, (k,)."""
         return np.asarray(self.std / np.maximum(np.abs(self.values), 1e-300))
 
-    def interval(self, level: float = 0.95) -> Array:
-        """Return lower and upper ends, (k, 2), symmetric in ln for masses and springs."""
-        z = NormalDist().inv_cdf((1 + level) / 2)
-        ends = np.stack([self.values - z * self.std, self.values + z * self.std], axis=-1)
-        p = self.layout.positive
-        spread = np.exp(z * self.relative_std[:p])
-        ends[:p] = np.stack([self.values[:p] / spread, self.values[:p] * spread], axis=-1)
-        return ends
+    @cached_property
+    def intervals(self) -> tuple[Interval, ...]:
+        """The recommended 95 % interval of each parameter; none for the inverse problem."""
+        return () if self.trust is None else chain_intervals(self.trust, self.names, self.values)
+
+    @property
+    def verdict(self) -> Verdict | None:
+        """The verdict on masses, springs and couplings; None for the inverse problem."""
+        return None if self.trust is None else chain_verdict(self.trust, self.intervals)
 
     @property
     def chains(self) -> CoupledChains:
@@ -71,10 +80,16 @@ class ChainEstimate:
     def __str__(self) -> str:
         width = max(len(name) for name in self.names)
         lines = [f"{self.method}, condition {self.condition:.3g}"]
-        for name, value, unit, std in zip(
-            self.names, self.values, self.units, self.std, strict=True
+        if self.verdict is not None:
+            lines.append(f"{self.verdict}: {self.verdict.reason}")
+        refused = [i.low is None and i.high is None for i in self.intervals] or [False] * len(
+            self.names
+        )
+        for name, value, unit, std, none in zip(
+            self.names, self.values, self.units, self.std, refused, strict=True
         ):
-            lines.append(f"  {name:<{width}}  {value:12.6g} +- {std:<10.3g} {unit}")
+            spread = "" if none else f"+- {std:<10.3g} "
+            lines.append(f"  {name:<{width}}  {value:12.6g} {spread}{unit}")
         return "\n".join(lines)
 
 
@@ -138,7 +153,8 @@ def structured_estimate(
     covariance = np.zeros((k, k))
     covariance[np.ix_(free, free)] = inner[:size, :size] * np.outer(scale, scale)
     method = "maximum likelihood, damping free by modes"
-    return ChainEstimate(layout, theta, covariance, method, start.condition), cost
+    trust = problem.trust(solved.x, inner, cost)
+    return ChainEstimate(layout, theta, covariance, method, start.condition, trust), cost
 
 
 class _Structured:
@@ -180,12 +196,42 @@ class _Structured:
         return data.whitened(G - data.response)[:, 0]
 
     def jacobian(self, u: Array) -> Array:
+        return self.found.data.whitened(self.sensitivity(u)[1])
+
+    def sensitivity(self, u: Array) -> tuple[ComplexArray, ComplexArray]:
+        """Return FRFs (F, M, M) and their derivatives by u, (F, M, M, r)."""
         x, slope = self._modes(u)
-        J = modal_sensitivity(x, self.found.layout, self.found.data.omega)[1]
-        white = self.found.data.whitened(J)
-        return np.concatenate([white[:, : self.p] @ slope, white[:, self.p :]], axis=1)[
-            :, self.free
-        ]
+        G, J = modal_sensitivity(x, self.found.layout, self.found.data.omega)
+        both = np.concatenate([J[..., : self.p] @ slope, J[..., self.p :]], axis=-1)
+        return G, both[..., self.free]
+
+    def trust(self, u: Array, covariance: Array, cost: float) -> Trust:
+        """Return the rule's verdict on the solution u.
+
+        Parameters
+        ----------
+        covariance : (r, r) of u.
+        """
+        data, theta = self.found.data, self.theta(u)
+        x, _ = self._modes(u)
+        free, p, k = self.free, self.start.layout.positive, len(theta)
+        masses, _, _ = self.start.layout.split(theta)
+        i, j = np.triu_indices(len(masses), 1)
+        # Couplings may be zero: they count in units of the masses they couple. Losses are not
+        # judged: in units of twice their standard deviations each of them is identifiable.
+        lost = 2 * np.sqrt(np.diag(covariance))[int(free[:k].sum()) :]
+        unit = np.concatenate([np.ones(p), np.sqrt(masses[i, -1] * masses[j, -1])])
+        fitted, J = self.sensitivity(u)
+        return chain_trust(
+            data.of_size(2 * cost / data.size) if data.scaled else data,
+            self.names,
+            np.concatenate([theta[free[:k]], x[self.p :]]),
+            np.concatenate([np.concatenate([theta[:p], unit[p:]])[free[:k]], lost]),
+            fitted,
+            J * np.concatenate([unit[free[:k]], lost]),
+            (x, self.found.layout),
+            int(free[:p].sum()),
+        )
 
     def _modes(self, u: Array) -> tuple[Array, Array]:
         """Return modes, and the slope of what chains make of them."""

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from estimators.chains.estimate import ChainEstimate, inverse_estimate, structured_estimate
+from estimators.chains.held_images import held_images, image_size, images_count
 from estimators.chains.maps import ChainLayout, forward_map, inverse_map, inverse_slope
 from estimators.chains.modal_data import Data, prepared
 from estimators.chains.modes import FittedModes, Shapes, fit_modes, with_excess
@@ -18,6 +19,7 @@ from estimators.chains.order import (
     check_not_too_many,
     propose_order,
 )
+from estimators.frf.estimate import FrfEstimate
 from estimators.frf.friction_band import unfrictioned
 from robotmodels.arrays import Array, ComplexArray, real_numbers
 from robotmodels.chains import CoupledChains
@@ -146,8 +148,9 @@ def identify_chains(
     omega : (F,) increasing [rad/s].
     response : (F, M, M) motor torque to motor acceleration, no motor held.
     n_masses : N; proposed from the data where None.
-    covariance : (F, M, M) variances or (F, M M, M M) of vec(G), see `FrfEstimate`. Without it the
-        noise is taken to be relative, and its size from the misfit.
+    covariance : (F, M, M) variances or (F, M M, M M) of vec(G), as the noise is declared to be; for
+        one that was estimated see `chains_from_frf`. Without it the noise is taken to be relative,
+        and its size from the misfit.
     first_masses : (M,) motor inertias, where a data sheet gives them: taken as exact, and the
         high-frequency gains (3) not used.
     distortion : (F, M, M) standard deviations of one block's FRF by nonlinear distortion, see
@@ -160,16 +163,69 @@ def identify_chains(
     WrongModeCount : if the FRFs show more or fewer modes than M (N - 1); an InvalidInput.
     NotIdentifiable : if the order is too high for the data, naming parameters.
     """
-    data, motors = _checked(omega, response, n_masses, covariance, first_masses)
+    data = _checked(omega, response, n_masses, covariance)
+    motors = None if first_masses is None else _checked_motors(first_masses, data.chains)
     data, left_out = unfrictioned(data, distortion)
-    order = propose_order(data) if n_masses is None else None
-    layout = ChainLayout(data.chains, order.n_masses if order is not None else int(n_masses or 0))
+    return _identified(data, n_masses, motors, left_out)
+
+
+def chains_from_frf(
+    estimate: FrfEstimate,
+    n_masses: int | None = None,
+    *,
+    position: int = 0,
+    first_masses: Array | None = None,
+    distortion: Array | None = None,
+    sample_time: float | None = None,
+    delay: float = 0.0,
+) -> ChainIdentification:
+    """Identify chains as `identify_chains` does, from FRFs and what is known of their errors.
+
+    Degrees of freedom, draws and correlation along lines of the errors travel with the estimate.
+
+    Parameters
+    ----------
+    estimate : FRFs, motor torque to motor acceleration.
+    position : index of the position among those of the estimate.
+    sample_time, delay : of the torque's hold, and the delay that the estimate was corrected for
+        [s]: images of the hold are then taken off the FRFs. None where no torque was held.
+
+    Raises
+    ------
+    InvalidInput, WrongModeCount, NotIdentifiable : as `identify_chains`, or if there is no such
+        position.
+    """
+    if not 0 <= position < len(estimate.positions):
+        raise InvalidInput(
+            f"position {position}: the estimate has positions 0 to {len(estimate.positions) - 1}"
+        )
+    one = estimate.subset([position])
+    checked = _checked(one.omega, one.response[0], n_masses, one.covariance[0])
+    motors = None if first_masses is None else _checked_motors(first_masses, checked.chains)
+    data, left_out = unfrictioned(replace(checked, estimate=one), distortion)
+    if sample_time is not None and images_count(data, sample_time):
+        errors = image_size(data, sample_time)
+        rough = _modes(data.with_error(errors**2), _layout(data, n_masses)[0])[0]
+        data = data.without(held_images(rough, sample_time, delay))
+    return _identified(data, n_masses, motors, left_out)
+
+
+def _identified(
+    data: Data, n_masses: int | None, motors: Array | None, left_out: int
+) -> ChainIdentification:
+    layout, order = _layout(data, n_masses)
     found, excess = _modes(data, layout)
     inverse = inverse_estimate(found, layout, motors)
     if data.undamped:
         return ChainIdentification(found, inverse, inverse, found.cost, order, left_out, 0.0)
     structured, cost = structured_estimate(found, inverse, motors)
     return ChainIdentification(found, inverse, structured, cost, order, left_out, excess)
+
+
+def _layout(data: Data, n_masses: int | None) -> tuple[ChainLayout, OrderProposal | None]:
+    """Return the layout of chains of N masses, and how N was proposed where it is not given."""
+    order = propose_order(data) if n_masses is None else None
+    return ChainLayout(data.chains, int(n_masses or 0) if order is None else order.n_masses), order
 
 
 def _modes(data: Data, layout: ChainLayout) -> tuple[FittedModes, float]:
@@ -203,8 +259,7 @@ def _checked(
     response: ComplexArray,
     n_masses: int | None,
     covariance: NDArray[Any] | None,
-    first_masses: Array | None,
-) -> tuple[Data, Array | None]:
+) -> Data:
     omega = check_omega(omega)
     G = np.asarray(response, dtype=complex)
     if G.ndim != 3 or G.shape[0] != len(omega) or G.shape[1] != G.shape[2]:
@@ -222,10 +277,9 @@ def _checked(
         )
     _check_excited(G)
     undamped = covariance is None and bool(np.abs(G.imag).max() <= _ROUNDING * np.abs(G).max())
-    motors = None if first_masses is None else _checked_motors(first_masses, G.shape[1])
     if covariance is not None:
         covariance = _checked_covariance(np.asarray(covariance), G.shape)
-    return prepared(omega, G, covariance, undamped), motors
+    return prepared(omega, G, covariance, undamped)
 
 
 def _check_excited(response: ComplexArray) -> None:

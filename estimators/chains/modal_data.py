@@ -1,17 +1,17 @@
 """FRFs of one position as a search for modes needs them: weighted, and their errors kept apart."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from estimators.frf.estimate import unvec, vec
+from estimators.frf.estimate import FrfEstimate, vec
+from estimators.trust.linearised_fit import LinearisedFit
 from estimators.uncertainty.sandwich import sandwich
 from robotmodels.arrays import Array, ComplexArray
 
-_WIDTH = 5  # lines that variances are averaged over for the weights
 _FLOOR = 0.3  # of guessed errors: a share of the largest element of a line
 
 
@@ -19,27 +19,35 @@ _FLOOR = 0.3  # of guessed errors: a share of the largest element of a line
 class Data:
     """FRFs of one position with weights element by element.
 
-    Estimated covariances make poor weights: their inverses are too large by d/(d - k) in the mean
-    for size k and d repetitions, and an estimate weighted by them looks more certain than it is.
-    So weights are smooth in frequency and leave correlations out, and the covariance as it was
-    estimated enters the uncertainty only, linearly.
+    Weights are made of variances of neighbouring lines and leave correlations of elements out; the
+    covariance as it was estimated enters the uncertainty only, linearly.
 
     Attributes
     ----------
-    omega : (F,) [rad/s].
-    response : (F, M, M).
-    deviations : (F, M, M) smooth standard deviations of the elements.
-    covariance : (F, M, M) variances of independent elements, or (F, M M, M M) of vec(G).
-    scaled : whether the errors are guessed, so that their size is to be taken from the misfit.
-    undamped : whether the FRFs are real to rounding: computed, not measured.
+    estimate : FrfEstimate
+        Of one position.
+    error : (F, M, M)
+        Variances of errors beside the noise, which weights allow for.
+    scaled : bool
+        Whether the noise is guessed, so that its size is to be taken from the misfit.
+    undamped : bool
+        Whether the FRFs are real to rounding: computed, not measured.
     """
 
-    omega: Array
-    response: ComplexArray
-    deviations: Array
-    covariance: Array | ComplexArray
+    estimate: FrfEstimate
+    error: Array
     scaled: bool
     undamped: bool
+
+    @property
+    def omega(self) -> Array:
+        """Frequencies (F,) [rad/s]."""
+        return self.estimate.omega
+
+    @property
+    def response(self) -> ComplexArray:
+        """The FRFs (F, M, M)."""
+        return self.estimate.response[0]
 
     @property
     def chains(self) -> int:
@@ -53,25 +61,32 @@ class Data:
 
     @property
     def variance(self) -> Array:
-        """Variances of the elements as they were estimated, (F, M, M)."""
-        return variance_of(self.covariance, self.response.shape)
+        """Variances of the elements, (F, M, M): of the noise as estimated, and of other errors."""
+        return np.asarray(self.estimate.variance[0] + self.error)
+
+    @cached_property
+    def std(self) -> Array:
+        """Standard deviations (F, M, M) whose inverse squares are the weights."""
+        return np.asarray(np.sqrt(self.estimate.pooled_variance[0] + self.error))
 
     @property
     def expected(self) -> float:
         """Expectation of the cost, a sum of squares, were the model exact."""
-        return float(np.sum(self.variance / self.deviations**2))
+        return float(np.sum(self.variance / self.std**2))
 
     @cached_property
     def correlation(self) -> NDArray[Any]:
         """Covariance over the weights' deviations, (F, M M) or (F, M M, M M)."""
-        std = vec(self.deviations)
-        if self.covariance.shape == self.response.shape:
-            return np.asarray(vec(self.covariance) / std**2)
-        return np.asarray(self.covariance / (std[:, :, None] * std[:, None, :]))
+        std = vec(self.std)
+        more = vec(self.error) / std**2
+        if not self.estimate.has_full_covariance:
+            return np.asarray(vec(self.estimate.covariance[0]) / std**2 + more)
+        scaled = self.estimate.covariance[0] / (std[:, :, None] * std[:, None, :])
+        return np.asarray(scaled + more[:, :, None] * np.eye(more.shape[1]))
 
     def whitened(self, values: NDArray[Any]) -> Array:
         """Return values (F, M, M) or (F, M, M, p) over deviations, as real rows (size, 1 or p)."""
-        columns = values.reshape(*self.response.shape, -1) / self.deviations[..., None]
+        columns = values.reshape(*self.response.shape, -1) / self.std[..., None]
         rows = np.swapaxes(columns, 1, 2).reshape(self.response.size, -1)
         return np.asarray(np.concatenate([rows.real, rows.imag]))
 
@@ -90,29 +105,53 @@ class Data:
         meat = np.einsum("fkp,fkq->pq", np.conj(J), turned).real / 2
         if self.scaled:
             meat = meat * 2 * cost / max(self.size - p, 1)
-        return sandwich(bread, meat, names)
+        return _along_lines(sandwich(bread, meat, names), bread, J, self.estimate.line_correlation)
+
+    def linearised(
+        self, names: tuple[str, ...], fitted: ComplexArray, jacobian: ComplexArray
+    ) -> LinearisedFit:
+        """Return a fit about its solution; FRFs (F, M, M) and derivatives (F, M, M, p)."""
+        e = self.estimate
+        covariance = e.covariance if e.has_full_covariance else vec(e.variance)
+        freedom = e.degrees_of_freedom
+        return LinearisedFit(
+            names=names,
+            residuals=vec(self.response - fitted)[None],
+            jacobian=np.moveaxis(vec(np.moveaxis(jacobian, -1, 1)), 1, -1)[None],
+            weights=vec(1 / self.std**2)[None],
+            noise_weights=vec(1 / e.pooled_variance),
+            covariance=covariance,
+            deviations=None if e.deviations is None else vec(e.deviations),
+            degrees_of_freedom=np.where(np.isnan(freedom), np.inf, freedom),
+            line_correlation=e.line_correlation,
+            prior=np.zeros((len(names),) * 2),
+        )
 
     def from_line(self, first: int) -> "Data":
         """Return the data without the lines before `first`."""
-        return Data(
-            self.omega[first:],
-            self.response[first:],
-            self.deviations[first:],
-            self.covariance[first:],
-            self.scaled,
-            self.undamped,
+        e = self.estimate
+        shorter = replace(
+            e,
+            omega=e.omega[first:],
+            response=e.response[:, first:],
+            covariance=e.covariance[:, first:],
+            deviations=None if e.deviations is None else e.deviations[:, :, first:],
         )
+        return replace(self, estimate=shorter, error=self.error[first:])
 
     def with_error(self, variance: Array) -> "Data":
-        """Return the data with independent errors of `variance` (F, M, M) added to the noise."""
-        covariance = self.covariance.copy()
-        if covariance.shape == variance.shape:
-            covariance += variance
-        else:
-            i = np.arange(covariance.shape[-1])
-            covariance[:, i, i] += vec(variance)
-        deviations = np.sqrt(self.deviations**2 + variance)
-        return Data(self.omega, self.response, deviations, covariance, self.scaled, self.undamped)
+        """Return the data with independent errors of `variance` (F, M, M) beside the noise."""
+        return replace(self, error=self.error + variance)
+
+    def without(self, part: ComplexArray) -> "Data":
+        """Return the data less a `part` (F, M, M) of the FRFs."""
+        e = self.estimate
+        return replace(self, estimate=replace(e, response=e.response - part))
+
+    def of_size(self, factor: float) -> "Data":
+        """Return the data with the variances of the noise multiplied by a factor."""
+        e = self.estimate
+        return replace(self, estimate=replace(e, covariance=e.covariance * factor))
 
 
 def prepared(
@@ -128,42 +167,18 @@ def prepared(
     omega, response, covariance : as in `identify_chains`.
     undamped : whether the FRFs are exact and of chains without damping.
     """
-    if covariance is None:
-        variance = relative_variance(response)
-        return Data(omega, response, np.sqrt(variance), variance, True, undamped)
-    full = covariance.shape != response.shape
-    covariance = covariance.astype(complex) if full else covariance.real
-    deviations = np.sqrt(_smooth(variance_of(covariance, response.shape), response))
-    return Data(omega, response, deviations, covariance, False, undamped)
-
-
-def variance_of(covariance: NDArray[Any], shape: tuple[int, ...]) -> Array:
-    """Return the variances (F, M, M) of a covariance of either shape."""
-    if covariance.shape == shape:
-        return np.asarray(covariance.real)
-    return np.asarray(unvec(np.diagonal(covariance, axis1=1, axis2=2).real, shape[-1]))
-
-
-def _smooth(variance: Array, response: ComplexArray) -> Array:
-    """Return variances averaged over neighbouring lines, in logarithms.
-
-    Averaged are the variances themselves or relative ones, whichever is smoother: under feedback,
-    errors have the resonances of the FRF.
-    """
-    relative = relative_variance(response)
-    width = min(_WIDTH, len(variance) - 1 + len(variance) % 2)
-
-    def averaged(logarithms: Array) -> tuple[Array, float]:
-        ends = [(width // 2,) * 2, (0, 0), (0, 0)]
-        windows = np.lib.stride_tricks.sliding_window_view(
-            np.pad(logarithms, ends, mode="edge"), width, axis=0
-        )
-        mean = windows.mean(axis=-1)
-        return mean, float(np.mean((logarithms - mean) ** 2))
-
-    own, rough = averaged(np.log(variance))
-    ratio, rougher = averaged(np.log(variance / relative))
-    return np.asarray(np.exp(own) if rough < rougher else np.exp(ratio) * relative)
+    guessed = relative_variance(response) if covariance is None else covariance
+    if guessed.shape == response.shape:
+        guessed = guessed.real
+    estimate = FrfEstimate(
+        np.zeros((1, response.shape[-1])),
+        omega,
+        response[None],
+        guessed[None],
+        np.ones(1, dtype=np.int64),
+        np.nan if covariance is None else np.inf,  # type: ignore[arg-type]
+    )
+    return Data(estimate, np.zeros(response.shape), covariance is None, undamped)
 
 
 def relative_variance(response: ComplexArray) -> Array:
@@ -171,3 +186,25 @@ def relative_variance(response: ComplexArray) -> Array:
     size = np.abs(response)
     largest = size.max(axis=(1, 2), keepdims=True)
     return np.asarray(size**2 + (_FLOOR * largest) ** 2)
+
+
+def _along_lines(
+    covariance: Array, bread: Array, jacobian: ComplexArray, correlation: Array
+) -> Array:
+    """Return a covariance (p, p) with standard deviations as errors correlated along lines make.
+
+    Parameters
+    ----------
+    jacobian : (F, k, p), whitened; correlation : (L,) of errors 1 to L lines apart.
+    """
+    if not len(correlation):
+        return covariance
+    size = np.sqrt(np.diagonal(bread))
+    size = np.where(size > 0, size, 1.0)
+    rows = jacobian / size @ np.linalg.pinv(bread / np.outer(size, size), hermitian=True)
+    power = (np.abs(rows) ** 2).sum(axis=(0, 1))
+    total = power.copy()
+    for lag, rho in enumerate(correlation[: len(rows) - 1], start=1):
+        total += 2 * rho * (np.conj(rows[:-lag]) * rows[lag:]).real.sum(axis=(0, 1))
+    growth = np.sqrt(np.maximum(total / power, 1.0))
+    return np.asarray(covariance * np.outer(growth, growth))

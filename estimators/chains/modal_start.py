@@ -33,7 +33,7 @@ def modal_start(data: "Data", layout: ModalLayout) -> list[Array]:
     """Return starting x from several sets of poles, a delay taken off."""
     delay = start_delay(data.omega, data.response)
     prompt = data.response * np.exp(1j * data.omega * delay)[:, None, None]
-    weights = 1 / data.deviations
+    weights = 1 / data.std
     noise = float(np.median(1 / (weights * np.maximum(np.abs(data.response), 1e-300))))
     starts = []
     sets = candidate_poles(data.omega, prompt, layout.modes, min(noise, 0.1))
@@ -67,7 +67,7 @@ def _linear(
     h = square / (square + 2 * zeta * omega * s[:, None] + omega**2)
     columns = [np.ones(len(s))[:, None], h] + ([1 / s[:, None]] if layout.losses else [])
     basis = np.concatenate(columns, axis=1)
-    weights = 1 / data.deviations
+    weights = 1 / data.std
     found = np.zeros((basis.shape[1], m, m))
     for i, j in zip(*np.triu_indices(m), strict=True):
         rows = [(weights[:, a, b], response[:, a, b]) for a, b in {(i, j), (j, i)}]

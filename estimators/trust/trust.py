@@ -76,7 +76,7 @@ class Trust(Printed):
             Interval(
                 name,
                 float(self.values[i]),
-                float(self.values[i] * self.std[i]),
+                float(abs(self.values[i]) * self.std[i]),
                 _plain(self.ends[i, 0]),
                 _plain(self.ends[i, 1]),
                 self.method,
