@@ -9,7 +9,11 @@ from robotmodels.lazy_names import loaded_when_used
 
 if TYPE_CHECKING:
     from estimators.chains.damper_fit import DamperFit, fit_dampers
-    from estimators.chains.identification import ChainIdentification, identify_chains
+    from estimators.chains.identification import (
+        ChainIdentification,
+        chains_from_frf,
+        identify_chains,
+    )
     from estimators.chains.prediction import predict_masses
     from estimators.fisher_information import information
     from estimators.fitting.chain_start import chain_start_values
@@ -116,6 +120,7 @@ _HOMES = {
     "fit_dampers": "chains.damper_fit",
     "fit_information": "uncertainty.identifiability",
     "identifiability": "uncertainty.identifiability",
+    "chains_from_frf": "chains.identification",
     "identify_chains": "chains.identification",
     "importance_sample": "uncertainty.importance",
     "information": "fisher_information",
@@ -185,6 +190,7 @@ __all__ = [
     "Verdict",
     "WorkspaceMap",
     "best_additions",
+    "chains_from_frf",
     "chain_start_values",
     "check_rigid_limit",
     "combined_weights",

@@ -14,6 +14,7 @@ from robotmodels.modes import resonances
 from robotmodels.notebook import Printed
 
 _LEAST = 1e-2  # of the mean damper, to begin with
+_GAIN = 3.0  # in cost for each number more that modes have free
 
 
 @dataclass(frozen=True, eq=False)
@@ -98,6 +99,28 @@ def fit_dampers(found: ChainIdentification) -> DamperFit:
     uncertainty = covariance(result)
     model = start.at(result.parameters.values)
     return DamperFit(result, model, uncertainty, _structure(result, uncertainty, model, found))
+
+
+def recommended_estimate(found: ChainIdentification, dampers: DamperFit | None) -> ChainEstimate:
+    """Return the estimate to quote: with dampers, or with damping free mode by mode.
+
+    That with dampers, unless modes explain the FRFs clearly better, by more than what they have
+    free besides lets expect, or only that with modes has a verdict that gives intervals. Where
+    motor inertias were given, those of the modes, which take them as exact.
+    """
+    structured = found.structured
+    given = structured.trust is None or structured.trust.names[0] != structured.names[0]
+    if dampers is None or given or not dampers.fit.converged:
+        return structured
+    modes, damped = structured.verdict, dampers.estimate.verdict
+    assert modes is not None
+    assert damped is not None
+    if modes.gives_interval != damped.gives_interval:
+        return structured if modes.gives_interval else dampers.estimate
+    noise = 2 * found.cost / found.modes.data.size if found.modes.data.scaled else 1.0
+    more = found.modes.layout.sizes[-1] + 1
+    clearly = dampers.fit.cost - found.cost > _GAIN * more * noise
+    return structured if clearly else dampers.estimate
 
 
 def _start(found: ChainIdentification) -> DampedChains:

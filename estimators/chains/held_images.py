@@ -17,7 +17,7 @@ from estimators.chains.modal_model import modal_response
 from estimators.chains.modes import FittedModes
 from robotmodels.arrays import Array, ComplexArray
 
-_IMAGES = 8
+_IMAGES = 40
 _COUNTS = 0.02  # of a standard deviation, from which on images are taken off
 
 

@@ -242,13 +242,16 @@ def _modes(data: Data, layout: ChainLayout) -> tuple[FittedModes, float]:
             (f"{layout.modes} modes",),
             f"{len(data.omega)} lines are too few; measure more, or give fewer masses",
         )
-    found = fit_modes(data, layout.modes)
+    # Dampers that couple modes turn their shapes; unlike a bias, allowing for it costs next to
+    # nothing.
+    enough = data.size >= 2 * (layout.modal.size + (2 + data.chains) * layout.modes + data.chains)
+    kind: Shapes = "complex" if enough else "auto"
+    found = fit_modes(data, layout.modes, shapes=kind)
     check_not_too_many(found, layout.masses)
     excess = 0.0
     if not data.scaled and found.misfit > _MISFIT:
         for _ in range(2):
             enlarged, excess = with_excess(replace(found, data=data))
-            kind: Shapes = "complex" if found.layout.turned else "auto"
             found = fit_modes(enlarged, layout.modes, shapes=kind)
     check_not_too_few(found, layout.masses)
     return found, excess

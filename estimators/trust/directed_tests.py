@@ -49,7 +49,7 @@ class Directions:
     @cached_property
     def _joined(self) -> list[Lines]:
         """The columns of all directions in one array, where they are few."""
-        if self.columns[..., 0].size * len(self.names) > _TOGETHER:
+        if int(np.prod(self.columns.shape[:-1])) * len(self.names) > _TOGETHER:
             return []
         return [np.concatenate(list(self._parts()), axis=-1)]
 
@@ -58,7 +58,7 @@ class Directions:
         yield from self._joined or self._parts()
 
     def _parts(self) -> Iterator[Lines]:
-        lines, p = self.columns[..., 0].size, self.jacobian.shape[-1]
+        lines, p = int(np.prod(self.columns.shape[:-1])), self.jacobian.shape[-1]
         step = max(1, _TOGETHER // max(lines, 1))
         for first in range(0, self.columns.shape[-1], step):
             yield self.columns[..., first : first + step]

@@ -6,8 +6,9 @@ from pathlib import Path
 
 import numpy as np
 
-from estimators.chains.damper_fit import DamperFit, fit_dampers
-from estimators.chains.identification import ChainIdentification, identify_chains
+from estimators.chains.damper_fit import DamperFit, fit_dampers, recommended_estimate
+from estimators.chains.estimate import ChainEstimate
+from estimators.chains.identification import ChainIdentification, chains_from_frf
 from oed.experiment.measured_frf import MeasuredFrf, measured_frf
 from robotmodels.arrays import Array
 from robotmodels.errors import IdentificationError, InvalidInput
@@ -18,6 +19,7 @@ Progress = Callable[[str, int, int], None]
 # Fewer blocks say too little about what differs from block to block.
 _FEWEST_BLOCKS = 4
 _DISTORTED = 2.0  # variance over blocks over that of noise, in the median
+_APART = 3.0  # standard deviations between estimates from which on they are said to differ
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,6 +40,11 @@ class MeasuredChains:
     found: ChainIdentification
     dampers: DamperFit | None
     warnings: tuple[str, ...]
+
+    @property
+    def recommended(self) -> ChainEstimate:
+        """The estimate to quote, with its intervals and verdict."""
+        return recommended_estimate(self.found, self.dampers)
 
 
 def measured_chains(
@@ -80,19 +87,39 @@ def measured_chains(
         raise InvalidInput(f"{path}: position {position + 1}; there are positions 1 to {count}")
     if progress is not None:
         progress("chains", 0, 0)
-    e = frf.estimate
-    found = identify_chains(
-        e.omega,
-        e.response[position],
+    found = chains_from_frf(
+        frf.estimate,
         n_masses,
-        covariance=e.covariance[position],
+        position=position,
         first_masses=first_masses,
         distortion=_distortion(frf, position),
+        sample_time=first.sample_time if hold else None,
+        delay=delay,
     )
     dampers, reason = _dampers(found)
+    reason = (*reason, *_disagreement(found, dampers))
     if progress is not None:
         progress("chains", 1, 1)
     return MeasuredChains(frf, position, found, dampers, (*frf.warnings, *found.notes, *reason))
+
+
+def _disagreement(found: ChainIdentification, dampers: DamperFit | None) -> tuple[str, ...]:
+    """Say by how much the two models of damping differ, where they differ clearly."""
+    if dampers is None:
+        return ()
+    one, other = recommended_estimate(found, dampers), found.structured
+    other = dampers.estimate if one is other else other
+    with np.errstate(divide="ignore", invalid="ignore"):
+        apart = np.nan_to_num(np.abs(one.values - other.values) / one.std, nan=0.0)
+    far = np.flatnonzero((apart > _APART) & (one.std > 0))
+    if not far.size:
+        return ()
+    k = int(far[np.argmax(apart[far])])
+    names = ", ".join(one.names[i] for i in far)
+    return (
+        f"{names}: {other.method} differs from {one.method}, which is recommended, by up to "
+        f"{apart[k]:.2g} standard deviations: how the chains are damped decides",
+    )
 
 
 def _dampers(found: ChainIdentification) -> tuple[DamperFit | None, tuple[str, ...]]:
