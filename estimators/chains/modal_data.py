@@ -47,7 +47,7 @@ class Data:
     @property
     def response(self) -> ComplexArray:
         """The FRFs (F, M, M)."""
-        return self.estimate.response[0]
+        return np.asarray(self.estimate.response[0])
 
     @property
     def chains(self) -> int:

@@ -1,5 +1,6 @@
 """One recommended interval for each parameter, and one verdict."""
 
+import math
 from dataclasses import dataclass
 
 VERDICTS = (
@@ -72,3 +73,20 @@ class Interval:
     method: str
     dof: float
     verdict: Verdict
+
+
+def interval_document(interval: Interval) -> dict[str, float | str | None]:
+    """Return an interval as plain numbers and words, for JSON; null where there is none."""
+    i = interval
+    std, dof = (value if math.isfinite(value) else None for value in (i.std, i.dof))
+    return {
+        "name": i.name,
+        "value": i.value,
+        "std": std,
+        "low": i.low,
+        "high": i.high,
+        "method": i.method,
+        "dof": dof,
+        "verdict": str(i.verdict),
+        "reason": i.verdict.reason,
+    }

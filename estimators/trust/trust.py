@@ -11,7 +11,7 @@ from estimators.fitting.residuals import find_residual
 from estimators.fitting.robust import loss_factors
 from estimators.fitting.weights import used_elements
 from estimators.trust.directed_tests import DirectedTests
-from estimators.trust.intervals import VERDICTS, Interval, Verdict
+from estimators.trust.intervals import VERDICTS, Interval, Verdict, interval_document
 from estimators.trust.line_scatter import Scatter
 from estimators.trust.linearise import linearise, sensitivities
 from estimators.trust.model_directions import model_directions
@@ -109,20 +109,7 @@ class Trust(Printed):
         return {
             "verdict": str(self.verdict),
             "reason": self.verdict.reason,
-            "intervals": [
-                {
-                    "name": i.name,
-                    "value": i.value,
-                    "std": _plain(i.std),
-                    "low": i.low,
-                    "high": i.high,
-                    "method": i.method,
-                    "dof": _plain(i.dof),
-                    "verdict": str(i.verdict),
-                    "reason": i.verdict.reason,
-                }
-                for i in self.intervals
-            ],
+            "intervals": [interval_document(i) for i in self.intervals],
             "residuals": {
                 "ratio": _plain(self.size.ratio),
                 "dof": [_plain(self.size.numerator), _plain(self.size.denominator)],

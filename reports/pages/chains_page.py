@@ -6,6 +6,7 @@ import numpy as np
 
 from estimators.chains.maps import ChainLayout
 from estimators.chains.order import WrongModeCount
+from estimators.trust.intervals import Interval
 from oed.experiment.measured_chains import MeasuredChains
 from reports import text
 from reports.drawing.chains_figures import found_panels, pole_zero_panels
@@ -13,7 +14,7 @@ from reports.drawing.page_budget import lines_drawn
 from reports.drawing.response_panels import response_panels
 from reports.parts import Cell, Column, Figure, Number, Section, Table, figure, numbers, table
 from reports.template import filled, page
-from reports.terminal.chains_summary import in_hertz, unit
+from reports.terminal.chains_summary import in_hertz, method_of, refused, unit, verdict_of
 
 _CLEARLY_WORSE = 1.5  # misfit of the fit with dampers over that of the modes
 
@@ -74,7 +75,7 @@ def chains_sections(shown: MeasuredChains, source: Path) -> list[Section]:
         ratio = worse_with_dampers(shown)
         damped = {
             "dampers": damper_table(shown),
-            "estimates": damped_table(shown),
+            "estimates": other_table(shown),
             "worse": text.significant(ratio, 2) if ratio else "",
         }
         parts.insert(2, ("dampers", "Dampers", dict(damped)))
@@ -88,13 +89,16 @@ def chains_sections(shown: MeasuredChains, source: Path) -> list[Section]:
 
 def _facts(shown: MeasuredChains) -> dict[str, str]:
     found = shown.found
-    median = float(np.median(found.structured.relative_std))
+    e, verdict = shown.recommended, verdict_of(shown)
+    hidden = any(map(refused, e.intervals))
     return {
+        "verdict": str(verdict),
+        "reason": verdict.reason,
         "chains": text.plural(len(found.masses), "chain"),
         "lines": text.plural(len(found.modes.data.omega), "line"),
         "low": text.hertz(found.modes.data.omega[0]),
         "high": text.hertz(found.modes.data.omega[-1]),
-        "std": text.percent(median),
+        "std": "none" if hidden else text.percent(float(np.median(e.relative_std))),
         "condition": text.significant(found.inverse.condition, 2),
         "misfit": text.significant(found.misfit, 2),
         "p_value": text.significant(found.structure_p_value, 2),
@@ -111,26 +115,37 @@ def worse_with_dampers(shown: MeasuredChains) -> float:
 
 
 def parameter_table(shown: MeasuredChains) -> Table:
-    """Return masses, springs and couplings by both routes, with their standard deviations."""
-    found = shown.found
-    e, inverse = found.structured, found.inverse
+    """Return the recommended masses, springs and couplings, beside those of the inverse problem."""
+    inverse = shown.found.inverse
     rows: list[tuple[Cell, ...]] = []
-    for k, name in enumerate(e.names):
-        row: list[Cell] = [name]
-        for estimate in (e, inverse):
-            value, std = float(estimate.values[k]), float(estimate.relative_std[k])
-            row += [Number(text.significant(value, 4), value), _percent(std)]
-        rows.append((*row, unit(name)))
+    for k, i in enumerate(shown.recommended.intervals):
+        cells: list[Cell] = ["not quoted"] * 5
+        if not refused(i):
+            other, std = float(inverse.values[k]), float(inverse.relative_std[k])
+            spread = 0.0 if i.method == "given" else i.std / abs(i.value)
+            cells = [_significant(i.value), _percent(spread), *_ends(i), _significant(other)]
+            cells.append(_percent(std))
+        else:
+            cells.append("")
+        rows.append((i.name, *cells, unit(i.name)))
     columns = [
         Column("parameter", code=True),
-        *numbers("value", "std", "inverse problem", "std"),
+        *numbers("value", "std", "95 % from", "to", "inverse problem", "std"),
         Column("unit", "u"),
     ]
-    caption = (
-        "Maximum likelihood with damping free mode by mode, and the inverse eigenvalue problem it "
-        "began from."
+    caption = f"Recommended: {method_of(shown)}. Beside it the inverse eigenvalue problem."
+    layout = shown.recommended.layout
+    return Table("parameter-table", caption, tuple(columns), _by_chain(layout, rows))
+
+
+def _ends(interval: Interval) -> tuple[Cell, Cell]:
+    if interval.method == "given":
+        return "given", "given"
+    low, high = (
+        "none" if v is None else Number(text.significant(v, 6), v)
+        for v in (interval.low, interval.high)
     )
-    return Table("parameter-table", caption, tuple(columns), _by_chain(e.layout, rows))
+    return low, high
 
 
 def _by_chain(
@@ -202,19 +217,24 @@ def damper_table(shown: MeasuredChains) -> Table:
     return table("damper-table", caption, columns, rows)
 
 
-def damped_table(shown: MeasuredChains) -> Table:
-    """Return masses, springs and couplings as the fit with dampers has them."""
-    d = shown.dampers
+def other_table(shown: MeasuredChains) -> Table:
+    """Return the same parameters under both models of damping, each with its verdict."""
+    found, d = shown.found, shown.dampers
+    estimates = [found.structured] if d is None else [found.structured, d.estimate]
     rows: list[list[Cell]] = []
-    if d is not None:
-        rows = [
-            [name, _significant(float(value)), _percent(float(std)), unit(name)]
-            for name, value, std in zip(
-                d.estimate.names, d.estimate.values, d.estimate.relative_std, strict=True
-            )
-        ]
-    columns = [Column("parameter", code=True), *numbers("value", "std"), Column("unit", "u")]
-    return table("damped-table", "The same parameters, fitted with the dampers.", columns, rows)
+    for k, name in enumerate(found.names):
+        row: list[Cell] = [name]
+        for e in estimates:
+            hidden = bool(e.intervals) and refused(e.intervals[k])
+            row += [
+                "not quoted" if hidden else _significant(float(e.values[k])),
+                "" if hidden else _percent(float(e.relative_std[k])),
+            ]
+        rows.append(row)
+    heads = ("damping free by modes", "std", "dampers at springs", "std")
+    columns = [Column("parameter", code=True), *numbers(*heads[: 2 * len(estimates)])]
+    caption = "; ".join(f"{e.method}: {e.verdict}" for e in estimates) + "."
+    return table("damped-table", caption, columns, rows)
 
 
 def order_table(shown: MeasuredChains) -> Table:

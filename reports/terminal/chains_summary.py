@@ -1,14 +1,17 @@
 """What ``oed chains`` says at the end, and the file of its numbers."""
 
 import json
+import textwrap
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from estimators.chains.estimate import ChainEstimate
+from estimators.trust.intervals import Interval, Verdict, interval_document
 from oed.experiment.measured_chains import MeasuredChains
 from reports import text
-from reports.terminal.columns import number, plain, plural, table
+from reports.terminal.columns import WIDTH, number, plain, plural, table
 from robotmodels.arrays import Array
 
 _UNITS = {"m": ("kg m²", "kg"), "K": ("N m/rad", "N/m")}
@@ -16,36 +19,55 @@ _UNITS = {"m": ("kg m²", "kg"), "K": ("N m/rad", "N/m")}
 
 def chains_summary(shown: MeasuredChains, files: list[Path]) -> str:
     """Return the summary of identified chains, about a screen."""
-    found, e = shown.found, shown.found.structured
+    found, e, verdict = shown.found, shown.recommended, verdict_of(shown)
     count, length = found.masses.shape
     proposed = " (proposed)" if found.order is not None else ""
     modes = found.modes
+    words = f"{verdict}: {verdict.reason}"
     head = [
         f"{plural(count, 'chain')} of {length} masses{proposed}",
         f"  lines    {len(modes.data.omega)} from {_hertz(modes.data.omega[0])} to "
         f"{_hertz(modes.data.omega[-1])}",
         f"  modes    {', '.join(number(w / (2 * np.pi), 4) for w in modes.omega)} Hz",
+        *textwrap.wrap(f"  verdict  {words}", WIDTH, subsequent_indent=" " * 11),
+        *textwrap.wrap(f"  method   {method_of(shown)}", WIDTH, subsequent_indent=" " * 11),
     ]
     rows = [
-        (
-            name,
-            number(value, 5),
-            plain(text.percent(relative)),
-            number(inverse, 5),
-            plain(text.percent(other)),
-        )
-        for name, value, relative, inverse, other in zip(
-            e.names,
-            e.values,
-            e.relative_std,
-            found.inverse.values,
-            found.inverse.relative_std,
-            strict=True,
-        )
+        (i.name, _shown(i.value, refused(i)), *_ends(i), _shown(float(inverse), refused(i)))
+        for i, inverse in zip(e.intervals, found.inverse.values, strict=True)
     ]
-    header = ("", "maximum\nlikelihood", "\nstd", "inverse\nproblem", "\nstd")
+    header = ("", "\nvalue", "95 %\nfrom", "interval\nto", "inverse\nproblem")
     body = table(header, rows, right=(1, 2, 3, 4))
     return "\n".join([*head, *body, *(f"  written  {path}" for path in files)])
+
+
+def refused(interval: Interval) -> bool:
+    """Tell that the verdict gives no interval: the value is not to be quoted."""
+    return interval.low is None and interval.high is None
+
+
+def verdict_of(shown: MeasuredChains) -> Verdict:
+    """Return the verdict on the recommended estimate."""
+    verdict = shown.recommended.verdict
+    assert verdict is not None  # records are never exact, so that there is one
+    return verdict
+
+
+def method_of(shown: MeasuredChains) -> str:
+    """Return what the recommended intervals come from."""
+    methods = [i.method for i in shown.recommended.intervals if i.method != "given"]
+    return f"{shown.recommended.method}; {methods[0]}" if methods else shown.recommended.method
+
+
+def _shown(value: float, hidden: bool) -> str:
+    return "-" if hidden else number(value, 5)
+
+
+def _ends(interval: Interval) -> tuple[str, str]:
+    if interval.method == "given":
+        return "given", ""
+    low, high = ("-" if v is None else number(v, 6) for v in (interval.low, interval.high))
+    return low, high
 
 
 def chains_json(shown: MeasuredChains, files: list[Path]) -> dict[str, Any]:
@@ -56,12 +78,17 @@ def chains_json(shown: MeasuredChains, files: list[Path]) -> dict[str, Any]:
 def write_chains(shown: MeasuredChains, path: Path) -> None:
     """Write the chains, their covariance and their modes as JSON, in SI units."""
     contents = _contents(shown)
-    contents["covariance"] = shown.found.covariance.tolist()
+    e = shown.recommended
+    with np.errstate(divide="ignore", invalid="ignore"):
+        scale = np.nan_to_num(e.std / np.sqrt(np.diag(e.covariance)), nan=0.0, posinf=0.0)
+    contents["covariance"] = (
+        None if any(map(refused, e.intervals)) else (e.covariance * np.outer(scale, scale)).tolist()
+    )
     path.write_text(json.dumps(contents, indent=1, allow_nan=False), encoding="utf-8")
 
 
 def _contents(shown: MeasuredChains) -> dict[str, Any]:
-    found, modes = shown.found, shown.found.modes
+    found, modes, e = shown.found, shown.found.modes, shown.recommended
     dampers = None
     if shown.dampers is not None:
         d = shown.dampers
@@ -71,17 +98,24 @@ def _contents(shown: MeasuredChains) -> dict[str, Any]:
             "friction": d.model.friction.tolist(),
             "friction_std": d.friction_std.tolist(),
             "delay": d.model.delay,
-            "values": d.estimate.values.tolist(),
-            "std": d.estimate.std.tolist(),
+            **_estimate(d.estimate),
         }
+    verdict = verdict_of(shown)
+    evidence = {} if e.trust is None else e.trust.document()
     return {
         "schema": "chains/1",
+        "verdict": str(verdict),
+        "reason": verdict.reason,
+        "method": method_of(shown),
+        "intervals": [interval_document(i) for i in e.intervals],
         "chains": len(found.masses),
         "masses_per_chain": found.n_masses,
         "proposed": found.order is not None,
         "names": list(found.names),
-        "values": found.structured.values.tolist(),
-        "std": found.structured.std.tolist(),
+        "values": e.values.tolist(),
+        "std": _std(e),
+        "damping_free": _estimate(found.structured),
+        "with_dampers": dampers,
         "inverse_values": found.inverse.values.tolist(),
         "inverse_std": found.inverse.std.tolist(),
         "condition": found.inverse.condition,
@@ -93,9 +127,26 @@ def _contents(shown: MeasuredChains) -> dict[str, Any]:
         "delay": modes.delay,
         "misfit": known(found.misfit),
         "structure_p_value": known(found.structure_p_value),
-        "with_dampers": dampers,
+        "residuals": evidence.get("residuals"),
+        "directions": evidence.get("directions"),
         "warnings": list(shown.warnings),
     }
+
+
+def _estimate(e: ChainEstimate) -> dict[str, Any]:
+    """Return an estimate with its own verdict."""
+    return {
+        "values": e.values.tolist(),
+        "std": _std(e),
+        "verdict": None if e.verdict is None else str(e.verdict),
+        "reason": None if e.verdict is None else e.verdict.reason,
+    }
+
+
+def _std(e: ChainEstimate) -> list[float | None]:
+    """Return standard deviations, none where the verdict gives no interval."""
+    hidden = [refused(i) for i in e.intervals] or [False] * len(e.names)
+    return [None if none else known(float(s)) for none, s in zip(hidden, e.std, strict=True)]
 
 
 def known(value: float) -> float | None:
