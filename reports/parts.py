@@ -56,10 +56,17 @@ def figure(
 
 @dataclass(frozen=True)
 class Number:
-    """A number as it is shown, and as it sorts and is downloaded."""
+    """A number as it is shown, and as it sorts and is downloaded.
+
+    Attributes
+    ----------
+    struck : str
+        Why it must not be quoted: it is struck out then, here and in downloads.
+    """
 
     text: str
     value: float
+    struck: str = ""
 
     @property
     def exact(self) -> str:

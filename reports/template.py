@@ -14,7 +14,14 @@ from reports.drawing.svg import LIGHT
 from reports.parts import Section
 
 
-def page(title: str, kind: str, kicker: str, lead: str, sections: Sequence[Section]) -> str:
+def page(
+    title: str,
+    kind: str,
+    kicker: str,
+    lead: str,
+    sections: Sequence[Section],
+    banner: Markup = Markup(),  # noqa: B008
+) -> str:
     """Return an HTML page that needs nothing else: style and controls are inside.
 
     Parameters
@@ -23,6 +30,7 @@ def page(title: str, kind: str, kicker: str, lead: str, sections: Sequence[Secti
     kind : what the page is about, in the window's title.
     kicker, lead : a line above the heading and one below it.
     sections : in the order of the contents.
+    banner : below the lead, before the contents.
     """
     return (
         _environment(html=True)
@@ -33,6 +41,7 @@ def page(title: str, kind: str, kicker: str, lead: str, sections: Sequence[Secti
             kicker=kicker,
             lead=lead,
             sections=sections,
+            banner=banner,
             style=Markup(_file("report.css")),
             script=Markup(_file("report.js") + _file("robots.js")),
             light=Markup(json.dumps(asdict(LIGHT))),

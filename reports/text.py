@@ -135,6 +135,12 @@ def ranges(numbers: Sequence[int]) -> str:
     return listed(words)
 
 
+def span(values: Array) -> str:
+    """Return ``0.98 to 1.02``, or one number where they are alike."""
+    low, high = (fixed(float(v), 2) for v in (values.min(), values.max()))
+    return low if low == high else f"{low} to {high}"
+
+
 def listed(words: list[str]) -> str:
     """Return ``a, b and c``."""
     if len(words) < 2:

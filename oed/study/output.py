@@ -6,11 +6,12 @@ files depends on the clock or on where they lie: the same seed gives the same fi
 ``design.json``
     ``candidates``: how many; ``relaxed``: ``criterion``, ``support`` (indices of candidates in
     ``stages/information/information.h5``), their ``weights``, ``value``, certified ``gap``;
-    ``exact``: ``experiments`` and ``efficiency`` (certified lower bound against the relaxed
-    optimum); ``promised``: relative ``std`` by the plan's own information (null where a parameter
-    is left open) and ``weak`` combinations in words; ``positions``: the positions to measure in,
+    ``exact``: ``experiments`` (visits to a position), their ``runs``, and ``efficiency``
+    (certified lower bound against the relaxed optimum); ``promised``: relative ``std`` by the
+    plan's own information (null where a parameter is left open) and ``weak`` combinations in
+    words; ``positions``: the positions to measure in,
     each with ``candidate``, ``position`` [rad, in the order of ``motors``], ``weight``,
-    ``repetitions``, in the order of visits; where the study asks for them, ``order``:
+    ``repetitions`` (visits), in the order of visits; where the study asks for them, ``order``:
     ``candidates`` in that order, ``seconds`` of all moves, from the start and back to it, and
     ``robust``: efficiencies at each sample of theta of the design and of the ``nominal`` one.
 ``fit.json``
@@ -118,10 +119,11 @@ def design_document(results: PlannedStudy) -> dict[str, Any]:
             "gap": float(design.gap),
         },
         "exact": {
-            "experiments": int(exact.repetitions.sum()),
+            "experiments": results.visits,
+            "runs": results.visits * results.runs_per_visit,
             "efficiency": float(exact.efficiency),
         },
-        "promised": _promised(results),
+        "promised": promised_document(results),
         **_extras(results),
         "positions": [
             {
@@ -135,7 +137,7 @@ def design_document(results: PlannedStudy) -> dict[str, Any]:
     }
 
 
-def _promised(results: PlannedStudy) -> dict[str, Any]:
+def promised_document(results: PlannedStudy) -> dict[str, Any]:
     """Return what the plan's information promises before anyone measures."""
     promise = results.promise
     return {"std": _numbers(promise.std), "weak": list(promise.weak())}

@@ -73,6 +73,18 @@ class PlannedStudy:
         """Indices of the candidates that the plan measures in, in the order of visits."""
         return visited(self.exact, self.order)
 
+    @property
+    def visits(self) -> int:
+        """Experiments in all: visits to a position, each with its runs."""
+        return int(self.exact.repetitions.sum())
+
+    @property
+    def runs_per_visit(self) -> int:
+        """Excitations of one visit: one for each motor, in every block of a simulation."""
+        simulated = self.study.data.experiment
+        blocks = 1 if simulated is None else simulated.blocks
+        return blocks * len(self.robot.motor_names)
+
     @cached_property
     def promise(self) -> Identifiability:
         """What the plan's own information promises: standard deviations, open combinations."""

@@ -35,9 +35,7 @@ def frf(
     ] = "full",
     local: Annotated[
         bool,
-        typer.Option(
-            "--local", help="Borrow from neighbouring lines, for fewer experiments than motors."
-        ),
+        typer.Option("--local", help="Borrow from neighbouring lines, for fewer runs than motors."),
     ] = False,
     robot: Annotated[
         str | None,

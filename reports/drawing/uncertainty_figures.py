@@ -183,8 +183,10 @@ def corner_plot(names: Sequence[str], draws: Array, covariance: Array, truth: Ar
     """Return a corner plot of draws, with Theorem 1's ellipses and the truth.
 
     draws : (N, k) ln theta less its estimate, times 100, that is in per cent.
-    covariance : (k, k) by Theorem 1 and `truth` (k,), in the same measure; NaN where unknown.
+    covariance : (k, k) by Theorem 1 and `truth` (k,), in the same measure; NaN where unknown. The
+        axes reach as far as the truth, however far it lies.
     """
+    spans = corner_spans(draws, covariance, truth)
 
     def draw(palette: Palette) -> Figure:
         k = len(names)
@@ -221,6 +223,9 @@ def corner_plot(names: Sequence[str], draws: Array, covariance: Array, truth: Ar
                 for radius in _ELLIPSE_RADII:
                     x, y = radius * _ellipse(covariance[np.ix_([j, i], [j, i])])
                     axes.plot(x, y, color=palette.second, lw=1.0)
+            axes.set_xlim(spans[j])
+            if j < i:
+                axes.set_ylim(spans[i])
             axes.tick_params(labelsize=8.5, length=2, labelrotation=0)
             axes.set_xticks(three_ticks(*axes.get_xlim()))
             if j < i:
@@ -235,13 +240,29 @@ def corner_plot(names: Sequence[str], draws: Array, covariance: Array, truth: Ar
     return draw
 
 
+def corner_spans(draws: Array, covariance: Array, truth: Array) -> Array:
+    """Return the ends (k, 2) of axes that show draws, ellipses and, where known, the truth."""
+    reach = max(_ELLIPSE_RADII) * np.sqrt(np.diagonal(covariance))
+    low = np.minimum(draws.min(axis=0), np.fmin(-reach, truth))
+    high = np.maximum(draws.max(axis=0), np.fmax(reach, truth))
+    margin = 0.04 * (high - low)
+    return np.stack([low - margin, high + margin], axis=1)
+
+
 def three_ticks(low: float, high: float) -> list[float]:
-    """Return zero and a round number on either side, far enough from the ends for its words."""
-    reach = 0.75 * min(-low, high)
-    if reach <= 0:
+    """Return zero and a round number on either side, far enough from the ends for its words.
+
+    Where zero lies near one end, the round number is on the other side only.
+    """
+    short, long = sorted((-low, high))
+    if short <= 0:
         return [low, high]
+    lopsided = long > 4 * short
+    reach = 0.75 * (long if lopsided else short)
     decade = 10.0 ** np.floor(np.log10(reach))
     step = float(decade * max(round_ for round_ in (1, 2, 5) if round_ * decade <= reach))
+    if lopsided:
+        return [0.0, step] if high > -low else [-step, 0.0]
     return [-step, 0.0, step]
 
 

@@ -10,6 +10,7 @@ from oed.study.pipeline import StudyResults
 from reports import text
 from reports.drawing import uncertainty_figures
 from reports.parts import Cell, Column, Number, Row, Section, Table, figure, numbers, table
+from reports.sections.verdict import discredited, usable
 from reports.template import filled, page
 from reports.terminal import columns
 from reports.terminal.study_summary import study_json
@@ -68,32 +69,46 @@ def all_names(studies: Studies) -> list[str]:
 
 
 def std_rows(studies: Studies) -> list[Array]:
-    """Return the standard deviations of ln theta by Theorem 1, (p,) per study; NaN for none."""
-    return [_aligned(studies, r, r.std) for r in studies.values()]
+    """Return the recommended standard deviations of ln theta, (p,) per study; NaN for none."""
+    return [_aligned(studies, r, r.trust.std) for r in studies.values()]
+
+
+def struck_rows(studies: Studies) -> list[dict[str, str]]:
+    """Return why a study's number of a parameter must not be quoted, by name."""
+    return [{one.name: discredited(one) for one in r.trust.intervals} for r in studies.values()]
 
 
 def overview_table(studies: Studies) -> Table:
     """Return the key figures of the studies, a row each."""
     rows: list[Row] = []
     for name, r in studies.items():
-        std = r.std
         values: list[Cell] = [
             Number(text.count(len(r.information.positions)), len(r.information.positions)),
             Number(str(len(r.used)), len(r.used)),
-            Number(str(n := int(r.exact.repetitions.sum())), n),
+            Number(text.count(r.visits), r.visits),
+            Number(text.count(runs := r.visits * r.runs_per_visit), runs),
             Number(text.efficiency(r.exact.efficiency), float(r.exact.efficiency)),
             Number(text.significant(ratio := r.residuals.ratio, 3), ratio),
-            *(Number(text.percent(v), v) for v in (float(std.min()), _mean(std), float(std.max()))),
+            *(_percent(v) for v in _spread(r)),
         ]
-        rows.append([name, r.robot.name, *values])
-    titles = ["candidates", "positions", "experiments", "efficiency", "residuals over expected"]
+        rows.append([name, r.robot.name, str(r.trust.verdict), *values])
+    titles = [
+        "candidates",
+        "positions",
+        "visits",
+        "runs",
+        "efficiency",
+        "residuals over expected",
+    ]
     columns_ = [
         Column("study"),
         Column("robot"),
+        Column("verdict"),
         *numbers(*titles, "least std", "mean std", "largest std"),
     ]
     caption = (
-        "Key figures; standard deviations are relative, by Theorem 1, their mean is geometric."
+        "Key figures; standard deviations are relative, the recommended ones of the parameters "
+        "that have an interval, their mean is geometric."
     )
     return table("overview-table", caption, columns_, rows)
 
@@ -113,9 +128,15 @@ def settings_table(studies: Studies) -> Table:
 
 def std_table(studies: Studies) -> Table:
     """Return the standard deviations, and those of later studies over the first's."""
-    stds, rows = std_rows(studies), []
+    stds, struck, rows = std_rows(studies), struck_rows(studies), []
     for i, name in enumerate(all_names(studies)):
-        row: list[Cell] = [name, *(_percent(float(std[i])) for std in stds)]
+        row: list[Cell] = [
+            name,
+            *(
+                _percent(float(s[i]), why.get(name, ""))
+                for s, why in zip(stds, struck, strict=True)
+            ),
+        ]
         row += [_ratio(float(std[i] / stds[0][i])) for std in stds[1:]]
         rows.append(row)
     first, *others = studies
@@ -123,7 +144,7 @@ def std_table(studies: Studies) -> Table:
         Column("parameter", code=True),
         *numbers(*studies, *(f"{other} / {first}" for other in others)),
     ]
-    caption = "Relative standard deviations by Theorem 1, and their ratios."
+    caption = "Recommended relative standard deviations, and their ratios."
     return table("std-table", caption, header, rows)
 
 
@@ -133,13 +154,18 @@ def comparison_summary(studies: Studies, path: Path) -> str:
         (
             name,
             str(len(r.used)),
-            str(int(r.exact.repetitions.sum())),
-            *(columns.plain(text.percent(v)) for v in _spread(r.std)),
+            str(r.visits),
+            str(r.visits * r.runs_per_visit),
+            *(columns.plain(_percent(v).text).replace("–", "-") for v in _spread(r)),
+            str(r.trust.verdict),
         )
         for name, r in studies.items()
     ]
-    header = ("studies", "positions", "experiments", "least std", "mean std", "largest std")
-    lines = columns.table(header, rows, right=(1, 2, 3, 4, 5))
+    header = (
+        "studies", "posi-\ntions", "visits", "runs", "least\nstd", "mean\nstd", "largest\nstd",
+        "verdict",
+    )  # fmt: skip
+    lines = columns.table(header, rows, right=(1, 2, 3, 4, 5, 6))
     return "\n".join([*lines, f"  report   {path}"])
 
 
@@ -177,16 +203,16 @@ def settings_of(content: Any, prefix: str = "") -> dict[str, str]:
     return found
 
 
-def _spread(std: Array) -> tuple[float, float, float]:
-    return float(std.min()), _mean(std), float(std.max())
+def _spread(results: StudyResults) -> tuple[float, float, float]:
+    """Return least, mean and largest recommended deviation of the parameters that have one."""
+    std = results.trust.std[usable(results.trust)]
+    if not std.size:
+        return (np.nan,) * 3
+    return float(std.min()), float(np.exp(np.log(std).mean())), float(std.max())
 
 
-def _mean(std: Array) -> float:
-    return float(np.exp(np.log(std).mean()))
-
-
-def _percent(std: float) -> Number:
-    return Number(text.percent(std) if np.isfinite(std) else "–", std)
+def _percent(std: float, struck: str = "") -> Number:
+    return Number(text.percent(std) if np.isfinite(std) else "–", std, struck)
 
 
 def _ratio(value: float) -> Number:

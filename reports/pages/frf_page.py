@@ -70,11 +70,11 @@ def frf_sections(
 def _facts(found: MeasuredFrf) -> dict[str, str]:
     """Return numbers that appear in sentences."""
     r, e = found.first, found.estimate
-    blocks, experiments, periods = r.torque.shape[1:4]
+    blocks, runs, periods = r.torque.shape[1:4]
     return {
         "positions": text.plural(len(e.positions), "position"),
         "blocks": text.plural(blocks, "block"),
-        "experiments": text.plural(experiments, "experiment"),
+        "runs": text.plural(runs, "run"),
         "periods": text.plural(periods, "period"),
         "period": text.significant(r.samples * r.sample_time, 3) + f"{text.THIN}s",
         "lines": text.plural(len(e.omega), "line"),
@@ -82,7 +82,7 @@ def _facts(found: MeasuredFrf) -> dict[str, str]:
         "high": text.hertz(e.omega[-1]),
         "std": text.percent(float(np.median(relative_std(found)))),
         "excess": _ratio(excess(found)),
-        "missing": text.plural(found.missing, "experiment"),
+        "missing": text.plural(found.missing, "run"),
     }
 
 

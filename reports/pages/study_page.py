@@ -6,6 +6,7 @@ from oed.study.pipeline import Progress, StudyResults
 from oed.study.stages import Failure
 from reports.parts import Section
 from reports.sections import study_sections
+from reports.sections.verdict import banner
 from reports.template import page
 from robotmodels.atomic_files import write_text
 
@@ -34,4 +35,5 @@ def _page(results: StudyResults, sections: list[Section]) -> str:
             "Where to measure, what the springs and dampers come out as, and how far to trust them."
         ),
         sections=sections,
+        banner=banner(results),
     )

@@ -58,7 +58,9 @@ def study_sections(
 
 def _residuals(results: StudyResults) -> Section:
     robot_ = results.robot
-    return residuals.section(results.residuals, robot_.output_names, robot_.motor_names)
+    return residuals.section(
+        results.residuals, results.trust, robot_.output_names, robot_.motor_names
+    )
 
 
 def _cross_check(results: StudyResults) -> Section | None:

@@ -1,4 +1,4 @@
-"""Plans compared: what simulated experiments by the plan and by its rivals gave."""
+"""Plans compared: what simulations of the plan and of its rivals gave."""
 
 import numpy as np
 
@@ -8,12 +8,13 @@ from oed.trials.outcome import PlanComparison, PlanTrial
 from reports import text
 from reports.drawing import uncertainty_figures
 from reports.parts import Cell, Column, Figure, Number, Section, Table, figure, numbers, table
+from reports.sections.cost import cost
 from reports.template import filled
 from robotmodels.arrays import Array
 
 
 def section(results: StudyResults) -> Section | None:
-    """Return the section; none where no experiments were simulated by plans."""
+    """Return the section; none where plans were not simulated."""
     found = results.comparison
     if found is None:
         return None
@@ -28,7 +29,7 @@ def section(results: StudyResults) -> Section | None:
         study=results.study,
         runs=len(own.found.estimates) + len(own.found.failures),
         failures=sum(len(trial.found.failures) for trial in found.trials if trial.found),
-        experiments=int(own.repetitions.sum()),
+        cost=cost(results),
         grid=results.study.compare.grid,
         best=_best(found),
         ratios=(text.fixed(float(ratio.min()), 2), text.fixed(float(ratio.max()), 2)),
@@ -63,8 +64,8 @@ def plan_table(found: PlanComparison) -> Table:
         *numbers("optimal is surer of", "less sure of"),
     ]
     caption = (
-        "What one experiment of each plan is worth in experiments of the optimal plan, by "
-        "information and by the scatter of simulated experiments; parameters of which a plan is "
+        "What one visit of each plan is worth in visits of the optimal plan, by "
+        "information and by the scatter of repeated simulations; parameters of which a plan is "
         "surer than chance explains (F test, 5 %)."
     )
     return table("plans", caption, columns, rows)
@@ -83,7 +84,7 @@ def std_table(found: PlanComparison) -> Table:
         rows.append(row)
     titles = [f"{name}: {what}" for name, _ in groups for what in ("Theorem 1", "found")]
     caption = (
-        "Relative standard deviations by Theorem 1, and found over the simulated experiments; of "
+        "Relative standard deviations by Theorem 1, and found over the repeated simulations; of "
         "random plans the geometric mean."
     )
     return table("plan-stds", caption, [Column("parameter", code=True), *numbers(*titles)], rows)
@@ -102,7 +103,7 @@ def picture(found: PlanComparison) -> Figure:
     return figure(
         "plan-deviations",
         drawing,
-        "Standard deviations of every parameter over simulated experiments, by each plan",
+        "Standard deviations of every parameter over repeated simulations, by each plan",
     )
 
 

@@ -5,6 +5,7 @@ import numpy as np
 from estimators.uncertainty.cross_check import CrossCheck
 from reports import text
 from reports.parts import Cell, Column, Number, Section, Table, numbers, table
+from reports.sections.verdict import discredited
 from reports.template import filled
 
 
@@ -27,7 +28,8 @@ def verdict_table(found: CrossCheck) -> Table:
     ratio = found.ratio()
     for i, name in enumerate(found.names):
         row: list[Cell] = [name]
-        row += [_number(float(std)) for std in found.stds[:, i]]
+        struck = discredited(found.trust.intervals[i])
+        row += [_number(float(std), struck) for std in found.stds[:, i]]
         row.append(Number(text.fixed(ratio[i], 2) if np.isfinite(ratio[i]) else "–", ratio[i]))
         rows.append([*row, found.verdicts[i]])
     columns = [
@@ -38,5 +40,5 @@ def verdict_table(found: CrossCheck) -> Table:
     return table("cross-check-table", "Relative standard deviations by method.", columns, rows)
 
 
-def _number(std: float) -> Number:
-    return Number(text.percent(std) if np.isfinite(std) else "–", std)
+def _number(std: float, struck: str) -> Number:
+    return Number(text.percent(std) if np.isfinite(std) else "–", std, struck)

@@ -1,10 +1,14 @@
 """The design: how good the chosen positions are, the proof of it, and what limits them."""
 
+import numpy as np
+
 from oed.study.design_section import DesignChoice
 from oed.study.pipeline import StudyResults
 from reports import text
 from reports.drawing import figures
-from reports.parts import Number, Section, Table, figure, numbers, table
+from reports.parts import Column, Number, Section, Table, figure, numbers, table
+from reports.sections.cost import cost
+from reports.sections.verdict import discredited
 from reports.template import filled
 
 
@@ -15,7 +19,7 @@ def section(results: StudyResults) -> Section | None:
     design, robust = results.design, results.robust
     sensitivity = figure(
         "sensitivity",
-        # Per share of all experiments, whether weights are shares or experiments.
+        # Per share of all visits, whether weights are shares or visits.
         figures.sensitivity_function(design.sensitivity * design.weights.sum(), design.support),
         "Sensitivity of every candidate position in falling order, those of the design marked",
     )
@@ -26,7 +30,10 @@ def section(results: StudyResults) -> Section | None:
         count=len(results.information.positions),
         parameters=len(design.names),
         positions=len(results.used),
-        experiments=int(results.exact.repetitions.sum()),
+        cost=cost(results),
+        promised=promised_table(results),
+        weak=results.promise.weak(),
+        ends=promised_ends(results),
         gap=text.one_and(design.gap),
         efficiency=text.efficiency(results.exact.efficiency),
         limits=text.listed(limits(results.study.design)),
@@ -40,12 +47,12 @@ def section(results: StudyResults) -> Section | None:
 
 
 def limits(choice: DesignChoice) -> list[str]:
-    """Return in words what limits the plan besides the number of experiments."""
+    """Return in words what limits the plan besides the number of visits."""
     found = []
     if choice.most is not None:
-        found.append(f"at most {text.plural(choice.most, 'experiment')} in one position")
+        found.append(f"at most {text.plural(choice.most, 'visit')} to one position")
     if choice.time is not None:
-        found.append(f"{text.duration(choice.time)} for experiments and moves")
+        found.append(f"{text.duration(choice.time)} for visits and moves")
     if choice.mandatory:
         found.append(f"{text.plural(len(choice.mandatory), 'mandatory position')}")
     if choice.forbidden:
@@ -64,8 +71,7 @@ def tour(results: StudyResults) -> dict[str, str] | None:
         return None
     total = ""
     if choice.time is not None and choice.measuring is not None:
-        count = int(results.exact.repetitions.sum())
-        total = text.duration(count * choice.measuring + order.duration)
+        total = text.duration(results.visits * choice.measuring + order.duration)
     return {
         "duration": text.duration(order.duration),
         "given": text.duration(order.given),
@@ -73,6 +79,32 @@ def tour(results: StudyResults) -> dict[str, str] | None:
         "budget": "" if choice.time is None else text.duration(choice.time),
         "optimal": "yes" if order.optimal else "",
     }
+
+
+def promised_ends(results: StudyResults) -> list[tuple[str, str]]:
+    """Return the best and the worst promised parameter, with its standard deviation."""
+    names, std = results.promise.names, results.promise.std
+    return [(names[i], _std(float(std[i])).text) for i in (int(std.argmin()), int(std.argmax()))]
+
+
+def promised_table(results: StudyResults) -> Table:
+    """Return what the plan promises of each parameter beside what the data gave."""
+    rows = []
+    std = dict(zip(results.trust.names, results.trust.std, strict=True))
+    why = {one.name: discredited(one) for one in results.trust.intervals}
+    for name, promised in zip(results.promise.names, results.promise.std, strict=True):
+        came = _std(float(std.get(name, float("nan"))), why.get(name, ""))
+        rows.append((name, _std(float(promised)), came))
+    columns = [Column("parameter", code=True), *numbers("promised", "recommended")]
+    caption = (
+        "Relative standard deviations: promised by the plan’s information at the values of the "
+        "robot file, and recommended after the fit."
+    )
+    return table("promised", caption, columns, rows)
+
+
+def _std(value: float, struck: str = "") -> Number:
+    return Number(text.percent(value) if np.isfinite(value) else "unknown", value, struck)
 
 
 def robust_table(results: StudyResults) -> Table:

@@ -38,8 +38,8 @@ def peak_table(results: StudyResults) -> Table:
         "torque predicted [N m]", "met [N m]", "speed predicted [rad/s]", "met [rad/s]", "saturated"
     )
     caption = (
-        "Peaks on the motor shafts: predicted by the linear model, start of each experiment "
-        "included, and met in the measured periods; experiments in which the torque was clipped."
+        "Peaks on the motor shafts: predicted by the linear model, start of each run "
+        "included, and met in the measured periods; runs in which the torque was clipped."
     )
     return table("peaks", caption, [Column("motor"), *titles], rows)
 

@@ -22,7 +22,6 @@ def section(results: StudyResults) -> Section:
         reached=reached_words(reached(results)),
         distances=distances(results),
         cost=text.significant(results.fit.cost, 6),
-        expected=text.count(results.estimate.response.size - len(results.robot.parameters) // 2),
         costs=figure(
             "costs",
             figures.costs_over_starts(costs, best),

@@ -4,18 +4,20 @@ from collections.abc import Callable
 
 import numpy as np
 
+from estimators.trust.intervals import Interval
 from oed.study.pipeline import StudyResults
 from reports import text
 from reports.drawing import uncertainty_figures
 from reports.parts import Cell, Column, Number, Section, Table, figure, numbers
+from reports.sections.verdict import agreement, discredited, interval_words, usable
 from reports.template import filled
+from robotmodels.arrays import Array
 
 _KINDS = {"stiffness": "Springs", "damping": "Dampers"}
 
 
 def section(results: StudyResults) -> Section:
     """Return the section."""
-    ratio = results.std / results.sampled_std
     z = results.z_scores[np.isfinite(results.z_scores)]
     body = filled(
         "parameters.html.j2",
@@ -26,13 +28,15 @@ def section(results: StudyResults) -> Section:
             uncertainty_figures.intervals(
                 results.fit.parameters.names,
                 _offsets(results),
-                (results.std, results.sampled_std),
-                ("Theorem 1", "emcee"),
+                (_quotable(results), results.std, results.sampled_std),
+                ("recommended", "Theorem 1", "emcee"),
                 "the truth" if z.size else "the fit",
             ),
-            "Parameters with one standard deviation by Theorem 1 and by emcee",
+            "Parameters with one recommended standard deviation, and by Theorem 1 and emcee",
         ),
-        ratio=tuple(text.fixed(float(v), 2) for v in (ratio.min(), ratio.max()) if np.isfinite(v)),
+        agreement=agreement(results.cross_check),
+        ratio=_ratio_words(results.std / results.sampled_std),
+        refused=len(results.trust.names) - len(usable(results.trust)),
         z_rms=text.fixed(float(np.sqrt(np.mean(z**2))), 2) if z.size else "",
     )
     return Section("parameters", "Parameters", body)
@@ -44,28 +48,36 @@ def kind_of(name: str) -> str:
 
 
 def parameter_table(results: StudyResults) -> Table:
-    """Return the table of parameters: estimate and standard deviations; truth where known."""
+    """Return the table of parameters: one recommended interval each, other methods beside it."""
     known = np.isfinite(results.truth)
     columns = [
         Column("parameter", code=True),
         *(numbers("truth") if known.any() else []),
         *numbers("estimate", "±"),
         Column("unit", "u"),
-        *numbers("Theorem 1", "emcee", "ratio"),
+        *numbers("std", "95 % interval", "dof"),
+        Column("verdict"),
+        *numbers("Theorem 1", "emcee", "Theorem 1 / emcee"),
         *(numbers("z") if known.any() else []),
     ]
     groups: dict[str, list[tuple[Cell, ...]]] = {}
     for i, name in enumerate(results.fit.parameters.names):
         groups.setdefault(kind_of(name), []).append(tuple(_row(results, i, bool(known.any()))))
-    caption = "Estimates with one standard deviation, and relative standard deviations."
+    caption = (
+        "Recommended: estimate with one standard deviation, also as a part of it, and 95 % "
+        f"interval, by {results.trust.method}; beside them the relative standard deviations by "
+        "Theorem 1 and emcee. Struck out is what must not be quoted."
+    )
     found = tuple((kind, tuple(rows)) for kind, rows in groups.items())
     return Table("estimates", caption, tuple(columns), found)
 
 
 def _row(results: StudyResults, i: int, with_truth: bool) -> list[Cell]:
     fitted, z = results.fit.parameters, float(results.z_scores[i])
-    value, relative = float(fitted.values[i]), float(results.std[i])
-    sampled, truth = float(results.sampled_std[i]), float(results.truth[i])
+    one = results.trust.intervals[i]
+    value, relative, struck = one.value, float(results.trust.std[i]), discredited(one)
+    theorem1, sampled = float(results.std[i]), float(results.sampled_std[i])
+    truth = float(results.truth[i])
     factor, unit = text.scaled_unit(value, fitted.units[i])
     shown = relative if np.isfinite(relative) else 0.01
     decimals = text.decimals_for(shown * value / factor)
@@ -73,25 +85,45 @@ def _row(results: StudyResults, i: int, with_truth: bool) -> list[Cell]:
     if with_truth:
         row.append(Number(text.significant(truth / factor, 4), truth / factor))
     row += [
-        Number(text.fixed(value / factor, decimals), value / factor),
-        _number(relative * value / factor, text.fixed, decimals),
+        Number(text.fixed(value / factor, decimals), value / factor, struck),
+        _number(relative * value / factor, text.fixed, decimals, struck=struck),
         unit,
-        _number(relative, text.percent),
-        _number(sampled, text.percent),
-        _number(relative / sampled, text.fixed, 2),
+        _number(relative, text.percent, struck=struck),
+        Number(interval_words(one, factor, decimals), _width(one) / factor),
+        Number("∞" if np.isinf(one.dof) else text.significant(one.dof, 2), one.dof),
+        str(one.verdict),
+        _number(theorem1, text.percent, struck=struck),
+        _number(sampled, text.percent, struck=struck),
+        _number(theorem1 / sampled, text.fixed, 2),
     ]
     return [*row, _number(z, text.fixed, 1)] if with_truth else row
 
 
-def _number(value: float, words: Callable[..., str], *options: int) -> Number:
+def _number(value: float, words: Callable[..., str], *options: int, struck: str = "") -> Number:
     """Return a number, a dash where there is none."""
-    return Number(words(value, *options) if np.isfinite(value) else "–", value)
+    return Number(words(value, *options) if np.isfinite(value) else "–", value, struck)
 
 
-def _offsets(results: StudyResults) -> tuple[np.ndarray, np.ndarray]:
-    """Return ln theta by the fit and by emcee, less the truth, or less the fit where unknown."""
+def _width(one: Interval) -> float:
+    """Return the width of an interval, by which it sorts; not a number where an end is open."""
+    return float("nan") if one.low is None or one.high is None else one.high - one.low
+
+
+def _quotable(results: StudyResults) -> Array:
+    """Return the recommended standard deviations that may be quoted, (p,); NaN for the others."""
+    why = [discredited(one) for one in results.trust.intervals]
+    return np.where([not words for words in why], results.trust.std, np.nan)
+
+
+def _ratio_words(ratio: Array) -> str:
+    finite = ratio[np.isfinite(ratio)]
+    return text.span(finite) if finite.size else ""
+
+
+def _offsets(results: StudyResults) -> tuple[Array, Array, Array]:
+    """Return ln theta by the fit (twice) and by emcee, less the truth or else less the fit."""
     known = np.isfinite(results.truth).all()
     reference = np.log(results.truth if known else results.fit.parameters.values)
     fitted = np.log(results.fit.parameters.values)
     sampled = np.nan * fitted if results.posterior is None else results.posterior.draws.mean(axis=0)
-    return fitted - reference, sampled - reference
+    return fitted - reference, fitted - reference, sampled - reference

@@ -3,6 +3,7 @@
 from oed.study.pipeline import StudyResults
 from reports import text
 from reports.parts import Number
+from reports.sections.cost import visits
 from robotmodels.arrays import Array
 
 
@@ -19,11 +20,10 @@ def place_numbers(results: StudyResults, position: Array) -> list[Number]:
 
 
 def labels(results: StudyResults) -> list[str]:
-    """Return a label for each position of the plan: number, angles, experiments."""
+    """Return a label for each position of the plan: number, angles, visits."""
     straight = prismatic(results)
     found = []
     for number, i in enumerate(results.used, start=1):
         angles = ", ".join(text.places(results.information.positions[i], straight))
-        experiments = text.plural(int(results.exact.repetitions[i]), "experiment")
-        found.append(f"Position {number}: {angles}; {experiments}")
+        found.append(f"Position {number}: {angles}; {visits(results, int(i))}")
     return found

@@ -8,6 +8,7 @@ from oed.study.pipeline import StudyResults
 from reports import text
 from reports.drawing import robot_pictures
 from reports.parts import Cell, Number, Section, Table, numbers, table
+from reports.sections.cost import visit_noun, visits
 from reports.sections.places import place_numbers, prismatic
 from reports.template import filled
 from robotmodels.elastic.rigid_pose import joint_origins
@@ -18,7 +19,7 @@ class Pose:
     """A picture of the robot in a position."""
 
     number: int
-    experiments: str
+    visits: str
     drawing: Markup
 
 
@@ -43,8 +44,7 @@ def poses(results: StudyResults) -> list[Pose]:
         angles = ", ".join(text.places(results.information.positions[i], straight))
         alt = f"Stick figure of the robot in position {number}: {angles}"
         drawing = robot_pictures.stick_figure(skeleton, scene, alt)
-        experiments = text.plural(int(results.exact.repetitions[i]), "experiment")
-        found.append(Pose(number, experiments, drawing))
+        found.append(Pose(number, visits(results, int(i)), drawing))
     return found
 
 
@@ -61,12 +61,13 @@ def position_table(results: StudyResults) -> Table:
             row.append(Number(text.fixed(share, 4) if share else "–", share))
         count = int(results.exact.repetitions[i])
         rows.append([*row, Number(str(count), count)])
-    titles = ["no.", *results.robot.motor_names, *([] if measured else ["share"]), "experiments"]
+    titles = ["no.", *results.robot.motor_names, *([] if measured else ["share"])]
+    titles.append(f"{visit_noun(results)}s")
     shares = "" if measured else f"; {_shares(results)}"
-    visits = "" if results.order is None else "; numbers and rows in the order of visits"
+    order = "" if results.order is None else "; numbers and rows in the order of visits"
     caption = (
         f"Motor angles over gear ratios, in degrees here and in radians in files{shares}; "
-        f"experiments in the position{visits}."
+        f"{visit_noun(results)}s, each of {text.plural(results.runs_per_visit, 'run')}{order}."
     )
     return table("plan", caption, numbers(*titles), rows)
 
@@ -75,11 +76,11 @@ def _shares(results: StudyResults) -> str:
     """Return what the column of shares holds, and what of it the plan leaves out."""
     weights = results.design.weights / results.design.weights.sum()
     left = len(set(results.design.support) - set(results.used))
-    words = "share of the experiments if they could be split at will (–: none)"
+    words = "share of the visits if they could be split at will (–: none)"
     if not left:
         return words
     rest = 1 - float(weights[results.used].sum())
     return (
         f"{words}, {text.fixed(rest, 4)} of which belongs to {text.plural(left, 'position')} "
-        "where whole experiments are better spent elsewhere"
+        "where whole visits are better spent elsewhere"
     )

@@ -3,20 +3,29 @@
 import numpy as np
 
 from estimators.trust.residual_analysis import ResidualAnalysis
+from estimators.trust.rule import LEVEL
+from estimators.trust.trust import Trust
 from reports import text
 from reports.drawing import figures
 from reports.parts import Column, Figure, Number, Row, Section, Table, figure, numbers, table
 from reports.template import filled
 from robotmodels.arrays import Array
 
+MOST_CONSPICUOUS, MOST_RISKY = 40, 10
 
-def section(found: ResidualAnalysis, outputs: tuple[str, ...], motors: tuple[str, ...]) -> Section:
+
+def section(
+    found: ResidualAnalysis, trust: Trust, outputs: tuple[str, ...], motors: tuple[str, ...]
+) -> Section:
     """Return the section."""
     body = filled(
         "residuals.html.j2",
         found=found,
+        size=size_words(found, trust),
+        tested=len(trust.tests.names),
+        fired=len(trust.tests.significant(LEVEL)),
+        directions=direction_table(trust),
         ratio=text.significant(found.ratio, 4),
-        p_value=text.probability(found.p_value),
         correlation=text.fixed(float(found.autocorrelation[0]), 3),
         whiteness=text.probability(found.whiteness_p_value),
         outlying=text.listed([str(q + 1) for q in found.outlying]),
@@ -26,9 +35,54 @@ def section(found: ResidualAnalysis, outputs: tuple[str, ...], motors: tuple[str
     return Section("residuals", "Residuals", body)
 
 
-def times_expected(found: ResidualAnalysis) -> str:
-    """Return how many times the expected sum the squared residuals are."""
-    return text.significant(found.ratio, 2)
+def size_words(found: ResidualAnalysis, trust: Trust) -> str:
+    """Return whether noise alone leaves as much."""
+    if not trust.size_known:
+        return "the noise is not known well enough to tell whether chance gives as much"
+    first, second = (text.count(round(v)) if np.isfinite(v) else "∞" for v in found.dof)
+    return (
+        f"if the model is right and the noise as stated, chance gives as much with a probability "
+        f"of {text.probability(found.p_value)} (F law with {first} and {second} degrees of freedom)"
+    )
+
+
+def direction_table(trust: Trust) -> Table | None:
+    """Return the directions tested, the most conspicuous first and those that could move most."""
+    tests = trust.tests
+    if not tests.names:
+        return None
+    order = np.argsort(tests.probabilities, kind="stable")
+    risky = set(np.argsort(-tests.shift, kind="stable")[:MOST_RISKY].tolist())
+    rows: list[Row] = []
+    for rank, i in enumerate(order):
+        if rank >= MOST_CONSPICUOUS and int(i) not in risky:
+            continue
+        p, estimate, std, shift = (
+            float(a[i]) for a in (tests.probabilities, tests.estimates, tests.std, tests.shift)
+        )
+        unit = "" if tests.units[i] == "relative" else f" {tests.units[i]}"
+        rows.append(
+            (
+                tests.names[i],
+                Number(text.probability(p), p),
+                Number(text.significant(estimate, 2) + unit, estimate),
+                Number(text.significant(std, 2) + unit, std),
+                Number(f"{text.significant(shift, 2)} std", shift),
+                trust.names[int(tests.moved[i])],
+            )
+        )
+    columns = [
+        Column("direction"),
+        *numbers("probability", "estimate", "±", "undetected, may move by"),
+        Column("parameter", code=True),
+    ]
+    caption = (
+        "Errors of the model that were tested, one at a time: the estimate of each as one more "
+        "parameter, relative where no unit is given, and its probability if the model is right. "
+        "The last columns: how far such an error, just too small to be seen, may move which "
+        "parameter, in its standard deviations."
+    )
+    return table("directions-tested", caption, columns, rows)
 
 
 def by_position(found: ResidualAnalysis) -> Figure | None:

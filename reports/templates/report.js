@@ -130,9 +130,11 @@
     const inert = (text) => (/^[=+@-]/.test(text) && Number.isNaN(Number(text)) ? `'${text}` : text);
     const cell = (text) => quoted(inert(text.trim().replace(/\s+/g, " ")));
     const line = (cells) => cells.map(cell).join(",");
+    // What is struck out on the page must not pass for a number elsewhere.
+    const told = (cell) => (cell.querySelector("s") ? `struck out: ${worth(cell)}` : worth(cell));
     const rows = all("tbody tr:not(.group)", table);
     const head = all("thead th", table).map((cell) => cell.textContent);
-    return [head, ...rows.map((row) => [...row.cells].map(worth))].map(line).join("\r\n") + "\r\n";
+    return [head, ...rows.map((row) => [...row.cells].map(told))].map(line).join("\r\n") + "\r\n";
   };
   const drawing = (svg) => {
     // In light colours, for papers; they are those of the page's light theme.

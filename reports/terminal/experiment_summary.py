@@ -17,7 +17,7 @@ _FILES = ("plan.yaml", "plan.h5", "records.h5")
 def experiment_summary(prepared: Prepared, outcome: Outcome, folder: Path) -> str:
     """Return the summary of a simulated experiment, one screen.
 
-    Predicted peaks include the start of each experiment, met ones the measured periods only.
+    Predicted peaks include the start of each run, met ones the measured periods only.
     """
     entries = [
         *_plan_entries(prepared.plan),
@@ -41,7 +41,7 @@ def _plan_entries(plan: ExperimentPlan) -> list[tuple[str, str]]:
         (
             "plan",
             f"{plural(len(plan.positions), 'position')}{repeated}, "
-            f"{plural(plan.blocks, 'block')} of {plural(plan.multisine.inputs, 'experiment')}, "
+            f"{plural(plan.blocks, 'block')} of {plural(plan.multisine.inputs, 'run')}, "
             f"{plan.transient_periods} + {plan.periods} periods of {period:g} s",
         ),
         ("", f"{plain(duration(plan.duration))} on a robot, moves included"),
@@ -63,7 +63,7 @@ def _saturation_entries(plan: ExperimentPlan, outcome: Outcome) -> list[tuple[st
         (
             "torque",
             f"WARNING: {plural(int(met.sum()), 'motor')} met the torque limit, "
-            f"{plan.motors[worst]!r} in {100 * outcome.saturated[worst]:.2g} % of the experiments",
+            f"{plan.motors[worst]!r} in {100 * outcome.saturated[worst]:.2g} % of the runs",
         )
     ]
 
@@ -85,14 +85,14 @@ def _peaks(plan: ExperimentPlan, outcome: Outcome) -> list[str]:
 
 
 def experiment_json(prepared: Prepared, outcome: Outcome, folder: Path) -> dict[str, Any]:
-    """Return the summary for scripts: N m, rad/s and s; parts of the experiments that saturated."""
+    """Return the summary for scripts: N m, rad/s and s; parts of the runs that saturated."""
     plan = prepared.plan
     return {
         "robot": prepared.robot.name,
         "positions": len(plan.positions),
         "visits": len(plan.visits),
         "blocks": plan.blocks,
-        "experiments": plan.multisine.inputs,
+        "runs": plan.multisine.inputs,
         "periods": plan.periods,
         "duration": float(plan.duration),
         "limit": str(prepared.scaling.binding),

@@ -15,13 +15,13 @@ from robotmodels.arrays import Array
 def frf_summary(found: MeasuredFrf, files: list[Path]) -> str:
     """Return the summary of estimated FRFs, one screen."""
     e, r = found.estimate, found.first
-    blocks, experiments, periods = r.torque.shape[1:4]
+    blocks, runs, periods = r.torque.shape[1:4]
     medians = relative_std(found)
     lines = [
         (
             "records",
             f"{plural(len(e.positions), 'position')}, {plural(blocks, 'block')} of "
-            f"{plural(experiments, 'experiment')}, {plural(periods, 'period')}",
+            f"{plural(runs, 'run')}, {plural(periods, 'period')}",
         ),
         (
             "FRFs",
@@ -54,7 +54,7 @@ def frf_json(found: MeasuredFrf, files: list[Path]) -> dict[str, Any]:
         "robot": found.robot.name if found.robot else None,
         "method": found.method,
         "positions": len(e.positions),
-        "missing_experiments": found.missing,
+        "missing_runs": found.missing,
         "outputs": e.response.shape[2],
         "inputs": e.response.shape[3],
         "lines": len(e.omega),

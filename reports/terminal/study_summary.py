@@ -5,12 +5,18 @@ from typing import Any
 
 import numpy as np
 
+from estimators.trust.trust import Trust
+from oed.study.output import promised_document
 from oed.study.pipeline import FittedStudy, PlannedStudy, StudyResults
+from reports.sections.cost import cost
 from reports.sections.fit import reached, reached_words
+from reports.sections.verdict import discredited, interval_words, usable
 from reports.terminal.columns import hung, plain, plural
 from reports.text import duration, efficiency, percent
 
 Lines = list[tuple[str, str]]
+_WEAKEST = 3
+SHOWN, _WORST = 6, 3  # parameters whose intervals are all shown; the widest that are of more
 
 
 def study_summary(results: PlannedStudy, written: list[Path]) -> str:
@@ -20,6 +26,8 @@ def study_summary(results: PlannedStudy, written: list[Path]) -> str:
         lines += _fit_lines(results)
     if isinstance(results, StudyResults):
         lines += _uncertainty_lines(results)
+    if isinstance(results, FittedStudy):
+        lines += _trust_lines(results.trust)
     lines += [("FAILED", f"{one.name}: {one.reason}") for one in results.failures]
     lines.append(("time", _time(results)))
     if results.kept:
@@ -39,9 +47,11 @@ def study_json(results: PlannedStudy, written: list[Path]) -> dict[str, Any]:
         "seed": r.study.seed,
         "candidates": len(r.information.positions),
         "positions": len(r.used),
-        "experiments": int(r.exact.repetitions.sum()),
+        "experiments": r.visits,
+        "runs": r.visits * r.runs_per_visit,
         "gap": float(r.design.gap),
         "efficiency": float(r.exact.efficiency),
+        "promised": promised_document(r),
     }
     if isinstance(r, FittedStudy):
         document |= {
@@ -49,9 +59,9 @@ def study_json(results: PlannedStudy, written: list[Path]) -> dict[str, Any]:
             "fit_converged": r.fit.converged,
             "at_bounds": r.fit.at_bounds,
             "failures": {one.name: one.reason for one in r.failures},
-            "verdict": str(r.trust.verdict),
-            "reason": r.trust.verdict.reason,
         }
+        trust = r.trust.document()
+        document |= {key: trust[key] for key in ("verdict", "reason", "intervals")}
     if isinstance(r, StudyResults):
         document |= {
             "residuals_over_expected": r.trust.size.ratio,
@@ -63,8 +73,7 @@ def study_json(results: PlannedStudy, written: list[Path]) -> dict[str, Any]:
             std = map(float, r.theorem1.std)
             document["relative_std"] = dict(zip(r.theorem1.names, std, strict=True))
         if r.cross_check is not None:
-            found = r.cross_check
-            document["verdicts"] = dict(zip(found.names, found.verdicts, strict=True))
+            document["agreeing"] = list(r.cross_check.agreeing())
         if r.comparison is not None:
             document["rivals_beaten"] = list(r.comparison.beaten)
     files = [str(path) for path in written]
@@ -72,14 +81,13 @@ def study_json(results: PlannedStudy, written: list[Path]) -> dict[str, Any]:
 
 
 def _design_lines(r: PlannedStudy) -> Lines:
-    count = int(r.exact.repetitions.sum())
     if r.study.data.measured:
-        return [("data", f"{plural(len(r.used), 'position')}, {plural(count, 'experiment')}")]
+        return [("data", f"{plural(len(r.used), 'position')}, {plain(cost(r))}")]
     return [
         (
             "design",
             f"{plural(len(r.information.positions), 'candidate')}, "
-            f"{plural(len(r.used), 'position')} used, {plural(count, 'experiment')}",
+            f"{plural(len(r.used), 'position')} used, {plain(cost(r))}",
         ),
         (
             "",
@@ -94,9 +102,16 @@ def _promise_lines(r: PlannedStudy) -> Lines:
     """Return the standard deviations that the plan promises, and what it leaves open."""
     names, std = r.robot.parameters.names, r.promise.std
     worst = int(np.argmax(std))
-    promised = f"worst {names[worst]} {_percent(std[worst])}" if np.isfinite(std[worst]) else ""
-    lines = [("promised", f"std best {_percent(std.min())}{', ' + promised if promised else ''}")]
-    return [*lines, *(("", f"WEAK: {combination}") for combination in r.promise.weak()[:3])]
+    least = _percent(std[worst]) if np.isfinite(std[worst]) else "not at all"
+    best = int(np.argmin(std))
+    lines = [
+        ("promised", f"std best {names[best]} {_percent(std[best])}, worst {names[worst]} {least}")
+    ]
+    weak = r.promise.weak()
+    lines += [("", f"WEAK: {combination}") for combination in weak[:_WEAKEST]]
+    if len(weak) > _WEAKEST:
+        lines.append(("", f"and {len(weak) - _WEAKEST} more weak combinations, in design.json"))
+    return lines
 
 
 def _fit_lines(r: FittedStudy) -> Lines:
@@ -110,22 +125,12 @@ def _fit_lines(r: FittedStudy) -> Lines:
         )
         for name, side in r.fit.at_bounds.items()
     ]
-    lines.append(("", f"starts that reached the best cost: {reached_words(reached(r))}"))
-    return [*lines, ("verdict", f"{r.trust.verdict}: {r.trust.verdict.reason}")]
+    return [*lines, ("", f"starts that reached the best cost: {reached_words(reached(r))}")]
 
 
 def _uncertainty_lines(r: StudyResults) -> Lines:
-    names, std, posterior = r.fit.parameters.names, r.std, r.posterior
+    std, posterior = r.std, r.posterior
     lines: Lines = []
-    if r.theorem1 is not None:
-        best, worst = int(np.argmin(std)), int(np.argmax(std))
-        lines.append(
-            (
-                "std",
-                f"best {names[best]} {_percent(std[best])}, "
-                f"worst {names[worst]} {_percent(std[worst])}",
-            )
-        )
     if posterior is not None:
         ratio = std / r.sampled_std
         between = f", Theorem 1 / emcee {ratio.min():.2f} to {ratio.max():.2f}"
@@ -140,11 +145,30 @@ def _uncertainty_lines(r: StudyResults) -> Lines:
             lines.append(("", posterior.message))
     if r.comparison is not None:
         lines.append(("plans", str(r.comparison).splitlines()[0]))
-    if r.cross_check is not None:
-        verdicts = r.cross_check.verdicts
-        counts = ", ".join(f"{verdicts.count(v)} x {v}" for v in dict.fromkeys(verdicts))
-        lines.append(("methods", counts))
     return lines
+
+
+def _trust_lines(trust: Trust) -> Lines:
+    """Return the verdict, and the recommended intervals: all of few, else the best and worst."""
+    lines = [("verdict", f"{trust.verdict}: {trust.verdict.reason}")]
+    intervals = trust.intervals
+    order = sorted(usable(trust), key=lambda i: trust.std[i])
+    shown = order if len(intervals) <= SHOWN else order[:1] + order[1:][-_WORST:]
+    width = max(len(one.name) for one in intervals)
+    rows = [
+        f"{intervals[i].name:<{width}}  {plain(interval_words(intervals[i]))} "
+        f"(std {_percent(trust.std[i])})"
+        for i in shown
+    ]
+    counts = {v: trust.verdicts.count(v) for v in dict.fromkeys(trust.verdicts)}
+    for one in intervals:
+        if discredited(one) and (one.low is not None or one.high is not None):
+            rows.append(f"{one.name:<{width}}  {plain(interval_words(one))} ({one.verdict})")
+    if not order:
+        rows.append("no interval to quote")
+    elif len(counts) > 1:
+        rows.append(", ".join(f"{count} x {verdict}" for verdict, count in counts.items()))
+    return [*lines, *(("95 %" if not k else "", row) for k, row in enumerate(rows))]
 
 
 def _gap(gap: float) -> str:
