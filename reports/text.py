@@ -1,6 +1,7 @@
 """Numbers and units as people read them: sensible digits, engineering prefixes, Hz and degrees."""
 
 import math
+import re
 from collections.abc import Sequence
 
 import numpy as np
@@ -117,8 +118,19 @@ def duration(seconds: float) -> str:
 
 
 def sentence(words: str) -> str:
-    """Return words that begin with a capital letter."""
-    return f"{words[:1].upper()}{words[1:]}"
+    """Return words that begin with a capital letter, unless they begin with a name of a file."""
+    first = words.split(" ", 1)[0].rstrip(":,;")
+    return f"{words[:1].upper() if first.isalpha() else words[:1]}{words[1:]}"
+
+
+def typeset(words: str) -> str:
+    """Return plain words of a message as a page prints them: ± and powers of ten."""
+    powers = re.sub(
+        r"(?<=\d)e([-+]?\d+)",
+        lambda found: f"{THIN}×{THIN}10{str(int(found[1])).translate(_SUPERSCRIPT)}",
+        words,
+    )
+    return powers.replace("+-", "±")
 
 
 def ranges(numbers: Sequence[int]) -> str:

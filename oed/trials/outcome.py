@@ -116,7 +116,7 @@ class PlanComparison(Printed):
         others = f", beaten by {', '.join(self.better) or 'none'}" * (len(self.beaten) < rivals)
         lines = [
             f"{plan.name} beats {len(self.beaten)} of {rivals} rivals by {self.criterion}{others}, "
-            f"{len(plan.found.estimates)} simulated experiments each"
+            f"{len(plan.found.estimates)} simulations each"
         ]
         for k, trial in enumerate(self.trials[1:], start=1):
             low, high = self.interval[k]

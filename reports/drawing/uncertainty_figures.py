@@ -257,7 +257,7 @@ def three_ticks(low: float, high: float) -> list[float]:
     short, long = sorted((-low, high))
     if short <= 0:
         return [low, high]
-    lopsided = long > 4 * short
+    lopsided = long > 2 * short
     reach = 0.75 * (long if lopsided else short)
     decade = 10.0 ** np.floor(np.log10(reach))
     step = float(decade * max(round_ for round_ in (1, 2, 5) if round_ * decade <= reach))

@@ -1,10 +1,11 @@
 """The verdict of a study in words: what holds, why, and which numbers to quote."""
 
+import numpy as np
 from markupsafe import Markup
 
 from estimators.trust.intervals import Interval
 from estimators.trust.trust import Trust
-from estimators.uncertainty.cross_check import CrossCheck
+from estimators.uncertainty.cross_check import WIDTH, CrossCheck
 from oed.study.results import StudyResults
 from reports import text
 from reports.template import filled
@@ -25,7 +26,7 @@ def banner(results: StudyResults) -> Markup:
         "banner.html.j2",
         verdict=text.sentence(str(trust.verdict)),
         kind=KINDS.get(trust.verdict, "refused"),
-        reason=text.sentence(trust.verdict.reason),
+        reason=text.typeset(text.sentence(trust.verdict.reason)),
         quote=quote(trust, results.cross_check),
     )
 
@@ -54,28 +55,24 @@ def quote(trust: Trust, check: CrossCheck | None) -> str:
 
 
 def agreement(check: CrossCheck | None) -> str:
-    """Return which of Theorem 1 and the posterior come to the recommended deviations."""
-    if check is None:
+    """Return how wide Theorem 1 and the posterior are beside what may be quoted."""
+    shown = [] if check is None else usable(check.trust)
+    if check is None or not shown:
         return ""
-    alike: list[str] = []
-    others: list[str] = []
-    for method in ("Theorem 1", "posterior"):
-        ratio = check.ratio(method, "recommended")
-        finite = ratio[ratio == ratio]
-        if not finite.size:
-            continue
-        span = text.span(finite)
-        (alike if method in check.agreeing() else others).append(f"{_LABELS[method]} ({span})")
-    parts = []
-    if alike:
-        parts.append(f"{text.listed(alike)} {'agrees' if len(alike) == 1 else 'agree'} with them")
-    if others:
-        parts.append(f"{text.listed(others)} {'does' if len(others) == 1 else 'do'} not")
-    words = "; ".join(parts)
-    return f"{text.sentence(words)}, as parts of the recommended ones." if words else ""
-
-
-_LABELS = {"Theorem 1": "Theorem 1", "posterior": "emcee"}
+    widths, agree = [], {}
+    for method, label in (("Theorem 1", "Theorem 1"), ("posterior", "emcee")):
+        ratio = check.ratio(method, "recommended")[shown]
+        if np.isfinite(ratio).any():
+            widths.append(f"{label} is {text.span(ratio[np.isfinite(ratio)])} times as wide")
+            agree[label] = not bool((np.abs(ratio - 1) > WIDTH).any())
+    if not agree:
+        return ""
+    words = ", ".join(
+        f"{label} {'agrees' if alike else 'does not agree'}" for label, alike in agree.items()
+    )
+    if len(agree) == 2 and len(set(agree.values())) == 1:
+        words = "both agree" if agree["emcee"] else "neither agrees"
+    return f"Beside them {text.listed(widths)}: {words}."
 
 
 def interval_words(one: Interval, factor: float = 1.0, decimals: int | None = None) -> str:
