@@ -60,7 +60,8 @@ class Interval:
     method : str
         Where the standard deviation comes from.
     dof : float
-        Degrees of freedom of the standard deviation; infinite for declared noise.
+        Degrees of freedom of the standard deviation; infinite for declared noise, not a number
+        where those of the noise are not known.
     verdict : Verdict
         Of this parameter, with its reason.
     """

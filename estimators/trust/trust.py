@@ -170,6 +170,9 @@ def trust(fit: Fit) -> Trust:
 
 def _summary(fit: Fit, evidence: Evidence, scatter: Scatter) -> Trust:
     verdicts, ends = _ends(fit, scatter, judge(evidence))
+    if not evidence.noise_known:
+        unknown = np.full_like(scatter.degrees_of_freedom, np.nan)
+        scatter = replace(scatter, degrees_of_freedom=unknown)
     correlation = evidence.correlation
     return Trust(
         names=fit.parameters.names,
@@ -190,6 +193,8 @@ def _method(fit: Fit, evidence: Evidence) -> str:
     """Return where the standard deviations come from."""
     estimated = np.isfinite(evidence.fit.degrees_of_freedom).any()
     parts = ["scatter of the lines over blocks" if estimated else "Theorem 1, declared noise"]
+    if not evidence.noise_known:
+        parts = ["Theorem 1, noise of unknown degrees of freedom"]
     if not evidence.correlation.white:
         parts.append("correlated along lines")
     if evidence.too_large:

@@ -90,7 +90,7 @@ def _row(results: StudyResults, i: int, with_truth: bool) -> list[Cell]:
         unit,
         _number(relative, text.percent, struck=struck),
         Number(interval_words(one, factor, decimals), _width(one) / factor),
-        Number("∞" if np.isinf(one.dof) else text.significant(one.dof, 2), one.dof),
+        Number(dof_words(one.dof), one.dof),
         str(one.verdict),
         _number(theorem1, text.percent, struck=struck),
         _number(sampled, text.percent, struck=struck),
@@ -102,6 +102,13 @@ def _row(results: StudyResults, i: int, with_truth: bool) -> list[Cell]:
 def _number(value: float, words: Callable[..., str], *options: int, struck: str = "") -> Number:
     """Return a number, a dash where there is none."""
     return Number(words(value, *options) if np.isfinite(value) else "–", value, struck)
+
+
+def dof_words(dof: float) -> str:
+    """Return degrees of freedom; there are infinitely many where the noise is declared."""
+    if not np.isfinite(dof):
+        return "unknown" if np.isnan(dof) else "∞"
+    return text.significant(dof, 2) if dof < 100 else text.count(round(dof))
 
 
 def _width(one: Interval) -> float:

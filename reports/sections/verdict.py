@@ -49,7 +49,7 @@ def quote(trust: Trust, check: CrossCheck | None) -> str:
     if not count:
         return "Quote no standard deviation of this study."
     whose = "" if count == p else f" of {count} of {text.plural(p, 'parameter')}"
-    reserve = " with this reserve only" if trust.verdict == "too few blocks" else ""
+    reserve = ", with this reserve," if trust.verdict == "too few blocks" else ""
     words = f"Quote the recommended standard deviations{whose}{reserve} ({trust.method})."
     return f"{words} {agreement(check)}".strip()
 

@@ -7,35 +7,80 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from estimators.trust.directed_tests import DirectedTests
+from estimators.trust.intervals import VERDICTS, Verdict
+from estimators.trust.line_scatter import Scatter
 from estimators.trust.residual_analysis import ResidualAnalysis
+from estimators.trust.residual_size import ResidualSize
+from estimators.trust.trust import Trust
 from estimators.uncertainty.cross_check import CrossCheck
 from estimators.uncertainty.identifiability import identifiability
 from reports.commands.report import study_names
 from reports.drawing.page_budget import BUDGET, lines_drawn
-from reports.drawing.uncertainty_figures import three_ticks
+from reports.drawing.svg import LIGHT
+from reports.drawing.uncertainty_figures import corner_plot, corner_spans, three_ticks
 from reports.pages import comparison
 from reports.parts import Column, Number, Section, numbers, table
 from reports.sections import cross_check, residuals
 from reports.sections import identifiability as weak_directions
 from reports.sections.fit import reached_words
+from reports.sections.verdict import banner, interval_words, quote
 from reports.template import filled, page
-from reports.terminal.study_summary import misfit_lines
 
 
 def words(section):
     return " ".join(unescape(re.sub(r"<[^>]*>", " ", section.body)).split())
 
 
+NO_TESTS = DirectedTests(
+    (), (), *(np.zeros(0, dtype=t) for t in (int, float, float, float, int, float, float))
+)
+TESTS = DirectedTests(
+    ("delay", "payload.mass"),
+    ("s", "relative"),
+    np.array([0, 1]),
+    np.array([1e-5, 0.03]),
+    np.array([2e-5, 0.004]),
+    np.array([0.6, 1e-9]),
+    np.array([1, 0]),
+    np.array([12.0, 0.4]),
+    np.array([40.0, 40.0]),
+)
+
+
+def trusted(*verdicts, ends=None, tests=NO_TESTS, reason="why"):
+    p = len(verdicts)
+    covered = {"trustworthy", "noise correlated", "noise understated", "too few blocks"}
+    if ends is None:
+        ends = [(0.9, 1.1) if v in covered else (np.nan, np.nan) for v in verdicts]
+    return Trust(
+        names=("a.stiffness", "b.damping", "c.damping")[:p],
+        values=np.ones(p),
+        scatter=Scatter(np.full(p, 0.05**2), np.full(p, 14.0)),
+        ends=np.array(ends),
+        method="nls, scatter of the lines over blocks",
+        verdicts=verdicts,
+        reasons=(reason,) * p,
+        size=ResidualSize(0.96, 100.0, 80.0, 240.0, 0.59, 0.41),
+        size_known=True,
+        whiteness=0.4,
+        lag_one=0.02,
+        tests=tests,
+    )
+
+
+def checked(trust, stds=((0.05, 0.05), (0.051, 0.049), (0.05, 0.052)), notes=(), covering=None):
+    methods = ("recommended", "Theorem 1", "posterior")[: len(stds)]
+    return CrossCheck(trust, methods, np.array(stds), notes, covering)
+
+
 def analysis(**changes):
     content = {
-        "chi2": 96.0,
-        "dof": 100.0,
+        "ratio": 0.96,
+        "dof": (100.0, np.inf),
         "p_value": 0.59,
-        "reduced_cost": 0.96,
-        "position_chi2": np.array([20.0, 76.0]),
-        "position_dof": np.array([50.0, 50.0]),
-        "element_chi2": np.array([[40.0, np.nan]]),
-        "element_dof": np.array([[50.0, np.nan]]),
+        "by_position": np.array([0.4, 1.52]),
+        "by_element": np.array([[0.8, np.nan]]),
         "autocorrelation": np.zeros(5),
         "position_autocorrelation": np.zeros(2),
         "whiteness_p_value": 0.4,
@@ -44,41 +89,114 @@ def analysis(**changes):
     return ResidualAnalysis(**content | changes)
 
 
-def test_residuals_of_noise():
-    found = residuals.section(analysis(), ("m1",), ("m1", "m2"))
-    assert "explains the data to within the noise" in words(found)
+def residual_section(found, trust):
+    return residuals.section(found, trust, ("m1",), ("m1", "m2"))
+
+
+def test_residuals_are_stated_in_units_of_the_noise():
+    found = residual_section(analysis(), trusted("trustworthy", "trustworthy"))
+    assert "0.9600 times" in words(found)
+    assert "probability of 0.59 (F law with 100 and ∞ degrees of freedom)" in words(found)
     assert "fit worse" not in words(found)
+    assert "Directions tested" not in words(found)
     assert "0.80 –" in words(found)
 
 
 def test_residuals_that_are_more_than_noise():
-    bad = analysis(chi2=900.0, p_value=1e-12, outlying=np.array([1]))
-    found = residuals.section(bad, ("m1",), ("m1", "m2"))
-    assert "does not explain the data" in words(found)
+    bad = analysis(ratio=9.0, p_value=1e-12, outlying=np.array([1]))
+    found = residual_section(bad, trusted("model error", "model error", tests=TESTS))
+    assert "9.000 times" in words(found)
     assert "< 0.0001" in words(found)
     assert "worse than the others: 2." in words(found)
-    [(_, said)] = misfit_lines(SimpleNamespace(residuals=bad))
-    assert said == "TOO SMALL: squared residuals are 9.0 times what noise explains"
-    assert misfit_lines(SimpleNamespace(residuals=analysis())) == []
 
 
-def test_cross_check_says_why():
-    found = CrossCheck(
-        names=("a.stiffness", "b.damping"),
-        values=np.ones(2),
-        methods=("Theorem 1", "posterior"),
-        stds=np.array([[0.01, 0.5], [0.011, np.nan]]),
-        verdicts=("agree", "not identifiable"),
-        evidence=((), ("flat above", "hits a bound")),
-        notes=("chains left out",),
-        covering=("posterior",),
-    )
-    said = words(cross_check.section(found))
-    assert "agree for 1 parameter, not identifiable for 1 parameter." in said
-    assert "b.damping not identifiable flat above; hits a bound" in said
-    assert "Of every parameter" not in said
+def test_directions_tested_come_strongest_first_with_what_they_may_hide():
+    trust = trusted("model error", "model error", tests=TESTS)
+    shown = residuals.direction_table(trust)
+    rows = [[c if isinstance(c, str) else c.text for c in row] for row in shown.groups[0][1]]
+    assert [row[0] for row in rows] == ["payload.mass", "delay"]
+    assert rows[0][1] == "< 0.0001"
+    assert rows[1][2].endswith(" s")
+    assert rows[1][4:] == ["12 std", "b.damping"]
+    said = words(residual_section(analysis(), trust))
+    assert "2 single directions" in said
+    assert "all together: 1 fired" in said
+    many = DirectedTests(
+        tuple(f"d{i}" for i in range(200)), ("relative",) * 200, np.arange(200),
+        *np.ones((2, 200)), np.linspace(0.01, 1, 200), np.zeros(200, dtype=int),
+        np.arange(200.0), np.ones(200),
+    )  # fmt: skip
+    shown = residuals.direction_table(trusted("trustworthy", tests=many)).groups[0][1]
+    names = [row[0] for row in shown]
+    assert names[0] == "d0"
+    assert names[-1] == "d199"  # that an error could hide most in is never left out
+    assert len(names) < 60
+
+
+def test_cross_check_has_recommended_intervals_beside_the_others():
+    trust = trusted("trustworthy", "not identifiable")
+    check = checked(trust, notes=("chains left out",), covering=("posterior",))
+    found = cross_check.section(check)
+    said = words(found)
+    assert "trustworthy for 1 parameter, not identifiable for 1 parameter." in said
     assert "Chains left out." in said
     assert "often enough: posterior." in said
+    titles = [column.title for column in cross_check.verdict_table(check).columns]
+    assert titles[:4] == ["parameter", "recommended", "Theorem 1", "posterior"]
+    assert titles[-2:] == ["Theorem 1 / posterior", "verdict"]
+
+
+def struck(markup):
+    return re.findall(r'<s title="([^"]*)"><span[^>]*>[^<]*</span>([^<]*)</s>', str(markup))
+
+
+@pytest.mark.parametrize("verdict", VERDICTS)
+def test_discredited_numbers_are_struck_out(verdict):
+    body = cross_check.section(checked(trusted("trustworthy", verdict))).body
+    shown = struck(body)
+    gives = verdict not in ("not converged", "model error", "not identifiable")
+    assert len(shown) == (0 if gives else 3)
+    assert all(title == f"{verdict}: why" for title, _ in shown)
+
+
+@pytest.mark.parametrize("verdict", VERDICTS)
+def test_the_banner_says_what_to_quote(verdict):
+    trust = trusted(verdict, verdict, reason="m3.inertia: 0.1 +- 0.02 (p = 4e-18)")
+    results = SimpleNamespace(trust=trust, cross_check=checked(trust))
+    said = words(SimpleNamespace(body=banner(results)))
+    assert said.startswith(f"{verdict[:1].upper()}{verdict[1:]} ")
+    assert "m3.inertia: 0.1 ± 0.02" in said
+    assert "e-18" not in said
+    if Verdict(verdict, "").gives_interval:
+        assert "Quote the recommended standard deviations" in said
+        assert "Theorem 1 is 0.98 to 1.02 times as wide and emcee is 1.00 to 1.04" in said
+        assert "both agree" in said
+    else:
+        assert "Quote no standard deviation of this study." in said
+        assert "agree" not in said
+
+
+def test_the_banner_counts_what_may_be_quoted_and_says_who_disagrees():
+    trust = trusted("trustworthy", "not identifiable")
+    check = checked(trust, stds=((0.05, 0.05), (0.05, 9.0), (0.02, 9.0)))
+    said = quote(trust, check)
+    assert "of 1 of 2 parameters" in said
+    assert "Theorem 1 agrees, emcee does not agree" in said
+    assert "9" not in said  # what is refused is no part of the comparison
+
+
+@pytest.mark.parametrize(
+    ("ends", "said"),
+    [
+        ((0.9, 1.1), "0.90 to 1.10"),
+        ((np.nan, 0.0123), "< 0.012"),
+        ((2.5e4, np.nan), "> 25 000"),
+        ((np.nan, np.nan), "–"),
+    ],
+)
+def test_intervals_in_words(ends, said):
+    [one] = trusted("not identifiable", ends=[ends]).intervals
+    assert interval_words(one, 1.0, 2).replace("\u202f", " ") == said
 
 
 def test_weak_directions_are_spelt_out():
@@ -127,52 +245,34 @@ def test_as_many_lines_are_drawn_as_fit(shape):
     assert len(drawn) == lines or 900 + 46 * (len(drawn) + 1) > room
 
 
-def test_what_led_to_every_verdict_alike_is_told_once():
-    found = CrossCheck(
-        names=("a.stiffness", "b.damping"),
-        values=np.ones(2),
-        methods=("Theorem 1",),
-        stds=np.array([[0.01, 0.5]]),
-        verdicts=("model error suspected",) * 2,
-        evidence=(("noise explains little", "9 times wider"), ("noise explains little",)),
-        notes=(),
-        covering=None,
-    )
-    said = words(cross_check.section(found))
-    assert said.count("noise explains little") == 1
-    assert [row[0] for row in cross_check.reason_table(found).groups[0][1]] == ["a.stiffness"]
-
-
 def test_residuals_of_one_position_need_no_picture():
-    one = analysis(position_chi2=np.array([96.0]), position_dof=np.array([100.0]))
+    one, trust = analysis(by_position=np.array([0.96])), trusted("trustworthy")
     assert residuals.by_position(one) is None
-    assert "position by position" not in words(residuals.section(one, ("m1",), ("m1", "m2")))
+    assert "position by position" not in words(residual_section(one, trust))
     assert residuals.by_position(analysis()) is not None
 
 
-def test_cross_check_without_reasons_has_no_table_of_them():
-    found = CrossCheck(
-        names=("a.stiffness",),
-        values=np.ones(1),
-        methods=("Theorem 1",),
-        stds=np.array([[0.01]]),
-        verdicts=("agree",),
-        evidence=((),),
-        notes=(),
-        covering=None,
-    )
-    assert [column.title for column in cross_check.verdict_table(found).columns] == [
-        "parameter",
-        "Theorem 1",
-        "verdict",
-    ]
-    assert cross_check.reason_table(found) is None
+def test_a_corner_plot_reaches_the_truth():
+    draws = np.random.default_rng(1).standard_normal((500, 2))
+    truth = np.array([30.0, np.nan])
+    spans = corner_spans(draws, np.eye(2), truth)
+    assert spans[0, 0] < -2
+    assert spans[0, 1] > 30
+    assert spans[1] == pytest.approx([draws[:, 1].min(), draws[:, 1].max()], abs=0.5)
+    drawn = corner_plot(("a", "b"), draws, np.eye(2), truth)(LIGHT)
+    first = drawn.axes[0]
+    low, high = first.get_xlim()
+    assert low < 30 < high
+    # The draws keep their own resolution however wide the axes are.
+    assert len(first.patches[0].get_path().vertices) > 60
 
 
 def test_ticks_of_a_corner_leave_room_for_their_words():
     assert three_ticks(-1.7, 1.6) == [-1.0, 0.0, 1.0]
     assert three_ticks(-0.031, 0.04) == pytest.approx([-0.02, 0.0, 0.02])
     assert three_ticks(0.5, 2.0) == [0.5, 2.0]
+    assert three_ticks(-2.0, 30.0) == [0.0, 20.0]
+    assert three_ticks(-30.0, 2.0) == [-20.0, 0.0]
 
 
 def test_estimates_of_different_robots_are_not_compared(tmp_path):
