@@ -68,7 +68,6 @@ def chain_trust(
         verdicts=tuple(str(v) for v in verdicts),
         reasons=tuple(v.reason for v in verdicts),
         size=evidence.size,
-        size_known=evidence.size_known,
         whiteness=evidence.correlation.probability,
         lag_one=float(evidence.correlation.coefficients[1:2].sum()),
         tests=evidence.tests,

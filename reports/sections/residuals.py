@@ -21,7 +21,7 @@ def section(
     body = filled(
         "residuals.html.j2",
         found=found,
-        size=size_words(found, trust),
+        size=size_words(found),
         tested=len(trust.tests.names),
         fired=len(trust.tests.significant(LEVEL)),
         directions=direction_table(trust),
@@ -35,14 +35,12 @@ def section(
     return Section("residuals", "Residuals", body)
 
 
-def size_words(found: ResidualAnalysis, trust: Trust) -> str:
+def size_words(found: ResidualAnalysis) -> str:
     """Return whether noise alone leaves as much."""
-    if not trust.size_known:
-        return "the noise is not known well enough to tell whether chance gives as much"
     first, second = (text.count(round(v)) if np.isfinite(v) else "∞" for v in found.dof)
     return (
         f"if the model is right and the noise as stated, chance gives as much with a probability "
-        f"of {text.probability(found.p_value)} (F law with {first} and {second} degrees of freedom)"
+        f"of {text.probability(found.p_value)} ({first} degrees of freedom, {second} of the noise)"
     )
 
 
