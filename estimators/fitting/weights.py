@@ -15,6 +15,8 @@ FLOOR = 0.1
 # 10 dB, above which the bias of a log residual is negligible ([WM] 5.1, after Pintelon and
 # Schoukens 2001, p. 207).
 MINIMUM_SNR = float(np.sqrt(10.0))
+# Probability of a variance so large that its line must be noisier than its neighbours.
+_SURPRISE = 0.01
 
 
 def user_weights(
@@ -81,7 +83,8 @@ def clear(estimate: FrfEstimate, minimum_snr: float, response: ComplexArray) -> 
     """Return a mask of the elements (Q, F, m, n) of `response` above a signal-to-noise ratio.
 
     Elements of a measured response near the ratio pass if their error happens to be large; a
-    model's response makes no such choice.
+    model's response makes no such choice. Nor do variances of the neighbouring lines, unlike the
+    line's own, which is listened to only where it is larger than chance allows.
 
     Raises
     ------
@@ -89,10 +92,15 @@ def clear(estimate: FrfEstimate, minimum_snr: float, response: ComplexArray) -> 
     """
     if not (np.isfinite(minimum_snr) and minimum_snr >= 0):
         raise InvalidInput(f"weights.minimum_snr: {minimum_snr!r} is not a number >= 0")
-    return np.asarray(
-        np.abs(response)
-        >= minimum_snr * np.sqrt(np.maximum(estimate.pooled_variance, estimate.weight_variance))
-    )
+    noise = estimate.pooled_variance
+    finite = np.isfinite(estimate.degrees_of_freedom)
+    if finite.any():
+        from scipy.special import gammainccinv
+
+        nu = np.where(finite, estimate.degrees_of_freedom, 1.0)
+        least = np.where(finite, nu / gammainccinv(nu, _SURPRISE), 1.0)[:, None, None, None]
+        noise = np.maximum(noise, estimate.variance * least)
+    return np.asarray(np.abs(response) >= minimum_snr * np.sqrt(noise))
 
 
 def _response(estimate: FrfEstimate, response: ComplexArray | None) -> ComplexArray:
