@@ -141,8 +141,8 @@ def optimal_weights(
     """Return the weights of least covariance: [WM] (6) for nls, (8) for log residuals.
 
     Variances that were estimated come from neighbouring lines, and from the line itself only as far
-    as neighbours tell less, see `pooled_noise`: weights that follow a line's own scatter make it look
-    more certain than it is.
+    as neighbours tell less, see `pooled_noise`: weights that follow a line's own scatter make it
+    look more certain than it is.
 
     Parameters
     ----------

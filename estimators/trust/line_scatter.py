@@ -57,8 +57,8 @@ def line_scatter(fit: LinearisedFit, rows: Lines, correlation: LineCorrelation) 
 
     What each line adds to the variance is A C A^H / 2 and has 2 nu real degrees of freedom. Where
     errors are correlated along the lines with R, the sum is multiplied by A R A^H / A A^H, with A
-    times the standard deviations of the elements; but the scatter of whole positions over the draws is taken where that is
-    larger and has enough degrees of freedom.
+    times the standard deviations of the elements; but the scatter of whole positions over the draws
+    is taken where that is larger and has enough degrees of freedom.
     """
     by_line = fit.line_variances(rows)
     nu = fit.parts * fit.degrees_of_freedom

@@ -42,7 +42,7 @@ def main() -> None:
     with ProcessPoolExecutor(arguments.workers) as pool:
         jobs = [pool.submit(run_cell, cell, arguments.runs, repeated) for _, cell in cells]
         results = []
-        for (group, cell), job in zip(cells, jobs, strict=True):
+        for (group, _), job in zip(cells, jobs, strict=True):
             result = {"group": group, **job.result()}
             results.append(result)
             _print(result)

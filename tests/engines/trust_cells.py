@@ -13,15 +13,17 @@ from dataclasses import dataclass, replace
 import numpy as np
 from trust_systems import NOISE, OUTLIER, WRONG, Linearisation, linearisation, system
 
+import estimators
 from estimators.fitting.chosen_weights import chosen_weights
 from estimators.fitting.least_squares import Fit
 from estimators.fitting.residuals import find_residual
 from estimators.frf.estimate import FrfEstimate, vec
 from estimators.frf.methods import contrasts, covariance_of
 from estimators.frf.visits import merge_visits
-from estimators.trust.intervals import VERDICTS
+from estimators.trust.directed_tests import DirectedTests
+from estimators.trust.intervals import VERDICTS, Verdict
 from estimators.trust.line_correlation import white_errors
-from estimators.trust.line_scatter import line_scatter
+from estimators.trust.line_scatter import Scatter, line_scatter
 from estimators.trust.linearise import linearise
 from estimators.trust.linearised_fit import LinearisedFit
 from estimators.trust.rule import LEVEL, Evidence, gather_evidence, judge, variance_scale
@@ -189,9 +191,9 @@ def complete_fits() -> Iterator[Cell]:
         ("chain", 3, "lls", "optimal", "", 0.0),
         ("chain", 4, "nls", "combined", "", 0.0),
         ("chain", 0, "nls", "optimal", "", 0.6),
-        ("manutec", 2, "nls", "optimal", "", 0.0),
-        ("manutec", 4, "lls", "user", "", 0.0),
-        ("manutec", 4, "nls", "optimal", "payload +5 %", 0.0),
+        ("manutec6", 2, "nls", "optimal", "", 0.0),
+        ("manutec6", 4, "lls", "user", "", 0.0),
+        ("manutec6", 4, "nls", "optimal", "payload +5 %", 0.0),
     ):
         yield Cell(
             name, B, residual=residual, weights=weights, wrong=wrong, correlation=rho, complete=True
@@ -213,7 +215,7 @@ def simulate(cell: Cell, at: Linearisation, rng: np.random.Generator) -> FrfEsti
     """Return the FRFs of one simulated study, estimated as `estimators.estimate_frf` does."""
     plant = system(cell.system)
     truth = at.truth
-    Q, F, m, n = truth.shape
+    Q, m, n = len(truth), *truth.shape[2:]
     visits = cell.visits[:Q]
     index = np.repeat(np.arange(Q), visits)
     variance = NOISE.variance(truth)[index]
@@ -344,6 +346,8 @@ class Outcome:
 def study(cell: Cell, at: Linearisation, rng: np.random.Generator) -> Outcome:
     """Simulate one study and return what the rule states of it."""
     estimate = simulate(cell, at, rng)
+    if cell.complete:
+        return _complete(cell, estimate)
     fit, step = one_step(cell, at, estimate)
     if cell.rule == "former":
         return _former(cell, at, estimate, step)
@@ -352,10 +356,28 @@ def study(cell: Cell, at: Linearisation, rng: np.random.Generator) -> Outcome:
 
 
 def _outcome(cell: Cell, evidence: Evidence, error: np.ndarray) -> Outcome:
-    verdicts = judge(evidence)
-    gravest = min(verdicts, key=VERDICTS.index)
     scatter = evidence.scatter.scaled(variance_scale(evidence))
-    tests = evidence.tests
+    return _stated(cell, judge(evidence), scatter, evidence.tests, error)
+
+
+def _complete(cell: Cell, estimate: FrfEstimate) -> Outcome:
+    """Fit from the truth, to convergence."""
+    model = system(cell.system).model
+    fit = estimators.fit(model, estimate, cell.residual, cell.weights)
+    error = np.log(fit.parameters.values / model.parameters.values)
+    trust = fit.trust
+    verdicts = tuple(interval.verdict for interval in trust.intervals)
+    return _stated(cell, verdicts, trust.scatter, trust.tests, error)
+
+
+def _stated(
+    cell: Cell,
+    verdicts: tuple[Verdict, ...],
+    scatter: Scatter,
+    tests: DirectedTests,
+    error: np.ndarray,
+) -> Outcome:
+    gravest = min(verdicts, key=VERDICTS.index)
     shift = np.zeros(len(error))
     np.maximum.at(shift, tests.moved, tests.shift)
     own = np.full(6, np.nan)
@@ -379,7 +401,7 @@ def _outcome(cell: Cell, evidence: Evidence, error: np.ndarray) -> Outcome:
 
 
 def _former(cell: Cell, at: Linearisation, estimate: FrfEstimate, step: np.ndarray) -> Outcome:
-    """Return what Theorem 1 with each line's own variance states, and the chi-square of residuals."""
+    """Return what Theorem 1 and a chi-square state with each line's own variance."""
     from scipy.stats import chi2
 
     declared = replace(estimate, degrees_of_freedom=np.inf, deviations=None)
