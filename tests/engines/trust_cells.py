@@ -185,7 +185,7 @@ def complete_fits() -> Iterator[Cell]:
         ("moberg", 2, "nls", "optimal", "", 0.0),
         ("moberg", 4, "lls", "optimal", "", 0.0),
         ("moberg", 6, "lls", "user", "", 0.0),
-        ("moberg", 4, "nls", "combined", "delay .5 ms", 0.0),
+        ("moberg", 4, "nls", "combined", "delay .1 ms", 0.0),
         ("moberg", 20, "nls", "optimal", "", 0.6),
         ("chain", 2, "nls", "optimal", "", 0.0),
         ("chain", 3, "lls", "optimal", "", 0.0),

@@ -134,7 +134,7 @@ def _right(cell: Cell, result: dict[str, Any]) -> list[str]:
 
 def _wrong(cell: Cell, result: dict[str, Any]) -> list[str]:
     """Return what a cell of a wrong model falls short of."""
-    flagged = result["verdicts"].get("model error", 0)
+    flagged = sum(result["verdicts"].get(v, 0) for v in REFUSED)
     if result.get("power", 0) >= FLAGGED:
         if flagged >= FLAGGED:
             return []
