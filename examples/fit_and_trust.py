@@ -19,15 +19,12 @@ data = estimators.simulate_frf(robot, positions, omega, noise, rng)
 starts = estimators.perturbed_starts(robot.parameters, 5, 0.5, rng)
 rough = estimators.multistart(robot, data, starts, "lls", "user")
 best = rough[0]
-print(f"{sum(fit.cost < 1.01 * best.cost for fit in rough)} of {len(rough)} starts agree")
+print(
+    f"{sum(fit.cost < 1.01 * best.cost for fit in rough)} of {len(rough)} starts end at the best cost"
+)
 fit = estimators.fit(robot, data, residual="nls", weights="optimal", start=best.parameters.values)
 
-table = estimators.cross_check(
-    fit,
-    theorem1=estimators.covariance(fit),
-    empirical=estimators.covariance(fit, "empirical"),
-    importance=estimators.importance_sample(fit, rng=rng),
-)
-print(table)
+print(fit.trust)  # the interval to quote for each parameter, and the verdict
+print(estimators.cross_check(fit, importance=estimators.importance_sample(fit, rng=rng)))
 print(estimators.residual_analysis(fit))
 print(estimators.identifiability(estimators.fit_information(fit), fit.parameters.names))

@@ -51,9 +51,41 @@ def test_summaries_say_what_there_is(steps):
     assert "NLS cost" not in words["design"]
     assert "NLS cost" in words["fit"]
     assert "R-hat" not in words["fit"]
-    assert "x agree" in words["sample"]
-    assert "TOO SMALL" not in words["sample"]
+    assert "5 visits, 10 runs" in words["design"]
+    std = r"d\d\.\w+ [\d.]+ %"
+    assert re.search(rf"promised std best {std}, worst {std}", words["design"])
+    assert "verdict" not in words["design"]
+    for step in ("fit", "sample", "report"):
+        assert "verdict  trustworthy: noise explains the residuals" in words[step]
+        lines = re.findall(r"^ .* (d\d\.\w+) +\S.* to .* \(std [\d.]+ %\)$", words[step], re.M)
+        assert sorted(lines) == ["d2.damping", "d2.stiffness", "d3.damping", "d3.stiffness"]
     assert "report.html" in words["report"]
+
+
+def test_scripts_get_the_same_verdict_and_intervals(steps):
+    folder, _ = steps
+    study, results = folder / "study.yaml", folder / "results" / "here"
+    design, fit, whole = (
+        json.loads(oed(command, study, "--workers", 1, "--json")[1])
+        for command in ("design", "fit", "sample")
+    )
+    written = {
+        name: json.loads((results / f"{name}.json").read_text(encoding="utf-8"))
+        for name in ("design", "fit", "uncertainty")
+    }
+    assert (design["experiments"], design["runs"]) == (5, 10)
+    assert written["design"]["exact"]["runs"] == 10
+    assert design["promised"] == written["design"]["promised"]
+    assert all(0 < std < 0.1 for std in design["promised"]["std"])
+    assert "verdict" not in design
+    for said, name in ((fit, "fit"), (whole, "uncertainty")):
+        trust = written[name]["trust"]
+        for key in ("verdict", "reason", "intervals"):
+            assert said[key] == trust[key]
+        assert said["verdict"] == "trustworthy"
+    for one, promised in zip(whole["intervals"], design["promised"]["std"], strict=True):
+        assert one["low"] < one["value"] < one["high"]
+        assert one["std"] / one["value"] == pytest.approx(promised, rel=0.1)
 
 
 def test_fresh_keeps_nothing(steps):
@@ -79,8 +111,8 @@ def test_studies_side_by_side(steps):
     code, out, err = oed("report", folder / "study.yaml", other, "-o", page, "--workers", 1)
     assert (code, err) == (0, "")
     name = folder.name  # of study.yaml
-    assert re.search(rf"{name} +\d+ +5 ", out)
-    assert re.search(r"more +\d+ +20 ", out)
+    assert re.search(rf"{name} +\d+ +5 +10 .* trustworthy", out)
+    assert re.search(r"more +\d+ +20 +40 .* trustworthy", out)
     text = page.read_text(encoding="utf-8")
     assert "design.experiments" in text
     assert f"more / {name}" in text

@@ -118,6 +118,7 @@ def test_a_parameter_at_a_bound_is_a_finding(tmp_path):
         code, out, err = oed("fit", path, "--workers", 1)
         assert (code, err) == (0, "")
         assert "AT A BOUND: d2.damping, the lower one" in out
+        assert re.search(r"d2\.damping +< [\d.]+ \(not identifiable\)", out)
         code, out, err = oed("run", path, "--workers", 1, "--json")
     assert (code, err) == (0, "")
     assert json.loads(out)["at_bounds"] == {"d2.damping": "lower"}
@@ -128,3 +129,42 @@ def test_a_parameter_at_a_bound_is_a_finding(tmp_path):
     said = words(results / "report.html")
     assert "stopped at the lower bound of d2.damping" in said
     assert "What failed" not in said
+    # Its numbers are struck out, its upper end is plain, and so are those of the others.
+    rows = dict(rows_of(results / "report.html", "estimates"))
+    assert rows["d2.damping"].count("<s ") == 5
+    assert re.search(r">&lt; [\d.]+<", rows["d2.damping"])
+    assert "<s " not in rows["d2.stiffness"]
+
+
+def rows_of(page, table):
+    """Return name and HTML of each row of a table."""
+    text = page.read_text(encoding="utf-8")
+    text = text[text.index(f'id="{table}"') :]
+    text = text[: text.index("</table>")]
+    return re.findall(r"<tr><td><code>(.*?)</code></td>(.*?)</tr>", text)
+
+
+WRONG = STUDY.replace("seed: 3", "seed: 3\ntruth: truth.yaml").replace("runs: 12", "runs: 0")
+
+
+def test_numbers_of_a_wrong_model_are_struck_out(tmp_path):
+    (tmp_path / "truth.yaml").write_text(ROBOT.replace("inertia: 2.0e-4", "inertia: 2.2e-4"))
+    path, results = write_study(tmp_path, WRONG), tmp_path / "results" / "here"
+    with drawn():
+        code, out, err = oed("run", path, "--workers", 1)
+    assert (code, err) == (0, "")
+    assert "verdict  model error: m3.inertia" in out
+    assert "no interval to quote" in out
+    said = words(results / "report.html")
+    assert "Model error m3.inertia" in said
+    assert "Quote no standard deviation of this study." in said
+    assert "smallest rel. std" not in said
+    rows = rows_of(results / "report.html", "estimates")
+    assert len(rows) == 4
+    assert all(row.count("<s ") == 5 for _, row in rows)
+    trust = json.loads((results / "uncertainty.json").read_text(encoding="utf-8"))["trust"]
+    assert trust["verdict"] == "model error"
+    assert all(one["low"] is one["high"] is None for one in trust["intervals"])
+    named = min(trust["directions"], key=lambda one: one["probability"])
+    assert named["name"] == "m3.inertia"
+    assert named["estimate"] == pytest.approx(0.1, abs=0.02)

@@ -162,6 +162,23 @@ def test_every_table_comes_down_as_csv(desktop):
     assert all(float(row["Theorem 1"]) > 0 for row in rows)
 
 
+def test_what_is_struck_out_is_marked_in_downloads_too(desktop):
+    cell = desktop.locator("#estimates tbody tr:not(.group) td[data-v]").nth(1)
+    number, before = cell.get_attribute("data-v"), cell.inner_html()
+    cell.evaluate("(e) => { e.innerHTML = '<s>' + e.innerHTML + '</s>'; }")
+    _, text = saved(desktop, desktop.locator("#estimates [data-save=csv]"))
+    cell.evaluate("(e, html) => { e.innerHTML = html; }", before)
+    assert f"struck out: {number}" in text
+    assert text.count("struck out") == 1
+
+
+def test_the_verdict_is_seen_first(desktop, phone):
+    for page in (desktop, phone):
+        box = page.locator(".banner").bounding_box()
+        assert box["y"] + box["height"] < page.viewport_size["height"]
+    assert desktop.locator(".banner .verdict").text_content() == "Trustworthy"
+
+
 def test_every_figure_comes_down_as_svg_in_light_colours(desktop):
     desktop.locator("#theme").click()
     desktop.locator("#theme").click()

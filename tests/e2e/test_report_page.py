@@ -112,6 +112,9 @@ def test_words_and_numbers_of_the_certificate_and_the_table(page):
         "d3.stiffness",
         "kN m/rad",
         "Theorem 1",
+        "Trustworthy",
+        "Quote the recommended standard deviations",
+        "5 visits, 10 runs",
         "R-hat",
         "Seed 3",
     ):

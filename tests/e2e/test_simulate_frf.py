@@ -47,7 +47,7 @@ def estimated(simulated):
 def test_simulate_writes_plan_and_records(simulated):
     folder, out = simulated
     assert {"plan.yaml", "plan.h5", "records.h5"} <= {p.name for p in folder.iterdir()}
-    assert "1 position, 3 blocks of 1 experiment, 3 + 2 periods of 1 s" in out
+    assert "1 position, 3 blocks of 1 run, 3 + 2 periods of 1 s" in out
     assert "speed of motor 'm1' in position 1 meets its limit" in out
     assert str(folder / "records.h5") in out
     assert len(out.splitlines()) < 20

@@ -8,6 +8,8 @@ import numpy as np
 import pytest
 from conftest import STUDY, drawn, oed, write_study
 
+import estimators
+
 EXPERIMENT = """\
 data:
   experiment:
@@ -63,7 +65,13 @@ def test_an_experiment_is_simulated_fitted_and_checked(simulated):
     # Plans are compared by the noise law, which is not that of this experiment.
     assert "comparison" not in stages
     uncertainty = json.loads((folder / "uncertainty.json").read_text())
-    assert uncertainty["theorem1"]["method"] == "Theorem 1, nls, covariance of 4 blocks"
+    trust = uncertainty["trust"]
+    assert trust["verdict"] in estimators.VERDICTS
+    # Four blocks: three degrees of freedom a line and position, more over all lines.
+    assert all(6 <= one["dof"] < 1e4 for one in trust["intervals"])
+    assert all("over blocks" in one["method"] for one in trust["intervals"])
+    design = json.loads((folder / "design.json").read_text())["exact"]
+    assert design["runs"] == design["experiments"] * 4 * 2
     ratio = np.divide(uncertainty["emcee"]["std"], uncertainty["theorem1"]["std"])
     assert (np.abs(np.log(ratio)) < 0.3).all()
     for section in ("experiment", "validation", "candidates"):

@@ -195,8 +195,8 @@ def test_missing_experiments_are_counted(tmp_path):
     found = measured_frf(tmp_path / "bench.h5")
     text, _ = shown(found, tmp_path)
     assert found.missing == 1
-    assert "1 experiments are missing" not in text
-    assert "1 experiment missing" in text
+    assert "1 runs are missing" not in text
+    assert "1 run missing" in text
     assert any("blocks 3 lack" in warning for warning in found.warnings)
 
 
