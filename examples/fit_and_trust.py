@@ -19,9 +19,8 @@ data = estimators.simulate_frf(robot, positions, omega, noise, rng)
 starts = estimators.perturbed_starts(robot.parameters, 5, 0.5, rng)
 rough = estimators.multistart(robot, data, starts, "lls", "user")
 best = rough[0]
-print(
-    f"{sum(fit.cost < 1.01 * best.cost for fit in rough)} of {len(rough)} starts end at the best cost"
-)
+reached = sum(fit.cost < 1.01 * best.cost for fit in rough)
+print(f"{reached} of {len(rough)} starts end at the best cost")
 fit = estimators.fit(robot, data, residual="nls", weights="optimal", start=best.parameters.values)
 
 print(fit.trust)  # the interval to quote for each parameter, and the verdict

@@ -20,19 +20,19 @@ if TYPE_CHECKING:
 RECORDS_SCHEMA = "records/1"
 NEEDED = "records are"
 _GROUP = "position_"
-_EXPERIMENTS = ("block", "experiment", "period", "sample")
+_RUNS = ("block", "run", "period", "sample")
 _COMMON = {
     "sample_time": Field(attribute=True),
     "lines": Field(("line",), "whole", least=1),
     "detection": Field(("detection line",), "whole", least=1),
 }
 _COORDINATES = Field(("motor",), least=-MOST_LENGTH, most=MOST_LENGTH)
-# Experiments that are missing have NaN, of which `Records` itself takes care.
+# Runs that are missing have NaN, of which `Records` itself takes care.
 _SIGNAL_FIELDS = {
-    "torque": Field((*_EXPERIMENTS, "motor"), finite=False),
-    "angle": Field((*_EXPERIMENTS, "output"), finite=False),
-    "reference": Field(("block", "experiment", "period or 1", "sample", "motor")),
-    "saturated": Field(("block", "experiment", "period", "motor"), "truth"),
+    "torque": Field((*_RUNS, "motor"), finite=False),
+    "angle": Field((*_RUNS, "output"), finite=False),
+    "reference": Field(("block", "run", "period or 1", "sample", "motor")),
+    "saturated": Field(("block", "run", "period", "motor"), "truth"),
 }
 _POSITION = ArraySchema({"position": _COORDINATES, **_SIGNAL_FIELDS})
 # Of files that hold all positions in one array; HDF5 has a group for each.

@@ -1,4 +1,4 @@
-"""Periodic experiments, measured or simulated: what a controller was told, did and saw."""
+"""Periodic runs, measured or simulated: what a controller was told, did and saw."""
 
 import os
 from collections.abc import Sequence
@@ -23,11 +23,11 @@ SIGNALS = ("reference", "torque", "angle", "saturated")
 
 @dataclass(frozen=True, eq=False)
 class Records:
-    """Sampled periodic experiments.
+    """Sampled periodic runs.
 
-    Leading axes of the signals are (Q, B, E, P, N): positions, blocks, experiments per block,
+    Leading axes of the signals are (Q, B, E, P, N): positions, blocks, runs per block,
     measured periods (transients dropped), samples per period. Motors are numbered as in the robot
-    file, values are on the motor shafts. An experiment that is missing has NaN in all of its
+    file, values are on the motor shafts. A run that is missing has NaN in all of its
     torques and angles.
 
     Attributes
@@ -44,7 +44,7 @@ class Records:
     Raises
     ------
     InvalidInput : if shapes do not fit each other, lines are not lines, or values are not finite
-        in part of an experiment.
+        in part of a run.
     """
 
     positions: Array
@@ -83,7 +83,7 @@ class Records:
 
     @property
     def missing(self) -> Array:
-        """Which experiments are missing, (Q, B, E)."""
+        """Which runs are missing, (Q, B, E)."""
         return np.asarray(np.isnan(self.torque[..., 0, 0, 0]))
 
     def at(self, index: int) -> "Records":
@@ -146,7 +146,7 @@ def _check_shapes(r: Records) -> None:
         raise InvalidInput(f"sample_time: {r.sample_time!r} s is not a positive time")
     if r.torque.ndim != 6 or 0 in r.torque.shape:
         raise InvalidInput(
-            f"torque: shape {r.torque.shape} given; (positions, blocks, experiments, periods, "
+            f"torque: shape {r.torque.shape} given; (positions, blocks, runs, periods, "
             "samples, motors) is needed"
         )
     *lead, n = r.torque.shape
@@ -184,7 +184,7 @@ def _check_lines(r: Records) -> None:
 
 def _check_values(r: Records) -> None:
     _refuse(~np.isfinite(r.positions), "positions", ("position", "motor"))
-    axes = ("position", "block", "experiment", "period", "sample", "motor")
+    axes = ("position", "block", "run", "period", "sample", "motor")
     _refuse(~np.isfinite(r.reference), "reference", axes)
     torque, angle = (np.isnan(s).all(axis=(3, 4, 5)) for s in (r.torque, r.angle))
     whole = np.asarray(torque & angle)
@@ -198,7 +198,7 @@ def _refuse(wrong: NDArray[np.bool_], name: str, axes: tuple[str, ...]) -> None:
         place = ", ".join(f"{axis} {i}" for axis, i in zip(axes, index, strict=True))
         raise InvalidInput(
             f"{name}: not a finite number at {place} (counted from 0), {int(wrong.sum())} in all; "
-            "an experiment that is missing is NaN throughout, torque and angle alike"
+            "a run that is missing is NaN throughout, torque and angle alike"
         )
 
 

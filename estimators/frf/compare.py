@@ -18,7 +18,7 @@ from robotmodels.records import Records
 
 @dataclass(frozen=True, eq=False)
 class Loop:
-    """A closed loop at F frequencies, with the blocks of experiments that are planned for it.
+    """A closed loop at F frequencies, with the blocks of runs that are planned for it.
 
     Attributes
     ----------
@@ -26,7 +26,7 @@ class Loop:
     closed : (F, n, m) C, output noise to (minus) torque; zero in open loop.
     reference : (B, F, n, E).
     torque : (B, F, n, E) U0, without noise.
-    noise : (F, m, m) covariance of V, of one experiment with its periods averaged.
+    noise : (F, m, m) covariance of V, of one run with its periods averaged.
     """
 
     response: ComplexArray
@@ -110,7 +110,7 @@ def measured_loop(
 
     Raises
     ------
-    InvalidInput : if there are too few experiments to tell noise from signal, or as
+    InvalidInput : if there are too few runs to tell noise from signal, or as
         `estimators.estimate_frf` does.
     """
     found = usable_spectra(
@@ -126,7 +126,7 @@ def measured_loop(
     freedom = B * E - n
     if freedom < Y.shape[2]:
         raise InvalidInput(
-            f"position {index + 1}: {B} blocks of {E} experiments for {n} motors leave {freedom} "
+            f"position {index + 1}: {B} blocks of {E} runs for {n} motors leave {freedom} "
             f"degrees of freedom for the noise; {Y.shape[2]} are needed, measure another block"
         )
     G = jio(Y, U, R)
@@ -182,7 +182,7 @@ def compare_methods(
     Parameters
     ----------
     runs : number of simulated campaigns at each frequency.
-    methods : those to compare; by default all that the experiments permit.
+    methods : those to compare; by default all that the runs permit.
     """
     F, m, n = loop.response.shape
     square = loop.torque.shape[-1] == n

@@ -1,6 +1,6 @@
 """Noise and nonlinear distortion told apart, by repetition and by lines left out.
 
-Periods of one experiment differ by noise, blocks with new phases by noise and by the stochastic
+Periods of one run differ by noise, blocks with new phases by noise and by the stochastic
 part of nonlinear distortions (Pintelon and Schoukens 2001, ch. 3). An odd multisine that leaves
 out some odd lines shows odd distortions there and even ones at the even lines.
 """
@@ -36,7 +36,7 @@ class Distortion:
     noise : (Q, F, m, n) variances of the FRF by noise, from what periods do not repeat.
     total : (Q, F, m, n) by noise and distortion, from blocks; NaN where there is one block.
     blocks : (Q,) blocks averaged.
-    output : (Q, F, m) rms acceleration at the excited lines, over blocks and experiments.
+    output : (Q, F, m) rms acceleration at the excited lines, over blocks and runs.
     odd_omega, even_omega : (O,) and (V,) detection lines within the excited band [rad/s].
     odd, even : (Q, O, m) and (Q, V, m) rms of Y - G U there: what the linear response to the
         torque at these lines does not explain [rad/s^2].
@@ -174,7 +174,7 @@ def detection_lines(records: Records) -> tuple[IntArray, IntArray]:
 
 
 def _rms(found: Spectra) -> Array:
-    """Return the rms (F, m) of period-averaged outputs over the experiments that are present."""
+    """Return the rms (F, m) of period-averaged outputs over the runs that are present."""
     power = np.abs(found.output.mean(axis=1)) ** 2
     return np.asarray(np.sqrt(power.sum(axis=(0, 3)) / found.present.sum()))
 

@@ -1,4 +1,4 @@
-"""FRFs from fewer experiments than inputs: neighbouring lines stand in for missing experiments.
+"""FRFs from fewer runs than inputs: neighbouring lines stand in for missing runs.
 
 Around each line G is a polynomial in frequency, or a ratio of polynomials with a common
 denominator, whose value at the line is the estimate (Pintelon and Schoukens, System
@@ -39,7 +39,7 @@ def local_frf(
     delay: float = 0.0,
     transient: Transient = "auto",
 ) -> FrfEstimate:
-    """Estimate FRFs line by line from a window of lines, all blocks and experiments together.
+    """Estimate FRFs line by line from a window of lines, all blocks and runs together.
 
     Parameters
     ----------
@@ -91,19 +91,19 @@ def _window(
     half_width: int | None, shape: tuple[int, ...], order: int, denominator: int, who: str
 ) -> int:
     """Return how many lines a window has."""
-    lines, n, experiments = shape
+    lines, n, runs = shape
     unknown = n * (order + 1) + denominator
-    least = -(-(unknown + 1) // experiments)
+    least = -(-(unknown + 1) // runs)
     if half_width is None:
-        wanted = max(-(-(unknown + 4) // experiments), order + denominator + 2)
+        wanted = max(-(-(unknown + 4) // runs), order + denominator + 2)
         width = min(lines, wanted + 1 - wanted % 2)
     else:
         width = min(lines, 2 * half_width + 1)
     if width < max(least, order + 1):
         raise InvalidInput(
-            f"{who}: {width} lines with {experiments} experiments give {width * experiments} "
+            f"{who}: {width} lines with {runs} runs give {width * runs} "
             f"equations for {unknown} unknowns in each row of G; use a half_width of at least "
-            f"{max(least, order + 1) // 2}, a lower order, or measure more experiments"
+            f"{max(least, order + 1) // 2}, a lower order, or measure more runs"
         )
     return width
 
@@ -118,8 +118,8 @@ def _all_lines(
     """Return FRFs (F, m, n), covariances (F, m n, m n), and the errors' correlation over lags."""
     order, denominator, width = shape
     responses, covariances = [], []
-    lines, n, experiments = inputs.shape
-    weights = np.zeros((lines, lines, experiments, n), dtype=complex)
+    lines, n, runs = inputs.shape
+    weights = np.zeros((lines, lines, runs, n), dtype=complex)
     for k in range(len(omega)):
         start = int(np.clip(k - width // 2, 0, len(omega) - width))
         window = slice(start, start + width)
@@ -136,7 +136,7 @@ def _all_lines(
             ) from None
         responses.append(response)
         covariances.append(error)
-        weights[k, window] = inverse.reshape(width, experiments, n)
+        weights[k, window] = inverse.reshape(width, runs, n)
     return np.array(responses), np.array(covariances), _shared(weights.reshape(lines, -1, n), width)
 
 

@@ -1,6 +1,6 @@
-"""FRF estimators over blocks of experiments, and their jackknife covariance.
+"""FRF estimators over blocks of runs, and their jackknife covariance.
 
-Y = G U holds in every block at every line; n experiments with n inputs make U square. The
+Y = G U holds in every block at every line; n runs with n inputs make U square. The
 estimators differ in how noise on U and Y, correlated by the feedback, enters their average
 (Pintelon and Schoukens 2001, sec. 2.7; Wernholt and Gunnarsson 2007, LiTH-ISY-R-2827).
 
@@ -51,7 +51,7 @@ def jio(output: ComplexArray, input: ComplexArray, reference: ComplexArray) -> C
 
 
 METHODS: dict[str, Method] = {"ari": ari, "har": har, "log": log, "h1": h1, "jio": jio}
-# Methods that sum over experiments; they can use the rest of a block that lacks some.
+# Methods that sum over runs; they can use the rest of a block that lacks some.
 SUMMING = ("h1", "jio")
 
 
@@ -153,7 +153,7 @@ def noise_deviations(
 ) -> ComplexArray:
     """Return draws of the estimate's error by noise alone, (..., B E J, m, n).
 
-    Errors V = Y - G U of different experiments are independent; where there is no signal, J bins
+    Errors V = Y - G U of different runs are independent; where there is no signal, J bins
     show V of each of them, and the estimate takes the error V w (see `experiment_weights`).
 
     Parameters

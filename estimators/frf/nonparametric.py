@@ -36,14 +36,14 @@ def estimate_frf(
 ) -> FrfEstimate:
     """Estimate motor torque to motor acceleration FRFs, and the covariance of the estimate.
 
-    Periods are averaged first, then blocks by the chosen method. Blocks with a missing experiment
-    are left out with a warning, except where the method sums over experiments (h1, jio) and uses
+    Periods are averaged first, then blocks by the chosen method. Blocks with a missing run
+    are left out with a warning, except where the method sums over runs (h1, jio) and uses
     the rest; blocks that are missing altogether are passed over, and `repetitions` counts those
     that were used.
 
     Parameters
     ----------
-    records : experiments, or any iterable of them, e.g. `robotmodels.record_files.iterate_records`;
+    records : runs, or any iterable of them, e.g. `robotmodels.record_files.iterate_records`;
         one position at a time is held in memory.
     method : "ari", "har", "log", "h1" or "jio"; `estimators.compare_methods` helps to choose.
     covariance : "total", over blocks, or "noise", from what does not repeat from period to period,
@@ -52,7 +52,7 @@ def estimate_frf(
         "diagonal".
     hold : whether the torque is held over a sample.
     delay : of the measured angle after the torque [s].
-    transient : periods to drop at the start of each experiment; "auto" drops those that differ
+    transient : periods to drop at the start of each run; "auto" drops those that differ
         from later ones, see `estimators.settling`, and warns when it does.
 
     Raises
@@ -164,12 +164,12 @@ def usable_spectra(
     n, E = found.input.shape[-2:]
     if n > E:
         raise InvalidInput(
-            f"{who}: {E} experiments a block for {n} motors; {n} are needed, or "
+            f"{who}: {E} runs a block for {n} motors; {n} are needed, or "
             "estimators.local_frf (oed frf --local), which borrows from neighbouring lines"
         )
     if n < E and method not in SUMMING:
         raise InvalidInput(
-            f"{who}: {E} experiments a block for {n} motors; {method} needs {n}, "
+            f"{who}: {E} runs a block for {n} motors; {method} needs {n}, "
             f"{' and '.join(SUMMING)} take any number"
         )
     if method == "jio" and not found.reference.any():
@@ -249,7 +249,7 @@ def first_period(found: Spectra, transient: Transient, who: str) -> int:
             f"from later ones by {judged.deviations[0]:.2g} of the signal, more than chance allows"
         )
     if not judged.settled:
-        warn(f"{who}: no period agrees with the later ones; the experiments never settled")
+        warn(f"{who}: no period agrees with the later ones; the runs never settled")
     return judged.first
 
 
@@ -259,7 +259,7 @@ def _without_missing(found: Spectra, method: str, who: str) -> Spectra:
     if method in SUMMING or not partial.any():
         return found.blocks(some)
     warn(
-        f"{who}: blocks {_numbers(partial)} lack experiments and are left out; "
+        f"{who}: blocks {_numbers(partial)} lack runs and are left out; "
         f"{' and '.join(SUMMING)} would use what they have"
     )
     if not every.any():

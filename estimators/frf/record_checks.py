@@ -40,7 +40,7 @@ def check_records(records: Records, index: int = 0, name: str | None = None) -> 
     who = name or f"position {index + 1}"
     present = ~records.missing[index]
     if not present.any():
-        raise InvalidInput(f"{who}: every experiment is missing; leave the position out")
+        raise InvalidInput(f"{who}: every run is missing; leave the position out")
     _check_reference(records.reference[index], records, present, who)
     _check_torque(records, index, present, who)
     met = records.saturated[index].any(axis=2) & present[..., None]  # (B, E, n)
@@ -48,7 +48,7 @@ def check_records(records: Records, index: int = 0, name: str | None = None) -> 
         motors = ", ".join(str(j + 1) for j in np.flatnonzero(met.any(axis=(0, 1))))
         warn(
             f"{who}: the torque limit was met by motors {motors} in "
-            f"{int(met.any(axis=2).sum())} of {int(present.sum())} experiments; clipped torques "
+            f"{int(met.any(axis=2).sum())} of {int(present.sum())} runs; clipped torques "
             "distort the FRF, excite less"
         )
 
@@ -56,7 +56,7 @@ def check_records(records: Records, index: int = 0, name: str | None = None) -> 
 def _check_reference(
     reference: Array, records: Records, present: NDArray[np.bool_], who: str
 ) -> None:
-    used = reference[present]  # (experiments, P, N, n)
+    used = reference[present]  # (runs, P, N, n)
     size = np.abs(used).max(initial=0.0)
     if size == 0:
         return  # not recorded
@@ -77,13 +77,11 @@ def _check_reference(
 
 
 def _check_torque(records: Records, index: int, present: NDArray[np.bool_], who: str) -> None:
-    torque = records.torque[index][present].mean(axis=1)  # (experiments, N, n)
+    torque = records.torque[index][present].mean(axis=1)  # (runs, N, n)
     varies = np.abs(torque - torque.mean(axis=1, keepdims=True)).max(axis=(0, 1))
     if (varies == 0).any():
         motor = int(np.argmax(varies == 0))
-        raise InvalidInput(
-            f"{who}: the torque of motor {motor + 1} is constant in every experiment"
-        )
+        raise InvalidInput(f"{who}: the torque of motor {motor + 1} is constant in every run")
     share = _share(torque, records)
     if share < TORQUE_SHARE:
         warn(
@@ -93,7 +91,7 @@ def _check_torque(records: Records, index: int, present: NDArray[np.bool_], who:
 
 
 def _share(signal: Array, records: Records) -> float:
-    """Return which part of the power of (experiments, N, n), means aside, is at the lines."""
+    """Return which part of the power of (runs, N, n), means aside, is at the lines."""
     power = (np.abs(np.fft.rfft(signal, axis=1)[:, 1:]) ** 2).sum(axis=(0, 2))
     return float(power[records.lines - 1].sum() / power.sum())
 

@@ -16,10 +16,10 @@ _REACH = 4
 
 @dataclass(frozen=True, eq=False)
 class Spectra:
-    """Fourier coefficients of one position's experiments, period by period.
+    """Fourier coefficients of one position's runs, period by period.
 
-    Columns of the matrices are the experiments of a block. Experiments that are missing are zero
-    in every signal, so that they vanish from sums over experiments.
+    Columns of the matrices are the runs of a block. Runs that are missing are zero
+    in every signal, so that they vanish from sums over runs.
 
     Attributes
     ----------
@@ -31,7 +31,7 @@ class Spectra:
         signal is: bins of the whole record between those of its period; J = 0 for one period. They
         are scaled as averages over the periods are, so that their power is the averages' noise.
     noise_bins : how many of the J bins a line has for itself: neighbouring lines may share some.
-    present : (B, E) whether an experiment was measured.
+    present : (B, E) whether a run was measured.
     """
 
     omega: Array
@@ -50,7 +50,7 @@ class Spectra:
 
     @property
     def complete(self) -> NDArray[np.bool_]:
-        """Which blocks (B,) have all of their experiments."""
+        """Which blocks (B,) have all of their runs."""
         return np.asarray(self.present.all(axis=1))
 
     def averaged(self) -> tuple[ComplexArray, ComplexArray, ComplexArray]:

@@ -2,7 +2,7 @@
 
 Clipping a signal and keeping only the phases of the result, again and again, lowers the peaks of
 a multisine whose amplitudes are prescribed (Van der Ouderaa, Schoukens and Renneboog 1988). Input
-i of an orthogonal multisine has all its phases turned by 2 pi i l / n in experiment l; one set of
+i of an orthogonal multisine has all its phases turned by 2 pi i l / n in run l; one set of
 phases has to serve all n, so that it is their common peak that is lowered.
 
 Starting from random phases, blocks still differ at random, as averaging out distortions needs;
@@ -29,7 +29,7 @@ def crest_factor(signal: Array, axis: int = -2) -> Array:
 
 
 def reduced_crest(grid: Multisine, phases: Array, iterations: int = 200) -> Array:
-    """Return phases, (B, F, n), near `phases` with lower peaks over all experiments.
+    """Return phases, (B, F, n), near `phases` with lower peaks over all runs.
 
     Parameters
     ----------
@@ -76,5 +76,5 @@ def _clipped(grid: Multisine, phases: Array, motor: int, iterations: int) -> Arr
 
 def _turns(motor: int, inputs: int) -> Array:
     """Return the turns e^{2 pi j i l / n} of input i that differ by more than a sign."""
-    steps = {(2 * motor * experiment) % inputs for experiment in range(inputs)}
+    steps = {(2 * motor * run) % inputs for run in range(inputs)}
     return np.asarray(np.exp(1j * np.pi * np.array(sorted(steps)) / inputs))

@@ -59,8 +59,8 @@ def measured_chains(
 ) -> MeasuredChains:
     """Read records of motor torques and angles and identify chains from them.
 
-    Multisines: as many experiments a block as motors. Stepped sines: any number of experiments,
-    each with some of the lines; a line is then judged by the experiments that excite it.
+    Multisines: as many runs a block as motors. Stepped sines: any number of runs,
+    each with some of the lines; a line is then judged by the runs that excite it.
 
     Parameters
     ----------
@@ -141,11 +141,11 @@ def _dampers(found: ChainIdentification) -> tuple[DamperFit | None, tuple[str, .
 
 def _method(first: Records) -> tuple[str, str, bool]:
     """Return how FRFs are best estimated from such records: method, covariance, local."""
-    _, blocks, experiments, periods, _, motors = first.torque.shape
-    if experiments < motors or (periods < 2 and blocks < 2):
+    _, blocks, runs, periods, _, motors = first.torque.shape
+    if runs < motors or (periods < 2 and blocks < 2):
         return "ari", "noise", True
     covariance = "noise" if periods > 1 else "total"
-    if experiments == motors:
+    if runs == motors:
         return "ari", covariance, False
     return ("jio" if first.reference.any() else "h1"), covariance, False
 
@@ -168,12 +168,12 @@ def _first(path: Path) -> Records:
 
 
 def _check_excitation(first: Records, path: Path) -> None:
-    """Refuse motors that no experiment moves: their FRFs would be noise over noise."""
+    """Refuse motors that no run moves: their FRFs would be noise over noise."""
     spectrum = np.abs(np.fft.rfft(np.nan_to_num(first.torque[0]), axis=3)[:, :, :, first.lines])
     largest = spectrum.max(axis=(0, 1, 2, 3))
     for motor, level in enumerate(largest):
         if not level > 0:
             raise InvalidInput(
                 f"{path}: motor {motor + 1} has no torque at any excited line; excite every motor "
-                "in some experiment of each block"
+                "in some run of each block"
             )

@@ -40,7 +40,7 @@ class MeasuredFrf:
     ----------
     first : records of the first visit; the others have its shape.
     visits : for each position the visits to it, as they are numbered in the records from 0.
-    missing : experiments that the records of all positions lack.
+    missing : runs that the records of all positions lack.
     method, covariance, delay : how they were estimated; the delay in s. The method "local" has
         the covariance "local", from residuals.
     estimate : FRFs with their covariance.
@@ -93,8 +93,8 @@ def measured_frf(
     ----------
     path : records as HDF5, MATLAB or CSV file.
     method, covariance, structure, delay, hold : as in `estimators.estimate_frf`.
-    local : whether neighbouring lines stand in for experiments, see `estimators.local_frf`; this
-        takes the place of method and covariance, and serves where there are fewer experiments
+    local : whether neighbouring lines stand in for runs, see `estimators.local_frf`; this
+        takes the place of method and covariance, and serves where there are fewer runs
         than motors.
     robot : name or file of the robot that was measured.
     compare : whether to compare the methods on the loop of the first position, by simulation.
@@ -212,7 +212,7 @@ class _Source:
         self.first = next(iterate_records(path)) if self.lazy else self.read[0].at(0)
 
     def __iter__(self) -> Iterator[Records]:
-        """Yield records and count the experiments that are missing."""
+        """Yield records and count the runs that are missing."""
         self.missing = 0
         for part in iterate_records(self.path) if self.lazy else self.read:
             self.missing += int(part.missing.sum())

@@ -1,6 +1,6 @@
-"""Orthogonal random-phase multisines: periodic signals that tell n inputs apart in n experiments.
+"""Orthogonal random-phase multisines: periodic signals that tell n inputs apart in n runs.
 
-In experiment l of a block, input i is r_i(t) = sum_k A_ki cos(w_k t + phi_ki + 2 pi i l / n),
+In run l of a block, input i is r_i(t) = sum_k A_ki cos(w_k t + phi_ki + 2 pi i l / n),
 i, l = 0..n-1, so that the DFTs of a block form R = diag(R_i) T with T_il = e^{2 pi j i l / n} and
 T T^H = n I ([WM] section 4; Dobrowiecki and Schoukens 2007).
 """
@@ -81,7 +81,7 @@ class Multisine:
         return replace(self, amplitudes=np.asarray(amplitudes, dtype=float))
 
     def spectrum(self, phases: Array) -> ComplexArray:
-        """Return R = diag(R_i) T, (..., F, n, n): DFTs of the inputs (rows) in n experiments.
+        """Return R = diag(R_i) T, (..., F, n, n): DFTs of the inputs (rows) in n runs.
 
         Parameters
         ----------
@@ -91,7 +91,7 @@ class Multisine:
         return np.asarray(diagonal[..., None] * fourier_matrix(self.inputs))
 
     def reference(self, phases: Array) -> Array:
-        """Return one period of the signals, (..., n experiments, N, n inputs).
+        """Return one period of the signals, (..., n runs, N, n inputs).
 
         Parameters
         ----------
@@ -105,7 +105,7 @@ class Multisine:
         `samples` points of it are given, N by default; the signal is the same with more of them.
         """
         points = self.samples if samples is None else samples
-        swapped = np.moveaxis(spectrum, -1, -3)  # (..., experiments, F, k)
+        swapped = np.moveaxis(spectrum, -1, -3)  # (..., runs, F, k)
         full = np.zeros((*swapped.shape[:-2], points // 2 + 1, swapped.shape[-1]), dtype=complex)
         full[..., self.lines, :] = swapped * (points / self.samples)
         return np.asarray(np.fft.irfft(full, points, axis=-2))

@@ -23,7 +23,7 @@ from robotmodels.response import Elastic
 
 # Points per period of the highest line at which peaks of speeds and angles are sought.
 _POINTS = 24
-# So long is the start of an experiment followed [s], in whole periods.
+# So long is the start of a run followed [s], in whole periods.
 _START = 2.0
 # Poles at one belong to motors without position loop or integral part, computed to rounding.
 _LARGEST_POLE = 1 + 1e-6
@@ -31,7 +31,7 @@ _LARGEST_POLE = 1 + 1e-6
 
 @dataclass(frozen=True, eq=False)
 class Peaks:
-    """Lowest and highest predicted values over all blocks and experiments of each visit.
+    """Lowest and highest predicted values over all blocks and runs of each visit.
 
     Attributes
     ----------

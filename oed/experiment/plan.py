@@ -36,10 +36,10 @@ class Planned(Protocol):
 
 @dataclass(frozen=True, eq=False)
 class ExperimentPlan:
-    """Visits to positions, in the order given; in each, blocks of n experiments.
+    """Visits to positions, in the order given; in each, blocks of n runs.
 
     A position with r repetitions is visited r times in a row. A visit has B blocks of n
-    experiments each; an experiment repeats one period of the reference, first until transients
+    runs each; a run repeats one period of the reference, first until transients
     have died out, then as often as is measured. Every visit and every block has phases of its own.
 
     Attributes
@@ -49,7 +49,7 @@ class ExperimentPlan:
     repetitions : (Q,) visits to each.
     multisine : lines and amplitudes of the speed reference [rad/s, motor shaft].
     phases : (V, B, F, n) [rad], V the sum of the repetitions.
-    periods : measured per experiment.
+    periods : measured per run.
     transient_periods : before them.
     moves : limits of the moves between positions, and the motors' names.
     scale : (V,) factors of the amplitudes.
@@ -199,7 +199,7 @@ def experiment_plan(
     positions : (Q, n) in the order in which to go there [rad].
     multisine : lines and amplitudes.
     blocks : B per visit; the covariance of an FRF needs at least 2.
-    periods, transient_periods : measured per experiment, and before that.
+    periods, transient_periods : measured per run, and before that.
     speed, acceleration : largest ones of moves, arm side, (n,) or one number for all motors.
     rng : draws the phases.
     repetitions : (Q,) visits to each position; one by default.

@@ -18,7 +18,7 @@ from oed.experiment.plan import ExperimentPlan
 from robotmodels.arrays import Array
 from robotmodels.errors import InvalidInput
 
-_SEQUENCE = ("step", "kind", "file", "visit", "position", "block", "experiment", "repeats", "drop")
+_SEQUENCE = ("step", "kind", "file", "visit", "position", "block", "run", "repeats", "drop")
 
 
 def export_csv(
@@ -29,7 +29,7 @@ def export_csv(
     """Write CSV files into `folder`; ``sequence.csv`` says in which order to play them.
 
     ``sequence.csv`` has a row per step: its kind (move or excitation), the file, visit, position,
-    block, experiment (all counted from 1), how often in a row to repeat the file, and how many of
+    block, run (all counted from 1), how often in a row to repeat the file, and how many of
     these periods to drop as transient. Every other file holds ``time`` [s], ``<motor>.position``
     [rad, arm side] and ``<motor>.speed`` [rad/s, motor shaft].
 
@@ -67,7 +67,7 @@ def export_mat(
     Variables: ``robot``, ``motors`` (cell array), ``visit`` and ``position_number`` (counted from
     1), ``position`` (1, n) [rad, arm side], ``move_position`` (K, n) [rad, arm side] and
     ``move_speed`` (K, n) [rad/s, motor shaft] of the move that leads there, ``reference``
-    (N, n, experiments, blocks) [rad/s, motor shaft], one period each, ``periods``,
+    (N, n, runs, blocks) [rad/s, motor shaft], one period each, ``periods``,
     ``transient_periods``, ``sample_time`` [s], ``lines``, ``detection``, ``gear_ratios``.
 
     Raises
@@ -111,11 +111,11 @@ def _steps(plan: ExperimentPlan, ratios: Array) -> Iterator[tuple[tuple[Any, ...
             row: tuple[Any, ...] = ("move", f"{name}_move.csv", *place, "", "", 1, "")
             yield row, path.positions, ratios * path.speeds
         rest = np.tile(plan.positions[q], (plan.multisine.samples, 1))
-        for block, experiments in enumerate(plan.reference(visit), start=1):
-            for experiment, speeds in enumerate(experiments, start=1):
-                file = f"{name}_block_{block:02d}_experiment_{experiment:02d}.csv"
+        for block, runs in enumerate(plan.reference(visit), start=1):
+            for run, speeds in enumerate(runs, start=1):
+                file = f"{name}_block_{block:02d}_run_{run:02d}.csv"
                 drop = plan.transient_periods
-                row = ("excitation", file, *place, block, experiment, repeats, drop)
+                row = ("excitation", file, *place, block, run, repeats, drop)
                 yield row, rest, speeds
 
 

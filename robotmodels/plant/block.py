@@ -1,4 +1,4 @@
-"""One block of simulated experiments, from the robot's rest to its signals."""
+"""One block of simulated runs, from the robot's rest to its signals."""
 
 from dataclasses import dataclass
 from typing import Any
@@ -19,7 +19,7 @@ from robotmodels.plant.simulation import Imperfections
 
 @dataclass(frozen=True, eq=False)
 class Block:
-    """One block of experiments in one position: a piece of work for an executor.
+    """One block of runs in one position: a piece of work for an executor.
 
     Attributes
     ----------
@@ -42,7 +42,7 @@ class Block:
 
 
 def run_block(block: Block) -> tuple[Array, Array, NDArray[np.bool_]]:
-    """Return torque, angle and whether limited, (E, P, N, n), of one block of experiments.
+    """Return torque, angle and whether limited, (E, P, N, n), of one block of runs.
 
     Raises
     ------
@@ -77,7 +77,7 @@ def run_block(block: Block) -> tuple[Array, Array, NDArray[np.bool_]]:
             engine, drives, law, sensing, reference, disturbance, controller.sample_time, steps
         )
         if good < total:
-            raise _lost(f"{block.where}, experiment {e + 1}", good * controller.sample_time)
+            raise _lost(f"{block.where}, run {e + 1}", good * controller.sample_time)
         results.append([trace[block.transient * N :].reshape(kept) for trace in traces])
     torque, angle, limited = (np.stack(part) for part in zip(*results, strict=True))
     return torque, angle, limited

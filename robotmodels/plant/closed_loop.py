@@ -108,10 +108,10 @@ class ClosedLoopNoise:
 
     Attributes
     ----------
-    controller : in whose loop the experiments are.
+    controller : in whose loop the runs are.
     omega : (F,) excited angular frequencies [rad/s].
     reference : (F, n, e) or (Q, F, n, e), DFT of one period of the speed references in the e >= n
-        experiments of a block [rad/s].
+        runs of a block [rad/s].
     samples : N per period.
     angle_noise : (n,) standard deviation of white noise on the sampled motor angles [rad].
     averages : number of periods times blocks that the estimate is the mean of.
@@ -137,12 +137,12 @@ class ClosedLoopNoise:
         reference = np.asarray(self.reference, dtype=complex)
         if reference.ndim not in (3, 4) or reference.shape[-3:-1] != (len(omega), n):
             raise InvalidInput(
-                f"reference: shape {reference.shape} given; ({len(omega)}, {n}, experiments), or "
+                f"reference: shape {reference.shape} given; ({len(omega)}, {n}, runs), or "
                 "that for each position, is needed"
             )
         if reference.shape[-1] < n:
             raise InvalidInput(
-                f"reference: {reference.shape[-1]} experiments a block; {n} motors need {n} or more"
+                f"reference: {reference.shape[-1]} runs a block; {n} motors need {n} or more"
             )
         if self.samples < 1 or self.averages < 1:
             raise InvalidInput(f"samples {self.samples} and averages {self.averages} must be >= 1")
@@ -168,7 +168,7 @@ class ClosedLoopNoise:
         ------
         InvalidInput : if `omega` is not that of the law, or something else than motor
             accelerations is measured.
-        NotIdentifiable : if the experiments do not excite all motors, naming frequency and
+        NotIdentifiable : if the runs do not excite all motors, naming frequency and
             condition.
         SolverFailed : if the closed loop is unstable in a position.
         """
@@ -240,6 +240,6 @@ def _check_power(power: ComplexArray, omega: Array) -> None:
         q, f = np.argwhere(~(condition < _LARGEST_CONDITION))[0]
         raise NotIdentifiable(
             (f"the FRF at {omega[f] / (2 * np.pi):.4g} Hz in position {q}",),
-            f"the experiments do not excite all motors there (condition {condition[q, f]:.2g}); "
+            f"the runs do not excite all motors there (condition {condition[q, f]:.2g}); "
             "give each motor its own signal",
         )

@@ -1,4 +1,4 @@
-"""Sampled closed-loop experiments on a linear model."""
+"""Sampled closed-loop runs on a linear model."""
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -25,7 +25,7 @@ def simulate_linear(
     periods: int = 2,
     transient: int = 1,
 ) -> Records:
-    """Simulate periodic experiments on a linear model, starting at rest.
+    """Simulate periodic runs on a linear model, starting at rest.
 
     Parameters
     ----------
@@ -51,7 +51,7 @@ def simulate_linear(
     signals = np.asarray(signals, dtype=float)
     if signals.ndim != 4 or signals.shape[-1] != n:
         raise InvalidInput(
-            f"signals: shape {signals.shape}; (blocks, experiments, samples, {n}) is needed"
+            f"signals: shape {signals.shape}; (blocks, runs, samples, {n}) is needed"
         )
     check_periods(periods, transient)
     B, E, N, _ = signals.shape

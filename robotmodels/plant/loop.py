@@ -102,7 +102,7 @@ def run(
     sample_time: float,
     substeps: int,
 ) -> tuple[Array, Array, NDArray[np.bool_], int]:
-    """Simulate one experiment from the state in `engine`.
+    """Simulate one run from the state in `engine`.
 
     Returns
     -------

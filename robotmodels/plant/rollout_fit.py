@@ -37,7 +37,7 @@ class RolloutCase:
     rest : (name, angle) of every coordinate that a position sets [rad].
     tendons : the tendon of each drive spring, by the spring's name.
     parameters : the drive springs' and dampers', at the values about which they are sought.
-    torque, angle : (E, K, n) of E experiments of K samples, motor shafts [N m, rad].
+    torque, angle : (E, K, n) of E runs of K samples, motor shafts [N m, rad].
     sample_time : [s].
     angle_noise : standard deviation of the angles [rad].
     """
@@ -62,7 +62,7 @@ class RolloutFit:
     ----------
     values : (p,) SI.
     ended : whether by its own tolerances, rather than by the limit of rollouts.
-    rollouts : of all experiments.
+    rollouts : of all runs.
     seconds : of wall time.
     """
 
@@ -123,7 +123,7 @@ def fit_rollouts(case: RolloutCase, start: Array, reach: float, limit: int) -> R
     ----------
     start : (p,) SI.
     reach : decades about the case's parameters between which values are sought.
-    limit : of rollouts of all experiments, after which the best so far is taken.
+    limit : of rollouts of all runs, after which the best so far is taken.
     """
     search = _parameters(case, start, reach)
     with _silent():
@@ -220,7 +220,7 @@ def _sequences(case: RolloutCase) -> Any:
     return sysid.ModelSequences(
         "robot",
         spec,
-        [f"experiment {i}" for i in range(count)],
+        [f"run {i}" for i in range(count)],
         [sysid.create_initial_state(model, rest)] * count,
         [sysid.TimeSeries(times, torque) for torque in case.torque],
         [sysid.TimeSeries(times, angle / case.ratios, mapping) for angle in case.angle],

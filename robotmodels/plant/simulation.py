@@ -85,9 +85,9 @@ def simulate(
     executor: Executor | None = None,
     progress: Callable[[int, int], object] | None = None,
 ) -> Iterator[Records]:
-    """Simulate periodic experiments; yield the records of one position after the other.
+    """Simulate periodic runs; yield the records of one position after the other.
 
-    Every experiment starts at rest in the position's equilibrium.
+    Every run starts at rest in the position's equilibrium.
 
     Parameters
     ----------
@@ -106,7 +106,7 @@ def simulate(
     ------
     InvalidInput : if shapes do not fit, or a position is outside the joint limits.
     NoEquilibrium : if the springs cannot carry the robot's weight in a position.
-    SolverFailed : if a closed loop is unstable, naming position, block and experiment.
+    SolverFailed : if a closed loop is unstable, naming position, block and run.
     """
     # Imported when used: MuJoCo and numba take a second, and most sessions simulate nothing.
     from robotmodels.plant.block import Block
@@ -195,7 +195,7 @@ def _check_signals(
         signals = signals[None]
     if signals.ndim != 5 or signals.shape[-1] != n or len(signals) not in (1, len(positions)):
         raise InvalidInput(
-            f"signals: shape {signals.shape} given; (blocks, experiments, samples, {n}) is needed, "
+            f"signals: shape {signals.shape} given; (blocks, runs, samples, {n}) is needed, "
             f"or that for each of the {len(positions)} positions"
         )
     if not np.isfinite(signals).all():

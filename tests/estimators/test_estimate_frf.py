@@ -87,7 +87,7 @@ def test_missing_blocks_are_passed_over_and_counted():
     def nothing(array):
         array[:] = np.nan
 
-    with pytest.raises(InvalidInput, match="position 1: every experiment is missing"):
+    with pytest.raises(InvalidInput, match="position 1: every run is missing"):
         estimate_frf(changed(records, "torque angle", nothing))
 
 
@@ -102,7 +102,7 @@ def test_a_missing_experiment_takes_its_block_along_unless_the_method_sums():
 
     lacking = changed(records, "torque angle", drop)
     with pytest.warns(
-        IdentificationWarning, match=r"blocks 2 lack experiments and are left out; h1 and jio"
+        IdentificationWarning, match=r"blocks 2 lack runs and are left out; h1 and jio"
     ):
         assert estimate_frf(lacking).repetitions.tolist() == [3]
     for method in ("h1", "jio"):
@@ -116,7 +116,7 @@ def test_a_missing_experiment_takes_its_block_along_unless_the_method_sums():
 
     none = changed(records, "torque angle", all_blocks)
     with (
-        pytest.warns(IdentificationWarning, match="lack experiments"),
+        pytest.warns(IdentificationWarning, match="lack runs"),
         pytest.raises(InvalidInput, match="no block is complete, as ari needs"),
     ):
         estimate_frf(none)
@@ -193,7 +193,7 @@ def test_saturation_is_warned_of():
     def met(array):
         array[0, 1, 0, 2, 1] = True
 
-    with pytest.warns(IdentificationWarning, match=r"met by motors 2 in 1 of 8 experiments"):
+    with pytest.warns(IdentificationWarning, match=r"met by motors 2 in 1 of 8 runs"):
         estimate_frf(changed(bench_records(), "saturated", met))
 
 
@@ -244,12 +244,12 @@ def test_motors_that_stand_still_are_refused():
 
 def test_numbers_of_experiments_are_checked():
     short = bench_records(Bench(experiments=1))
-    with pytest.raises(InvalidInput, match=r"1 experiments a block for 2 motors.*local_frf"):
+    with pytest.raises(InvalidInput, match=r"1 runs a block for 2 motors.*local_frf"):
         estimate_frf(short)
     records = bench_records()
     twice = {k: np.concatenate([getattr(records, k)] * 2, axis=2) for k in SIGNALS}
     long = replace(records, **twice)
-    with pytest.raises(InvalidInput, match="4 experiments a block for 2 motors; ari needs 2"):
+    with pytest.raises(InvalidInput, match="4 runs a block for 2 motors; ari needs 2"):
         estimate_frf(long)
     assert np.allclose(estimate_frf(long, "h1").response[0], truth(2 * np.pi * LINES))
 

@@ -77,7 +77,7 @@ def test_averaging_more_blocks_narrows_it():
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        ({"half_width": 1}, r"3 lines with 1 experiments give 3 equations for 6 unknowns"),
+        ({"half_width": 1}, r"3 lines with 1 runs give 3 equations for 6 unknowns"),
         ({"order": -1}, "order: -1 is not a whole number of at least 0"),
         ({"denominator": 0.5}, "denominator: 0.5 is not a whole number"),
         ({"structure": "half"}, "structure 'half' is none of"),

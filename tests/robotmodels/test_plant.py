@@ -250,7 +250,7 @@ def test_an_unstable_loop_is_told() -> None:
     c = default_controller(robot, T)
     wild = replace(c, speed_gain=100 * c.speed_gain)
     signals = np.full((1, 1, 100, 1), 1e-3)
-    with pytest.raises(SolverFailed, match=r"position 1, block 1, experiment 1: .* after"):
+    with pytest.raises(SolverFailed, match=r"position 1, block 1, run 1: .* after"):
         run(robot, signals, controller=wild, periods=20)
 
 

@@ -91,7 +91,7 @@ def test_part_of_an_experiment_may_not(signal: str) -> None:
     records = some_records()
     broken = getattr(records, signal).copy()
     broken[2, 1, 0, 1, 4, 1] = np.nan
-    where = f"{signal}: .* position 2, block 1, experiment 0, period 1, sample 4, motor 1"
+    where = f"{signal}: .* position 2, block 1, run 0, period 1, sample 4, motor 1"
     with pytest.raises(InvalidInput, match=where):
         replace(records, **{signal: broken})
     broken[2, 1, 0] = np.nan  # all of one signal, nothing of the other
