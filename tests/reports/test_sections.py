@@ -62,7 +62,6 @@ def trusted(*verdicts, ends=None, tests=NO_TESTS, reason="why"):
         verdicts=verdicts,
         reasons=(reason,) * p,
         size=ResidualSize(0.96, 100.0, 80.0, 240.0, 0.59, 0.41),
-        size_known=True,
         whiteness=0.4,
         lag_one=0.02,
         tests=tests,
