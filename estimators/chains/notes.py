@@ -15,13 +15,17 @@ _UNLIKELY = 1e-3
 _MOST_NAMED = 6
 
 
-def notes(found: "ChainIdentification") -> tuple[str, ...]:
-    """Return one sentence for each thing that looks doubtful, none where all is well."""
-    said = [*_errors(found), *_modes(found), *_parameters(found)]
-    return tuple(said)
+def notes(found: "ChainIdentification", *, explained: bool = False) -> tuple[str, ...]:
+    """Return one sentence for each thing that looks doubtful, none where all is well.
+
+    Parameters
+    ----------
+    explained : whether another model, that with dampers, explains what modes do not.
+    """
+    return (*_errors(found, explained), *_modes(found), *_parameters(found))
 
 
-def _errors(found: "ChainIdentification") -> list[str]:
+def _errors(found: "ChainIdentification", explained: bool) -> list[str]:
     said = []
     if found.left_out:
         hertz = found.modes.data.omega[0] / (2 * np.pi)
@@ -29,10 +33,13 @@ def _errors(found: "ChainIdentification") -> list[str]:
             f"{found.left_out} at the low end, below {hertz:.3g} Hz, left out of the lines: "
             "friction distorts what is there"
         )
+    if explained:
+        return said
     if found.excess:
         said.append(
             f"noise does not explain the misfit: {100 * found.excess:.2g} % of each FRF was added "
-            "as an error, as friction, backlash or a mode outside the band would make it"
+            "as an error, as strong dampers, which `fit_dampers` allows for, friction, backlash or "
+            "a mode outside the band would make it"
         )
     p = found.structure_p_value
     if p < _UNLIKELY:

@@ -9,6 +9,7 @@ import numpy as np
 from estimators.chains.damper_fit import DamperFit, fit_dampers, recommended_estimate
 from estimators.chains.estimate import ChainEstimate
 from estimators.chains.identification import ChainIdentification, chains_from_frf
+from estimators.chains.notes import notes
 from oed.experiment.measured_frf import MeasuredFrf, measured_frf
 from robotmodels.arrays import Array
 from robotmodels.errors import IdentificationError, InvalidInput
@@ -19,6 +20,7 @@ Progress = Callable[[str, int, int], None]
 # Fewer blocks say too little about what differs from block to block.
 _FEWEST_BLOCKS = 4
 _DISTORTED = 2.0  # variance over blocks over that of noise, in the median
+_EXPLAINED = ("noise correlated", "trustworthy")  # verdicts of a model that explains the FRFs
 _APART = 3.0  # standard deviations between estimates from which on they are said to differ
 
 
@@ -97,10 +99,13 @@ def measured_chains(
         delay=delay,
     )
     dampers, reason = _dampers(found)
-    reason = (*reason, *_disagreement(found, dampers))
+    best = recommended_estimate(found, dampers)
+    explained = best is not found.structured and best.verdict in _EXPLAINED
+    said = (*frf.warnings, *notes(found, explained=explained), *reason)
+    said = (*said, *_disagreement(found, dampers))
     if progress is not None:
         progress("chains", 1, 1)
-    return MeasuredChains(frf, position, found, dampers, (*frf.warnings, *found.notes, *reason))
+    return MeasuredChains(frf, position, found, dampers, said)
 
 
 def _disagreement(found: ChainIdentification, dampers: DamperFit | None) -> tuple[str, ...]:

@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 from motor_bench import bench_data, bench_records
 
-from estimators import estimate_frf, identify_chains
+from estimators import chains_from_frf, estimate_frf, fit_dampers, identify_chains
+from estimators.chains.damper_fit import recommended_estimate
 from estimators.chains.prediction import predict_masses
 
 MOTOR, LOAD, STIFFNESS = 0.004796, 0.004804, 552.5
@@ -53,6 +54,14 @@ def test_uncertainty_is_that_of_distortion_not_of_noise(found):
     assert found.structured.relative_std.max() < 0.02
     pulls = (found.structured.values - [MOTOR, LOAD, STIFFNESS]) / found.structured.std
     assert (np.abs(pulls) < 3).all()
+
+
+def test_no_interval_is_given_beside_friction(bench):
+    """Noise does not explain the residuals by far: a verdict in place of numbers."""
+    found = chains_from_frf(estimated(bench, bench["theta_mx"]), 2)
+    best = recommended_estimate(found, fit_dampers(found))
+    assert best.verdict == "model error"
+    assert all(i.low is None and i.high is None for i in best.intervals)
 
 
 def test_the_loads_frf_is_predicted(bench, found):
