@@ -3,7 +3,7 @@
 import numpy as np
 
 from oed.study.design_section import DesignChoice
-from oed.study.pipeline import StudyResults
+from oed.study.pipeline import FittedStudy, PlannedStudy, StudyResults
 from reports import text
 from reports.drawing import figures
 from reports.parts import Column, Number, Section, Table, figure, numbers, table
@@ -81,17 +81,18 @@ def tour(results: StudyResults) -> dict[str, str] | None:
     }
 
 
-def promised_ends(results: StudyResults) -> list[tuple[str, str]]:
+def promised_ends(results: PlannedStudy) -> list[tuple[str, str]]:
     """Return the best and the worst promised parameter, with its standard deviation."""
     names, std = results.promise.names, results.promise.std
     return [(names[i], _std(float(std[i])).text) for i in (int(std.argmin()), int(std.argmax()))]
 
 
-def promised_table(results: StudyResults) -> Table:
+def promised_table(results: PlannedStudy) -> Table:
     """Return what the plan promises of each parameter beside what the data gave."""
     rows = []
-    std = dict(zip(results.trust.names, results.trust.std, strict=True))
-    why = {one.name: discredited(one) for one in results.trust.intervals}
+    trust = results.trust if isinstance(results, FittedStudy) else None
+    std = {} if trust is None else dict(zip(trust.names, trust.std, strict=True))
+    why = {} if trust is None else {one.name: discredited(one) for one in trust.intervals}
     for name, promised in zip(results.promise.names, results.promise.std, strict=True):
         came = _std(float(std.get(name, float("nan"))), why.get(name, ""))
         rows.append((name, _std(float(promised)), came))
@@ -104,7 +105,8 @@ def promised_table(results: StudyResults) -> Table:
 
 
 def _std(value: float, struck: str = "") -> Number:
-    return Number(text.percent(value) if np.isfinite(value) else "unknown", value, struck)
+    words = text.percent(value) if np.isfinite(value) else "–" if np.isnan(value) else "unknown"
+    return Number(words, value, struck)
 
 
 def robust_table(results: StudyResults) -> Table:

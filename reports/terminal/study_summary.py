@@ -160,6 +160,8 @@ def _trust_lines(trust: Trust) -> Lines:
         f"(std {_percent(trust.std[i])})"
         for i in shown
     ]
+    if len(shown) < len(order):
+        rows.append(f"and {len(order) - len(shown)} between these, in fit.json")
     counts = {v: trust.verdicts.count(v) for v in dict.fromkeys(trust.verdicts)}
     for one in intervals:
         if discredited(one) and (one.low is not None or one.high is not None):

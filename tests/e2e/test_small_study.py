@@ -103,7 +103,7 @@ def test_every_start_of_every_residual_is_on_record(small_study):
         assert sorted(run["start"] for run in of_residual) == [0, 1]
         assert all(run["converged"] for run in of_residual)
         costs = [run["cost"] for run in of_residual]
-        assert costs == sorted(costs)
+        assert np.all(np.diff(costs) >= -1e-8 * np.array(costs[1:]))  # equal ones as their starts
     values = {run["start"]: run["values"] for run in runs["lls"]}
     assert values == {run["start"]: run["values"] for run in runs["nls"]}
     ratio = np.log10(np.array(list(values.values())) / [4.0e4, 2.5e4, 60.0, 37.5])

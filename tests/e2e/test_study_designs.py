@@ -208,7 +208,7 @@ def test_a_grid_larger_than_the_plan_that_time_allows_is_named(tmp_path):
     content = content.replace("{random: 1, runs: 12}", "{grid: {elbow_joint: 9}}")
     code, _, err = oed("run", write_study(tmp_path, content), "--workers", 1)
     assert code == 2
-    assert re.search(r"study.yaml: compare.grid: 9 points for \d experiments", err), err
+    assert re.search(r"study.yaml: comparison: compare.grid: 9 points for \d experiments", err), err
 
 
 def test_positions_by_hand_that_do_not_fit(tmp_path):
