@@ -95,7 +95,7 @@ def residual_section(found, trust):
 def test_residuals_are_stated_in_units_of_the_noise():
     found = residual_section(analysis(), trusted("trustworthy", "trustworthy"))
     assert "0.9600 times" in words(found)
-    assert "probability of 0.59 (F law with 100 and ∞ degrees of freedom)" in words(found)
+    assert "probability of 0.59 (100 degrees of freedom, ∞ of the noise)" in words(found)
     assert "fit worse" not in words(found)
     assert "Directions tested" not in words(found)
     assert "0.80 –" in words(found)
