@@ -261,6 +261,8 @@ def _smooth_excess(fit: LinearisedFit, correlation: LineCorrelation, size: Resid
     model vary slowly along the lines. Single elements are judged after division by the common
     factor.
     """
+    if not np.isfinite(size.ratio):
+        return True
     white = np.sqrt(fit.noise_weights) * fit.residuals
     power = float((np.abs(white) ** 2).sum())
     lag_one = float((np.conj(white[:, :-1]) * white[:, 1:]).real.sum())

@@ -261,9 +261,10 @@ def _agreement(table: dict[str, Array], names: tuple[str, ...]) -> list[str]:
     """Return for each method how it compares with the recommended one."""
     notes = []
     for method, stds in table.items():
-        if method in (RECOMMENDED, "multistart") or not np.isfinite(stds).any():
+        with np.errstate(divide="ignore", invalid="ignore"):
+            ratio = stds / table[RECOMMENDED]
+        if method in (RECOMMENDED, "multistart") or not np.isfinite(ratio).any():
             continue
-        ratio = stds / table[RECOMMENDED]
         apart = [names[i] for i in np.flatnonzero(_disagreement(stds, table[RECOMMENDED]))]
         span = f"{np.nanmin(ratio):.2f} to {np.nanmax(ratio):.2f} times the recommended one"
         what = f"{method}: standard deviations are {span}"

@@ -23,6 +23,7 @@ STREAMS = (
     "robust",
     "comparison",
     "rival",
+    "own-cost",
 )
 """Independent random numbers; a new one goes to the end, lest the others change."""
 

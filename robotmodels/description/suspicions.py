@@ -11,6 +11,7 @@ from robotmodels.description.diagnosis import Diagnosis
 LEAST_SENSITIVITY = 0.01
 LARGEST_SAG = (np.radians(1.0), 0.005)  # [rad], [m]; real gears wind up by a tenth of that
 LARGEST_SOFTENING = 0.05
+MOST_PAIRS = 3
 REFLECTED = 20.0  # motor inertia on the arm side and what it moves: of the same order by design
 
 
@@ -72,16 +73,25 @@ def unexcited(d: Diagnosis) -> Iterator[Suspicion]:
 def inseparable(d: Diagnosis) -> Iterator[Suspicion]:
     """Pairs of free parameters that change every response alike, such as springs in series."""
     excited = {p.name for p in d.parameters if p.sensitivity >= LEAST_SENSITIVITY}
-    for pair in d.inseparable:
-        if excited.issuperset(pair.names):
-            first, second = pair.names
-            yield Suspicion(
-                "inseparable",
-                pair.names,
-                f"{first} and {second} change every response in the band alike: together each is "
-                f"{pair.inflation:.2g} times less certain than alone, in this position; fix one or "
-                "tie them",
-            )
+    pairs = sorted(
+        (
+            pair
+            for pair in d.inseparable
+            # Both ends of one hardening spring are alike wherever gravity does not load it.
+            if excited.issuperset(pair.names)
+            and len({name.removesuffix(".low").removesuffix(".high") for name in pair.names}) > 1
+        ),
+        key=lambda pair: -pair.inflation,
+    )
+    if pairs:
+        named = [f"{' and '.join(p.names)} ({p.inflation:.2g} times)" for p in pairs[:MOST_PAIRS]]
+        more = f", and {len(pairs) - MOST_PAIRS} pairs more" if len(pairs) > MOST_PAIRS else ""
+        yield Suspicion(
+            "inseparable",
+            tuple(dict.fromkeys(name for pair in pairs for name in pair.names)),
+            f"{', '.join(named)}{more} change every response in the band alike: so many times less "
+            "certain together than alone, in this position; fix one or tie them",
+        )
 
 
 def large_sag(d: Diagnosis) -> Iterator[Suspicion]:
