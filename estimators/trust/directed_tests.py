@@ -49,7 +49,8 @@ class Directions:
     @cached_property
     def _joined(self) -> list[Lines]:
         """The columns of all directions in one array, where they are few."""
-        if int(np.prod(self.columns.shape[:-1])) * len(self.names) > _TOGETHER:
+        lines = int(np.prod(self.columns.shape[:-1]))
+        if not self.names or lines * len(self.names) > _TOGETHER:
             return []
         return [np.concatenate(list(self._parts()), axis=-1)]
 
