@@ -14,10 +14,10 @@
       floor: 0.01                # part of the largest element at that frequency
     candidates: {...}            # positions to choose from, `oed.study.candidates_section`
     design: {...}                # what is wanted and what limits it, `oed.study.design_section`
-    compare:                     # the plan in simulated experiments, beside rivals
-      random: 5                  # so many plans of as many experiments in random candidates
+    compare:                     # the plan in repeated simulations, beside rivals
+      random: 5                  # so many plans of as many visits to random candidates
       grid: {elbow_joint: 5}     # a grid by hand; left out: spread evenly over all joints' ranges
-      runs: 200                  # experiments simulated by each plan; 0: no comparison
+      runs: 200                  # simulations of each plan; 0: no comparison
     data:                        # left out: FRFs with that noise; one of the first three
       experiment: {...}          # simulated in closed loop, keys as in an experiment file
       records: records.h5        # measured torques and angles
