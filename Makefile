@@ -10,7 +10,7 @@ export MPLBACKEND ?= Agg
 # Compiled modules are kept even where that is off: each process would compile all libraries again.
 export PYTHONDONTWRITEBYTECODE :=
 
-.PHONY: study test coverage slow lint bench docs clean
+.PHONY: study test coverage slow lint bench docs versions reliability clean
 
 study: $(VENV)/installed
 	$(BIN)/oed run studies/ur10.yaml
@@ -39,11 +39,19 @@ bench: $(VENV)/installed
 	$(BIN)/python benchmarks/design.py
 	$(BIN)/python benchmarks/chains.py
 
+# Oldest and newest libraries, each Python at hand, the wheel outside the repository (half an hour).
+versions: .tools/installed
+	PATH="$(CURDIR)/.tools/bin:$$PATH" $(PYTHON) tests/reliability/versions.py --write
+
+# Kills, damaged and malformed files, random designs: the figures of docs/reliability.md.
+reliability: $(VENV)/installed
+	$(BIN)/python tests/reliability --minutes 14 --write
+
 docs: $(VENV)/installed
 	$(BIN)/mkdocs build
 
 clean:
-	rm -rf $(VENV) .bench out site
+	rm -rf $(VENV) .tools .bench out site
 
 $(VENV)/installed: pyproject.toml
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || \
@@ -51,4 +59,9 @@ $(VENV)/installed: pyproject.toml
 	@echo "Making .venv and installing (about two minutes, once) ..."
 	@$(PYTHON) -m venv $(VENV)
 	@$(BIN)/pip install --quiet --no-compile --editable '.[test]'
+	@touch $@
+
+.tools/installed:
+	@$(PYTHON) -m venv .tools
+	@.tools/bin/pip install --quiet uv
 	@touch $@

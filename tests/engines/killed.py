@@ -61,7 +61,7 @@ def _run(
     for change in changes:
         child = os.fork()
         if child == 0:
-            _die_before(change, folder)
+            die_before(change, folder)
             try:
                 work(*words)
             except BaseException:
@@ -72,7 +72,7 @@ def _run(
             sys.exit(f"it came to its end before change {change}")
 
 
-def _die_before(change: int, folder: str) -> None:
+def die_before(change: int, folder: str) -> None:
     left = change
 
     def watch(event: str, arguments: tuple) -> None:
