@@ -56,9 +56,13 @@ class Directions:
 
     def batches(self) -> Iterator[Lines]:
         """Yield the columns (Q, F, k, .) of all directions, some at a time."""
+        if not self.names:
+            yield self.columns[..., :0]
         yield from self._joined or self._parts()
 
     def _parts(self) -> Iterator[Lines]:
+        if not self.names:
+            return
         lines, p = int(np.prod(self.columns.shape[:-1])), self.jacobian.shape[-1]
         step = max(1, _TOGETHER // max(lines, 1))
         for first in range(0, self.columns.shape[-1], step):
