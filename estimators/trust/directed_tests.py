@@ -1,8 +1,9 @@
 """Score tests along single directions in which a model may be wrong."""
 
 from collections.abc import Iterator
-from dataclasses import dataclass, fields
+from dataclasses import Field, dataclass, fields
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -56,13 +57,9 @@ class Directions:
 
     def batches(self) -> Iterator[Lines]:
         """Yield the columns (Q, F, k, .) of all directions, some at a time."""
-        if not self.names:
-            yield self.columns[..., :0]
         yield from self._joined or self._parts()
 
     def _parts(self) -> Iterator[Lines]:
-        if not self.names:
-            return
         lines, p = int(np.prod(self.columns.shape[:-1])), self.jacobian.shape[-1]
         step = max(1, _TOGETHER // max(lines, 1))
         for first in range(0, self.columns.shape[-1], step):
@@ -148,13 +145,16 @@ def directed_tests(
         Of the sum of squared residuals, where they are larger: variances are then scaled by what
         remains of the sum beside a direction, as those of the parameters are.
     """
+    if not directions.names:
+        whole = ("index", "moved")
+        empty = {f.name: np.empty(0, int if f.name in whole else float) for f in _columns_of()}
+        return DirectedTests((), (), **empty)
     parts, offset = [], 0
     for columns in directions.batches():
         parts.append(_tested(fit, columns, offset, correlation, std, expected))
         offset += columns.shape[-1]
     joined = {
-        f.name: np.concatenate([getattr(part, f.name) for part in parts])
-        for f in fields(DirectedTests)[2:]
+        f.name: np.concatenate([getattr(part, f.name) for part in parts]) for f in _columns_of()
     }
     index = joined["index"]
     return DirectedTests(
@@ -162,6 +162,11 @@ def directed_tests(
         tuple(directions.units[i] for i in index),
         **joined,
     )
+
+
+def _columns_of() -> tuple[Field[Any], ...]:
+    """Return the fields of `DirectedTests` that are arrays over directions."""
+    return fields(DirectedTests)[2:]
 
 
 def _tested(
