@@ -231,12 +231,13 @@ FORMATS = (
     Format(
         "distortion", "inputs", "distortion.h5", HDF5, ("python:estimators:read_distortion {file}",)
     ),
+    Format("information", "inputs", "information.h5", HDF5, ("python:seeds:design_of {file}",)),
     Format(
-        "information",
+        "information store",
         "inputs",
-        "information.h5",
-        HDF5,
-        ("python:oed.information_set:InformationSet.load {file}",),
+        "information.store",
+        (contents.flipped,),
+        ("python:seeds:design_of {file}",),
     ),
     Format("fits", "inputs", "fits.h5", HDF5, ("python:seeds:read_fits {file}",)),
     Format(

@@ -65,6 +65,7 @@ def _inputs(folder: Path) -> None:
     import oed as oed_api
     import robotmodels
     from oed.experiment.plan import ExperimentPlan
+    from oed.store import write_store
 
     shutil.copytree(WRITTEN, folder)
     np.save(folder / "taught.npy", np.array([[0.15, 0.25], [0.4, -0.9]]))
@@ -100,6 +101,7 @@ def _inputs(folder: Path) -> None:
         robotmodels.RelativeNoise(relative=0.03, floor=0.01),
     )
     info.save(folder / "information.h5")
+    write_store(folder / "information.store", info.positions, info.names, [info.matrices])
     _chain_records().save(folder / "chains.h5")
 
 
@@ -109,6 +111,14 @@ def read_fits(path: str) -> None:
     import robotmodels
 
     estimators.read_fits(path, robotmodels.load_robot("robot.yaml"), estimators.read_frf("frf.h5"))
+
+
+def design_of(path: str) -> None:
+    """Design experiments with a file of information matrices."""
+    from oed import InformationSet, optimal_design
+
+    read = InformationSet.open if path.endswith(".store") else InformationSet.load
+    optimal_design(read(path), solver="newton")
 
 
 def _chain_records() -> Any:
