@@ -95,7 +95,8 @@ class Runner:
     def _line(self) -> str:
         line = self._server.stdout.readline()
         if not line:
-            raise RuntimeError("the process that runs commands has ended")
+            code = self._server.wait()
+            raise RuntimeError(f"the process that runs commands has ended: {code}")
         return line.strip()
 
 

@@ -86,6 +86,21 @@ def test_changed_files_end_in_order(runner, scratch, format, rng):
     assert not fault, f"oed {' '.join(made.words)}\n{fault}\n{outcome.err}"
 
 
+@pytest.mark.slow
+def test_whole_files_are_accepted(runner, scratch):
+    """That mutants are refused tells nothing of a reader that refuses everything."""
+    refused = []
+    for format in FORMATS:
+        for number, command in enumerate(format.commands):
+            folder = scratch / "whole" / f"{format.name} {number}"
+            shutil.copytree(scratch / "seeds" / format.seed, folder)
+            words = command.replace("{file}", str(format.paths(scratch / "seeds")[0])).split()
+            outcome = runner.run(words, folder)
+            if wrong(outcome, (0,)):
+                refused.append(f"{format.name}: {command}: {outcome.err}")
+    assert not refused, "\n".join(refused)
+
+
 MISBEHAVIOUR = {
     "traceback": "1 / 0",
     "on stderr": "numpy.log(numpy.zeros(3))",
