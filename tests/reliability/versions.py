@@ -66,10 +66,11 @@ def tried(python: str, resolution: str, wheel: Path, folder: Path) -> tuple[dict
     """Install and use the wheel in a new environment; return versions and the fit's estimates."""
     bin = folder / "environment" / "bin"
     run("uv", "venv", "--quiet", "--python", python, bin.parent)
-    run(
-        *("uv", "pip", "install", "--quiet", "--python", bin / "python"),
-        *("--resolution", resolution, wheel),
-    )
+    # The lowest versions are those of what the project itself names, not of the wheel alone.
+    pinned, project = folder / "requirements.txt", REPOSITORY / "pyproject.toml"
+    compiled = "uv", "pip", "compile", "--quiet", "--python", bin / "python"
+    run(*compiled, "--resolution", resolution, "--output-file", pinned, project)
+    run("uv", "pip", "install", "--quiet", "--python", bin / "python", "-r", pinned, wheel)
     listed = json.loads(run("uv", "pip", "list", "--python", bin / "python", "--format", "json"))
     home = run(
         bin / "python",
