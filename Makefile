@@ -10,7 +10,7 @@ export MPLBACKEND ?= Agg
 # Compiled modules are kept even where that is off: each process would compile all libraries again.
 export PYTHONDONTWRITEBYTECODE :=
 
-.PHONY: study test coverage slow lint bench docs versions reliability clean
+.PHONY: study test trust coverage slow lint bench docs versions reliability clean
 
 study: $(VENV)/installed
 	$(BIN)/oed run studies/ur10.yaml
@@ -29,6 +29,9 @@ coverage: $(VENV)/installed
 
 slow: $(VENV)/installed
 	$(BIN)/pytest -m slow
+
+trust: $(VENV)/installed
+	$(BIN)/python tests/engines/run_trust.py --workers $(WORKERS)
 
 bench: $(VENV)/installed
 	$(BIN)/python benchmarks/linearisation.py

@@ -186,8 +186,7 @@ def _tested(
     estimates = fit.estimates(rows, fit.residuals)
     scatter = cautious_scatter(fit, rows, correlation)
     if expected is not None:
-        power = fit.off_power(off[..., seen].reshape(-1, int(seen.sum())))
-        remaining = fit.squares - estimates**2 * power
+        remaining = fit.squares_beside(off[..., seen], estimates)
         scatter = scatter.scaled(np.maximum(remaining / expected, 1.0))
     deviation = np.sqrt(scatter.variance)
     with np.errstate(divide="ignore", invalid="ignore"):

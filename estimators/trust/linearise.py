@@ -56,6 +56,7 @@ def linearise(fit: Fit, at: tuple[ComplexArray, ComplexArray] | None = None) -> 
         prior=prior if fit.prior is None else fit.prior.information(names),
         scatter_factor=1 / (1 - 2 * share / nu),
         real=kind.real,
+        logarithmic=kind.relative,
     )
 
 

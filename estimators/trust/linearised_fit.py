@@ -51,6 +51,8 @@ class LinearisedFit:
         E[g^(-2 q)] for a variance g with nu complex degrees of freedom.
     real : bool
         Whether the residuals are real, as those of magnitudes.
+    logarithmic : bool
+        Whether they are logarithms of ratios.
     """
 
     names: tuple[str, ...]
@@ -65,6 +67,7 @@ class LinearisedFit:
     prior: Array
     scatter_factor: Array | float = 1.0
     real: bool = False
+    logarithmic: bool = False
 
     @property
     def parts(self) -> int:
@@ -121,13 +124,25 @@ class LinearisedFit:
         return columns - self.jacobian @ self.shifts(columns)
 
     @cached_property
-    def squares(self) -> float:
-        """Sum of the squared residuals, weighted by the noise."""
-        return float((self.noise_weights * np.abs(self.residuals) ** 2).sum())
+    def errors(self) -> Lines:
+        """Residuals as the noise has them: normal also where their logarithm is not."""
+        return np.asarray(np.expm1(self.residuals)) if self.logarithmic else self.residuals
 
-    def off_power(self, columns: Lines) -> Array:
-        """Return sums of squares (r,) of columns (Q F k, r), weighted by the noise."""
-        return np.asarray(self.noise_weights.reshape(-1) @ np.abs(columns) ** 2)
+    @cached_property
+    def squares(self) -> float:
+        """Sum of the squared errors, weighted by the noise."""
+        return float((self.noise_weights * np.abs(self.errors) ** 2).sum())
+
+    def squares_beside(self, columns: Lines, coefficients: Array) -> Array:
+        """Return sums of squares (r,) after columns (Q, F, k, r) times coefficients are taken off.
+
+        To first order; coefficients need not be those of least squares.
+        """
+        flat = columns.reshape(-1, columns.shape[-1])
+        w = self.noise_weights.reshape(-1)
+        common = (w * np.conj(self.errors.reshape(-1))) @ flat
+        power = w @ np.abs(flat) ** 2
+        return np.asarray(self.squares - 2 * coefficients * common.real + coefficients**2 * power)
 
     def shifts(self, columns: Lines) -> Array:
         """Return how far unit columns (Q, F, k, r) move ln theta if they are left out, (p, r)."""

@@ -114,7 +114,7 @@ def line_probabilities(fit: LinearisedFit) -> Array:
     """
     s2 = fit.element_variances
     nu = fit.degrees_of_freedom[:, None, None]
-    ratio = np.abs(fit.residuals) ** 2 / s2
+    ratio = np.abs(fit.errors) ** 2 / s2
     if fit.real:
         ratio = 2 * ratio
         from scipy.stats import f as f_law

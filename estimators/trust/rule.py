@@ -263,7 +263,7 @@ def _smooth_excess(fit: LinearisedFit, correlation: LineCorrelation, size: Resid
     """
     if not np.isfinite(size.ratio):
         return True
-    white = np.sqrt(fit.noise_weights) * fit.residuals
+    white = np.sqrt(fit.noise_weights) * fit.errors
     power = float((np.abs(white) ** 2).sum())
     lag_one = float((np.conj(white[:, :-1]) * white[:, 1:]).real.sum())
     rho = float(correlation.coefficients[1]) if len(correlation.coefficients) > 1 else 0.0
@@ -272,7 +272,7 @@ def _smooth_excess(fit: LinearisedFit, correlation: LineCorrelation, size: Resid
     share = (lag_one - rho * noise) / excess if excess > 0 else 0.0
     if share > max(_MINORITY, (1 + rho) / 2):
         return True
-    scaled = replace(fit, residuals=fit.residuals / np.sqrt(max(size.ratio, 1.0)))
+    scaled = replace(fit, covariance=fit.covariance * max(size.ratio, 1.0))
     probabilities = line_probabilities(scaled)
     single = bool(probabilities.min() < LEVEL / max(int(fit.used.sum()), 1))
     return single or _group_stands_out(fit, correlation, size)
