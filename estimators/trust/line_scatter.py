@@ -85,7 +85,7 @@ def line_scatter(fit: LinearisedFit, rows: Lines, correlation: LineCorrelation) 
 
 
 def cautious_scatter(fit: LinearisedFit, rows: Lines, correlation: LineCorrelation) -> Scatter:
-    """Return `line_scatter`, but no smaller than the variances of neighbouring lines make it.
+    """Return `line_scatter`, but of each line no less than its neighbours' variances make it.
 
     A false alarm of many tests comes from the far tail of a t law, which Satterthwaite's
     approximation misses where few lines with few degrees of freedom decide: one whose scatter
@@ -98,13 +98,14 @@ def cautious_scatter(fit: LinearisedFit, rows: Lines, correlation: LineCorrelati
         return scatter
     with np.errstate(divide="ignore"):
         variances = np.where(fit.used, 1 / fit.noise_weights, 0.0)
-    by_line = (np.abs(rows) ** 2 * variances).sum(axis=-1) / 2
-    total = by_line.sum(axis=(1, 2))
+    own = fit.line_variances(rows)
+    larger = np.maximum(own, (np.abs(rows) ** 2 * variances).sum(axis=-1) / 2)
+    total = larger.sum(axis=(1, 2))
     with np.errstate(divide="ignore", invalid="ignore"):
-        larger = total / fit.line_variances(rows).sum(axis=(1, 2))
-        dof = total**2 / (by_line**2 / nu).sum(axis=(1, 2)) / correlation.inflation
+        factor = total / own.sum(axis=(1, 2))
+        dof = total**2 / (larger**2 / nu).sum(axis=(1, 2)) / correlation.inflation
     return Scatter(
-        scatter.variance * np.maximum(np.nan_to_num(larger, nan=1.0), 1.0),
+        scatter.variance * np.nan_to_num(factor, nan=1.0),
         np.fmin(scatter.degrees_of_freedom, np.maximum(dof, nu.min())),
     )
 
