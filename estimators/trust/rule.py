@@ -21,6 +21,9 @@ from robotmodels.arrays import Array
 LEVEL = 0.01
 """Probability of a false alarm of all directed tests of a study together."""
 
+OUTLIER_LEVEL = 0.003
+"""Probability of a false alarm of all single residuals of a study together."""
+
 NOT_IDENTIFIABLE_STD = 1.0
 """A relative standard deviation of one: an interval from a seventh to seven times the value."""
 
@@ -48,6 +51,8 @@ class Evidence:
         The direction that explains what is wrong: with it the other tests are silent.
     correlated_excess : bool
         Whether what exceeds the noise is smooth along the lines, or stands out at single ones.
+    outlier : tuple of int, optional
+        Position, line and element of a single residual that no noise explains.
     converged : bool
         Whether the fit ended at a minimum.
     noise_known : bool
@@ -61,6 +66,7 @@ class Evidence:
     tests: DirectedTests
     explanation: str | None
     correlated_excess: bool
+    outlier: tuple[int, ...] | None
     converged: bool
     noise_known: bool
 
@@ -99,7 +105,8 @@ def gather_evidence(
         explanation = _explaining(fit, directions, tests, whiteness=False)
     return Evidence(
         fit, correlation, scatter, size, tests, explanation,
-        size.too_large and _smooth_excess(fit, correlation, size), converged, noise_known,
+        size.too_large and _smooth_excess(fit, correlation, size), _outlier(fit, size),
+        converged, noise_known,
     )  # fmt: skip
 
 
@@ -119,7 +126,7 @@ def judge(evidence: Evidence) -> tuple[Verdict, ...]:
     2. "too few blocks": the degrees of freedom of the noise are unknown.
     3. "model error": a test of a single direction fires at 1 % over all of them, or residuals are
        too large (.5 %) and what exceeds the noise is smooth along the lines or stands out
-       at single ones.
+       at single ones, or a single residual is improbable at .3 % over all.
     4. "not identifiable": the standard deviation of ln theta exceeds one.
     5. "noise understated": residuals are too large, and alike everywhere; intervals are scaled.
     6. "noise correlated" along the lines; intervals allow for it.
@@ -159,6 +166,13 @@ def _overall(e: Evidence) -> Verdict:
             f"residuals are {e.size.ratio:.3g} times what noise explains (p = "
             f"{e.size.probability:.1g}), smooth along the lines or large at single ones; none of "
             "the tested directions explains them",
+        )
+    if e.outlier is not None:
+        q, f, i = (int(k) + 1 for k in e.outlier)
+        return Verdict(
+            "model error",
+            f"the residual of element {i} of vec(G) at line {f} in position {q} is larger than "
+            "noise makes any; leave it out, or use a robust loss",
         )
     if e.too_large:
         return Verdict(
@@ -258,8 +272,7 @@ def _smooth_excess(fit: LinearisedFit, correlation: LineCorrelation, size: Resid
     """Tell whether residuals beyond the noise are smooth along the lines, or single ones stand out.
 
     Noise that was stated too small by one factor has the correlation of the noise; errors of a
-    model vary slowly along the lines. Single elements are judged after division by the common
-    factor.
+    model vary slowly along the lines.
     """
     if not np.isfinite(size.ratio):
         return True
@@ -272,17 +285,25 @@ def _smooth_excess(fit: LinearisedFit, correlation: LineCorrelation, size: Resid
     share = (lag_one - rho * noise) / excess if excess > 0 else 0.0
     if share > max(_MINORITY, (1 + rho) / 2):
         return True
-    scaled = replace(fit, covariance=fit.covariance * max(size.ratio, 1.0))
+    return _group_stands_out(fit, correlation, size)
+
+
+def _outlier(fit: LinearisedFit, size: ResidualSize) -> tuple[int, ...] | None:
+    """Return where a single residual stands out, by its exact law and beside a common factor."""
+    factor = size.ratio if size.too_large else 1.0
+    scaled = replace(fit, covariance=fit.covariance * max(factor, 1.0))
     probabilities = line_probabilities(scaled)
-    single = bool(probabilities.min() < LEVEL / max(int(fit.used.sum()), 1))
-    return single or _group_stands_out(fit, correlation, size)
+    worst = np.unravel_index(int(probabilities.argmin()), probabilities.shape)
+    if probabilities[worst] >= OUTLIER_LEVEL / max(int(fit.used.sum()), 1):
+        return None
+    return tuple(int(k) for k in worst)
 
 
 def _group_stands_out(fit: LinearisedFit, correlation: LineCorrelation, size: ResidualSize) -> bool:
     """Tell whether a line or an element of a position exceeds the common factor (F laws)."""
     from scipy.stats import f as f_law
 
-    square = fit.noise_weights * np.abs(fit.residuals) ** 2
+    square = fit.noise_weights * np.abs(fit.errors) ** 2
     stated = fit.noise_weights * fit.element_variances
     each = stated * (size.expected / stated.sum()) * size.ratio
     nu = np.minimum(fit.degrees_of_freedom, 1e6)[:, None]

@@ -8,7 +8,7 @@ import numpy as np
 from trust_cells import Cell, Outcome
 from trust_systems import OUTLIER
 
-from estimators.trust.rule import LEVEL
+from estimators.trust.rule import LEVEL, OUTLIER_LEVEL
 
 MEAN = (0.93, 0.97)
 EACH = (0.91, 0.985)
@@ -90,7 +90,7 @@ def _outlier_power(cell: Cell) -> float:
     lines, elements = len(plant.omega), plant.elements**2
     nu = float(cell.blocks - 1) if cell.blocks else 1e6
     data = len(plant.positions) * lines * elements
-    single = float(ncf.sf(f_law.isf(LEVEL / data, 2, 2 * nu), 2, 2 * nu, 2 * OUTLIER**2))
+    single = float(ncf.sf(f_law.isf(OUTLIER_LEVEL / data, 2, 2 * nu), 2, 2 * nu, 2 * OUTLIER**2))
     return 1 - (1 - single) ** (len(plant.positions) * max(1, lines // 20))
 
 
