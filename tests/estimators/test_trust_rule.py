@@ -50,10 +50,6 @@ def fit_of(rng, nu=np.inf, jacobian=None, prior=None):
     return replace(fit, residuals=fit.residuals - fit.jacobian @ step), step
 
 
-def no_directions():
-    return Directions((), (), np.zeros((Q, F, K, 0), complex), np.zeros((Q, F, K, P), complex))
-
-
 def test_declared_noise_gives_theorem_1():
     fit, _ = fit_of(np.random.default_rng(0))
     flat = fit.jacobian.reshape(-1, P)
@@ -172,8 +168,22 @@ def test_a_prior_is_as_certain_as_it_says():
 
 
 def evidence_of(**changes):
-    fit, _ = fit_of(np.random.default_rng(0))
-    return replace(gather_evidence(fit, no_directions()), **changes)
+    """Return evidence with which nothing is wrong, but for changes."""
+    rng = np.random.default_rng(0)
+    fit, _ = fit_of(rng)
+    column = complex_normal(rng, (Q, F, K, 1))
+    direction = Directions(("x",), ("-",), column, np.zeros((Q, F, K, P), complex))
+    evidence = gather_evidence(fit, direction)
+    return replace(
+        evidence,
+        correlation=white_errors(F),
+        size=replace(evidence.size, probability=0.5, probability_below=0.5),
+        tests=fired_tests(evidence, 0.5),
+        explanation=None,
+        correlated_excess=False,
+        outlier=None,
+        **changes,
+    )
 
 
 def fired_tests(evidence, probability):
@@ -219,6 +229,7 @@ def test_evidence_that_is_not_a_number_is_never_trusted(number):
         {"correlation": replace(evidence.correlation, probability=number)},
         {"size": replace(evidence.size, probability=number)},
         {"tests": fired_tests(evidence, number)},
+        {"outlier": (0, 3, 1)},
         {"scatter": replace(evidence.scatter, variance=np.full(P, number or np.nan))},
     ):
         assert "trustworthy" not in verdicts_of(replace(evidence, **change))
@@ -272,3 +283,16 @@ def robotmodels_of(cell):
     from trust_systems import system
 
     return system(cell.system).model
+
+
+@pytest.mark.parametrize("nu", [4, np.inf])
+def test_an_outlier_is_found_where_it_is(nu):
+    rng = np.random.default_rng(10)
+    fit, _ = fit_of(rng, nu=nu)
+    column = complex_normal(rng, (Q, F, K, 1))
+    direction = Directions(("x",), ("-",), column, np.zeros((Q, F, K, P), complex))
+    residuals = fit.residuals.copy()
+    residuals[1, 7, 1] = 30 * np.sqrt(fit.element_variances[1, 7, 1])
+    evidence = gather_evidence(replace(fit, residuals=residuals), direction)
+    assert evidence.outlier == (1, 7, 1)
+    assert verdicts_of(evidence) == {"model error"}
