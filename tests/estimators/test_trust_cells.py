@@ -50,7 +50,7 @@ def test_intervals_of_a_right_model_cover(cell):
 @pytest.mark.parametrize(
     "cell",
     [
-        Cell("moberg", 4, wrong="delay .5 ms"),
+        Cell("moberg", 4, wrong="delay .1 ms"),
         Cell("chain", 0, wrong="missing masses, soft"),
         Cell("manutec", 4, wrong="hardening"),
         Cell("chain", 20, wrong="outliers"),
