@@ -34,9 +34,10 @@ def hostile_page() -> str:
         "parameters.html.j2",
         parameters=table("values", HTML, columns, rows),
         forest=figure("forest", drawn, HTML),
+        agreement=HTML,
+        ratio=HTML,
         z_rms=HTML,
-        ratio_low=HTML,
-        ratio_high=HTML,
+        refused=0,
     )
     return page(HTML, HTML, HTML, HTML, [Section("a", HTML, body)])
 
