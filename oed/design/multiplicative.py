@@ -12,6 +12,8 @@ from oed.design.white_problem import Answer, WhiteProblem
 from robotmodels.arrays import Array
 
 NAME = "multiplicative steps"
+_LEAST = 1e-12
+"""Shares do not fall below it, so that information near a singular optimum stays invertible."""
 
 
 def multiplicative(
@@ -36,6 +38,7 @@ def multiplicative(
         level = float(weights @ worth)
         if step == steps or worth.max() <= (1.0 + goal) * level:
             break
-        weights = weights * np.maximum(worth, 0.0) ** power
+        least = np.minimum(weights, _LEAST)
+        weights = np.maximum(weights * np.maximum(worth, 0.0) ** power, least)
         weights = weights / weights.sum()
     return Answer(weights, np.array([level]), witness, NAME)
