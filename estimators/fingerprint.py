@@ -19,12 +19,15 @@ def fingerprint(given: object, computed: object = ()) -> str:
 
     Parameters
     ----------
-    given : every bit of an array counts, and its shape.
-    computed : five digits of an array's numbers count, whatever the order of its additions.
+    given : object
+        Every bit of an array counts, and its shape.
+    computed : object
+        Five digits of an array's numbers count, whatever the order of its additions.
 
     Raises
     ------
-    TypeError : for anything else, which could change without a trace.
+    TypeError
+        For anything else, which could change without a trace.
     """
     plain, arrays = _parted(given)
     digest = hashlib.sha256(repr(plain).encode())

@@ -16,12 +16,15 @@ def information(jacobian: NDArray[Any], weights: NDArray[Any]) -> Array:
 
     Parameters
     ----------
-    jacobian : (Q, F, m, n, p) derivative of an FRF, or of a residual, with respect to ln theta.
-    weights : Lambda^-1, (Q, F, m, n) real for independent elements or (Q, F, m n, m n) Hermitian.
+    jacobian : ndarray, (Q, F, m, n, p)
+        Derivative of an FRF, or of a residual, with respect to ln theta.
+    weights : ndarray
+        Lambda^-1, (Q, F, m, n) real for independent elements or (Q, F, m n, m n) Hermitian.
 
     Raises
     ------
-    InvalidInput : if the weights fit neither way.
+    InvalidInput
+        If the weights fit neither way.
     """
     shape = jacobian.shape[:4]
     if is_full(weights, shape):

@@ -11,7 +11,8 @@ def check_level(level: float, where: str) -> None:
 
     Raises
     ------
-    InvalidInput : naming `where` it was given.
+    InvalidInput
+        Naming `where` it was given.
     """
     if not 0 < level < 1:
         raise InvalidInput(f"{where}: level {level} does not lie between 0 and 1")

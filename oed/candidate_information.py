@@ -36,9 +36,12 @@ class ChunkInformation:
 
     Attributes
     ----------
-    robot, noise : as of `oed.information`.
-    omega : (F,) [rad/s].
-    sag : whether equilibria shift with ln theta, as in `robotmodels.sensitivity`.
+    robot, noise
+        As of `oed.information`.
+    omega : ndarray, (F,), rad/s
+        Angular frequencies.
+    sag : bool
+        Whether equilibria shift with ln theta, as in `robotmodels.sensitivity`.
     """
 
     robot: Elastic
@@ -142,22 +145,33 @@ def information(
 
     Parameters
     ----------
-    robot : a model with `parameters` and `network(positions)`.
-    positions : (Q, n) [rad].
-    omega : (F,) [rad/s].
-    noise : the noise law of the FRF estimates; a `ClosedLoopNoise` knows the experiment.
-    chunk : the most positions per call of the kernel, which bounds the memory.
-    executor : computes chunks in parallel; None computes here.
-    progress : called with the number of positions done and their total.
-    store : path of a file for more matrices than memory holds; they are written as they come and
-        read in chunks, see `store`.
-    sag : whether equilibria shift with ln theta, as in `robotmodels.sensitivity`: exact, and a
+    robot : Elastic
+        A model with `parameters` and `network(positions)`.
+    positions : ndarray, (Q, n), rad
+        Positions.
+    omega : ndarray, (F,), rad/s
+        Angular frequencies.
+    noise : RelativeNoise or LoopNoise
+        The noise law of the FRF estimates; a `ClosedLoopNoise` knows the experiment.
+    chunk : int
+        The most positions per call of the kernel, which bounds the memory.
+    executor : Executor, optional
+        Computes chunks in parallel; None computes here.
+    progress : callable, optional
+        Called with the number of positions done and their total.
+    store : str or os.PathLike[str], optional
+        Path of a file for more matrices than memory holds; they are written as they come and read
+        in chunks, see `store`.
+    sag : bool
+        Whether equilibria shift with ln theta, as in `robotmodels.sensitivity`: exact, and a
         hundred times slower.
 
     Raises
     ------
-    InvalidInput : if there is no position, or `chunk` is not positive.
-    NoEquilibrium : if the springs cannot carry the robot's weight in a position.
+    InvalidInput
+        If there is no position, or `chunk` is not positive.
+    NoEquilibrium
+        If the springs cannot carry the robot's weight in a position.
     """
     positions = np.atleast_2d(np.asarray(positions, dtype=float))
     if positions.size == 0:

@@ -34,15 +34,18 @@ class InformationSet(Printed):
 
     Attributes
     ----------
-    positions : (Q, n) motor angles divided by gear ratios [rad].
-    matrices : (Q, p, p) symmetric, positive semidefinite, for ln theta unless the user says
-        otherwise.
-    names : p parameter names.
+    positions : ndarray, (Q, n), rad
+        Motor angles divided by gear ratios.
+    matrices : ndarray, (Q, p, p)
+        Symmetric, positive semidefinite, for ln theta unless the user says otherwise.
+    names : tuple of str
+        p parameter names.
 
     Raises
     ------
-    InvalidInput : naming the candidate by its index, if a matrix is not finite, symmetric or
-        positive semidefinite (to rounding); or if shapes do not fit.
+    InvalidInput
+        Naming the candidate by its index, if a matrix is not finite, symmetric or positive
+        semidefinite (to rounding); or if shapes do not fit.
     """
 
     positions: Array
@@ -152,7 +155,8 @@ class InformationSet(Printed):
 
         Raises
         ------
-        InvalidInput : if there is no such file, it is no store, or it is cut off.
+        InvalidInput
+            If there is no such file, it is no store, or it is cut off.
         """
         from oed.store import StoredInformation
 
@@ -164,7 +168,8 @@ class InformationSet(Printed):
 
         Raises
         ------
-        InvalidInput : if there is no such file, it is not HDF5, or a dataset is missing.
+        InvalidInput
+            If there is no such file, it is not HDF5, or a dataset is missing.
         """
         with open_hdf5(path, "an information set is") as file:
             contents = file.read(_FILE)

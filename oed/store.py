@@ -46,13 +46,17 @@ class StoredInformation:
 
     Attributes
     ----------
-    path : of the file.
-    names : p parameter names.
-    shape : Q candidates, n coordinates of each position.
+    path : Path
+        Path of the file.
+    names : tuple of str
+        p parameter names.
+    shape : tuple of (int, int)
+        Q candidates, n coordinates of each position.
 
     Raises
     ------
-    InvalidInput : if there is no such file, it is no store, or it is cut off.
+    InvalidInput
+        If there is no such file, it is no store, or it is cut off.
     """
 
     path: Path
@@ -210,7 +214,8 @@ class StoreWriter:
 
         Raises
         ------
-        InvalidInput : naming the candidate, if one is not finite, symmetric or semidefinite.
+        InvalidInput
+            Naming the candidate, if one is not finite, symmetric or semidefinite.
         """
         check_matrices(matrices, self._written)
         rows, columns = np.triu_indices(len(self._names))
@@ -252,8 +257,9 @@ def write_store(
 
     Raises
     ------
-    InvalidInput : naming the candidate, if a matrix is not finite, symmetric or semidefinite; if
-        there are not as many as positions; if the file cannot be written.
+    InvalidInput
+        Naming the candidate, if a matrix is not finite, symmetric or semidefinite; if there are not
+        as many as positions; if the file cannot be written.
     """
     with StoreWriter(path, np.asarray(positions, dtype=float), names) as writer:
         for matrices in chunks:

@@ -28,11 +28,16 @@ class Figure:
 
     Attributes
     ----------
-    id : on the page, and name of the file when it is downloaded.
-    drawing : inline SVG, or a picture.
-    caption : below it; a template may say more.
-    label : of one of several figures to choose from.
-    wide : whether it may be wider than text.
+    id : str
+        Id on the page, and name of the file when it is downloaded.
+    drawing : Markup
+        Inline SVG, or a picture.
+    caption : str
+        Below it; a template may say more.
+    label : str
+        Label of one of several figures to choose from.
+    wide : bool
+        Whether it may be wider than text.
     """
 
     id: str
@@ -84,9 +89,12 @@ class Column:
 
     Attributes
     ----------
-    title : its heading.
-    kind : n for numbers, u for units, words for text that wraps, nothing for names.
-    code : whether its entries are names in a file.
+    title : str
+        Its heading.
+    kind : {"n", "u", "words", ""}
+        n for numbers, u for units, words for text that wraps, nothing for names.
+    code : bool
+        Whether its entries are names in a file.
     """
 
     title: str

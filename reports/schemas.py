@@ -21,7 +21,8 @@ def json_schema(kind: str) -> dict[str, Any]:
 
     Raises
     ------
-    InvalidInput : for another kind of file.
+    InvalidInput
+        For another kind of file.
     """
     from oed.experiment import file as experiment
     from oed.study import candidates_section, design_section

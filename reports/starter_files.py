@@ -55,11 +55,13 @@ def starter_files(robot: str, folder: Path) -> StarterFiles:
 
     Parameters
     ----------
-    robot : a built-in robot, a robot file, or a URDF, for which a robot file is made as well.
+    robot : str
+        A built-in robot, a robot file, or a URDF, for which a robot file is made as well.
 
     Raises
     ------
-    InvalidInput : if there is no such robot, or it cannot be used.
+    InvalidInput
+        If there is no such robot, or it cannot be used.
     """
     if not robot.endswith((".urdf", ".xml")):
         if not robot.endswith((".yaml", ".yml")) and Path(robot).is_file():
@@ -95,7 +97,8 @@ def write_starter_files(starter: StarterFiles, folder: Path) -> list[Path]:
 
     Raises
     ------
-    InvalidInput : if a file is there already, or the folder cannot be written to.
+    InvalidInput
+        If a file is there already, or the folder cannot be written to.
     """
     paths = [folder / name for name in starter.files]
     for path in paths:

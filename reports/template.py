@@ -26,11 +26,16 @@ def page(
 
     Parameters
     ----------
-    title : heading, usually a robot's name.
-    kind : what the page is about, in the window's title.
-    kicker, lead : a line above the heading and one below it.
-    sections : in the order of the contents.
-    banner : below the lead, before the contents.
+    title : str
+        Heading, usually a robot's name.
+    kind : str
+        What the page is about, in the window's title.
+    kicker, lead : str
+        A line above the heading and one below it.
+    sections : sequence of Section
+        Sections in the order of the contents.
+    banner : Markup
+        Below the lead, before the contents.
     """
     return (
         _environment(html=True)

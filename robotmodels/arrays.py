@@ -29,7 +29,8 @@ def real_numbers(values: ArrayLike, what: str, *, copy: bool = True) -> Array:
 
     Raises
     ------
-    InvalidInput : if they are not real numbers, or rows differ in length; it starts with `what`.
+    InvalidInput
+        If they are not real numbers, or rows differ in length; it starts with `what`.
     """
     try:
         array = np.asarray(values)
@@ -47,8 +48,9 @@ def whole_numbers(values: ArrayLike, what: str) -> IntArray:
 
     Raises
     ------
-    InvalidInput : if one is no whole number, or none that a float or int64 holds exactly; it
-        starts with `what`.
+    InvalidInput
+        If one is no whole number, or none that a float or int64 holds exactly; it starts with
+        `what`.
     """
     array = np.asarray(values)
     if not array.size or array.dtype.kind == "i":
@@ -67,7 +69,8 @@ def truth_values(values: ArrayLike, what: str) -> BoolArray:
 
     Raises
     ------
-    InvalidInput : if one is neither; it starts with `what`.
+    InvalidInput
+        If one is neither; it starts with `what`.
     """
     array = np.asarray(values)
     if array.dtype.kind == "b":

@@ -17,8 +17,10 @@ class AtValues:
 
     Attributes
     ----------
-    model : the system.
-    values : (p,) in the order of its parameters [SI].
+    model : Elastic
+        The system.
+    values : ndarray, (p,)
+        Values in the order of its parameters [SI].
     """
 
     model: Elastic

@@ -17,12 +17,15 @@ def position_controlled(model: LinearModel, gains: Array) -> LinearModel:
 
     Parameters
     ----------
-    model : chains or a robot.
-    gains : (n,) K_R on the motor shafts; zero leaves a motor free [N m/rad, N/m].
+    model : LinearModel
+        Chains or a robot.
+    gains : ndarray, (n,)
+        K_R on the motor shafts; zero leaves a motor free [N m/rad, N/m].
 
     Raises
     ------
-    InvalidInput : if there is not one gain, finite and not negative, for each motor.
+    InvalidInput
+        If there is not one gain, finite and not negative, for each motor.
     """
     gains = _checked_gains(gains, model.selector.shape[1])
     S = model.selector
@@ -38,13 +41,17 @@ def chain_response(
 
     Parameters
     ----------
-    omega : (F,) [rad/s].
-    held : chains whose motors a position controller holds, 0 to M - 1.
-    gain : K_R of these controllers; ten times the stiffest spring by default [N/m].
+    omega : ndarray, (F,), rad/s
+        Angular frequencies.
+    held : sequence of int
+        Chains whose motors a position controller holds, 0 to M - 1.
+    gain : float, N/m, optional
+        K_R of these controllers; ten times the stiffest spring by default.
 
     Raises
     ------
-    InvalidInput : if there is no such chain, or a frequency or gain is not positive.
+    InvalidInput
+        If there is no such chain, or a frequency or gain is not positive.
     """
     count = len(chains.masses)
     gains = np.zeros(count)
@@ -64,13 +71,17 @@ def constrained_response(response: ComplexArray, omega: Array, gains: Array) -> 
 
     Parameters
     ----------
-    response : accelerations over torques of the unconstrained chains.
-    omega : (F,) [rad/s].
-    gains : (M,) K_R, zero where a chain stays free [N/m].
+    response : ndarray of complex
+        Accelerations over torques of the unconstrained chains.
+    omega : ndarray, (F,), rad/s
+        Angular frequencies.
+    gains : ndarray, (M,), N/m
+        K_R, zero where a chain stays free.
 
     Raises
     ------
-    InvalidInput : if shapes do not fit, or a gain is negative.
+    InvalidInput
+        If shapes do not fit, or a gain is negative.
     """
     response, omega = np.asarray(response, dtype=complex), check_omega(omega)
     if response.shape != (len(omega), *response.shape[-1:] * 2):
@@ -85,7 +96,8 @@ def modally_damped(model: LinearModel, ratio: float) -> LinearModel:
 
     Raises
     ------
-    InvalidInput : if the ratio is negative, or the mass matrix not positive definite.
+    InvalidInput
+        If the ratio is negative, or the mass matrix not positive definite.
     """
     if not (np.isfinite(ratio) and ratio >= 0):
         raise InvalidInput(f"ratio: {ratio!r} is not a damping ratio >= 0")

@@ -23,13 +23,18 @@ class CoupledChains:
 
     Attributes
     ----------
-    masses : (M, N) positive [kg].
-    springs : (M, N - 1) positive, each between a mass and the next [N/m].
-    couplings : (M, M) symmetric with zero diagonal: inertia between the last masses, of either
-        sign; force on chain i is minus coupling times acceleration of chain j, [HBH] (1) [kg].
-    dampers : (M, N - 1) positive, parallel to the springs, or None for none [N s/m].
-    extra : masses and non-zero couplings that are free too; by default only every spring, then
-        every damper, is a free parameter. A free coupling below zero keeps its sign.
+    masses : ndarray, (M, N), kg
+        Positive.
+    springs : ndarray, (M, N - 1), N/m
+        Positive, each between a mass and the next.
+    couplings : ndarray, (M, M), kg
+        Symmetric with zero diagonal: inertia between the last masses, of either sign; force on
+        chain i is minus coupling times acceleration of chain j, [HBH] (1).
+    dampers : ndarray or None, (M, N - 1), N s/m
+        Positive, parallel to the springs, or None for none.
+    extra : tuple of str
+        Masses and non-zero couplings that are free too; by default only every spring, then every
+        damper, is a free parameter. A free coupling below zero keeps its sign.
     """
 
     masses: Array
@@ -62,7 +67,8 @@ class CoupledChains:
 
         Raises
         ------
-        InvalidInput : if `extra` names no mass or coupling, or one twice.
+        InvalidInput
+            If `extra` names no mass or coupling, or one twice.
         """
         inertias = {name: abs(float(self.mass_matrix[at])) for name, at in self._inertias.items()}
         for name in self.extra:
@@ -96,7 +102,8 @@ class CoupledChains:
 
         Raises
         ------
-        InvalidInput : if one is not positive, or the mass matrix is not positive definite.
+        InvalidInput
+            If one is not positive, or the mass matrix is not positive definite.
         """
         if parameters is None:
             return self
@@ -119,7 +126,8 @@ class CoupledChains:
 
         Raises
         ------
-        InvalidInput : as `at`.
+        InvalidInput
+            As `at`.
         """
         chains = self.at(parameters)
         q, s, d = len(np.asarray(positions)), chains.springs.size, chains.masses.size
@@ -155,7 +163,8 @@ class CoupledChains:
 
         Raises
         ------
-        InvalidInput : as `at`.
+        InvalidInput
+            As `at`.
         """
         return self.network(positions, parameters), self.tangents(positions, parameters, sag=sag)
 
@@ -166,7 +175,8 @@ class CoupledChains:
 
         Raises
         ------
-        InvalidInput : as `at`.
+        InvalidInput
+            As `at`.
         """
         coupled = [name for name in self.extra if len(set(self._inertias[name])) == 2]
         if not coupled:

@@ -15,8 +15,10 @@ def by_ln_theta(function: Callable[[Array], Array], theta: Array) -> Array:
 
     Parameters
     ----------
-    function : of the parameters (p,) [SI].
-    theta : (p,) where [SI].
+    function : callable
+        Function of the parameters (p,) [SI].
+    theta : ndarray, (p,)
+        Where [SI].
     """
     columns = []
     for i in range(len(theta)):

@@ -27,9 +27,11 @@ class NotIdentifiable(IdentificationError):
 
     Attributes
     ----------
-    names : parameters at fault.
-    combinations : what of them is open, as far as more is known than names: "a - 0.5 b" may grow,
-        a by one and b by minus a half, and no experiment would tell.
+    names : tuple of str
+        Parameters at fault.
+    combinations : tuple of str
+        What of them is open, as far as more is known than names: "a - 0.5 b" may grow, a by one and
+        b by minus a half, and no experiment would tell.
     """
 
     def __init__(self, names: Sequence[str], remedy: str, combinations: Sequence[str] = ()) -> None:

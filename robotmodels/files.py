@@ -32,7 +32,8 @@ def read_yaml(path: Path, schema: type[_Section]) -> _Section:
 
     Raises
     ------
-    InvalidInput : if the file is absent, is not YAML, or does not fit the schema.
+    InvalidInput
+        If the file is absent, is not YAML, or does not fit the schema.
     """
     return parse_yaml(read_text(path, MOST_CHARACTERS, needed(schema)), schema, str(path))
 
@@ -42,7 +43,8 @@ def parse_yaml(text: str, schema: type[_Section], source: str) -> _Section:
 
     Raises
     ------
-    InvalidInput : naming line and key at fault, what was found and what would be right.
+    InvalidInput
+        Naming line and key at fault, what was found and what would be right.
     """
     document = yaml_document(text, source, needed(schema))
     return parse(document, schema, source)
@@ -53,7 +55,8 @@ def yaml_document(text: str, source: str, contents: str) -> Node:
 
     Raises
     ------
-    InvalidInput : naming the line that is not YAML.
+    InvalidInput
+        Naming the line that is not YAML.
     """
     try:
         return read_document(text)
@@ -69,14 +72,15 @@ def read_text(path: Path, most: int, contents: str) -> str:
     ----------
     path : Path
         Of a file, no device and no pipe.
-    most : int
-        Largest size of the file [bytes].
+    most : int, bytes
+        Largest size of the file.
     contents : str
         What the file is to hold, for errors.
 
     Raises
     ------
-    InvalidInput : if there is no such file, or it cannot be read.
+    InvalidInput
+        If there is no such file, or it cannot be read.
     """
     check_file(path, most)
     try:
@@ -99,7 +103,8 @@ def check_file(path: Path, most: int | None = None) -> None:
 
     Raises
     ------
-    InvalidInput : if `path` is absent, a folder, a device or a pipe, or too large.
+    InvalidInput
+        If `path` is absent, a folder, a device or a pipe, or too large.
     """
     try:
         status = path.stat()
@@ -143,7 +148,8 @@ def parse(document: Node, schema: type[_Section], source: str) -> _Section:
 
     Raises
     ------
-    InvalidInput : naming line and key at fault, what was found and what would be right.
+    InvalidInput
+        Naming line and key at fault, what was found and what would be right.
     """
     content = document.content
     if isinstance(content, str) and content.startswith("<"):

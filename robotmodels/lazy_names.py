@@ -12,9 +12,11 @@ def loaded_when_used(
 
     Parameters
     ----------
-    package : its ``__name__``.
-    homes : the module inside it that holds each name. None may be called like its name and lie
-        directly in the package: once imported, it would stand in the place of what it holds.
+    package : str
+        Its ``__name__``.
+    homes : mapping of str to str
+        The module inside it that holds each name. None may be called like its name and lie directly
+        in the package: once imported, it would stand in the place of what it holds.
     """
 
     def find(name: str) -> object:

@@ -19,11 +19,16 @@ class LinearModel:
 
     Attributes
     ----------
-    mass : (..., d, d) symmetric, arm side [kg m^2].
-    damping : (..., d, d) symmetric [N m s/rad].
-    stiffness : (..., d, d) symmetric, gravity included [N m/rad].
-    selector : (d, n) generalised force per motor torque; its transpose reads the motor angles [-].
-    measurement : what is measured; by default the motors' accelerations.
+    mass : ndarray, (..., d, d), kg m^2
+        Symmetric, arm side.
+    damping : ndarray, (..., d, d), N m s/rad
+        Symmetric.
+    stiffness : ndarray, (..., d, d), N m/rad
+        Symmetric, gravity included.
+    selector : ndarray, (d, n), dimensionless
+        Generalised force per motor torque; its transpose reads the motor angles.
+    measurement : Measurement or None
+        What is measured; by default the motors' accelerations.
     """
 
     mass: Array

@@ -10,14 +10,15 @@ def check_memory(needed: float, what: str) -> None:
 
     Parameters
     ----------
-    needed : float
-        Estimate [bytes].
+    needed : float, bytes
+        Estimate.
     what : str
         Whose memory it is, and the keys it grows with.
 
     Raises
     ------
-    InvalidInput : naming `what`, the estimate and the memory there is.
+    InvalidInput
+        Naming `what`, the estimate and the memory there is.
     """
     try:
         there = os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")

@@ -24,8 +24,10 @@ class Modes:
 
     Attributes
     ----------
-    squares : (..., k) squared angular frequencies; negative where gravity tips over [rad^2/s^2].
-    shapes : (..., d, k) mode shapes of unit modal mass, in the model's coordinates.
+    squares : ndarray, (..., k), rad^2/s^2
+        Squared angular frequencies; negative where gravity tips over.
+    shapes : ndarray, (..., d, k)
+        Mode shapes of unit modal mass, in the model's coordinates.
     """
 
     squares: Array
@@ -43,8 +45,10 @@ class DampedModes:
 
     Attributes
     ----------
-    poles : (k,) with imaginary part >= 0 [rad/s].
-    shapes : (d, k) mode shapes of unit length in the mass matrix, in the model's coordinates.
+    poles : ndarray of complex, (k,), rad/s
+        Poles with imaginary part >= 0.
+    shapes : ndarray of complex, (d, k)
+        Mode shapes of unit length in the mass matrix, in the model's coordinates.
     """
 
     poles: ComplexArray
@@ -66,13 +70,16 @@ def resonances(model: LinearModel, rigid: int | None = None) -> Modes:
 
     Parameters
     ----------
-    model : d coordinates, any leading axes.
-    rigid : number of rigid modes; by default one per motor. A model whose motors are held, by
-        position controllers for instance, has none.
+    model : LinearModel
+        d coordinates, any leading axes.
+    rigid : int, optional
+        Number of rigid modes; by default one per motor. A model whose motors are held, by position
+        controllers for instance, has none.
 
     Raises
     ------
-    InvalidInput : if a mass matrix is not positive definite.
+    InvalidInput
+        If a mass matrix is not positive definite.
     """
     modes = _undamped(model)
     r = _rigid_count(model, rigid)
@@ -84,7 +91,8 @@ def rigid_modes(model: LinearModel, rigid: int | None = None) -> Modes:
 
     Raises
     ------
-    InvalidInput : if a mass matrix is not positive definite.
+    InvalidInput
+        If a mass matrix is not positive definite.
     """
     modes = _undamped(model)
     r = _rigid_count(model, rigid)
@@ -99,7 +107,8 @@ def clamped(model: LinearModel, motor: int) -> LinearModel:
 
     Raises
     ------
-    InvalidInput : if there is no such motor.
+    InvalidInput
+        If there is no such motor.
     """
     n = model.selector.shape[1]
     if not 0 <= motor < n:
@@ -122,7 +131,8 @@ def anti_resonances(model: LinearModel, motor: int) -> Array:
 
     Raises
     ------
-    InvalidInput : if there is no such motor, or a mass matrix is not positive definite.
+    InvalidInput
+        If there is no such motor, or a mass matrix is not positive definite.
     """
     return resonances(clamped(model, motor)).frequencies
 
@@ -139,13 +149,17 @@ def damped_modes(model: LinearModel, rigid: int | None = None) -> DampedModes:
 
     Parameters
     ----------
-    model : without leading axes.
-    rigid : number of rigid modes; by default one per motor.
+    model : LinearModel
+        Model without leading axes.
+    rigid : int, optional
+        Number of rigid modes; by default one per motor.
 
     Raises
     ------
-    InvalidInput : if the model has leading axes, or its mass matrix is not positive definite.
-    SolverFailed : if the number of rigid modes would part a conjugate pair.
+    InvalidInput
+        If the model has leading axes, or its mass matrix is not positive definite.
+    SolverFailed
+        If the number of rigid modes would part a conjugate pair.
     """
     if model.mass.ndim != 2:
         raise InvalidInput(

@@ -33,7 +33,8 @@ class RelativeNoise:
 
     Attributes
     ----------
-    relative, floor : standard deviations, of the element and of the largest element [-].
+    relative, floor : float, dimensionless
+        Standard deviations, of the element and of the largest element.
     """
 
     relative: float = 0.03

@@ -19,10 +19,13 @@ class NormalEquations:
 
     Attributes
     ----------
-    cost : V.
-    gradient : (p,) dV/d ln theta, exact for fixed equilibria.
-    hessian : (p, p) 2 sum w Re(conj(d epsilon) d epsilon^T), with d epsilon = d epsilon/d ln theta:
-        the second derivative of V where residuals are zero or linear.
+    cost : float
+        V.
+    gradient : ndarray, (p,)
+        dV/d ln theta, exact for fixed equilibria.
+    hessian : ndarray, (p, p)
+        2 sum w Re(conj(d epsilon) d epsilon^T), with d epsilon = d epsilon/d ln theta: the second
+        derivative of V where residuals are zero or linear.
     """
 
     cost: float

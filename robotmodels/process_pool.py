@@ -40,14 +40,17 @@ class ProcessPool(Executor):
 
     Parameters
     ----------
-    workers : number of processes; each is spawned, and ends with this one.
-    restarts : deaths that are made good; the next one is a `BrokenProcessPool` error.
+    workers : int
+        Number of processes; each is spawned, and ends with this one.
+    restarts : int
+        Deaths that are made good; the next one is a `BrokenProcessPool` error.
 
     Raises
     ------
-    InvalidInput : in a script that comes from standard input.
-    ProcessesNeverBegan : from tasks, where a script starts processes outside ``if __name__ ==
-        "__main__":``.
+    InvalidInput
+        In a script that comes from standard input.
+    ProcessesNeverBegan
+        From tasks, where a script starts processes outside ``if __name__ == "__main__":``.
     """
 
     def __init__(self, workers: int, restarts: int = 3) -> None:

@@ -58,7 +58,8 @@ def save_records(path: str | os.PathLike[str], parts: Iterable[Records]) -> int:
 
     Raises
     ------
-    InvalidInput : if there are no records, or they differ in sampling, lines or shape.
+    InvalidInput
+        If there are no records, or they differ in sampling, lines or shape.
     """
     import h5py
 
@@ -92,7 +93,8 @@ def iterate_records(path: str | os.PathLike[str]) -> Iterator[Records]:
 
     Raises
     ------
-    InvalidInput : naming the file and what is wrong in it.
+    InvalidInput
+        Naming the file and what is wrong in it.
     """
     with open_hdf5(path, NEEDED) as file:
         file.check_schema(RECORDS_SCHEMA)

@@ -32,19 +32,28 @@ class Records:
 
     Attributes
     ----------
-    positions : (Q, n) motor angles divided by gear ratios [rad].
-    sample_time : [s].
-    reference : (Q, B, E, P, N, n), or with 1 for P, speed reference [rad/s].
-    torque : (Q, B, E, P, N, n) as commanded, held over a sample [N m].
-    angle : (Q, B, E, P, N, m) as measured; a constant part has no meaning [rad].
-    lines : (F,) excited DFT lines, increasing; line k is at k / (N sample_time) Hz.
-    detection : lines left out on purpose, among the odd ones; even lines are always left out.
-    saturated : (Q, B, E, P, n) whether the torque met its limit.
+    positions : ndarray, (Q, n), rad
+        Motor angles divided by gear ratios.
+    sample_time : float, s
+        Sample time.
+    reference : ndarray, rad/s
+        (Q, B, E, P, N, n), or with 1 for P, speed reference.
+    torque : ndarray, (Q, B, E, P, N, n), N m
+        As commanded, held over a sample.
+    angle : ndarray, (Q, B, E, P, N, m), rad
+        As measured; a constant part has no meaning.
+    lines : ndarray of int, (F,)
+        Excited DFT lines, increasing; line k is at k / (N sample_time) Hz.
+    detection : ndarray of int
+        Lines left out on purpose, among the odd ones; even lines are always left out.
+    saturated : ndarray, (Q, B, E, P, n)
+        Whether the torque met its limit.
 
     Raises
     ------
-    InvalidInput : if shapes do not fit each other, lines are not lines, or values are not finite
-        in part of a run.
+    InvalidInput
+        If shapes do not fit each other, lines are not lines, or values are not finite in part of a
+        run.
     """
 
     positions: Array
@@ -98,7 +107,8 @@ class Records:
 
         Raises
         ------
-        InvalidInput : if there is no part, or parts differ in sampling, lines or shape.
+        InvalidInput
+            If there is no part, or parts differ in sampling, lines or shape.
         """
         if not parts:
             raise InvalidInput("records: nothing to join; at least one position is needed")
@@ -123,7 +133,8 @@ class Records:
 
         Raises
         ------
-        InvalidInput : naming the file and what is wrong in it.
+        InvalidInput
+            Naming the file and what is wrong in it.
         """
         from robotmodels.record_files import iterate_records
 
@@ -135,7 +146,8 @@ def check_periods(periods: int, transient: int) -> None:
 
     Raises
     ------
-    InvalidInput : if nothing is measured, or less than nothing dropped.
+    InvalidInput
+        If nothing is measured, or less than nothing dropped.
     """
     if periods < 1 or transient < 0:
         raise InvalidInput(f"periods: {periods} measured, {transient} dropped; at least 1 and 0")
@@ -207,7 +219,8 @@ def check_alike(first: Records, other: Records, who: str) -> None:
 
     Parameters
     ----------
-    who : names them in errors.
+    who : str
+        Names them in errors.
     """
     if other.sample_time != first.sample_time:
         raise InvalidInput(

@@ -43,8 +43,10 @@ def linearize(robot: Elastic, position: Array, parameters: Array | None = None) 
 
     Raises
     ------
-    NoEquilibrium : if a spring is too weak for gravity.
-    InvalidInput : if the position is outside the joint limits.
+    NoEquilibrium
+        If a spring is too weak for gravity.
+    InvalidInput
+        If the position is outside the joint limits.
     """
     position = real_numbers(position, "position")
     model = robot.network(np.atleast_2d(position), parameters).linear_model()
@@ -60,15 +62,21 @@ def frequency_response(
 
     Parameters
     ----------
-    robot : a robot or another elastic system.
-    positions : (Q, n) [rad].
-    omega : (F,) positive [rad/s].
-    parameters : (p,) in the order of ``robot.parameters``; its own values by default.
+    robot : Elastic
+        A robot or another elastic system.
+    positions : ndarray, (Q, n), rad
+        Positions.
+    omega : ndarray, (F,), rad/s
+        Positive.
+    parameters : ndarray, (p,), optional
+        Parameters in the order of ``robot.parameters``; its own values by default.
 
     Raises
     ------
-    NoEquilibrium : if a spring is too weak for gravity.
-    InvalidInput : if a frequency is not positive or a position outside the joint limits.
+    NoEquilibrium
+        If a spring is too weak for gravity.
+    InvalidInput
+        If a frequency is not positive or a position outside the joint limits.
     """
     return robot.network(positions, parameters).frequency_response(check_omega(omega))
 
@@ -91,7 +99,8 @@ def sensitivity(
 
     Raises
     ------
-    NoEquilibrium, InvalidInput : as `frequency_response`.
+    NoEquilibrium, InvalidInput
+        As `frequency_response`.
     """
     omega = check_omega(omega)
     return sensitivity_about(*linearization(robot, positions, parameters, sag=sag), omega)
@@ -104,7 +113,8 @@ def linearization(
 
     Raises
     ------
-    NoEquilibrium, InvalidInput : as `frequency_response`.
+    NoEquilibrium, InvalidInput
+        As `frequency_response`.
     """
     if not isinstance(robot, BeyondSprings):
         return robot.network(positions, parameters), None
@@ -128,7 +138,8 @@ def check_omega(omega: Array) -> Array:
 
     Raises
     ------
-    InvalidInput : if there is none, or one is not positive and finite.
+    InvalidInput
+        If there is none, or one is not positive and finite.
     """
     omega = np.atleast_1d(real_numbers(omega, "omega"))
     if omega.ndim != 1 or omega.size == 0:

@@ -40,11 +40,16 @@ class Node:
 
     Attributes
     ----------
-    line : of its key, or of itself in a list, counted from 1.
-    content : text, number, truth, None, list, or mapping with text as keys.
-    children : of a list or a mapping, by place or key.
-    height : lists and mappings within each other.
-    size : values in it.
+    line : int
+        Line of its key, or of itself in a list, counted from 1.
+    content : Any
+        Text, number, truth, None, list, or mapping with text as keys.
+    children : dict of str or int to Node
+        Children of a list or a mapping, by place or key.
+    height : int
+        Lists and mappings within each other.
+    size : int
+        Values in it.
     """
 
     line: int
@@ -66,8 +71,9 @@ def read_document(text: str) -> Node:
 
     Raises
     ------
-    YamlError : if it is not YAML 1.2, is nested too deeply or too long, gives a key twice, has an
-        alias without its anchor or a tag or characters that have no place in these files.
+    YamlError
+        If it is not YAML 1.2, is nested too deeply or too long, gives a key twice, has an alias
+        without its anchor or a tag or characters that have no place in these files.
     """
     try:
         return _Document(text).root()

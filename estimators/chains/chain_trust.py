@@ -34,11 +34,14 @@ def chain_trust(
     ----------
     data : Data
         That were fitted; where their noise was guessed, of the size of the misfit.
-    names, values : of all that was fitted, (p,).
-    scale : (p,)
+    names, values
+        Names and values of all that was fitted, (p,).
+    scale : ndarray, (p,)
         Change of the values per unit of what the Jacobian is by.
-    fitted, jacobian : (F, M, M) and (F, M, M, p).
-    modal : vector and layout of the modes at the fit.
+    fitted, jacobian : ndarray of complex, (F, M, M) and (F, M, M, p)
+        Fitted response and its Jacobian.
+    modal : tuple of (ndarray, ModalLayout)
+        Vector and layout of the modes at the fit.
     positive : int
         How many of the first values are fitted in their logarithms.
     """

@@ -24,12 +24,18 @@ class DampedChains:
 
     Attributes
     ----------
-    layout : of theta.
-    theta : (k,) masses, springs, couplings.
-    dampers : (M (N - 1),) positive [N s/m].
-    friction : (M,) viscous, of the motors [N s/m].
-    delay : of the measured angles [s].
-    offsets : (M (M - 1)/2 + M + 1,) what couplings, friction and delay are counted from.
+    layout : ChainLayout
+        Layout of theta.
+    theta : ndarray, (k,)
+        Masses, springs, couplings.
+    dampers : ndarray, (M (N - 1),), N s/m
+        Positive.
+    friction : ndarray, (M,), N s/m
+        Viscous, of the motors.
+    delay : float, s
+        Delay of the measured angles.
+    offsets : ndarray, (M (M - 1)/2 + M + 1,)
+        What couplings, friction and delay are counted from.
     """
 
     layout: ChainLayout
@@ -79,7 +85,8 @@ class DampedChains:
 
         Raises
         ------
-        InvalidInput : if one is not positive.
+        InvalidInput
+            If one is not positive.
         """
         values = self.parameters.check(parameters)
         s, m = self.layout.modes, self.layout.chains
@@ -108,7 +115,8 @@ class DampedChains:
 
         Raises
         ------
-        InvalidInput : if the mass matrix is not positive definite, or as `at`.
+        InvalidInput
+            If the mass matrix is not positive definite, or as `at`.
         """
         now = self.at(parameters)
         q, s, p = len(np.asarray(positions)), self.layout.modes, len(now.parameters)
@@ -139,7 +147,8 @@ class DampedChains:
 
         Raises
         ------
-        InvalidInput : as `network`.
+        InvalidInput
+            As `network`.
         """
         return self.network(positions, parameters), self.tangents(positions, parameters, sag=sag)
 
@@ -150,7 +159,8 @@ class DampedChains:
 
         Raises
         ------
-        InvalidInput : as `network`.
+        InvalidInput
+            As `network`.
         """
         now = self.at(parameters)
         values = now.parameters.values

@@ -23,10 +23,14 @@ class DamperFit(Printed):
 
     Attributes
     ----------
-    fit : by `estimators.fit`; its parameters are those of `DampedChains`.
-    model : the fitted chains.
-    uncertainty : of ln of the fit's parameters, Theorem 1.
-    estimate : masses, springs and couplings, with their covariance in SI units.
+    fit : Fit
+        Fit by `estimators.fit`; its parameters are those of `DampedChains`.
+    model : DampedChains
+        The fitted chains.
+    uncertainty : Uncertainty
+        Uncertainty of ln of the fit's parameters, Theorem 1.
+    estimate : ChainEstimate
+        Masses, springs and couplings, with their covariance in SI units.
     """
 
     fit: Fit
@@ -90,7 +94,8 @@ def fit_dampers(found: ChainIdentification) -> DamperFit:
 
     Raises
     ------
-    NotIdentifiable : if the data do not say all parameters.
+    NotIdentifiable
+        If the data do not say all parameters.
     """
     start = _start(found)
     data = found.modes.data

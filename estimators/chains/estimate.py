@@ -24,13 +24,19 @@ class ChainEstimate:
 
     Attributes
     ----------
-    layout : what is where.
-    values : (k,) in SI units, couplings with their signs.
-    covariance : (k, k) of the values themselves, not of their logarithms [SI].
-    method : where they come from.
-    condition : largest growth of a relative error from poles and gains to parameters [-].
-    trust : the rule's verdict and intervals on all that was fitted; None for the inverse problem,
-        which is the start of what is recommended.
+    layout : ChainLayout
+        What is where.
+    values : ndarray, (k,)
+        Values in SI units, couplings with their signs.
+    covariance : ndarray, (k, k)
+        Covariance of the values themselves, not of their logarithms [SI].
+    method : str
+        Where they come from.
+    condition : float, dimensionless
+        Largest growth of a relative error from poles and gains to parameters.
+    trust : Trust or None
+        The rule's verdict and intervals on all that was fitted; None for the inverse problem, which
+        is the start of what is recommended.
     """
 
     layout: ChainLayout
@@ -102,8 +108,9 @@ def inverse_estimate(
 
     Raises
     ------
-    NotIdentifiable : if a mass, a spring or the mass matrix comes out not positive: more masses
-        than these data support.
+    NotIdentifiable
+        If a mass, a spring or the mass matrix comes out not positive: more masses than these data
+        support.
     """
     p = layout.modal.size
     x = found.x[:p]
@@ -129,7 +136,8 @@ def structured_estimate(
 
     Raises
     ------
-    NotIdentifiable : if the parameters' information is singular.
+    NotIdentifiable
+        If the parameters' information is singular.
     """
     from scipy.optimize import least_squares
 
@@ -210,7 +218,8 @@ class _Structured:
 
         Parameters
         ----------
-        covariance : (r, r) of u.
+        covariance : ndarray, (r, r)
+            Covariance of u.
         """
         data, theta = self.found.data, self.theta(u)
         x, _ = self._modes(u)
@@ -250,7 +259,8 @@ def check_physical(theta: Array, layout: ChainLayout) -> None:
 
     Raises
     ------
-    NotIdentifiable : naming the parameters.
+    NotIdentifiable
+        Naming the parameters.
     """
     p = layout.positive
     wrong = [n for n, v in zip(layout.names[:p], theta[:p], strict=True) if not v > 0]

@@ -37,15 +37,22 @@ class ChainIdentification:
 
     Attributes
     ----------
-    modes : poles, zeros and gains.
-    inverse : solution of the inverse eigenvalue problem.
-    structured : maximum-likelihood chains started from it; the result, which `masses`, `springs`
-        and `couplings` show.
-    cost : of the structured fit; what it exceeds the modes' by tells whether these are chains.
-    order : how N was proposed, or None where it was given.
-    left_out : lines at the low end left out for friction.
-    excess : relative error added to the covariance given, so that it explains the misfit; 0 where
-        it did.
+    modes : FittedModes
+        Poles, zeros and gains.
+    inverse : ChainEstimate
+        Solution of the inverse eigenvalue problem.
+    structured : ChainEstimate
+        Maximum-likelihood chains started from it; the result, which `masses`, `springs` and
+        `couplings` show.
+    cost : float
+        Cost of the structured fit; what it exceeds the modes' by tells whether these are chains.
+    order : OrderProposal or None
+        How N was proposed, or None where it was given.
+    left_out : int
+        Lines at the low end left out for friction.
+    excess : float
+        Relative error added to the covariance given, so that it explains the misfit; 0 where it
+        did.
     """
 
     modes: FittedModes
@@ -145,23 +152,31 @@ def identify_chains(
 
     Parameters
     ----------
-    omega : (F,) increasing [rad/s].
-    response : (F, M, M) motor torque to motor acceleration, no motor held.
-    n_masses : N; proposed from the data where None.
-    covariance : (F, M, M) variances or (F, M M, M M) of vec(G), as the noise is declared to be; for
-        one that was estimated see `chains_from_frf`. Without it the noise is taken to be relative,
-        and its size from the misfit.
-    first_masses : (M,) motor inertias, where a data sheet gives them: taken as exact, and the
-        high-frequency gains (3) not used.
-    distortion : (F, M, M) standard deviations of one block's FRF by nonlinear distortion, see
-        `Distortion.level`: lines at the low end that friction distorts are left out, others count
-        less.
+    omega : ndarray, (F,), rad/s
+        Increasing.
+    response : ndarray of complex, (F, M, M)
+        Motor torque to motor acceleration, no motor held.
+    n_masses : int, optional
+        N; proposed from the data where None.
+    covariance : ndarray, optional
+        (F, M, M) variances or (F, M M, M M) of vec(G), as the noise is declared to be; for one that
+        was estimated see `chains_from_frf`. Without it the noise is taken to be relative, and its
+        size from the misfit.
+    first_masses : ndarray, (M,), optional
+        Motor inertias, where a data sheet gives them: taken as exact, and the high-frequency gains
+        (3) not used.
+    distortion : ndarray, (F, M, M), optional
+        Standard deviations of one block's FRF by nonlinear distortion, see `Distortion.level`:
+        lines at the low end that friction distorts are left out, others count less.
 
     Raises
     ------
-    InvalidInput : for shapes that do not fit, N < 2, or motors that answer to no torque.
-    WrongModeCount : if the FRFs show more or fewer modes than M (N - 1); an InvalidInput.
-    NotIdentifiable : if the order is too high for the data, naming parameters.
+    InvalidInput
+        For shapes that do not fit, N < 2, or motors that answer to no torque.
+    WrongModeCount
+        If the FRFs show more or fewer modes than M (N - 1); an InvalidInput.
+    NotIdentifiable
+        If the order is too high for the data, naming parameters.
     """
     data = _checked(omega, response, n_masses, covariance)
     motors = None if first_masses is None else _checked_motors(first_masses, data.chains)
@@ -185,15 +200,18 @@ def chains_from_frf(
 
     Parameters
     ----------
-    estimate : FRFs, motor torque to motor acceleration.
-    position : index of the position among those of the estimate.
-    sample_time, delay : of the torque's hold, and the delay that the estimate was corrected for
-        [s]: images of the hold are then taken off the FRFs. None where no torque was held.
+    estimate : FrfEstimate
+        FRFs, motor torque to motor acceleration.
+    position : int
+        Index of the position among those of the estimate.
+    sample_time, delay
+        Of the torque's hold, and the delay that the estimate was corrected for [s]: images of the
+        hold are then taken off the FRFs. None where no torque was held.
 
     Raises
     ------
-    InvalidInput, WrongModeCount, NotIdentifiable : as `identify_chains`, or if there is no such
-        position.
+    InvalidInput, WrongModeCount, NotIdentifiable
+        As `identify_chains`, or if there is no such position.
     """
     if not 0 <= position < len(estimate.positions):
         raise InvalidInput(

@@ -22,9 +22,12 @@ class LanczosStep:
 
     Attributes
     ----------
-    b11, b12, b22 : elements of B = M^-1/2 K M^-1/2 that belong to the first two masses [1/s^2].
-    d2 : (k,) [1/s^2].
-    u2 : (k,) second components of the eigenvectors [-].
+    b11, b12, b22 : float, 1/s^2
+        Elements of B = M^-1/2 K M^-1/2 that belong to the first two masses.
+    d2 : ndarray, (k,), 1/s^2
+        D2.
+    u2 : ndarray, (k,), dimensionless
+        Second components of the eigenvectors.
     """
 
     b11: float
@@ -39,12 +42,15 @@ def first_components(poles: Array, zeros: Array) -> Array:
 
     Parameters
     ----------
-    poles : (k,) squared resonances lambda, the rigid mode's zero included [rad^2/s^2].
-    zeros : (k - 1,) squared anti-resonances lambda_0 [rad^2/s^2].
+    poles : ndarray, (k,), rad^2/s^2
+        Squared resonances lambda, the rigid mode's zero included.
+    zeros : ndarray, (k - 1,), rad^2/s^2
+        Squared anti-resonances lambda_0.
 
     Raises
     ------
-    InvalidInput : if poles and zeros do not interlace, naming the pair.
+    InvalidInput
+        If poles and zeros do not interlace, naming the pair.
     """
     poles, zeros = np.sort(np.asarray(poles, float)), np.sort(np.asarray(zeros, float))
     check_interlacing(poles, zeros)
@@ -64,7 +70,8 @@ def check_interlacing(poles: Array, zeros: Array) -> None:
 
     Raises
     ------
-    InvalidInput : naming the first pair out of order.
+    InvalidInput
+        Naming the first pair out of order.
     """
     if zeros.shape != (len(poles) - 1,):
         raise InvalidInput(
@@ -112,9 +119,12 @@ def peeled(poles: Array, weights: Array, mass: float) -> tuple[Array, Array]:
 
     Parameters
     ----------
-    poles : (k,) lambda, the first zero.
-    weights : (k,) w; they are scaled so that their sum is 1/mass.
-    mass : first mass.
+    poles : ndarray, (k,)
+        Lambda, the first zero.
+    weights : ndarray, (k,)
+        w; they are scaled so that their sum is 1/mass.
+    mass : float
+        First mass.
     """
     weights = weights / (weights.sum() * mass)
     flexible, w = poles[1:], weights[1:]
@@ -139,18 +149,24 @@ def stepwise_chain(
 
     Parameters
     ----------
-    poles, zeros : (k,) and (k - 1,) squared, the rigid pole included.
-    first_mass : m_1, the motor's: 1/A_H by (3), or from its data sheet.
-    count : N.
-    total : sum of the chain's masses: 1/A_L by (2), the other chains held, or an entry of the rigid
+    poles, zeros : ndarray, (k,) and (k - 1,)
+        Squared, the rigid pole included.
+    first_mass : float
+        m_1, the motor's: 1/A_H by (3), or from its data sheet.
+    count : int
+        N.
+    total : float
+        Sum of the chain's masses: 1/A_L by (2), the other chains held, or an entry of the rigid
         inertia matrix. Poles and zeros do not say it unless the chain is alone.
-    per_step : 2 takes a pair of masses off at a time and reads each next first mass from the high
-        frequencies of what is left; 1 takes one off, whose successor is known already, and needs
-        no high frequencies.
+    per_step : int
+        2 takes a pair of masses off at a time and reads each next first mass from the high
+        frequencies of what is left; 1 takes one off, whose successor is known already, and needs no
+        high frequencies.
 
     Raises
     ------
-    InvalidInput : for spectra that do not interlace, or a count that does not fit.
+    InvalidInput
+        For spectra that do not interlace, or a count that does not fit.
     """
     check_count(count, poles)
     if per_step not in (1, 2):
@@ -214,7 +230,8 @@ def check_count(count: int, poles: Array) -> None:
 
     Raises
     ------
-    InvalidInput : if there are less than two masses, or fewer poles than masses.
+    InvalidInput
+        If there are less than two masses, or fewer poles than masses.
     """
     if count < 2:
         raise InvalidInput(
@@ -233,14 +250,18 @@ def coupled_inertia(cross_gain: complex, low_i: float, low_j: float) -> float:
 
     Parameters
     ----------
-    cross_gain : motor acceleration i per motor torque j at low frequency, its sign or phase
-        included, all other chains held by position controllers, (9) [1/kg].
-    low_i, low_j : A_iL and A_jL, with all other chains held, (4) [1/kg].
+    cross_gain : complex, 1/kg
+        Motor acceleration i per motor torque j at low frequency, its sign or phase included, all
+        other chains held by position controllers, (9).
+    low_i, low_j : float, 1/kg
+        A_iL and A_jL, with all other chains held, (4).
 
     Raises
     ------
-    InvalidInput : if a low-frequency gain is not positive.
-    NotIdentifiable : if the cross gain's phase is nearer to 90 degrees than to 0 or 180.
+    InvalidInput
+        If a low-frequency gain is not positive.
+    NotIdentifiable
+        If the cross gain's phase is nearer to 90 degrees than to 0 or 180.
     """
     if not (low_i > 0 and low_j > 0):
         raise InvalidInput(f"low-frequency gains: {low_i:g} and {low_j:g}; both must be positive")

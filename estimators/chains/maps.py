@@ -22,7 +22,8 @@ class ChainLayout:
 
     Attributes
     ----------
-    chains, masses : M and N.
+    chains, masses : int
+        M and N.
     """
 
     chains: int
@@ -85,9 +86,10 @@ def inverse_map(
 
     Parameters
     ----------
-    x : J, ln omega and phi, see `ModalLayout`.
-    first_masses : (M,) motors' inertias where they are known; from the high frequencies, (3), where
-        None.
+    x : ndarray
+        J, ln omega and phi, see `ModalLayout`.
+    first_masses : ndarray, (M,), optional
+        Motors' inertias where they are known; from the high frequencies, (3), where None.
     """
     J, omega, phi, *_ = layout.modal.split(x)
     rigid = np.diag(np.linalg.inv(J))
@@ -121,12 +123,15 @@ def forward_map(theta: Array, layout: ChainLayout, reference: Array) -> tuple[Ar
 
     Parameters
     ----------
-    theta : see `ChainLayout`.
-    reference : (n, M) mode shapes whose signs are to be kept.
+    theta : ndarray
+        See `ChainLayout`.
+    reference : ndarray, (n, M)
+        Mode shapes whose signs are to be kept.
 
     Raises
     ------
-    numpy.linalg.LinAlgError : if the mass matrix is not positive definite.
+    numpy.linalg.LinAlgError
+        If the mass matrix is not positive definite.
     """
     masses, springs, couplings = layout.split(theta)
     m, n = masses.shape

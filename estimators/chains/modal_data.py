@@ -26,7 +26,7 @@ class Data:
     ----------
     estimate : FrfEstimate
         Of one position.
-    error : (F, M, M)
+    error : ndarray, (F, M, M)
         Variances of errors beside the noise, which weights allow for.
     scaled : bool
         Whether the noise is guessed, so that its size is to be taken from the misfit.
@@ -95,7 +95,8 @@ class Data:
 
         Raises
         ------
-        NotIdentifiable : if the data do not say all of them.
+        NotIdentifiable
+            If the data do not say all of them.
         """
         bread = jacobian.T @ jacobian
         half, p = self.response.size, jacobian.shape[1]
@@ -164,8 +165,10 @@ def prepared(
 
     Parameters
     ----------
-    omega, response, covariance : as in `identify_chains`.
-    undamped : whether the FRFs are exact and of chains without damping.
+    omega, response, covariance
+        As in `identify_chains`.
+    undamped : bool
+        Whether the FRFs are exact and of chains without damping.
     """
     guessed = relative_variance(response) if covariance is None else covariance
     if guessed.shape == response.shape:
@@ -195,7 +198,10 @@ def _along_lines(
 
     Parameters
     ----------
-    jacobian : (F, k, p), whitened; correlation : (L,) of errors 1 to L lines apart.
+    jacobian : ndarray of complex, (F, k, p)
+        Whitened derivatives.
+    correlation : ndarray, (L,)
+        Correlation of errors 1 to L lines apart.
     """
     if not len(correlation):
         return covariance

@@ -26,10 +26,14 @@ class ModalLayout:
 
     Attributes
     ----------
-    chains : M motors.
-    modes : n flexible modes.
-    losses : whether damping ratios, friction and delay are in it.
-    turned : whether chi is.
+    chains : int
+        M motors.
+    modes : int
+        n flexible modes.
+    losses : bool
+        Whether damping ratios, friction and delay are in it.
+    turned : bool
+        Whether chi is.
     """
 
     chains: int
@@ -173,7 +177,12 @@ def anti_resonance_squares(inertia: Array, omega: Array, shapes: Array) -> Array
 
     Parameters
     ----------
-    inertia : (M, M) rigid; omega : (n,) resonances [rad/s]; shapes : (n, M).
+    inertia : ndarray, (M, M)
+        Rigid inertia.
+    omega : ndarray, (n,), rad/s
+        Resonances.
+    shapes : ndarray, (n, M)
+        Mode shapes at the motors.
     """
     poles = np.concatenate([[0.0], omega**2])
     rigid = np.diag(np.linalg.inv(inertia))

@@ -20,7 +20,8 @@ def undamped_start(data: "Data", layout: ModalLayout) -> Array:
 
     Raises
     ------
-    NotIdentifiable : if there are not as many poles as the layout has modes.
+    NotIdentifiable
+        If there are not as many poles as the layout has modes.
     """
     squares = exact_poles(data.omega, data.response.real)
     if len(squares) != layout.modes:

@@ -33,11 +33,16 @@ class FittedModes:
 
     Attributes
     ----------
-    data : what was fitted.
-    layout : what x holds.
-    x : (p,) see `ModalLayout`.
-    covariance : (p, p) of x.
-    cost : sum of squared whitened residuals; its expectation is `Data.size` - p where the noise is
+    data : Data
+        What was fitted.
+    layout : ModalLayout
+        What x holds.
+    x : ndarray, (p,)
+        See `ModalLayout`.
+    covariance : ndarray, (p, p)
+        Covariance of x.
+    cost : float
+        Sum of squared whitened residuals; its expectation is `Data.size` - p where the noise is
         known and the model right.
     """
 
@@ -187,10 +192,14 @@ def fit_modes(
 
     Parameters
     ----------
-    data : see `prepared`.
-    count : n, M (N - 1) for M chains of N masses.
-    rounds : of the search, at most.
-    shapes : "real", "complex", or "auto", which asks the data.
+    data : Data
+        See `prepared`.
+    count : int
+        n, M (N - 1) for M chains of N masses.
+    rounds : int
+        Rounds of the search, at most.
+    shapes : Shapes
+        "real", "complex", or "auto", which asks the data.
     """
     if data.undamped:
         layout = ModalLayout(data.chains, count, losses=False)

@@ -20,7 +20,8 @@ def notes(found: "ChainIdentification", *, explained: bool = False) -> tuple[str
 
     Parameters
     ----------
-    explained : whether another model, that with dampers, explains what modes do not.
+    explained : bool
+        Whether another model, that with dampers, explains what modes do not.
     """
     return (*_errors(found, explained), *_modes(found), *_parameters(found))
 

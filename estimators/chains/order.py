@@ -25,9 +25,14 @@ class WrongModeCount(InvalidInput):
 
     Attributes
     ----------
-    omega : (F,) [rad/s]; response : (F, M, M), what was searched.
-    found : frequencies of the modes that were found, (k,) [rad/s].
-    expected : number of modes.
+    omega : ndarray, (F,), rad/s
+        Angular frequencies.
+    response : ndarray of complex, (F, M, M)
+        FRFs that were searched.
+    found : ndarray, (k,), rad/s
+        Frequencies of the modes that were found.
+    expected : int
+        Number of modes.
     """
 
     def __init__(self, data: Data, found: Array, expected: int, n_masses: int) -> None:
@@ -56,11 +61,15 @@ class OrderProposal:
 
     Attributes
     ----------
-    n_masses : proposed N.
-    tried : (k,) N.
-    costs : (k,) sums of squared whitened residuals.
-    scores : (k,) BIC with the noise enlarged to the misfit of the largest order; infinite where a
-        mode is not clear, or all but cancels against a zero.
+    n_masses : int
+        Proposed N.
+    tried : tuple of int, (k,)
+        N.
+    costs : ndarray, (k,)
+        Sums of squared whitened residuals.
+    scores : ndarray, (k,)
+        BIC with the noise enlarged to the misfit of the largest order; infinite where a mode is not
+        clear, or all but cancels against a zero.
     """
 
     n_masses: int
@@ -78,7 +87,8 @@ def propose_order(data: Data, most: int = MOST_MASSES) -> OrderProposal:
 
     Raises
     ------
-    NotIdentifiable : if not even two masses can be made out.
+    NotIdentifiable
+        If not even two masses can be made out.
     """
     if data.undamped:
         return _count_exact(data)
@@ -143,7 +153,8 @@ def check_not_too_few(found: FittedModes, n_masses: int) -> None:
 
     Raises
     ------
-    WrongModeCount : with the modes that were found.
+    WrongModeCount
+        With the modes that were found.
     """
     clear = clear_modes(found)
     if not clear.all():
@@ -155,7 +166,8 @@ def check_not_too_many(found: FittedModes, n_masses: int) -> None:
 
     Raises
     ------
-    WrongModeCount : with the modes that were found.
+    WrongModeCount
+        With the modes that were found.
     """
     data, count = found.data, found.layout.modes
     if data.scaled or found.misfit < _EXCESS:

@@ -16,11 +16,13 @@ def predict_masses(found: ChainIdentification, omega: Array) -> ComplexArray:
 
     Parameters
     ----------
-    omega : (F,) [rad/s].
+    omega : ndarray, (F,), rad/s
+        Angular frequencies.
 
     Raises
     ------
-    InvalidInput : if a frequency is not positive.
+    InvalidInput
+        If a frequency is not positive.
     """
     s = 1j * check_omega(omega)
     model, modes = found.chains.linear_model(), found.modes

@@ -25,8 +25,10 @@ def exact_poles(omega: Array, response: Array) -> Array:
 
     Parameters
     ----------
-    omega : (F,) [rad/s].
-    response : (F, M, M) real accelerations over torques.
+    omega : ndarray, (F,), rad/s
+        Angular frequencies.
+    response : ndarray, (F, M, M)
+        Real accelerations over torques.
     """
     square = omega**2
     scale = float(np.median(square))
@@ -49,9 +51,12 @@ def candidate_poles(
 
     Parameters
     ----------
-    omega : (F,) [rad/s].
-    response : (F, M, M) accelerations over torques.
-    relative_noise : standard deviation of the elements, relative, in the median.
+    omega : ndarray, (F,), rad/s
+        Angular frequencies.
+    response : ndarray of complex, (F, M, M)
+        Accelerations over torques.
+    relative_noise : float
+        Standard deviation of the elements, relative, in the median.
     """
     low, high = float(omega.min()), float(omega.max())
     spread = low + (high - low) * (np.arange(count) + 0.5) / count
@@ -71,11 +76,16 @@ def vector_fit(
 
     Parameters
     ----------
-    omega : (F,) [rad/s].
-    response : (F, M, M).
-    poles : (n,) with positive imaginary parts.
-    weights : (F, M, M) inverse standard deviations.
-    slow : real poles beside them, where friction at the motors takes rigid modes off zero.
+    omega : ndarray, (F,), rad/s
+        Angular frequencies.
+    response : ndarray of complex, (F, M, M)
+        Response.
+    poles : ndarray of complex, (n,)
+        Poles with positive imaginary parts.
+    weights : ndarray, (F, M, M)
+        Inverse standard deviations.
+    slow : int
+        Real poles beside them, where friction at the motors takes rigid modes off zero.
     """
     scale = float(omega.max())
     s = np.asarray(1j * omega / scale)

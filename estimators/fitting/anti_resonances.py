@@ -70,7 +70,8 @@ def agreed(found: list[tuple[Array, Array]]) -> float:
 
     Parameters
     ----------
-    found : logarithms of candidates and their weights, for each position.
+    found : list of tuple of (ndarray, ndarray)
+        Logarithms of candidates and their weights, for each position.
     """
 
     def support(value: float) -> Array:

@@ -25,14 +25,19 @@ def chain_start_values(robot: ElasticRobot, estimate: FrfEstimate, position: int
 
     Parameters
     ----------
-    robot : whose free parameters are sought; its own values matter for springs without a motor.
-    estimate : FRFs, motor torque to motor acceleration.
-    position : index of the position among those of the estimate.
+    robot : ElasticRobot
+        Robot whose free parameters are sought; its own values matter for springs without a motor.
+    estimate : FrfEstimate
+        FRFs, motor torque to motor acceleration.
+    position : int
+        Index of the position among those of the estimate.
 
     Raises
     ------
-    InvalidInput : if there is no such position, or the robot has other motors or outputs.
-    NotIdentifiable : if no drive spring shows in the FRFs.
+    InvalidInput
+        If there is no such position, or the robot has other motors or outputs.
+    NotIdentifiable
+        If no drive spring shows in the FRFs.
     """
     if not 0 <= position < len(estimate.positions):
         raise InvalidInput(
@@ -105,7 +110,8 @@ def _modes(data: Data, springs: int) -> FittedModes:
 
     Raises
     ------
-    NotIdentifiable : if none of them is clear of the noise.
+    NotIdentifiable
+        If none of them is clear of the noise.
     """
     found = fit_modes(data, min(springs, 2 * data.chains), _ROUNDS, "real")
     if not clear_modes(found).any():

@@ -33,11 +33,13 @@ def chosen_weights(
 
     Parameters
     ----------
-    response : (Q, F, m, n) at which named weights are evaluated; the measured one where None.
+    response : ndarray of complex, (Q, F, m, n), optional
+        Response at which named weights are evaluated; the measured one where None.
 
     Raises
     ------
-    InvalidInput : if the name is unknown, or an array does not fit or is not a weight.
+    InvalidInput
+        If the name is unknown, or an array does not fit or is not a weight.
     """
     if isinstance(weights, str):
         return _named(weights, estimate, kind, response)
@@ -79,7 +81,7 @@ def own_line_shares(
     ----------
     weighting : str
         One of `KINDS`; weights of another origin are taken to follow the noise.
-    response : (Q, F, m, n)
+    response : ndarray of complex, (Q, F, m, n)
         At which weights were evaluated.
     """
     share = np.broadcast_to(estimate.pooled_noise.own_share, response.shape)

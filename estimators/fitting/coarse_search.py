@@ -29,8 +29,10 @@ class Group:
 
     Attributes
     ----------
-    rows : of the springs' stiffnesses and then dampings, as in `SpringNetwork.exponents`.
-    candidates : logarithms of values the first of them may have, besides multiples of its own.
+    rows : tuple of int
+        Rows of the springs' stiffnesses and then dampings, as in `SpringNetwork.exponents`.
+    candidates : tuple of float
+        Logarithms of values the first of them may have, besides multiples of its own.
     """
 
     rows: tuple[int, ...]

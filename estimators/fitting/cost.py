@@ -26,8 +26,10 @@ class Problem:
 
     Attributes
     ----------
-    model, estimate, kind, weights, bounds, prior, loss, weighting : as in `estimators.Fit`.
-    root, used : of the weights, see `square_root` and `used_elements`.
+    model, estimate, kind, weights, bounds, prior, loss, weighting
+        As in `estimators.Fit`.
+    root, used
+        Of the weights, see `square_root` and `used_elements`.
     """
 
     model: Elastic
@@ -103,7 +105,8 @@ class Problem:
 
         Parameters
         ----------
-        response : (Q, F, m, n) at which the noise of a log residual is evaluated.
+        response : ndarray of complex, (Q, F, m, n)
+            Response at which the noise of a log residual is evaluated.
         """
         noise = self.kind.noise(self.estimate.covariance, response, self.used)
         shape, full = response.shape, is_full(noise, response.shape)
@@ -122,7 +125,8 @@ class Problem:
 
         Raises
         ------
-        InvalidInput : if it has the wrong size or lies outside the bounds.
+        InvalidInput
+            If it has the wrong size or lies outside the bounds.
         """
         parameters = self.model.parameters
         values = np.array(parameters.check(start))
@@ -151,7 +155,8 @@ def stated(
 
     Raises
     ------
-    InvalidInput : for unknown names, misfitting arrays or too few data.
+    InvalidInput
+        For unknown names, misfitting arrays or too few data.
     """
     kind = find_residual(residual)
     chosen: Array | ComplexArray = chosen_weights(weights, estimate, kind)

@@ -53,7 +53,8 @@ def write_fits(path: str | Path, fits: Sequence[Fit]) -> None:
 
     Raises
     ------
-    InvalidInput : if there is no fit, or they differ in their parameters' names.
+    InvalidInput
+        If there is no fit, or they differ in their parameters' names.
     """
     import h5py
 
@@ -79,12 +80,15 @@ def read_fits(path: str | Path, model: Elastic, estimate: FrfEstimate) -> tuple[
 
     Parameters
     ----------
-    model : that was fitted.
-    estimate : that it was fitted to; positions a fit left out are left out again.
+    model : Elastic
+        Model that was fitted.
+    estimate : FrfEstimate
+        Estimate that it was fitted to; positions a fit left out are left out again.
 
     Raises
     ------
-    InvalidInput : if the file is absent or another one, or belongs to another model or estimate.
+    InvalidInput
+        If the file is absent or another one, or belongs to another model or estimate.
     """
     with open_hdf5(path, "fits are") as file:
         file.check_schema(SCHEMA)
@@ -179,7 +183,8 @@ def _prior(stored: dict[str, Any]) -> Prior | None:
 
     Raises
     ------
-    InvalidInput : naming one that is missing.
+    InvalidInput
+        Naming one that is missing.
     """
     names = ("prior_names", "prior_values", "prior_std")
     missing = [name for name in names if name not in stored]

@@ -54,7 +54,8 @@ def renewed_search(
 
     Raises
     ------
-    IdentificationError : if the model has no FRF at the start.
+    IdentificationError
+        If the model has no FRF at the start.
     """
 
     def evaluate(values: Array) -> tuple[Array, Array]:
@@ -83,11 +84,13 @@ def frozen_search(
 
     Parameters
     ----------
-    network : at the start.
+    network : SpringNetwork
+        Network at the start.
 
     Raises
     ------
-    IdentificationError : if the model has no FRF at the start.
+    IdentificationError
+        If the model has no FRF at the start.
     """
     values, spent, cost, gain = start, 0, np.inf, np.inf
     best, least = start, np.inf  # of V itself, about equilibria of its own
@@ -139,7 +142,8 @@ def squares(normal: NormalEquations) -> tuple[Array, Array]:
 
     Raises
     ------
-    SolverFailed : if they are not finite.
+    SolverFailed
+        If they are not finite.
     """
     if not (np.isfinite(normal.cost) and np.isfinite(normal.hessian).all()):
         raise SolverFailed("the model's FRF or its sensitivity is not finite")
@@ -164,7 +168,8 @@ class CorrectedModel:
 
     Attributes
     ----------
-    cost : at the network's own parameters.
+    cost : float
+        Cost at the network's own parameters.
     """
 
     def __init__(self, problem: Problem, network: SpringNetwork, sag: Sag | None) -> None:

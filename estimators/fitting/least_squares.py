@@ -32,23 +32,36 @@ class Fit(Printed):
 
     Attributes
     ----------
-    model, estimate : what was fitted to what.
-    residual : "nls", "lls" or "lls_magnitude".
-    weights : Lambda^-1, (Q, F, m, n) or (Q, F, m n, m n).
-    parameters : fitted values; the start's where the search could not begin.
-    cost : what was minimised: V = sum w |epsilon|^2 of [WM] (4b) or (7b) over complex elements,
-        with the prior's part and the loss if there are any; infinite where the search could not
-        begin. With optimal weights exp(-V) is the likelihood: V is half of the chi-square of real
-        and imaginary parts, and noise makes it one half for each of these numbers.
-    start : (p,) values.
-    bounds : (2, p) values.
-    status : of `scipy.optimize.least_squares` (1 to 4 converged, 0 out of evaluations), -1 where
+    model, estimate
+        What was fitted to what.
+    residual : str
+        "nls", "lls" or "lls_magnitude".
+    weights : ndarray or ndarray of complex
+        Lambda^-1, (Q, F, m, n) or (Q, F, m n, m n).
+    parameters : Parameters
+        Fitted values; the start's where the search could not begin.
+    cost : float
+        What was minimised: V = sum w |epsilon|^2 of [WM] (4b) or (7b) over complex elements, with
+        the prior's part and the loss if there are any; infinite where the search could not begin.
+        With optimal weights exp(-V) is the likelihood: V is half of the chi-square of real and
+        imaginary parts, and noise makes it one half for each of these numbers.
+    start : ndarray, (p,)
+        Values.
+    bounds : ndarray, (2, p)
+        Values.
+    status : int
+        Status of `scipy.optimize.least_squares` (1 to 4 converged, 0 out of evaluations), -1 where
         the search could not begin, -2 where it was stopped early (`multistart`).
-    message : the reason in words.
-    evaluations : of the FRF and its sensitivities.
-    prior : what was known before, see `Prior`.
-    loss : "linear", or the robust loss.
-    weighting : the name of the weights; empty for an array.
+    message : str
+        The reason in words.
+    evaluations : int
+        Evaluations of the FRF and its sensitivities.
+    prior : Prior or None
+        What was known before, see `Prior`.
+    loss : str
+        "linear", or the robust loss.
+    weighting : str
+        The name of the weights; empty for an array.
     """
 
     model: Elastic
@@ -135,28 +148,41 @@ def fit(
 
     Parameters
     ----------
-    model : robot, or anything with its ``parameters`` and ``network``.
-    estimate : FRFs to fit.
-    residual : "nls" [WM] (4), "lls" [WM] (7) or "lls_magnitude".
-    weights : "user", "optimal", "optimal_diagonal", "combined", or an array, see
+    model : Elastic
+        Robot, or anything with its ``parameters`` and ``network``.
+    estimate : FrfEstimate
+        FRFs to fit.
+    residual : str
+        "nls" [WM] (4), "lls" [WM] (7) or "lls_magnitude".
+    weights : str or ndarray
+        "user", "optimal", "optimal_diagonal", "combined", or an array, see
         `estimators.fitting.weights`. Named weights that depend on the FRF, "combined" ones and all
         where a logarithm is taken, are evaluated once more at the FRF of the fit, see `reweighted`.
-    start : (p,) parameter values; the model's own where None; "physics" or "chains" for rough ones
-        from the FRFs, see `physics_start` and `chain_start_values`.
-    bounds : factors of the model's own values between which parameters are sought, or (2, p)
-        values [SI].
-    max_evaluations : of the FRFs and their sensitivities, after which the search gives up.
-    tolerance : relative change of cost and of ln theta, and gradient, at which the search ends.
-    positions : which of the estimate's positions to fit; all where None.
-    prior : what is known of some parameters beforehand.
-    loss : "linear", or "soft_l1", "huber" or "cauchy", under which residuals far outside their
+    start : ndarray or str, (p,), optional
+        Parameter values; the model's own where None; "physics" or "chains" for rough ones from the
+        FRFs, see `physics_start` and `chain_start_values`.
+    bounds : tuple of (float, float) or ndarray
+        Factors of the model's own values between which parameters are sought, or (2, p) values
+        [SI].
+    max_evaluations : int
+        Evaluations of the FRFs and their sensitivities, after which the search gives up.
+    tolerance : float
+        Relative change of cost and of ln theta, and gradient, at which the search ends.
+    positions : sequence of int or ndarray of int, optional
+        Which of the estimate's positions to fit; all where None.
+    prior : Prior, optional
+        What is known of some parameters beforehand.
+    loss : str
+        "linear", or "soft_l1", "huber" or "cauchy", under which residuals far outside their
         standard deviation, by the estimate's covariance, count less.
 
     Raises
     ------
-    InvalidInput : for unknown names, misfitting arrays, a start outside the bounds, fewer data
-        than parameters, or a logarithm of zero.
-    IdentificationError : if the model has no FRF at the start.
+    InvalidInput
+        For unknown names, misfitting arrays, a start outside the bounds, fewer data than
+        parameters, or a logarithm of zero.
+    IdentificationError
+        If the model has no FRF at the start.
     """
     check_effort(max_evaluations, tolerance)
     problem = stated(model, estimate, residual, weights, bounds, positions, prior, loss)

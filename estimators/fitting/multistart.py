@@ -87,16 +87,21 @@ def multistart(
 
     Parameters
     ----------
-    executor : runs the searches; in sequence where None.
-    progress : called with the number of finished searches and their total.
-    early_stop : gives up hopeless searches; None pursues all to their end.
-    store : HDF5 file that keeps every search as soon as it has ended; with an executor, as soon as
-        its share of the starts has. A run that was interrupted, or one with more starts, goes on
-        from it.
+    executor : Executor, optional
+        Runs the searches; in sequence where None.
+    progress : Progress, optional
+        Called with the number of finished searches and their total.
+    early_stop : EarlyStop, optional
+        Gives up hopeless searches; None pursues all to their end.
+    store : str or Path, optional
+        HDF5 file that keeps every search as soon as it has ended; with an executor, as soon as its
+        share of the starts has. A run that was interrupted, or one with more starts, goes on from
+        it.
 
     Raises
     ------
-    InvalidInput : as `fit`; if there is no start; if the store holds searches of something else.
+    InvalidInput
+        As `fit`; if there is no start; if the store holds searches of something else.
     """
     check_effort(max_evaluations, tolerance)
     problem = stated(model, estimate, residual, weights, bounds, positions, prior, loss)
@@ -166,10 +171,14 @@ class _Runs:
 
         Parameters
         ----------
-        stage : the name under which they are stored.
-        points : all starts.
-        begun : which of them, and what an earlier search from there came to.
-        limit : of evaluations, the earlier ones included.
+        stage : str
+            The name under which they are stored.
+        points : list of ndarray
+            All starts.
+        begun : dict of int to Outcome or None
+            Which of them, and what an earlier search from there came to.
+        limit : int
+            Limit of evaluations, the earlier ones included.
         """
         waiting = {}
         for i, before in begun.items():

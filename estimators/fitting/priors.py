@@ -17,9 +17,12 @@ class Prior:
 
     Attributes
     ----------
-    names : the k parameters something is known of.
-    values : (k,) medians [SI].
-    std : (k,) standard deviations of ln theta, so relative ones.
+    names : tuple of str
+        The k parameters something is known of.
+    values : ndarray, (k,)
+        Medians [SI].
+    std : ndarray, (k,)
+        Standard deviations of ln theta, so relative ones.
     """
 
     names: tuple[str, ...]
@@ -48,7 +51,8 @@ class Prior:
 
         Raises
         ------
-        InvalidInput : if one is not among them.
+        InvalidInput
+            If one is not among them.
         """
         for name in self.names:
             if name not in names:

@@ -28,7 +28,8 @@ def lls(measured: ComplexArray, modelled: ComplexArray) -> ComplexArray:
 
     Raises
     ------
-    InvalidInput : if an FRF is zero or not finite, with position, frequency and element.
+    InvalidInput
+        If an FRF is zero or not finite, with position, frequency and element.
     """
     for name, response in (("measured", measured), ("modelled", modelled)):
         wrong = np.argwhere(~np.isfinite(response) | (response == 0))
@@ -51,9 +52,12 @@ class Residual:
 
     Attributes
     ----------
-    name : as in `RESIDUALS`.
-    relative : whether it is a logarithm, so that noise and slopes are divided by G.
-    real : whether only the real part counts.
+    name : Name
+        As in `RESIDUALS`.
+    relative : bool
+        Whether it is a logarithm, so that noise and slopes are divided by G.
+    real : bool
+        Whether only the real part counts.
     """
 
     name: Name
@@ -67,7 +71,8 @@ class Residual:
 
         Raises
         ------
-        InvalidInput : if a logarithm is taken of zero or of a number that is not finite.
+        InvalidInput
+            If a logarithm is taken of zero or of a number that is not finite.
         """
         if used is not None:
             measured = np.where(used, measured, 1.0 + 0j)
@@ -127,7 +132,8 @@ def find_residual(name: str | Residual) -> Residual:
 
     Raises
     ------
-    InvalidInput : if there is none of that name.
+    InvalidInput
+        If there is none of that name.
     """
     if isinstance(name, Residual):
         return name

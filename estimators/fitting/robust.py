@@ -45,7 +45,8 @@ def check_loss(name: str) -> str:
 
     Raises
     ------
-    InvalidInput : if there is none.
+    InvalidInput
+        If there is none.
     """
     if name not in LOSSES:
         raise InvalidInput(f"loss {name!r} is none of {', '.join(LOSSES)}{nearest(name, LOSSES)}")
@@ -60,8 +61,10 @@ def robust_loss(name: str, squares: Array, variance: Array) -> Array:
 
     Parameters
     ----------
-    squares : (r,) squared residuals z.
-    variance : (r,) their expected values s^2.
+    squares : ndarray, (r,)
+        Squared residuals z.
+    variance : ndarray, (r,)
+        Their expected values s^2.
     """
     values = LOSSES[name](squares / variance)
     return np.stack([variance * values[0], values[1], values[2] / variance])

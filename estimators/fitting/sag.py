@@ -24,8 +24,10 @@ class Sag:
 
     Attributes
     ----------
-    values : (p,) parameters at which it was found.
-    stiffness, mass : (Q, p, d, d) derivatives by ln theta.
+    values : ndarray, (p,)
+        Parameters at which it was found.
+    stiffness, mass : ndarray, (Q, p, d, d)
+        Derivatives by ln theta.
     """
 
     values: Array
@@ -46,8 +48,10 @@ class Sag:
 
         Parameters
         ----------
-        network : at the parameters in question, equilibria found there.
-        kernel : the cost about these equilibria.
+        network : SpringNetwork
+            Network at the parameters in question, equilibria found there.
+        kernel : CostKernel
+            The cost about these equilibria.
         """
         q, p = self.stiffness.shape[:2]
         total = np.zeros(p)
@@ -61,7 +65,8 @@ def with_sag(problem: Problem, values: Array) -> tuple[SpringNetwork, Sag | None
 
     Raises
     ------
-    IdentificationError : if there is no equilibrium.
+    IdentificationError
+        If there is no equilibrium.
     """
     model, positions = problem.model, problem.estimate.positions
     if not isinstance(model, BeyondSprings):

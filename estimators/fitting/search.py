@@ -14,8 +14,9 @@ def check_effort(max_evaluations: int, tolerance: float) -> None:
 
     Raises
     ------
-    InvalidInput : unless evaluations are a whole number >= 1 and the tolerance lies between the
-        rounding error and one.
+    InvalidInput
+        Unless evaluations are a whole number >= 1 and the tolerance lies between the rounding error
+        and one.
     """
     whole = isinstance(max_evaluations, int | np.integer) and not isinstance(max_evaluations, bool)
     if not (whole and max_evaluations >= 1):
@@ -30,7 +31,8 @@ def search(problem: Problem, start: Array, max_evaluations: int, tolerance: floa
 
     Raises
     ------
-    IdentificationError, numpy.linalg.LinAlgError : if the model has no FRF at the start.
+    IdentificationError, numpy.linalg.LinAlgError
+        If the model has no FRF at the start.
     """
     network = problem.model.network(problem.estimate.positions, start)
     if not can_compile(problem, network):

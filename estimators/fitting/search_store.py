@@ -28,8 +28,8 @@ class SearchStore:
 
     Raises
     ------
-    InvalidInput : if the file is another one, holds the searches of another problem, or cannot be
-        written.
+    InvalidInput
+        If the file is another one, holds the searches of another problem, or cannot be written.
     """
 
     def __init__(self, path: Path, fingerprint: str) -> None:

@@ -37,9 +37,12 @@ class StartValues(Printed):
 
     Attributes
     ----------
-    names : p parameters.
-    values : (p,) [SI].
-    std : (p,) standard deviations of their logarithms.
+    names : tuple of str
+        p parameters.
+    values : ndarray, (p,)
+        Values [SI].
+    std : ndarray, (p,)
+        Standard deviations of their logarithms.
     """
 
     names: tuple[str, ...]
@@ -83,13 +86,15 @@ def physics_start(
 
     Parameters
     ----------
-    drives : arm-side stiffnesses of gears that are known better, by motor counted from 0
-        [N m/rad], such as the inverse eigenvalue problem's.
+    drives : mapping of int to float, N m/rad, optional
+        Arm-side stiffnesses of gears that are known better, by motor counted from 0, such as the
+        inverse eigenvalue problem's.
 
     Raises
     ------
-    InvalidInput : if no axis shows an anti-resonance or a resonance, the FRFs lack a motor, or
-        `drives` has a motor without elastic drive or a stiffness that is not positive.
+    InvalidInput
+        If no axis shows an anti-resonance or a resonance, the FRFs lack a motor, or `drives` has a
+        motor without elastic drive or a stiffness that is not positive.
     """
     network = model.network(estimate.positions)
     if min(estimate.response.shape[2:]) < network.selector.shape[1]:
@@ -129,8 +134,10 @@ def named_start(name: str, model: Elastic, estimate: FrfEstimate) -> Array:
 
     Raises
     ------
-    InvalidInput : for another name, or chains of a model that is no robot, or as those functions.
-    NotIdentifiable : as `chain_start_values`.
+    InvalidInput
+        For another name, or chains of a model that is no robot, or as those functions.
+    NotIdentifiable
+        As `chain_start_values`.
     """
     if name not in STARTS:
         raise InvalidInput(
@@ -180,10 +187,14 @@ def _springs(
 
     Parameters
     ----------
-    inertias : (s, 2, Q) at their ends.
-    known : stiffnesses of gears.
-    unseen : the other gears.
-    top : end of the band [rad/s].
+    inertias : ndarray, (s, 2, Q)
+        Inertias at their ends.
+    known : dict of int to float
+        Stiffnesses of gears.
+    unseen : set of int
+        The other gears.
+    top : float, rad/s
+        End of the band.
     """
     reduced = np.exp(-np.mean(np.log((1 / inertias).sum(axis=1)), axis=1))
     arm = np.array([np.exp(np.mean(np.log(max(inertias[s], key=np.sum)))) for s in known])

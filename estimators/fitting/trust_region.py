@@ -80,9 +80,12 @@ def trust_region(
 
     Parameters
     ----------
-    evaluate : residuals (r,) and their Jacobian by ln theta (r, p) at values (p,).
-    loss : of squared residuals, with its derivatives; none where None.
-    box : (2, p) values to stay between instead of the problem's bounds.
+    evaluate : callable
+        Residuals (r,) and their Jacobian by ln theta (r, p) at values (p,).
+    loss : callable, optional
+        Loss of squared residuals, with its derivatives; none where None.
+    box : ndarray, (2, p), optional
+        Values to stay between instead of the problem's bounds.
     """
     from scipy.optimize import least_squares
 

@@ -32,15 +32,21 @@ def user_weights(
 
     Parameters
     ----------
-    diagonal, off_diagonal : weights of the elements on and off the diagonal.
-    from_omega : weights below this frequency [rad/s] are zero.
-    minimum_snr : weights are zero where |G| is below this many of its standard deviations.
-    elements : (m, n) weights of the elements instead of `diagonal` and `off_diagonal`.
-    response : (Q, F, m, n) whose magnitude is compared with the noise; the measured one where None.
+    diagonal, off_diagonal : float
+        Weights of the elements on and off the diagonal.
+    from_omega : float
+        Weights below this frequency [rad/s] are zero.
+    minimum_snr : float
+        Weights are zero where |G| is below this many of its standard deviations.
+    elements : ndarray, (m, n), optional
+        Weights of the elements instead of `diagonal` and `off_diagonal`.
+    response : ndarray of complex, (Q, F, m, n), optional
+        Response whose magnitude is compared with the noise; the measured one where None.
 
     Raises
     ------
-    InvalidInput : for a negative number, or weights of elements that the FRFs do not have.
+    InvalidInput
+        For a negative number, or weights of elements that the FRFs do not have.
     """
     for name, value in (
         ("diagonal", diagonal),
@@ -88,7 +94,8 @@ def clear(estimate: FrfEstimate, minimum_snr: float, response: ComplexArray) -> 
 
     Raises
     ------
-    InvalidInput : if that is not a number >= 0.
+    InvalidInput
+        If that is not a number >= 0.
     """
     if not (np.isfinite(minimum_snr) and minimum_snr >= 0):
         raise InvalidInput(f"weights.minimum_snr: {minimum_snr!r} is not a number >= 0")
@@ -120,7 +127,8 @@ def check_positive(weights: NDArray[Any], estimate: FrfEstimate, what: str = "we
 
     Raises
     ------
-    InvalidInput : with the first such place.
+    InvalidInput
+        With the first such place.
     """
     wrong = np.argwhere(~(np.isfinite(weights) & (weights >= 0)))
     if wrong.size:
@@ -146,21 +154,27 @@ def optimal_weights(
 
     Parameters
     ----------
-    residual : whose noise is to be whitened, "nls", "lls" or "lls_magnitude".
-    response : (Q, F, m, n) at which (8) is evaluated. None takes the measured FRF as [WM] do; its
-        errors then correlate with the weights, a bias of the order of the relative variance. The
-        FRF of a previous fit avoids it, see `estimators.reweighted`.
-    minimum_snr : elements below so many of their standard deviations are left out.
-    diagonal : use the variances only, as [WM] 6 do.
+    residual : str or Residual
+        Residual whose noise is to be whitened, "nls", "lls" or "lls_magnitude".
+    response : ndarray of complex, (Q, F, m, n), optional
+        Response at which (8) is evaluated. None takes the measured FRF as [WM] do; its errors then
+        correlate with the weights, a bias of the order of the relative variance. The FRF of a
+        previous fit avoids it, see `estimators.reweighted`.
+    minimum_snr : float
+        Elements below so many of their standard deviations are left out.
+    diagonal : bool
+        Use the variances only, as [WM] 6 do.
 
     Returns
     -------
-    (Q, F, m, n) real for independent elements, (Q, F, m n, m n) Hermitian otherwise.
+    ndarray or ndarray of complex
+        (Q, F, m, n) real for independent elements, (Q, F, m n, m n) Hermitian otherwise.
 
     Raises
     ------
-    InvalidInput : if a covariance is not positive definite, with position and frequency; if the
-        response does not fit, or `minimum_snr` is negative.
+    InvalidInput
+        If a covariance is not positive definite, with position and frequency; if the response does
+        not fit, or `minimum_snr` is negative.
     """
     kind, at = find_residual(residual), _response(estimate, response)
     used = clear(estimate, minimum_snr, at)
@@ -190,15 +204,19 @@ def combined_weights(
 
     Parameters
     ----------
-    shape : the user's weights U (Q, F, m, n); `user_weights` where None.
-    floor : relative error of the model [-].
-    diagonal : use the variances only.
-    residual, response, minimum_snr : as in `optimal_weights`.
+    shape : ndarray, (Q, F, m, n), optional
+        The user's weights U; `user_weights` where None.
+    floor : float, dimensionless
+        Relative error of the model.
+    diagonal : bool
+        Use the variances only.
+    residual, response, minimum_snr
+        As in `optimal_weights`.
 
     Raises
     ------
-    InvalidInput : if the floor is not positive, the user's weights do not fit, or as
-        `optimal_weights`.
+    InvalidInput
+        If the floor is not positive, the user's weights do not fit, or as `optimal_weights`.
     """
     if not (np.isfinite(floor) and floor > 0):
         raise InvalidInput(f"weights.floor: {floor!r} is not a positive number")
@@ -232,7 +250,8 @@ def _inverse(
 
     Raises
     ------
-    InvalidInput : if a covariance is not positive definite, with position and frequency.
+    InvalidInput
+        If a covariance is not positive definite, with position and frequency.
     """
     if not is_full(noise, used.shape):
         return np.asarray(np.where(used, 1.0 / np.where(used, noise, 1.0), 0.0))

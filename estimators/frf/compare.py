@@ -22,11 +22,16 @@ class Loop:
 
     Attributes
     ----------
-    response : (F, m, n) G, torque to acceleration.
-    closed : (F, n, m) C, output noise to (minus) torque; zero in open loop.
-    reference : (B, F, n, E).
-    torque : (B, F, n, E) U0, without noise.
-    noise : (F, m, m) covariance of V, of one run with its periods averaged.
+    response : ndarray of complex, (F, m, n)
+        G, torque to acceleration.
+    closed : ndarray of complex, (F, n, m)
+        C, output noise to (minus) torque; zero in open loop.
+    reference : ndarray of complex, (B, F, n, E)
+        Reference.
+    torque : ndarray of complex, (B, F, n, E)
+        U0, without noise.
+    noise : ndarray of complex, (F, m, m)
+        Covariance of V, of one run with its periods averaged.
     """
 
     response: ComplexArray
@@ -78,12 +83,17 @@ def designed_loop(
 
     Parameters
     ----------
-    response : (F, m, n) of the model.
-    feedback : (F, n, m) F_y, torque per (minus) acceleration. A controller's torque per angle
-        becomes that when divided by -omega^2 and, if held, multiplied by the hold's factor.
-    prefilter : (F, n, n) F_r, torque per reference.
-    reference : (B, F, n, E) of the plan.
-    noise : (F, m, m) covariance of the output noise, periods averaged.
+    response : ndarray of complex, (F, m, n)
+        Response of the model.
+    feedback : ndarray of complex, (F, n, m)
+        F_y, torque per (minus) acceleration. A controller's torque per angle becomes that when
+        divided by -omega^2 and, if held, multiplied by the hold's factor.
+    prefilter : ndarray of complex, (F, n, n)
+        F_r, torque per reference.
+    reference : ndarray of complex, (B, F, n, E)
+        Reference of the plan.
+    noise : ndarray of complex, (F, m, m)
+        Covariance of the output noise, periods averaged.
     """
     opened = np.eye(response.shape[-1]) + feedback @ response
     return Loop(
@@ -110,8 +120,8 @@ def measured_loop(
 
     Raises
     ------
-    InvalidInput : if there are too few runs to tell noise from signal, or as
-        `estimators.estimate_frf` does.
+    InvalidInput
+        If there are too few runs to tell noise from signal, or as `estimators.estimate_frf` does.
     """
     found = usable_spectra(
         records.at(index),
@@ -147,11 +157,15 @@ class Comparison:
 
     Attributes
     ----------
-    methods : names.
-    bias : (methods, F) norm of the element-wise median of the estimates less G.
-    error : (methods, F) median over the runs of the norm of the estimate less G. Medians, for at
-        low signal-to-noise ratios the mean of a ratio does not exist.
-    response : (F,) norm of G.
+    methods : tuple of str
+        Names.
+    bias : ndarray, (methods, F)
+        Norm of the element-wise median of the estimates less G.
+    error : ndarray, (methods, F)
+        Median over the runs of the norm of the estimate less G. Medians, for at low signal-to-noise
+        ratios the mean of a ratio does not exist.
+    response : ndarray, (F,)
+        Norm of G.
     """
 
     methods: tuple[str, ...]
@@ -181,8 +195,10 @@ def compare_methods(
 
     Parameters
     ----------
-    runs : number of simulated campaigns at each frequency.
-    methods : those to compare; by default all that the runs permit.
+    runs : int
+        Number of simulated campaigns at each frequency.
+    methods : tuple of str, optional
+        Those to compare; by default all that the runs permit.
     """
     F, m, n = loop.response.shape
     square = loop.torque.shape[-1] == n

@@ -31,17 +31,27 @@ class Distortion:
 
     Attributes
     ----------
-    positions : (Q, n) [rad].
-    omega : (F,) excited lines [rad/s].
-    noise : (Q, F, m, n) variances of the FRF by noise, from what periods do not repeat.
-    total : (Q, F, m, n) by noise and distortion, from blocks; NaN where there is one block.
-    blocks : (Q,) blocks averaged.
-    output : (Q, F, m) rms acceleration at the excited lines, over blocks and runs.
-    odd_omega, even_omega : (O,) and (V,) detection lines within the excited band [rad/s].
-    odd, even : (Q, O, m) and (Q, V, m) rms of Y - G U there: what the linear response to the
-        torque at these lines does not explain [rad/s^2].
-    odd_noise, even_noise : the rms that noise alone would have there.
-    odd_raw, even_raw : rms of Y there, the response to the torque included.
+    positions : ndarray, (Q, n), rad
+        Positions.
+    omega : ndarray, (F,), rad/s
+        Excited lines.
+    noise : ndarray, (Q, F, m, n)
+        Variances of the FRF by noise, from what periods do not repeat.
+    total : ndarray, (Q, F, m, n)
+        Variances by noise and distortion, from blocks; NaN where there is one block.
+    blocks : ndarray of int, (Q,)
+        Blocks averaged.
+    output : ndarray, (Q, F, m)
+        rms acceleration at the excited lines, over blocks and runs.
+    odd_omega, even_omega : ndarray, (O,) and (V,), rad/s
+        Detection lines within the excited band.
+    odd, even : ndarray, (Q, O, m) and (Q, V, m), rad/s^2
+        rms of Y - G U there: what the linear response to the torque at these lines does not
+        explain.
+    odd_noise, even_noise : ndarray
+        The rms that noise alone would have there.
+    odd_raw, even_raw : ndarray
+        rms of Y there, the response to the torque included.
     """
 
     positions: Array
@@ -91,11 +101,13 @@ def distortion(
 
     Parameters
     ----------
-    records, method, hold, delay, transient : as in `estimators.estimate_frf`.
+    records, method, hold, delay, transient
+        As in `estimators.estimate_frf`.
 
     Raises
     ------
-    InvalidInput : if there are less than two periods, or as `estimate_frf` does.
+    InvalidInput
+        If there are less than two periods, or as `estimate_frf` does.
     """
     settings = _Settings(method, hold, delay, transient)
     found = [
@@ -139,7 +151,8 @@ def _of_position(part: Records, who: str, settings: _Settings) -> _Position:
 
     Raises
     ------
-    InvalidInput : as `distortion`.
+    InvalidInput
+        As `distortion`.
     """
     method, hold, delay, transient = settings
     found = usable_spectra(part, who, method, hold=hold, delay=delay, transient=transient)

@@ -31,7 +31,8 @@ def is_full(per_line: NDArray[Any], shape: tuple[int, ...]) -> bool:
 
     Raises
     ------
-    InvalidInput : if the array has neither shape.
+    InvalidInput
+        If the array has neither shape.
     """
     mn = shape[-2] * shape[-1]
     if per_line.shape == shape:
@@ -58,23 +59,28 @@ class FrfEstimate(Printed):
 
     Attributes
     ----------
-    positions : (Q, n) [rad].
-    omega : (F,) [rad/s], positive.
-    response : (Q, F, m, n) complex, motor torque to motor acceleration [rad/s^2/(N m)].
-    covariance : of the circular complex errors of `response` as it stands (averages included):
+    positions : ndarray, (Q, n), rad
+        Positions.
+    omega : ndarray, (F,), rad/s
+        Positive.
+    response : ndarray of complex, (Q, F, m, n), rad/s^2/(N m)
+        Motor torque to motor acceleration.
+    covariance : ndarray or ndarray of complex
+        Covariance of the circular complex errors of `response` as it stands (averages included):
         (Q, F, m, n) variances of independent elements, or (Q, F, m n, m n) Hermitian, of vec(G)
         with columns stacked.
-    repetitions : (Q,) experiments averaged in each position.
-    degrees_of_freedom : (Q,)
+    repetitions : ndarray of int, (Q,)
+        Experiments averaged in each position.
+    degrees_of_freedom : ndarray, (Q,)
         Complex degrees of freedom of the covariance in each position, B - 1 over B blocks of one
         visit; infinite where it is declared, as that of a noise law; not a number where it is not
         known. A scalar stands for all positions.
-    deviations : (Q, R, F, m, n) complex, optional
+    deviations : ndarray of complex, (Q, R, F, m, n), optional
         Independent draws of the errors, scaled so that the outer products of their vec add up to
         the full covariance; zero where a position has fewer. They show how errors of elements and
         of neighbouring lines hang together.
-    line_correlation : (L,)
-        Correlation of the errors 1 to L lines apart, where lines share data [-].
+    line_correlation : ndarray, (L,), dimensionless
+        Correlation of the errors 1 to L lines apart, where lines share data.
     """
 
     positions: Array
@@ -205,12 +211,18 @@ def simulate_frf(
 
     Parameters
     ----------
-    model : robot, or anything with its ``parameters`` and ``network``.
-    positions : (Q, n) [rad].
-    omega : (F,) [rad/s].
-    noise : law of one experiment.
-    rng : source of the errors.
-    repetitions : (Q,) experiments averaged in each position; one where None.
+    model : Elastic
+        Robot, or anything with its ``parameters`` and ``network``.
+    positions : ndarray, (Q, n), rad
+        Positions.
+    omega : ndarray, (F,), rad/s
+        Angular frequencies.
+    noise : RelativeNoise
+        Law of one experiment.
+    rng : Generator
+        Source of the errors.
+    repetitions : sequence of int or ndarray of int, (Q,), optional
+        Experiments averaged in each position; one where None.
     """
     truth = np.asarray(frequency_response(model, positions, omega))
     return noisy_frf(truth, positions, omega, noise, rng, repetitions)

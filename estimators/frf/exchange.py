@@ -49,7 +49,8 @@ def write_frf(path: PathLike, estimate: FrfEstimate) -> None:
 
     Raises
     ------
-    InvalidInput : if the ending is unknown, or the format cannot hold the estimate.
+    InvalidInput
+        If the ending is unknown, or the format cannot hold the estimate.
     """
     from estimators.frf import exchange_csv, exchange_uff
 
@@ -71,12 +72,15 @@ def read_frf(
 
     Parameters
     ----------
-    positions : (Q, n) for UFF files that do not say them [rad].
-    noise : law of the errors for UFF files that do not hold variances.
+    positions : ndarray, (Q, n), rad, optional
+        Positions for UFF files that do not say them.
+    noise : RelativeNoise, optional
+        Law of the errors for UFF files that do not hold variances.
 
     Raises
     ------
-    InvalidInput : naming the file and what is wrong in it.
+    InvalidInput
+        Naming the file and what is wrong in it.
     """
     from estimators.frf import exchange_csv, exchange_uff
 
@@ -94,7 +98,8 @@ def write_records(path: PathLike, records: Records) -> None:
 
     Raises
     ------
-    InvalidInput : if the ending is unknown.
+    InvalidInput
+        If the ending is unknown.
     """
     from estimators.frf import exchange_csv
 
@@ -113,7 +118,8 @@ def read_records(path: PathLike) -> Records:
 
     Raises
     ------
-    InvalidInput : naming the file and what is wrong in it.
+    InvalidInput
+        Naming the file and what is wrong in it.
     """
     from estimators.frf import exchange_csv
 
@@ -138,7 +144,8 @@ def read_distortion(path: PathLike) -> Distortion:
 
     Raises
     ------
-    InvalidInput : naming the file and what is wrong in it.
+    InvalidInput
+        Naming the file and what is wrong in it.
     """
     readers: dict[str, Callable[[Path], Distortion]] = {
         ".h5": lambda p: Distortion(**read_hdf5(p, DISTORTION, DISTORTION_SCHEMA, _LEVELS)),

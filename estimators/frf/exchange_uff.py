@@ -198,8 +198,8 @@ def _gathered(sets: list[dict[str, Any]], axes: list[list[Any]], x: Array) -> Co
 
     Raises
     ------
-    InvalidInput : naming an element that is missing, given twice, not an acceleration or at other
-        frequencies.
+    InvalidInput
+        Naming an element that is missing, given twice, not an acceleration or at other frequencies.
     """
     numbers, outputs, inputs = axes
     if len(numbers) * len(outputs) * len(inputs) > _MOST_ELEMENTS * len(sets):

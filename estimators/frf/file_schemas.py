@@ -70,7 +70,8 @@ def check_hertz(hertz: Array, omega: Array, where: object) -> None:
 
     Raises
     ------
-    InvalidInput : naming the first that differs.
+    InvalidInput
+        Naming the first that differs.
     """
     expected = omega / (2 * np.pi)
     wrong = ~(np.abs(hertz - expected) <= _LARGEST_MISFIT * np.abs(expected))

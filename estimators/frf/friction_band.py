@@ -24,13 +24,15 @@ def unfrictioned(data: Data, distortion: Array | None) -> tuple[Data, int]:
 
     Parameters
     ----------
-    data : FRFs of one position.
-    distortion : (F, M, M) standard deviations of one block's FRF by distortion; None keeps all
-        lines.
+    data : Data
+        FRFs of one position.
+    distortion : ndarray or None, (F, M, M)
+        Standard deviations of one block's FRF by distortion; None keeps all lines.
 
     Raises
     ------
-    InvalidInput : if shapes do not fit.
+    InvalidInput
+        If shapes do not fit.
     """
     if distortion is None:
         return data, 0

@@ -41,23 +41,28 @@ def local_frf(
 ) -> FrfEstimate:
     """Estimate FRFs line by line from a window of lines, all blocks and runs together.
 
-    Parameters
-    ----------
-    order : of the polynomials of G's elements, or of the numerators.
-    denominator : order of the common denominator; 0 for polynomials, 2 to follow a resonance that
-        is narrow against the window.
-    half_width : lines used to either side; the smallest that leaves four equations in excess per
-        unknown of a row by default. Windows at the ends are shifted inwards.
-    structure, hold, delay, transient : as in `estimators.estimate_frf`.
-
     The covariance comes from the residuals: noise and distortion alike, and the model's error if
     the window is too wide for the order. Windows of neighbouring lines share data:
     `FrfEstimate.line_correlation` says how far their errors are correlated. As with h1, noise that
     feedback brings to the torques biases the estimate.
 
+    Parameters
+    ----------
+    order : int
+        Order of the polynomials of G's elements, or of the numerators.
+    denominator : int
+        Order of the common denominator; 0 for polynomials, 2 to follow a resonance that is narrow
+        against the window.
+    half_width : int, optional
+        Lines used to either side; the smallest that leaves four equations in excess per unknown of
+        a row by default. Windows at the ends are shifted inwards.
+    structure, hold, delay, transient
+        As in `estimators.estimate_frf`.
+
     Raises
     ------
-    InvalidInput : if the window has too few equations, or they do not determine the FRF.
+    InvalidInput
+        If the window has too few equations, or they do not determine the FRF.
     """
     check_choice("structure", structure, ("full", "diagonal"))
     for name, value, least in (("order", order, 0), ("denominator", denominator, 0)):

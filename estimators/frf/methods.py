@@ -60,7 +60,8 @@ def find_method(name: str) -> Method:
 
     Raises
     ------
-    InvalidInput : if there is none.
+    InvalidInput
+        If there is none.
     """
     if name not in METHODS:
         raise InvalidInput(
@@ -99,8 +100,10 @@ def jackknife(
 
     Returns
     -------
-    estimate : (..., m, n)
-    deviations : (..., B - 1, m, n)
+    estimate : ndarray of complex, (..., m, n)
+        Estimate over all blocks.
+    deviations : ndarray of complex, (..., B - 1, m, n)
+        Independent draws of its error.
     """
     B = input.shape[_BLOCKS]
     estimate = method(output, input, reference)
@@ -158,9 +161,12 @@ def noise_deviations(
 
     Parameters
     ----------
-    estimate : (..., m, n) G.
-    output, input : (..., B, J, m, E) and (..., B, J, n, E) without signal, see `Spectra`.
-    mean_input, reference : (..., B, n, E) averaged over the periods.
+    estimate : ndarray of complex, (..., m, n)
+        G.
+    output, input : ndarray of complex, (..., B, J, m, E) and (..., B, J, n, E)
+        Without signal, see `Spectra`.
+    mean_input, reference : ndarray of complex, (..., B, n, E)
+        Averaged over the periods.
     """
     weights = experiment_weights(method, mean_input, reference)
     error = output - estimate[..., None, None, :, :] @ input

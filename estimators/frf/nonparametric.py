@@ -43,22 +43,29 @@ def estimate_frf(
 
     Parameters
     ----------
-    records : runs, or any iterable of them, e.g. `robotmodels.record_files.iterate_records`;
-        one position at a time is held in memory.
-    method : "ari", "har", "log", "h1" or "jio"; `estimators.compare_methods` helps to choose.
-    covariance : "total", over blocks, or "noise", from what does not repeat from period to period,
-        which misses the distortions by nonlinearities and is all that one block can give.
-    structure : "full" matrices of vec(G), of rank B - 1 at most for the total one, or their
-        "diagonal".
-    hold : whether the torque is held over a sample.
-    delay : of the measured angle after the torque [s].
-    transient : periods to drop at the start of each run; "auto" drops those that differ
-        from later ones, see `estimators.settling`, and warns when it does.
+    records : Records or iterable of Records
+        Runs, or any iterable of them, e.g. `robotmodels.record_files.iterate_records`; one position
+        at a time is held in memory.
+    method : str
+        "ari", "har", "log", "h1" or "jio"; `estimators.compare_methods` helps to choose.
+    covariance : str
+        "total", over blocks, or "noise", from what does not repeat from period to period, which
+        misses the distortions by nonlinearities and is all that one block can give.
+    structure : str
+        "full" matrices of vec(G), of rank B - 1 at most for the total one, or their "diagonal".
+    hold : bool
+        Whether the torque is held over a sample.
+    delay : float, s
+        Delay of the measured angle after the torque.
+    transient : Transient
+        Periods to drop at the start of each run; "auto" drops those that differ from later ones,
+        see `estimators.settling`, and warns when it does.
 
     Raises
     ------
-    InvalidInput : naming position, block, line and condition number where torques are dependent,
-        and whatever else keeps the records from being used.
+    InvalidInput
+        Naming position, block, line and condition number where torques are dependent, and whatever
+        else keeps the records from being used.
     """
     find_method(method)
     check_choice("covariance", covariance, ("total", "noise"))
@@ -93,11 +100,13 @@ def over_positions(
 
     Parameters
     ----------
-    estimated : gives a position's, from its records and what messages are to call it.
+    estimated : callable
+        Gives a position's, from its records and what messages are to call it.
 
     Raises
     ------
-    InvalidInput : if there are no records, or the frequencies of positions differ.
+    InvalidInput
+        If there are no records, or the frequencies of positions differ.
     """
     positions, found = [], list[PositionFrf]()
     for count, part in enumerate(each_position(records)):
@@ -156,7 +165,8 @@ def usable_spectra(
 
     Raises
     ------
-    InvalidInput : as `estimate_frf` does.
+    InvalidInput
+        As `estimate_frf` does.
     """
     check_records(records, 0, who)
     found = spectra(records, hold=hold, delay=delay)
@@ -190,7 +200,8 @@ def with_deviations(
 
     Raises
     ------
-    InvalidInput : if there are too few blocks, or periods, for a covariance.
+    InvalidInput
+        If there are too few blocks, or periods, for a covariance.
     """
     B, P = found.input.shape[:2]
     Y, U, R = (a.swapaxes(0, 1) for a in found.averaged())

@@ -26,11 +26,11 @@ class PooledNoise:
 
     Attributes
     ----------
-    variance : (Q, F, ...)
+    variance : ndarray, (Q, F, ...)
         From neighbouring lines alone.
-    own_share : (Q, 1, ...)
+    own_share : ndarray, (Q, 1, ...)
         How much a line's own variance tells beside them, 0 to 1.
-    mixed : (Q, F, ...)
+    mixed : ndarray, (Q, F, ...)
         Geometric means of the own variance, by its share, and that of the neighbours.
     """
 
@@ -58,11 +58,11 @@ def pooled_noise(
 
     Parameters
     ----------
-    variances : (Q, F, ...)
+    variances : ndarray, (Q, F, ...)
         Estimated, positive.
-    degrees_of_freedom : (Q,)
+    degrees_of_freedom : ndarray, (Q,)
         Complex ones of the variances.
-    deviations : (Q, R, F, ...), optional
+    deviations : ndarray of complex, (Q, R, F, ...), optional
         Draws that the variances were made of; without them lines may be correlated.
     """
     from scipy.special import digamma, polygamma

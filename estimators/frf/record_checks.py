@@ -29,13 +29,16 @@ def check_records(records: Records, index: int = 0, name: str | None = None) -> 
 
     Parameters
     ----------
-    index : position to be checked.
-    name : how messages call the position; its number, counted from 1, by default.
+    index : int
+        Position to be checked.
+    name : str, optional
+        How messages call the position; its number, counted from 1, by default.
 
     Raises
     ------
-    InvalidInput : if all is missing, the reference differs from period to period or has its power
-        elsewhere, or a motor is not driven at all.
+    InvalidInput
+        If all is missing, the reference differs from period to period or has its power elsewhere,
+        or a motor is not driven at all.
     """
     who = name or f"position {index + 1}"
     present = ~records.missing[index]
@@ -117,7 +120,8 @@ def check_condition(
 
     Raises
     ------
-    InvalidInput : naming line, frequency and condition number.
+    InvalidInput
+        Naming line, frequency and condition number.
     """
     size = np.sqrt(np.mean(np.abs(inputs) ** 2, axis=-1, keepdims=True))
     scaled = inputs / np.where(size == 0, 1.0, size)

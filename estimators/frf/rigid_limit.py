@@ -32,9 +32,11 @@ class RigidLimit:
 
     Attributes
     ----------
-    ratio : (n,) measured over rigid diagonal elements, median over positions and lowest lines;
-        not a number for motors that are not judged.
-    messages : one line for each thing that looks wrong.
+    ratio : ndarray of complex, (n,)
+        Measured over rigid diagonal elements, median over positions and lowest lines; not a number
+        for motors that are not judged.
+    messages : tuple of str
+        One line for each thing that looks wrong.
     """
 
     ratio: ComplexArray
@@ -49,11 +51,13 @@ def check_rigid_limit(estimate: FrfEstimate, model: Elastic) -> RigidLimit:
 
     Parameters
     ----------
-    model : robot, or anything with its ``parameters`` and ``network``.
+    model : Elastic
+        Robot, or anything with its ``parameters`` and ``network``.
 
     Raises
     ------
-    InvalidInput : if the model has other motors than the estimate.
+    InvalidInput
+        If the model has other motors than the estimate.
     """
     network = model.network(estimate.positions)
     m, n = estimate.response.shape[2:]

@@ -23,15 +23,22 @@ class Spectra:
 
     Attributes
     ----------
-    omega : (F,) [rad/s].
-    reference : (B, P, F, n, E) speed reference [rad/s].
-    input : (B, P, F, n, E) torque as the motors saw it, the hold included [N m].
-    output : (B, P, F, m, E) motor acceleration [rad/s^2].
-    noise_input, noise_output : (B, J, F, ., E) at J frequencies around each line where no periodic
-        signal is: bins of the whole record between those of its period; J = 0 for one period. They
-        are scaled as averages over the periods are, so that their power is the averages' noise.
-    noise_bins : how many of the J bins a line has for itself: neighbouring lines may share some.
-    present : (B, E) whether a run was measured.
+    omega : ndarray, (F,), rad/s
+        Angular frequencies.
+    reference : ndarray of complex, (B, P, F, n, E), rad/s
+        Speed reference.
+    input : ndarray of complex, (B, P, F, n, E), N m
+        Torque as the motors saw it, the hold included.
+    output : ndarray of complex, (B, P, F, m, E), rad/s^2
+        Motor acceleration.
+    noise_input, noise_output : ndarray of complex, (B, J, F, ., E)
+        At J frequencies around each line where no periodic signal is: bins of the whole record
+        between those of its period; J = 0 for one period. They are scaled as averages over the
+        periods are, so that their power is the averages' noise.
+    noise_bins : float
+        How many of the J bins a line has for itself: neighbouring lines may share some.
+    present : ndarray, (B, E)
+        Whether a run was measured.
     """
 
     omega: Array
@@ -87,9 +94,12 @@ def spectra(
 
     Parameters
     ----------
-    hold : whether the torque was held over each sample; otherwise it is taken as sampled.
-    delay : time by which the measured angle lags the torque, e.g. a filter's or a bus's [s].
-    first : periods before this one are dropped.
+    hold : bool
+        Whether the torque was held over each sample; otherwise it is taken as sampled.
+    delay : float, s
+        Time by which the measured angle lags the torque, e.g. a filter's or a bus's.
+    first : int
+        Periods before this one are dropped.
     """
     if not np.isfinite(delay):
         raise InvalidInput(f"delay: {delay!r} s is not a number")

@@ -23,10 +23,13 @@ class Settling:
 
     Attributes
     ----------
-    first : the first period that agrees with the later ones; those before it are to be dropped.
-    p_values : (P - 2,) chance of a period differing from the later ones by as much as it does.
-    deviations : (P - 2,) difference from the mean of the later ones relative to it, rms over
-        lines, of the signal that differs most [-].
+    first : int
+        The first period that agrees with the later ones; those before it are to be dropped.
+    p_values : ndarray, (P - 2,)
+        Chance of a period differing from the later ones by as much as it does.
+    deviations : ndarray, (P - 2,), dimensionless
+        Difference from the mean of the later ones relative to it, rms over lines, of the signal
+        that differs most.
     """
 
     first: int
@@ -49,8 +52,10 @@ def settling(found: Spectra, level: float = LEVEL, negligible: float = NEGLIGIBL
 
     Parameters
     ----------
-    level : chance of a false alarm, per period.
-    negligible : transients below this part of the signal are kept.
+    level : float
+        Chance of a false alarm, per period.
+    negligible : float
+        Transients below this part of the signal are kept.
     """
     check_level(level, "settling")
     signal = np.concatenate([found.input, found.output], axis=3)[found.present.any(axis=1)]

@@ -32,9 +32,9 @@ class Directions:
     names, units : tuple of str
         Of all directions: those of `columns`, then those of the parameters in one position or in
         the lower half of the lines.
-    columns : (Q, F, k, r)
+    columns : Lines, (Q, F, k, r)
         Change of the modelled values with a coefficient of one.
-    jacobian : (Q, F, k, p)
+    jacobian : Lines, (Q, F, k, p)
         Change with ln theta, of which single positions and half of the lines are directions.
     positions, half : int
         How many positions are tested one by one; how many lines are the lower half.
@@ -91,17 +91,17 @@ class DirectedTests:
     ----------
     names, units : tuple of str
         As in `Directions`, but for those that the parameters imitate.
-    index : (r,)
+    index : ndarray of int, (r,)
         Their place in `Directions`.
-    estimates, std : (r,)
+    estimates, std : ndarray, (r,)
         Coefficients by one step, and their standard deviations.
-    probabilities : (r,)
+    probabilities : ndarray, (r,)
         Two-sided, of estimates as large if the model is right; not corrected for their number.
-    moved : (r,)
+    moved : ndarray of int, (r,)
         The parameter that an error at the limit of detection moves most.
-    shift : (r,)
+    shift : ndarray, (r,)
         By how many of its standard deviations.
-    degrees_of_freedom : (r,)
+    degrees_of_freedom : ndarray, (r,)
         Of the standard deviations.
     """
 
@@ -139,7 +139,7 @@ def directed_tests(
 
     Parameters
     ----------
-    std : (p,)
+    std : ndarray, (p,)
         Standard deviations of ln theta.
     expected : float, optional
         Of the sum of squared residuals, where they are larger: variances are then scaled by what

@@ -26,7 +26,7 @@ class LineCorrelation:
     ----------
     probability : float
         Of lagged products as large if the errors are white.
-    coefficients : (F,)
+    coefficients : ndarray, (F,)
         Correlation at lags 0 to F - 1, of an autoregressive process; 1, 0, 0, ... where white.
     variance : float
         Of a whitened error, by the residuals; one where deviations were looked at.
@@ -108,7 +108,7 @@ def correlation_of_residuals(fit: LinearisedFit, columns: Lines | None = None) -
 
     Parameters
     ----------
-    columns : (Q, F, k, r), optional
+    columns : Lines, (Q, F, k, r), optional
         Directions that are taken out of the residuals beside the parameters.
     """
     root = np.sqrt(fit.noise_weights)

@@ -18,9 +18,9 @@ class Scatter:
 
     Attributes
     ----------
-    variance : (r,)
+    variance : ndarray, (r,)
         Of the estimated coefficients.
-    degrees_of_freedom : (r,)
+    degrees_of_freedom : ndarray, (r,)
         Real ones, by Satterthwaite's approximation; infinite where the noise is declared.
     """
 

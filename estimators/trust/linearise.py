@@ -16,8 +16,8 @@ def linearise(fit: Fit, at: tuple[ComplexArray, ComplexArray] | None = None) -> 
     Parameters
     ----------
     at : tuple, optional
-        FRF at the fit, (Q, F, m, n), and its derivatives with respect to ln theta,
-        (Q, F, m, n, p); computed where None.
+        FRF at the fit, (Q, F, m, n), and its derivatives with respect to ln theta, (Q, F, m, n, p);
+        computed where None.
     """
     response, jacobian = sensitivities(fit) if at is None else at
     estimate, problem = fit.estimate, problem_of(fit)

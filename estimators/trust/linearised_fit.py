@@ -29,21 +29,21 @@ class LinearisedFit:
         The p parameters.
     residuals : (Q, F, k) complex, or real for magnitudes
         Measured less fitted; zero where an element is not used.
-    jacobian : (Q, F, k, p)
+    jacobian : Lines, (Q, F, k, p)
         Derivatives of the fitted values with respect to ln theta.
-    weights : (Q, F, k) or (Q, F, k, k)
+    weights : Lines, (Q, F, k) or (Q, F, k, k)
         Those of the fit; zero for elements that are not used.
-    noise_weights : (Q, F, k)
+    noise_weights : ndarray, (Q, F, k)
         Inverse variances of the noise, estimated without the line itself; zero where not used.
     covariance : (Q, F, k) variances or (Q, F, k, k) Hermitian
         Of the errors, as stated or estimated.
-    deviations : (Q, R, F, k), optional
+    deviations : ndarray of complex, (Q, R, F, k), optional
         Independent draws whose outer products add up to the covariance.
-    degrees_of_freedom : (Q,)
+    degrees_of_freedom : ndarray, (Q,)
         Of the covariance, complex ones; infinite where it is declared.
-    line_correlation : (L,)
+    line_correlation : ndarray, (L,)
         Correlation of errors 1 to L lines apart, where the estimator of the FRF makes one.
-    prior : (p, p)
+    prior : ndarray, (p, p)
         Information on ln theta from elsewhere.
     scatter_factor : (Q, F, k) or 1
         By which squared deviations are enlarged before weights that fall with the power q of the

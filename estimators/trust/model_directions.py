@@ -40,13 +40,15 @@ def model_directions(
         That was fitted.
     kind : Residual
         Of the fit.
-    positions : (Q, n) [rad]
-    omega : (F,) [rad/s]
+    positions : ndarray, (Q, n), rad
+        Positions.
+    omega : ndarray, (F,), rad/s
+        Angular frequencies.
     values : (p,) [SI]
         Fitted.
     at : tuple
-        FRF of the model at the fit, (Q, F, m, n), and its derivatives with respect to ln theta,
-        (Q, F, m, n, p).
+        FRF of the model at the fit, (Q, F, m, n), and its derivatives with respect to ln theta, (Q,
+        F, m, n, p).
     used : (Q, F, m, n) of bool
         Which elements the fit uses.
     """

@@ -33,19 +33,19 @@ class ResidualAnalysis(Printed):
         Degrees of freedom of its F law; the second is infinite where the noise is declared.
     p_value : float
         Probability of a ratio as large or larger, allowing for correlation along the lines.
-    by_position : (Q,)
+    by_position : ndarray, (Q,)
         The same ratio by position.
-    by_element : (m, n)
+    by_element : ndarray, (m, n)
         The same by element of the FRF; not a number where none was used.
-    autocorrelation : (L,)
+    autocorrelation : ndarray, (L,)
         Of the standardised residuals over 1 to L neighbouring frequencies.
-    position_autocorrelation : (Q,)
+    position_autocorrelation : ndarray, (Q,)
         Over one.
     whiteness_p_value : float
         Probability of such autocorrelations if the errors behind the residuals are white.
-    outlying : (k,)
-        Positions whose ratio exceeds the positions' median by more than noise and the spread of
-        the other positions explain.
+    outlying : ndarray of int, (k,)
+        Positions whose ratio exceeds the positions' median by more than noise and the spread of the
+        other positions explain.
     """
 
     ratio: float

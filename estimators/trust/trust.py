@@ -46,8 +46,8 @@ class Trust(Printed):
         Of the residuals beside the noise.
     whiteness : float
         Probability of lagged products along the lines as large if errors are white.
-    lag_one : float
-        Correlation of errors of neighbouring lines [-].
+    lag_one : float, dimensionless
+        Correlation of errors of neighbouring lines.
     tests : DirectedTests
         Score tests of single directions in which the model may be wrong.
     """

@@ -16,9 +16,12 @@ class Additions:
 
     Attributes
     ----------
-    order : (C,) candidates, the best first.
-    gain : (C,) factor by which the mean standard deviation of the chosen parameters falls.
-    std : (C, p) of ln theta afterwards.
+    order : ndarray of int, (C,)
+        Candidates, the best first.
+    gain : ndarray, (C,)
+        Factor by which the mean standard deviation of the chosen parameters falls.
+    std : ndarray, (C, p)
+        Standard deviations of ln theta afterwards.
     """
 
     order: IntArray
@@ -36,15 +39,20 @@ def best_additions(
 
     Parameters
     ----------
-    information : (p, p) that there is already; it may be singular.
-    candidates : (C, p, p) that each more measurement would add.
-    names : p parameters.
-    parameters : those that should become better known, by the geometric mean of their standard
-        deviations; the volume of the joint confidence region of all where None.
+    information : ndarray, (p, p)
+        Information that there is already; it may be singular.
+    candidates : ndarray, (C, p, p)
+        Candidates that each more measurement would add.
+    names : sequence of str
+        p parameters.
+    parameters : sequence of str, optional
+        Those that should become better known, by the geometric mean of their standard deviations;
+        the volume of the joint confidence region of all where None.
 
     Raises
     ------
-    InvalidInput : if matrices do not fit, or a parameter is unknown.
+    InvalidInput
+        If matrices do not fit, or a parameter is unknown.
     """
     matrix = checked_information(information, len(names))
     more = np.asarray(candidates, dtype=float)

@@ -25,8 +25,10 @@ class Target:
 
     Attributes
     ----------
-    r_hat : largest R-hat.
-    ess : smallest effective sample size; 400 tell convergence, the default tells widths to 1 %.
+    r_hat : float
+        Largest R-hat.
+    ess : float
+        Smallest effective sample size; 400 tell convergence, the default tells widths to 1 %.
     """
 
     r_hat: float = R_HAT
@@ -46,12 +48,18 @@ class Diagnosis:
 
     Attributes
     ----------
-    burn_in : snapshots left out.
-    autocorrelation_time : (p,) in snapshots.
-    r_hat, ess : (p,), see `r_hat` and `effective_size`.
-    faults : what is not good enough, in words; none if converged.
-    short : of which target the chains fall short although converged; empty if of none.
-    needed : snapshots that are likely to be enough.
+    burn_in : int
+        Snapshots left out.
+    autocorrelation_time : ndarray, (p,)
+        Autocorrelation time in snapshots.
+    r_hat, ess : ndarray, (p,)
+        See `r_hat` and `effective_size`.
+    faults : tuple of str
+        What is not good enough, in words; none if converged.
+    short : str
+        Target that the chains fall short of although converged; empty if of none.
+    needed : int
+        Snapshots that are likely to be enough.
     """
 
     burn_in: int

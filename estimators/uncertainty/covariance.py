@@ -35,10 +35,13 @@ class Uncertainty(Printed):
 
     Attributes
     ----------
-    names : p parameters.
-    covariance : (p, p) of ln theta [-].
-    method : where it comes from.
-    degrees_of_freedom : (p,)
+    names : tuple of str
+        p parameters.
+    covariance : ndarray, (p, p), dimensionless
+        Covariance of ln theta.
+    method : str
+        Where it comes from.
+    degrees_of_freedom : ndarray, (p,)
         Real degrees of freedom of the variances; infinite where the noise is declared.
     """
 

@@ -41,7 +41,7 @@ class CrossCheck(Printed):
         Recommended intervals and verdicts.
     methods : tuple of str
         k columns: the recommended one, Theorem 1, then what was computed.
-    stds : (k, p)
+    stds : ndarray, (k, p)
         Not a number where a method says nothing about a parameter.
     notes : tuple of str
         What was left out, which methods agree, and where posteriors and profiles are not normal.
@@ -133,7 +133,7 @@ def cross_check(
         Of the likelihood: the density exp(-V), V the cost with the noise's weights.
     own_cost : Posterior, optional
         Of the fit's own cost, where its weights are not those of the noise.
-    importance, profiles, monte_carlo : optional
+    importance, profiles, monte_carlo
         Of the same fit, as far as computed.
     multistart : sequence of Fit
         Fits from many starts.

@@ -16,11 +16,16 @@ class DesignOutcome:
 
     Attributes
     ----------
-    names : p parameters.
-    ratio : (p,) standard deviations that came out over those predicted.
-    directions : (p,) the same for the directions in which they differ most, smallest first.
-    efficiency : (det predicted / det outcome)^(1/p), one if the design kept its promise.
-    probability : that repeated experiments scatter as little, or as much, as they did if the
+    names : tuple of str
+        p parameters.
+    ratio : ndarray, (p,)
+        Standard deviations that came out over those predicted.
+    directions : ndarray, (p,)
+        The same for the directions in which they differ most, smallest first.
+    efficiency : float
+        (det predicted / det outcome)^(1/p), one if the design kept its promise.
+    probability : float
+        Probability that repeated experiments scatter as little, or as much, as they did if the
         prediction is right, two-sided; not a number where the outcome is no sample.
     """
 
@@ -53,15 +58,20 @@ def compare_with_design(
 
     Parameters
     ----------
-    predicted : inverse of the design's information at the parameters it was made for.
-    outcome : of the fit, the posterior, or repeated experiments.
-    samples : number of experiments that an outcome's sample covariance was made from. Then
-        (samples - 1) tr(predicted^-1 outcome) is chi square with p (samples - 1) degrees.
+    predicted : Uncertainty
+        Inverse of the design's information at the parameters it was made for.
+    outcome : Uncertainty
+        Outcome of the fit, the posterior, or repeated experiments.
+    samples : int, optional
+        Number of experiments that an outcome's sample covariance was made from. Then (samples - 1)
+        tr(predicted^-1 outcome) is chi square with p (samples - 1) degrees.
 
     Raises
     ------
-    InvalidInput : if the two are about different parameters, or there are fewer than 2 samples.
-    NotIdentifiable : if the predicted covariance is singular.
+    InvalidInput
+        If the two are about different parameters, or there are fewer than 2 samples.
+    NotIdentifiable
+        If the predicted covariance is singular.
     """
     if predicted.names != outcome.names:
         raise InvalidInput(

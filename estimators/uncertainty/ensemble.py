@@ -89,9 +89,12 @@ class Sampler:
 
     Attributes
     ----------
-    log_probability : (w, p) -> (w,); minus infinity outside the support.
-    thin : steps from one snapshot to the next.
-    proposal : of the independent moves; None for none.
+    log_probability : LogProbability, (w, p)
+        -> (w,); minus infinity outside the support.
+    thin : int
+        Steps from one snapshot to the next.
+    proposal : StudentT or None
+        Proposal of the independent moves; None for none.
     """
 
     log_probability: LogProbability
@@ -157,14 +160,21 @@ def run_ensembles(
 
     Parameters
     ----------
-    starts : (E, W, p).
-    seeds : (E,).
-    limit : snapshots after which to stop in any case.
-    enough : told the chains so far, whether to stop; None goes on to the limit.
-    store : where the chains are kept, and from where they go on.
-    progress : called with the steps of all ensembles, and with those up to the limit; at the end
-        with the steps done, twice.
-    executor : advances the ensembles; in sequence where None.
+    starts : ndarray, (E, W, p)
+        Starts.
+    seeds : ndarray of int, (E,)
+        Seeds.
+    limit : int
+        Snapshots after which to stop in any case.
+    enough : callable, optional
+        Told the chains so far, whether to stop; None goes on to the limit.
+    store : Store, optional
+        Where the chains are kept, and from where they go on.
+    progress : callable, optional
+        Called with the steps of all ensembles, and with those up to the limit; at the end with the
+        steps done, twice.
+    executor : Executor, optional
+        Advances the ensembles; in sequence where None.
     """
     stored = None if store is None else store.load()
     begun = [sampler.start(w, int(s)) for w, s in zip(starts, seeds, strict=True)]

@@ -25,10 +25,14 @@ class Advice:
 
     Attributes
     ----------
-    kind : "fix" or "tie".
-    names : the parameter to fix, or those to tie.
-    std : of the direction that is weak without this step [-].
-    text : the step in words.
+    kind : str
+        "fix" or "tie".
+    names : tuple of str
+        The parameter to fix, or those to tie.
+    std : float, dimensionless
+        Standard deviations of the direction that is weak without this step.
+    text : str
+        The step in words.
     """
 
     kind: str
@@ -43,16 +47,24 @@ class Identifiability(Printed):
 
     Attributes
     ----------
-    names : of the parameters.
-    singular_values : (p,) of the whitened Jacobian, largest first: one over the standard deviation
-        of each direction of ln theta.
-    directions : (p, p) unit vectors of ln theta in rows, in that order.
-    std : (p,) of each parameter; infinite if it is not known at all.
-    alone : (p,) of each parameter if all others were known.
-    inflation : (p, p) by which freeing parameter j (row) widens parameter i (column); one on the
+    names : tuple of str
+        Names of the parameters.
+    singular_values : ndarray, (p,)
+        Singular values of the whitened Jacobian, largest first: one over the standard deviation of
+        each direction of ln theta.
+    directions : ndarray, (p, p)
+        Unit vectors of ln theta in rows, in that order.
+    std : ndarray, (p,)
+        Standard deviations of each parameter; infinite if it is not known at all.
+    alone : ndarray, (p,)
+        Alone of each parameter if all others were known.
+    inflation : ndarray, (p, p)
+        Factor by which freeing parameter j (row) widens parameter i (column); one on the
         diagonal.
-    advice : steps after which no direction is weak, in order.
-    limit : standard deviation above which a direction is weak.
+    advice : tuple of Advice
+        Steps after which no direction is weak, in order.
+    limit : float
+        Standard deviation above which a direction is weak.
     """
 
     names: tuple[str, ...]
@@ -107,14 +119,18 @@ def identifiability(
 
     Parameters
     ----------
-    information : of a fit (`fit_information`), a plan, or a position; it may be singular.
-    names : p parameters.
-    limit : standard deviation above which a direction is weak.
+    information : ndarray
+        Information of a fit (`fit_information`), a plan, or a position; it may be singular.
+    names : sequence of str
+        p parameters.
+    limit : float
+        Standard deviation above which a direction is weak.
 
     Raises
     ------
-    InvalidInput : if the matrix does not fit the names, is not finite or symmetric, or has a
-        negative eigenvalue.
+    InvalidInput
+        If the matrix does not fit the names, is not finite or symmetric, or has a negative
+        eigenvalue.
     """
     matrix = checked_information(information, len(names))
     values, vectors = np.linalg.eigh(matrix)
@@ -145,7 +161,8 @@ def fit_information(fit: Fit) -> Array:
 
     Raises
     ------
-    SolverFailed : if the fit has no finite cost.
+    SolverFailed
+        If the fit has no finite cost.
     """
     linear = linearise(fit)
     flat = linear.jacobian.reshape(-1, len(linear.names))
@@ -175,7 +192,8 @@ def checked_information(information: Array, p: int) -> Array:
 
     Raises
     ------
-    InvalidInput : as `identifiability`.
+    InvalidInput
+        As `identifiability`.
     """
     matrix = np.asarray(information, dtype=float)
     if matrix.shape != (p, p) or not np.isfinite(matrix).all():

@@ -26,11 +26,16 @@ class ImportanceSample(Printed):
 
     Attributes
     ----------
-    names : p parameters.
-    draws : (N, p) of ln theta from the proposal.
-    log_weights : (N,) Pareto smoothed; their exponentials sum to one.
-    pareto_k : shape of the weights' tail, see `limit`.
-    ess : effective number of draws, 1 / sum of squared weights.
+    names : tuple of str
+        p parameters.
+    draws : ndarray, (N, p)
+        Draws of ln theta from the proposal.
+    log_weights : ndarray, (N,)
+        Pareto smoothed; their exponentials sum to one.
+    pareto_k : float
+        Shape of the weights' tail, see `limit`.
+    ess : float
+        Effective number of draws, 1 / sum of squared weights.
     """
 
     names: tuple[str, ...]
@@ -106,15 +111,21 @@ def importance_sample(
 
     Parameters
     ----------
-    draws : at least 100.
-    dof : degrees of freedom of the proposal.
-    noise, scale, prior : as in `sample_posterior`.
-    progress : called with the draws evaluated and their total.
+    draws : int
+        Draws at least 100.
+    dof : float
+        Degrees of freedom of the proposal.
+    noise, scale, prior
+        As in `sample_posterior`.
+    progress : callable, optional
+        Called with the draws evaluated and their total.
 
     Raises
     ------
-    InvalidInput : for fewer than 100 draws, or as `sample_posterior`.
-    SolverFailed : if no draw has a finite cost.
+    InvalidInput
+        For fewer than 100 draws, or as `sample_posterior`.
+    SolverFailed
+        If no draw has a finite cost.
     """
     if draws < 100:
         raise InvalidInput(f"draws: {draws}; at least 100 are needed")
@@ -137,7 +148,8 @@ def smoothed(raw: Array) -> tuple[Array, float]:
 
     Raises
     ------
-    SolverFailed : if no weight is positive.
+    SolverFailed
+        If no weight is positive.
     """
     from arviz_stats.base.array import array_stats
 

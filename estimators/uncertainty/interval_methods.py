@@ -24,16 +24,23 @@ def intervals_of(
 
     Parameters
     ----------
-    fit : whose parameters.
-    method : "recommended", "theorem1", "scaled", "empirical", "posterior" or "profile".
-    level : of the intervals.
-    rng : source of the posterior's draws.
-    noise : as in `sample_posterior`.
+    fit : Fit
+        Fit whose parameters.
+    method : str
+        "recommended", "theorem1", "scaled", "empirical", "posterior" or "profile".
+    level : float
+        Level of the intervals.
+    rng : Generator
+        Source of the posterior's draws.
+    noise : str
+        As in `sample_posterior`.
 
     Raises
     ------
-    InvalidInput : for an unknown method.
-    NotIdentifiable : if a covariance is asked for and the information is singular.
+    InvalidInput
+        For an unknown method.
+    NotIdentifiable
+        If a covariance is asked for and the information is singular.
     """
     center = np.log(fit.parameters.values)
     if method == "recommended":

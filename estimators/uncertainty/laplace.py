@@ -25,9 +25,12 @@ class StudentT:
 
     Attributes
     ----------
-    center : (p,).
-    root : (p, p); root root^T is the scale matrix, the covariance times (dof - 2)/dof.
-    dof : degrees of freedom, positive.
+    center : ndarray, (p,)
+        Center.
+    root : ndarray, (p, p)
+        Root root^T is the scale matrix, the covariance times (dof - 2)/dof.
+    dof : float
+        Degrees of freedom, positive.
     """
 
     center: Array

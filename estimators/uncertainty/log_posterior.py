@@ -41,12 +41,18 @@ class LogPosterior:
 
     Attributes
     ----------
-    model, positions : of the fit.
-    network : at the fitted parameters.
-    omega, measured, weights, kind : as in the fit.
-    noise : how V becomes a likelihood.
-    prior : normal ones of ln theta; None for flat ones.
-    bounds : (2, p) of ln theta.
+    model, positions
+        Of the fit.
+    network : SpringNetwork
+        Network at the fitted parameters.
+    omega, measured, weights, kind
+        As in the fit.
+    noise : Noise
+        How V becomes a likelihood.
+    prior : Prior or None
+        Normal ones of ln theta; None for flat ones.
+    bounds : ndarray, (2, p)
+        Bounds of ln theta.
     """
 
     model: Elastic
@@ -84,7 +90,8 @@ class LogPosterior:
 
         Raises
         ------
-        SolverFailed : if the cost is not a number, with the parameters.
+        SolverFailed
+            If the cost is not a number, with the parameters.
         """
         ln_theta = np.atleast_2d(ln_theta)
         inside = ((ln_theta >= self.bounds[0]) & (ln_theta <= self.bounds[1])).all(axis=1)
@@ -169,9 +176,11 @@ def log_posterior(fit: Fit, noise: Noise, prior: Prior | None = None) -> LogPost
 
     Raises
     ------
-    InvalidInput : if the prior names no free parameter, the noise does not fit the residual, or
-        the fit's loss is a robust one, which is no likelihood.
-    SolverFailed : if the fit's cost is not finite, or not its own.
+    InvalidInput
+        If the prior names no free parameter, the noise does not fit the residual, or the fit's loss
+        is a robust one, which is no likelihood.
+    SolverFailed
+        If the fit's cost is not finite, or not its own.
     """
     theta = fit.parameters.values
     if not np.isfinite(fit.cost):

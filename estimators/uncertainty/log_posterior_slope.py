@@ -18,9 +18,12 @@ class Slope:
 
     Attributes
     ----------
-    value : -log p, up to the constant that `LogPosterior` leaves out.
-    gradient : (p,).
-    hessian : (p, p) of Gauss and Newton, positive semidefinite.
+    value : float
+        -log p, up to the constant that `LogPosterior` leaves out.
+    gradient : ndarray, (p,)
+        Gradient.
+    hessian : ndarray, (p, p)
+        Gauss-Newton Hessian, positive semidefinite.
     """
 
     value: float
@@ -33,7 +36,8 @@ def slope(target: LogPosterior, ln_theta: Array) -> Slope:
 
     Raises
     ------
-    IdentificationError : if the model has no FRF there.
+    IdentificationError
+        If the model has no FRF there.
     """
     theta = np.exp(ln_theta)
     found = (_written_out if target.kernel is None else _compiled)(target, theta)

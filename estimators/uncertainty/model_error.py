@@ -22,8 +22,10 @@ def empirical_parts(fit: "Fit", lags: int | None = None) -> tuple[Array, Array]:
 
     Raises
     ------
-    InvalidInput : if `lags` is negative, or there are no more lines than parameters.
-    SolverFailed : if the search could not begin.
+    InvalidInput
+        If `lags` is negative, or there are no more lines than parameters.
+    SolverFailed
+        If the search could not begin.
     """
     if not np.isfinite(fit.cost):
         raise SolverFailed(f"no covariance without a fit: {fit.message}")

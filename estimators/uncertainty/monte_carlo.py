@@ -34,15 +34,24 @@ class MonteCarlo(Printed):
 
     Attributes
     ----------
-    names : p parameters.
-    truth : (p,) [SI]; not a number for those that are not known.
-    methods : k, of `INTERVAL_METHODS`.
-    level : nominal coverage of the intervals.
-    estimates : (N, p) of ln theta.
-    stds : (N, k, p) of ln theta that each method claims.
-    intervals : (N, k, p, 2) of ln theta.
-    costs : (N,) of the fits.
-    failures : reasons of the runs without an answer.
+    names : tuple of str
+        p parameters.
+    truth : ndarray, (p,)
+        Truth [SI]; not a number for those that are not known.
+    methods : tuple of str
+        k, of `INTERVAL_METHODS`.
+    level : float
+        Nominal coverage of the intervals.
+    estimates : ndarray, (N, p)
+        Estimates of ln theta.
+    stds : ndarray, (N, k, p)
+        Standard deviations of ln theta that each method claims.
+    intervals : ndarray, (N, k, p, 2)
+        Intervals of ln theta.
+    costs : ndarray, (N,)
+        Costs of the fits.
+    failures : tuple of str
+        Reasons of the runs without an answer.
     """
 
     names: tuple[str, ...]
@@ -81,7 +90,8 @@ class MonteCarlo(Printed):
 
         Raises
         ------
-        InvalidInput : for a method whose intervals were not computed.
+        InvalidInput
+            For a method whose intervals were not computed.
         """
         shares = self.covered(method).mean(axis=0)
         return np.where(np.isfinite(self.truth), shares, np.nan)
@@ -149,28 +159,41 @@ def monte_carlo(
 
     Parameters
     ----------
-    experiment : makes one estimate: an `FrfExperiment`, or any function of a random generator,
-        such as a closed-loop simulation followed by `estimate_frf`. Its model may differ from the
-        one that is fitted: that is how model errors are studied.
-    model : what is fitted, from its own parameter values on.
-    rng : source of the runs' seeds.
-    residual, weights : of the fits, as in `estimators.fit`.
-    truth : (p,) [SI] what intervals should cover; the model's own values where None; not a number
-        for a parameter without a true value.
-    methods : whose intervals to compute: "recommended" (see `Fit.intervals`), "theorem1", "scaled"
-        and "empirical" (see `covariance`),
-        "posterior" (by importance sampling, by emcee where its weights fail), "profile".
-    level : of the intervals.
-    noise : of posteriors and profiles, as in `sample_posterior`.
-    store : HDF5 file that keeps the runs; an interrupted series goes on from it. It knows an
-        experiment by what that gives first.
-    executor : takes one run at a time; in sequence where None.
-    progress : called with the runs done and their number.
+    experiment : Experiment
+        Makes one estimate: an `FrfExperiment`, or any function of a random generator, such as a
+        closed-loop simulation followed by `estimate_frf`. Its model may differ from the one that is
+        fitted: that is how model errors are studied.
+    model : Elastic
+        What is fitted, from its own parameter values on.
+    rng : Generator
+        Source of the runs' seeds.
+    residual, weights
+        Of the fits, as in `estimators.fit`.
+    truth : ndarray, (p,), optional
+        Truth [SI] what intervals should cover; the model's own values where None; not a number for
+        a parameter without a true value.
+    methods : sequence of str
+        Methods whose intervals to compute: "recommended" (see `Fit.intervals`), "theorem1",
+        "scaled" and "empirical" (see `covariance`), "posterior" (by importance sampling, by emcee
+        where its weights fail), "profile".
+    level : float
+        Level of the intervals.
+    noise : str
+        Noise of posteriors and profiles, as in `sample_posterior`.
+    store : str or Path, optional
+        HDF5 file that keeps the runs; an interrupted series goes on from it. It knows an experiment
+        by what that gives first.
+    executor : Executor, optional
+        Takes one run at a time; in sequence where None.
+    progress : callable, optional
+        Called with the runs done and their number.
 
     Raises
     ------
-    InvalidInput : for too few runs, an unknown method, or the store of another series.
-    SolverFailed : if fewer than two runs have an answer, with the first reason.
+    InvalidInput
+        For too few runs, an unknown method, or the store of another series.
+    SolverFailed
+        If fewer than two runs have an answer, with the first reason.
     """
     _check(runs, methods, level)
     from estimators.uncertainty.monte_carlo_store import RunStore

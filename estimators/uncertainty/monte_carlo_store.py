@@ -17,8 +17,10 @@ class RunStore:
 
     Parameters
     ----------
-    path : of the file.
-    fingerprint : of the series, so that another one is not continued.
+    path : Path
+        Path of the file.
+    fingerprint : str
+        Fingerprint of the series, so that another one is not continued.
     """
 
     def __init__(self, path: Path, fingerprint: str) -> None:
@@ -29,7 +31,8 @@ class RunStore:
 
         Raises
         ------
-        InvalidInput : if the file holds something else.
+        InvalidInput
+            If the file holds something else.
         """
         if not self.file.path.exists():
             return []
@@ -46,7 +49,8 @@ class RunStore:
 
         Raises
         ------
-        InvalidInput : if the file cannot be written.
+        InvalidInput
+            If the file cannot be written.
         """
         shapes = next((run for run in runs if not isinstance(run, str)), {})
         reasons = [run if isinstance(run, str) else "" for run in runs]

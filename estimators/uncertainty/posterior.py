@@ -30,17 +30,28 @@ class Posterior(Printed):
 
     Attributes
     ----------
-    names : p parameters.
-    chains : (ensembles, snapshots, walkers, p) of ln theta after burn-in.
-    r_hat : (p,) across ensembles; walkers of one ensemble are not independent.
-    ess : (p,) effective number of draws in all ensembles.
-    autocorrelation_time : (p,) [steps].
-    burn_in : steps left out.
-    steps : of each ensemble, burn-in included.
-    acceptance : fraction of proposals taken.
-    noise : what was taken to be known of the noise.
-    converged : whether R-hat, effective sizes and length are good enough.
-    message : if not, which parameter is worst and what to do.
+    names : tuple of str
+        p parameters.
+    chains : ndarray, (ensembles, snapshots, walkers, p)
+        Chains of ln theta after burn-in.
+    r_hat : ndarray, (p,)
+        Across ensembles; walkers of one ensemble are not independent.
+    ess : ndarray, (p,)
+        Effective number of draws in all ensembles.
+    autocorrelation_time : ndarray, (p,), steps
+        Autocorrelation time.
+    burn_in : int
+        Steps left out.
+    steps : int
+        Steps of each ensemble, burn-in included.
+    acceptance : float
+        Fraction of proposals taken.
+    noise : Noise
+        What was taken to be known of the noise.
+    converged : bool
+        Whether R-hat, effective sizes and length are good enough.
+    message : str
+        If not, which parameter is worst and what to do.
     """
 
     names: tuple[str, ...]
@@ -119,29 +130,43 @@ def sample_posterior(
 
     Parameters
     ----------
-    rng : source of the seeds and starts.
-    ensembles : independent ones, at least 2, for R-hat.
-    walkers : in each, at least twice the parameters.
-    steps : of each ensemble at most.
-    thin : steps from one stored snapshot to the next.
-    noise : "known" or "unknown" (but for one common factor), see
+    rng : Generator
+        Source of the seeds and starts.
+    ensembles : int
+        Independent ones, at least 2, for R-hat.
+    walkers : int
+        Walkers in each, at least twice the parameters.
+    steps : int
+        Steps of each ensemble at most.
+    thin : int
+        Steps from one stored snapshot to the next.
+    noise : str
+        "known" or "unknown" (but for one common factor), see
         `estimators.uncertainty.likelihood.Noise`.
-    scale : factor of V where the noise is known; one where None.
-    prior : None takes the fit's own.
-    target : R-hat and least effective sample size at which to stop; 1.01 and 4000 where None.
-    starts : (walkers, p) or (ensembles, walkers, p) parameter values [SI]; None draws them about
-        the mode.
-    backend : HDF5 file, read by ``emcee.backends.HDFBackend(path, name="ensemble_0")``; a run that
-        was interrupted goes on from it, as does one with more steps. None keeps the chains in
-        memory only.
-    progress : called with the steps done in all ensembles, and the most there can be.
-    executor : advances the ensembles; in sequence where None.
+    scale : float, optional
+        Factor of V where the noise is known; one where None.
+    prior : Prior, optional
+        None takes the fit's own.
+    target : Target, optional
+        R-hat and least effective sample size at which to stop; 1.01 and 4000 where None.
+    starts : ndarray, (walkers, p) or (ensembles, walkers, p), optional
+        Parameter values [SI]; None draws them about the mode.
+    backend : str or Path, optional
+        HDF5 file, read by ``emcee.backends.HDFBackend(path, name="ensemble_0")``; a run that was
+        interrupted goes on from it, as does one with more steps. None keeps the chains in memory
+        only.
+    progress : callable, optional
+        Called with the steps done in all ensembles, and the most there can be.
+    executor : Executor, optional
+        Advances the ensembles; in sequence where None.
 
     Raises
     ------
-    InvalidInput : for too few ensembles, walkers or steps, noise settings that do not fit, a start
-        outside the bounds or without a cost, or a backend of another fit or seed.
-    SolverFailed : if a cost is not a number, with the parameters.
+    InvalidInput
+        For too few ensembles, walkers or steps, noise settings that do not fit, a start outside the
+        bounds or without a cost, or a backend of another fit or seed.
+    SolverFailed
+        If a cost is not a number, with the parameters.
     """
     check_sizes(len(fit.parameters), ensembles, walkers, steps, thin)
     density = posterior_density(fit, noise=noise, scale=scale, prior=prior)
@@ -205,7 +230,8 @@ def check_sizes(p: int, ensembles: int, walkers: int, steps: int, thin: int) -> 
 
     Raises
     ------
-    InvalidInput : for too few ensembles, walkers or steps.
+    InvalidInput
+        For too few ensembles, walkers or steps.
     """
     if ensembles < 2:
         raise InvalidInput(f"ensembles: {ensembles}; at least 2 are needed to compare them")

@@ -27,12 +27,18 @@ class FrfBand:
 
     Attributes
     ----------
-    omega : (F,) [rad/s].
-    response : (Q, F, m, n) at the fit.
-    magnitude_std : (Q, F, m, n) of ln |G| [-].
-    phase_std : (Q, F, m, n) [rad].
-    lower, upper : (Q, F, m, n) ends of the band of |G|.
-    level : nominal coverage of each point of the band.
+    omega : ndarray, (F,), rad/s
+        Angular frequencies.
+    response : ndarray of complex, (Q, F, m, n)
+        Response at the fit.
+    magnitude_std : ndarray, (Q, F, m, n), dimensionless
+        Standard deviations of ln |G|.
+    phase_std : ndarray, (Q, F, m, n), rad
+        Phase std.
+    lower, upper : ndarray, (Q, F, m, n)
+        Ends of the band of |G|.
+    level : float
+        Nominal coverage of each point of the band.
     """
 
     omega: Array
@@ -50,10 +56,14 @@ class ModeBand:
 
     Attributes
     ----------
-    frequencies : (Q, k) at the fit [rad/s].
-    std : (Q, k) of ln frequency [-].
-    lower, upper : (Q, k) ends of the intervals [rad/s].
-    level : nominal coverage of each interval.
+    frequencies : ndarray, (Q, k), rad/s
+        Frequencies at the fit.
+    std : ndarray, (Q, k), dimensionless
+        Standard deviations of ln frequency.
+    lower, upper : ndarray, (Q, k), rad/s
+        Ends of the intervals.
+    level : float
+        Nominal coverage of each interval.
     """
 
     frequencies: Array
@@ -78,17 +88,25 @@ def predict_frf(
 
     Parameters
     ----------
-    model : robot.
-    values : (p,) fitted parameters [SI].
-    positions : (Q, n) [rad], measured in or not.
-    omega : (F,) [rad/s].
-    spread : covariance of ln theta, or draws (N, p) of it; of more than 400 draws every so many.
-    level : of the band.
+    model : Elastic
+        Robot.
+    values : ndarray, (p,)
+        Fitted parameters [SI].
+    positions : ndarray, (Q, n), rad
+        Measured in or not.
+    omega : ndarray, (F,), rad/s
+        Angular frequencies.
+    spread : Spread
+        Covariance of ln theta, or draws (N, p) of it; of more than 400 draws every so many.
+    level : float
+        Level of the band.
 
     Raises
     ------
-    InvalidInput : for a level outside (0, 1), or a spread of other parameters.
-    IdentificationError : if the model has no FRF in a position.
+    InvalidInput
+        For a level outside (0, 1), or a spread of other parameters.
+    IdentificationError
+        If the model has no FRF in a position.
     """
     spread = _checked(model, spread, level)
     G, J = sensitivity(model, positions, omega, values)
@@ -120,13 +138,17 @@ def predict_modes(
 
     Parameters
     ----------
-    motor : 0 to n - 1 for the anti-resonances of that motor; None for resonances.
-    model, values, positions, spread, level : as in `predict_frf`.
+    motor : int, optional
+        0 to n - 1 for the anti-resonances of that motor; None for resonances.
+    model, values, positions, spread, level
+        As in `predict_frf`.
 
     Raises
     ------
-    InvalidInput : for a level outside (0, 1), a spread of other parameters, or no such motor.
-    IdentificationError : if the model has no equilibrium in a position.
+    InvalidInput
+        For a level outside (0, 1), a spread of other parameters, or no such motor.
+    IdentificationError
+        If the model has no equilibrium in a position.
     """
     spread = _checked(model, spread, level)
     modes = partial(_modes, model, np.asarray(positions, dtype=float), motor)
@@ -149,11 +171,16 @@ class WorkspaceMap:
 
     Attributes
     ----------
-    positions : (Q, n) [rad].
-    frequencies : (Q, k) lowest resonances [rad/s].
-    mode_std : (Q, k) of ln frequency [-].
-    response_std : (Q,) root mean square of std ln |G| over frequencies and diagonal elements [-].
-    worst_std : (Q,) largest of them [-].
+    positions : ndarray, (Q, n), rad
+        Positions.
+    frequencies : ndarray, (Q, k), rad/s
+        Lowest resonances.
+    mode_std : ndarray, (Q, k), dimensionless
+        Standard deviations of ln frequency.
+    response_std : ndarray, (Q,), dimensionless
+        Root mean square of std ln |G| over frequencies and diagonal elements.
+    worst_std : ndarray, (Q,), dimensionless
+        Largest of them.
     """
 
     positions: Array
@@ -178,14 +205,19 @@ def workspace_map(
 
     Parameters
     ----------
-    modes : lowest resonances to look at.
-    chunk : positions at a time.
-    progress : called with the positions done and their number.
-    model, values, positions, omega, uncertainty : as in `predict_frf`.
+    modes : int
+        Lowest resonances to look at.
+    chunk : int
+        Positions at a time.
+    progress : callable, optional
+        Called with the positions done and their number.
+    model, values, positions, omega, uncertainty
+        As in `predict_frf`.
 
     Raises
     ------
-    InvalidInput, IdentificationError : as `predict_frf` and `predict_modes`.
+    InvalidInput, IdentificationError
+        As `predict_frf` and `predict_modes`.
     """
     positions = np.asarray(positions, dtype=float)
     rows = []

@@ -35,14 +35,20 @@ class Profile(Printed):
 
     Attributes
     ----------
-    name : of the parameter.
-    mode : where the likelihood is largest [SI].
-    lower, upper : ends of the interval [SI]; a bound of the fit where the profile is flat, or where
-        the mode is at it and the interval one-sided; not a number where the search failed.
-    sides : "found", "flat", "bound" or "failed" for either end.
-    level : of the interval.
-    curve : (2, points) values [SI] and rise of -2 log p, in units of the adjusted chi square; none
-        if not asked for.
+    name : str
+        Name of the parameter.
+    mode : float
+        Where the likelihood is largest [SI].
+    lower, upper : float
+        Ends of the interval [SI]; a bound of the fit where the profile is flat, or where the mode
+        is at it and the interval one-sided; not a number where the search failed.
+    sides : tuple of (str, str)
+        "found", "flat", "bound" or "failed" for either end.
+    level : float
+        Level of the interval.
+    curve : ndarray, (2, points)
+        Values [SI] and rise of -2 log p, in units of the adjusted chi square; none if not asked
+        for.
     """
 
     name: str
@@ -108,18 +114,27 @@ def profile_likelihood(
 
     Parameters
     ----------
-    names : parameters to profile; all where None.
-    level : of the intervals.
-    noise, prior : as in `sample_posterior`.
-    scale : one factor for all parameters instead of their own.
-    points : of the curve between twice the distance of either end; none by default.
-    executor : takes one parameter at a time; in sequence where None.
-    progress : called with the parameters done and their number.
+    names : sequence of str, optional
+        Parameters to profile; all where None.
+    level : float
+        Level of the intervals.
+    noise, prior
+        As in `sample_posterior`.
+    scale : float, optional
+        One factor for all parameters instead of their own.
+    points : int
+        Points of the curve between twice the distance of either end; none by default.
+    executor : Executor, optional
+        Takes one parameter at a time; in sequence where None.
+    progress : callable, optional
+        Called with the parameters done and their number.
 
     Raises
     ------
-    InvalidInput : for an unknown parameter, a level outside (0, 1), or as `sample_posterior`.
-    SolverFailed : if the fit's cost is not finite.
+    InvalidInput
+        For an unknown parameter, a level outside (0, 1), or as `sample_posterior`.
+    SolverFailed
+        If the fit's cost is not finite.
     """
     check_level(level, "profile")
     chosen = fit.parameters.names if names is None else tuple(names)

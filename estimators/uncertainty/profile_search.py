@@ -28,8 +28,10 @@ class Point:
 
     Attributes
     ----------
-    x, gradient : (p,).
-    hessian : (p, p) of Gauss and Newton.
+    x, gradient : ndarray, (p,)
+        x and gradient.
+    hessian : ndarray, (p, p)
+        Gauss-Newton Hessian.
     """
 
     x: Array
@@ -45,8 +47,8 @@ class Deviance:
     Attributes
     ----------
     density : LogPosterior
-        p.
-    center, unit : (p,)
+        LogPosterior p.
+    center, unit : ndarray, (p,)
         So that x is in standard deviations.
     factor : float
         Of -log p.

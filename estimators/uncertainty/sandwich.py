@@ -15,7 +15,8 @@ def sandwich(bread: Array, meat: Array, names: tuple[str, ...]) -> Array:
 
     Raises
     ------
-    NotIdentifiable : if the bread is singular, with every parameter that is in its null space.
+    NotIdentifiable
+        If the bread is singular, with every parameter that is in its null space.
     """
     size = np.sqrt(np.diag(bread))
     # Sensitivities that are zero but for rounding stay zero.

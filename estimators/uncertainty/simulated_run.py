@@ -25,8 +25,10 @@ class FrfExperiment:
 
     Attributes
     ----------
-    model : the true one.
-    positions, omega, noise, repetitions : as in `estimators.simulate_frf`.
+    model : Elastic
+        The true one.
+    positions, omega, noise, repetitions
+        As in `estimators.simulate_frf`.
     """
 
     model: Elastic

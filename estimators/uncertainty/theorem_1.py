@@ -27,7 +27,8 @@ def sandwich_parts(fit: "Fit") -> tuple[Array, Array]:
 
     Raises
     ------
-    SolverFailed : if the search could not begin.
+    SolverFailed
+        If the search could not begin.
     """
     if not np.isfinite(fit.cost):
         raise SolverFailed(f"no covariance without a fit: {fit.message}")

@@ -21,12 +21,17 @@ class Validation:
 
     Attributes
     ----------
-    levels : (L,) nominal.
-    coverage : (L,) share of the measured elements inside the predicted region of each level.
-    by_position : (Q, L) the same in each position.
-    misfit : squared distance of all data from their prediction in the metric of the predicted
+    levels : ndarray, (L,)
+        Nominal.
+    coverage : ndarray, (L,)
+        Share of the measured elements inside the predicted region of each level.
+    by_position : ndarray, (Q, L)
+        The same in each position.
+    misfit : float
+        Squared distance of all data from their prediction in the metric of the predicted
         covariance, per datum; one is expected.
-    probability : of a misfit as large as this, or as small, if predictions are right, two-sided.
+    probability : float
+        Probability of a misfit as large as this, or as small, if predictions are right, two-sided.
     """
 
     levels: Array
@@ -71,15 +76,21 @@ def validate(
 
     Parameters
     ----------
-    model : that was fitted.
-    values : (p,) fitted parameters [SI].
-    held_out : estimates in positions that were not fitted.
-    uncertainty : of the fit, a covariance of ln theta.
-    levels : nominal coverages to check.
+    model : Elastic
+        Model that was fitted.
+    values : ndarray, (p,)
+        Fitted parameters [SI].
+    held_out : FrfEstimate
+        Estimates in positions that were not fitted.
+    uncertainty : Uncertainty
+        Uncertainty of the fit, a covariance of ln theta.
+    levels : ndarray
+        Nominal coverages to check.
 
     Raises
     ------
-    InvalidInput : for levels outside (0, 1), or an uncertainty of other parameters.
+    InvalidInput
+        For levels outside (0, 1), or an uncertainty of other parameters.
     """
     levels = np.asarray(levels, dtype=float)
     if not ((levels > 0) & (levels < 1)).all():

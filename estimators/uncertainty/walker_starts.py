@@ -43,7 +43,8 @@ def given_starts(
 
     Raises
     ------
-    InvalidInput : for another shape, or a start outside the bounds.
+    InvalidInput
+        For another shape, or a start outside the bounds.
     """
     if starts is None:
         return None
@@ -70,7 +71,8 @@ def check_starts(density: LogPosterior, starts: Array) -> None:
 
     Raises
     ------
-    InvalidInput : telling how many, and where one of them is.
+    InvalidInput
+        Telling how many, and where one of them is.
     """
     flat = starts.reshape(-1, starts.shape[-1])
     wrong = ~np.isfinite(density(flat))

@@ -18,10 +18,14 @@ class Chain:
 
     Attributes
     ----------
-    walkers : (T, W, p).
-    log_probability : (T, W); not a number where the ensemble has not moved yet.
-    accepted : (T, W) whether the proposal of the step to each snapshot was taken.
-    random_state : of numpy's Mersenne twister.
+    walkers : ndarray, (T, W, p)
+        Walkers.
+    log_probability : ndarray, (T, W)
+        Not a number where the ensemble has not moved yet.
+    accepted : ndarray of bool, (T, W)
+        Whether the proposal of the step to each snapshot was taken.
+    random_state : tuple of Any
+        Random state of numpy's Mersenne twister.
     """
 
     walkers: Array
@@ -47,8 +51,10 @@ class Store:
 
     Parameters
     ----------
-    path : of the file.
-    fingerprint : of the problem and of the settings, so that other chains are not continued.
+    path : Path
+        Path of the file.
+    fingerprint : str
+        Fingerprint of the problem and of the settings, so that other chains are not continued.
     """
 
     def __init__(self, path: Path, fingerprint: str) -> None:
@@ -60,7 +66,8 @@ class Store:
 
         Raises
         ------
-        InvalidInput : if the file holds something else.
+        InvalidInput
+            If the file holds something else.
         """
         if not self.file.path.exists():
             return None
@@ -72,7 +79,8 @@ class Store:
 
         Raises
         ------
-        InvalidInput : if the file cannot be written.
+        InvalidInput
+            If the file cannot be written.
         """
         with self.file.writing() as file:
             for e, chain in enumerate(chains):

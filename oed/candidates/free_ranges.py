@@ -29,13 +29,17 @@ def free_ranges(robot: ElasticRobot, ranges: Array, cell: Workcell) -> Array:
 
     Parameters
     ----------
-    robot : the robot.
-    ranges : (n, 2) within the joints' own limits [rad or m]; a range of one value holds its joint.
-    cell : what is in the way.
+    robot : ElasticRobot
+        The robot.
+    ranges : ndarray, (n, 2), rad or m
+        Ranges within the joints' own limits; a range of one value holds its joint.
+    cell : Workcell
+        What is in the way.
 
     Raises
     ------
-    InvalidInput : as `Workcell.surroundings`.
+    InvalidInput
+        As `Workcell.surroundings`.
     """
     positions = _drawn(ranges, _POSITIONS)
     free = usable(robot, positions, cell.surroundings(robot))
@@ -51,7 +55,8 @@ def free_margin(
 
     Raises
     ------
-    InvalidInput : as `free_ranges`.
+    InvalidInput
+        As `free_ranges`.
     """
     positions = _drawn(ranges, _POSITIONS // 4)
 

@@ -36,16 +36,20 @@ def candidate_positions(
 
     Parameters
     ----------
-    robot : gives the names and limits of its n driven joints.
-    per_joint : points per joint: one number for all, n numbers, or numbers by joint name (1 for
-        joints not named). One point lies in the middle of the range, more include both its ends.
-        Default: 1, 6, 6, and 4 for each further joint.
-    limits : (n, 2) ranges, or (low, high) by joint name, within the joints' own limits.
+    robot : Jointed
+        Gives the names and limits of its n driven joints.
+    per_joint : int, sequence of int or mapping of str to int, optional
+        Points per joint: one number for all, n numbers, or numbers by joint name (1 for joints not
+        named). One point lies in the middle of the range, more include both its ends. Default: 1,
+        6, 6, and 4 for each further joint.
+    limits : sequence of sequence of float, mapping of str to sequence of float or ndarray, optional
+        (n, 2) ranges, or (low, high) by joint name, within the joints' own limits.
 
     Raises
     ------
-    InvalidInput : naming the joint, if it gets no point, an unknown name, a range outside its
-        limits, or has no finite limits and gets no range; or if a list has the wrong length.
+    InvalidInput
+        Naming the joint, if it gets no point, an unknown name, a range outside its limits, or has
+        no finite limits and gets no range; or if a list has the wrong length.
     """
     joints = list(robot.motor_joints)
     counts = _counts(per_joint, joints)
@@ -73,15 +77,20 @@ def sobol_positions(
 
     Parameters
     ----------
-    robot : gives the names and limits of its n driven joints.
-    count : number of points; powers of two are the most even.
-    limits : as in `candidate_positions`; a range of one value holds its joint.
-    rng : scrambles the points (Owen), which keeps them as even; None takes the plain sequence
-        from its second point on, as its first is a corner.
+    robot : Jointed
+        Gives the names and limits of its n driven joints.
+    count : int
+        Number of points; powers of two are the most even.
+    limits : sequence of sequence of float, mapping of str to sequence of float or ndarray, optional
+        As in `candidate_positions`; a range of one value holds its joint.
+    rng : Generator, optional
+        Scrambles the points (Owen), which keeps them as even; None takes the plain sequence from
+        its second point on, as its first is a corner.
 
     Raises
     ------
-    InvalidInput : if `count` is not a whole number >= 1, or as `candidate_positions`.
+    InvalidInput
+        If `count` is not a whole number >= 1, or as `candidate_positions`.
     """
     from scipy.stats import qmc  # takes half a second to import
 

@@ -55,7 +55,8 @@ def read_positions(path: str | Path, robot: Motorised) -> Array:
 
     Raises
     ------
-    InvalidInput : naming the file, and the line or column that cannot be used.
+    InvalidInput
+        Naming the file, and the line or column that cannot be used.
     """
     path = Path(path)
     readers = {".csv": _read_csv, ".yaml": _read_yaml, ".yml": _read_yaml, ".npy": _read_npy}

@@ -24,9 +24,12 @@ class Removal:
 
     Attributes
     ----------
-    reason : "duplicate", "joint limits", "holding torque", "obstacle" or "self-collision".
-    what : the joint, the motor, the link and the obstacle, or the two links.
-    count : positions of which it is true; one position can be counted under several.
+    reason : str
+        "duplicate", "joint limits", "holding torque", "obstacle" or "self-collision".
+    what : str
+        The joint, the motor, the link and the obstacle, or the two links.
+    count : int
+        Positions of which it is true; one position can be counted under several.
     """
 
     reason: str
@@ -40,12 +43,18 @@ class ScreenedCandidates(Printed):
 
     Attributes
     ----------
-    positions : (Q, n) that are left.
-    kept : (Q,) their places among those given.
-    given : number of positions given.
-    removed : number of positions by reason, each under the first that applies, in this order.
-    removals : what was in the way, the most frequent first.
-    notes : what was not checked.
+    positions : ndarray, (Q, n)
+        Positions that are left.
+    kept : ndarray of int, (Q,)
+        Their places among those given.
+    given : int
+        Number of positions given.
+    removed : dict of str to int
+        Number of positions by reason, each under the first that applies, in this order.
+    removals : tuple of Removal
+        What was in the way, the most frequent first.
+    notes : tuple of str
+        What was not checked.
     """
 
     positions: Array
@@ -77,18 +86,22 @@ def screened_candidates(
 
     Parameters
     ----------
-    robot : the robot.
-    positions : (Q, n) [rad or m].
-    surroundings : what the robot may collide with, by `robotmodels.surroundings`; None checks no
-        collisions.
-    torque_limits : on the motor shafts, (n,) or one number [N m]; what holds the arm and its
-        payload against gravity must not be more.
-    progress : called with the number of positions compared with the surroundings and their total.
+    robot : ElasticRobot
+        The robot.
+    positions : ndarray, (Q, n), rad or m
+        Positions.
+    surroundings : Surroundings, optional
+        What the robot may collide with, by `robotmodels.surroundings`; None checks no collisions.
+    torque_limits : float, sequence of float or ndarray, N m, optional
+        Torque limits on the motor shafts, (n,) or one number; what holds the arm and its payload
+        against gravity must not be more.
+    progress : callable, optional
+        Called with the number of positions compared with the surroundings and their total.
 
     Raises
     ------
-    InvalidInput : if there is no position, none is left (counted by reason), or shapes or signs
-        do not fit.
+    InvalidInput
+        If there is no position, none is left (counted by reason), or shapes or signs do not fit.
     """
     positions = _checked(positions, list(robot.motor_names))
     screen = _screened(robot, positions, surroundings, torque_limits, progress)
@@ -123,7 +136,8 @@ def usable(
 
     Raises
     ------
-    InvalidInput : if there is no position, or shapes or signs do not fit.
+    InvalidInput
+        If there is no position, or shapes or signs do not fit.
     """
     positions = _checked(positions, list(robot.motor_names))
     kept = np.zeros(len(positions), dtype=bool)

@@ -23,13 +23,20 @@ class Workcell:
 
     Attributes
     ----------
-    floor : its height above the root link's origin, against gravity [m]; None for none.
-    obstacles : planes, boxes and spheres in the root link's frame.
-    self_collision : whether links are compared with each other.
-    link_radius : takes links for capsules [m], where the URDF has no collision shapes.
-    margin : distance to keep [m].
-    ignored : pairs of links that may touch.
-    torque_limits : that hold the arm and its payload, on the motor shafts, (n,) or one [N m].
+    floor : float or None, m
+        Its height above the root link's origin, against gravity; None for none.
+    obstacles : sequence of Obstacle
+        Planes, boxes and spheres in the root link's frame.
+    self_collision : bool
+        Whether links are compared with each other.
+    link_radius : float or None, m
+        Takes links for capsules, where the URDF has no collision shapes.
+    margin : float, m
+        Distance to keep.
+    ignored : sequence of tuple of (str, str)
+        Pairs of links that may touch.
+    torque_limits : float or sequence of float or None, N m
+        Torque limits that hold the arm and its payload, on the motor shafts, (n,) or one.
     """
 
     floor: float | None = None
@@ -45,7 +52,8 @@ class Workcell:
 
         Raises
         ------
-        InvalidInput : as `robotmodels.surroundings`.
+        InvalidInput
+            As `robotmodels.surroundings`.
         """
         if self.floor is None and not self.obstacles and not self.self_collision:
             return None
@@ -79,21 +87,32 @@ def gathered_candidates(
 
     Parameters
     ----------
-    robot : the robot.
-    per_joint : points per joint of a joint grid, as in `candidate_positions`.
-    limits : ranges of the grid and of the Sobol points.
-    sobol : number of Sobol points; 0 for none.
-    boxes : in task space.
-    files : lists of positions, as in `read_positions`.
-    listed : (k, n) positions by hand.
-    workcell : what may be in the way; None checks joint limits and duplicates only.
-    rng : scrambles the Sobol points and draws the starts of the inverse kinematics; None takes
-        the plain Sobol points, and a fixed seed for the starts.
-    progress : of the comparison with the surroundings: positions done and their total.
+    robot : ElasticRobot
+        The robot.
+    per_joint : int, sequence of int or mapping of str to int, optional
+        Points per joint of a joint grid, as in `candidate_positions`.
+    limits : sequence of sequence of float, mapping of str to sequence of float or ndarray, optional
+        Ranges of the grid and of the Sobol points.
+    sobol : int
+        Number of Sobol points; 0 for none.
+    boxes : iterable of TaskBox
+        Boxes in task space.
+    files : iterable of str or Path
+        Lists of positions, as in `read_positions`.
+    listed : sequence of sequence of float or ndarray, (k, n)
+        Positions by hand.
+    workcell : Workcell, optional
+        What may be in the way; None checks joint limits and duplicates only.
+    rng : Generator, optional
+        Scrambles the Sobol points and draws the starts of the inverse kinematics; None takes the
+        plain Sobol points, and a fixed seed for the starts.
+    progress : callable, optional
+        Called in the comparison with the surroundings: positions done and their total.
 
     Raises
     ------
-    InvalidInput : as the functions named above; with counts by reason, if none is left.
+    InvalidInput
+        As the functions named above; with counts by reason, if none is left.
     """
     cell = Workcell(self_collision=False) if workcell is None else workcell
     boxes, files = tuple(boxes), tuple(files)

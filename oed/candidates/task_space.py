@@ -20,17 +20,25 @@ class TaskBox:
 
     Attributes
     ----------
-    link : that carries the tool.
-    low, high : opposite corners in the root link's frame [m]; equal ones give one point.
-    points : along x, y and z, ends included; one lies in the middle.
-    direction : (3,) of the tool's axis at every point; None leaves it free.
-    at, axis : the tool's point [m] and axis in the link's frame.
-    solutions : most positions for each point (elbow up and down, wrist turned).
-    starts : random starts of the search for them.
+    link : str
+        Link that carries the tool.
+    low, high : Vector, m
+        Opposite corners in the root link's frame; equal ones give one point.
+    points : tuple of (int, int, int)
+        Points along x, y and z, ends included; one lies in the middle.
+    direction : Vector or None, (3,)
+        Direction of the tool's axis at every point; None leaves it free.
+    at, axis : Vector
+        The tool's point [m] and axis in the link's frame.
+    solutions : int
+        Most positions for each point (elbow up and down, wrist turned).
+    starts : int
+        Random starts of the search for them.
 
     Raises
     ------
-    InvalidInput : naming the key that does not fit.
+    InvalidInput
+        Naming the key that does not fit.
     """
 
     link: str
@@ -79,10 +87,14 @@ class TaskPositions:
 
     Attributes
     ----------
-    positions : (Q, n) [rad or m].
-    targets : (T, 3) points asked for [m].
-    target : (Q,) the point that each position reaches.
-    unreached : points for which no position was found.
+    positions : ndarray, (Q, n), rad or m
+        Positions.
+    targets : ndarray, (T, 3), m
+        Points asked for.
+    target : ndarray of int, (Q,)
+        The point that each position reaches.
+    unreached : ndarray of int
+        Points for which no position was found.
     """
 
     positions: Array
@@ -103,14 +115,19 @@ def task_space_positions(
 
     Parameters
     ----------
-    robot : the robot.
-    box : tool and points.
-    rng : draws the starts of the searches.
-    progress : called with the number of points done and their total.
+    robot : ElasticRobot
+        The robot.
+    box : TaskBox
+        Tool and points.
+    rng : Generator
+        Draws the starts of the searches.
+    progress : callable, optional
+        Called with the number of points done and their total.
 
     Raises
     ------
-    InvalidInput : if the link is not there, or no point at all is reached.
+    InvalidInput
+        If the link is not there, or no point at all is reached.
     """
     tool, targets = Tool(box.link, box.at, box.axis), box.targets()
     direction = None if box.direction is None else np.asarray(box.direction, dtype=float)

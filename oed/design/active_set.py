@@ -57,18 +57,27 @@ def solve(
 
     Parameters
     ----------
-    problem : what is maximised.
-    tolerance : gap that ends the search.
-    max_rounds : largest number of active sets.
-    solver : "newton", the barrier method, or "cvxpy", with that one behind it where it stalls.
-    form : what cvxpy states, "primal" or "dual".
-    trim : whether small weights that are not needed are left out.
+    problem : Problem
+        What is maximised.
+    tolerance : float
+        Gap that ends the search.
+    max_rounds : int
+        Largest number of active sets.
+    solver : str
+        "newton", the barrier method, or "cvxpy", with that one behind it where it stalls.
+    form : str
+        What cvxpy states, "primal" or "dual".
+    trim : bool
+        Whether small weights that are not needed are left out.
 
     Raises
     ------
-    InvalidInput : if `max_rounds` is not positive.
-    NotIdentifiable : naming the parameters that all candidates together leave open.
-    SolverFailed : if no method gives an answer.
+    InvalidInput
+        If `max_rounds` is not positive.
+    NotIdentifiable
+        Naming the parameters that all candidates together leave open.
+    SolverFailed
+        If no method gives an answer.
     """
     if max_rounds < 1:
         raise InvalidInput(f"max_rounds: {max_rounds!r}; at least 1 is needed")

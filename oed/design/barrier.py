@@ -47,12 +47,15 @@ def barrier(problem: WhiteProblem, goal: float, near: Answer | None = None) -> A
 
     Parameters
     ----------
-    problem, goal : what is maximised, and how well.
-    near : an answer to go on from, at its mu.
+    problem, goal
+        What is maximised, and how well.
+    near : Answer, optional
+        An answer to go on from, at its mu.
 
     Raises
     ------
-    SolverFailed : if it cannot go on; a certificate tells how good an answer is.
+    SolverFailed
+        If it cannot go on; a certificate tells how good an answer is.
     """
     n, m = problem.rows.shape[1], len(problem.rows)
     plain = problem.objective.smooth and len(problem.objective.groups) == 1

@@ -32,9 +32,12 @@ class Certificate:
 
     Attributes
     ----------
-    gap : no allowed weights have more than (1 + gap) times the design's value.
-    log_bound : no allowed weights have a larger log value.
-    prices : (Q,) what a unit of each weight adds to the log value, the sensitivity function.
+    gap : float
+        No allowed weights have more than (1 + gap) times the design's value.
+    log_bound : float
+        No allowed weights have a larger log value.
+    prices : ndarray, (Q,)
+        What a unit of each weight adds to the log value, the sensitivity function.
     """
 
     gap: float
@@ -52,9 +55,12 @@ def certify(
 
     Parameters
     ----------
-    problem, weights : the design.
-    witness : W_j of each term; the derivative at the design if None.
-    multipliers : of the rows, if known; they spare a linear program.
+    problem, weights
+        The design.
+    witness : sequence of ndarray, optional
+        W_j of each term; the derivative at the design if None.
+    multipliers : ndarray, optional
+        Multipliers of the rows, if known; they spare a linear program.
     """
     nothing = np.full(len(problem.candidates), np.inf)
     try:
@@ -81,10 +87,14 @@ def bounded(
 
     Parameters
     ----------
-    whitening : of the problem.
-    value : of a design, in white coordinates.
-    witness : W_j of each term, positive semidefinite.
-    multipliers : of the rows, or None for those of a linear program.
+    whitening : Whitening
+        Whitening of the problem.
+    value : float
+        Value of a design, in white coordinates.
+    witness : tuple of ndarray
+        W_j of each term, positive semidefinite.
+    multipliers : ndarray or None
+        Multipliers of the rows, or None for those of a linear program.
     """
     problem, objective = whitening.problem, whitening.objective
     p, K = len(problem.candidates.names), len(whitening.base)
@@ -115,20 +125,26 @@ def optimality_gap(
 
     Parameters
     ----------
-    weights : (Q,) shares of the experiments, none negative; they are scaled to sum to one. With
-        constraints they are taken as they are.
-    matrices : (Q, p, p), or (Q, K, p, p) for K samples of theta, information of one experiment in
-        each candidate position.
-    criterion : a criterion or its name; one that speaks of parameter names needs an `Objective`.
-    constraints : what limits the weights; by default they are shares.
-    prior : information there is already, (p, p) or (K, p, p).
-    witness : of a `Design`, needed for E, maximin and designs that leave something open, where the
-        derivative is not unique.
+    weights : ndarray, (Q,)
+        Shares of the experiments, none negative; they are scaled to sum to one. With constraints
+        they are taken as they are.
+    matrices : ndarray, (Q, p, p), or (Q, K, p, p)
+        Information of one experiment in each candidate position, the latter for K samples of theta.
+    criterion : str or Criterion
+        A criterion or its name; one that speaks of parameter names needs an `Objective`.
+    constraints : Constraints, optional
+        What limits the weights; by default they are shares.
+    prior : ndarray, optional
+        Information there is already, (p, p) or (K, p, p).
+    witness : sequence of ndarray, optional
+        Witness of a `Design`, needed for E, maximin and designs that leave something open, where
+        the derivative is not unique.
 
     Raises
     ------
-    InvalidInput : if the weights do not fit, one is negative or not finite, or all are zero; if
-        the weights violate a constraint.
+    InvalidInput
+        If the weights do not fit, one is negative or not finite, or all are zero; if the weights
+        violate a constraint.
     """
     allowed = Polytope.shares(len(matrices))
     if constraints is None:
@@ -158,7 +174,8 @@ def checked_weights(weights: Array, n_candidates: int) -> Array:
 
     Raises
     ------
-    InvalidInput : if the weights do not fit, one is negative or not finite, or all are zero.
+    InvalidInput
+        If the weights do not fit, one is negative or not finite, or all are zero.
     """
     array = not_negative(weights, n_candidates)
     return np.asarray(array / array.sum())
@@ -169,7 +186,8 @@ def not_negative(weights: Array, n_candidates: int) -> Array:
 
     Raises
     ------
-    InvalidInput : if the weights do not fit, one is negative or not finite, or all are zero.
+    InvalidInput
+        If the weights do not fit, one is negative or not finite, or all are zero.
     """
     array = real_numbers(weights, "weights")
     if array.shape != (n_candidates,):

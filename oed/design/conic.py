@@ -35,12 +35,15 @@ def conic(problem: WhiteProblem, form: str = "dual") -> Answer:
 
     Parameters
     ----------
-    problem : its objective needs a single group for the dual form.
-    form : "primal" or "dual".
+    problem : WhiteProblem
+        Its objective needs a single group for the dual form.
+    form : str
+        "primal" or "dual".
 
     Raises
     ------
-    SolverFailed : with both reasons, if neither solver gives an answer.
+    SolverFailed
+        With both reasons, if neither solver gives an answer.
     """
     import cvxpy
 

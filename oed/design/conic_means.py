@@ -24,10 +24,14 @@ class ConicMean:
 
     Attributes
     ----------
-    constraints : that make `size` what it is.
-    size : concave expression, for D the logarithm itself.
-    power, shift : numbers; power is 0 where `size` is the logarithm already.
-    slopes : constraints of which the duals' leading (p, p) blocks sum to the derivative.
+    constraints : sequence of Any
+        Constraints that make `size` what it is.
+    size : Any
+        Concave expression, for D the logarithm itself.
+    power, shift : float
+        Numbers; power is 0 where `size` is the logarithm already.
+    slopes : sequence of Any
+        Constraints of which the duals' leading (p, p) blocks sum to the derivative.
     """
 
     constraints: Sequence[Any]
@@ -50,7 +54,8 @@ def conic_mean(cp: Any, mean: MatrixMean, information: Any, guess: float) -> Con
 
     Parameters
     ----------
-    guess : of the mean's logarithm.
+    guess : float
+        Guess of the mean's logarithm.
     """
     B = mean.combinations
     p = information.shape[0]
@@ -82,8 +87,10 @@ def conic_polar(cp: Any, mean: MatrixMean, weight: Any, guess: float) -> ConicMe
 
     Parameters
     ----------
-    weight : (p, p) expression, W times the exponential of `guess`.
-    guess : of the mean's logarithm.
+    weight : Any, (p, p)
+        Expression, W times the exponential of `guess`.
+    guess : float
+        Guess of the mean's logarithm.
     """
     B = mean.combinations
     unit = float(np.exp(0.5 * mean.offset))

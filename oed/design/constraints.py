@@ -17,8 +17,10 @@ class Group:
 
     Attributes
     ----------
-    members : indices of candidates.
-    most, least : experiments.
+    members : sequence of int
+        Indices of candidates.
+    most, least : float
+        Experiments.
     """
 
     members: Sequence[int]
@@ -32,16 +34,24 @@ class Constraints:
 
     Attributes
     ----------
-    experiments : how many in all; without it and without a time, weights are shares of one.
-    time : how long all experiments may take together [s].
-    durations : of one experiment, for each candidate or for all [s]: what is measured and the move
-        to it. Needed with `time`. Moves between repetitions in one position are counted as well,
-        so a plan with repetitions takes less than this.
-    most : experiments in one position, for each candidate or for all.
-    mandatory : least experiments in these candidates.
-    forbidden : candidates that must not be used.
-    groups : limits on positions together, by name.
-    linear : the user's own rows a'w <= b, by name: a of shape (Q,), and b.
+    experiments : float or None
+        How many in all; without it and without a time, weights are shares of one.
+    time : float or None, s
+        How long all experiments may take together.
+    durations : array_like or None, s
+        Durations of one experiment, for each candidate or for all: what is measured and the move to
+        it. Needed with `time`. Moves between repetitions in one position are counted as well, so a
+        plan with repetitions takes less than this.
+    most : array_like or None
+        Experiments in one position, for each candidate or for all.
+    mandatory : mapping of int to float
+        Least experiments in these candidates.
+    forbidden : sequence of int
+        Candidates that must not be used.
+    groups : mapping of str to Group
+        Limits on positions together, by name.
+    linear : mapping of str to tuple of (array_like, float)
+        The user's own rows a'w <= b, by name: a of shape (Q,), and b.
     """
 
     experiments: float | None = None
@@ -58,7 +68,8 @@ class Constraints:
 
         Raises
         ------
-        InvalidInput : naming the constraint that does not fit, or those that conflict.
+        InvalidInput
+            Naming the constraint that does not fit, or those that conflict.
         """
         rows: list[tuple[str, Array, float]] = list(self._budgets(n_candidates))
         for name, group in self.groups.items():

@@ -43,9 +43,12 @@ class Coordinates:
 
     Attributes
     ----------
-    transforms : T of each sample.
-    inverses : (p, r) of each sample, T times which is the identity.
-    condition : the largest of the references' of unit diagonal.
+    transforms : tuple of ndarray
+        T of each sample.
+    inverses : tuple of ndarray, (p, r)
+        Inverses of each sample, T times which is the identity.
+    condition : float
+        The largest of the references' of unit diagonal.
     """
 
     transforms: tuple[Array, ...]
@@ -60,8 +63,9 @@ class Coordinates:
 
         Raises
         ------
-        NotIdentifiable : naming the parameters, if they leave open what the objective asks for, or
-            if that cannot be decided in floating-point numbers.
+        NotIdentifiable
+            Naming the parameters, if they leave open what the objective asks for, or if that cannot
+            be decided in floating-point numbers.
         """
         transforms, inverses, condition = [], [], 1.0
         for k, reference in enumerate(references):

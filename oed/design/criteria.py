@@ -47,7 +47,8 @@ class CCriterion:
 
     Attributes
     ----------
-    vector : (p,).
+    vector : ndarray, (p,)
+        Vector.
     """
 
     vector: Array
@@ -58,7 +59,8 @@ class CCriterion:
 
         Raises
         ------
-        InvalidInput : if the vector does not fit the names, or is zero.
+        InvalidInput
+            If the vector does not fit the names, or is zero.
         """
         c = real_numbers(self.vector, "criterion c: vector")
         if c.shape != (len(names),) or not np.isfinite(c).all() or not c.any():
@@ -75,7 +77,8 @@ class DsCriterion:
 
     Attributes
     ----------
-    interest : names of the parameters of interest.
+    interest : tuple of str
+        Names of the parameters of interest.
     """
 
     interest: tuple[str, ...]
@@ -87,7 +90,8 @@ class DsCriterion:
 
         Raises
         ------
-        InvalidInput : if a name is unknown or repeated, or there is none.
+        InvalidInput
+            If a name is unknown or repeated, or there is none.
         """
         wanted = (self.interest,) if isinstance(self.interest, str) else tuple(self.interest)
         if not wanted or len(set(wanted)) != len(wanted):
@@ -115,8 +119,9 @@ class ICriterion:
 
     Attributes
     ----------
-    matrix : L, (p, p), the mean of g g' over the predictions' gradients g by the parameters;
-        see `prediction_matrix`.
+    matrix : ndarray
+        L, (p, p), the mean of g g' over the predictions' gradients g by the parameters; see
+        `prediction_matrix`.
     """
 
     matrix: Array
@@ -127,7 +132,8 @@ class ICriterion:
 
         Raises
         ------
-        InvalidInput : if L does not fit the names, or is not symmetric, positive semidefinite.
+        InvalidInput
+            If L does not fit the names, or is not symmetric, positive semidefinite.
         """
         L, p = real_numbers(self.matrix, "criterion I: matrix"), len(names)
         if L.shape != (p, p) or not np.isfinite(L).all():
@@ -157,8 +163,10 @@ class MixtureCriterion:
 
     Attributes
     ----------
-    criteria : the criteria.
-    shares : of each, positive; they are scaled to sum to one. Equal if None.
+    criteria : sequence of str or Criterion
+        The criteria.
+    shares : sequence of float or None
+        Shares of each, positive; they are scaled to sum to one. Equal if None.
     """
 
     criteria: Sequence[str | Criterion]
@@ -174,7 +182,8 @@ class MixtureCriterion:
 
         Raises
         ------
-        InvalidInput : if there is no part, shares do not fit, or a part is a maximin.
+        InvalidInput
+            If there is no part, shares do not fit, or a part is a maximin.
         """
         if not len(self.criteria):
             raise InvalidInput("criterion mixture: criteria: none given; at least one is needed")
@@ -201,7 +210,8 @@ def objective(wanted: str | Criterion, names: Sequence[str], samples: int = 1) -
 
     Raises
     ------
-    InvalidInput : if there is no criterion of that name, or it does not fit the parameters.
+    InvalidInput
+        If there is no criterion of that name, or it does not fit the parameters.
     """
     if not isinstance(wanted, str | Criterion):
         raise InvalidInput(f"criterion {wanted!r} is neither a name nor a criterion")
@@ -225,7 +235,8 @@ def criterion(name: str) -> Objective:
 
     Raises
     ------
-    InvalidInput : if there is none.
+    InvalidInput
+        If there is none.
     """
     if name not in CRITERIA:
         raise InvalidInput(
@@ -248,7 +259,8 @@ def checked_shares(shares: Sequence[float] | None, count: int, what: str) -> Arr
 
     Raises
     ------
-    InvalidInput : starting with `what`, if there are not as many, or one is not positive.
+    InvalidInput
+        Starting with `what`, if there are not as many, or one is not positive.
     """
     if count == 0:
         raise InvalidInput(f"{what}: at least one is needed")

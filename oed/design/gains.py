@@ -31,16 +31,23 @@ def best_addition(
 
     Parameters
     ----------
-    objective : what is maximised.
-    information : (p, p), or (K, p, p) with samples of theta.
-    matrices : (n, p, p) or (n, K, p, p).
-    usable : (n,) candidates that may be taken.
-    least : values up to this one do not matter.
-    ceilings : (n,) further upper bounds on the values.
+    objective : Objective
+        What is maximised.
+    information : ndarray, (p, p), or (K, p, p)
+        Information so far, the latter with samples of theta.
+    matrices : ndarray, (n, p, p) or (n, K, p, p)
+        Information of each candidate.
+    usable : ndarray of bool, (n,)
+        Candidates that may be taken.
+    least : float
+        Values up to this one do not matter.
+    ceilings : ndarray, (n,), optional
+        Further upper bounds on the values.
 
     Returns
     -------
-    Index and value; -1 and `least` if no usable candidate has a larger value.
+    tuple of (int, float)
+        Index and value; -1 and `least` if no usable candidate has a larger value.
     """
     bounded = _log_det if is_plain_d(objective) else _any
     bounds, evaluate = bounded(objective, information, matrices)

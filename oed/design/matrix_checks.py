@@ -22,8 +22,9 @@ def check_matrices(matrices: Array, first: int = 0) -> None:
 
     Raises
     ------
-    InvalidInput : naming the candidate, if one is not finite, symmetric or positive semidefinite,
-        all to rounding.
+    InvalidInput
+        Naming the candidate, if one is not finite, symmetric or positive semidefinite, all to
+        rounding.
     """
     # Which candidate is at fault is found out only where one is.
     parts = range(0, len(matrices), _PART)

@@ -32,9 +32,12 @@ class MatrixMean:
 
     Attributes
     ----------
-    kind : "D", "A" or "E".
-    combinations : B, (p, m); None for every parameter by itself, the identity.
-    offset : added to the logarithm; it keeps D's values when coordinates change.
+    kind : Kind
+        "D", "A" or "E".
+    combinations : ndarray or None, (p, m)
+        B; None for every parameter by itself, the identity.
+    offset : float
+        Added to the logarithm; it keeps D's values when coordinates change.
     """
 
     kind: Kind
@@ -144,7 +147,8 @@ class MatrixMean:
 
         Raises
         ------
-        numpy.linalg.LinAlgError : if M is not positive definite.
+        numpy.linalg.LinAlgError
+            If M is not positive definite.
         """
         n, p = matrices.shape[:2]
         L = np.linalg.cholesky(information)

@@ -23,10 +23,14 @@ def multiplicative(
 
     Parameters
     ----------
-    problem : its objective must be smooth, of one group.
-    goal : what a candidate may be worth above all, when steps end.
-    weights : (n,) to begin with, equal ones if None.
-    steps : at most.
+    problem : WhiteProblem
+        Its objective must be smooth, of one group.
+    goal : float
+        What a candidate may be worth above all, when steps end.
+    weights : ndarray, (n,), optional
+        Weights to begin with, equal ones if None.
+    steps : int
+        Steps at most.
     """
     n, terms = len(problem.start), problem.objective.terms
     weights = np.full(n, 1.0 / n) if weights is None else weights

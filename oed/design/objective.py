@@ -40,9 +40,12 @@ class Objective:
 
     Attributes
     ----------
-    name : what users call it.
-    groups : terms of each group; their shares sum to one.
-    references : log r_g of each group; zeros if None.
+    name : str
+        What users call it.
+    groups : tuple of tuple of Term
+        Terms of each group; their shares sum to one.
+    references : tuple of float or None
+        log r_g of each group; zeros if None.
     """
 
     name: str

@@ -23,9 +23,12 @@ class Polytope:
 
     Attributes
     ----------
-    rows, bounds : (m, Q), (m,); the first row is the budget, positive everywhere.
-    lower, upper : (Q,), not negative; upper may be infinite.
-    names : of the rows, for messages and multipliers.
+    rows, bounds : ndarray, (m, Q)
+        (m,); the first row is the budget, positive everywhere.
+    lower, upper : ndarray, (Q,)
+        Not negative; upper may be infinite.
+    names : tuple of str
+        Names of the rows, for messages and multipliers.
     """
 
     rows: Array
@@ -72,8 +75,10 @@ class Polytope:
 
         Raises
         ------
-        InvalidInput : if no weights are allowed.
-        SolverFailed : if HiGHS gives no answer for another reason.
+        InvalidInput
+            If no weights are allowed.
+        SolverFailed
+            If HiGHS gives no answer for another reason.
         """
         if len(self.rows) == 1:
             return self._fill(prices), np.zeros(1)
@@ -166,8 +171,10 @@ def _linear_program(
 
     Raises
     ------
-    InvalidInput : if there is no such x.
-    SolverFailed : if HiGHS gives no answer for another reason.
+    InvalidInput
+        If there is no such x.
+    SolverFailed
+        If HiGHS gives no answer for another reason.
     """
     from scipy.optimize import linprog
 

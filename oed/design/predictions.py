@@ -18,12 +18,15 @@ def prediction_matrix(gradients: Array | ComplexArray, shares: Array | None = No
 
     Parameters
     ----------
-    gradients : (..., p) derivatives of the predictions; complex ones count both parts.
-    shares : weight of each prediction, of the leading shape; equal if None.
+    gradients : ndarray or ndarray of complex, (..., p)
+        Derivatives of the predictions; complex ones count both parts.
+    shares : ndarray, optional
+        Weight of each prediction, of the leading shape; equal if None.
 
     Raises
     ------
-    InvalidInput : if there is no prediction, one is not finite, or shares do not fit.
+    InvalidInput
+        If there is no prediction, one is not finite, or shares do not fit.
     """
     g = np.asarray(gradients)
     flat = g.reshape(-1, g.shape[-1]) if g.ndim else np.zeros((0, 1))
@@ -40,9 +43,12 @@ def log_frf_gradients(robot: Elastic, positions: Array, omega: Array) -> Complex
 
     Parameters
     ----------
-    robot : a model with `parameters` and `network(positions)`.
-    positions : (Q, n) where FRFs are to be predicted [rad].
-    omega : (F,) [rad/s].
+    robot : Elastic
+        A model with `parameters` and `network(positions)`.
+    positions : ndarray, (Q, n), rad
+        Where FRFs are to be predicted.
+    omega : ndarray, (F,), rad/s
+        Angular frequencies.
     """
     response, jacobian = sensitivity(robot, np.atleast_2d(positions), np.asarray(omega, float))
     nonzero = np.where(response == 0, 1.0, response)[..., None]
@@ -57,8 +63,10 @@ def log_resonance_gradients(robot: Elastic, positions: Array) -> Array:
 
     Parameters
     ----------
-    robot : a model with `parameters` and `network(positions)`.
-    positions : (Q, n) where resonances are to be predicted [rad].
+    robot : Elastic
+        A model with `parameters` and `network(positions)`.
+    positions : ndarray, (Q, n), rad
+        Where resonances are to be predicted.
     """
     positions = np.atleast_2d(np.asarray(positions, dtype=float))
 

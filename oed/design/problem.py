@@ -45,7 +45,8 @@ def check_candidates(info: object, argument: str = "info") -> None:
 
     Raises
     ------
-    InvalidInput : saying what would be right.
+    InvalidInput
+        Saying what would be right.
     """
     needed = ("names", "samples", "take", "prices", "combined")
     if not all(hasattr(info, name) for name in needed):
@@ -91,8 +92,10 @@ class Problem:
 
     Attributes
     ----------
-    candidates, objective, allowed : see there.
-    prior : M_0, of the shape of one candidate's information, or None.
+    candidates, objective, allowed
+        See there.
+    prior : ndarray or None
+        M_0, of the shape of one candidate's information, or None.
     """
 
     candidates: Candidates

@@ -37,27 +37,37 @@ def optimal_design(
 
     Parameters
     ----------
-    info : information of each candidate, in memory or in a store; with samples of theta for the
-        robust criteria.
-    criterion : "D", "A", "E" or an object of `oed.design.criteria`; with samples of theta one that
-        is not robust itself is averaged over them.
-    constraints : what limits the weights; None for shares that sum to one.
-    prior : (p, p), information of experiments there are already, in units of the weights: for
-        shares of N experiments to come, a Nth of it.
-    tolerance : largest certified gap accepted.
-    max_rounds : largest number of active sets.
-    solver : "cvxpy" (Clarabel, then SCS), or "newton", the barrier method of this package, which is
+    info : Candidates
+        Information of each candidate, in memory or in a store; with samples of theta for the robust
+        criteria.
+    criterion : str or Criterion
+        "D", "A", "E" or an object of `oed.design.criteria`; with samples of theta one that is not
+        robust itself is averaged over them.
+    constraints : Constraints or Polytope, optional
+        What limits the weights; None for shares that sum to one.
+    prior : ndarray, (p, p), optional
+        Information of experiments there are already, in units of the weights: for shares of N
+        experiments to come, a Nth of it.
+    tolerance : float
+        Largest certified gap accepted.
+    max_rounds : int
+        Largest number of active sets.
+    solver : str
+        "cvxpy" (Clarabel, then SCS), or "newton", the barrier method of this package, which is
         faster; it takes every criterion but E. Where cvxpy stalls, the barrier method goes on;
         `Design.solver` tells.
-    form : what cvxpy states, "primal" or "dual".
+    form : str
+        What cvxpy states, "primal" or "dual".
 
     Raises
     ------
-    NotIdentifiable : naming the parameters, if all candidates together leave open what the
-        criterion asks for.
-    SolverFailed : if the solver gives no answer, or the gap stays above `tolerance`.
-    InvalidInput : if criterion, solver or form are unknown, the tolerance is not positive, the
-        prior does not fit, or constraints do not fit or conflict (it says which).
+    NotIdentifiable
+        Naming the parameters, if all candidates together leave open what the criterion asks for.
+    SolverFailed
+        If the solver gives no answer, or the gap stays above `tolerance`.
+    InvalidInput
+        If criterion, solver or form are unknown, the tolerance is not positive, the prior does not
+        fit, or constraints do not fit or conflict (it says which).
     """
     check_candidates(info)
     _known("solver", solver, SOLVERS)
@@ -93,7 +103,8 @@ def checked_prior(prior: Array | None, info: Candidates) -> Array | None:
 
     Raises
     ------
-    InvalidInput : if it is not (p, p) or (K, p, p), finite, symmetric and positive semidefinite.
+    InvalidInput
+        If it is not (p, p) or (K, p, p), finite, symmetric and positive semidefinite.
     """
     check_candidates(info)
     if prior is None:

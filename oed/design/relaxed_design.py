@@ -17,20 +17,31 @@ class Design(Printed):
 
     Attributes
     ----------
-    weights : (Q,) shares that sum to one, or experiments where constraints say how many; of equal
-        candidates one carries the weight.
-    value : the criterion, see `Objective.value` (for D: log det).
-    gap : certified over all candidates, see `certificate`.
-    support : indices of the candidates with a positive weight.
-    information : (p, p), or (K, p, p) for samples: the prior and sum_i w_i H_i.
-    criterion, names : what was optimised, and for which parameters.
-    rounds : active sets that were solved.
-    solver : every method that took part, in the order used.
-    witness : W_j of each of the criterion's terms, with which the gap was found; the derivative at
-        the weights where that is unique.
-    sensitivity : (Q,) what a unit of each weight adds to the logarithm of the efficiency; over a
-        position's cost it is nowhere above that of the support.
-    multipliers : what a unit of each constraint's bound adds to it, by name.
+    weights : ndarray, (Q,)
+        Shares that sum to one, or experiments where constraints say how many; of equal candidates
+        one carries the weight.
+    value : float
+        The criterion, see `Objective.value` (for D: log det).
+    gap : float
+        Certified over all candidates, see `certificate`.
+    support : ndarray of int
+        Indices of the candidates with a positive weight.
+    information : ndarray, (p, p), or (K, p, p)
+        Information, for each sample: the prior and sum_i w_i H_i.
+    criterion, names
+        What was optimised, and for which parameters.
+    rounds : int
+        Active sets that were solved.
+    solver : str
+        Every method that took part, in the order used.
+    witness : tuple of ndarray
+        W_j of each of the criterion's terms, with which the gap was found; the derivative at the
+        weights where that is unique.
+    sensitivity : ndarray, (Q,)
+        What a unit of each weight adds to the logarithm of the efficiency; over a position's cost
+        it is nowhere above that of the support.
+    multipliers : mapping of str to float
+        What a unit of each constraint's bound adds to it, by name.
     """
 
     weights: Array

@@ -29,12 +29,14 @@ class InformationSamples:
 
     Attributes
     ----------
-    sets : one set of candidates for each value, in memory or in a store; the first one is the
-        nominal value's.
+    sets : tuple of Candidates
+        One set of candidates for each value, in memory or in a store; the first one is the nominal
+        value's.
 
     Raises
     ------
-    InvalidInput : if there is none, or candidates or parameters differ.
+    InvalidInput
+        If there is none, or candidates or parameters differ.
     """
 
     sets: tuple[Candidates, ...]
@@ -93,8 +95,10 @@ class AverageCriterion:
 
     Attributes
     ----------
-    criterion : of each sample.
-    shares : weight of each sample; equal if None.
+    criterion : str or Criterion
+        Criterion of each sample.
+    shares : sequence of float or None
+        Weight of each sample; equal if None.
     """
 
     criterion: str | Criterion = "D"
@@ -110,7 +114,8 @@ class AverageCriterion:
 
         Raises
         ------
-        InvalidInput : if shares do not fit, or the criterion is robust already.
+        InvalidInput
+            If shares do not fit, or the criterion is robust already.
         """
         shares = checked_shares(self.shares, samples, f"criterion {self.name}")
         return replace(averaged(_of_one(self.criterion, names, self.name), shares), name=self.name)
@@ -122,8 +127,10 @@ class MaximinCriterion:
 
     Attributes
     ----------
-    criterion : of each sample.
-    references : log value, see `Objective.log_value`, of each sample's own best design; the values
+    criterion : str or Criterion
+        Criterion of each sample.
+    references : sequence of float or None
+        log value, see `Objective.log_value`, of each sample's own best design; the values
         themselves are compared if None. `robust_design` finds and uses them.
     """
 
@@ -140,7 +147,8 @@ class MaximinCriterion:
 
         Raises
         ------
-        InvalidInput : if references do not fit, or the criterion is robust already.
+        InvalidInput
+            If references do not fit, or the criterion is robust already.
         """
         terms = _of_one(self.criterion, names, self.name).groups[0]
         groups = tuple(
@@ -162,10 +170,14 @@ class RobustDesign(Printed):
 
     Attributes
     ----------
-    design : the robust design.
-    nominal : the best design for the first sample.
-    efficiency : (K,) of the robust design against each sample's own best one.
-    nominal_efficiency : (K,) of the nominal design.
+    design : Design
+        The robust design.
+    nominal : Design
+        The best design for the first sample.
+    efficiency : ndarray, (K,)
+        Efficiency of the robust design against each sample's own best one.
+    nominal_efficiency : ndarray, (K,)
+        Nominal efficiency of the nominal design.
     """
 
     design: Design
@@ -190,16 +202,22 @@ def robust_design(
 
     Parameters
     ----------
-    samples : information of the same candidates for each theta; the first one is nominal.
-    criterion : of each sample.
-    kind : "average", the geometric mean of efficiencies, or "maximin", the least of them.
-    shares : of each sample in the average.
-    options : of `optimal_design`; its solver finds the robust design, the samples' own best ones
+    samples : InformationSamples or sequence of Candidates
+        Information of the same candidates for each theta; the first one is nominal.
+    criterion : str or Criterion
+        Criterion of each sample.
+    kind : str
+        "average", the geometric mean of efficiencies, or "maximin", the least of them.
+    shares : sequence of float, optional
+        Shares of each sample in the average.
+    options : Any
+        Options of `optimal_design`; its solver finds the robust design, the samples' own best ones
         are found by the fastest one that takes the criterion.
 
     Raises
     ------
-    InvalidInput : if `kind` is unknown, or samples do not fit; and what `optimal_design` raises.
+    InvalidInput
+        If `kind` is unknown, or samples do not fit; and what `optimal_design` raises.
     """
     if kind not in KINDS:
         raise InvalidInput(

@@ -28,11 +28,16 @@ class Shop:
 
     Attributes
     ----------
-    base : information of each candidate position without sensors.
-    added : (S, Q, p, p), what each sensor adds in each position.
-    costs, budget : (S,) of the sensors, and the largest sum.
-    wanted : what is maximised.
-    prior : (p, p) or None.
+    base : InformationSet
+        Information of each candidate position without sensors.
+    added : ndarray, (S, Q, p, p)
+        What each sensor adds in each position.
+    costs, budget
+        (S,) of the sensors, and the largest sum.
+    wanted : Objective
+        What is maximised.
+    prior : ndarray or None
+        (p, p) or None.
     """
 
     base: InformationSet
@@ -67,8 +72,10 @@ def relaxed_choice(shop: Shop, reached: float) -> tuple[float, Array]:
 
     Parameters
     ----------
-    shop : what can be bought.
-    reached : log value of the best choice known; the bound is no less.
+    shop : Shop
+        What can be bought.
+    reached : float
+        log value of the best choice known; the bound is no less.
     """
     positions = np.repeat(np.arange(len(shop.base)), 2)
     used = np.zeros((len(positions), len(shop.costs)), dtype=bool)

@@ -24,16 +24,22 @@ def sensor_information(
 
     Parameters
     ----------
-    robot : with all the accelerometers that could be bought.
-    positions : (Q, n) [rad].
-    omega : (F,) [rad/s].
-    noise : the noise law of the FRF estimates.
+    robot : ElasticRobot
+        Robot with all the accelerometers that could be bought.
+    positions : ndarray, (Q, n), rad
+        Positions.
+    omega : ndarray, (F,), rad/s
+        Angular frequencies.
+    noise : RelativeNoise
+        The noise law of the FRF estimates.
 
     Raises
     ------
-    InvalidInput : if the robot file has no accelerometer, there is no position, or a position or
-        frequency cannot be used.
-    NoEquilibrium : if the springs cannot carry the robot's weight in a position.
+    InvalidInput
+        If the robot file has no accelerometer, there is no position, or a position or frequency
+        cannot be used.
+    NoEquilibrium
+        If the springs cannot carry the robot's weight in a position.
     """
     positions, omega = np.atleast_2d(np.asarray(positions, dtype=float)), check_omega(omega)
     motors, names = len(robot.motor_names), robot.output_names

@@ -31,8 +31,10 @@ class Sensor:
 
     Attributes
     ----------
-    information : what it adds in each candidate position, beside the motors.
-    cost : in units of the budget.
+    information : InformationSet
+        What it adds in each candidate position, beside the motors.
+    cost : float
+        Cost in units of the budget.
     """
 
     information: InformationSet
@@ -45,15 +47,23 @@ class SensorDesign(Printed):
 
     Attributes
     ----------
-    chosen : names of the sensors.
-    cost : of all of them.
-    design : positions with these sensors.
-    efficiency : certified lower bound against every choice within the budget.
-    relaxed_efficiency : against the relaxation, in which sensors move from position to position.
-    keep : for each chosen sensor the efficiency that would be left without it, below one, and for
+    chosen : tuple of str
+        Names of the sensors.
+    cost : float
+        Cost of all of them.
+    design : Design
+        Positions with these sensors.
+    efficiency : float
+        Certified lower bound against every choice within the budget.
+    relaxed_efficiency : float
+        Against the relaxation, in which sensors move from position to position.
+    keep : mapping of str to float
+        For each chosen sensor the efficiency that would be left without it, below one, and for
         each other one what its purchase would raise it to; each with its own best positions.
-    usage : (of the relaxation) share of the experiments that would use each sensor.
-    tried : choices judged.
+    usage : mapping of str to float
+        (of the relaxation) share of the experiments that would use each sensor.
+    tried : int
+        Choices judged.
     """
 
     chosen: tuple[str, ...]
@@ -88,19 +98,28 @@ def optimal_sensors(
 
     Parameters
     ----------
-    base : information of each candidate position without any of the sensors.
-    sensors : what can be bought, by name.
-    budget : largest sum of costs.
-    criterion : as in `optimal_design`; one that is not smooth, such as E, takes cvxpy and longer.
-    tolerance : largest certified gap of each choice's design.
-    prior : (p, p), information of experiments there are already, in units of the shares.
+    base : InformationSet
+        Information of each candidate position without any of the sensors.
+    sensors : mapping of str to Sensor
+        What can be bought, by name.
+    budget : float
+        Largest sum of costs.
+    criterion : str or Criterion
+        As in `optimal_design`; one that is not smooth, such as E, takes cvxpy and longer.
+    tolerance : float
+        Largest certified gap of each choice's design.
+    prior : ndarray, (p, p), optional
+        Information of experiments there are already, in units of the shares.
 
     Raises
     ------
-    InvalidInput : if sensors do not fit the positions and parameters, a cost or the budget is not
-        a number >= 0, or the prior does not fit.
-    NotIdentifiable : naming the parameters, if no choice within the budget identifies them.
-    SolverFailed : as `optimal_design`.
+    InvalidInput
+        If sensors do not fit the positions and parameters, a cost or the budget is not a number >=
+        0, or the prior does not fit.
+    NotIdentifiable
+        Naming the parameters, if no choice within the budget identifies them.
+    SolverFailed
+        As `optimal_design`.
     """
     names, costs, added = _checked(base, sensors, budget)
     shop = Shop(base, added, costs, budget, objective(criterion, base.names), prior)

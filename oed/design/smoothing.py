@@ -22,12 +22,17 @@ class Smoothed:
 
     Attributes
     ----------
-    value : of the objective.
-    slopes : (G, n) of the groups' values, and their multipliers (G,), which sum to one.
-    curvature : (n, n) minus the second derivative at these multipliers.
-    rooms : (G,) of the groups above t.
-    sizes : (n, k) minus the mixed derivatives by w and by each smoothed eigenvalue's s, and (k,)
-        minus the second ones by s.
+    value : float
+        Value of the objective.
+    slopes : ndarray, (G, n)
+        Slopes of the groups' values, and their multipliers (G,), which sum to one.
+    curvature : ndarray, (n, n)
+        Minus the second derivative at these multipliers.
+    rooms : ndarray, (G,)
+        Rooms of the groups above t.
+    sizes : ndarray, (n, k)
+        Minus the mixed derivatives by w and by each smoothed eigenvalue's s, and (k,) minus the
+        second ones by s.
     """
 
     value: float
@@ -49,7 +54,8 @@ def smoothed(problem: WhiteProblem, weights: Array, mu: float) -> Smoothed:
 
     Raises
     ------
-    numpy.linalg.LinAlgError : if the information is not positive definite.
+    numpy.linalg.LinAlgError
+        If the information is not positive definite.
     """
     objective, information = problem.objective, problem.information(weights)
     n, groups = len(weights), len(objective.groups)

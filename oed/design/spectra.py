@@ -17,9 +17,11 @@ class LineLimit:
 
     Attributes
     ----------
-    cost : (F,) or (Q, F), what a unit of power of each line takes of it, none negative: ones for
-        the total power, half the squared gain to a joint's speed for its mean square.
-    most : the limit, for all positions.
+    cost : ndarray, (F,) or (Q, F)
+        What a unit of power of each line takes of it, none negative: ones for the total power, half
+        the squared gain to a joint's speed for its mean square.
+    most : float
+        The limit, for all positions.
     """
 
     cost: Array
@@ -32,10 +34,14 @@ class Spectra:
 
     Attributes
     ----------
-    lines : (Q, F, p, p), information of each position and line for a unit of power.
-    names : p parameter names.
-    costs, bounds : (Q, R, F), (R,) of the limits.
-    line_most : largest power of one line.
+    lines : ndarray, (Q, F, p, p)
+        Information of each position and line for a unit of power.
+    names : tuple of str
+        p parameter names.
+    costs, bounds : ndarray, (Q, R, F)
+        (R,) of the limits.
+    line_most : float
+        Largest power of one line.
     """
 
     lines: Array
@@ -56,7 +62,8 @@ class Spectra:
 
         Raises
         ------
-        InvalidInput : if lines and limits do not fit, or a line has no limit.
+        InvalidInput
+            If lines and limits do not fit, or a line has no limit.
         """
         lines, p = real_numbers(lines, "lines"), len(names)
         if lines.ndim != 4 or lines.shape[2:] != (p, p) or 0 in lines.shape:

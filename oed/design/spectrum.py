@@ -33,12 +33,18 @@ class SpectrumDesign(Printed):
 
     Attributes
     ----------
-    weights : (Q,) shares of the experiments that sum to one.
-    power : (Q, F) mean power of each line in an experiment of each position; zero where none is.
-    amplitude : (Q, F) of sines with these powers, sqrt(2 power).
-    value, gap, information, criterion, names : as of a `Design`; the gap is over all spectra.
-    uniform_efficiency : of the best positions with one common flat spectrum scaled to the limits.
-    rounds : sets of spectra solved.
+    weights : ndarray, (Q,)
+        Shares of the experiments that sum to one.
+    power : ndarray, (Q, F)
+        Mean power of each line in an experiment of each position; zero where none is.
+    amplitude : ndarray, (Q, F)
+        Amplitude of sines with these powers, sqrt(2 power).
+    value, gap, information, criterion, names
+        As of a `Design`; the gap is over all spectra.
+    uniform_efficiency : float
+        Uniform efficiency of the best positions with one common flat spectrum scaled to the limits.
+    rounds : int
+        Sets of spectra solved.
     """
 
     weights: Array
@@ -87,21 +93,31 @@ def optimal_spectrum(
 
     Parameters
     ----------
-    lines : (Q, F, p, p), information of each position and line for a unit of power.
-    names : p parameter names.
-    limits : what holds in every experiment, by name; at least one must count every line.
-    criterion : as in `optimal_design`; one that is not smooth, such as E, takes cvxpy and longer.
-    line_most : largest power of one line.
-    tolerance : largest certified gap accepted.
-    max_rounds : largest number of sets of spectra.
-    prior : (p, p), information of experiments there are already, in units of the shares.
+    lines : ndarray, (Q, F, p, p)
+        Information of each position and line for a unit of power.
+    names : tuple of str
+        p parameter names.
+    limits : mapping of str to LineLimit
+        What holds in every experiment, by name; at least one must count every line.
+    criterion : str or Criterion
+        As in `optimal_design`; one that is not smooth, such as E, takes cvxpy and longer.
+    line_most : float
+        Largest power of one line.
+    tolerance : float
+        Largest certified gap accepted.
+    max_rounds : int
+        Largest number of sets of spectra.
+    prior : ndarray, (p, p), optional
+        Information of experiments there are already, in units of the shares.
 
     Raises
     ------
-    InvalidInput : if lines, limits and prior do not fit, a line has no limit, or `max_rounds` is
-        not positive.
-    NotIdentifiable : naming the parameters, if all lines in all positions leave some open.
-    SolverFailed : if the gap stays above the tolerance.
+    InvalidInput
+        If lines, limits and prior do not fit, a line has no limit, or `max_rounds` is not positive.
+    NotIdentifiable
+        Naming the parameters, if all lines in all positions leave some open.
+    SolverFailed
+        If the gap stays above the tolerance.
     """
     if max_rounds < 1:
         raise InvalidInput(f"max_rounds: {max_rounds!r}; at least 1 is needed")

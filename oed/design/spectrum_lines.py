@@ -16,10 +16,14 @@ def line_information(robot: Elastic, positions: Array, omega: Array, noise: Rela
 
     Parameters
     ----------
-    robot : a model with `parameters` and `network(positions)`.
-    positions : (Q, n) [rad].
-    omega : (F,) [rad/s].
-    noise : the noise law at the power of reference.
+    robot : Elastic
+        A model with `parameters` and `network(positions)`.
+    positions : ndarray, (Q, n), rad
+        Positions.
+    omega : ndarray, (F,), rad/s
+        Angular frequencies.
+    noise : RelativeNoise
+        The noise law at the power of reference.
     """
     lines = np.asarray(omega, dtype=float)
     parts = [information(robot, positions, lines[f : f + 1], noise) for f in range(len(lines))]
@@ -34,7 +38,8 @@ def speed_cost(robot: Elastic, positions: Array, omega: Array) -> Array:
 
     Parameters
     ----------
-    robot, positions, omega : as for `line_information`.
+    robot, positions, omega
+        As for `line_information`.
     """
     omega = np.asarray(omega, dtype=float)
     response = frequency_response(robot, np.atleast_2d(positions), omega)

@@ -26,10 +26,14 @@ def trimmed(
 
     Parameters
     ----------
-    problem, answer : the answer's weights are complete.
-    value : log value of all weights.
-    loss : how much less the value may be.
-    rounding : of the candidates' matrices.
+    problem, answer
+        The answer's weights are complete.
+    value : float
+        log value of all weights.
+    loss : float
+        How much less the value may be.
+    rounding : float
+        Rounding of the candidates' matrices.
     """
     weights = answer.weights
     terms = zip(problem.objective.terms, answer.witness, strict=True)

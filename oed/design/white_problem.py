@@ -14,12 +14,18 @@ class WhiteProblem:
 
     Attributes
     ----------
-    objective : its samples are the places of `base` and `matrices`.
-    base : for each sample, (r, r), information there is already.
-    matrices : for each sample, (n, r, r), of the candidates.
-    rows, bounds : (m, n), (m,); each row's largest number is one.
-    caps : (n,), infinite where nothing limits a candidate by itself.
-    start : (n,) weights that leave room in every row, or lie on it where no weights do.
+    objective : Objective
+        Its samples are the places of `base` and `matrices`.
+    base : tuple of ndarray
+        Base for each sample, (r, r), information there is already.
+    matrices : tuple of ndarray
+        Matrices for each sample, (n, r, r), of the candidates.
+    rows, bounds : ndarray, (m, n)
+        (m,); each row's largest number is one.
+    caps : ndarray, (n,)
+        Infinite where nothing limits a candidate by itself.
+    start : ndarray, (n,)
+        Weights that leave room in every row, or lie on it where no weights do.
     """
 
     objective: Objective
@@ -59,11 +65,16 @@ class Answer:
 
     Attributes
     ----------
-    weights : (n,).
-    row_multipliers : (m,) none negative, what a unit of each bound would add to the log value.
-    witness : one (r, r) for each term, the derivative of the log value, or its equal in the dual.
-    method : that gave the answer.
-    mu : where the barrier method stopped.
+    weights : ndarray, (n,)
+        Weights.
+    row_multipliers : ndarray, (m,)
+        None negative, what a unit of each bound would add to the log value.
+    witness : tuple of ndarray
+        One (r, r) for each term, the derivative of the log value, or its equal in the dual.
+    method : str
+        Method that gave the answer.
+    mu : float
+        Where the barrier method stopped.
     """
 
     weights: Array

@@ -30,12 +30,18 @@ class Whitening:
 
     Attributes
     ----------
-    problem : as it is.
-    coordinates : in which information is of order one.
-    objective, constant : in these coordinates, and what its log value lacks to the problem's.
-    base : for each sample, (r, r), information of the lower weights and the prior.
-    units : (Q,) what a share of one means for the weight.
-    bounds, interior : (m,) of the rows, beyond the lower weights, and shares (Q,) that leave room.
+    problem : Problem
+        As it is.
+    coordinates : Coordinates
+        Coordinates in which information is of order one.
+    objective, constant
+        In these coordinates, and what its log value lacks to the problem's.
+    base : tuple of ndarray
+        Base for each sample, (r, r), information of the lower weights and the prior.
+    units : ndarray, (Q,)
+        What a share of one means for the weight.
+    bounds, interior : ndarray, (m,)
+        Of the rows, beyond the lower weights, and shares (Q,) that leave room.
     """
 
     problem: Problem
@@ -53,7 +59,8 @@ class Whitening:
 
         Raises
         ------
-        NotIdentifiable : naming the parameters that all candidates together leave open.
+        NotIdentifiable
+            Naming the parameters that all candidates together leave open.
         """
         allowed, candidates = problem.allowed, problem.candidates
         room = max(float(allowed.room[0]), 1e-12 * float(allowed.bounds[0]))

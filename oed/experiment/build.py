@@ -39,11 +39,16 @@ class Prepared:
 
     Attributes
     ----------
-    robot : the robot that the plan was made for.
-    controller : that moves it.
-    scaling : the plan inside its limits, predicted peaks, and the limit that each visit meets.
-    imperfections : of the simulated robot.
-    rng : what is left of the seed's random numbers, for the simulation.
+    robot : ElasticRobot
+        The robot that the plan was made for.
+    controller : Controller
+        Controller that moves it.
+    scaling : Scaling
+        The plan inside its limits, predicted peaks, and the limit that each visit meets.
+    imperfections : Imperfections
+        Imperfections of the simulated robot.
+    rng : Generator
+        What is left of the seed's random numbers, for the simulation.
     """
 
     robot: ElasticRobot
@@ -63,8 +68,10 @@ def prepare(experiment: Experiment, progress: Progress | None = None) -> Prepare
 
     Raises
     ------
-    InvalidInput : naming the key whose value does not fit the robot, or the limit without room.
-    NoEquilibrium : if the springs cannot carry the robot's weight in a position.
+    InvalidInput
+        Naming the key whose value does not fit the robot, or the limit without room.
+    NoEquilibrium
+        If the springs cannot carry the robot's weight in a position.
     """
     robot = load_robot(experiment.robot)
     positions, repetitions = planned_positions(experiment, robot.name)
@@ -84,7 +91,8 @@ def prepare_in(
 
     Raises
     ------
-    InvalidInput, NoEquilibrium : as `prepare`.
+    InvalidInput, NoEquilibrium
+        As `prepare`.
     """
     motors = tuple(robot.motor_names)
     if positions.shape[1] != len(motors):
@@ -202,8 +210,10 @@ def within_swing(scaling: Scaling, swing: Array) -> Scaling:
 
     Parameters
     ----------
-    scaling : a plan inside its other limits, with one factor for all visits.
-    swing : (n,) largest deviation from the position, arm side [rad].
+    scaling : Scaling
+        A plan inside its other limits, with one factor for all visits.
+    swing : ndarray, (n,), rad
+        Largest deviation from the position, arm side.
     """
     peaks = scaling.peaks
     shift = np.abs(peaks.swing[:, 2]).max(axis=-1)  # (V, n)

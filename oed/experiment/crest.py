@@ -33,13 +33,17 @@ def reduced_crest(grid: Multisine, phases: Array, iterations: int = 200) -> Arra
 
     Parameters
     ----------
-    grid : lines and amplitudes, which stay as they are.
-    phases : (B, F, n) where to start; the outcome depends on nothing else.
-    iterations : how often to clip.
+    grid : Multisine
+        Lines and amplitudes, which stay as they are.
+    phases : ndarray, (B, F, n)
+        Where to start; the outcome depends on nothing else.
+    iterations : int
+        How often to clip.
 
     Raises
     ------
-    InvalidInput : if `iterations` is negative or the phases have a wrong shape.
+    InvalidInput
+        If `iterations` is negative or the phases have a wrong shape.
     """
     if iterations < 0:
         raise InvalidInput(f"crest_iterations: {iterations}; a number >= 0 is needed")

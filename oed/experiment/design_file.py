@@ -47,11 +47,13 @@ def designed_positions(path: Path, robot: str) -> tuple[Array, IntArray]:
 
     Parameters
     ----------
-    robot : name of the robot, which the design must be for.
+    robot : str
+        Name of the robot, which the design must be for.
 
     Raises
     ------
-    InvalidInput : naming the file and what is wrong in it.
+    InvalidInput
+        Naming the file and what is wrong in it.
     """
     try:
         document: Any = read_json(path)

@@ -212,7 +212,8 @@ def load_experiment(path: str | Path) -> Experiment:
 
     Raises
     ------
-    InvalidInput : if the file is absent, is not YAML, or does not fit the schema; the key is named.
+    InvalidInput
+        If the file is absent, is not YAML, or does not fit the schema; the key is named.
     """
     path = Path(path)
     experiment = read_yaml(path, Experiment)
@@ -230,11 +231,13 @@ def planned_positions(experiment: Experiment, robot: str) -> tuple[Array, IntArr
 
     Parameters
     ----------
-    robot : name of the robot, which a design must be for.
+    robot : str
+        Name of the robot, which a design must be for.
 
     Raises
     ------
-    InvalidInput : if positions differ in length, or the design cannot be used.
+    InvalidInput
+        If positions differ in length, or the design cannot be used.
     """
     if experiment.design is not None:
         return designed_positions(experiment.design, robot)
@@ -251,7 +254,8 @@ def per_motor(key: str, value: float | list[float], motors: tuple[str, ...]) -> 
 
     Raises
     ------
-    InvalidInput : if a list has another length.
+    InvalidInput
+        If a list has another length.
     """
     if isinstance(value, list) and len(value) != len(motors):
         raise InvalidInput(

@@ -30,11 +30,16 @@ class MeasuredChains:
 
     Attributes
     ----------
-    frf : FRFs of all positions, and how they were estimated.
-    position : index of the one that was used.
-    found : the identification.
-    dampers : the fit with dampers, or None where it failed.
-    warnings : what a user should know, each said once.
+    frf : MeasuredFrf
+        FRFs of all positions, and how they were estimated.
+    position : int
+        Index of the one that was used.
+    found : ChainIdentification
+        The identification.
+    dampers : DamperFit or None
+        The fit with dampers, or None where it failed.
+    warnings : tuple of str
+        What a user should know, each said once.
     """
 
     frf: MeasuredFrf
@@ -66,17 +71,24 @@ def measured_chains(
 
     Parameters
     ----------
-    path : records as HDF5, MATLAB or CSV file.
-    n_masses : N; proposed from the data where None.
-    position : index of the position, from 0.
-    delay, hold : as in `estimators.estimate_frf`; a delay is estimated in any case.
-    first_masses : motors' inertias (M,), where known.
+    path : Path
+        Records as HDF5, MATLAB or CSV file.
+    n_masses : int, optional
+        N; proposed from the data where None.
+    position : int
+        Index of the position, from 0.
+    delay, hold
+        As in `estimators.estimate_frf`; a delay is estimated in any case.
+    first_masses : ndarray, optional
+        Motors' inertias (M,), where known.
 
     Raises
     ------
-    InvalidInput : if the file cannot be used, or there is no such position; or as
+    InvalidInput
+        If the file cannot be used, or there is no such position; or as
         `estimators.identify_chains`.
-    NotIdentifiable : as `estimators.identify_chains`.
+    NotIdentifiable
+        As `estimators.identify_chains`.
     """
     first = _first(path)
     _check_excitation(first, path)

@@ -38,18 +38,28 @@ class MeasuredFrf:
 
     Attributes
     ----------
-    first : records of the first visit; the others have its shape.
-    visits : for each position the visits to it, as they are numbered in the records from 0.
-    missing : runs that the records of all positions lack.
-    method, covariance, delay : how they were estimated; the delay in s. The method "local" has
-        the covariance "local", from residuals.
-    estimate : FRFs with their covariance.
-    distortion : noise and distortion apart; None where there is one measured period only, or
-        where the method is local.
-    robot : whose linear model goes with them, or None.
-    modelled : (Q, F, n, n) FRFs of that model, or None.
-    comparison : of the methods on the loop of the first position, or None.
-    warnings : what a user should know of the data, each said once.
+    first : Records
+        Records of the first visit; the others have its shape.
+    visits : tuple of ndarray of int
+        For each position the visits to it, as they are numbered in the records from 0.
+    missing : int
+        Runs that the records of all positions lack.
+    method, covariance, delay
+        How they were estimated; the delay in s. The method "local" has the covariance "local", from
+        residuals.
+    estimate : FrfEstimate
+        FRFs with their covariance.
+    distortion : Distortion or None
+        Noise and distortion apart; None where there is one measured period only, or where the
+        method is local.
+    robot : ElasticRobot or None
+        Robot whose linear model goes with them, or None.
+    modelled : ndarray of complex or None, (Q, F, n, n)
+        FRFs of that model, or None.
+    comparison : Comparison or None
+        Comparison of the methods on the loop of the first position, or None.
+    warnings : tuple of str
+        What a user should know of the data, each said once.
     """
 
     first: Records
@@ -91,19 +101,25 @@ def measured_frf(
 
     Parameters
     ----------
-    path : records as HDF5, MATLAB or CSV file.
-    method, covariance, structure, delay, hold : as in `estimators.estimate_frf`.
-    local : whether neighbouring lines stand in for runs, see `estimators.local_frf`; this
-        takes the place of method and covariance, and serves where there are fewer runs
-        than motors.
-    robot : name or file of the robot that was measured.
-    compare : whether to compare the methods on the loop of the first position, by simulation.
-    runs : simulated campaigns of the comparison; their seed is fixed.
+    path : Path
+        Records as HDF5, MATLAB or CSV file.
+    method, covariance, structure, delay, hold
+        As in `estimators.estimate_frf`.
+    local : bool
+        Whether neighbouring lines stand in for runs, see `estimators.local_frf`; this takes the
+        place of method and covariance, and serves where there are fewer runs than motors.
+    robot : str, optional
+        Name or file of the robot that was measured.
+    compare : bool
+        Whether to compare the methods on the loop of the first position, by simulation.
+    runs : int
+        Simulated campaigns of the comparison; their seed is fixed.
 
     Raises
     ------
-    InvalidInput : if a file cannot be used, or the robot is another one, or the records lack what
-        the covariance or the comparison needs.
+    InvalidInput
+        If a file cannot be used, or the robot is another one, or the records lack what the
+        covariance or the comparison needs.
     """
     find_method(method)
     if not np.isfinite(delay):

@@ -22,13 +22,17 @@ class MoveLimits:
 
     Attributes
     ----------
-    motors : names of the n motors.
-    positions : (n, 2) lowest and highest position.
-    speed, acceleration : (n,) largest magnitudes; a number serves all motors.
+    motors : tuple of str
+        Names of the n motors.
+    positions : ndarray, (n, 2)
+        Lowest and highest position.
+    speed, acceleration : ndarray, (n,)
+        Largest magnitudes; a number serves all motors.
 
     Raises
     ------
-    InvalidInput : naming the motor whose limit is not finite, not positive, or upside down.
+    InvalidInput
+        Naming the motor whose limit is not finite, not positive, or upside down.
     """
 
     motors: tuple[str, ...]
@@ -66,7 +70,8 @@ class MoveLimits:
 
         Raises
         ------
-        InvalidInput : naming the first position and motor outside; or for a wrong shape.
+        InvalidInput
+            Naming the first position and motor outside; or for a wrong shape.
         """
         positions = np.array(positions, dtype=float)
         n = len(self.motors)
@@ -91,9 +96,12 @@ class Move:
 
     Attributes
     ----------
-    positions : (K, n) [rad].
-    speeds : (K, n) [rad/s].
-    sample_time : [s].
+    positions : ndarray, (K, n), rad
+        Positions.
+    speeds : ndarray, (K, n), rad/s
+        Speeds.
+    sample_time : float, s
+        Sample time.
     """
 
     positions: Array
@@ -122,7 +130,8 @@ def move(
 
     Raises
     ------
-    InvalidInput : if an end lies outside the limits, or the sample time is not positive.
+    InvalidInput
+        If an end lies outside the limits, or the sample time is not positive.
     """
     if not (np.isfinite(sample_time) and sample_time > 0):
         raise InvalidInput(f"sample_time: {sample_time!r} s is not a positive time")

@@ -24,19 +24,27 @@ class Multisine:
 
     Attributes
     ----------
-    samples : N of a period.
-    sample_time : [s].
-    lines : (F,) excited DFT lines, rising; line k is the frequency k / (N sample_time) [Hz].
-    amplitudes : (F, n) peak value of each line in each input; a number or an array that broadcasts
-        to it, one number per line, or one column.
-    inputs : n.
-    detection : lines left out on purpose, so that what appears there is distortion.
-    odd : whether all of these lines are odd, so that even distortion falls between them.
+    samples : int
+        N of a period.
+    sample_time : float, s
+        Sample time.
+    lines : ndarray of int, (F,)
+        Excited DFT lines, rising; line k is the frequency k / (N sample_time) [Hz].
+    amplitudes : ndarray, (F, n)
+        Peak value of each line in each input; a number or an array that broadcasts to it, one
+        number per line, or one column.
+    inputs : int
+        n.
+    detection : ndarray of int
+        Lines left out on purpose, so that what appears there is distortion.
+    odd : bool
+        Whether all of these lines are odd, so that even distortion falls between them.
 
     Raises
     ------
-    InvalidInput : naming a line that is no whole number, given twice, even where only odd ones are
-        allowed, or not below the Nyquist frequency; or amplitudes of the wrong shape or sign.
+    InvalidInput
+        Naming a line that is no whole number, given twice, even where only odd ones are allowed, or
+        not below the Nyquist frequency; or amplitudes of the wrong shape or sign.
     """
 
     samples: int
@@ -85,7 +93,8 @@ class Multisine:
 
         Parameters
         ----------
-        phases : (..., F, n) [rad].
+        phases : ndarray, (..., F, n), rad
+            Phases.
         """
         diagonal = 0.5 * self.samples * self.amplitudes * np.exp(1j * self._phases(phases))
         return np.asarray(diagonal[..., None] * fourier_matrix(self.inputs))
@@ -95,7 +104,8 @@ class Multisine:
 
         Parameters
         ----------
-        phases : (..., F, n) [rad].
+        phases : ndarray, (..., F, n), rad
+            Phases.
         """
         return self.period_of(self.spectrum(phases))
 
@@ -138,22 +148,31 @@ def band_multisine(
 
     Parameters
     ----------
-    samples, sample_time, inputs : of the `Multisine`.
-    band : lowest and highest frequency [rad/s], included.
-    count : lines to spread over the band; every line by default. Quasi-logarithmic lines that
-        fall on one another are taken once, so that there may be fewer.
-    spacing : linear or quasi-logarithmic (logarithmic, then moved to the nearest line).
-    odd : whether to take odd lines only.
-    detection_group : of each group of so many consecutive lines, one at random becomes a
+    samples, sample_time, inputs
+        Of the `Multisine`.
+    band : tuple of (float, float), rad/s
+        Lowest and highest frequency, included.
+    count : int, optional
+        Lines to spread over the band; every line by default. Quasi-logarithmic lines that fall on
+        one another are taken once, so that there may be fewer.
+    spacing : Spacing
+        Linear or quasi-logarithmic (logarithmic, then moved to the nearest line).
+    odd : bool
+        Whether to take odd lines only.
+    detection_group : int, optional
+        Detection group of each group of so many consecutive lines, one at random becomes a
         detection line; a last group that is not full stays whole.
-    amplitude : peak value per line: as the amplitudes of a `Multisine`, or a function of omega
-        (F,) [rad/s] that returns them.
-    rng : draws the detection lines.
+    amplitude : array_like or callable
+        Peak value per line: as the amplitudes of a `Multisine`, or a function of omega (F,) [rad/s]
+        that returns them.
+    rng : Generator, optional
+        Draws the detection lines.
 
     Raises
     ------
-    InvalidInput : if the band holds too few lines or reaches the Nyquist frequency, or if an
-        argument is missing or out of range.
+    InvalidInput
+        If the band holds too few lines or reaches the Nyquist frequency, or if an argument is
+        missing or out of range.
     """
     grid = Multisine(samples, sample_time, np.array([1]), inputs)  # checks what is common
     lines = _band_lines(grid, band, odd)
@@ -184,7 +203,8 @@ def random_phases(grid: Multisine, n_blocks: int, *, rng: np.random.Generator) -
 
     Raises
     ------
-    InvalidInput : if there is no block.
+    InvalidInput
+        If there is no block.
     """
     if isinstance(n_blocks, bool) or not isinstance(n_blocks, int) or n_blocks < 1:
         raise InvalidInput(f"blocks: {n_blocks!r}; a whole number >= 1 is needed")

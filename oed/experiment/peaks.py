@@ -35,9 +35,10 @@ class Peaks:
 
     Attributes
     ----------
-    rest : (V, 3, n) holding torque [N m, motor shaft], zero speed, position [rad, arm side].
-    swing : (V, 3, n, 2) lowest and highest deviation of torque, speed [rad/s, motor shaft] and
-        position from it.
+    rest : ndarray, (V, 3, n)
+        Holding torque [N m, motor shaft], zero speed, position [rad, arm side].
+    swing : ndarray, (V, 3, n, 2)
+        Lowest and highest deviation of torque, speed [rad/s, motor shaft] and position from it.
     """
 
     rest: Array
@@ -57,10 +58,14 @@ class PlannedLoop:
 
     Attributes
     ----------
-    torque, angle : (Q, F, n, n) motor torque [N m] and angle [rad] per speed reference [rad/s].
-    ratios : (n,) gear ratios.
-    rest : (V, 3, n) as in `Peaks`.
-    starts : the loop sample by sample, for each position.
+    torque, angle : ndarray of complex, (Q, F, n, n)
+        Motor torque [N m] and angle [rad] per speed reference [rad/s].
+    ratios : ndarray, (n,)
+        Gear ratios.
+    rest : ndarray, (V, 3, n)
+        As in `Peaks`.
+    starts : tuple of SampledLoop
+        The loop sample by sample, for each position.
     """
 
     torque: ComplexArray
@@ -162,8 +167,10 @@ def predicted_peaks(
 
     Raises
     ------
-    InvalidInput : if controller, robot and plan do not fit each other.
-    NoEquilibrium : if the springs cannot carry the robot's weight in a position.
+    InvalidInput
+        If controller, robot and plan do not fit each other.
+    NoEquilibrium
+        If the springs cannot carry the robot's weight in a position.
     """
     loop = PlannedLoop.of(plan, robot, controller, holding)
     return Peaks(read_only(loop.rest), read_only(loop.swing(plan, plan.multisine.amplitudes)))
@@ -174,7 +181,8 @@ def _stable(model: LinearModel, controller: Controller, where: str) -> SampledLo
 
     Raises
     ------
-    InvalidInput : naming `where`, if it is unstable.
+    InvalidInput
+        Naming `where`, if it is unstable.
     """
     loop = sampled_loop(model, controller)
     if not loop.largest_pole <= _LARGEST_POLE:

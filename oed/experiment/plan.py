@@ -44,22 +44,34 @@ class ExperimentPlan:
 
     Attributes
     ----------
-    robot : its name.
-    positions : (Q, n) [rad].
-    repetitions : (Q,) visits to each.
-    multisine : lines and amplitudes of the speed reference [rad/s, motor shaft].
-    phases : (V, B, F, n) [rad], V the sum of the repetitions.
-    periods : measured per run.
-    transient_periods : before them.
-    moves : limits of the moves between positions, and the motors' names.
-    scale : (V,) factors of the amplitudes.
-    start : (n,) where the robot is before the first move [rad]; the first position by default.
-    order : how the positions were put in order and what that saves; None if they are as given.
+    robot : str
+        Its name.
+    positions : ndarray, (Q, n), rad
+        Positions.
+    repetitions : ndarray of int, (Q,)
+        Visits to each.
+    multisine : Multisine
+        Lines and amplitudes of the speed reference [rad/s, motor shaft].
+    phases : ndarray, (V, B, F, n), rad
+        V the sum of the repetitions.
+    periods : int
+        Measured per run.
+    transient_periods : int
+        Transient periods before them.
+    moves : MoveLimits
+        Limits of the moves between positions, and the motors' names.
+    scale : ndarray, (V,)
+        Factors of the amplitudes.
+    start : ndarray or None, (n,), rad
+        Where the robot is before the first move; the first position by default.
+    order : VisitingOrder or None
+        How the positions were put in order and what that saves; None if they are as given.
 
     Raises
     ------
-    InvalidInput : if a position lies outside the limits, a number of periods or repetitions is too
-        small, or shapes do not fit each other.
+    InvalidInput
+        If a position lies outside the limits, a number of periods or repetitions is too small, or
+        shapes do not fit each other.
     """
 
     robot: str
@@ -195,24 +207,37 @@ def experiment_plan(
 
     Parameters
     ----------
-    robot : gives name, motors and position limits.
-    positions : (Q, n) in the order in which to go there [rad].
-    multisine : lines and amplitudes.
-    blocks : B per visit; the covariance of an FRF needs at least 2.
-    periods, transient_periods : measured per run, and before that.
-    speed, acceleration : largest ones of moves, arm side, (n,) or one number for all motors.
-    rng : draws the phases.
-    repetitions : (Q,) visits to each position; one by default.
-    crest_iterations : how often to clip in order to lower crest factors (200 does most of it);
-        0 leaves the phases as drawn.
-    start : (n,) where the robot is beforehand [rad].
-    reorder : visit the positions in the order that shortens the moves from `start` on, see
+    robot : Planned
+        Gives name, motors and position limits.
+    positions : ndarray, (Q, n), rad
+        Positions in the order in which to go there.
+    multisine : Multisine
+        Lines and amplitudes.
+    blocks : int
+        B per visit; the covariance of an FRF needs at least 2.
+    periods, transient_periods : int
+        Measured per run, and before that.
+    speed, acceleration : float, sequence of float or ndarray
+        Largest ones of moves, arm side, (n,) or one number for all motors.
+    rng : Generator
+        Draws the phases.
+    repetitions : sequence of int or ndarray of int, (Q,), optional
+        Visits to each position; one by default.
+    crest_iterations : int
+        How often to clip in order to lower crest factors (200 does most of it); 0 leaves the phases
+        as drawn.
+    start : sequence of float or ndarray, (n,), rad, optional
+        Where the robot is beforehand.
+    reorder : bool
+        Visit the positions in the order that shortens the moves from `start` on, see
         `visiting_order`; `order` of the plan tells it, and the time saved.
-    progress : called with the number of visits done and their total.
+    progress : callable, optional
+        Called with the number of visits done and their total.
 
     Raises
     ------
-    InvalidInput : as `ExperimentPlan`, `MoveLimits` and `oed.random_phases`.
+    InvalidInput
+        As `ExperimentPlan`, `MoveLimits` and `oed.random_phases`.
     """
     motors = tuple(robot.motor_names)
     moves = MoveLimits(motors, robot.position_limits, np.asarray(speed), np.asarray(acceleration))

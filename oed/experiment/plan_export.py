@@ -35,11 +35,13 @@ def export_csv(
 
     Parameters
     ----------
-    gear_ratios : (n,) motor angle per arm angle.
+    gear_ratios : sequence of float or ndarray, (n,)
+        Motor angle per arm angle.
 
     Raises
     ------
-    InvalidInput : if the folder cannot be written to, or there is not a ratio for every motor.
+    InvalidInput
+        If the folder cannot be written to, or there is not a ratio for every motor.
     """
     from oed.study.output import staged_folder
 
@@ -72,7 +74,8 @@ def export_mat(
 
     Raises
     ------
-    InvalidInput : as `export_csv`.
+    InvalidInput
+        As `export_csv`.
     """
     from scipy.io import savemat
 

@@ -105,7 +105,8 @@ def save_plan(plan: ExperimentPlan, path: str | os.PathLike[str]) -> None:
 
     Raises
     ------
-    InvalidInput : if the path does not end in .yaml or .yml, or cannot be written to.
+    InvalidInput
+        If the path does not end in .yaml or .yml, or cannot be written to.
     """
     import h5py
 
@@ -140,7 +141,8 @@ def load_plan(path: str | os.PathLike[str]) -> ExperimentPlan:
 
     Raises
     ------
-    InvalidInput : naming the file and what is wrong in it.
+    InvalidInput
+        Naming the file and what is wrong in it.
     """
     path = Path(path)
     plan = read_yaml(path, PlanFile)

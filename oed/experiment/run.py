@@ -27,10 +27,14 @@ class Outcome:
 
     Attributes
     ----------
-    peak_torque, peak_speed : (n,) largest magnitudes over all records, motor shaft [N m, rad/s].
-    predicted_torque, predicted_speed : (n,) by the linear model.
-    saturated : (n,) part of the experiments in which the torque met its limit.
-    seconds : that the simulation took.
+    peak_torque, peak_speed : ndarray, (n,)
+        Largest magnitudes over all records, motor shaft [N m, rad/s].
+    predicted_torque, predicted_speed : ndarray, (n,)
+        By the linear model.
+    saturated : ndarray, (n,)
+        Part of the experiments in which the torque met its limit.
+    seconds : float
+        Seconds that the simulation took.
     """
 
     peak_torque: Array
@@ -56,11 +60,13 @@ def run_experiment(
 
     Parameters
     ----------
-    plant : robot to simulate in place of the one that the plan was made for.
+    plant : ElasticRobot, optional
+        Robot to simulate in place of the one that the plan was made for.
 
     Raises
     ------
-    InvalidInput, SolverFailed : as `robotmodels.plant.simulation.simulate`.
+    InvalidInput, SolverFailed
+        As `robotmodels.plant.simulation.simulate`.
     """
     plan = prepared.plan
     plan.save(folder / "plan.yaml")

@@ -27,9 +27,12 @@ class Limits:
 
     Attributes
     ----------
-    torque : (n,) motor shaft, holding the arm against gravity included [N m].
-    speed : (n,) motor shaft [rad/s].
-    positions : (n, 2) motor angle over gear ratio, [rad] or [m].
+    torque : ndarray or None, (n,), N m
+        Motor shaft, holding the arm against gravity included.
+    speed : ndarray or None, (n,), rad/s
+        Motor shaft.
+    positions : ndarray or None, (n, 2)
+        Motor angle over gear ratio, [rad] or [m].
     """
 
     torque: Array | None = None
@@ -43,11 +46,16 @@ class Binding:
 
     Attributes
     ----------
-    visit, position : their indices.
-    motor : its name.
-    quantity : torque, speed or position.
-    limit : its value, signed [N m, rad/s or rad].
-    factor : by which the amplitude may grow until then.
+    visit, position : int
+        Their indices.
+    motor : str
+        Its name.
+    quantity : str
+        Torque, speed or position.
+    limit : float
+        Its value, signed [N m, rad/s or rad].
+    factor : float
+        Factor by which the amplitude may grow until then.
     """
 
     visit: int
@@ -70,9 +78,12 @@ class Scaling:
 
     Attributes
     ----------
-    plan : the scaled plan.
-    peaks : predicted for it.
-    bindings : the limit that each visit would meet first if its amplitude grew, (V,).
+    plan : ExperimentPlan
+        The scaled plan.
+    peaks : Peaks
+        Predicted for it.
+    bindings : tuple of Binding
+        The limit that each visit would meet first if its amplitude grew, (V,).
     """
 
     plan: ExperimentPlan
@@ -104,20 +115,28 @@ def scale(
 
     Parameters
     ----------
-    plan, robot, controller, limits : what is planned, on which robot, within what.
-    balance : first make the inputs' amplitudes such that each alone would meet a limit; otherwise
-        their ratios stay.
-    per_visit : one factor for each visit instead of one for all.
-    margin : part of each limit, between rest and limit, to stay away from it [-].
-    holding : (Q, n) motor torques that hold the arm [N m]; by default the robot's.
-    progress : called with the number of simulated visits and their total.
+    plan, robot, controller, limits
+        What is planned, on which robot, within what.
+    balance : bool
+        First make the inputs' amplitudes such that each alone would meet a limit; otherwise their
+        ratios stay.
+    per_visit : bool
+        One factor for each visit instead of one for all.
+    margin : float, dimensionless
+        Part of each limit, between rest and limit, to stay away from it.
+    holding : ndarray, (Q, n), N m, optional
+        Motor torques that hold the arm; by default the robot's.
+    progress : callable, optional
+        Called with the number of simulated visits and their total.
 
     Raises
     ------
-    InvalidInput : naming position, motor and quantity, if a limit leaves no room at rest, because
-        holding the arm alone takes the torque or the position is not inside; if there is no limit,
-        or one has a wrong shape or sign.
-    NoEquilibrium : if the springs cannot carry the robot's weight in a position.
+    InvalidInput
+        Naming position, motor and quantity, if a limit leaves no room at rest, because holding the
+        arm alone takes the torque or the position is not inside; if there is no limit, or one has a
+        wrong shape or sign.
+    NoEquilibrium
+        If the springs cannot carry the robot's weight in a position.
     """
     if not 0 <= margin < 1:
         raise InvalidInput(f"margin: {margin!r}; a number from 0 to below 1 is needed")

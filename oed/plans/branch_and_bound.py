@@ -28,11 +28,16 @@ class BestPlans(Printed):
 
     Attributes
     ----------
-    plans : the best first, each with the efficiency certified by the search.
-    proven : whether no other plan is better than the last of them.
-    efficiency : of the first against every plan of whole experiments, at least; 1 if proven.
-    considered : candidates that the first bound left.
-    nodes : relaxed problems solved.
+    plans : tuple of ExactDesign
+        The best first, each with the efficiency certified by the search.
+    proven : bool
+        Whether no other plan is better than the last of them.
+    efficiency : float
+        Efficiency of the first against every plan of whole experiments, at least; 1 if proven.
+    considered : int
+        Candidates that the first bound left.
+    nodes : int
+        Relaxed problems solved.
     """
 
     plans: tuple[ExactDesign, ...]
@@ -65,15 +70,21 @@ def best_plans(
 
     Parameters
     ----------
-    info, n_experiments, design, criterion, constraints, prior : as in `exact_design`.
-    plans : how many.
-    max_nodes : relaxed problems to solve at most; if that is not enough the answer says so.
-    progress : called with the number of them solved and `max_nodes`.
+    info, n_experiments, design, criterion, constraints, prior
+        As in `exact_design`.
+    plans : int
+        How many.
+    max_nodes : int
+        Relaxed problems to solve at most; if that is not enough the answer says so.
+    progress : callable, optional
+        Called with the number of them solved and `max_nodes`.
 
     Raises
     ------
-    InvalidInput : if `plans` is not positive, or as `exact_design`.
-    NotIdentifiable : as `exact_design`.
+    InvalidInput
+        If `plans` is not positive, or as `exact_design`.
+    NotIdentifiable
+        As `exact_design`.
     """
     if plans < 1:
         raise InvalidInput(f"plans: {plans!r}; at least one is needed")

@@ -19,9 +19,12 @@ class Region:
 
     Attributes
     ----------
-    limits : (n, 2) ranges of the positions.
-    evaluate : information (Q, p, p) of positions (Q, n).
-    usable : which positions (Q, n) can be taken, (Q,).
+    limits : ndarray, (n, 2)
+        Ranges of the positions.
+    evaluate : callable
+        Information (Q, p, p) of positions (Q, n).
+    usable : callable
+        Which positions (Q, n) can be taken, (Q,).
     """
 
     limits: Array
@@ -34,9 +37,12 @@ def climbed(region: Region, starts: Array, slope: Array, precision: float) -> Ar
 
     Parameters
     ----------
-    starts : (k, n) usable positions.
-    slope : (p, p), of which the price tr(slope H) of a position is made.
-    precision : a step that gains no larger part of the price is the last.
+    starts : ndarray, (k, n)
+        Usable positions.
+    slope : ndarray, (p, p)
+        Slope of which the price tr(slope H) of a position is made.
+    precision : float
+        A step that gains no larger part of the price is the last.
     """
     from scipy.optimize import minimize
 

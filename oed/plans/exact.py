@@ -39,15 +39,22 @@ class ExactDesign(Printed):
 
     Attributes
     ----------
-    repetitions : (Q,) experiments in each candidate position.
-    efficiency : lower bound on the efficiency against every plan within the same limits, whole or
-        not, taken from the relaxed design and its gap; for D it is (det M / det M_best)^(1/p).
-    value : of the criterion, comparable with `Design.value`: of the information per experiment
+    repetitions : ndarray of int, (Q,)
+        Experiments in each candidate position.
+    efficiency : float
+        Lower bound on the efficiency against every plan within the same limits, whole or not, taken
+        from the relaxed design and its gap; for D it is (det M / det M_best)^(1/p).
+    value : float
+        Value of the criterion, comparable with `Design.value`: of the information per experiment
         (for D: log det), or of all of it where constraints say how many experiments.
-    support : indices of the candidates used.
-    information : (p, p), or (K, p, p) for samples, of the whole plan: the prior and sum_i n_i H_i.
-    names : p parameter names.
-    criterion : name of what was maximised.
+    support : ndarray of int
+        Indices of the candidates used.
+    information : ndarray, (p, p), or (K, p, p)
+        Information, for each sample, of the whole plan: the prior and sum_i n_i H_i.
+    names : tuple of str
+        p parameter names.
+    criterion : str
+        Name of what was maximised.
     """
 
     repetitions: IntArray
@@ -86,20 +93,28 @@ def exact_design(
 
     Parameters
     ----------
-    info : information of each candidate, in memory or in a store.
-    n_experiments : number of experiments, at most so many where the constraints limit time; by
-        default what the constraints say, or 15 where they name neither a number nor a time.
-    design : relaxed design of the same problem; computed if None. Its gap is certified anew.
-    criterion : "D", "A", "E" or an object of `oed.design.criteria`; by default the design's, or D.
-    constraints : limits on the experiments.
-    prior : (p, p) or (K, p, p), information there is before these experiments.
+    info : Candidates
+        Information of each candidate, in memory or in a store.
+    n_experiments : int, optional
+        Number of experiments, at most so many where the constraints limit time; by default what the
+        constraints say, or 15 where they name neither a number nor a time.
+    design : Design, optional
+        Relaxed design of the same problem; computed if None. Its gap is certified anew.
+    criterion : str or Criterion, optional
+        "D", "A", "E" or an object of `oed.design.criteria`; by default the design's, or D.
+    constraints : Constraints, optional
+        Limits on the experiments.
+    prior : ndarray, (p, p) or (K, p, p), optional
+        Information there is before these experiments.
 
     Raises
     ------
-    InvalidInput : if `n_experiments` is not a positive whole number or contradicts the constraints,
-        `design` does not fit, or no whole plan satisfies the constraints.
-    NotIdentifiable : naming the parameters, if so few experiments leave a direction open (and
-        how many are needed), or all candidates together do.
+    InvalidInput
+        If `n_experiments` is not a positive whole number or contradicts the constraints, `design`
+        does not fit, or no whole plan satisfies the constraints.
+    NotIdentifiable
+        Naming the parameters, if so few experiments leave a direction open (and how many are
+        needed), or all candidates together do.
     """
     problem, prices, weights, bound = relaxation(
         info, n_experiments, design, criterion=criterion, constraints=constraints, prior=prior
@@ -113,7 +128,8 @@ def exchanged(problem: WholeProblem, prices: Array, weights: Array) -> IntArray:
 
     Raises
     ------
-    InvalidInput : if no whole plan that satisfies the constraints is found.
+    InvalidInput
+        If no whole plan that satisfies the constraints is found.
     """
     pool = Pool(problem, _promising(prices, weights))
     plans = [exchange(pool, start) for start in _starts(problem, pool, weights)]
@@ -174,7 +190,8 @@ def finished(
 
     Raises
     ------
-    NotIdentifiable : naming the parameters that the plan leaves open.
+    NotIdentifiable
+        Naming the parameters that the plan leaves open.
     """
     information = problem.information(counts)
     log_value = problem.objective.log_value(information)

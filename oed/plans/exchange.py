@@ -30,10 +30,14 @@ class WholeProblem:
 
     Attributes
     ----------
-    candidates, objective : as in a relaxed design.
-    allowed : weights in experiments.
-    reference : (p, p) or (K, p, p), information of the relaxed optimum, prior included.
-    prior : of that shape, or None.
+    candidates, objective
+        As in a relaxed design.
+    allowed : Polytope
+        Weights in experiments.
+    reference : ndarray, (p, p) or (K, p, p)
+        Information of the relaxed optimum, prior included.
+    prior : ndarray or None
+        Prior of that shape, or None.
     """
 
     candidates: Candidates

@@ -20,10 +20,14 @@ class VisitingOrder(Printed):
 
     Attributes
     ----------
-    order : (Q,) indices of the positions, first to last.
-    duration : of all moves, from the start and back to it where asked [s].
-    given : the same for the order in which the positions were given [s].
-    optimal : whether no other order is shorter; else none is found by moving or reversing a part.
+    order : ndarray of int, (Q,)
+        Indices of the positions, first to last.
+    duration : float, s
+        Duration of all moves, from the start and back to it where asked.
+    given : float, s
+        The same for the order in which the positions were given.
+    optimal : bool
+        Whether no other order is shorter; else none is found by moving or reversing a part.
     """
 
     order: IntArray
@@ -59,14 +63,19 @@ def visiting_order(
 
     Parameters
     ----------
-    positions : (Q, n) [rad or m].
-    limits : positions, speeds and accelerations of the motors.
-    start : (n,) where the robot is beforehand; None begins anywhere.
-    back : whether the robot returns to `start`.
+    positions : ndarray, (Q, n), rad or m
+        Positions.
+    limits : MoveLimits
+        Positions, speeds and accelerations of the motors.
+    start : ndarray, (n,), optional
+        Where the robot is beforehand; None begins anywhere.
+    back : bool
+        Whether the robot returns to `start`.
 
     Raises
     ------
-    InvalidInput : if a position lies outside the limits, or `back` is asked for without a start.
+    InvalidInput
+        If a position lies outside the limits, or `back` is asked for without a start.
     """
     positions = limits.check(positions)
     if back and start is None:

@@ -35,11 +35,16 @@ class Search:
 
     Attributes
     ----------
-    found : log value and repetitions of the best plans so far, by their bytes.
-    nodes : relaxed problems solved.
-    considered : candidates that the first bound left.
-    finished : whether every plan was considered or ruled out.
-    exhausted : whether there are fewer plans than wanted.
+    found : dict of bytes to tuple of (float, ndarray of int)
+        log value and repetitions of the best plans so far, by their bytes.
+    nodes : int
+        Relaxed problems solved.
+    considered : int
+        Candidates that the first bound left.
+    finished : bool
+        Whether every plan was considered or ruled out.
+    exhausted : bool
+        Whether there are fewer plans than wanted.
     """
 
     def __init__(

@@ -40,16 +40,25 @@ class RefinedDesign(Printed):
 
     Attributes
     ----------
-    candidates : those given, and the positions found; an exact plan can be made of them.
-    design : relaxed design over all of these.
-    gain : by what the criterion's efficiency is larger than that of the given candidates' optimum.
-    gap : certified over the candidates and a finer set of as many points as `checked`: no design
-        of these is better by more.
-    beyond : the same for the best position that climbing from the support and from the best of
-        the finer set found: no design of it and the candidates is better by more.
-    checked : points of the finer set.
-    rounds : designs solved.
-    converged : whether both are within the tolerance. That is no proof for what lies between.
+    candidates : InformationSet
+        Those given, and the positions found; an exact plan can be made of them.
+    design : Design
+        Relaxed design over all of these.
+    gain : float
+        Factor by which the criterion's efficiency is larger than that of the given candidates'
+        optimum.
+    gap : float
+        Certified over the candidates and a finer set of as many points as `checked`: no design of
+        these is better by more.
+    beyond : float
+        The same for the best position that climbing from the support and from the best of the finer
+        set found: no design of it and the candidates is better by more.
+    checked : int
+        Points of the finer set.
+    rounds : int
+        Designs solved.
+    converged : bool
+        Whether both are within the tolerance. That is no proof for what lies between.
     """
 
     candidates: InformationSet
@@ -90,19 +99,28 @@ def refined_design(
 
     Parameters
     ----------
-    robot, info, omega, noise : the candidates' information and what it was computed from.
-    limits : (n, 2) ranges to stay in; the joints' own if None.
-    surroundings, torque_limits : that positions must respect, as in `screened_candidates`.
-    criterion, prior : as in `optimal_design`.
-    tolerance : largest gap over the finer set, the Sobol points of number `finer`.
-    max_rounds : designs to solve at most.
-    rng : scrambles the Sobol points.
-    progress : called with the number of rounds done and `max_rounds`.
+    robot, info, omega, noise
+        The candidates' information and what it was computed from.
+    limits : ndarray, (n, 2), optional
+        Ranges to stay in; the joints' own if None.
+    surroundings, torque_limits
+        That positions must respect, as in `screened_candidates`.
+    criterion, prior
+        As in `optimal_design`.
+    tolerance : float
+        Largest gap over the finer set, the Sobol points of number `finer`.
+    max_rounds : int
+        Designs to solve at most.
+    rng : Generator, optional
+        Scrambles the Sobol points.
+    progress : callable, optional
+        Called with the number of rounds done and `max_rounds`.
 
     Raises
     ------
-    InvalidInput : if ranges, torque limits or `max_rounds` do not fit; and what `optimal_design`
-        raises, NotIdentifiable and SolverFailed too.
+    InvalidInput
+        If ranges, torque limits or `max_rounds` do not fit; and what `optimal_design` raises,
+        NotIdentifiable and SolverFailed too.
     """
 
     def evaluate(positions: Array) -> Array:
@@ -140,14 +158,19 @@ def refined_over(
 
     Parameters
     ----------
-    info : information of the candidates to begin with.
-    region : where positions may go.
-    finer : (C, n) positions to check.
-    criterion, prior, tolerance, max_rounds, progress : as in `refined_design`.
+    info : InformationSet
+        Information of the candidates to begin with.
+    region : Region
+        Where positions may go.
+    finer : ndarray, (C, n)
+        Positions to check.
+    criterion, prior, tolerance, max_rounds, progress
+        As in `refined_design`.
 
     Raises
     ------
-    InvalidInput : if `max_rounds` or the tolerance is not positive, or as `optimal_design`.
+    InvalidInput
+        If `max_rounds` or the tolerance is not positive, or as `optimal_design`.
     """
     check_candidates(info)
     if max_rounds < 1 or not tolerance > 0:

@@ -14,7 +14,8 @@ def efficient_rounding(weights: Array, n_experiments: int) -> IntArray:
 
     Raises
     ------
-    InvalidInput : if there are fewer experiments than supported candidates.
+    InvalidInput
+        If there are fewer experiments than supported candidates.
     """
     support = np.flatnonzero(weights)
     if n_experiments < len(support):

@@ -27,9 +27,12 @@ class Addition:
 
     Attributes
     ----------
-    candidate : its index.
-    gain : by what its information multiplies the criterion's efficiency, at least 1.
-    largest_std : the largest standard deviation with it.
+    candidate : int
+        Its index.
+    gain : float
+        Factor by which its information multiplies the criterion's efficiency, at least 1.
+    largest_std : float
+        The largest standard deviation with it.
     """
 
     candidate: int
@@ -43,10 +46,14 @@ class Score(Printed):
 
     Attributes
     ----------
-    plan : with its certified efficiency against the best plan of as many experiments.
-    std : (p,) predicted standard deviations, relative ones where parameters are ln theta.
-    additions : the best experiments to add, the best first.
-    losses : (s,) for each position of `plan.support`, by what leaving out one of its experiments
+    plan : ExactDesign
+        Plan with its certified efficiency against the best plan of as many experiments.
+    std : ndarray, (p,)
+        Predicted standard deviations, relative ones where parameters are ln theta.
+    additions : tuple of Addition
+        The best experiments to add, the best first.
+    losses : ndarray, (s,)
+        Losses for each position of `plan.support`, by what leaving out one of its experiments
         multiplies the criterion's efficiency; 0 where the plan needs it.
     """
 
@@ -92,16 +99,23 @@ def score(
 
     Parameters
     ----------
-    info : information of each candidate; positions need an `InformationSet` or a store.
-    plan : (k,) indices of candidates, or (k, n) positions that are among them.
-    repetitions : (k,) experiments in each, one by default. What is named twice counts twice.
-    criterion, prior, design : as in `exact_design`.
-    additions : how many to seek, among the 512 candidates of the highest prices.
+    info : Candidates
+        Information of each candidate; positions need an `InformationSet` or a store.
+    plan : array_like
+        (k,) indices of candidates, or (k, n) positions that are among them.
+    repetitions : sequence of int or ndarray of int, (k,), optional
+        Experiments in each, one by default. What is named twice counts twice.
+    criterion, prior, design
+        As in `exact_design`.
+    additions : int
+        How many to seek, among the 512 candidates of the highest prices.
 
     Raises
     ------
-    InvalidInput : if a candidate does not exist or repetitions do not fit.
-    NotIdentifiable : naming the parameters that the plan leaves open.
+    InvalidInput
+        If a candidate does not exist or repetitions do not fit.
+    NotIdentifiable
+        Naming the parameters that the plan leaves open.
     """
     check_candidates(info)
     counts = _counts(info, plan, repetitions)

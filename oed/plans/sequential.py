@@ -23,9 +23,12 @@ class NextExperiments(Printed):
 
     Attributes
     ----------
-    plan : the experiments; its information includes what there was.
-    before : (p,) standard deviations of what there was; infinite for what it leaves open.
-    after : (p,) predicted with the plan.
+    plan : ExactDesign
+        The experiments; its information includes what there was.
+    before : ndarray, (p,)
+        Standard deviations of what there was; infinite for what it leaves open.
+    after : ndarray, (p,)
+        Predicted with the plan.
     """
 
     plan: ExactDesign
@@ -45,11 +48,16 @@ class ExperimentCurve(Printed):
 
     Attributes
     ----------
-    counts : (C,) numbers of experiments; those that cannot identify every parameter are left out.
-    std : (C, p) predicted standard deviations, relative ones where parameters are ln theta.
-    efficiency : (C,) certified, of each plan against all of as many experiments.
-    plans : one for each number.
-    names : p parameter names.
+    counts : ndarray of int, (C,)
+        Numbers of experiments; those that cannot identify every parameter are left out.
+    std : ndarray, (C, p)
+        Predicted standard deviations, relative ones where parameters are ln theta.
+    efficiency : ndarray, (C,)
+        Certified, of each plan against all of as many experiments.
+    plans : tuple of ExactDesign
+        One for each number.
+    names : tuple of str
+        p parameter names.
     """
 
     counts: IntArray
@@ -72,10 +80,14 @@ class Needed(Printed):
 
     Attributes
     ----------
-    n_experiments : to add to what there is; 0 if that is enough.
-    plan : that reaches it, or None for 0.
-    std : (p,) predicted.
-    critical : the parameter that asks for the most.
+    n_experiments : int
+        N experiments to add to what there is; 0 if that is enough.
+    plan : ExactDesign or None
+        Plan that reaches it, or None for 0.
+    std : ndarray, (p,)
+        Predicted.
+    critical : str
+        The parameter that asks for the most.
     """
 
     n_experiments: int
@@ -99,15 +111,20 @@ def next_experiments(
 
     Parameters
     ----------
-    info : of each candidate, computed at the parameters fitted so far.
-    n_experiments : how many to add.
-    known : (p, p) information of all that was measured: `measured_information`, or the inverse of
-        the fit's covariance of ln theta.
-    criterion, constraints : as in `exact_design`.
+    info : Candidates
+        Info of each candidate, computed at the parameters fitted so far.
+    n_experiments : int
+        How many to add.
+    known : ndarray, (p, p), optional
+        Information of all that was measured: `measured_information`, or the inverse of the fit's
+        covariance of ln theta.
+    criterion, constraints
+        As in `exact_design`.
 
     Raises
     ------
-    InvalidInput, NotIdentifiable : as `exact_design`.
+    InvalidInput, NotIdentifiable
+        As `exact_design`.
     """
     prior = checked_prior(known, info)
     plan = exact_design(
@@ -124,12 +141,15 @@ def measured_information(info: Candidates, repetitions: Sequence[int] | IntArray
 
     Parameters
     ----------
-    info : of each position measured, by `information` at the fitted parameters.
-    repetitions : (Q,) experiments in each.
+    info : Candidates
+        Info of each position measured, by `information` at the fitted parameters.
+    repetitions : sequence of int or ndarray of int, (Q,)
+        Experiments in each.
 
     Raises
     ------
-    InvalidInput : if there are not as many numbers as positions, or one is negative.
+    InvalidInput
+        If there are not as many numbers as positions, or one is negative.
     """
     check_candidates(info)
     counts = np.asarray(repetitions, dtype=float)
@@ -154,14 +174,19 @@ def experiment_curve(
 
     Parameters
     ----------
-    info, known, criterion, constraints : as in `next_experiments`.
-    counts : numbers of experiments.
-    progress : called with the number of plans done and their total.
+    info, known, criterion, constraints
+        As in `next_experiments`.
+    counts : sequence of int
+        Numbers of experiments.
+    progress : callable, optional
+        Called with the number of plans done and their total.
 
     Raises
     ------
-    InvalidInput : if no number is given.
-    NotIdentifiable : naming the parameters, if even the largest number is too small.
+    InvalidInput
+        If no number is given.
+    NotIdentifiable
+        Naming the parameters, if even the largest number is too small.
     """
     numbers = sorted({int(n) for n in counts})
     if not numbers:
@@ -204,15 +229,20 @@ def experiments_needed(
 
     Parameters
     ----------
-    info, known, criterion, constraints : as in `next_experiments`.
-    std : wanted, relative where parameters are ln theta: 0.01 is one percent.
-    parameters : names of those that count; all by default.
-    most : experiments to consider.
+    info, known, criterion, constraints
+        As in `next_experiments`.
+    std : float
+        Wanted, relative where parameters are ln theta: 0.01 is one percent.
+    parameters : sequence of str, optional
+        Names of those that count; all by default.
+    most : int
+        Experiments to consider.
 
     Raises
     ------
-    InvalidInput : if `std` is not positive, a name is unknown, or `most` experiments are too few
-        (saying what they reach).
+    InvalidInput
+        If `std` is not positive, a name is unknown, or `most` experiments are too few (saying what
+        they reach).
     """
     if not (np.isfinite(std) and std > 0):
         raise InvalidInput(f"std: {std!r}; a positive number is needed (0.01 for one percent)")

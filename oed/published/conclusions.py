@@ -41,11 +41,16 @@ class Contest:
 
     Attributes
     ----------
-    first, second : names.
-    wins, losses : starts of which only the first, or only the second, made a reasonable model.
-    counts : reasonable models of each.
-    total : starts.
-    p : of the exact McNemar test.
+    first, second : str
+        Names.
+    wins, losses : int
+        Starts of which only the first, or only the second, made a reasonable model.
+    counts : tuple of (int, int)
+        Reasonable models of each.
+    total : int
+        Starts.
+    p : float
+        Of the exact McNemar test.
     """
 
     first: str
@@ -99,8 +104,10 @@ def conclusions(
 
     Parameters
     ----------
-    evaluation, theorem1, table, groups : of the study; theorem1 of the best LLS15U model.
-    truth : (p,) true parameters [SI], NaN where they are not known.
+    evaluation, theorem1, table, groups
+        Of the study; theorem1 of the best LLS15U model.
+    truth : ndarray, (p,)
+        True parameters [SI], NaN where they are not known.
     """
     contests = (
         (("LLS15U", "NLS15U"), ("LLS15O", "NLS15O")),

@@ -40,13 +40,19 @@ class Evaluation:
 
     Attributes
     ----------
-    estimators : E names.
-    parameters : p names.
-    start : (E, N) number of the start, from 0.
-    user, optimal : (E, N) LLS costs with user-defined and with optimal weights over all positions,
-        infinite for models without an FRF.
-    values : (E, N, p) [SI].
-    converged : (E, N) whether the search ended in a minimum of its own cost.
+    estimators : tuple of str
+        E names.
+    parameters : tuple of str
+        p names.
+    start : ndarray of int, (E, N)
+        Number of the start, from 0.
+    user, optimal : ndarray, (E, N)
+        LLS costs with user-defined and with optimal weights over all positions, infinite for models
+        without an FRF.
+    values : ndarray, (E, N, p)
+        Values [SI].
+    converged : ndarray, (E, N)
+        Whether the search ended in a minimum of its own cost.
     """
 
     estimators: tuple[str, ...]
@@ -111,10 +117,14 @@ def evaluate(
 
     Parameters
     ----------
-    robot, estimate : model and data of all positions.
-    searches : of at least the six estimators, from the same starts.
-    user : (Q, F, m, n) weights of figure 3.
-    starts : (N, p) SI.
+    robot, estimate
+        Model and data of all positions.
+    searches : mapping of str to Search
+        Searches of at least the six estimators, from the same starts.
+    user : ndarray, (Q, F, m, n)
+        Weights of figure 3.
+    starts : ndarray, (N, p)
+        SI.
     """
     optimal = optimal_weights(estimate, "lls", minimum_snr=MINIMUM_SNR, diagonal=True)
     weights = user, np.asarray(optimal.real)

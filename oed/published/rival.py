@@ -54,12 +54,18 @@ class Way:
 
     Attributes
     ----------
-    name : of the way.
-    decades : the starts are the truth times 10^U(-decades, decades).
-    starts, successes : how many, and how many found all springs within 5 %.
-    spring_error, damper_error : median |ln(estimate/truth)| of the successes, of all without any.
-    seconds : of wall time per start, FRFs included; not what is loaded or compiled once.
-    unfinished : how many were given up.
+    name : {"frequency domain", "mujoco.sysid"}
+        Name of the way.
+    decades : float
+        The starts are the truth times 10^U(-decades, decades).
+    starts, successes : int
+        How many, and how many found all springs within 5 %.
+    spring_error, damper_error : float
+        Median |ln(estimate/truth)| of the successes, of all without any.
+    seconds : float
+        Seconds of wall time per start, FRFs included; not what is loaded or compiled once.
+    unfinished : int
+        How many were given up.
     """
 
     name: Literal["frequency domain", "mujoco.sysid"]
@@ -78,10 +84,14 @@ class Rivalry:
 
     Attributes
     ----------
-    ways : at each distance, ours and then the rival's.
-    missing : module that mujoco.sysid lacks here, so that it could not run; else nothing.
-    misfit : rms of its rollouts at the true parameters minus the records, in stds of the noise.
-    limit : of rollouts per start.
+    ways : tuple of Way
+        Ways at each distance, ours and then the rival's.
+    missing : str
+        Module that mujoco.sysid lacks here, so that it could not run; else nothing.
+    misfit : float
+        rms of its rollouts at the true parameters minus the records, in stds of the noise.
+    limit : int
+        Limit of rollouts per start.
     """
 
     ways: tuple[Way, ...]
@@ -100,9 +110,12 @@ def compare(
 
     Parameters
     ----------
-    rng : of the starts.
-    executor : runs the rival's fits, which take nearly all of the time.
-    progress : told how many of these are done.
+    rng : Generator
+        Random generator of the starts.
+    executor : Executor, optional
+        Runs the rival's fits, which take nearly all of the time.
+    progress : callable, optional
+        Told how many of these are done.
     """
     from robotmodels.plant.rollout_fit import misfit, missing
 
@@ -241,7 +254,8 @@ def judged(
 
     Parameters
     ----------
-    values : (N, p) where the searches ended.
+    values : ndarray, (N, p)
+        Where the searches ended.
     """
     error = np.abs(np.log(values / robot.parameters.values))
     springs = np.array([end.endswith("stiffness") for end in robot.parameters.names])

@@ -16,11 +16,16 @@ class Table1:
 
     Attributes
     ----------
-    names : p parameters.
-    minimum, median, maximum, mean, std : over the best models.
-    theory : relative standard deviations of the best model by Theorem 1.
-    count : number of best models.
-    within : number of models with a normalised cost below 1.05.
+    names : tuple of str
+        p parameters.
+    minimum, median, maximum, mean, std : ndarray
+        Over the best models.
+    theory : ndarray
+        Relative standard deviations of the best model by Theorem 1.
+    count : int
+        Number of best models.
+    within : int
+        Number of models with a normalised cost below 1.05.
     """
 
     names: tuple[str, ...]
@@ -39,7 +44,8 @@ def table_1(evaluation: Evaluation, theorem1: Uncertainty) -> Table1:
 
     Parameters
     ----------
-    theorem1 : of the best LLS15U model.
+    theorem1 : Uncertainty
+        Theorem1 of the best LLS15U model.
     """
     row = evaluation.of(REFERENCE)
     count = min(BEST_COUNT, evaluation.values.shape[1])
@@ -63,7 +69,8 @@ class Groups:
 
     Attributes
     ----------
-    gear_springs, arm_springs, gear_dampers, arm_dampers : indices; pairs are in the same order.
+    gear_springs, arm_springs, gear_dampers, arm_dampers : tuple of int
+        Indices; pairs are in the same order.
     """
 
     gear_springs: tuple[int, ...]

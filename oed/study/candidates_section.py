@@ -137,7 +137,8 @@ class Candidates(Strict):
 
         Raises
         ------
-        InvalidInput : as `oed.candidates.sources.gathered_candidates`.
+        InvalidInput
+            As `oed.candidates.sources.gathered_candidates`.
         """
         from oed.candidates.sources import Workcell, gathered_candidates
         from oed.candidates.task_space import TaskBox

@@ -24,7 +24,8 @@ def check_comparison(run: Run) -> None:
 
     Raises
     ------
-    InvalidInput : if the designer's grid does not fit, or there are too few runs.
+    InvalidInput
+        If the designer's grid does not fit, or there are too few runs.
     """
     choice = run.study.compare
     if not run.study.compares:
@@ -40,9 +41,10 @@ def compared(run: Run, info: Stage[Information], plan: Stage[Plan]) -> Stage[Pla
 
     Raises
     ------
-    InvalidInput : if the designer's grid has more points than a plan within its time has
-        experiments.
-    SolverFailed : if too few experiments of a plan can be fitted.
+    InvalidInput
+        If the designer's grid has more points than a plan within its time has experiments.
+    SolverFailed
+        If too few experiments of a plan can be fitted.
     """
     frequencies, noise = run.study.frequencies, run.study.noise
     assert frequencies is not None

@@ -29,9 +29,12 @@ class Data:
 
     Attributes
     ----------
-    estimate : FRFs, one for each position.
-    distortion : noise and distortion apart; None without repeated periods.
-    warnings : what a user should know of the records.
+    estimate : FrfEstimate
+        FRFs, one for each position.
+    distortion : Distortion or None
+        Noise and distortion apart; None without repeated periods.
+    warnings : tuple of str
+        What a user should know of the records.
     """
 
     estimate: FrfEstimate
@@ -45,9 +48,12 @@ class SimulatedExperiment:
 
     Attributes
     ----------
-    records : file of its records.
-    outcome : what the simulation met.
-    limit : the limit that sets the amplitudes, in words.
+    records : Path
+        File of its records.
+    outcome : Outcome
+        What the simulation met.
+    limit : str
+        The limit that sets the amplitudes, in words.
     """
 
     records: Path
@@ -159,7 +165,8 @@ def frf_from_file(run: Run, path: Path) -> Stage[Data]:
 
     Raises
     ------
-    InvalidInput : if they do not have the robot's motors and outputs.
+    InvalidInput
+        If they do not have the robot's motors and outputs.
     """
 
     def compute(folder: Path, report: Report | None) -> Data:

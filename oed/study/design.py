@@ -45,9 +45,12 @@ class Plan:
 
     Attributes
     ----------
-    design, exact : the relaxed optimum, and whole experiments.
-    robust : what the design keeps at each sample of theta; None where it is for one theta.
-    order : of the positions of `exact.support`; None where the study says nothing of moves.
+    design, exact
+        The relaxed optimum, and whole experiments.
+    robust : RobustDesign or None
+        What the design keeps at each sample of theta; None where it is for one theta.
+    order : VisitingOrder or None
+        Order of the positions of `exact.support`; None where the study says nothing of moves.
     """
 
     design: Design

@@ -62,7 +62,8 @@ class Moves(MoveChoice):
 
         Raises
         ------
-        InvalidInput : for a wrong number of motors.
+        InvalidInput
+            For a wrong number of motors.
         """
         from oed.experiment.moves import MoveLimits
 
@@ -111,7 +112,8 @@ class RobustChoice(Strict):
 
         Raises
         ------
-        InvalidInput : if `std` names neither a parameter nor a kind of them.
+        InvalidInput
+            If `std` names neither a parameter nor a kind of them.
         """
         names, own = robot.parameters.names, robot.parameters.values
         given = dict.fromkeys(names, self.std) if isinstance(self.std, float) else self.std
@@ -187,7 +189,8 @@ class DesignChoice(Strict):
 
         Raises
         ------
-        InvalidInput : naming the key that fits no joint or no candidate.
+        InvalidInput
+            Naming the key that fits no joint or no candidate.
         """
         from oed.design.constraints import Constraints, Group
 

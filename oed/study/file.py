@@ -270,7 +270,8 @@ def load_study(path: str | Path) -> Study:
 
     Raises
     ------
-    InvalidInput : if the file is absent, is not YAML, or does not fit the schema; the key is named.
+    InvalidInput
+        If the file is absent, is not YAML, or does not fit the schema; the key is named.
     """
     path = Path(path)
     study = read_yaml(path, Study)

@@ -12,7 +12,8 @@ def output_folder(path: Path, output: Path) -> Path:
 
     Raises
     ------
-    InvalidInput : if there is a file of that name.
+    InvalidInput
+        If there is a file of that name.
     """
     folder = absolute(path.resolve().parent, output)
     if os.path.exists(folder) and not os.path.isdir(folder):
@@ -32,7 +33,8 @@ def existing_file(path: Path, key: str, file: Path) -> Path:
 
     Raises
     ------
-    InvalidInput : if there is no such file.
+    InvalidInput
+        If there is no such file.
     """
     found = absolute(path.resolve().parent, file)
     if not os.path.isfile(found):

@@ -32,10 +32,12 @@ class Search:
 
     Attributes
     ----------
-    estimator : residual, weights and positions.
-    runs : one fit per start, the least cost first.
-    result : the best run; if the estimator asks for it, once more with optimal weights at its own
-        FRF.
+    estimator : Estimator
+        Residual, weights and positions.
+    runs : tuple of Fit
+        One fit per start, the least cost first.
+    result : Fit
+        The best run; if the estimator asks for it, once more with optimal weights at its own FRF.
     """
 
     estimator: Estimator
@@ -84,7 +86,8 @@ def search(
 
     Raises
     ------
-    SolverFailed : if no start led to an answer.
+    SolverFailed
+        If no start led to an answer.
     """
     positions = positions_of(estimator, data.value.estimate, info)
     estimate = data.value.estimate.subset(positions)
@@ -161,8 +164,10 @@ def positions_of(estimator: Estimator, estimate: FrfEstimate, info: Information)
 
     Raises
     ------
-    InvalidInput : if the data have no such position.
-    NotIdentifiable : if no single position identifies all parameters.
+    InvalidInput
+        If the data have no such position.
+    NotIdentifiable
+        If no single position identifies all parameters.
     """
     count = len(estimate.positions)
     if estimator.positions == "all":

@@ -19,7 +19,8 @@ def created_folder(folder: Path) -> Iterator[None]:
 
     Raises
     ------
-    InvalidInput : if it cannot be made.
+    InvalidInput
+        If it cannot be made.
     """
     absent = [path for path in (folder, *folder.parents) if not path.exists()]
     try:
@@ -40,7 +41,8 @@ def exclusive_folder(folder: Path) -> Iterator[None]:
 
     Raises
     ------
-    InvalidInput : if it cannot be made or written to, or another process is using it.
+    InvalidInput
+        If it cannot be made or written to, or another process is using it.
     """
     with created_folder(folder):
         descriptor = _locked(folder)

@@ -21,8 +21,10 @@ class Split:
 
     Attributes
     ----------
-    fitted : the one part.
-    held_out : FRFs in the other positions.
+    fitted : Data
+        The one part.
+    held_out : FrfEstimate
+        FRFs in the other positions.
     """
 
     fitted: Data
@@ -34,7 +36,8 @@ def split_data(run: Run, data: Stage[Data]) -> Stage[Split]:
 
     Raises
     ------
-    InvalidInput : if there are no such positions, or none is left to fit.
+    InvalidInput
+        If there are no such positions, or none is left to fit.
     """
     estimate = data.value.estimate
     out = _held_out(run, len(estimate.positions))

@@ -68,7 +68,8 @@ def staged_folder(folder: Path) -> Iterator[Path]:
 
     Raises
     ------
-    InvalidInput : if `folder` cannot be written to.
+    InvalidInput
+        If `folder` cannot be written to.
     """
     with created_folder(folder):
         try:

@@ -91,19 +91,24 @@ def run_study(
     Stages are kept in the folder ``stages`` of the study's output: what an earlier run computed
     from the same settings and data is not computed again, and an interrupted run goes on.
 
-    Parameters
-    ----------
-    study : a study, see `oed.study.file.load_study`.
-    progress : told how far each stage is.
-    executor : runs information matrices, simulations, fits and ensembles in parallel.
-    fresh : compute every stage again.
-
     What comes after the fit may fail without cost to it: the results have the rest, and
     `failures` with the reasons.
 
+    Parameters
+    ----------
+    study : Study
+        A study, see `oed.study.file.load_study`.
+    progress : Progress, optional
+        Told how far each stage is.
+    executor : Executor, optional
+        Runs information matrices, simulations, fits and ensembles in parallel.
+    fresh : bool
+        Compute every stage again.
+
     Raises
     ------
-    IdentificationError : where the study cannot be computed, naming what is at fault.
+    IdentificationError
+        Where the study cannot be computed, naming what is at fault.
     """
     with _opened(study, progress, executor, fresh) as run:
         source = _source(run)

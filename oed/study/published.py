@@ -27,14 +27,22 @@ class Published:
 
     Attributes
     ----------
-    evaluation : all models of the six estimators.
-    reference : the best LLS15U fit.
-    theorem1 : of it.
-    table : as Table 1.
-    groups : parameters of gearboxes and arm.
-    hardest : the arm spring that is left out of the second share.
-    conclusions : the seven, judged.
-    rivalry : fits in time beside fits of FRFs; None unless the study asks for it.
+    evaluation : Evaluation
+        All models of the six estimators.
+    reference : Fit
+        The best LLS15U fit.
+    theorem1 : Uncertainty
+        Theorem1 of it.
+    table : Table1
+        As Table 1.
+    groups : Groups
+        Parameters of gearboxes and arm.
+    hardest : str
+        The arm spring that is left out of the second share.
+    conclusions : tuple of Judged
+        The seven, judged.
+    rivalry : Rivalry or None
+        Fits in time beside fits of FRFs; None unless the study asks for it.
     """
 
     evaluation: Evaluation

@@ -38,19 +38,31 @@ class PlannedStudy:
 
     Attributes
     ----------
-    study, robot : what was asked.
-    plant : the robot behind simulated data; None where data were measured.
-    candidates : that the robot can take and why others were left out; None where data were
+    study, robot
+        What was asked.
+    plant : ElasticRobot or None
+        The robot behind simulated data; None where data were measured.
+    candidates : ScreenedCandidates or None
+        Candidates that the robot can take and why others were left out; None where data were
         measured.
-    information, design, exact : candidates, relaxed optimum, integer plan. With measured data the
-        candidates are the measured positions and the plan is what was measured.
-    robust : what a robust design keeps at each sample of theta; None where it is for one theta.
-    order : of the plan's support, to shorten the moves; None where the study says nothing of them.
-    omega : (F,) of the data, or of the design where there are none yet [rad/s].
-    failures : what came after the fit and could not be computed, with the reasons.
-    seconds : time per stage, when it was computed.
-    kept : stages that earlier runs had computed.
-    versions : of Python and of the packages that computed.
+    information, design, exact
+        Candidates, relaxed optimum, integer plan. With measured data the candidates are the
+        measured positions and the plan is what was measured.
+    robust : RobustDesign or None
+        What a robust design keeps at each sample of theta; None where it is for one theta.
+    order : VisitingOrder or None
+        Order of the plan's support, to shorten the moves; None where the study says nothing of
+        them.
+    omega : ndarray, (F,), rad/s
+        Angular frequencies of the data, or of the design where there are none yet.
+    failures : tuple of Failure
+        What came after the fit and could not be computed, with the reasons.
+    seconds : dict of str to float
+        Time per stage, when it was computed.
+    kept : tuple of str
+        Stages that earlier runs had computed.
+    versions : dict of str to str
+        Versions of Python and of the packages that computed.
     """
 
     study: Study
@@ -105,16 +117,25 @@ class FittedStudy(PlannedStudy):
 
     Attributes
     ----------
-    estimate : FRFs at the plan's positions.
-    distortion : noise and distortion of records, or None.
-    warnings : about the data.
-    experiment : what a simulation in closed loop met, or None.
-    starts : (starts, p) perturbed start values in SI units.
-    searches : the fits of each estimator, by name.
-    fit : the study's result: the estimator that the study names, or else NLS with optimal weights
+    estimate : FrfEstimate
+        FRFs at the plan's positions.
+    distortion : Distortion or None
+        Noise and distortion of records, or None.
+    warnings : tuple of str
+        Warnings about the data.
+    experiment : SimulatedExperiment or None
+        What a simulation in closed loop met, or None.
+    starts : ndarray, (starts, p)
+        Perturbed start values in SI units.
+    searches : dict of str to Search
+        The fits of each estimator, by name.
+    fit : Fit
+        The study's result: the estimator that the study names, or else NLS with optimal weights
         (the likelihood of the stated noise), best of all.
-    fit_origin : where the search for `fit` began, for people.
-    published : the estimators beside those of [WM]; None unless the study asks for it.
+    fit_origin : str
+        Where the search for `fit` began, for people.
+    published : Published or None
+        The estimators beside those of [WM]; None unless the study asks for it.
     """
 
     estimate: FrfEstimate
@@ -149,10 +170,14 @@ class StudyResults(FittedStudy):
 
     Attributes
     ----------
-    theorem1, posterior : uncertainty of the fit, two ways; None where that failed.
-    cross_check : all that is known of it side by side, with verdicts; None where that failed.
-    held_out : validation in positions that were not fitted; None unless the study asks for it.
-    comparison : the plan beside rivals in simulated experiments; None where there is none.
+    theorem1, posterior
+        Uncertainty of the fit, two ways; None where that failed.
+    cross_check : CrossCheck or None
+        All that is known of it side by side, with verdicts; None where that failed.
+    held_out : HeldOut or None
+        Validation in positions that were not fitted; None unless the study asks for it.
+    comparison : PlanComparison or None
+        The plan beside rivals in simulated experiments; None where there is none.
     """
 
     theorem1: Uncertainty | None

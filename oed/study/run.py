@@ -34,11 +34,16 @@ class Run:
 
     Attributes
     ----------
-    study : its settings.
-    robot : whose parameters are free.
-    plant : that the data are simulated with; the same robot unless the study names a truth.
-    stages : where results are kept.
-    executor : for parallel work.
+    study : Study
+        Its settings.
+    robot : ElasticRobot
+        Robot whose parameters are free.
+    plant : ElasticRobot
+        Plant that the data are simulated with; the same robot unless the study names a truth.
+    stages : Stages
+        Where results are kept.
+    executor : Executor or None
+        Executor for parallel work.
     """
 
     study: Study

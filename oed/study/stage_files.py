@@ -33,7 +33,8 @@ def read_dataclass(path: Path, kind: type[T]) -> T:
 
     Raises
     ------
-    InvalidInput : if the file cannot be read as one.
+    InvalidInput
+        If the file cannot be read as one.
     """
     import h5py
 

@@ -86,11 +86,16 @@ class Stage(Generic[Result]):
 
     Attributes
     ----------
-    name : of the stage.
-    value : its result.
-    digest : hash of its files, for the keys of stages that rest on it.
-    seconds : that its computation took.
-    kept : whether it was loaded rather than computed.
+    name : str
+        Name of the stage.
+    value : Result
+        Its result.
+    digest : str
+        Hash of its files, for the keys of stages that rest on it.
+    seconds : float
+        Seconds that its computation took.
+    kept : bool
+        Whether it was loaded rather than computed.
     """
 
     name: str
@@ -105,8 +110,10 @@ class Stages:
 
     Attributes
     ----------
-    finished : all stages so far, by name.
-    failures : of stages that the results do without.
+    finished : dict of str to Stage[Any]
+        All stages so far, by name.
+    failures : list of Failure
+        Failures of stages that the results do without.
     """
 
     def __init__(self, folder: Path, progress: Progress | None = None, fresh: bool = False) -> None:
@@ -127,10 +134,14 @@ class Stages:
 
         Parameters
         ----------
-        name : of the stage and its folder.
-        inputs : plain data that decide its result: settings, digests of other stages.
-        compute : is given a folder, whose files outlive an interruption, and the progress.
-        files : saves and loads the result; what is returned was always loaded.
+        name : str
+            Name of the stage and its folder.
+        inputs : mapping of str to Any
+            Plain data that decide its result: settings, digests of other stages.
+        compute : callable
+            Is given a folder, whose files outlive an interruption, and the progress.
+        files : Files[T]
+            Saves and loads the result; what is returned was always loaded.
         """
         key = json_digest({"stage": name, "package": version(PACKAGE), "inputs": inputs})
         stage = None if self.fresh else self._kept(name, key, files)
@@ -220,13 +231,17 @@ def open_stages(
 
     Parameters
     ----------
-    folder : is made, and taken away again where nothing came to be in it.
-    progress : told how far each stage is.
-    fresh : compute every stage again.
+    folder : Path
+        Is made, and taken away again where nothing came to be in it.
+    progress : Progress, optional
+        Told how far each stage is.
+    fresh : bool
+        Compute every stage again.
 
     Raises
     ------
-    InvalidInput : if the folder cannot be written to, or another process is using it.
+    InvalidInput
+        If the folder cannot be written to, or another process is using it.
     """
     with exclusive_folder(folder):
         yield Stages(folder, progress, fresh)

@@ -34,7 +34,8 @@ def check_posterior(run: Run) -> None:
 
     Raises
     ------
-    InvalidInput : for too few walkers or steps.
+    InvalidInput
+        For too few walkers or steps.
     """
     choice = run.study.posterior
     try:
@@ -129,7 +130,8 @@ def profiles(
 
     Raises
     ------
-    IdentificationError : without covariances.
+    IdentificationError
+        Without covariances.
     """
     count = run.study.profiles
     if not count:

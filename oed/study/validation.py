@@ -25,8 +25,10 @@ class HeldOut:
 
     Attributes
     ----------
-    estimate : the FRFs.
-    theorem1 : judged with Theorem 1's covariance.
+    estimate : FrfEstimate
+        The FRFs.
+    theorem1 : Validation
+        Judged with Theorem 1's covariance.
     """
 
     estimate: FrfEstimate
@@ -44,7 +46,8 @@ def held_out(
 
     Raises
     ------
-    InvalidInput : if there are too few of them.
+    InvalidInput
+        If there are too few of them.
     """
     positions = _positions(run, info.value, plan.value)
 

@@ -48,23 +48,37 @@ def compare_plans(
 
     Parameters
     ----------
-    model : the true one, which is also fitted.
-    info : information of each candidate, for the model's own values.
-    positions : (Q, n) of the candidates.
-    plans : experiments (Q,) in each candidate, by name; the first plan is compared with the rest.
-    omega, noise : of an experiment, as in `oed.information`.
-    rng : source of all errors.
-    runs : experiments simulated for each plan; the larger of 100 and 2 p where None.
-    criterion : by which plans are compared.
-    executor : takes one run at a time; in sequence where None.
-    progress : called with the runs done and their number.
-    store : folder that keeps finished runs; an interrupted comparison goes on from it.
+    model : Elastic
+        The true one, which is also fitted.
+    info : Candidates
+        Information of each candidate, for the model's own values.
+    positions : ndarray, (Q, n)
+        Positions of the candidates.
+    plans : mapping of str to ndarray of int
+        Experiments (Q,) in each candidate, by name; the first plan is compared with the rest.
+    omega, noise
+        Of an experiment, as in `oed.information`.
+    rng : Generator
+        Source of all errors.
+    runs : int, optional
+        Experiments simulated for each plan; the larger of 100 and 2 p where None.
+    criterion : str or Criterion
+        Criterion by which plans are compared.
+    executor : Executor, optional
+        Takes one run at a time; in sequence where None.
+    progress : callable, optional
+        Called with the runs done and their number.
+    store : str or Path, optional
+        Folder that keeps finished runs; an interrupted comparison goes on from it.
 
     Raises
     ------
-    InvalidInput : if there are too few runs for p parameters, or a plan does not fit.
-    NotIdentifiable : if the first plan leaves parameters open.
-    SolverFailed : if too few experiments of a plan can be fitted, naming it.
+    InvalidInput
+        If there are too few runs for p parameters, or a plan does not fit.
+    NotIdentifiable
+        If the first plan leaves parameters open.
+    SolverFailed
+        If too few experiments of a plan can be fitted, naming it.
     """
     check_candidates(info)
     runs = checked_runs(runs, len(info.names))
@@ -93,7 +107,8 @@ def checked_runs(runs: int | None, p: int) -> int:
 
     Raises
     ------
-    InvalidInput : if they are too few for a covariance.
+    InvalidInput
+        If they are too few for a covariance.
     """
     if runs is None:
         return max(100, 2 * p)

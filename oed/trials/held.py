@@ -19,7 +19,8 @@ class Held:
 
     Attributes
     ----------
-    fixed : the network at the system's own values.
+    fixed : SpringNetwork
+        The network at the system's own values.
     """
 
     fixed: SpringNetwork

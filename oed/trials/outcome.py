@@ -19,12 +19,18 @@ class PlanTrial:
 
     Attributes
     ----------
-    name : of the plan.
-    support, repetitions : (k,) candidates it measures in, and experiments in each.
-    unidentified : parameters that it leaves open; nothing was simulated if there are any.
-    information : (p, p) at the true values, what the plan promises; None if open.
-    promised : its covariance ([WM] Theorem 1); None if open.
-    found : repeated experiments; None if open.
+    name : str
+        Name of the plan.
+    support, repetitions : ndarray of int, (k,)
+        Candidates it measures in, and experiments in each.
+    unidentified : tuple of str
+        Parameters that it leaves open; nothing was simulated if there are any.
+    information : ndarray or None, (p, p)
+        Information at the true values, what the plan promises; None if open.
+    promised : Uncertainty or None
+        Its covariance ([WM] Theorem 1); None if open.
+    found : MonteCarlo or None
+        Repeated experiments; None if open.
     """
 
     name: str
@@ -58,13 +64,19 @@ class PlanComparison(Printed):
 
     Attributes
     ----------
-    criterion : its name.
-    trials : K plans.
-    promised : (K,) efficiencies by information.
-    found : (K,) efficiencies by the scatter of repeated experiments; zero where a plan leaves
-        parameters open.
-    interval : (K, 2) where the true ones lie with 95 %, each by itself, of normal estimates.
-    held : whether fits held the equilibria of the true values.
+    criterion : str
+        Its name.
+    trials : tuple of PlanTrial
+        K plans.
+    promised : ndarray, (K,)
+        Efficiencies by information.
+    found : ndarray, (K,)
+        Efficiencies by the scatter of repeated experiments; zero where a plan leaves parameters
+        open.
+    interval : ndarray, (K, 2)
+        Where the true ones lie with 95 %, each by itself, of normal estimates.
+    held : bool
+        Whether fits held the equilibria of the true values.
     """
 
     criterion: str

@@ -14,7 +14,8 @@ def random_plan(n_candidates: int, n_experiments: int, rng: np.random.Generator)
 
     Raises
     ------
-    InvalidInput : if there is no candidate or no experiment.
+    InvalidInput
+        If there is no candidate or no experiment.
     """
     _check(n_candidates, n_experiments)
     whole, rest = divmod(n_experiments, n_candidates)
@@ -32,12 +33,15 @@ def even_plan(positions: Array, n_experiments: int) -> IntArray:
 
     Parameters
     ----------
-    positions : (Q, n) candidates [rad or m].
-    n_experiments : of the plan.
+    positions : ndarray, (Q, n), rad or m
+        Candidates.
+    n_experiments : int
+        N experiments of the plan.
 
     Raises
     ------
-    InvalidInput : if there is no candidate or no experiment.
+    InvalidInput
+        If there is no candidate or no experiment.
     """
     _check(len(positions), n_experiments)
     scaled = _in_ranges(positions)
@@ -63,15 +67,19 @@ def grid_plan(
 
     Parameters
     ----------
-    positions : (Q, n) candidates [rad or m].
-    n_experiments : of the plan.
-    per_joint : points of the joints, by name.
-    joints : names of the n joints.
+    positions : ndarray, (Q, n), rad or m
+        Candidates.
+    n_experiments : int
+        N experiments of the plan.
+    per_joint : mapping of str to int
+        Points of the joints, by name.
+    joints : tuple of str
+        Names of the n joints.
 
     Raises
     ------
-    InvalidInput : for an unknown joint, a number of points below 1, or more points than
-        experiments.
+    InvalidInput
+        For an unknown joint, a number of points below 1, or more points than experiments.
     """
     _check(len(positions), n_experiments)
     levels = grid_levels(n_experiments, per_joint, joints)
@@ -91,7 +99,8 @@ def grid_levels(
 
     Raises
     ------
-    InvalidInput : as `grid_plan`; where the number of experiments is None, any number will do.
+    InvalidInput
+        As `grid_plan`; where the number of experiments is None, any number will do.
     """
     for joint, count in per_joint.items():
         if joint not in joints:

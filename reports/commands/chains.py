@@ -76,7 +76,8 @@ def _inertias(words: str | None) -> "Array | None":
 
     Raises
     ------
-    InvalidInput : if they are not numbers.
+    InvalidInput
+        If they are not numbers.
     """
     if words is None:
         return None

@@ -17,8 +17,8 @@ def read_position(robot: ElasticRobot, words: str | None) -> Array:
 
     Raises
     ------
-    InvalidInput : if a word is not a number, there is not one per motor, or a joint is outside
-        its limits.
+    InvalidInput
+        If a word is not a number, there is not one per motor, or a joint is outside its limits.
     """
     limits = robot.position_limits
     if words is None:
@@ -46,7 +46,8 @@ def read_band(words: str) -> tuple[float, float]:
 
     Raises
     ------
-    InvalidInput : if these are not two rising positive numbers.
+    InvalidInput
+        If these are not two rising positive numbers.
     """
     given = _numbers("--band", words, "2,80")
     if len(given) != 2:

@@ -85,7 +85,8 @@ def stoppable() -> Iterator[None]:
 
     Raises
     ------
-    KeyboardInterrupt, SystemExit : where a signal asked for it.
+    KeyboardInterrupt, SystemExit
+        Where a signal asked for it.
     """
     _request.computing = True
     try:
@@ -112,7 +113,8 @@ def check_stop() -> None:
 
     Raises
     ------
-    KeyboardInterrupt, SystemExit : where a signal asked for it.
+    KeyboardInterrupt, SystemExit
+        Where a signal asked for it.
     """
     if not _request.number:
         return

@@ -59,15 +59,21 @@ def compute_study(
 
     Parameters
     ----------
-    study : file.
-    step : `oed.study.pipeline.design_study`, `fit_study` or `run_study`.
-    workers, fresh : as the options say.
-    pages : writes pages beside the files.
-    cluster : address of a scheduler, whose workers compute instead.
+    study : Path
+        File.
+    step : callable
+        `oed.study.pipeline.design_study`, `fit_study` or `run_study`.
+    workers, fresh
+        As the options say.
+    pages : Pages, optional
+        Writes pages beside the files.
+    cluster : str, optional
+        Address of a scheduler, whose workers compute instead.
 
     Raises
     ------
-    InvalidInput : if the study cannot be read or no scheduler answers; and what `step` raises.
+    InvalidInput
+        If the study cannot be read or no scheduler answers; and what `step` raises.
     """
     one_thread_each()
     from oed.study.file import load_study

@@ -33,7 +33,8 @@ def shared(workers: int, address: str | None = None) -> AbstractContextManager[E
 
     Raises
     ------
-    InvalidInput : as `cluster`.
+    InvalidInput
+        As `cluster`.
     """
     return process_pool(workers) if address is None else cluster(address)
 
@@ -61,8 +62,10 @@ def cluster(address: str) -> Iterator[Executor]:
 
     Raises
     ------
-    InvalidInput : if Dask is not installed, or no scheduler answers.
-    IdentificationError : if a task's workers die again and again, or the scheduler goes away.
+    InvalidInput
+        If Dask is not installed, or no scheduler answers.
+    IdentificationError
+        If a task's workers die again and again, or the scheduler goes away.
     """
     try:
         distributed = import_module("distributed")  # an extra: it may not be there

@@ -26,8 +26,10 @@ def pole_zero_panels(
 
     Parameters
     ----------
-    modes : that were fitted.
-    omega, response : (F,) and (F, M, M) measured, lines left out included.
+    modes : FittedModes
+        Modes that were fitted.
+    omega, response
+        (F,) and (F, M, M) measured, lines left out included.
     """
     dense = np.geomspace(omega[0], omega[-1], _POINTS)
     own = np.diagonal(modal_response(modes.x, modes.layout, dense), axis1=1, axis2=2)

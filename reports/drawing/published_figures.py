@@ -31,9 +31,12 @@ def costs(evaluation: Evaluation, normalised: Array, label: str, limit: bool = F
 
     Parameters
     ----------
-    normalised : (E, N) costs.
-    label : of the axis.
-    limit : whether to draw the cost below which a model is reasonable.
+    normalised : ndarray, (E, N)
+        Costs.
+    label : str
+        Label of the axis.
+    limit : bool
+        Whether to draw the cost below which a model is reasonable.
     """
 
     def draw(palette: Palette) -> Figure:
@@ -67,9 +70,12 @@ def parameters(
 
     Parameters
     ----------
-    chosen : places of the parameters.
-    names : of the estimators.
-    rows : labels of the parameters.
+    chosen : sequence of int
+        Places of the parameters.
+    names : sequence of str
+        Names of the estimators.
+    rows : sequence of str
+        Labels of the parameters.
     """
 
     def draw(palette: Palette) -> Figure:
@@ -96,10 +102,14 @@ def best_responses(
 
     Parameters
     ----------
-    omega : (F,) [rad/s].
-    models : (B, F, m, n), the best first.
-    measured : (F, m, n).
-    element : output and input, from 0.
+    omega : ndarray, (F,), rad/s
+        Angular frequencies.
+    models : ndarray of complex, (B, F, m, n)
+        The best first.
+    measured : ndarray of complex, (F, m, n)
+        Measured.
+    element : tuple of (int, int)
+        Output and input, from 0.
     """
     i, j = element
 

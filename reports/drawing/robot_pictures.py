@@ -63,8 +63,10 @@ def stick_figure(skeleton: Array, scene: Scene, alt: str) -> Markup:
 
     Parameters
     ----------
-    skeleton : (k, 3) joint origins [m], from base to tool.
-    alt : says what is to be seen.
+    skeleton : ndarray, (k, 3), m
+        Joint origins, from base to tool.
+    alt : str
+        Says what is to be seen.
     """
     skeleton = _rounded(skeleton)
     shadow, joints = skeleton * [1.0, 1.0, 0.0], skeleton[1:-1]

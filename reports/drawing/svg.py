@@ -45,9 +45,12 @@ def inline(draw: Callable[[Palette], Figure], name: str, alt: str) -> Markup:
 
     Parameters
     ----------
-    draw : draws the figure in the colours given.
-    name : prefixes every identifier inside, so that figures can share a page.
-    alt : says what is to be seen.
+    draw : callable
+        Draws the figure in the colours given.
+    name : str
+        Prefixes every identifier inside, so that figures can share a page.
+    alt : str
+        Says what is to be seen.
     """
     with warnings.catch_warnings(), mpl.rc_context(_style(STAND_IN)):
         # Of a name in another script: the page has fonts for it, matplotlib only measures.

@@ -18,7 +18,8 @@ def write_report(
 
     Parameters
     ----------
-    command : what made the report.
+    command : str
+        What made the report.
     """
     sections, failed = study_sections(results, progress, command)
     write_text(path, _page(results, sections))

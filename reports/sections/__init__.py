@@ -36,7 +36,8 @@ def study_sections(
 
     Parameters
     ----------
-    command : what made the report.
+    command : str
+        What made the report.
     """
     sections: list[Section] = []
     failed: list[Failure] = []

@@ -19,13 +19,17 @@ class Plane:
 
     Attributes
     ----------
-    name : what reports call it.
-    normal : points to where the robot is; any length but zero.
-    offset : distance from the origin along the unit normal [m].
+    name : str
+        What reports call it.
+    normal : Vector
+        Points to where the robot is; any length but zero.
+    offset : float, m
+        Distance from the origin along the unit normal.
 
     Raises
     ------
-    InvalidInput : naming the obstacle, if a number is missing or not finite, or the normal is zero.
+    InvalidInput
+        Naming the obstacle, if a number is missing or not finite, or the normal is zero.
     """
 
     name: str
@@ -50,14 +54,17 @@ class Box:
 
     Attributes
     ----------
-    name : what reports call it.
-    center, size : (3,) [m].
-    rpy : its roll, pitch and yaw about the fixed axes x, y, z, in this order [rad].
+    name : str
+        What reports call it.
+    center, size : Vector, (3,), m
+        Center and size.
+    rpy : Vector, rad
+        Its roll, pitch and yaw about the fixed axes x, y, z, in this order.
 
     Raises
     ------
-    InvalidInput : naming the obstacle, if a number is missing or not finite, or an edge is not
-        positive.
+    InvalidInput
+        Naming the obstacle, if a number is missing or not finite, or an edge is not positive.
     """
 
     name: str
@@ -81,14 +88,17 @@ class Sphere:
 
     Attributes
     ----------
-    name : what reports call it.
-    center : (3,) [m].
-    radius : [m].
+    name : str
+        What reports call it.
+    center : Vector, (3,), m
+        Center.
+    radius : float, m
+        Radius.
 
     Raises
     ------
-    InvalidInput : naming the obstacle, if a number is missing or not finite, or the radius is not
-        positive.
+    InvalidInput
+        Naming the obstacle, if a number is missing or not finite, or the radius is not positive.
     """
 
     name: str
@@ -112,7 +122,8 @@ def floor(height: float, gravity: Vector | Array) -> Plane:
 
     Raises
     ------
-    InvalidInput : if the height is not finite, or gravity is zero, so that nothing is up.
+    InvalidInput
+        If the height is not finite, or gravity is zero, so that nothing is up.
     """
     height = _finite(height, "floor")
     down = np.asarray(gravity, dtype=float)

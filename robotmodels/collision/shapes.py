@@ -29,11 +29,16 @@ class Shape:
 
     Attributes
     ----------
-    link : the link's name.
-    joint : number of the rigid model's joint that moves it, 0 for the ground.
-    placement : in the frame of that joint.
-    hull : the shape, or the convex hull of its mesh.
-    mesh : the surface of a mesh, else None.
+    link : str
+        The link's name.
+    joint : int
+        Number of the rigid model's joint that moves it, 0 for the ground.
+    placement : pin.SE3
+        Placement in the frame of that joint.
+    hull : coal.CollisionGeometry
+        The shape, or the convex hull of its mesh.
+    mesh : coal.CollisionGeometry or None
+        The surface of a mesh, else None.
     """
 
     link: str
@@ -49,9 +54,12 @@ class RobotShapes:
 
     Attributes
     ----------
-    shapes : of all links that have one.
-    solid : whether they are the links' own; lines between joints are not.
-    notes : what is not checked, one sentence each.
+    shapes : tuple of Shape
+        Shapes of all links that have one.
+    solid : bool
+        Whether they are the links' own; lines between joints are not.
+    notes : tuple of str
+        What is not checked, one sentence each.
     """
 
     shapes: tuple[Shape, ...]
@@ -64,13 +72,16 @@ def robot_shapes(robot: ElasticRobot, link_radius: float | None = None) -> Robot
 
     Parameters
     ----------
-    robot : gives the URDF and the joints held rigid.
-    link_radius : of the capsules [m], for a URDF without collision shapes.
+    robot : ElasticRobot
+        Gives the URDF and the joints held rigid.
+    link_radius : float, m, optional
+        Link radius of the capsules, for a URDF without collision shapes.
 
     Raises
     ------
-    InvalidInput : if a shape of the URDF cannot be read, or `link_radius` is not positive or is
-        given although the URDF has shapes.
+    InvalidInput
+        If a shape of the URDF cannot be read, or `link_radius` is not positive or is given although
+        the URDF has shapes.
     """
     if link_radius is not None and not (np.isfinite(link_radius) and link_radius > 0):
         raise InvalidInput(f"link_radius: {link_radius!r} m; a positive length is needed")
@@ -128,7 +139,8 @@ def _convex_hull(mesh: coal.BVHModelBase, who: str) -> coal.CollisionGeometry:
 
     Raises
     ------
-    InvalidInput : if its points are not finite, which ends the process inside Qhull, or span none.
+    InvalidInput
+        If its points are not finite, which ends the process inside Qhull, or span none.
     """
     points = mesh.vertices()
     if not (np.isfinite(points).all() and np.abs(points).max(initial=0.0) <= MOST_LENGTH):

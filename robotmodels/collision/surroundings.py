@@ -45,17 +45,24 @@ class Surroundings:
 
     Attributes
     ----------
-    robot : the robot.
-    shapes : of its links, see `robot_shapes`.
-    obstacles : what stands around it.
-    self_collision : whether links are compared with each other.
-    margin : distance below which two things count as touching [m].
-    ignored : pairs of links that may touch.
+    robot : ElasticRobot
+        The robot.
+    shapes : RobotShapes
+        Shapes of its links, see `robot_shapes`.
+    obstacles : tuple of Obstacle
+        What stands around it.
+    self_collision : bool
+        Whether links are compared with each other.
+    margin : float, m
+        Distance below which two things count as touching.
+    ignored : tuple of tuple of (str, str)
+        Pairs of links that may touch.
 
     Raises
     ------
-    InvalidInput : if the margin is negative, two obstacles have one name, or `ignored` names a
-        link without a shape.
+    InvalidInput
+        If the margin is negative, two obstacles have one name, or `ignored` names a link without a
+        shape.
     """
 
     robot: ElasticRobot
@@ -252,15 +259,21 @@ def surroundings(
 
     Parameters
     ----------
-    robot : the robot.
-    floor : height of the floor above the root link's origin, against gravity [m]; None for none.
-    obstacles : planes, boxes and spheres in the root link's frame.
-    self_collision, margin, ignored : as `Surroundings`.
-    link_radius : takes links for capsules [m], where the URDF has no collision shapes.
+    robot : ElasticRobot
+        The robot.
+    floor : float, m, optional
+        Height of the floor above the root link's origin, against gravity; None for none.
+    obstacles : iterable of Obstacle
+        Planes, boxes and spheres in the root link's frame.
+    self_collision, margin, ignored
+        As `Surroundings`.
+    link_radius : float, m, optional
+        Takes links for capsules, where the URDF has no collision shapes.
 
     Raises
     ------
-    InvalidInput : as `Surroundings`, `robot_shapes` and `obstacles.floor`.
+    InvalidInput
+        As `Surroundings`, `robot_shapes` and `obstacles.floor`.
     """
     ground = () if floor is None else (floor_at(floor, robot.file.gravity),)
     return Surroundings(

@@ -38,11 +38,16 @@ class StoredArray:
 
     Attributes
     ----------
-    content : "numbers", "complex numbers", "truth values", "text", or in words what else it is.
-    shape : in the file.
-    read : returns it, under the guard of its container.
-    capacity : the most elements of it that the file can hold; None where that is not known.
-    loose : whether the container drops trailing axes of length one and has no vectors, as MATLAB's.
+    content : str
+        "numbers", "complex numbers", "truth values", "text", or in words what else it is.
+    shape : tuple of int
+        Shape in the file.
+    read : callable
+        Returns it, under the guard of its container.
+    capacity : int or None
+        The most elements of it that the file can hold; None where that is not known.
+    loose : bool
+        Whether the container drops trailing axes of length one and has no vectors, as MATLAB's.
     """
 
     content: str
@@ -63,13 +68,19 @@ class Field:
 
     Attributes
     ----------
-    axes : names of the axes; axes of one name have one length throughout a file. An empty name
-        stands for any length, and ``"x or 1"`` for the length of x or one.
-    kind : of its elements.
-    least, most : of the values.
-    finite : whether NaN and infinities are refused.
-    optional : whether it may be missing.
-    attribute : whether HDF5 keeps it as an attribute instead of a dataset.
+    axes : tuple of str
+        Names of the axes; axes of one name have one length throughout a file. An empty name stands
+        for any length, and ``"x or 1"`` for the length of x or one.
+    kind : Kind
+        Kind of its elements.
+    least, most : float
+        Of the values.
+    finite : bool
+        Whether NaN and infinities are refused.
+    optional : bool
+        Whether it may be missing.
+    attribute : bool
+        Whether HDF5 keeps it as an attribute instead of a dataset.
     """
 
     axes: tuple[str, ...] = ()
@@ -100,7 +111,8 @@ class Field:
 
         Raises
         ------
-        InvalidInput : naming the first value that is of another type or out of range.
+        InvalidInput
+            Naming the first value that is of another type or out of range.
         """
         if self.kind == "text":
             return array
@@ -142,7 +154,8 @@ class ArraySchema:
 
     Attributes
     ----------
-    fields : by name.
+    fields : mapping of str to Field
+        Fields by name.
     """
 
     fields: Mapping[str, Field]
@@ -152,12 +165,15 @@ class ArraySchema:
 
         Parameters
         ----------
-        stored : what the file holds.
-        where : file, and the place in it.
+        stored : mapping of str to StoredArray
+            What the file holds.
+        where : str
+            File, and the place in it.
 
         Raises
         ------
-        InvalidInput : naming the file, the array, what was found and what would be right.
+        InvalidInput
+            Naming the file, the array, what was found and what would be right.
         """
         self._check_names(stored, where)
         shapes = self._shapes(stored, where)

@@ -29,10 +29,14 @@ class CsvTable:
 
     Attributes
     ----------
-    where : the file, for errors.
-    comments : by key.
-    columns : names of the columns, each of them once.
-    values : (rows, columns).
+    where : str
+        The file, for errors.
+    comments : dict of str to StoredArray
+        Comments by key.
+    columns : tuple of str
+        Names of the columns, each of them once.
+    values : ndarray, (rows, columns)
+        Values.
     """
 
     where: str
@@ -45,7 +49,8 @@ class CsvTable:
 
         Raises
         ------
-        InvalidInput : if one is missing.
+        InvalidInput
+            If one is missing.
         """
         for name in names:
             if name not in self.columns:
@@ -83,12 +88,15 @@ class CsvTable:
 
         Parameters
         ----------
-        index : names of columns; None where an axis has none.
-        lengths : of the axes.
+        index : sequence of str or None
+            Names of columns; None where an axis has none.
+        lengths : sequence of int
+            Lengths of the axes.
 
         Raises
         ------
-        InvalidInput : naming the first row that is missing or out of order.
+        InvalidInput
+            Naming the first row that is missing or out of order.
         """
         rows = math.prod(lengths)
         if len(self.values) != rows:
@@ -112,11 +120,13 @@ def read_table(path: PathLike, name: str) -> CsvTable:
 
     Parameters
     ----------
-    name : that the comment ``schema`` must be.
+    name : str
+        Name that the comment ``schema`` must be.
 
     Raises
     ------
-    InvalidInput : naming the file and what is wrong in it.
+    InvalidInput
+        Naming the file and what is wrong in it.
     """
     source = Path(path)
     check_file(source)

@@ -41,9 +41,12 @@ def library_errors(where: object, container: str, *more: type[Exception]) -> Ite
 
     Parameters
     ----------
-    where : file, and the place in it.
-    container : what the library takes the file for, in words.
-    more : exceptions that only one library raises.
+    where : object
+        File, and the place in it.
+    container : str
+        What the library takes the file for, in words.
+    more : type
+        Exceptions that only one library raises.
     """
     try:
         with np.errstate(all="ignore"):

@@ -40,9 +40,12 @@ class Hdf5Group:
 
     Parameters
     ----------
-    group : of h5py.
-    where : file and group, for errors.
-    checked : names and lengths of attributes of text that were checked throughout the file.
+    group : Any
+        Group of h5py.
+    where : str
+        File and group, for errors.
+    checked : set of tuple of (str, int)
+        Names and lengths of attributes of text that were checked throughout the file.
     """
 
     def __init__(self, group: Any, where: str, checked: set[tuple[str, int]]) -> None:
@@ -67,7 +70,8 @@ class Hdf5Group:
 
         Raises
         ------
-        InvalidInput : if there is none of this name.
+        InvalidInput
+            If there is none of this name.
         """
         import h5py
 
@@ -81,11 +85,13 @@ class Hdf5Group:
 
         Parameters
         ----------
-        beside : names of groups that are read apart.
+        beside : tuple of str
+            Names of groups that are read apart.
 
         Raises
         ------
-        InvalidInput : naming the file, the dataset, what was found and what would be right.
+        InvalidInput
+            Naming the file, the dataset, what was found and what would be right.
         """
         stored = {name: self.stored(name) for name in self.names() if name not in beside}
         for name, field in schema.fields.items():
@@ -98,11 +104,13 @@ class Hdf5Group:
 
         Parameters
         ----------
-        digits : of the numbers, with leading zeros.
+        digits : int
+            Digits of the numbers, with leading zeros.
 
         Raises
         ------
-        InvalidInput : if one of them is missing.
+        InvalidInput
+            If one of them is missing.
         """
         names = {name for name in self.names() if name.startswith(prefix)}
         numbered = tuple(f"{prefix}{i:0{digits}d}" for i in range(max(len(names), 1)))
@@ -218,11 +226,13 @@ def open_hdf5(path: PathLike, needed: str) -> Iterator[Hdf5Group]:
 
     Parameters
     ----------
-    needed : what the file should be, in words, with a verb: ``"records are"``.
+    needed : str
+        What the file should be, in words, with a verb: ``"records are"``.
 
     Raises
     ------
-    InvalidInput : if there is no such file, or it is no HDF5 file or a damaged one.
+    InvalidInput
+        If there is no such file, or it is no HDF5 file or a damaged one.
     """
     import h5py
 
@@ -249,8 +259,10 @@ def read_hdf5(path: PathLike, schema: ArraySchema, name: str, needed: str) -> di
 
     Parameters
     ----------
-    name : that its attribute ``schema`` must be.
-    needed : as in `open_hdf5`.
+    name : str
+        Name that its attribute ``schema`` must be.
+    needed : str
+        As in `open_hdf5`.
     """
     with open_hdf5(path, needed) as file:
         file.check_schema(name)

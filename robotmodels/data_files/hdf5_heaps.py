@@ -25,11 +25,13 @@ def check_heaps(source: Path, base: int) -> None:
 
     Parameters
     ----------
-    base : what addresses count from.
+    base : int
+        What addresses count from.
 
     Raises
     ------
-    InvalidInput : if there is one.
+    InvalidInput
+        If there is one.
     """
     damaged = InvalidInput(f"{source}: not a sound HDF5 file (a heap of text is damaged)")
     heaps: dict[bytes, dict[int, int]] = {}

@@ -19,7 +19,8 @@ def read_json(path: PathLike) -> Any:
 
     Raises
     ------
-    InvalidInput : naming the file and what is wrong in it.
+    InvalidInput
+        Naming the file and what is wrong in it.
     """
     source = Path(path)
     check_file(source)
@@ -33,7 +34,8 @@ def parse_json(text: str | bytes, where: str) -> Any:
 
     Raises
     ------
-    InvalidInput : if it is no JSON, or a key is given twice; it starts with `where`.
+    InvalidInput
+        If it is no JSON, or a key is given twice; it starts with `where`.
     """
 
     def mapping(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
@@ -56,7 +58,8 @@ def json_array(value: Any, where: str) -> StoredArray:
 
     Parameters
     ----------
-    where : file and key, for errors.
+    where : str
+        File and key, for errors.
     """
     shape: list[int] = []
     level = [value]

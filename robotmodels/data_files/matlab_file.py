@@ -41,11 +41,13 @@ def read_mat(path: PathLike, schema: ArraySchema, name: str) -> dict[str, Any]:
 
     Parameters
     ----------
-    name : that its variable ``schema`` must be.
+    name : str
+        Name that its variable ``schema`` must be.
 
     Raises
     ------
-    InvalidInput : naming the file, the variable, what was found and what would be right.
+    InvalidInput
+        Naming the file, the variable, what was found and what would be right.
     """
     source = Path(path)
     check_file(source)

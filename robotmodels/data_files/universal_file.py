@@ -26,7 +26,8 @@ def read_functions(path: PathLike) -> list[dict[str, Any]]:
 
     Raises
     ------
-    InvalidInput : naming the file, the function and what is wrong in it.
+    InvalidInput
+        Naming the file, the function and what is wrong in it.
     """
     import pyuff
 

@@ -30,10 +30,13 @@ class ParameterState:
 
     Attributes
     ----------
-    name, value, unit : in SI units.
-    state : free, fixed, or tied to the free parameter `tied_to`.
-    sensitivity : largest |dG / d ln value| of any FRF in the band at this position, each relative
-        to the largest FRF of the same output at the same frequency [-].
+    name, value, unit
+        In SI units.
+    state : State
+        Free, fixed, or tied to the free parameter `tied_to`.
+    sensitivity : float, dimensionless
+        Largest |dG / d ln value| of any FRF in the band at this position, each relative to the
+        largest FRF of the same output at the same frequency.
     """
 
     name: str
@@ -50,15 +53,24 @@ class MotorState:
 
     Attributes
     ----------
-    name, joint, gear_ratio : as in the robot file.
-    inertia, viscous : on the motor shaft [kg m^2], [N m s/rad].
-    reflected : inertia times ratio squared [kg m^2; kg where the joint is prismatic].
-    load : inertia about the joint's axis of all that the joint carries, in the same unit.
-    spring : name of its drive spring; None where the drive is rigid.
-    prismatic : whether the joint is.
-    angle : position [rad or m].
-    torque : motor torque that holds the arm there [N m].
-    anti_resonances : undamped zeros of the motor's own FRF [rad/s].
+    name, joint, gear_ratio
+        As in the robot file.
+    inertia, viscous : float
+        On the motor shaft [kg m^2], [N m s/rad].
+    reflected : float
+        Inertia times ratio squared [kg m^2; kg where the joint is prismatic].
+    load : float
+        Inertia about the joint's axis of all that the joint carries, in the same unit.
+    spring : str or None
+        Name of its drive spring; None where the drive is rigid.
+    prismatic : bool
+        Whether the joint is.
+    angle : float, rad or m
+        Position.
+    torque : float, N m
+        Motor torque that holds the arm there.
+    anti_resonances : tuple of float, rad/s
+        Undamped zeros of the motor's own FRF.
     """
 
     name: str
@@ -81,14 +93,22 @@ class SpringState:
 
     Attributes
     ----------
-    name, axis : as in the robot file.
-    place : its joint, or the link it cuts.
-    at : where it cuts the link [m]; None at a joint.
-    linear : whether it is a spring of a prismatic joint, in N/m and m.
-    sag : elongation under gravity [rad or m].
-    torque : spring torque of that elongation [N m or N].
-    rest, stiffness : its slope unloaded and under this load [N m/rad or N/m].
-    gravity : what gravity adds to the stiffness of its coordinate [N m/rad or N/m].
+    name, axis : str
+        As in the robot file.
+    place : str
+        Its joint, or the link it cuts.
+    at : tuple of (float, float, float) or None, m
+        Where it cuts the link; None at a joint.
+    linear : bool
+        Whether it is a spring of a prismatic joint, in N/m and m.
+    sag : float, rad or m
+        Elongation under gravity.
+    torque : float, N m or N
+        Spring torque of that elongation.
+    rest, stiffness : float, N m/rad or N/m
+        Its slope unloaded and under this load.
+    gravity : float, N m/rad or N/m
+        What gravity adds to the stiffness of its coordinate.
     """
 
     name: str
@@ -109,9 +129,12 @@ class Mode:
 
     Attributes
     ----------
-    frequency : magnitude of the pole [rad/s].
-    damping_ratio : [-].
-    energy : share of each spring in the elastic energy, in file order [-].
+    frequency : float, rad/s
+        Magnitude of the pole.
+    damping_ratio : float, dimensionless
+        Damping ratio.
+    energy : tuple of float, dimensionless
+        Share of each spring in the elastic energy, in file order.
     """
 
     frequency: float
@@ -127,8 +150,8 @@ class InseparablePair:
     ----------
     names : tuple of str
         Both.
-    inflation : float
-        By how much the standard deviation of either exceeds that with the other one known [-].
+    inflation : float, dimensionless
+        By how much the standard deviation of either exceeds that with the other one known.
     """
 
     names: tuple[str, str]
@@ -141,18 +164,28 @@ class Diagnosis:
 
     Attributes
     ----------
-    robot, source, coordinates, outputs : names, and where the numbers come from.
-    measured, delay : what the motors' outputs are, and the common delay [s].
-    band : lowest and highest angular frequency of interest [rad/s].
-    bodies, parameters, motors, springs : parameters in the order of the robot's elements.
-    inseparable : pairs of free parameters whose effects in the band differ by less than a
-        two-hundredth, in this position, with errors of 3 % and 1 % of the largest element.
-    resonances : undamped flexible modes [rad/s].
-    modes : damped ones that oscillate; empty if they cannot be told from rigid ones.
-    overdamped : magnitudes of real poles, two for each overdamped mode [rad/s].
-    modes_failed : why `modes` is empty; else empty.
-    rigid_squares : squared frequencies of the rigid modes, one per motor, as gravity leaves
-        them; negative where it would tip the arm over if the motors ran free [rad^2/s^2].
+    robot, source, coordinates, outputs
+        Names, and where the numbers come from.
+    measured, delay
+        What the motors' outputs are, and the common delay [s].
+    band : tuple of (float, float), rad/s
+        Lowest and highest angular frequency of interest.
+    bodies, parameters, motors, springs
+        Parameters in the order of the robot's elements.
+    inseparable : tuple of InseparablePair
+        Pairs of free parameters whose effects in the band differ by less than a two-hundredth, in
+        this position, with errors of 3 % and 1 % of the largest element.
+    resonances : tuple of float, rad/s
+        Undamped flexible modes.
+    modes : tuple of Mode
+        Damped ones that oscillate; empty if they cannot be told from rigid ones.
+    overdamped : tuple of float, rad/s
+        Magnitudes of real poles, two for each overdamped mode.
+    modes_failed : str
+        Why `modes` is empty; else empty.
+    rigid_squares : tuple of float, rad^2/s^2
+        Squared frequencies of the rigid modes, one per motor, as gravity leaves them; negative
+        where it would tip the arm over if the motors ran free.
     """
 
     robot: str
@@ -181,15 +214,20 @@ def diagnose(
 
     Parameters
     ----------
-    robot : any robot.
-    position : (n,) [rad or m].
-    band : angular frequencies of interest [rad/s]; 2 to 80 Hz by default.
+    robot : ElasticRobot
+        Any robot.
+    position : ndarray, (n,), rad or m
+        Position.
+    band : tuple of (float, float), rad/s, optional
+        Angular frequencies of interest; 2 to 80 Hz by default.
 
     Raises
     ------
-    InvalidInput : if the position has a wrong size or is outside the joint limits, or the band is
-        not a pair of rising positive frequencies.
-    NoEquilibrium : if a spring is too weak for gravity.
+    InvalidInput
+        If the position has a wrong size or is outside the joint limits, or the band is not a pair
+        of rising positive frequencies.
+    NoEquilibrium
+        If a spring is too weak for gravity.
     """
     low, high = (2 * np.pi * f for f in BAND) if band is None else band
     if not (np.isfinite([low, high]).all() and 0 < low < high):

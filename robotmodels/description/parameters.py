@@ -14,9 +14,12 @@ class Parameters:
 
     Attributes
     ----------
-    names : p names, such as ``g1.stiffness``.
-    values : (p,) positive values in SI units.
-    units : p units, for people.
+    names : tuple of str
+        p names, such as ``g1.stiffness``.
+    values : ndarray, (p,)
+        Positive values in SI units.
+    units : tuple of str
+        p units, for people.
     """
 
     names: tuple[str, ...]
@@ -40,7 +43,8 @@ class Parameters:
 
         Raises
         ------
-        InvalidInput : if there is no free parameter of that name.
+        InvalidInput
+            If there is no free parameter of that name.
         """
         if name not in self.names:
             raise InvalidInput(
@@ -53,7 +57,8 @@ class Parameters:
 
         Raises
         ------
-        InvalidInput : if the size is wrong or an entry is not a positive, finite number.
+        InvalidInput
+            If the size is wrong or an entry is not a positive, finite number.
         """
         if values is None:
             return self.values

@@ -27,10 +27,14 @@ class Drive:
 
     Attributes
     ----------
-    joint : that it drives.
-    gear_ratio, inertia, viscous : of the motor, on its shaft [kg m^2, N m s/rad].
-    stiffness, damping : of the gear on the arm side [N m/rad, N m s/rad; N/m, N s/m].
-    bearing_stiffness, bearing_damping : of a torsion across the joint [N m/rad, N m s/rad].
+    joint : UrdfJoint
+        Joint that it drives.
+    gear_ratio, inertia, viscous : float
+        Of the motor, on its shaft [kg m^2, N m s/rad].
+    stiffness, damping : float
+        Of the gear on the arm side [N m/rad, N m s/rad; N/m, N s/m].
+    bearing_stiffness, bearing_damping : float
+        Of a torsion across the joint [N m/rad, N m s/rad].
     """
 
     joint: UrdfJoint

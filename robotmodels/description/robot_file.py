@@ -242,6 +242,7 @@ def read_robot_file(path: Path) -> RobotFile:
 
     Raises
     ------
-    InvalidInput : naming the file and the key at fault.
+    InvalidInput
+        Naming the file and the key at fault.
     """
     return read_yaml(path, RobotFile)

@@ -17,7 +17,8 @@ class SpringLaws:
 
     Attributes
     ----------
-    low, high, torque : (s,) [N m/rad], [N m/rad], [N m].
+    low, high, torque : ndarray, (s,)
+        Low, high and torque [N m/rad], [N m/rad], [N m].
     """
 
     low: Array

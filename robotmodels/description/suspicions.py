@@ -21,9 +21,12 @@ class Suspicion:
 
     Attributes
     ----------
-    rule : short name of the rule.
-    subjects : the springs, bodies, motors or parameters at fault.
-    message : one line with what was found.
+    rule : str
+        Short name of the rule.
+    subjects : tuple of str
+        The springs, bodies, motors or parameters at fault.
+    message : str
+        One line with what was found.
     """
 
     rule: str

@@ -24,7 +24,8 @@ def locate(urdf: str, beside: Path) -> Path:
 
     Raises
     ------
-    InvalidInput : if there is no such file.
+    InvalidInput
+        If there is no such file.
     """
     if not urdf.startswith(_PACKAGE_PREFIX):
         path = absolute(beside, urdf)
@@ -53,8 +54,9 @@ def rigid_model(path: Path, lock: dict[str, float]) -> pin.Model:
 
     Raises
     ------
-    InvalidInput : if the file is malformed, has an unsupported joint type or unphysical inertias,
-        or does not have a joint of `lock`.
+    InvalidInput
+        If the file is malformed, has an unsupported joint type or unphysical inertias, or does not
+        have a joint of `lock`.
     """
     xml = ET.tostring(checked_urdf(path), encoding="unicode")
     try:
@@ -119,7 +121,8 @@ def check_inertia(inertia: pin.Inertia, who: str) -> None:
 
     Raises
     ------
-    InvalidInput : as `check_moments`.
+    InvalidInput
+        As `check_moments`.
     """
     check_moments(float(inertia.mass), inertia.inertia, who)
 
@@ -129,8 +132,9 @@ def check_moments(mass: float, inertia: Array, who: str) -> None:
 
     Raises
     ------
-    InvalidInput : if the mass is not positive, or the principal moments of inertia are negative
-        or break the triangle inequality.
+    InvalidInput
+        If the mass is not positive, or the principal moments of inertia are negative or break the
+        triangle inequality.
     """
     if not mass > 0:
         raise InvalidInput(f"{who} has mass {mass:g} kg; a positive mass is needed")

@@ -40,7 +40,8 @@ def checked_urdf(path: Path, *, shapes: bool = False) -> ET.Element:
 
     Raises
     ------
-    InvalidInput : naming the file and the link or joint at fault.
+    InvalidInput
+        Naming the file and the link or joint at fault.
     """
     robot = read_xml(path)
     if robot.tag != "robot":

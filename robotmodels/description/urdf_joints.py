@@ -21,14 +21,20 @@ class UrdfJoint:
 
     Attributes
     ----------
-    name : in the URDF.
-    prismatic : whether it slides.
-    low, high : its limits [rad or m]; one turn where it has none.
-    load : inertia about its axis [kg m^2], or mass along it [kg], of all beyond it, joints in the
+    name : str
+        Name in the URDF.
+    prismatic : bool
+        Whether it slides.
+    low, high : float, rad or m
+        Its limits; one turn where it has none.
+    load : float
+        Inertia about its axis [kg m^2], or mass along it [kg], of all beyond it, joints in the
         middle of their range.
-    across : axes of its frame, of x, y and z, that are orthogonal to its own; empty where its own
-        lies along none.
-    leader : joint it follows (``<mimic>``), or None.
+    across : tuple of str
+        Axes of its frame, of x, y and z, that are orthogonal to its own; empty where its own lies
+        along none.
+    leader : str or None
+        Joint it follows (``<mimic>``), or None.
     """
 
     name: str
@@ -45,11 +51,13 @@ def moving_joints(urdf: str, beside: Path) -> tuple[UrdfJoint, ...]:
 
     Parameters
     ----------
-    urdf, beside : as for `robotmodels.description.urdf.locate`.
+    urdf, beside
+        As for `robotmodels.description.urdf.locate`.
 
     Raises
     ------
-    InvalidInput : if the URDF is absent or cannot be used.
+    InvalidInput
+        If the URDF is absent or cannot be used.
     """
     path = locate(urdf, beside)
     model, leaders = rigid_model(path, {}), mimics(path)

@@ -41,7 +41,8 @@ def read_xml(path: Path) -> ET.Element:
 
     Raises
     ------
-    InvalidInput : if it cannot be read, is not well formed, defines entities or nests too deeply.
+    InvalidInput
+        If it cannot be read, is not well formed, defines entities or nests too deeply.
     """
     check_file(path, MOST_BYTES)
     try:

@@ -23,9 +23,12 @@ class Arm:
 
     Attributes
     ----------
-    model : one degree of freedom per joint; joint names are URDF joint names and spring names.
-    coordinate : place of each joint name in the configuration vector.
-    urdf_joints : names of the URDF's joints, base to tool.
+    model : pin.Model
+        One degree of freedom per joint; joint names are URDF joint names and spring names.
+    coordinate : dict of str to int
+        Place of each joint name in the configuration vector.
+    urdf_joints : tuple of str
+        Names of the URDF's joints, base to tool.
     """
 
     model: pin.Model
@@ -58,8 +61,9 @@ def build_arm(file: RobotFile, rigid: pin.Model) -> Arm:
 
     Raises
     ------
-    InvalidInput : if a spring or payload names a joint or link that does not exist, a torsion
-        axis is not orthogonal to its drive, or a part cut off a link is not physically consistent.
+    InvalidInput
+        If a spring or payload names a joint or link that does not exist, a torsion axis is not
+        orthogonal to its drive, or a part cut off a link is not physically consistent.
     """
     return _Builder(file, rigid).build()
 

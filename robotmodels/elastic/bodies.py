@@ -14,15 +14,23 @@ class Body:
 
     Attributes
     ----------
-    link : its link of the URDF, the first of several that are fixed to each other.
-    part : ``""`` for a whole link, else ``"beyond a3x, a3y"`` with the springs of the cut.
-    moved_by : the torsions and the joint between this body and the one before it, base to tool.
-    mass : [kg].
-    com : centre of mass in the frame of the joint that moves it [m].
-    moments : principal moments of inertia about the centre of mass, ascending [kg m^2].
-    extent : how far it reaches from its joint: twice the distance of its centre of mass, or the
-        distance of a neighbouring body's joint, whichever is more [m].
-    carried : mass of this body and all that it carries [kg].
+    link : str
+        Its link of the URDF, the first of several that are fixed to each other.
+    part : str
+        ``""`` for a whole link, else ``"beyond a3x, a3y"`` with the springs of the cut.
+    moved_by : tuple of str
+        The torsions and the joint between this body and the one before it, base to tool.
+    mass : float, kg
+        Mass.
+    com : tuple of (float, float, float), m
+        Centre of mass in the frame of the joint that moves it.
+    moments : tuple of (float, float, float), kg m^2
+        Principal moments of inertia about the centre of mass, ascending.
+    extent : float, m
+        How far it reaches from its joint: twice the distance of its centre of mass, or the distance
+        of a neighbouring body's joint, whichever is more.
+    carried : float, kg
+        Mass of this body and all that it carries.
     """
 
     link: str

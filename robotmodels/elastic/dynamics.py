@@ -24,9 +24,12 @@ class Gravity:
 
     Attributes
     ----------
-    arm : the arm.
-    turned : (3, Q, d) w x gravity of each joint [m/s^2].
-    moments : (3, Q, d) L of each joint [kg m], of one that slides [kg].
+    arm : Arm
+        The arm.
+    turned : ndarray, (3, Q, d), m/s^2
+        w x gravity of each joint.
+    moments : ndarray, (3, Q, d)
+        L of each joint [kg m], of one that slides [kg].
     """
 
     arm: Arm

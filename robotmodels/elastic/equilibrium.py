@@ -23,9 +23,12 @@ class Equilibrium:
 
     Attributes
     ----------
-    coordinates : (Q, d) drives and torsions [rad or m].
-    elongations : (Q, s) of the springs [rad or m].
-    slopes : (Q, s) stiffnesses of the springs there [N m/rad or N/m].
+    coordinates : ndarray, (Q, d), rad or m
+        Drives and torsions.
+    elongations : ndarray, (Q, s), rad or m
+        Elongations of the springs.
+    slopes : ndarray, (Q, s), N m/rad or N/m
+        Stiffnesses of the springs there.
     """
 
     coordinates: Array
@@ -39,9 +42,12 @@ class Labels:
 
     Attributes
     ----------
-    springs : each of the s springs.
-    forces : whether it is forces that bend it, as at a prismatic joint, instead of torques.
-    place : of the position with an index.
+    springs : sequence of str
+        Each of the s springs.
+    forces : sequence of bool
+        Whether it is forces that bend it, as at a prismatic joint, instead of torques.
+    place : callable
+        Place of the position with an index.
     """
 
     springs: Sequence[str]
@@ -61,16 +67,23 @@ def find_equilibrium(
 
     Parameters
     ----------
-    arm : the elastic arm, d coordinates.
-    start : (Q, d) coordinates with unloaded springs.
-    sprung : (s,) the coordinate that each spring holds.
-    held : coordinates that rigid drives hold.
-    law : of the springs.
-    labels : for errors.
+    arm : Arm
+        The elastic arm, d coordinates.
+    start : ndarray, (Q, d)
+        Coordinates with unloaded springs.
+    sprung : ndarray of int, (s,)
+        The coordinate that each spring holds.
+    held : ndarray of int
+        Coordinates that rigid drives hold.
+    law : SpringLaws
+        Law of the springs.
+    labels : Labels
+        Labels for errors.
 
     Raises
     ------
-    NoEquilibrium : if a spring gives way, naming it, the position and its torque.
+    NoEquilibrium
+        If a spring gives way, naming it, the position and its torque.
     """
     q = _first_guess(arm, start, sprung, law)
     moving = np.arange(len(q))  # positions whose Newton iteration has not ended
@@ -119,9 +132,12 @@ class _Balance:
 
     Attributes
     ----------
-    load : gravity.
-    residual : (Q, d) torques out of balance, zero where rigid drives hold.
-    stiffness : (Q, d) of the springs, infinite where rigid drives hold.
+    load : Gravity
+        Gravity.
+    residual : ndarray, (Q, d)
+        Torques out of balance, zero where rigid drives hold.
+    stiffness : ndarray, (Q, d)
+        Stiffness of the springs, infinite where rigid drives hold.
     """
 
     load: Gravity

@@ -26,13 +26,17 @@ class Tool:
 
     Attributes
     ----------
-    link : its link.
-    at : (3,) the point, in the link frame [m].
-    axis : (3,) the direction that is to be turned, in the link frame.
+    link : str
+        Its link.
+    at : sequence of float, (3,), m
+        The point, in the link frame.
+    axis : sequence of float, (3,)
+        The direction that is to be turned, in the link frame.
 
     Raises
     ------
-    InvalidInput : if the axis is zero.
+    InvalidInput
+        If the axis is zero.
     """
 
     link: str
@@ -62,16 +66,23 @@ def inverse_kinematics(
 
     Parameters
     ----------
-    robot : the robot.
-    tool : point and axis on a link.
-    point : (3,) in the root link's frame [m].
-    direction : (3,) of the tool's axis there; None leaves it free.
-    solutions, starts : how many to return, and to try.
-    rng : draws the starts.
+    robot : ElasticRobot
+        The robot.
+    tool : Tool
+        Point and axis on a link.
+    point : ndarray, (3,), m
+        Point in the root link's frame.
+    direction : ndarray, (3,), optional
+        Direction of the tool's axis there; None leaves it free.
+    solutions, starts : int
+        How many to return, and to try.
+    rng : Generator
+        Draws the starts.
 
     Raises
     ------
-    InvalidInput : if the link is not there.
+    InvalidInput
+        If the link is not there.
     """
     reach = _Reach(robot, tool)
     low, high = robot.position_limits.T

@@ -13,9 +13,12 @@ class Measurement:
 
     Attributes
     ----------
-    position, velocity, acceleration : (..., m, d) C0, C1 and C2.
-    gain : (n,) torque gains [-].
-    delay : common delay [s].
+    position, velocity, acceleration : ndarray, (..., m, d)
+        C0, C1 and C2.
+    gain : ndarray, (n,), dimensionless
+        Torque gains.
+    delay : float, s
+        Common delay.
     """
 
     position: Array

@@ -30,7 +30,8 @@ def joint_origins(robot: ElasticRobot, position: Array) -> Array:
 
     Raises
     ------
-    InvalidInput : if the position has a wrong shape or is outside the joint limits.
+    InvalidInput
+        If the position has a wrong shape or is outside the joint limits.
     """
     rigid = robot.rigid
     (q,) = configurations(robot, robot.checked_positions(real_numbers(position, "position")[None]))
@@ -54,9 +55,11 @@ def holding_torques(robot: ElasticRobot, coordinates: Array) -> Array:
 
     Parameters
     ----------
-    robot : the robot.
-    coordinates : (Q, arm size) of its arm: at equilibrium, or those of `unloaded`, which change
-        the torques by parts in a thousand.
+    robot : ElasticRobot
+        The robot.
+    coordinates : ndarray
+        (Q, arm size) of its arm: at equilibrium, or those of `unloaded`, which change the torques
+        by parts in a thousand.
     """
     shaft = np.array([motor.gear_ratio * motor.torque_gain for motor in robot.file.motors])
     return np.asarray(gravity_torques(robot.arm, coordinates)[:, robot.layout.drives] / shaft)

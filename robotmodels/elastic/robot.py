@@ -32,8 +32,10 @@ class ElasticRobot:
 
     Attributes
     ----------
-    file : the robot file.
-    folder : where relative paths in it start.
+    file : RobotFile
+        The robot file.
+    folder : Path
+        Where relative paths in it start.
     """
 
     file: RobotFile
@@ -128,7 +130,8 @@ class ElasticRobot:
 
         Raises
         ------
-        InvalidInput : if a position is outside the joint limits, or the shape is a wrong one.
+        InvalidInput
+            If a position is outside the joint limits, or the shape is a wrong one.
         """
         positions = real_numbers(positions, "positions")
         n = len(self.file.motors)
@@ -152,8 +155,10 @@ class ElasticRobot:
 
         Raises
         ------
-        NoEquilibrium : if a spring gives way.
-        InvalidInput : if a position is outside the joint limits, or an array has a wrong shape.
+        NoEquilibrium
+            If a spring gives way.
+        InvalidInput
+            If a position is outside the joint limits, or an array has a wrong shape.
         """
         positions = self.checked_positions(positions)
         theta = self.parameters.check(parameters)
@@ -173,7 +178,8 @@ class ElasticRobot:
 
         Raises
         ------
-        NoEquilibrium, InvalidInput : as `equilibrium`.
+        NoEquilibrium, InvalidInput
+            As `equilibrium`.
         """
         theta = self.parameters.check(parameters)
         at = self.equilibrium(positions, theta)
@@ -207,7 +213,8 @@ class ElasticRobot:
 
         Raises
         ------
-        NoEquilibrium, InvalidInput : as `equilibrium`.
+        NoEquilibrium, InvalidInput
+            As `equilibrium`.
         """
         return self.linearization(positions, parameters, sag=sag)[1]
 
@@ -218,7 +225,8 @@ class ElasticRobot:
 
         Raises
         ------
-        NoEquilibrium, InvalidInput : as `equilibrium`.
+        NoEquilibrium, InvalidInput
+            As `equilibrium`.
         """
         theta = self.parameters.check(parameters)
         at = self.equilibrium(positions, theta)

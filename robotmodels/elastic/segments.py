@@ -20,13 +20,18 @@ class Segment:
 
     Attributes
     ----------
-    placement : of the cut that starts it, in the frame of the joint.
-    links : links whose far ends it has, by their frames in the rigid model: the ten inertial
+    placement : pin.SE3
+        Placement of the cut that starts it, in the frame of the joint.
+    links : dict of int to ndarray
+        Links whose far ends it has, by their frames in the rigid model: the ten inertial
         parameters, about the joint's frame, of what it has of them (mass [kg], first [kg m] and
         second moments [kg m^2]).
-    springs : of the cut that starts it; none where the joint does.
-    parent : the part before the cut.
-    stubs : inertial parameters of what cuts leave it of other links.
+    springs : list of Spring
+        Springs of the cut that starts it; none where the joint does.
+    parent : Segment or None
+        The part before the cut.
+    stubs : list of ndarray
+        Inertial parameters of what cuts leave it of other links.
     """
 
     placement: pin.SE3
@@ -46,7 +51,8 @@ def segments(file: RobotFile, rigid: pin.Model, joint: int) -> list[Segment]:
 
     Raises
     ------
-    InvalidInput : if a cut cannot be made or leaves a part that no body can be.
+    InvalidInput
+        If a cut cannot be made or leaves a part that no body can be.
     """
     parts = [Segment(pin.SE3.Identity(), _own_inertias(rigid, joint))]
     for springs in _cuts(file, rigid, joint):
@@ -71,7 +77,8 @@ def link_frame(rigid: pin.Model, name: str, who: str) -> int:
 
     Raises
     ------
-    InvalidInput : if there is no such link; the message starts with `who` asks for it.
+    InvalidInput
+        If there is no such link; the message starts with `who` asks for it.
     """
     if not rigid.existFrame(name, pin.BODY):
         links = [f.name for f in rigid.frames if f.type == pin.BODY]
@@ -87,7 +94,8 @@ def check_bodies(file: RobotFile, rigid: pin.Model) -> None:
 
     Raises
     ------
-    InvalidInput : naming the payload or spring.
+    InvalidInput
+        Naming the payload or spring.
     """
     if file.payload is not None:
         link_frame(rigid, file.payload.link, "payload")

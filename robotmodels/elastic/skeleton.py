@@ -22,12 +22,17 @@ class Skeleton:
 
     Attributes
     ----------
-    mass, stiffness : (Q, d, d); the stiffness is gravity's.
-    damping : (d, d) viscous friction of the motors. Motors whose inertia or friction is free are
-        missing from both (see `Inertances`).
-    gravity : (Q, d) torques.
-    selector : (d, n).
-    measurement : with leading axis Q.
+    mass, stiffness : ndarray, (Q, d, d)
+        Mass matrices, and the stiffness that gravity adds.
+    damping : ndarray, (d, d)
+        Viscous friction of the motors. Motors whose inertia or friction is free are missing from
+        both (see `Inertances`).
+    gravity : ndarray, (Q, d)
+        Torques.
+    selector : ndarray, (d, n)
+        Selector.
+    measurement : Measurement
+        Measurement with leading axis Q.
     """
 
     mass: Array
@@ -62,7 +67,8 @@ def check_mass(layout: Layout) -> None:
 
     Raises
     ------
-    InvalidInput : naming a joint or spring that this motion moves.
+    InvalidInput
+        Naming a joint or spring that this motion moves.
     """
     # No joint angle of a robot at rest in a generic position is a special one.
     generic = 0.3 + np.sin(np.arange(layout.arm_size, dtype=float))

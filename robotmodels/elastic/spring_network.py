@@ -29,9 +29,12 @@ class Inertances:
 
     Attributes
     ----------
-    coordinates : (r,) what moves.
-    friction, inertia : (r,) at the network's parameters [N m s/rad, kg m^2].
-    exponents : (2 r, p) derivative of ln(frictions, inertias) with respect to ln theta.
+    coordinates : ndarray of int, (r,)
+        What moves.
+    friction, inertia : ndarray, (r,)
+        At the network's parameters [N m s/rad, kg m^2].
+    exponents : ndarray, (2 r, p)
+        Derivative of ln(frictions, inertias) with respect to ln theta.
     """
 
     coordinates: IntArray
@@ -49,19 +52,29 @@ class SpringNetwork:
 
     Attributes
     ----------
-    mass : (Q, d, d) [kg m^2].
-    damping : (d, d), and
-    stiffness : (Q, d, d); all three without the terms.
-    selector : (d, n), as in `LinearModel`.
-    ends : (s, 2) the two coordinates each spring joins; -1 is the ground (passive torsions).
-    spring_stiffness, spring_damping : (Q, s) at `parameters.values`; a nonlinear spring's
-        stiffness differs from position to position.
-    exponents : (Q, 2 s, p) derivative of ln(stiffnesses, dampings) with respect to ln theta:
-        zeros and ones, except for nonlinear springs.
-    parameters : the p free parameters at which the equilibria were found.
-    measurement : as in `LinearModel`, with leading axis Q; None for motor accelerations.
-    inertances : r of them, alike at all positions; None where no inertia is free.
-    beyond : names of free parameters that act on more than the terms.
+    mass : ndarray, (Q, d, d), kg m^2
+        Mass matrix without the terms.
+    damping : ndarray, (d, d), N m s/rad
+        Damping matrix without the terms.
+    stiffness : ndarray, (Q, d, d), N m/rad
+        Stiffness matrix without the terms.
+    selector : ndarray, (d, n)
+        As in `LinearModel`.
+    ends : ndarray of int, (s, 2)
+        The two coordinates each spring joins; -1 is the ground (passive torsions).
+    spring_stiffness, spring_damping : ndarray, (Q, s)
+        At `parameters.values`; a nonlinear spring's stiffness differs from position to position.
+    exponents : ndarray, (Q, 2 s, p)
+        Derivative of ln(stiffnesses, dampings) with respect to ln theta: zeros and ones, except for
+        nonlinear springs.
+    parameters : Parameters
+        The p free parameters at which the equilibria were found.
+    measurement : Measurement or None
+        As in `LinearModel`, with leading axis Q; None for motor accelerations.
+    inertances : Inertances or None
+        r of them, alike at all positions; None where no inertia is free.
+    beyond : tuple of str
+        Names of free parameters that act on more than the terms.
     """
 
     mass: Array
@@ -103,7 +116,8 @@ class SpringNetwork:
 
         Raises
         ------
-        InvalidInput : if something else than the motors is measured.
+        InvalidInput
+            If something else than the motors is measured.
         """
         w = np.asarray(omega, dtype=float)[:, None]
         if self.measurement is None:

@@ -20,11 +20,16 @@ class Tangents:
 
     Attributes
     ----------
-    mass, damping, stiffness : (Q, p, d, d).
-    gravity : (Q, p, d) of the gravity torques.
-    position, acceleration : (Q, p, m, d) of `Measurement.position` and `.acceleration`.
-    ln_gain : (p, n) of the logarithms of the torque gains.
-    delay : (p,) of the delay [s].
+    mass, damping, stiffness : ndarray, (Q, p, d, d)
+        Mass, damping and stiffness.
+    gravity : ndarray, (Q, p, d)
+        Gravity torques.
+    position, acceleration : ndarray, (Q, p, m, d)
+        Of `Measurement.position` and `.acceleration`.
+    ln_gain : ndarray, (p, n)
+        Logarithms of the torque gains.
+    delay : ndarray, (p,), s
+        Measurement delay.
     """
 
     mass: Array
@@ -91,11 +96,16 @@ def differentiate(
 
     Parameters
     ----------
-    skeleton : as a function of theta (p,) and the arm's coordinates (Q, d).
-    here : the skeleton there.
-    theta, coordinates : where.
-    shift : (Q, d, p) derivative of the coordinates by ln theta.
-    columns : parameters to differentiate by; the other derivatives are zero.
+    skeleton : callable
+        As a function of theta (p,) and the arm's coordinates (Q, d).
+    here : Skeleton
+        The skeleton there.
+    theta, coordinates : ndarray
+        Where.
+    shift : ndarray, (Q, d, p)
+        Derivative of the coordinates by ln theta.
+    columns : sequence of int
+        Parameters to differentiate by; the other derivatives are zero.
     """
     derivatives = {
         name: np.zeros((len(theta), *array.shape)) for name, array in _arrays(here).items()

@@ -35,7 +35,8 @@ def frequency_response(network: SpringNetwork, omega: Array) -> ComplexArray:
 
     Raises
     ------
-    InvalidInput : if a frequency is not positive and finite.
+    InvalidInput
+        If a frequency is not positive and finite.
     """
     w = positive_frequencies(omega)
     plan = layout(network)
@@ -67,8 +68,9 @@ def information(
 
     Raises
     ------
-    InvalidInput : if a frequency is not positive and finite, or a free parameter acts on more than
-        the network's terms.
+    InvalidInput
+        If a frequency is not positive and finite, or a free parameter acts on more than the
+        network's terms.
     """
     w = positive_frequencies(omega)
     check_complete(network)

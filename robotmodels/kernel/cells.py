@@ -40,17 +40,23 @@ class CostKernel:
 
     Parameters
     ----------
-    network : Q positions, the nominal parameters.
-    omega : (F,) [rad/s].
-    measured : (Q, F, m, n) FRFs.
-    weights : (Q, F, m, n) inverse variances; zero leaves an element out, whatever it is.
-    residual : "nls", "lls" or "lls_magnitude".
+    network : SpringNetwork
+        Q positions, the nominal parameters.
+    omega : ndarray, (F,), rad/s
+        Angular frequencies.
+    measured : ndarray of complex, (Q, F, m, n)
+        FRFs.
+    weights : ndarray, (Q, F, m, n)
+        Inverse variances; zero leaves an element out, whatever it is.
+    residual : Residual
+        "nls", "lls" or "lls_magnitude".
 
     Raises
     ------
-    InvalidInput : if a free parameter acts on more than the network's terms; for shapes that do
-        not fit, negative weights, another residual, or a measured element with a weight that is
-        not finite, or zero where a logarithm is taken.
+    InvalidInput
+        If a free parameter acts on more than the network's terms; for shapes that do not fit,
+        negative weights, another residual, or a measured element with a weight that is not finite,
+        or zero where a logarithm is taken.
     """
 
     def __init__(
@@ -75,8 +81,8 @@ class CostKernel:
 
         Raises
         ------
-        InvalidInput : if the network is of other positions, or a free parameter acts on more than
-            its terms.
+        InvalidInput
+            If the network is of other positions, or a free parameter acts on more than its terms.
         """
         if network.mass.shape != self.network.mass.shape:
             raise InvalidInput(
@@ -124,7 +130,8 @@ class CostKernel:
 
         Raises
         ------
-        InvalidInput : if the size is wrong or a parameter is not positive and finite.
+        InvalidInput
+            If the size is wrong or a parameter is not positive and finite.
         """
         theta = np.atleast_2d(np.asarray(parameters, dtype=float))
         p = len(self.network.parameters)
@@ -144,7 +151,8 @@ class CostKernel:
 
         Raises
         ------
-        InvalidInput : if the size is wrong or a parameter is not positive and finite.
+        InvalidInput
+            If the size is wrong or a parameter is not positive and finite.
         """
         theta = self.network.parameters.check(parameters)
         if self._plan is None:
@@ -270,7 +278,8 @@ def check_complete(network: SpringNetwork) -> None:
 
     Raises
     ------
-    InvalidInput : naming those parameters.
+    InvalidInput
+        Naming those parameters.
     """
     if network.outside:
         raise InvalidInput(
@@ -284,7 +293,8 @@ def positive_frequencies(omega: Array) -> Array:
 
     Raises
     ------
-    InvalidInput : unless it is a list of positive, finite frequencies.
+    InvalidInput
+        Unless it is a list of positive, finite frequencies.
     """
     w = np.asarray(omega, dtype=float)
     wrong = ~(np.isfinite(w) & (w > 0))

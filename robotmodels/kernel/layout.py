@@ -21,21 +21,28 @@ class Layout:
     Motors that only their own spring ties to the rest are eliminated by formula; what remains
     is factorised in the order [coordinates without needed springs, with them, driven by motors].
 
-    Attributes
-    ----------
-    order : (size,) coordinate of each row of the factorisation; -1 pads the front to whole blocks.
-        Its last n rows are the coordinates that the n motors drive.
-    pad : number of padding rows.
-    first : first row that a needed spring touches or a motor drives.
-    motors : (n, 3) the coordinate of an eliminated motor, its spring and its inertance or -1; or
-        -1 thrice where the motor moves its row rigidly.
-    gears : (n,) the selector's entries.
-    inner : (.., 3) terms between rows: term, row, and the other row or a code.
-    needed : (m, 3) terms whose sensitivity is asked for: the same.
-
     Terms are numbered as in `SpringNetwork`. A code stands for `GROUND`, a spring to the ground;
     `MOTOR`, a spring to the eliminated motor of the row; `INERTANCE` of the row; `MOTOR_INERTANCE`,
     that of the row's eliminated motor.
+
+    Attributes
+    ----------
+    order : ndarray of int, (size,)
+        Coordinate of each row of the factorisation; -1 pads the front to whole blocks. Its last n
+        rows are the coordinates that the n motors drive.
+    pad : int
+        Number of padding rows.
+    first : int
+        First row that a needed spring touches or a motor drives.
+    motors : ndarray of int, (n, 3)
+        The coordinate of an eliminated motor, its spring and its inertance or -1; or -1 thrice
+        where the motor moves its row rigidly.
+    gears : ndarray, (n,)
+        The selector's entries.
+    inner : ndarray of int, (.., 3)
+        Terms between rows: term, row, and the other row or a code.
+    needed : ndarray of int, (m, 3)
+        Terms whose sensitivity is asked for: the same.
     """
 
     order: IntArray

@@ -38,7 +38,8 @@ def address(array: Array | IntArray) -> int:
 
     Raises
     ------
-    ValueError : if the array is not contiguous.
+    ValueError
+        If the array is not contiguous.
     """
     if not array.flags.c_contiguous:
         raise ValueError("only a contiguous array can be used by its address")

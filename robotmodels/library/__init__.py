@@ -19,7 +19,8 @@ def load_robot(name: str | Path) -> ElasticRobot:
 
     Raises
     ------
-    InvalidInput : if there is no such robot, or its file cannot be used.
+    InvalidInput
+        If there is no such robot, or its file cannot be used.
     """
     if str(name) in builtin_robots():
         path = _FOLDER / f"{name}.yaml"

@@ -23,11 +23,16 @@ class Block:
 
     Attributes
     ----------
-    position : (n,) [rad].
-    signals : (E, N, n) one period of the speed references [rad/s].
-    rng : of this block alone.
-    transient, periods : dropped and recorded periods.
-    where : what errors call it.
+    position : ndarray, (n,), rad
+        Position.
+    signals : ndarray, (E, N, n), rad/s
+        One period of the speed references.
+    rng : Generator
+        Random generator of this block alone.
+    transient, periods : int
+        Dropped and recorded periods.
+    where : str
+        What errors call it.
     """
 
     robot: ElasticRobot
@@ -46,8 +51,10 @@ def run_block(block: Block) -> tuple[Array, Array, NDArray[np.bool_]]:
 
     Raises
     ------
-    NoEquilibrium : if the springs cannot carry the robot's weight.
-    SolverFailed : if a motor leaves its position, the closed loop being unstable.
+    NoEquilibrium
+        If the springs cannot carry the robot's weight.
+    SolverFailed
+        If a motor leaves its position, the closed loop being unstable.
     """
     register_mujoco()
     robot, controller, flaws = block.robot, block.controller, block.imperfections

@@ -62,8 +62,10 @@ class Loop:
 
     Attributes
     ----------
-    torque : (Q, F, n, n) U0 R^-1, motor torque per speed reference [N m s/rad].
-    angle : (Q, F, n, n) motor angle per speed reference [s].
+    torque : ndarray of complex, (Q, F, n, n), N m s/rad
+        U0 R^-1, motor torque per speed reference.
+    angle : ndarray of complex, (Q, F, n, n), s
+        Motor angle per speed reference.
     """
 
     torque: ComplexArray
@@ -75,8 +77,9 @@ def closed_loop(network: SpringNetwork, omega: Array, controller: Controller) ->
 
     Raises
     ------
-    InvalidInput : if a frequency is not between zero and the Nyquist frequency, or the controller
-        has another number of motors.
+    InvalidInput
+        If a frequency is not between zero and the Nyquist frequency, or the controller has another
+        number of motors.
     """
     omega = check_omega(omega)
     n = network.selector.shape[1]
@@ -108,19 +111,26 @@ class ClosedLoopNoise:
 
     Attributes
     ----------
-    controller : in whose loop the runs are.
-    omega : (F,) excited angular frequencies [rad/s].
-    reference : (F, n, e) or (Q, F, n, e), DFT of one period of the speed references in the e >= n
-        runs of a block [rad/s].
-    samples : N per period.
-    angle_noise : (n,) standard deviation of white noise on the sampled motor angles [rad].
-    averages : number of periods times blocks that the estimate is the mean of.
-    periods : how many of them follow one another in an experiment: one begins as the last ended, so
-        their leakage nearly cancels.
+    controller : Controller
+        Controller in whose loop the runs are.
+    omega : ndarray, (F,), rad/s
+        Excited angular frequencies.
+    reference : ndarray of complex, (F, n, e) or (Q, F, n, e), rad/s
+        DFT of one period of the speed references in the e >= n runs of a block.
+    samples : int
+        N per period.
+    angle_noise : ndarray, (n,), rad
+        Standard deviation of white noise on the sampled motor angles.
+    averages : int
+        Number of periods times blocks that the estimate is the mean of.
+    periods : int
+        How many of them follow one another in an experiment: one begins as the last ended, so their
+        leakage nearly cancels.
 
     Raises
     ------
-    InvalidInput : if shapes do not fit, or a deviation is not positive.
+    InvalidInput
+        If shapes do not fit, or a deviation is not positive.
     """
 
     controller: Controller
@@ -166,11 +176,13 @@ class ClosedLoopNoise:
 
         Raises
         ------
-        InvalidInput : if `omega` is not that of the law, or something else than motor
-            accelerations is measured.
-        NotIdentifiable : if the runs do not excite all motors, naming frequency and
-            condition.
-        SolverFailed : if the closed loop is unstable in a position.
+        InvalidInput
+            If `omega` is not that of the law, or something else than motor accelerations is
+            measured.
+        NotIdentifiable
+            If the runs do not excite all motors, naming frequency and condition.
+        SolverFailed
+            If the closed loop is unstable in a position.
         """
         if not (np.shape(omega) == self.omega.shape and np.allclose(omega, self.omega, rtol=1e-9)):
             raise InvalidInput("noise: omega differs from the frequencies of the excitation")
@@ -212,7 +224,8 @@ class ClosedLoopNoise:
 
         Raises
         ------
-        InvalidInput, NotIdentifiable, SolverFailed : as `factors`.
+        InvalidInput, NotIdentifiable, SolverFailed
+            As `factors`.
         """
         power, output = self.factors(network, omega)
         return _kron(np.asarray(np.linalg.inv(power)), output)
@@ -222,7 +235,8 @@ class ClosedLoopNoise:
 
         Raises
         ------
-        InvalidInput, NotIdentifiable, SolverFailed : as `factors`.
+        InvalidInput, NotIdentifiable, SolverFailed
+            As `factors`.
         """
         power, output = self.factors(network, omega)
         return _kron(power, np.asarray(np.linalg.inv(output)))

@@ -31,15 +31,21 @@ class Controller:
 
     Attributes
     ----------
-    speed_gain : (n,) positive [N m s/rad], on the motor shaft as everything here.
-    integral_time : (n,) positive, infinite for no integral part [s].
-    position_gain : (n,) not negative [1/s].
-    sample_time : T [s].
-    filter_time : (n,) not negative, of the speed's low-pass filter [s]; zeros by default.
+    speed_gain : ndarray, (n,), N m s/rad
+        Positive, on the motor shaft as everything here.
+    integral_time : ndarray, (n,), s
+        Positive, infinite for no integral part.
+    position_gain : ndarray, (n,), 1/s
+        Not negative.
+    sample_time : float, s
+        T.
+    filter_time : ndarray or None, (n,), s
+        Not negative, of the speed's low-pass filter; zeros by default.
 
     Raises
     ------
-    InvalidInput : naming the entry and motor out of range, or arrays of different lengths.
+    InvalidInput
+        Naming the entry and motor out of range, or arrays of different lengths.
     """
 
     speed_gain: Array
@@ -104,7 +110,8 @@ def default_controller(robot: ElasticRobot, sample_time: float) -> Controller:
 
     Raises
     ------
-    InvalidInput : if the sample time is not positive.
+    InvalidInput
+        If the sample time is not positive.
     """
     if not (np.isfinite(sample_time) and sample_time > 0):
         raise InvalidInput(f"controller: sample_time {sample_time!r} is not positive")

@@ -29,18 +29,27 @@ def simulate_linear(
 
     Parameters
     ----------
-    model : such as ``chains.linear_model()``, one position.
-    signals : (B, E, N, n) one period of the speed references [rad/s].
-    controller : its sample time is that of the signals.
-    lines, detection : excited and left out DFT lines of the signals, noted in the records.
-    angle_noise : standard deviation of white noise on the measured angles, (n,) or one [rad].
-    rng : source of the noise.
-    periods, transient : periods recorded, and periods before them that are dropped.
+    model : LinearModel
+        Such as ``chains.linear_model()``, one position.
+    signals : ndarray, (B, E, N, n), rad/s
+        One period of the speed references.
+    controller : Controller
+        Its sample time is that of the signals.
+    lines, detection
+        Excited and left out DFT lines of the signals, noted in the records.
+    angle_noise : array_like, rad
+        Standard deviation of white noise on the measured angles, (n,) or one.
+    rng : Generator
+        Source of the noise.
+    periods, transient : int
+        Periods recorded, and periods before them that are dropped.
 
     Raises
     ------
-    InvalidInput : if shapes do not fit.
-    SolverFailed : if the closed loop is unstable.
+    InvalidInput
+        If shapes do not fit.
+    SolverFailed
+        If the closed loop is unstable.
     """
     loop, n = sampled_loop(model, controller), model.inputs
     if not loop.largest_pole < _LARGEST_POLE:

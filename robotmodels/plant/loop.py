@@ -106,7 +106,9 @@ def run(
 
     Returns
     -------
-    torque, angle, limited : (T, n) on the motor shafts; and how many samples went well.
+    tuple of (ndarray, ndarray, ndarray of bool, int)
+        Torque, angle and whether the torque was limited, (T, n), on the motor shafts; and how many
+        samples went well.
     """
     T, n = reference.shape
     torque, angle = np.zeros((T, n)), np.zeros((T, n))

@@ -30,9 +30,12 @@ class PlantModel:
 
     Attributes
     ----------
-    model, data : MuJoCo's model and working memory.
-    motors : coordinate of each motor, (n,): its own, or the joint's that it drives rigidly.
-    gears : tendon of each motor, (n,); -1 where the drive is rigid.
+    model, data
+        MuJoCo's model and working memory.
+    motors : ndarray of int, (n,)
+        Coordinate of each motor: its own, or the joint's that it drives rigidly.
+    gears : ndarray of int, (n,)
+        Tendon of each motor; -1 where the drive is rigid.
     """
 
     model: mujoco.MjModel
@@ -115,8 +118,9 @@ class PlantBuilder:
 
         Raises
         ------
-        InvalidInput : if MuJoCo refuses a body, whose moments of inertia must fit each other
-            exactly, also where bodies fixed to it make up for them.
+        InvalidInput
+            If MuJoCo refuses a body, whose moments of inertia must fit each other exactly, also
+            where bodies fixed to it make up for them.
         """
         self._add_link(self.tree.root, self.spec.worldbody.add_body(name="root"))
         for motor in self.file.motors:

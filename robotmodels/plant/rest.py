@@ -21,7 +21,8 @@ def find_rest(
 
     Raises
     ------
-    NoEquilibrium : if there is none.
+    NoEquilibrium
+        If there is none.
     """
     q = np.zeros(plant.model.nv)
     for joint, motor, angle in zip(robot.motor_joints, plant.motors, position, strict=True):

@@ -31,15 +31,24 @@ class RolloutCase:
 
     Attributes
     ----------
-    xml : of MuJoCo's model.
-    motors : the coordinate that each of n motors drives, and
-    ratios : (n,) its gear ratio.
-    rest : (name, angle) of every coordinate that a position sets [rad].
-    tendons : the tendon of each drive spring, by the spring's name.
-    parameters : the drive springs' and dampers', at the values about which they are sought.
-    torque, angle : (E, K, n) of E runs of K samples, motor shafts [N m, rad].
-    sample_time : [s].
-    angle_noise : standard deviation of the angles [rad].
+    xml : str
+        XML of MuJoCo's model.
+    motors : tuple of str
+        The coordinate that each of n motors drives.
+    ratios : ndarray, (n,)
+        Its gear ratio.
+    rest : tuple of tuple of (str, float), (name, angle), rad
+        Rest of every coordinate that a position sets.
+    tendons : dict of str to str
+        The tendon of each drive spring, by the spring's name.
+    parameters : Parameters
+        The drive springs' and dampers', at the values about which they are sought.
+    torque, angle : ndarray, (E, K, n)
+        Of E runs of K samples, motor shafts [N m, rad].
+    sample_time : float, s
+        Sample time.
+    angle_noise : float, rad
+        Standard deviation of the angles.
     """
 
     xml: str
@@ -60,10 +69,14 @@ class RolloutFit:
 
     Attributes
     ----------
-    values : (p,) SI.
-    ended : whether by its own tolerances, rather than by the limit of rollouts.
-    rollouts : of all runs.
-    seconds : of wall time.
+    values : ndarray, (p,)
+        SI.
+    ended : bool
+        Whether by its own tolerances, rather than by the limit of rollouts.
+    rollouts : int
+        Rollouts of all runs.
+    seconds : float
+        Seconds of wall time.
     """
 
     values: Array
@@ -94,8 +107,10 @@ def rollout_case(
 
     Parameters
     ----------
-    position : (n,) at rest [rad].
-    torque, angle, sample_time, angle_noise : see `RolloutCase`.
+    position : ndarray, (n,), rad
+        Position at rest.
+    torque, angle, sample_time, angle_noise
+        See `RolloutCase`.
     """
     file = robot.file
     builder = PlantBuilder(file, read_tree(locate(file.urdf, robot.folder)))
@@ -121,9 +136,12 @@ def fit_rollouts(case: RolloutCase, start: Array, reach: float, limit: int) -> R
 
     Parameters
     ----------
-    start : (p,) SI.
-    reach : decades about the case's parameters between which values are sought.
-    limit : of rollouts of all runs, after which the best so far is taken.
+    start : ndarray, (p,)
+        SI.
+    reach : float
+        Decades about the case's parameters between which values are sought.
+    limit : int
+        Limit of rollouts of all runs, after which the best so far is taken.
     """
     search = _parameters(case, start, reach)
     with _silent():

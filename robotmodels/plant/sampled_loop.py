@@ -19,10 +19,14 @@ class SampledLoop:
 
     Attributes
     ----------
-    step : (h, h) A.
-    drive : (h, 2 n) B.
-    outputs : (4 n, h) C.
-    through : (4 n, 2 n) D.
+    step : ndarray, (h, h)
+        A.
+    drive : ndarray, (h, 2 n)
+        B.
+    outputs : ndarray, (4 n, h)
+        C.
+    through : ndarray, (4 n, 2 n)
+        D.
     """
 
     step: Array
@@ -40,7 +44,8 @@ class SampledLoop:
 
         Parameters
         ----------
-        references : (runs, samples, n) [rad/s].
+        references : ndarray, (runs, samples, n), rad/s
+            References.
         """
         runs, samples, n = references.shape
         state = np.zeros((runs, len(self.step)))
@@ -62,10 +67,14 @@ class SampledLoop:
 
         Parameters
         ----------
-        references : (N, n, runs) one period of the speed references of each run [rad/s].
-        std : (n,) of white noise on the measured angles [rad].
-        rng : source of the noise.
-        transient, periods : dropped and recorded periods.
+        references : ndarray, (N, n, runs), rad/s
+            One period of the speed references of each run.
+        std : ndarray, (n,), rad
+            Standard deviations of white noise on the measured angles.
+        rng : Generator
+            Source of the noise.
+        transient, periods : int
+            Dropped and recorded periods.
         """
         N, n, runs = references.shape
         seen = [*range(n), *range(3 * n, 4 * n)]
@@ -88,7 +97,8 @@ def sampled_loop(model: LinearModel, controller: Controller) -> SampledLoop:
 
     Raises
     ------
-    InvalidInput : if the controller has another number of motors, or the model has leading axes.
+    InvalidInput
+        If the controller has another number of motors, or the model has leading axes.
     """
     n, d, T = model.inputs, len(model.selector), controller.sample_time
     if model.mass.ndim != 2:

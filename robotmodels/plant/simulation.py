@@ -25,13 +25,20 @@ class Imperfections:
 
     Attributes
     ----------
-    friction : factor of the robot file's Coulomb friction [-].
-    nonlinear_gears : whether hardening springs harden, or keep their slope at each position.
-    backlash : gap of the gears, from flank to flank [rad, arm side]; the gear's damper stays.
-    quantisation : resolution of the measured angles [rad, motor shaft]; 0 for none.
-    angle_noise : standard deviation of white noise on the measured angles [rad, motor shaft].
-    torque_disturbance : standard deviation of white noise on the torques, unseen [N m].
-    torque_limit : largest torque a motor can give [N m]; None for no limit.
+    friction : float, dimensionless
+        Factor of the robot file's Coulomb friction.
+    nonlinear_gears : bool
+        Whether hardening springs harden, or keep their slope at each position.
+    backlash : array_like
+        Gap of the gears, from flank to flank [rad, arm side]; the gear's damper stays.
+    quantisation : float
+        Resolution of the measured angles [rad, motor shaft]; 0 for none.
+    angle_noise : array_like
+        Standard deviation of white noise on the measured angles [rad, motor shaft].
+    torque_disturbance : array_like, N m
+        Standard deviation of white noise on the torques, unseen.
+    torque_limit : array_like or None, N m
+        Largest torque a motor can give; None for no limit.
     """
 
     friction: float = 1.0
@@ -56,7 +63,8 @@ class Imperfections:
 
         Raises
         ------
-        InvalidInput : if it has neither one value nor n.
+        InvalidInput
+            If it has neither one value nor n.
         """
         value = getattr(self, name)
         value = np.asarray(np.inf if value is None else value, dtype=float)
@@ -91,22 +99,35 @@ def simulate(
 
     Parameters
     ----------
-    robot : the robot; its accelerometers are not simulated.
-    positions : (Q, n) [rad].
-    signals : (B, E, N, n), or (Q, B, E, N, n), one period of the speed references [rad/s].
-    controller : its sample time is that of the signals.
-    lines, detection : excited and left out DFT lines of the signals, noted in the records.
-    imperfections : friction, backlash, sensors, disturbances; by default none.
-    rng : the same seed gives the same records, in parallel or not.
-    periods, transient : periods recorded, and periods before them that are dropped.
-    executor : simulates blocks in parallel; threads serve as well as processes.
-    progress : called with the number of blocks done and their total.
+    robot : ElasticRobot
+        The robot; its accelerometers are not simulated.
+    positions : ndarray, (Q, n), rad
+        Positions.
+    signals : ndarray, (B, E, N, n), or (Q, B, E, N, n), rad/s
+        One period of the speed references.
+    controller : Controller
+        Its sample time is that of the signals.
+    lines, detection
+        Excited and left out DFT lines of the signals, noted in the records.
+    imperfections : Imperfections
+        Friction, backlash, sensors, disturbances; by default none.
+    rng : Generator
+        The same seed gives the same records, in parallel or not.
+    periods, transient : int
+        Periods recorded, and periods before them that are dropped.
+    executor : Executor, optional
+        Simulates blocks in parallel; threads serve as well as processes.
+    progress : callable, optional
+        Called with the number of blocks done and their total.
 
     Raises
     ------
-    InvalidInput : if shapes do not fit, or a position is outside the joint limits.
-    NoEquilibrium : if the springs cannot carry the robot's weight in a position.
-    SolverFailed : if a closed loop is unstable, naming position, block and run.
+    InvalidInput
+        If shapes do not fit, or a position is outside the joint limits.
+    NoEquilibrium
+        If the springs cannot carry the robot's weight in a position.
+    SolverFailed
+        If a closed loop is unstable, naming position, block and run.
     """
     # Imported when used: MuJoCo and numba take a second, and most sessions simulate nothing.
     from robotmodels.plant.block import Block

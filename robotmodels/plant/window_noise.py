@@ -30,10 +30,10 @@ def window_noise(loop: SampledLoop, z: ComplexArray, samples: int, std: Array) -
 
     Parameters
     ----------
-    z : (F,) complex
+    z : ndarray of complex, (F,)
         exp(j omega T) at lines of the window.
-    std : (n,)
-        Of the white noise on the measured angles [rad].
+    std : ndarray, (n,), rad
+        Of the white noise on the measured angles.
 
     Raises
     ------
