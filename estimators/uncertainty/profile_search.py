@@ -47,7 +47,7 @@ class Deviance:
     Attributes
     ----------
     density : LogPosterior
-        LogPosterior p.
+        Log posterior density log p.
     center, unit : ndarray, (p,)
         So that x is in standard deviations.
     factor : float

@@ -61,7 +61,7 @@ class SensorDesign(Printed):
         For each chosen sensor the efficiency that would be left without it, below one, and for
         each other one what its purchase would raise it to; each with its own best positions.
     usage : mapping of str to float
-        (of the relaxation) share of the experiments that would use each sensor.
+        Of the relaxation: share of the experiments that would use each sensor.
     tried : int
         Choices judged.
     """
