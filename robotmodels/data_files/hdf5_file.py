@@ -178,7 +178,7 @@ class Hdf5Group:
         if text is not None and text.length is None and attribute.shape is not None:
             kind = name, math.prod(attribute.shape)
             if kind not in self._checked:  # wherever they are in the file
-                check_text_attribute(Path(self._group.file.filename), *kind)
+                check_text_attribute(*_source(self._group), *kind)
                 self._checked.add(kind)
 
     def _texts(self, dataset: Any, where: str) -> Any:
@@ -189,7 +189,7 @@ class Hdf5Group:
                 place = dataset.id.get_offset()
                 if place is None and dataset.size:
                     raise InvalidInput(f"{where}: text in chunks; it is needed in one piece")
-                check_text_dataset(Path(dataset.file.filename), place or 0, dataset.size)
+                check_text_dataset(*_source(dataset), place or 0, dataset.size)
             texts = np.asarray(dataset.asstr()[()])
         return str(texts[()]) if texts.ndim == 0 else tuple(map(str, texts.ravel()))
 
@@ -247,7 +247,7 @@ def open_hdf5(path: PathLike, needed: str) -> Iterator[Hdf5Group]:
             layout = file.id.get_create_plist()
             if layout.get_sizes() != (LENGTHS, LENGTHS):
                 raise InvalidInput(f"{source}: its lengths have not {LENGTHS} bytes, as is usual")
-            check_heaps(source, layout.get_userblock())
+            check_heaps(source)
         yield Hdf5Group(file, str(source), set())
     finally:
         with library_errors(source, _CONTAINER):
@@ -267,6 +267,11 @@ def read_hdf5(path: PathLike, schema: ArraySchema, name: str, needed: str) -> di
     with open_hdf5(path, needed) as file:
         file.check_schema(name)
         return file.read(schema)
+
+
+def _source(member: Any) -> tuple[Path, int]:
+    """Return the file that has `member`, and what its addresses count from."""
+    return Path(member.file.filename), member.file.userblock_size
 
 
 def _content(dtype: Any) -> str:
