@@ -13,8 +13,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from types import TracebackType
-from typing import Annotated, Literal
+from typing import Annotated, BinaryIO, Literal
 
 import numpy as np
 from pydantic import Field, NonNegativeInt, PositiveInt
@@ -22,6 +21,7 @@ from pydantic import Field, NonNegativeInt, PositiveInt
 from oed.design.matrix_checks import check_matrices, check_positions
 from oed.design.null_space import unidentifiable, weak_directions
 from robotmodels.arrays import Array, IntArray
+from robotmodels.atomic_files import atomic_write
 from robotmodels.data_files.json_text import parse_json
 from robotmodels.errors import InvalidInput
 from robotmodels.files import Strict, check_file, parse
@@ -65,7 +65,7 @@ class StoredInformation:
 
     @classmethod
     def open(cls, path: str | os.PathLike[str]) -> "StoredInformation":
-        """Return what `StoreWriter` wrote; nothing is read but the header."""
+        """Return what `write_store` wrote; nothing is read but the header."""
         source = Path(path)
         check_file(source)
         with source.open("rb") as file:
@@ -178,75 +178,6 @@ class StoredInformation:
         return full
 
 
-class StoreWriter:
-    """Writes a store chunk by chunk; what is interrupted leaves no file under the final name.
-
-    Use it in a ``with`` block and `append` the matrices of all positions in their order.
-    """
-
-    def __init__(
-        self, path: str | os.PathLike[str], positions: Array, names: Sequence[str]
-    ) -> None:
-        check_positions(positions)
-        self._target, self._names, self._written = Path(path), tuple(names), 0
-        self._part = self._target.with_name(self._target.name + ".part")
-        self._shape = positions.shape
-        header = {
-            "format": _FORMAT,
-            "names": self._names,
-            "candidates": self._shape[0],
-            "axes": self._shape[1],
-        }
-        line = json.dumps(header).encode()
-        if len(line) > _HEADER:
-            raise InvalidInput(f"{path}: the names take {len(line)} bytes; at most {_HEADER} fit")
-        try:
-            self._file = self._part.open("wb")
-        except OSError as error:
-            raise InvalidInput(f"{path}: cannot be written: {error.strerror}") from error
-        self._file.write(line.ljust(_HEADER))
-        self._total = np.zeros(_packed_size(len(self._names)))
-        self._file.write(self._total.tobytes())  # once more at the end, when it is known
-        self._file.write(np.ascontiguousarray(positions, dtype=np.float64).tobytes())
-
-    def append(self, matrices: Array) -> None:
-        """Write the next matrices, (n, p, p).
-
-        Raises
-        ------
-        InvalidInput
-            Naming the candidate, if one is not finite, symmetric or semidefinite.
-        """
-        check_matrices(matrices, self._written)
-        rows, columns = np.triu_indices(len(self._names))
-        packed = 0.5 * (matrices[:, rows, columns] + matrices[:, columns, rows])
-        self._file.write(np.ascontiguousarray(packed).tobytes())
-        self._total += packed.sum(axis=0)
-        self._written += len(matrices)
-
-    def __enter__(self) -> "StoreWriter":
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
-        self._file.seek(_HEADER)
-        self._file.write(self._total.tobytes())
-        self._file.close()
-        if kind is not None:
-            self._part.unlink()
-            return
-        if self._written != self._shape[0]:
-            self._part.unlink()
-            raise InvalidInput(
-                f"{self._target}: {self._written} matrices for {self._shape[0]} positions"
-            )
-        self._part.replace(self._target)
-
-
 def write_store(
     path: str | os.PathLike[str],
     positions: Array,
@@ -255,16 +186,45 @@ def write_store(
 ) -> StoredInformation:
     """Write a store from chunks of matrices, (n, p, p), in the order of the positions.
 
+    The file appears under its name when it is complete.
+
     Raises
     ------
     InvalidInput
         Naming the candidate, if a matrix is not finite, symmetric or semidefinite; if there are not
         as many as positions; if the file cannot be written.
     """
-    with StoreWriter(path, np.asarray(positions, dtype=float), names) as writer:
+    positions = np.ascontiguousarray(positions, dtype=np.float64)
+    check_positions(positions)
+    candidates, axes = positions.shape
+    header = {"format": _FORMAT, "names": list(names), "candidates": candidates, "axes": axes}
+    line = json.dumps(header).encode()
+    if len(line) > _HEADER:
+        raise InvalidInput(f"{path}: the names take {len(line)} bytes; at most {_HEADER} fit")
+    rows, columns = np.triu_indices(len(names))
+    total, written = np.zeros(_packed_size(len(names))), 0
+    with atomic_write(path) as part, _opened(part, path) as file:
+        file.write(line.ljust(_HEADER))
+        file.write(total.tobytes())  # once more at the end, when it is known
+        file.write(positions.tobytes())
         for matrices in chunks:
-            writer.append(matrices)
+            check_matrices(matrices, written)
+            packed = 0.5 * (matrices[:, rows, columns] + matrices[:, columns, rows])
+            file.write(np.ascontiguousarray(packed).tobytes())
+            total += packed.sum(axis=0)
+            written += len(matrices)
+        if written != candidates:
+            raise InvalidInput(f"{path}: {written} matrices for {candidates} positions")
+        file.seek(_HEADER)
+        file.write(total.tobytes())
     return StoredInformation.open(path)
+
+
+def _opened(part: Path, path: str | os.PathLike[str]) -> BinaryIO:
+    try:
+        return part.open("wb")
+    except OSError as error:
+        raise InvalidInput(f"{path}: cannot be written: {error.strerror}") from error
 
 
 def _packed_size(p: int) -> int:
