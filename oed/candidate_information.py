@@ -36,7 +36,9 @@ class ChunkInformation:
 
     Attributes
     ----------
-    robot, noise
+    robot : Elastic
+        As of `oed.information`.
+    noise : RelativeNoise or LoopNoise
         As of `oed.information`.
     omega : ndarray, (F,), rad/s
         Angular frequencies.

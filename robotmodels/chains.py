@@ -24,9 +24,9 @@ class CoupledChains:
     Attributes
     ----------
     masses : ndarray, (M, N), kg
-        Positive.
+        Masses, positive.
     springs : ndarray, (M, N - 1), N/m
-        Positive, each between a mass and the next.
+        Spring stiffnesses, positive, each between a mass and the next.
     couplings : ndarray, (M, M), kg
         Symmetric with zero diagonal: inertia between the last masses, of either sign; force on
         chain i is minus coupling times acceleration of chain j, [HBH] (1).

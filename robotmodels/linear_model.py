@@ -20,11 +20,11 @@ class LinearModel:
     Attributes
     ----------
     mass : ndarray, (..., d, d), kg m^2
-        Symmetric, arm side.
+        Mass matrix, symmetric, arm side.
     damping : ndarray, (..., d, d), N m s/rad
-        Symmetric.
+        Damping matrix, symmetric.
     stiffness : ndarray, (..., d, d), N m/rad
-        Symmetric, gravity included.
+        Stiffness matrix, symmetric, gravity included.
     selector : ndarray, (d, n), dimensionless
         Generalised force per motor torque; its transpose reads the motor angles.
     measurement : Measurement or None

@@ -67,7 +67,7 @@ def frequency_response(
     positions : ndarray, (Q, n), rad
         Positions.
     omega : ndarray, (F,), rad/s
-        Positive.
+        Angular frequencies, positive.
     parameters : ndarray, (p,), optional
         Parameters in the order of ``robot.parameters``; its own values by default.
 

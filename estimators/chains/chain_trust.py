@@ -34,8 +34,10 @@ def chain_trust(
     ----------
     data : Data
         That were fitted; where their noise was guessed, of the size of the misfit.
-    names, values
-        Names and values of all that was fitted, (p,).
+    names : tuple of str
+        Names of all that was fitted.
+    values : ndarray
+        Fitted values.
     scale : ndarray, (p,)
         Change of the values per unit of what the Jacobian is by.
     fitted, jacobian : ndarray of complex, (F, M, M) and (F, M, M, p)

@@ -29,7 +29,7 @@ class DampedChains:
     theta : ndarray, (k,)
         Masses, springs, couplings.
     dampers : ndarray, (M (N - 1),), N s/m
-        Positive.
+        Dampers, positive.
     friction : ndarray, (M,), N s/m
         Viscous, of the motors.
     delay : float, s

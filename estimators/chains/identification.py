@@ -153,7 +153,7 @@ def identify_chains(
     Parameters
     ----------
     omega : ndarray, (F,), rad/s
-        Increasing.
+        Angular frequencies, increasing.
     response : ndarray of complex, (F, M, M)
         Motor torque to motor acceleration, no motor held.
     n_masses : int, optional
@@ -204,9 +204,11 @@ def chains_from_frf(
         FRFs, motor torque to motor acceleration.
     position : int
         Index of the position among those of the estimate.
-    sample_time, delay
-        Of the torque's hold, and the delay that the estimate was corrected for [s]: images of the
-        hold are then taken off the FRFs. None where no torque was held.
+    sample_time : float, s, optional
+        Time over which the torque was held: images of the hold are taken off the FRFs. None where
+        no torque was held.
+    delay : float, s
+        Delay that the estimate was corrected for.
 
     Raises
     ------

@@ -154,7 +154,7 @@ def stepwise_chain(
     first_mass : float
         m_1, the motor's: 1/A_H by (3), or from its data sheet.
     count : int
-        N.
+        Number of masses N.
     total : float
         Sum of the chain's masses: 1/A_L by (2), the other chains held, or an entry of the rigid
         inertia matrix. Poles and zeros do not say it unless the chain is alone.

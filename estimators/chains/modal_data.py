@@ -165,7 +165,11 @@ def prepared(
 
     Parameters
     ----------
-    omega, response, covariance
+    omega : ndarray
+        As in `identify_chains`.
+    response : ndarray of complex
+        As in `identify_chains`.
+    covariance : ndarray or None
         As in `identify_chains`.
     undamped : bool
         Whether the FRFs are exact and of chains without damping.

@@ -64,7 +64,7 @@ class OrderProposal:
     n_masses : int
         Proposed N.
     tried : tuple of int, (k,)
-        N.
+        Numbers of masses N.
     costs : ndarray, (k,)
         Sums of squared whitened residuals.
     scores : ndarray, (k,)

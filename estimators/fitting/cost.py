@@ -26,10 +26,26 @@ class Problem:
 
     Attributes
     ----------
-    model, estimate, kind, weights, bounds, prior, loss, weighting
+    model : Elastic
         As in `estimators.Fit`.
-    root, used
-        Of the weights, see `square_root` and `used_elements`.
+    estimate : FrfEstimate
+        As in `estimators.Fit`.
+    kind : Residual
+        As in `estimators.Fit`.
+    weights : ndarray or ndarray of complex
+        As in `estimators.Fit`.
+    bounds : ndarray
+        As in `estimators.Fit`.
+    prior : Prior or None
+        As in `estimators.Fit`.
+    loss : str
+        As in `estimators.Fit`.
+    weighting : str
+        As in `estimators.Fit`.
+    root : ndarray or ndarray of complex
+        Square root of the weights, see `square_root`.
+    used : ndarray
+        Elements with a weight, see `used_elements`.
     """
 
     model: Elastic

@@ -32,8 +32,10 @@ class Fit(Printed):
 
     Attributes
     ----------
-    model, estimate
-        What was fitted to what.
+    model : Elastic
+        Model that was fitted.
+    estimate : FrfEstimate
+        FRFs that it was fitted to.
     residual : str
         "nls", "lls" or "lls_magnitude".
     weights : ndarray or ndarray of complex
@@ -46,9 +48,9 @@ class Fit(Printed):
         With optimal weights exp(-V) is the likelihood: V is half of the chi-square of real and
         imaginary parts, and noise makes it one half for each of these numbers.
     start : ndarray, (p,)
-        Values.
+        Values at which the search began.
     bounds : ndarray, (2, p)
-        Values.
+        Lowest and highest values.
     status : int
         Status of `scipy.optimize.least_squares` (1 to 4 converged, 0 out of evaluations), -1 where
         the search could not begin, -2 where it was stopped early (`multistart`).

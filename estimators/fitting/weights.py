@@ -210,7 +210,11 @@ def combined_weights(
         Relative error of the model.
     diagonal : bool
         Use the variances only.
-    residual, response, minimum_snr
+    residual : str or Residual
+        As in `optimal_weights`.
+    response : ndarray of complex, optional
+        As in `optimal_weights`.
+    minimum_snr : float
         As in `optimal_weights`.
 
     Raises

@@ -101,7 +101,15 @@ def distortion(
 
     Parameters
     ----------
-    records, method, hold, delay, transient
+    records : Records or iterable of Records
+        As in `estimators.estimate_frf`.
+    method : str
+        As in `estimators.estimate_frf`.
+    hold : bool
+        As in `estimators.estimate_frf`.
+    delay : float
+        As in `estimators.estimate_frf`.
+    transient : Transient
         As in `estimators.estimate_frf`.
 
     Raises

@@ -62,7 +62,7 @@ class FrfEstimate(Printed):
     positions : ndarray, (Q, n), rad
         Positions.
     omega : ndarray, (F,), rad/s
-        Positive.
+        Angular frequencies, positive.
     response : ndarray of complex, (Q, F, m, n), rad/s^2/(N m)
         Motor torque to motor acceleration.
     covariance : ndarray or ndarray of complex

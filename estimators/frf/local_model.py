@@ -56,7 +56,13 @@ def local_frf(
     half_width : int, optional
         Lines used to either side; the smallest that leaves four equations in excess per unknown of
         a row by default. Windows at the ends are shifted inwards.
-    structure, hold, delay, transient
+    structure : str
+        As in `estimators.estimate_frf`.
+    hold : bool
+        As in `estimators.estimate_frf`.
+    delay : float
+        As in `estimators.estimate_frf`.
+    transient : Transient
         As in `estimators.estimate_frf`.
 
     Raises

@@ -133,8 +133,12 @@ def cross_check(
         Of the likelihood: the density exp(-V), V the cost with the noise's weights.
     own_cost : Posterior, optional
         Of the fit's own cost, where its weights are not those of the noise.
-    importance, profiles, monte_carlo
-        Of the same fit, as far as computed.
+    importance : ImportanceSample, optional
+        Importance sample of the same fit, if computed.
+    profiles : sequence of Profile
+        Profile likelihoods of the same fit, if computed.
+    monte_carlo : MonteCarlo, optional
+        Repeated fits of simulated data, if computed.
     multistart : sequence of Fit
         Fits from many starts.
 

@@ -115,7 +115,11 @@ def importance_sample(
         Draws at least 100.
     dof : float
         Degrees of freedom of the proposal.
-    noise, scale, prior
+    noise : str
+        As in `sample_posterior`.
+    scale : float, optional
+        As in `sample_posterior`.
+    prior : Prior, optional
         As in `sample_posterior`.
     progress : callable, optional
         Called with the draws evaluated and their total.

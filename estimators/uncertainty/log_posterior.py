@@ -41,11 +41,19 @@ class LogPosterior:
 
     Attributes
     ----------
-    model, positions
-        Of the fit.
+    model : Elastic
+        Model of the fit.
+    positions : ndarray
+        Positions of the fit.
     network : SpringNetwork
         Network at the fitted parameters.
-    omega, measured, weights, kind
+    omega : ndarray
+        As in the fit.
+    measured : ndarray of complex
+        As in the fit.
+    weights : ndarray or ndarray of complex
+        As in the fit.
+    kind : Residual
         As in the fit.
     noise : Noise
         How V becomes a likelihood.

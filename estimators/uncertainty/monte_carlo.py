@@ -167,8 +167,10 @@ def monte_carlo(
         What is fitted, from its own parameter values on.
     rng : Generator
         Source of the runs' seeds.
-    residual, weights
-        Of the fits, as in `estimators.fit`.
+    residual : str
+        Residual of the fits, as in `estimators.fit`.
+    weights : str or ndarray
+        Weights of the fits, as in `estimators.fit`.
     truth : ndarray, (p,), optional
         Truth [SI] what intervals should cover; the model's own values where None; not a number for
         a parameter without a true value.

@@ -140,7 +140,15 @@ def predict_modes(
     ----------
     motor : int, optional
         0 to n - 1 for the anti-resonances of that motor; None for resonances.
-    model, values, positions, spread, level
+    model : Elastic
+        As in `predict_frf`.
+    values : ndarray
+        As in `predict_frf`.
+    positions : ndarray
+        As in `predict_frf`.
+    spread : Spread
+        As in `predict_frf`.
+    level : float
         As in `predict_frf`.
 
     Raises
@@ -211,7 +219,15 @@ def workspace_map(
         Positions at a time.
     progress : callable, optional
         Called with the positions done and their number.
-    model, values, positions, omega, uncertainty
+    model : Elastic
+        As in `predict_frf`.
+    values : ndarray
+        As in `predict_frf`.
+    positions : ndarray
+        As in `predict_frf`.
+    omega : ndarray
+        As in `predict_frf`.
+    uncertainty : Uncertainty
         As in `predict_frf`.
 
     Raises

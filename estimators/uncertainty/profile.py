@@ -118,7 +118,9 @@ def profile_likelihood(
         Parameters to profile; all where None.
     level : float
         Level of the intervals.
-    noise, prior
+    noise : str
+        As in `sample_posterior`.
+    prior : Prior, optional
         As in `sample_posterior`.
     scale : float, optional
         One factor for all parameters instead of their own.

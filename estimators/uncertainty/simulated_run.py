@@ -27,7 +27,13 @@ class FrfExperiment:
     ----------
     model : Elastic
         The true one.
-    positions, omega, noise, repetitions
+    positions : ndarray
+        As in `estimators.simulate_frf`.
+    omega : ndarray
+        As in `estimators.simulate_frf`.
+    noise : RelativeNoise
+        As in `estimators.simulate_frf`.
+    repetitions : ndarray of int or None
         As in `estimators.simulate_frf`.
     """
 

@@ -47,8 +47,10 @@ def barrier(problem: WhiteProblem, goal: float, near: Answer | None = None) -> A
 
     Parameters
     ----------
-    problem, goal
-        What is maximised, and how well.
+    problem : WhiteProblem
+        Problem whose objective is maximised.
+    goal : float
+        Accuracy of the maximum.
     near : Answer, optional
         An answer to go on from, at its mu.
 

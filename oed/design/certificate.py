@@ -55,8 +55,10 @@ def certify(
 
     Parameters
     ----------
-    problem, weights
-        The design.
+    problem : Problem
+        Problem that the design solves.
+    weights : ndarray
+        Weights of the design.
     witness : sequence of ndarray, optional
         W_j of each term; the derivative at the design if None.
     multipliers : ndarray, optional

@@ -92,8 +92,12 @@ class Problem:
 
     Attributes
     ----------
-    candidates, objective, allowed
-        See there.
+    candidates : Candidates
+        Information of the candidates.
+    objective : Objective
+        Function of the information that is maximised.
+    allowed : Polytope
+        Constraints on the weights.
     prior : ndarray or None
         M_0, of the shape of one candidate's information, or None.
     """

@@ -28,8 +28,10 @@ class Design(Printed):
         Indices of the candidates with a positive weight.
     information : ndarray, (p, p), or (K, p, p)
         Information, for each sample: the prior and sum_i w_i H_i.
-    criterion, names
-        What was optimised, and for which parameters.
+    criterion : str
+        Name of the criterion that was optimised.
+    names : tuple of str
+        Names of the parameters.
     rounds : int
         Active sets that were solved.
     solver : str

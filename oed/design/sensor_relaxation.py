@@ -32,8 +32,10 @@ class Shop:
         Information of each candidate position without sensors.
     added : ndarray, (S, Q, p, p)
         What each sensor adds in each position.
-    costs, budget
-        (S,) of the sensors, and the largest sum.
+    costs : ndarray, (S,)
+        Costs of the sensors.
+    budget : float
+        Largest sum of costs.
     wanted : Objective
         What is maximised.
     prior : ndarray or None

@@ -39,8 +39,16 @@ class SpectrumDesign(Printed):
         Mean power of each line in an experiment of each position; zero where none is.
     amplitude : ndarray, (Q, F)
         Amplitude of sines with these powers, sqrt(2 power).
-    value, gap, information, criterion, names
-        As of a `Design`; the gap is over all spectra.
+    value : float
+        As of a `Design`.
+    gap : float
+        As of a `Design`, over all spectra.
+    information : ndarray
+        As of a `Design`.
+    criterion : str
+        As of a `Design`.
+    names : tuple of str
+        As of a `Design`.
     uniform_efficiency : float
         Uniform efficiency of the best positions with one common flat spectrum scaled to the limits.
     rounds : int

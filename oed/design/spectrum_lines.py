@@ -38,7 +38,11 @@ def speed_cost(robot: Elastic, positions: Array, omega: Array) -> Array:
 
     Parameters
     ----------
-    robot, positions, omega
+    robot : Elastic
+        As for `line_information`.
+    positions : ndarray
+        As for `line_information`.
+    omega : ndarray
         As for `line_information`.
     """
     omega = np.asarray(omega, dtype=float)

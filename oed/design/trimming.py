@@ -26,8 +26,10 @@ def trimmed(
 
     Parameters
     ----------
-    problem, answer
-        The answer's weights are complete.
+    problem : WhiteProblem
+        Problem that was solved.
+    answer : Answer
+        Its answer, whose weights are complete.
     value : float
         log value of all weights.
     loss : float

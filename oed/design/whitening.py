@@ -34,8 +34,10 @@ class Whitening:
         As it is.
     coordinates : Coordinates
         Coordinates in which information is of order one.
-    objective, constant
-        In these coordinates, and what its log value lacks to the problem's.
+    objective : Objective
+        Objective in these coordinates.
+    constant : float
+        What its log value lacks to the problem's.
     base : tuple of ndarray
         Base for each sample, (r, r), information of the lower weights and the prior.
     units : ndarray, (Q,)

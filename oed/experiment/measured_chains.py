@@ -77,8 +77,10 @@ def measured_chains(
         N; proposed from the data where None.
     position : int
         Index of the position, from 0.
-    delay, hold
+    delay : float
         As in `estimators.estimate_frf`; a delay is estimated in any case.
+    hold : bool
+        As in `estimators.estimate_frf`.
     first_masses : ndarray, optional
         Motors' inertias (M,), where known.
 

@@ -44,9 +44,12 @@ class MeasuredFrf:
         For each position the visits to it, as they are numbered in the records from 0.
     missing : int
         Runs that the records of all positions lack.
-    method, covariance, delay
-        How they were estimated; the delay in s. The method "local" has the covariance "local", from
-        residuals.
+    method : str
+        Method of the estimate.
+    covariance : str
+        Covariance of the estimate; that of the method "local" is "local", from residuals.
+    delay : float, s
+        Delay that the estimate was corrected for.
     estimate : FrfEstimate
         FRFs with their covariance.
     distortion : Distortion or None
@@ -103,7 +106,15 @@ def measured_frf(
     ----------
     path : Path
         Records as HDF5, MATLAB or CSV file.
-    method, covariance, structure, delay, hold
+    method : str
+        As in `estimators.estimate_frf`.
+    covariance : str
+        As in `estimators.estimate_frf`.
+    structure : str
+        As in `estimators.estimate_frf`.
+    delay : float
+        As in `estimators.estimate_frf`.
+    hold : bool
         As in `estimators.estimate_frf`.
     local : bool
         Whether neighbouring lines stand in for runs, see `estimators.local_frf`; this takes the

@@ -148,8 +148,12 @@ def band_multisine(
 
     Parameters
     ----------
-    samples, sample_time, inputs
-        Of the `Multisine`.
+    samples : int
+        Samples per period, as of the `Multisine`.
+    sample_time : float, s
+        Sample time.
+    inputs : int
+        Number of inputs.
     band : tuple of (float, float), rad/s
         Lowest and highest frequency, included.
     count : int, optional

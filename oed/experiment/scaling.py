@@ -115,8 +115,14 @@ def scale(
 
     Parameters
     ----------
-    plan, robot, controller, limits
-        What is planned, on which robot, within what.
+    plan : ExperimentPlan
+        Plan to be scaled.
+    robot : Elastic
+        Robot that will run it.
+    controller : Controller
+        Controller of its motors.
+    limits : Limits
+        Limits to be met.
     balance : bool
         First make the inputs' amplitudes such that each alone would meet a limit; otherwise their
         ratios stay.

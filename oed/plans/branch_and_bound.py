@@ -70,7 +70,17 @@ def best_plans(
 
     Parameters
     ----------
-    info, n_experiments, design, criterion, constraints, prior
+    info : Candidates
+        As in `exact_design`.
+    n_experiments : int, optional
+        As in `exact_design`.
+    design : Design, optional
+        As in `exact_design`.
+    criterion : str or Criterion, optional
+        As in `exact_design`.
+    constraints : Constraints, optional
+        As in `exact_design`.
+    prior : ndarray, optional
         As in `exact_design`.
     plans : int
         How many.

@@ -30,7 +30,9 @@ class WholeProblem:
 
     Attributes
     ----------
-    candidates, objective
+    candidates : Candidates
+        As in a relaxed design.
+    objective : Objective
         As in a relaxed design.
     allowed : Polytope
         Weights in experiments.

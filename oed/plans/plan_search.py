@@ -57,7 +57,7 @@ class Search:
         self.problem, self.wanted, self.max_nodes = problem, wanted, max_nodes
         self.progress = progress
         self.found: dict[bytes, tuple[float, IntArray]] = {}
-        self.nodes, self.considered = 0, 0
+        self.nodes = self.considered = 0
         self.finished = self.exhausted = False
         rows, bounds = problem.allowed.rows, problem.allowed.bounds
         counted = len(rows) == 1 and bool((rows == 1).all())

@@ -99,13 +99,23 @@ def refined_design(
 
     Parameters
     ----------
-    robot, info, omega, noise
-        The candidates' information and what it was computed from.
+    robot : ElasticRobot
+        Robot of the candidates.
+    info : InformationSet
+        Information of the candidates.
+    omega : ndarray, rad/s
+        Angular frequencies it was computed for.
+    noise : RelativeNoise or LoopNoise
+        Noise it was computed for.
     limits : ndarray, (n, 2), optional
         Ranges to stay in; the joints' own if None.
-    surroundings, torque_limits
-        That positions must respect, as in `screened_candidates`.
-    criterion, prior
+    surroundings : Surroundings, optional
+        What positions must not collide with, as in `screened_candidates`.
+    torque_limits : float or ndarray, optional
+        Limits on the holding torques, as in `screened_candidates`.
+    criterion : str or Criterion
+        As in `optimal_design`.
+    prior : ndarray, optional
         As in `optimal_design`.
     tolerance : float
         Largest gap over the finer set, the Sobol points of number `finer`.
@@ -164,7 +174,15 @@ def refined_over(
         Where positions may go.
     finer : ndarray, (C, n)
         Positions to check.
-    criterion, prior, tolerance, max_rounds, progress
+    criterion : str or Criterion
+        As in `refined_design`.
+    prior : ndarray, optional
+        As in `refined_design`.
+    tolerance : float
+        As in `refined_design`.
+    max_rounds : int
+        As in `refined_design`.
+    progress : callable, optional
         As in `refined_design`.
 
     Raises

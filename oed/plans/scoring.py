@@ -105,7 +105,11 @@ def score(
         (k,) indices of candidates, or (k, n) positions that are among them.
     repetitions : sequence of int or ndarray of int, (k,), optional
         Experiments in each, one by default. What is named twice counts twice.
-    criterion, prior, design
+    criterion : str or Criterion, optional
+        As in `exact_design`.
+    prior : ndarray, optional
+        As in `exact_design`.
+    design : Design, optional
         As in `exact_design`.
     additions : int
         How many to seek, among the 512 candidates of the highest prices.

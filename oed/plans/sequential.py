@@ -118,7 +118,9 @@ def next_experiments(
     known : ndarray, (p, p), optional
         Information of all that was measured: `measured_information`, or the inverse of the fit's
         covariance of ln theta.
-    criterion, constraints
+    criterion : str or Criterion
+        As in `exact_design`.
+    constraints : Constraints, optional
         As in `exact_design`.
 
     Raises
@@ -174,7 +176,13 @@ def experiment_curve(
 
     Parameters
     ----------
-    info, known, criterion, constraints
+    info : Candidates
+        As in `next_experiments`.
+    known : ndarray, optional
+        As in `next_experiments`.
+    criterion : str or Criterion
+        As in `next_experiments`.
+    constraints : Constraints, optional
         As in `next_experiments`.
     counts : sequence of int
         Numbers of experiments.
@@ -229,7 +237,13 @@ def experiments_needed(
 
     Parameters
     ----------
-    info, known, criterion, constraints
+    info : Candidates
+        As in `next_experiments`.
+    known : ndarray, optional
+        As in `next_experiments`.
+    criterion : str or Criterion
+        As in `next_experiments`.
+    constraints : Constraints, optional
         As in `next_experiments`.
     std : float
         Wanted, relative where parameters are ln theta: 0.01 is one percent.

@@ -104,8 +104,14 @@ def conclusions(
 
     Parameters
     ----------
-    evaluation, theorem1, table, groups
-        Of the study; theorem1 of the best LLS15U model.
+    evaluation : Evaluation
+        Estimates of the study.
+    theorem1 : Uncertainty
+        Theorem 1 of the best LLS15U model.
+    table : Table1
+        Table 1 of the study.
+    groups : Groups
+        Groups of the parameters.
     truth : ndarray, (p,)
         True parameters [SI], NaN where they are not known.
     """

@@ -117,8 +117,10 @@ def evaluate(
 
     Parameters
     ----------
-    robot, estimate
-        Model and data of all positions.
+    robot : ElasticRobot
+        Model of the study.
+    estimate : FrfEstimate
+        Data of all positions.
     searches : mapping of str to Search
         Searches of at least the six estimators, from the same starts.
     user : ndarray, (Q, F, m, n)

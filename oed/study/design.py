@@ -45,8 +45,10 @@ class Plan:
 
     Attributes
     ----------
-    design, exact
-        The relaxed optimum, and whole experiments.
+    design : Design
+        Relaxed optimum.
+    exact : ExactDesign
+        Plan of whole experiments.
     robust : RobustDesign or None
         What the design keeps at each sample of theta; None where it is for one theta.
     order : VisitingOrder or None

@@ -38,16 +38,21 @@ class PlannedStudy:
 
     Attributes
     ----------
-    study, robot
-        What was asked.
+    study : Study
+        Settings of the study.
+    robot : ElasticRobot
+        Model that was fitted.
     plant : ElasticRobot or None
         The robot behind simulated data; None where data were measured.
     candidates : ScreenedCandidates or None
         Candidates that the robot can take and why others were left out; None where data were
         measured.
-    information, design, exact
-        Candidates, relaxed optimum, integer plan. With measured data the candidates are the
-        measured positions and the plan is what was measured.
+    information : Information
+        Information of the candidates; with measured data these are the measured positions.
+    design : Design
+        Relaxed optimum.
+    exact : ExactDesign
+        Integer plan; with measured data what was measured.
     robust : RobustDesign or None
         What a robust design keeps at each sample of theta; None where it is for one theta.
     order : VisitingOrder or None
@@ -170,8 +175,10 @@ class StudyResults(FittedStudy):
 
     Attributes
     ----------
-    theorem1, posterior
-        Uncertainty of the fit, two ways; None where that failed.
+    theorem1 : Uncertainty or None
+        Uncertainty of the fit by Theorem 1; None where that failed.
+    posterior : Posterior or None
+        Sample of the posterior; None where that failed.
     cross_check : CrossCheck or None
         All that is known of it side by side, with verdicts; None where that failed.
     held_out : HeldOut or None

@@ -56,8 +56,10 @@ def compare_plans(
         Positions of the candidates.
     plans : mapping of str to ndarray of int
         Experiments (Q,) in each candidate, by name; the first plan is compared with the rest.
-    omega, noise
-        Of an experiment, as in `oed.information`.
+    omega : ndarray
+        As in `oed.information`, of one experiment.
+    noise : RelativeNoise
+        As in `oed.information`, of one experiment.
     rng : Generator
         Source of all errors.
     runs : int, optional

@@ -63,7 +63,9 @@ def compute_study(
         File.
     step : callable
         `oed.study.pipeline.design_study`, `fit_study` or `run_study`.
-    workers, fresh
+    workers : int
+        As the options say.
+    fresh : bool
         As the options say.
     pages : Pages, optional
         Writes pages beside the files.

@@ -28,8 +28,10 @@ def pole_zero_panels(
     ----------
     modes : FittedModes
         Modes that were fitted.
-    omega, response
-        (F,) and (F, M, M) measured, lines left out included.
+    omega : ndarray, (F,), rad/s
+        Angular frequencies, lines left out included.
+    response : ndarray of complex, (F, M, M)
+        Measured FRFs, lines left out included.
     """
     dense = np.geomspace(omega[0], omega[-1], _POINTS)
     own = np.diagonal(modal_response(modes.x, modes.layout, dense), axis1=1, axis2=2)

@@ -265,7 +265,11 @@ def surroundings(
         Height of the floor above the root link's origin, against gravity; None for none.
     obstacles : iterable of Obstacle
         Planes, boxes and spheres in the root link's frame.
-    self_collision, margin, ignored
+    self_collision : bool
+        As `Surroundings`.
+    margin : float
+        As `Surroundings`.
+    ignored : iterable of tuple of (str, str)
         As `Surroundings`.
     link_radius : float, m, optional
         Takes links for capsules, where the URDF has no collision shapes.

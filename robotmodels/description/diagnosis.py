@@ -30,8 +30,12 @@ class ParameterState:
 
     Attributes
     ----------
-    name, value, unit
-        In SI units.
+    name : str
+        Name of the parameter.
+    value : float
+        Value in SI units.
+    unit : str
+        SI unit.
     state : State
         Free, fixed, or tied to the free parameter `tied_to`.
     sensitivity : float, dimensionless
@@ -53,7 +57,11 @@ class MotorState:
 
     Attributes
     ----------
-    name, joint, gear_ratio
+    name : str
+        As in the robot file.
+    joint : str
+        As in the robot file.
+    gear_ratio : float
         As in the robot file.
     inertia, viscous : float
         On the motor shaft [kg m^2], [N m s/rad].
@@ -164,14 +172,28 @@ class Diagnosis:
 
     Attributes
     ----------
-    robot, source, coordinates, outputs
-        Names, and where the numbers come from.
-    measured, delay
-        What the motors' outputs are, and the common delay [s].
+    robot : str
+        Name of the robot.
+    source : str
+        Where the numbers come from.
+    coordinates : tuple of str
+        Names of the coordinates.
+    outputs : tuple of str
+        Names of the outputs.
+    measured : str
+        What the motors' outputs are.
+    delay : float
+        Common delay.
     band : tuple of (float, float), rad/s
         Lowest and highest angular frequency of interest.
-    bodies, parameters, motors, springs
-        Parameters in the order of the robot's elements.
+    bodies : tuple of Body
+        Bodies, base to tool.
+    parameters : tuple of ParameterState
+        State of each parameter.
+    motors : tuple of MotorState
+        State of each motor, in file order.
+    springs : tuple of SpringState
+        State of each spring, in file order.
     inseparable : tuple of InseparablePair
         Pairs of free parameters whose effects in the band differ by less than a two-hundredth, in
         this position, with errors of 3 % and 1 % of the largest element.

@@ -51,7 +51,9 @@ def moving_joints(urdf: str, beside: Path) -> tuple[UrdfJoint, ...]:
 
     Parameters
     ----------
-    urdf, beside
+    urdf : str
+        As for `robotmodels.description.urdf.locate`.
+    beside : Path
         As for `robotmodels.description.urdf.locate`.
 
     Raises

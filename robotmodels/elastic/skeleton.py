@@ -28,7 +28,7 @@ class Skeleton:
         Viscous friction of the motors. Motors whose inertia or friction is free are missing from
         both (see `Inertances`).
     gravity : ndarray, (Q, d)
-        Torques.
+        Gravity torques.
     selector : ndarray, (d, n)
         Selector.
     measurement : Measurement

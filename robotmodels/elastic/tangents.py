@@ -101,7 +101,7 @@ def differentiate(
     here : Skeleton
         The skeleton there.
     theta, coordinates : ndarray
-        Where.
+        Point of differentiation.
     shift : ndarray, (Q, d, p)
         Derivative of the coordinates by ln theta.
     columns : sequence of int

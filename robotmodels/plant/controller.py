@@ -32,9 +32,9 @@ class Controller:
     Attributes
     ----------
     speed_gain : ndarray, (n,), N m s/rad
-        Positive, on the motor shaft as everything here.
+        Proportional gain, positive, on the motor shaft as everything here.
     integral_time : ndarray, (n,), s
-        Positive, infinite for no integral part.
+        Integral time, positive, infinite for no integral part.
     position_gain : ndarray, (n,), 1/s
         Not negative.
     sample_time : float, s

@@ -35,8 +35,10 @@ def simulate_linear(
         One period of the speed references.
     controller : Controller
         Its sample time is that of the signals.
-    lines, detection
-        Excited and left out DFT lines of the signals, noted in the records.
+    lines : ndarray of int
+        Excited DFT lines of the signals, noted in the records.
+    detection : ndarray of int, optional
+        Lines that are left out on purpose, noted in the records.
     angle_noise : array_like, rad
         Standard deviation of white noise on the measured angles, (n,) or one.
     rng : Generator

@@ -30,8 +30,10 @@ class PlantModel:
 
     Attributes
     ----------
-    model, data
-        MuJoCo's model and working memory.
+    model : mujoco.MjModel
+        MuJoCo's model.
+    data : mujoco.MjData
+        Its working memory.
     motors : ndarray of int, (n,)
         Coordinate of each motor: its own, or the joint's that it drives rigidly.
     gears : ndarray of int, (n,)

@@ -109,7 +109,13 @@ def rollout_case(
     ----------
     position : ndarray, (n,), rad
         Position at rest.
-    torque, angle, sample_time, angle_noise
+    torque : ndarray
+        See `RolloutCase`.
+    angle : ndarray
+        See `RolloutCase`.
+    sample_time : float
+        See `RolloutCase`.
+    angle_noise : float
         See `RolloutCase`.
     """
     file = robot.file

@@ -120,3 +120,5 @@ def test_the_site_builds_without_warnings(tmp_path):
     assert run.returncode == 0, run.stdout + run.stderr
     page = (tmp_path / "site" / "index.html").read_text(encoding="utf-8")
     assert not re.search(r'(?:src|href)="https?://(?!squidfunk)[^"]*\.(?:js|css|woff2?)"', page)
+    reference = (tmp_path / "site" / "api" / "estimators" / "index.html").read_text("utf-8")
+    assert "<code>ndarray, (Q, n), rad</code>" in reference  # as it is written, no Python tuple
