@@ -1,7 +1,7 @@
 """The information of candidate positions, chunk by chunk: by the kernel, or the general way."""
 
 import os
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Iterable, Iterator
 from concurrent.futures import Executor
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, overload
@@ -15,6 +15,7 @@ from robotmodels.elastic.spring_network import SpringNetwork
 from robotmodels.elastic.tangents import Tangents
 from robotmodels.errors import InvalidInput
 from robotmodels.noise import LoopNoise, RelativeNoise, SeparableNoise
+from robotmodels.progress import Progress
 from robotmodels.response import Elastic, check_omega, linearization, sensitivity_about
 
 if TYPE_CHECKING:
@@ -106,7 +107,7 @@ def information(
     noise: RelativeNoise | LoopNoise,
     chunk: int = ...,
     executor: Executor | None = ...,
-    progress: Callable[[int, int], object] | None = ...,
+    progress: Progress | None = ...,
     store: None = ...,
     *,
     sag: bool = ...,
@@ -121,7 +122,7 @@ def information(
     noise: RelativeNoise | LoopNoise,
     chunk: int = ...,
     executor: Executor | None = ...,
-    progress: Callable[[int, int], object] | None = ...,
+    progress: Progress | None = ...,
     *,
     store: str | os.PathLike[str],
     sag: bool = ...,
@@ -135,7 +136,7 @@ def information(
     noise: RelativeNoise | LoopNoise,
     chunk: int = 1024,
     executor: Executor | None = None,
-    progress: Callable[[int, int], object] | None = None,
+    progress: Progress | None = None,
     store: str | os.PathLike[str] | None = None,
     *,
     sag: bool = False,
@@ -159,7 +160,7 @@ def information(
         The most positions per call of the kernel, which bounds the memory.
     executor : Executor, optional
         Computes chunks in parallel; None computes here.
-    progress : callable, optional
+    progress : Progress, optional
         Called with the number of positions done and their total.
     store : str or os.PathLike[str], optional
         Path of a file for more matrices than memory holds; they are written as they come and read
@@ -199,9 +200,7 @@ def information(
     return write_store(store, positions, names, _counted(found, len(positions), progress))
 
 
-def _counted(
-    parts: Iterable[Array], total: int, progress: Callable[[int, int], object] | None
-) -> Iterator[Array]:
+def _counted(parts: Iterable[Array], total: int, progress: Progress | None) -> Iterator[Array]:
     done = 0
     for part in parts:
         yield part

@@ -20,9 +20,9 @@ from estimators.frf.estimate import FrfEstimate
 from robotmodels.arrays import Array, IntArray
 from robotmodels.description.parameters import Parameters
 from robotmodels.errors import InvalidInput
+from robotmodels.progress import Progress
 from robotmodels.response import Elastic
 
-Progress = Callable[[int, int], object]
 # A start, and what an earlier search from there came to.
 _Begun = tuple[Array, Outcome | None]
 # Tasks into which the starts are parted: few enough that handing out the problem costs little.

@@ -10,6 +10,7 @@ import numpy as np
 from estimators.uncertainty.laplace import StudentT
 from estimators.uncertainty.walker_store import Chain, Store
 from robotmodels.arrays import Array, IntArray
+from robotmodels.progress import Progress
 
 LogProbability = Callable[[Array], Array]
 
@@ -151,7 +152,7 @@ def run_ensembles(
     limit: int,
     enough: Callable[[Array], bool] | None = None,
     store: Store | None = None,
-    progress: Callable[[int, int], object] | None = None,
+    progress: Progress | None = None,
     executor: Executor | None = None,
 ) -> tuple[Array, float]:
     """Return chains (E, T, W, p) of independent ensembles, and the fraction of proposals taken.
@@ -170,7 +171,7 @@ def run_ensembles(
         Told the chains so far, whether to stop; None goes on to the limit.
     store : Store, optional
         Where the chains are kept, and from where they go on.
-    progress : callable, optional
+    progress : Progress, optional
         Called with the steps of all ensembles, and with those up to the limit; at the end with the
         steps done, twice.
     executor : Executor, optional

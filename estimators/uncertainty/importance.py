@@ -1,6 +1,5 @@
 """Importance sampling of a posterior: a cheap second opinion that says whether to believe it."""
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
@@ -15,6 +14,7 @@ from estimators.uncertainty.log_posterior import posterior_density
 from robotmodels.arrays import Array, read_only
 from robotmodels.errors import InvalidInput, SolverFailed
 from robotmodels.notebook import Printed
+from robotmodels.progress import Progress
 
 # Draws evaluated between two reports of progress.
 BATCH = 2000
@@ -102,7 +102,7 @@ def importance_sample(
     noise: str = "known",
     scale: float | None = None,
     prior: Prior | None = None,
-    progress: Callable[[int, int], object] | None = None,
+    progress: Progress | None = None,
 ) -> ImportanceSample:
     """Return weighted draws from the posterior that `sample_posterior` samples.
 
@@ -121,7 +121,7 @@ def importance_sample(
         As in `sample_posterior`.
     prior : Prior, optional
         As in `sample_posterior`.
-    progress : callable, optional
+    progress : Progress, optional
         Called with the draws evaluated and their total.
 
     Raises

@@ -1,6 +1,6 @@
 """Repeated simulated experiments: whether intervals cover the truth as often as they say."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass
 from functools import partial
@@ -19,6 +19,7 @@ from estimators.uncertainty.simulated_run import Experiment, Recipe
 from robotmodels.arrays import Array, BoolArray, IntArray, read_only
 from robotmodels.errors import IdentificationError, InvalidInput, SolverFailed, nearest
 from robotmodels.notebook import Printed
+from robotmodels.progress import Progress
 from robotmodels.response import Elastic
 
 if TYPE_CHECKING:
@@ -153,7 +154,7 @@ def monte_carlo(
     noise: str = "known",
     store: str | Path | None = None,
     executor: Executor | None = None,
-    progress: Callable[[int, int], object] | None = None,
+    progress: Progress | None = None,
 ) -> MonteCarlo:
     """Return estimates and intervals of many simulated experiments, each fitted from the truth.
 
@@ -187,7 +188,7 @@ def monte_carlo(
         by what that gives first.
     executor : Executor, optional
         Takes one run at a time; in sequence where None.
-    progress : callable, optional
+    progress : Progress, optional
         Called with the runs done and their number.
 
     Raises
@@ -226,7 +227,7 @@ def _results(
     seeds: IntArray,
     kept: "RunStore | None",
     executor: Executor | None,
-    progress: Callable[[int, int], object] | None,
+    progress: Progress | None,
 ) -> list[dict[str, Array] | str]:
     """Return what each run came to, those first that were kept."""
     results = [] if kept is None else kept.load()[: len(seeds)]

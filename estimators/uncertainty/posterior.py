@@ -1,6 +1,5 @@
 """The posterior of a fit's parameters, sampled with emcee until it is good enough."""
 
-from collections.abc import Callable
 from concurrent.futures import Executor
 from dataclasses import dataclass
 from pathlib import Path
@@ -22,6 +21,7 @@ from estimators.uncertainty.walker_store import Store
 from robotmodels.arrays import Array, IntArray, read_only
 from robotmodels.errors import InvalidInput
 from robotmodels.notebook import Printed
+from robotmodels.progress import Progress
 
 
 @dataclass(frozen=True, eq=False)
@@ -115,7 +115,7 @@ def sample_posterior(
     target: Target | None = None,
     starts: Array | None = None,
     backend: str | Path | None = None,
-    progress: Callable[[int, int], object] | None = None,
+    progress: Progress | None = None,
     executor: Executor | None = None,
 ) -> Posterior:
     """Return draws from the likelihood of a fit's cost V times the prior, within the fit's bounds.
@@ -155,7 +155,7 @@ def sample_posterior(
         HDF5 file, read by ``emcee.backends.HDFBackend(path, name="ensemble_0")``; a run that was
         interrupted goes on from it, as does one with more steps. None keeps the chains in memory
         only.
-    progress : callable, optional
+    progress : Progress, optional
         Called with the steps done in all ensembles, and the most there can be.
     executor : Executor, optional
         Advances the ensembles; in sequence where None.

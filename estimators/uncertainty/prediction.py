@@ -1,6 +1,5 @@
 """What a fit predicts elsewhere: bands of FRFs, resonances and anti-resonances."""
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
 
@@ -12,6 +11,7 @@ from robotmodels.arrays import Array, ComplexArray, read_only
 from robotmodels.differences import by_ln_theta
 from robotmodels.errors import InvalidInput
 from robotmodels.modes import anti_resonances, resonances
+from robotmodels.progress import Progress
 from robotmodels.response import Elastic, sensitivity
 
 # Draws that are evaluated at most: quantiles of a 95 % interval to about a tenth of its width.
@@ -207,7 +207,7 @@ def workspace_map(
     *,
     modes: int = 3,
     chunk: int = 20,
-    progress: Callable[[int, int], object] | None = None,
+    progress: Progress | None = None,
 ) -> WorkspaceMap:
     """Return the predicted uncertainty in many positions, by the delta method.
 
@@ -217,7 +217,7 @@ def workspace_map(
         Lowest resonances to look at.
     chunk : int
         Positions at a time.
-    progress : callable, optional
+    progress : Progress, optional
         Called with the positions done and their number.
     model : Elastic
         As in `predict_frf`.

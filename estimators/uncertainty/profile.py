@@ -1,6 +1,6 @@
 """Profile likelihoods: how far one parameter can move if all others make up for it."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass
 from functools import partial
@@ -27,6 +27,7 @@ from estimators.uncertainty.profile_search import (
 from estimators.uncertainty.theorem_1 import sandwich_parts
 from robotmodels.arrays import Array, read_only
 from robotmodels.notebook import Printed
+from robotmodels.progress import Progress
 
 
 @dataclass(frozen=True, eq=False)
@@ -101,7 +102,7 @@ def profile_likelihood(
     prior: Prior | None = None,
     points: int = 0,
     executor: Executor | None = None,
-    progress: Callable[[int, int], object] | None = None,
+    progress: Progress | None = None,
 ) -> tuple[Profile, ...]:
     """Return profile likelihood intervals, inside the fit's bounds.
 
@@ -128,7 +129,7 @@ def profile_likelihood(
         Points of the curve between twice the distance of either end; none by default.
     executor : Executor, optional
         Takes one parameter at a time; in sequence where None.
-    progress : callable, optional
+    progress : Progress, optional
         Called with the parameters done and their number.
 
     Raises

@@ -1,6 +1,6 @@
 """Which candidate positions a robot can take: what is removed, and why."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -12,6 +12,7 @@ from robotmodels.elastic.rigid_pose import holding_torques, unloaded
 from robotmodels.elastic.robot import ElasticRobot
 from robotmodels.errors import InvalidInput
 from robotmodels.notebook import Printed
+from robotmodels.progress import Progress
 
 # A limit typed with fewer digits than the robot file's is not met wrongly.
 _SLACK = 1e-9
@@ -77,7 +78,7 @@ def screened_candidates(
     surroundings: Surroundings | None = None,
     *,
     torque_limits: float | Sequence[float] | Array | None = None,
-    progress: Callable[[int, int], object] | None = None,
+    progress: Progress | None = None,
 ) -> ScreenedCandidates:
     """Return the `positions` that the robot can take, and why the others are removed.
 
@@ -95,7 +96,7 @@ def screened_candidates(
     torque_limits : float, sequence of float or ndarray, N m, optional
         Torque limits on the motor shafts, (n,) or one number; what holds the arm and its payload
         against gravity must not be more.
-    progress : callable, optional
+    progress : Progress, optional
         Called with the number of positions compared with the surroundings and their total.
 
     Raises
@@ -181,7 +182,7 @@ def _screened(
     positions: Array,
     surroundings: Surroundings | None,
     torque_limits: float | Sequence[float] | Array | None,
-    progress: Callable[[int, int], object] | None = None,
+    progress: Progress | None = None,
 ) -> _Screen:
     """Return what is left after all checks."""
     screen = _Screen(np.arange(len(positions)))

@@ -1,6 +1,6 @@
 """All ways to name candidate positions in one call, screened: what a study file asks for."""
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -15,6 +15,7 @@ from robotmodels.collision.obstacles import Obstacle
 from robotmodels.collision.surroundings import Surroundings, surroundings
 from robotmodels.elastic.robot import ElasticRobot
 from robotmodels.errors import InvalidInput
+from robotmodels.progress import Progress
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,7 +80,7 @@ def gathered_candidates(
     listed: Sequence[Sequence[float]] | Array = (),
     workcell: Workcell | None = None,
     rng: np.random.Generator | None = None,
-    progress: Callable[[int, int], object] | None = None,
+    progress: Progress | None = None,
 ) -> ScreenedCandidates:
     """Return the candidates of all sources that the robot can take in its cell.
 
@@ -106,7 +107,7 @@ def gathered_candidates(
     rng : Generator, optional
         Scrambles the Sobol points and draws the starts of the inverse kinematics; None takes the
         plain Sobol points, and a fixed seed for the starts.
-    progress : callable, optional
+    progress : Progress, optional
         Called in the comparison with the surroundings: positions done and their total.
 
     Raises

@@ -1,6 +1,5 @@
 """Candidate positions that bring a tool to points of a box in space."""
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
@@ -10,6 +9,7 @@ from robotmodels.arrays import Array, IntArray, read_only, real_numbers
 from robotmodels.elastic.inverse_kinematics import Tool, inverse_kinematics
 from robotmodels.elastic.robot import ElasticRobot
 from robotmodels.errors import InvalidInput
+from robotmodels.progress import Progress
 
 Vector = tuple[float, float, float]
 
@@ -107,7 +107,7 @@ def task_space_positions(
     robot: ElasticRobot,
     box: TaskBox,
     rng: np.random.Generator,
-    progress: Callable[[int, int], object] | None = None,
+    progress: Progress | None = None,
 ) -> TaskPositions:
     """Return positions that bring the tool to the points of a box, at the rigid pose.
 
@@ -121,7 +121,7 @@ def task_space_positions(
         Tool and points.
     rng : Generator
         Draws the starts of the searches.
-    progress : callable, optional
+    progress : Progress, optional
         Called with the number of points done and their total.
 
     Raises

@@ -1,6 +1,5 @@
 """From an experiment file to a plan whose amplitudes lie inside limits."""
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import partial
 
@@ -17,9 +16,7 @@ from robotmodels.errors import InvalidInput
 from robotmodels.memory import check_memory
 from robotmodels.plant.controller import Controller, default_controller
 from robotmodels.plant.simulation import Imperfections
-
-Progress = Callable[[str, int, int], None]
-"""Called with the stage's name, the steps done and the steps in all (0: not known yet)."""
+from robotmodels.progress import StageProgress
 
 
 @dataclass(frozen=True)
@@ -63,7 +60,7 @@ class Prepared:
         return self.scaling.plan
 
 
-def prepare(experiment: Experiment, progress: Progress | None = None) -> Prepared:
+def prepare(experiment: Experiment, progress: StageProgress | None = None) -> Prepared:
     """Draw the plan of an experiment and scale it; the same seed gives the same plan.
 
     Raises
@@ -85,7 +82,7 @@ def prepare_in(
     positions: Array,
     repetitions: IntArray,
     rng: np.random.Generator,
-    progress: Progress | None = None,
+    progress: StageProgress | None = None,
 ) -> Prepared:
     """Draw a plan for positions (Q, n) and repetitions (Q,) and scale it.
 
@@ -181,7 +178,7 @@ def _scaled(
     plan: ExperimentPlan,
     robot: ElasticRobot,
     controller: Controller,
-    progress: Progress | None,
+    progress: StageProgress | None,
 ) -> Scaling:
     choice, motors = shaking.limits, plan.motors
     given = {

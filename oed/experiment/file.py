@@ -55,7 +55,7 @@ import numpy as np
 from pydantic import Field, model_validator
 
 from oed.experiment.design_file import designed_positions
-from oed.study.file_paths import output_folder, robot_reference
+from oed.file_paths import output_folder, robot_reference
 from robotmodels.arrays import Array, IntArray
 from robotmodels.description.ranges import (
     Coordinate,

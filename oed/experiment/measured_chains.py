@@ -1,6 +1,5 @@
 """From records to identified chains: FRFs, modes, masses, springs, couplings, dampers."""
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -13,10 +12,10 @@ from estimators.chains.notes import notes
 from oed.experiment.measured_frf import MeasuredFrf, measured_frf
 from robotmodels.arrays import Array
 from robotmodels.errors import IdentificationError, InvalidInput
+from robotmodels.progress import StageProgress
 from robotmodels.record_files import iterate_records
 from robotmodels.records import Records
 
-Progress = Callable[[str, int, int], None]
 # Fewer blocks say too little about what differs from block to block.
 _FEWEST_BLOCKS = 4
 _DISTORTED = 2.0  # variance over blocks over that of noise, in the median
@@ -62,7 +61,7 @@ def measured_chains(
     delay: float = 0.0,
     hold: bool = True,
     first_masses: Array | None = None,
-    progress: Progress | None = None,
+    progress: StageProgress | None = None,
 ) -> MeasuredChains:
     """Read records of motor torques and angles and identify chains from them.
 

@@ -1,7 +1,7 @@
 """From records to FRFs and all that is known of their errors."""
 
 import warnings
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -21,11 +21,9 @@ from estimators.frf.visits import merge_distortion, merge_visits, visits_of
 from robotmodels import ElasticRobot, frequency_response, load_robot
 from robotmodels.arrays import ComplexArray, IntArray
 from robotmodels.errors import IdentificationWarning, InvalidInput
+from robotmodels.progress import StageProgress
 from robotmodels.record_files import iterate_records
 from robotmodels.records import Records
-
-Progress = Callable[[str, int, int], None]
-"""Called with the stage's name, the steps done and the steps in all (0: not known yet)."""
 
 _LOCAL = "local"
 _LOCAL_MODEL: dict[str, Any] = {"order": 2, "denominator": 2}
@@ -98,7 +96,7 @@ def measured_frf(
     robot: str | None = None,
     compare: bool = False,
     runs: int = 200,
-    progress: Progress | None = None,
+    progress: StageProgress | None = None,
 ) -> MeasuredFrf:
     """Read records and estimate their FRFs, one per position: visits to it are averaged.
 
@@ -166,7 +164,7 @@ def measured_frf(
 
 
 @contextmanager
-def _stage(report: Progress, name: str) -> Iterator[None]:
+def _stage(report: StageProgress, name: str) -> Iterator[None]:
     report(name, 0, 0)
     yield
     report(name, 1, 1)
@@ -192,7 +190,7 @@ def _distortion(source: "_Source", method: str, signals: dict[str, Any]) -> Dist
 
 
 def _comparison(
-    records: Records, runs: int, signals: dict[str, Any], report: Progress
+    records: Records, runs: int, signals: dict[str, Any], report: StageProgress
 ) -> Comparison:
     """Compare the methods on the loop of the records' first position."""
     with _stage(report, "comparison"):

@@ -1,7 +1,7 @@
 """The experiment plan: where the robot goes, and what it is told there."""
 
 import os
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Protocol
 
@@ -13,6 +13,7 @@ from oed.experiment.multisine import Multisine, random_phases
 from oed.plans.order import VisitingOrder, visiting_order
 from robotmodels.arrays import Array, IntArray, read_only
 from robotmodels.errors import InvalidInput
+from robotmodels.progress import Progress
 
 
 class Planned(Protocol):
@@ -201,7 +202,7 @@ def experiment_plan(
     crest_iterations: int = 0,
     start: Sequence[float] | Array | None = None,
     reorder: bool = False,
-    progress: Callable[[int, int], object] | None = None,
+    progress: Progress | None = None,
 ) -> ExperimentPlan:
     """Draw the phases of a plan; the same `rng` gives the same plan.
 
@@ -231,7 +232,7 @@ def experiment_plan(
     reorder : bool
         Visit the positions in the order that shortens the moves from `start` on, see
         `visiting_order`; `order` of the plan tells it, and the time saved.
-    progress : callable, optional
+    progress : Progress, optional
         Called with the number of visits done and their total.
 
     Raises
@@ -270,7 +271,7 @@ def _phases(
     blocks: int,
     crest_iterations: int,
     rng: np.random.Generator,
-    progress: Callable[[int, int], object] | None,
+    progress: Progress | None,
 ) -> Array:
     """Draw phases for each visit, (V, B, F, n), and lower their crest factors."""
     phases = []

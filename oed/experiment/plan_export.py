@@ -16,6 +16,7 @@ import numpy as np
 
 from oed.experiment.plan import ExperimentPlan
 from robotmodels.arrays import Array
+from robotmodels.atomic_files import staged_folder
 from robotmodels.errors import InvalidInput
 
 _SEQUENCE = ("step", "kind", "file", "visit", "position", "block", "run", "repeats", "drop")
@@ -43,8 +44,6 @@ def export_csv(
     InvalidInput
         If the folder cannot be written to, or there is not a ratio for every motor.
     """
-    from oed.study.output import staged_folder
-
     ratios = _checked_ratios(plan, gear_ratios)
     header = ["time", *(f"{m}.position" for m in plan.motors), *(f"{m}.speed" for m in plan.motors)]
     rows: list[tuple[Any, ...]] = [_SEQUENCE]
@@ -78,8 +77,6 @@ def export_mat(
         As `export_csv`.
     """
     from scipy.io import savemat
-
-    from oed.study.output import staged_folder
 
     ratios = _checked_ratios(plan, gear_ratios)
     with staged_folder(Path(folder)) as stage:

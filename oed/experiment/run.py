@@ -1,7 +1,7 @@
 """The simulation of a planned experiment: visit by visit, from where an earlier run was stopped."""
 
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from concurrent.futures import Executor
 from dataclasses import dataclass
 from functools import partial
@@ -11,12 +11,13 @@ from typing import Any
 import numpy as np
 
 from estimators.fingerprint import fingerprint
-from oed.experiment.build import Prepared, Progress
+from oed.experiment.build import Prepared
 from oed.study.fingerprint import robot_digest
 from robotmodels import ElasticRobot
 from robotmodels.arrays import Array
 from robotmodels.checkpoint_file import CheckpointFile
 from robotmodels.plant.simulation import simulate
+from robotmodels.progress import Progress, StageProgress
 from robotmodels.record_files import iterate_records, save_records, write_records
 from robotmodels.records import Records
 
@@ -48,7 +49,7 @@ class Outcome:
 def run_experiment(
     prepared: Prepared,
     folder: Path,
-    progress: Progress | None = None,
+    progress: StageProgress | None = None,
     executor: Executor | None = None,
     plant: ElasticRobot | None = None,
 ) -> Outcome:
@@ -91,7 +92,7 @@ def run_experiment(
 def _simulated_visits(
     prepared: Prepared,
     folder: Path,
-    progress: Callable[[int, int], None] | None,
+    progress: Progress | None,
     executor: Executor | None,
     plant: ElasticRobot | None,
 ) -> list[Path]:
@@ -139,9 +140,7 @@ def _fingerprint(prepared: Prepared, plant: ElasticRobot) -> str:
     return fingerprint(given)
 
 
-def _after(
-    progress: Callable[[int, int], None], before: int, total: int
-) -> Callable[[int, int], None]:
+def _after(progress: Progress, before: int, total: int) -> Progress:
     return lambda done, _: progress(before + done, total)
 
 

@@ -15,6 +15,7 @@ from oed.experiment.plan import ExperimentPlan
 from robotmodels.arrays import Array, read_only
 from robotmodels.errors import InvalidInput
 from robotmodels.plant.controller import Controller
+from robotmodels.progress import Progress
 from robotmodels.response import Elastic
 
 _QUANTITIES = ("torque", "speed", "position")
@@ -106,7 +107,7 @@ def scale(
     per_visit: bool = False,
     margin: float = 0.0,
     holding: Array | None = None,
-    progress: Callable[[int, int], object] | None = None,
+    progress: Progress | None = None,
 ) -> Scaling:
     """Return the plan with the largest amplitudes that the limits allow in every visit.
 
@@ -132,7 +133,7 @@ def scale(
         Part of each limit, between rest and limit, to stay away from it.
     holding : ndarray, (Q, n), N m, optional
         Motor torques that hold the arm; by default the robot's.
-    progress : callable, optional
+    progress : Progress, optional
         Called with the number of simulated visits and their total.
 
     Raises
@@ -211,9 +212,7 @@ def _allowed(swing: Array, room: Array) -> Array:
     return np.asarray(room / reach)
 
 
-def _counter(
-    total: int, progress: Callable[[int, int], object] | None
-) -> Callable[[], object] | None:
+def _counter(total: int, progress: Progress | None) -> Callable[[], object] | None:
     """Return a function that counts its calls and reports each."""
     if progress is None:
         return None

@@ -5,7 +5,6 @@ the same tangent says how much each candidate costs at least: what would bring a
 already found is ruled out before branching. On the whole set this leaves few candidates.
 """
 
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -20,6 +19,7 @@ from oed.plans.plan_search import Search
 from robotmodels.arrays import Array, IntArray
 from robotmodels.errors import InvalidInput
 from robotmodels.notebook import Printed
+from robotmodels.progress import Progress
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,7 +62,7 @@ def best_plans(
     constraints: Constraints | None = None,
     prior: Array | None = None,
     max_nodes: int = 500,
-    progress: Callable[[int, int], object] | None = None,
+    progress: Progress | None = None,
 ) -> BestPlans:
     """Return the best different plans of whole experiments.
 
@@ -86,7 +86,7 @@ def best_plans(
         How many.
     max_nodes : int
         Relaxed problems to solve at most; if that is not enough the answer says so.
-    progress : callable, optional
+    progress : Progress, optional
         Called with the number of them solved and `max_nodes`.
 
     Raises

@@ -1,7 +1,6 @@
 """Branch and bound: limits on repetitions that halve, bounds that say where to look no further."""
 
 import heapq
-from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from itertools import count
 
@@ -14,6 +13,7 @@ from oed.design.relaxed_design import Design
 from oed.plans.exchange import WholeProblem
 from robotmodels.arrays import Array, IntArray
 from robotmodels.errors import IdentificationError
+from robotmodels.progress import Progress
 
 _TOLERANCE = 1e-7  # of log values: plans closer than that are equally good
 _GAP = 1e-7
@@ -52,7 +52,7 @@ class Search:
         problem: WholeProblem,
         wanted: int,
         max_nodes: int,
-        progress: Callable[[int, int], object] | None,
+        progress: Progress | None,
     ) -> None:
         self.problem, self.wanted, self.max_nodes = problem, wanted, max_nodes
         self.progress = progress

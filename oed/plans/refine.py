@@ -5,7 +5,6 @@ that of the support at an optimum (equivalence theorem). So it is climbed from t
 the best points of a finer set; what is found joins the candidates, and the design is solved anew.
 """
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
 
@@ -29,6 +28,7 @@ from robotmodels.elastic.robot import ElasticRobot
 from robotmodels.errors import InvalidInput
 from robotmodels.noise import LoopNoise, RelativeNoise
 from robotmodels.notebook import Printed
+from robotmodels.progress import Progress
 
 _CLIMBS = 6  # of the best points of the finer set, each round
 _PRECISION = 0.01  # of climbing, as a part of the tolerance
@@ -93,7 +93,7 @@ def refined_design(
     finer: int = 1024,
     max_rounds: int = 8,
     rng: np.random.Generator | None = None,
-    progress: Callable[[int, int], object] | None = None,
+    progress: Progress | None = None,
 ) -> RefinedDesign:
     """Return a design over all positions of the robot, not of the candidates only.
 
@@ -123,7 +123,7 @@ def refined_design(
         Designs to solve at most.
     rng : Generator, optional
         Scrambles the Sobol points.
-    progress : callable, optional
+    progress : Progress, optional
         Called with the number of rounds done and `max_rounds`.
 
     Raises
@@ -162,7 +162,7 @@ def refined_over(
     prior: Array | None = None,
     tolerance: float = 1e-3,
     max_rounds: int = 8,
-    progress: Callable[[int, int], object] | None = None,
+    progress: Progress | None = None,
 ) -> RefinedDesign:
     """Return a design over a region; see `refined_design`.
 
@@ -182,7 +182,7 @@ def refined_over(
         As in `refined_design`.
     max_rounds : int
         As in `refined_design`.
-    progress : callable, optional
+    progress : Progress, optional
         As in `refined_design`.
 
     Raises

@@ -1,6 +1,6 @@
 """What to measure next, and how much more: designs after what has been measured already."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial
 
@@ -15,6 +15,7 @@ from oed.plans.scoring import standard_deviations
 from robotmodels.arrays import Array, IntArray, read_only
 from robotmodels.errors import InvalidInput, NotIdentifiable, nearest
 from robotmodels.notebook import Printed
+from robotmodels.progress import Progress
 
 
 @dataclass(frozen=True, eq=False)
@@ -170,7 +171,7 @@ def experiment_curve(
     *,
     criterion: str | Criterion = "D",
     constraints: Constraints | None = None,
-    progress: Callable[[int, int], object] | None = None,
+    progress: Progress | None = None,
 ) -> ExperimentCurve:
     """Return the best plans of several numbers of experiments beside what they promise.
 
@@ -186,7 +187,7 @@ def experiment_curve(
         As in `next_experiments`.
     counts : sequence of int
         Numbers of experiments.
-    progress : callable, optional
+    progress : Progress, optional
         Called with the number of plans done and their total.
 
     Raises

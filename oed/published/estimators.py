@@ -5,7 +5,7 @@ all positions (their figure 3), and by the one with optimal weights (figure 4). 
 estimator are then sorted by the first.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from concurrent.futures import Executor
 from dataclasses import dataclass
 from functools import partial
@@ -22,6 +22,7 @@ from oed.study.fits import Search, start_number
 from robotmodels import ElasticRobot
 from robotmodels.arrays import Array, IntArray
 from robotmodels.errors import IdentificationError
+from robotmodels.progress import Progress
 
 REFERENCE = "LLS15U"
 """Its best model normalises costs and parameters."""
@@ -111,7 +112,7 @@ def evaluate(
     user: Array,
     starts: Array,
     executor: Executor | None = None,
-    progress: Callable[[int, int], object] | None = None,
+    progress: Progress | None = None,
 ) -> Evaluation:
     """Judge all models of the six estimators.
 

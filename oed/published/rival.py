@@ -7,7 +7,7 @@ search within 10^+-1.5 of the truth.
 """
 
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass
 from functools import partial
@@ -18,6 +18,7 @@ from pydantic import Field
 
 from robotmodels.arrays import Array
 from robotmodels.files import Strict
+from robotmodels.progress import Progress
 
 if TYPE_CHECKING:
     from robotmodels import ElasticRobot
@@ -104,7 +105,7 @@ def compare(
     choice: RivalChoice,
     rng: np.random.Generator,
     executor: Executor | None = None,
-    progress: Callable[[int, int], object] | None = None,
+    progress: Progress | None = None,
 ) -> Rivalry:
     """Fit the case's records both ways from the same starts.
 
@@ -114,7 +115,7 @@ def compare(
         Random generator of the starts.
     executor : Executor, optional
         Runs the rival's fits, which take nearly all of the time.
-    progress : callable, optional
+    progress : Progress, optional
         Told how many of these are done.
     """
     from robotmodels.plant.rollout_fit import misfit, missing
@@ -219,7 +220,7 @@ def _theirs(
     rollouts: "RolloutCase",
     distances: Sequence[tuple[float, Array]],
     executor: Executor | None,
-    progress: Callable[[int, int], object] | None,
+    progress: Progress | None,
 ) -> list[Way]:
     """Fit rollouts from every start."""
     from robotmodels.plant.rollout_fit import fit_rollouts

@@ -31,10 +31,9 @@ from pydantic import Field, model_validator
 from robotmodels.description.ranges import Coordinate, JointLimit, Length, Positive, Vector
 from robotmodels.errors import InvalidInput
 from robotmodels.files import Strict
+from robotmodels.progress import Progress
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
-
     from oed.candidates.screening import ScreenedCandidates
     from robotmodels import ElasticRobot
     from robotmodels.collision.obstacles import Obstacle
@@ -131,7 +130,7 @@ class Candidates(Strict):
         return self.self_collision
 
     def gathered(
-        self, robot: "ElasticRobot", progress: "Callable[[int, int], object] | None" = None
+        self, robot: "ElasticRobot", progress: Progress | None = None
     ) -> "ScreenedCandidates":
         """Return the candidates that `robot` can take.
 

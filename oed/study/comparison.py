@@ -9,12 +9,13 @@ import numpy as np
 from oed.study.design import Information, Plan
 from oed.study.run import Run
 from oed.study.stage_files import dataclass_files
-from oed.study.stages import Files, Report, Stage
+from oed.study.stages import Files, Stage
 from oed.trials.comparison import checked_runs, compare_plans
 from oed.trials.outcome import PlanComparison
 from oed.trials.rivals import even_plan, grid_levels, grid_plan, random_plan
 from robotmodels.arrays import IntArray
 from robotmodels.errors import InvalidInput
+from robotmodels.progress import Progress
 
 OPTIMAL = "optimal"
 
@@ -50,7 +51,7 @@ def compared(run: Run, info: Stage[Information], plan: Stage[Plan]) -> Stage[Pla
     assert frequencies is not None
     assert noise is not None
 
-    def compute(folder: Path, report: Report | None) -> PlanComparison:
+    def compute(folder: Path, report: Progress | None) -> PlanComparison:
         rng = run.rng("comparison")
         return compare_plans(
             run.robot,

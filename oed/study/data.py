@@ -17,10 +17,11 @@ from oed.study.design import Information, Plan
 from oed.study.fingerprint import file_digest
 from oed.study.run import Run
 from oed.study.stage_files import dataclass_files, read_dataclass, write_dataclass
-from oed.study.stages import Files, Report, Stage
+from oed.study.stages import Files, Stage
 from robotmodels import ElasticRobot
 from robotmodels.arrays import Array, IntArray
 from robotmodels.errors import InvalidInput
+from robotmodels.progress import Progress
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,7 +68,7 @@ def noisy_frf(run: Run, info: Stage[Information], plan: Stage[Plan]) -> Stage[Da
     assert frequencies is not None
     assert noise is not None
 
-    def compute(folder: Path, report: Report | None) -> Data:
+    def compute(folder: Path, report: Progress | None) -> Data:
         used = plan.value.used
         return Data(
             simulate_frf(
@@ -95,7 +96,7 @@ def experiment(run: Run, info: Stage[Information], plan: Stage[Plan]) -> Stage[S
     shaking = run.study.data.experiment
     assert shaking is not None
 
-    def compute(folder: Path, report: Report | None) -> SimulatedExperiment:
+    def compute(folder: Path, report: Progress | None) -> SimulatedExperiment:
         used = plan.value.used
         positions, repetitions = info.value.positions[used], plan.value.exact.repetitions[used]
         return shaken(run, positions, repetitions, run.rng("data"), folder, report)
@@ -118,7 +119,7 @@ def shaken(
     repetitions: IntArray,
     rng: np.random.Generator,
     folder: Path,
-    report: Report | None,
+    report: Progress | None,
 ) -> SimulatedExperiment:
     """Simulate the study's experiment in positions (Q, n); records.h5 is written to `folder`."""
     shaking = run.study.data.experiment
@@ -149,7 +150,7 @@ def frf_from_records(run: Run, records: Path, digest: str) -> Stage[Data]:
     """Return FRFs estimated from records, visits of one position averaged."""
     choice = run.study.data
 
-    def compute(folder: Path, report: Report | None) -> Data:
+    def compute(folder: Path, report: Progress | None) -> Data:
         return frf_of(run, records)
 
     inputs = {
@@ -169,7 +170,7 @@ def frf_from_file(run: Run, path: Path) -> Stage[Data]:
         If they do not have the robot's motors and outputs.
     """
 
-    def compute(folder: Path, report: Report | None) -> Data:
+    def compute(folder: Path, report: Progress | None) -> Data:
         estimate = read_frf(path)
         _check_shape(estimate, run.robot, path)
         if run.study.data.structure == "diagonal":
@@ -194,7 +195,7 @@ def _check_shape(estimate: FrfEstimate, robot: ElasticRobot, path: Path) -> None
         )
 
 
-def _ignoring_names(report: Report, stage: str, done: int, total: int) -> None:
+def _ignoring_names(report: Progress, stage: str, done: int, total: int) -> None:
     report(done, total)
 
 

@@ -27,11 +27,12 @@ from oed.study.design_section import DesignChoice, Moves
 from oed.study.fingerprint import file_digest, mesh_digests
 from oed.study.run import Run
 from oed.study.stage_files import INFORMATION, STORE, STORED, dataclass_files
-from oed.study.stages import Report, Stage
+from oed.study.stages import Stage
 from robotmodels import ElasticRobot
 from robotmodels.arrays import Array, IntArray
 from robotmodels.at_values import AtValues
 from robotmodels.errors import InvalidInput, NoEquilibrium
+from robotmodels.progress import Progress
 
 Information = InformationSet | StoredInformation
 
@@ -76,7 +77,7 @@ def candidates(run: Run) -> Stage[ScreenedCandidates]:
     choice = run.study.candidates
     assert choice is not None  # the schema asks for them unless data were measured
 
-    def compute(folder: Path, report: Report | None) -> ScreenedCandidates:
+    def compute(folder: Path, report: Progress | None) -> ScreenedCandidates:
         return choice.gathered(run.robot, report)
 
     inputs = {
@@ -113,11 +114,11 @@ def _information(
     assert noise is not None
     asked = robot, found.value.positions, frequencies.omega(), noise.law()
 
-    def compute(folder: Path, report: Report | None) -> InformationSet:
+    def compute(folder: Path, report: Progress | None) -> InformationSet:
         with _of_sample(robot is not run.robot, name):
             return information(*asked, executor=run.executor, progress=report)
 
-    def write(folder: Path, report: Report | None) -> StoredInformation:
+    def write(folder: Path, report: Progress | None) -> StoredInformation:
         store = folder / STORE
         with _of_sample(robot is not run.robot, name):
             return information(*asked, executor=run.executor, progress=report, store=store)
@@ -153,7 +154,7 @@ def plan(
     """Return the design, the plan of whole experiments and the order of its positions."""
     choice = run.study.design
 
-    def compute(folder: Path, report: Report | None) -> Plan:
+    def compute(folder: Path, report: Progress | None) -> Plan:
         positions = np.asarray(info.value.positions)
         constraints = choice.constraints(run.robot, positions)
         if choice.robust is None:

@@ -63,11 +63,11 @@ import numpy as np
 from pydantic import Field, model_validator
 
 from oed.experiment.file import Shaking
+from oed.file_paths import existing_file, output_folder, robot_reference
 from oed.published.paper import ESTIMATORS
 from oed.published.rival import RivalChoice
 from oed.study.candidates_section import Candidates
 from oed.study.design_section import DesignChoice
-from oed.study.file_paths import existing_file, output_folder, robot_reference
 from oed.study.fit_section import FitChoice
 from robotmodels.arrays import Array
 from robotmodels.description.ranges import Count, Hertz, Index, Positive, Seed

@@ -17,10 +17,11 @@ from oed.study.data import Data
 from oed.study.design import Information
 from oed.study.fit_section import Estimator, WeightChoice
 from oed.study.run import Run
-from oed.study.stages import Files, Report, Stage
+from oed.study.stages import Files, Stage
 from robotmodels import ElasticRobot
 from robotmodels.arrays import Array, IntArray
 from robotmodels.errors import InvalidInput, NotIdentifiable, SolverFailed
+from robotmodels.progress import Progress
 
 _SAME_COST = 1e-6
 """Costs this close, relatively, are one minimum."""
@@ -92,7 +93,7 @@ def search(
     positions = positions_of(estimator, data.value.estimate, info)
     estimate = data.value.estimate.subset(positions)
 
-    def compute(folder: Path, report: Report | None) -> Search:
+    def compute(folder: Path, report: Progress | None) -> Search:
         return _searched(run, estimator, estimate, starts, folder / _STORE, report)
 
     def load(folder: Path) -> Search:
@@ -117,7 +118,7 @@ def _searched(
     estimate: FrfEstimate,
     starts: Array,
     store: Path,
-    report: Report | None,
+    report: Progress | None,
 ) -> Search:
     """Fit from all starts; the best is reweighted where the estimator asks for it."""
     runs = multistart(
@@ -142,7 +143,7 @@ def chosen(
     estimate, name = data.value.estimate, run.study.fit.result
     found = {key: stage.value for key, stage in searches.items()}
 
-    def compute(folder: Path, report: Report | None) -> Chosen:
+    def compute(folder: Path, report: Progress | None) -> Chosen:
         if name is None:
             return best_likelihood(run.robot, estimate, found, starts)
         best = found[name].runs[0]

@@ -1,38 +1,16 @@
-"""Folders that a computation makes, and has for itself."""
+"""Folders that a computation has for itself."""
 
 import fcntl
 import os
 import shutil
 from collections.abc import Iterator
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from pathlib import Path
 
+from robotmodels.atomic_files import created_folder, unwritable
 from robotmodels.errors import InvalidInput
-from robotmodels.files import reason
 
 _LOCK = ".lock"
-
-
-@contextmanager
-def created_folder(folder: Path) -> Iterator[None]:
-    """Make a folder and its parents; those in which nothing came to be are taken away again.
-
-    Raises
-    ------
-    InvalidInput
-        If it cannot be made.
-    """
-    absent = [path for path in (folder, *folder.parents) if not path.exists()]
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise unwritable(folder, error) from None
-    try:
-        yield
-    finally:
-        with suppress(OSError):  # deepest first, up to one that holds something
-            for path in absent:
-                path.rmdir()
 
 
 @contextmanager
@@ -79,11 +57,6 @@ def _locked(folder: Path) -> int:
         except FileNotFoundError:
             pass
         os.close(descriptor)
-
-
-def unwritable(folder: Path, error: OSError) -> InvalidInput:
-    """Return the error of an output folder that cannot be written to."""
-    return InvalidInput(f"output: {folder} cannot be written to ({reason(error)})")
 
 
 def remove(path: Path) -> None:

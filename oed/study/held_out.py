@@ -10,9 +10,10 @@ from estimators.frf.visits import distortion_in
 from oed.study.data import Data
 from oed.study.run import Run
 from oed.study.stage_files import dataclass_files
-from oed.study.stages import Report, Stage
+from oed.study.stages import Stage
 from robotmodels.arrays import IntArray
 from robotmodels.errors import InvalidInput
+from robotmodels.progress import Progress
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,7 +43,7 @@ def split_data(run: Run, data: Stage[Data]) -> Stage[Split]:
     estimate = data.value.estimate
     out = _held_out(run, len(estimate.positions))
 
-    def compute(folder: Path, report: Report | None) -> Split:
+    def compute(folder: Path, report: Progress | None) -> Split:
         rest = np.setdiff1d(np.arange(len(estimate.positions)), out)
         known = data.value.distortion
         fitted = replace(

@@ -14,15 +14,16 @@ from oed.study.data import Data
 from oed.study.design import Plan
 from oed.study.run import Run
 from oed.study.stage_files import INFORMATION, dataclass_files
-from oed.study.stages import Report, Stage
+from oed.study.stages import Stage
 from robotmodels import sensitivity
 from robotmodels.arrays import read_only
+from robotmodels.progress import Progress
 
 
 def measured_information(run: Run, data: Stage[Data]) -> Stage[InformationSet]:
     """Return the information of one experiment in each measured position, at the robot's values."""
 
-    def compute(folder: Path, report: Report | None) -> InformationSet:
+    def compute(folder: Path, report: Progress | None) -> InformationSet:
         estimate = data.value.estimate
         _, slopes = sensitivity(run.robot, estimate.positions, estimate.omega)
         matrices = estimators.information(slopes, 1 / estimate.variance)
@@ -38,7 +39,7 @@ def measured_plan(run: Run, info: Stage[InformationSet], data: Stage[Data]) -> S
     """Return what was measured as a plan, beside the optimum over the positions measured."""
     choice = run.study.design
 
-    def compute(folder: Path, report: Report | None) -> Plan:
+    def compute(folder: Path, report: Progress | None) -> Plan:
         design = optimal_design(info.value, tolerance=choice.tolerance, solver=choice.solver)
         counts = data.value.estimate.repetitions
         total = np.tensordot(counts, info.value.matrices, axes=1)

@@ -41,11 +41,6 @@ files depends on the clock or on where they lie: the same seed gives the same fi
 """
 
 import json
-import os
-import shutil
-import tempfile
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -55,36 +50,10 @@ from numpy.typing import NDArray
 from estimators.uncertainty.covariance import Uncertainty
 from estimators.uncertainty.posterior import Posterior
 from oed.study.fits import Search, start_number
-from oed.study.folders import created_folder, unwritable
 from oed.study.results import FittedStudy, PlannedStudy, StudyResults
 from oed.trials.outcome import PlanComparison
 from robotmodels.arrays import Array
 from robotmodels.atomic_files import write_text
-
-
-@contextmanager
-def staged_folder(folder: Path) -> Iterator[Path]:
-    """Give a folder to write in; its files move to `folder`, one by one whole, if all went well.
-
-    Raises
-    ------
-    InvalidInput
-        If `folder` cannot be written to.
-    """
-    with created_folder(folder):
-        try:
-            stage = Path(tempfile.mkdtemp(prefix=".unfinished-", dir=folder))
-        except OSError as error:
-            raise unwritable(folder, error) from None
-        try:
-            yield stage
-            for file in sorted(stage.iterdir()):
-                try:
-                    os.replace(file, folder / file.name)
-                except OSError as error:  # a folder of that name, say
-                    raise unwritable(folder / file.name, error) from None
-        finally:
-            shutil.rmtree(stage)
 
 
 def write_results(results: PlannedStudy, folder: Path) -> None:

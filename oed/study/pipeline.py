@@ -28,17 +28,18 @@ from oed.study.fits import Chosen, Search, start_number
 from oed.study.held_out import Split, split_data
 from oed.study.results import FittedStudy, PlannedStudy, StudyResults
 from oed.study.run import Run
-from oed.study.stages import Progress, Stage, open_stages, versions
+from oed.study.stages import Stage, open_stages, versions
 from robotmodels import load_robot
 from robotmodels.arrays import Array
+from robotmodels.progress import StageProgress
 
 T = TypeVar("T")
 
 __all__ = [
     "FittedStudy",
     "PlannedStudy",
-    "Progress",
     "Search",
+    "StageProgress",
     "StudyResults",
     "design_study",
     "fit_study",
@@ -49,7 +50,7 @@ __all__ = [
 
 def design_study(
     study: Study,
-    progress: Progress | None = None,
+    progress: StageProgress | None = None,
     *,
     executor: Executor | None = None,
     fresh: bool = False,
@@ -64,7 +65,7 @@ def design_study(
 
 def fit_study(
     study: Study,
-    progress: Progress | None = None,
+    progress: StageProgress | None = None,
     *,
     executor: Executor | None = None,
     fresh: bool = False,
@@ -81,7 +82,7 @@ def fit_study(
 
 def run_study(
     study: Study,
-    progress: Progress | None = None,
+    progress: StageProgress | None = None,
     *,
     executor: Executor | None = None,
     fresh: bool = False,
@@ -98,7 +99,7 @@ def run_study(
     ----------
     study : Study
         A study, see `oed.study.file.load_study`.
-    progress : Progress, optional
+    progress : StageProgress, optional
         Told how far each stage is.
     executor : Executor, optional
         Runs information matrices, simulations, fits and ensembles in parallel.
@@ -121,7 +122,7 @@ def run_study(
 
 @contextmanager
 def _opened(
-    study: Study, progress: Progress | None, executor: Executor | None, fresh: bool
+    study: Study, progress: StageProgress | None, executor: Executor | None, fresh: bool
 ) -> Iterator[Run]:
     robot = load_robot(study.robot)
     plant = robot if study.truth is None else load_robot(study.truth)

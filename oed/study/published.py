@@ -17,8 +17,9 @@ from oed.study.data import Data
 from oed.study.fits import Search, weights_of
 from oed.study.run import Run, truth_of
 from oed.study.stage_files import dataclass_files
-from oed.study.stages import Report, Stage
+from oed.study.stages import Stage
 from robotmodels.arrays import Array
+from robotmodels.progress import Progress
 
 
 @dataclass(frozen=True, eq=False)
@@ -99,7 +100,7 @@ def _evaluation(
 ) -> Stage[Evaluation]:
     estimate = data.value.estimate
 
-    def compute(folder: Path, report: Report | None) -> Evaluation:
+    def compute(folder: Path, report: Progress | None) -> Evaluation:
         found = {name: searches[name].value for name in ESTIMATORS}
         kind, choice = found[REFERENCE].estimator, run.study.fit.user_weights
         user = np.asarray(weights_of(kind, estimate, choice))
@@ -121,7 +122,7 @@ def _rivalry(run: Run) -> Stage[Rivalry]:
     choice = run.study.rival
     assert choice is not None
 
-    def compute(folder: Path, report: Report | None) -> Rivalry:
+    def compute(folder: Path, report: Progress | None) -> Rivalry:
         return compare(choice, run.rng("rival"), run.executor, report)
 
     inputs = {"missing": missing(), "limit": ROLLOUTS, **run.settings("rival", "seed")}

@@ -31,12 +31,10 @@ from oed.study.folders import exclusive_folder, remove
 from robotmodels.atomic_files import write_text
 from robotmodels.checkpoint_file import UnusableCheckpoint
 from robotmodels.errors import IdentificationError
+from robotmodels.progress import Progress, StageProgress
 
 T = TypeVar("T")
 Result = TypeVar("Result", covariant=True)
-Progress = Callable[[str, int, int], None]
-"""Called with the stage's name, the steps done and the steps in all (0: not known yet)."""
-Report = Callable[[int, int], None]
 
 PACKAGE = "elastic-robot-oed"
 _LOG = logging.getLogger(__name__)
@@ -116,7 +114,9 @@ class Stages:
         Failures of stages that the results do without.
     """
 
-    def __init__(self, folder: Path, progress: Progress | None = None, fresh: bool = False) -> None:
+    def __init__(
+        self, folder: Path, progress: StageProgress | None = None, fresh: bool = False
+    ) -> None:
         self.folder = folder
         self.progress = progress
         self.fresh = fresh
@@ -127,7 +127,7 @@ class Stages:
         self,
         name: str,
         inputs: Mapping[str, Any],
-        compute: Callable[[Path, Report | None], T],
+        compute: Callable[[Path, Progress | None], T],
         files: Files[T],
     ) -> Stage[T]:
         """Return a stage, loaded if it fits, computed and saved otherwise.
@@ -196,7 +196,7 @@ class Stages:
         name: str,
         key: str,
         part: Path,
-        compute: Callable[[Path, Report | None], T],
+        compute: Callable[[Path, Progress | None], T],
         files: Files[T],
     ) -> dict[str, Any]:
         _prepare(part, key, self.fresh)
@@ -225,7 +225,7 @@ class Stages:
 
 @contextmanager
 def open_stages(
-    folder: Path, progress: Progress | None = None, fresh: bool = False
+    folder: Path, progress: StageProgress | None = None, fresh: bool = False
 ) -> Iterator[Stages]:
     """Give the stages in `folder`, which no other process can use meanwhile.
 
@@ -233,7 +233,7 @@ def open_stages(
     ----------
     folder : Path
         Is made, and taken away again where nothing came to be in it.
-    progress : Progress, optional
+    progress : StageProgress, optional
         Told how far each stage is.
     fresh : bool
         Compute every stage again.

@@ -19,9 +19,10 @@ from estimators.uncertainty.profile import Profile, profile_likelihood
 from oed.study.fits import Chosen, Search
 from oed.study.run import Run
 from oed.study.stage_files import dataclass_files
-from oed.study.stages import Report, Stage
+from oed.study.stages import Stage
 from oed.trials.outcome import PlanComparison
 from robotmodels.errors import IdentificationError, InvalidInput
+from robotmodels.progress import Progress
 
 T = TypeVar("T")
 
@@ -48,7 +49,7 @@ def theorem1(run: Run, result: Stage[Chosen]) -> Stage[Uncertainty]:
     """Return the covariance of the result by [WM] Theorem 1."""
     fit = result.value.fit
 
-    def compute(folder: Path, report: Report | None) -> Uncertainty:
+    def compute(folder: Path, report: Progress | None) -> Uncertainty:
         return covariance(fit)
 
     inputs = {"robot": run.robot_digest, "result": result.digest}
@@ -94,7 +95,7 @@ def _sampled(
 ) -> Stage[Posterior]:
     choice = run.study.posterior
 
-    def compute(folder: Path, report: Report | None) -> Posterior:
+    def compute(folder: Path, report: Progress | None) -> Posterior:
         return sample_posterior(
             density(result.value.fit),
             rng=run.rng(name),
@@ -140,7 +141,7 @@ def profiles(
     chosen = np.sort(np.argsort(-stated.std, kind="stable")[:count])
     names = [stated.names[i] for i in chosen]
 
-    def compute(folder: Path, report: Report | None) -> Profiles:
+    def compute(folder: Path, report: Progress | None) -> Profiles:
         pool = run.executor
         return Profiles(profile_likelihood(fit, names, executor=pool, progress=report))
 
@@ -172,7 +173,7 @@ def checked(
     repeated = _repeated(run, result, known)
     fit = result.value.fit
 
-    def compute(folder: Path, report: Report | None) -> CrossCheck:
+    def compute(folder: Path, report: Progress | None) -> CrossCheck:
         return cross_check(
             fit,
             theorem1=_value(known.covariances),

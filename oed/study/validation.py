@@ -14,9 +14,10 @@ from oed.study.fits import Chosen
 from oed.study.held_out import Split
 from oed.study.run import Run
 from oed.study.stage_files import dataclass_files
-from oed.study.stages import Report, Stage
+from oed.study.stages import Stage
 from robotmodels.arrays import Array
 from robotmodels.errors import InvalidInput
+from robotmodels.progress import Progress
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,7 +52,7 @@ def held_out(
     """
     positions = _positions(run, info.value, plan.value)
 
-    def compute(folder: Path, report: Report | None) -> HeldOut:
+    def compute(folder: Path, report: Progress | None) -> HeldOut:
         return _judged(run, _measured(run, positions, folder, report), result, known)
 
     inputs = {
@@ -70,7 +71,7 @@ def held_back(
 ) -> Stage[HeldOut]:
     """Return the validation in measured positions that were not fitted."""
 
-    def compute(folder: Path, report: Report | None) -> HeldOut:
+    def compute(folder: Path, report: Progress | None) -> HeldOut:
         return _judged(run, split.value.held_out, result, known)
 
     inputs = {
@@ -102,7 +103,7 @@ def _positions(run: Run, info: Information, plan: Plan) -> Array:
     return np.asarray(info.positions[np.sort(chosen)])
 
 
-def _measured(run: Run, positions: Array, folder: Path, report: Report | None) -> FrfEstimate:
+def _measured(run: Run, positions: Array, folder: Path, report: Progress | None) -> FrfEstimate:
     """Return FRFs measured as the study's own, once in each position."""
     once, rng = np.ones(len(positions), dtype=np.int64), run.rng("held out")
     if run.study.data.experiment is None:

@@ -1,6 +1,6 @@
 """Plans side by side in Monte Carlo: what each one promises, and what its experiments give."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from concurrent.futures import Executor
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -20,6 +20,7 @@ from oed.trials.scatter import ratio_interval
 from robotmodels.arrays import Array, IntArray, read_only
 from robotmodels.errors import InvalidInput, NotIdentifiable, SolverFailed
 from robotmodels.noise import RelativeNoise
+from robotmodels.progress import Progress
 from robotmodels.response import Elastic
 
 _SPARE = 3
@@ -38,7 +39,7 @@ def compare_plans(
     runs: int | None = None,
     criterion: str | Criterion = "D",
     executor: Executor | None = None,
-    progress: Callable[[int, int], object] | None = None,
+    progress: Progress | None = None,
     store: str | Path | None = None,
 ) -> PlanComparison:
     """Return what plans are worth beside the first one, in simulated experiments.
@@ -68,7 +69,7 @@ def compare_plans(
         Criterion by which plans are compared.
     executor : Executor, optional
         Takes one run at a time; in sequence where None.
-    progress : callable, optional
+    progress : Progress, optional
         Called with the runs done and their number.
     store : str or Path, optional
         Folder that keeps finished runs; an interrupted comparison goes on from it.
@@ -124,7 +125,7 @@ def checked_runs(runs: int | None, p: int) -> int:
 class _Shifted:
     """Progress of one of several series, in all of them."""
 
-    progress: Callable[[int, int], object]
+    progress: Progress
     before: int
     total: int
 

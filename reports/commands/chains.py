@@ -41,10 +41,10 @@ def chains(
     from estimators.chains.order import WrongModeCount
     from estimators.frf.exchange import write_frf
     from oed.experiment.measured_chains import measured_chains
-    from oed.study.output import staged_folder
     from reports.pages.chains_page import write_chains_page, write_modes_page
     from reports.terminal.chains_summary import chains_json, chains_summary, write_chains
     from reports.terminal.progress import progress_bars
+    from robotmodels.atomic_files import staged_folder
 
     target = (records.parent if output is None else output).resolve()
     with progress_bars() as progress:

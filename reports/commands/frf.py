@@ -57,10 +57,10 @@ def frf(
     one_thread_each()
     from estimators.frf.exchange import write_frf
     from oed.experiment.measured_frf import measured_frf
-    from oed.study.output import staged_folder
     from reports.pages.frf_page import write_frf_page
     from reports.terminal.frf_summary import frf_json, frf_summary
     from reports.terminal.progress import progress_bars
+    from robotmodels.atomic_files import staged_folder
 
     target = (records.parent if output is None else output).resolve()
     with progress_bars() as progress:

@@ -30,9 +30,9 @@ def simulate(
     from oed.experiment.build import prepare
     from oed.experiment.file import load_experiment
     from oed.experiment.run import run_experiment
-    from oed.study.output import staged_folder
     from reports.terminal.experiment_summary import experiment_json, experiment_summary
     from reports.terminal.progress import progress_bars
+    from robotmodels.atomic_files import staged_folder
 
     content = load_experiment(experiment)
     with (

@@ -79,8 +79,9 @@ def compute_study(
     """
     one_thread_each()
     from oed.study.file import load_study
-    from oed.study.output import staged_folder, write_results
+    from oed.study.output import write_results
     from reports.terminal.progress import progress_bars
+    from robotmodels.atomic_files import staged_folder
 
     if study.is_dir() and (study / "study.yaml").is_file():
         raise InvalidInput(f"{study} is a folder; did you mean {study / 'study.yaml'}?")

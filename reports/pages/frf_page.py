@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from estimators.frf.compare import Comparison
-from oed.experiment.measured_frf import MeasuredFrf, Progress
+from oed.experiment.measured_frf import MeasuredFrf
 from reports import text
 from reports.drawing import response_panels
 from reports.drawing.frf_figures import detection_panels
@@ -15,10 +15,11 @@ from reports.parts import Cell, Column, Figure, Number, Section, Table, figure, 
 from reports.template import filled, page
 from reports.terminal.frf_summary import excess, ranked, relative_std
 from robotmodels.arrays import Array
+from robotmodels.progress import StageProgress
 
 
 def write_frf_page(
-    found: MeasuredFrf, source: Path, path: Path, progress: Progress | None = None
+    found: MeasuredFrf, source: Path, path: Path, progress: StageProgress | None = None
 ) -> None:
     """Write FRFs as one HTML file that needs nothing else."""
     title = found.robot.name if found.robot is not None else source.name
@@ -38,7 +39,7 @@ def write_frf_page(
 
 
 def frf_sections(
-    found: MeasuredFrf, source: Path, progress: Progress | None = None
+    found: MeasuredFrf, source: Path, progress: StageProgress | None = None
 ) -> list[Section]:
     """Return the sections of the page."""
     total, responses, detection = len(found.estimate.positions), [], []

@@ -2,17 +2,18 @@
 
 from pathlib import Path
 
-from oed.study.pipeline import Progress, StudyResults
+from oed.study.pipeline import StudyResults
 from oed.study.stages import Failure
 from reports.parts import Section
 from reports.sections import study_sections
 from reports.sections.verdict import banner
 from reports.template import page
 from robotmodels.atomic_files import write_text
+from robotmodels.progress import StageProgress
 
 
 def write_report(
-    results: StudyResults, path: Path, progress: Progress | None = None, command: str = ""
+    results: StudyResults, path: Path, progress: StageProgress | None = None, command: str = ""
 ) -> tuple[Failure, ...]:
     """Write the report of a study as one HTML file; return what of it could not be made.
 

@@ -3,7 +3,7 @@
 from collections.abc import Callable
 from functools import partial
 
-from oed.study.pipeline import Progress, StudyResults
+from oed.study.pipeline import StudyResults
 from oed.study.stages import Failure
 from reports.parts import Section
 from reports.sections import (
@@ -25,10 +25,11 @@ from reports.sections import (
     uncertainty,
     validation,
 )
+from robotmodels.progress import StageProgress
 
 
 def study_sections(
-    results: StudyResults, progress: Progress | None = None, command: str = ""
+    results: StudyResults, progress: StageProgress | None = None, command: str = ""
 ) -> tuple[list[Section], tuple[Failure, ...]]:
     """Return the sections of a report, in order, and which of them could not be made.
 

@@ -15,11 +15,11 @@ from rich.progress import (
     TimeRemainingColumn,
 )
 
-from oed.study.pipeline import Progress as Report
+from robotmodels.progress import StageProgress
 
 
 @contextmanager
-def progress_bars() -> Iterator[Report | None]:
+def progress_bars() -> Iterator[StageProgress | None]:
     """Give a function that shows how far each stage is, or None where nobody watches."""
     console = Console(file=sys.stderr)
     if not console.is_terminal:

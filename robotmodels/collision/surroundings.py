@@ -4,7 +4,7 @@ Shapes are checked at the rigid pose: elastic deflections, far smaller than any 
 are neglected.
 """
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -19,6 +19,7 @@ from robotmodels.collision.shapes import RobotShapes, Shape, robot_shapes
 from robotmodels.elastic.rigid_pose import configurations
 from robotmodels.elastic.robot import ElasticRobot
 from robotmodels.errors import InvalidInput, nearest
+from robotmodels.progress import Progress
 
 _SAMPLES = 32  # positions, and one more, in all of which what is built to touch does so
 
@@ -97,9 +98,7 @@ class Surroundings:
         """Links that are not compared because they are built to touch."""
         return tuple(dict.fromkeys(self._names(pair) for pair in self._apart[1]))
 
-    def touching(
-        self, positions: Array, progress: Callable[[int, int], object] | None = None
-    ) -> BoolArray:
+    def touching(self, positions: Array, progress: Progress | None = None) -> BoolArray:
         """Return which of `pairs` touch, (Q, pairs), at `positions` (Q, n) within their limits."""
         q = configurations(self.robot, positions)
         hits = self._checker(q, progress)
@@ -178,9 +177,7 @@ class _Checker:
         self.request = coal.CollisionRequest()
         self.request.security_margin = margin
 
-    def __call__(
-        self, configured: Array, progress: Callable[[int, int], object] | None = None
-    ) -> BoolArray:
+    def __call__(self, configured: Array, progress: Progress | None = None) -> BoolArray:
         """Return which pairs touch, (Q, pairs)."""
         touching = np.zeros((len(configured), len(self.pairs)), dtype=bool)
         data = self.rigid.createData()

@@ -1,6 +1,6 @@
 """A simulated robot under closed-loop control: MuJoCo's dynamics with all that spoils an FRF."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from concurrent.futures import Executor
 from dataclasses import dataclass, replace
 from itertools import product
@@ -13,6 +13,7 @@ from robotmodels.arrays import Array, IntArray
 from robotmodels.elastic.robot import ElasticRobot
 from robotmodels.errors import InvalidInput
 from robotmodels.plant.controller import Controller
+from robotmodels.progress import Progress
 from robotmodels.records import Records, check_periods
 
 if TYPE_CHECKING:
@@ -91,7 +92,7 @@ def simulate(
     periods: int = 2,
     transient: int = 1,
     executor: Executor | None = None,
-    progress: Callable[[int, int], object] | None = None,
+    progress: Progress | None = None,
 ) -> Iterator[Records]:
     """Simulate periodic runs; yield the records of one position after the other.
 
@@ -119,7 +120,7 @@ def simulate(
         Periods recorded, and periods before them that are dropped.
     executor : Executor, optional
         Simulates blocks in parallel; threads serve as well as processes.
-    progress : callable, optional
+    progress : Progress, optional
         Called with the number of blocks done and their total.
 
     Raises
@@ -183,7 +184,7 @@ def _positions(
     blocks: "list[Block]",
     blank: Records,
     executor: Executor | None,
-    progress: Callable[[int, int], object] | None,
+    progress: Progress | None,
 ) -> Iterator[Records]:
     """Run the blocks; yield a position's records, shaped after `blank`, when it is complete."""
     from robotmodels.plant.block import run_block

@@ -8,15 +8,15 @@ import sys
 import pytest
 
 from oed.study import folders
-from oed.study.folders import created_folder, exclusive_folder, remove
-from oed.study.output import staged_folder
+from oed.study.folders import exclusive_folder, remove
+from robotmodels.atomic_files import created_folder, staged_folder
 from robotmodels.errors import InvalidInput
 
 LOOP = """
 import os, sys
 from pathlib import Path
 from oed.study.folders import exclusive_folder
-from oed.study.output import staged_folder
+from robotmodels.atomic_files import staged_folder
 from robotmodels.errors import InvalidInput
 
 folder, mark = Path(sys.argv[1]), sys.argv[2]
