@@ -5,10 +5,12 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+import estimators
+import robotmodels
 from estimators.frf.compare import Comparison, compare_methods, measured_loop
 from estimators.frf.distortion import Distortion, distortion
 from estimators.frf.estimate import FrfEstimate
@@ -16,14 +18,15 @@ from estimators.frf.exchange import read_records
 from estimators.frf.local_model import local_frf
 from estimators.frf.methods import find_method
 from estimators.frf.nonparametric import estimate_frf
-from estimators.frf.rigid_limit import check_rigid_limit
 from estimators.frf.visits import merge_distortion, merge_visits, visits_of
-from robotmodels import ElasticRobot, frequency_response, load_robot
 from robotmodels.arrays import ComplexArray, IntArray
 from robotmodels.errors import IdentificationWarning, InvalidInput
 from robotmodels.progress import StageProgress
 from robotmodels.record_files import iterate_records
 from robotmodels.records import Records
+
+if TYPE_CHECKING:
+    from robotmodels import ElasticRobot
 
 _LOCAL = "local"
 _LOCAL_MODEL: dict[str, Any] = {"order": 2, "denominator": 2}
@@ -71,7 +74,7 @@ class MeasuredFrf:
     delay: float
     estimate: FrfEstimate
     distortion: Distortion | None
-    robot: ElasticRobot | None
+    robot: "ElasticRobot | None"
     modelled: ComplexArray | None
     comparison: Comparison | None
     warnings: tuple[str, ...]
@@ -133,7 +136,7 @@ def measured_frf(
     find_method(method)
     if not np.isfinite(delay):
         raise InvalidInput(f"delay: {delay!r} s is not a time")
-    elastic = None if robot is None else load_robot(robot)
+    elastic = None if robot is None else robotmodels.load_robot(robot)
     report = _silent if progress is None else progress
     signals: dict[str, Any] = {"delay": delay, "hold": hold}
     if local:
@@ -198,15 +201,15 @@ def _comparison(
         return compare_methods(loop, runs, rng=np.random.default_rng(0))
 
 
-def _modelled(estimate: FrfEstimate, robot: ElasticRobot, path: Path) -> ComplexArray:
+def _modelled(estimate: FrfEstimate, robot: "ElasticRobot", path: Path) -> ComplexArray:
     """Return the FRFs of the robot's linear model where others were measured."""
-    modelled = np.asarray(frequency_response(robot, estimate.positions, estimate.omega))
+    modelled = np.asarray(robotmodels.frequency_response(robot, estimate.positions, estimate.omega))
     if modelled.shape != estimate.response.shape:
         raise InvalidInput(
             f"{path}: FRFs of shape {estimate.response.shape[2:]}, those of the robot "
             f"{robot.name!r} are {modelled.shape[2:]}"
         )
-    check_rigid_limit(estimate, robot)
+    estimators.check_rigid_limit(estimate, robot)
     return modelled
 
 
@@ -244,7 +247,7 @@ class _Source:
             yield part
 
 
-def _source(path: Path, robot: ElasticRobot | None) -> _Source:
+def _source(path: Path, robot: "ElasticRobot | None") -> _Source:
     """Open records, which must be of `robot` where one is given."""
     source = _Source(path)
     n = source.first.positions.shape[1]

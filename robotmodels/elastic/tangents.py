@@ -2,12 +2,15 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from robotmodels.arrays import Array, ComplexArray, IntArray
-from robotmodels.elastic.skeleton import Skeleton
 from robotmodels.linear_model import LinearModel
+
+if TYPE_CHECKING:  # Pinocchio is needed where a robot is built, not where derivatives are read
+    from robotmodels.elastic.skeleton import Skeleton
 
 # Relative step of the central differences. Mass, inertia, gain and delay enter linearly or
 # quadratically, where they are exact but for rounding; angles and locations are smooth.
@@ -85,8 +88,8 @@ class Tangents:
 
 
 def differentiate(
-    skeleton: Callable[[Array, Array], Skeleton],
-    here: Skeleton,
+    skeleton: "Callable[[Array, Array], Skeleton]",
+    here: "Skeleton",
     theta: Array,
     coordinates: Array,
     shift: Array,
@@ -132,7 +135,7 @@ def differentiate(
     )
 
 
-def _arrays(rest: Skeleton) -> dict[str, Array]:
+def _arrays(rest: "Skeleton") -> dict[str, Array]:
     return {
         "mass": rest.mass,
         "damping": rest.damping,

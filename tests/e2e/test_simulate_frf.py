@@ -1,5 +1,8 @@
 """From an experiment file to records, from records to FRFs and their page: files alone."""
 
+import subprocess
+import sys
+
 import numpy as np
 import pytest
 from conftest import oed
@@ -144,3 +147,42 @@ def test_files_that_are_no_records(tmp_path):
     text = tmp_path / "text.h5"
     text.write_text("not HDF5", encoding="utf-8")
     refused(tmp_path, ["text.h5", "not an HDF5 file"], "frf", text)
+
+
+LOADED = """
+import atexit, sys
+atexit.register(lambda: print("loaded:", *sys.modules))
+from reports.cli import main
+main()
+"""
+
+
+def loaded(*words):
+    """Return the modules that a command has loaded when it ends, in a process of its own."""
+    run = subprocess.run(
+        [sys.executable, "-c", LOADED, *map(str, words)], capture_output=True, text=True, check=True
+    )
+    return set(run.stdout.rpartition("loaded:")[2].split())
+
+
+def inside(modules, *packages):
+    return {m for m in modules if m.startswith(tuple(f"{p}." for p in packages)) or m in packages}
+
+
+STUDY = ("oed.study", "oed.design", "oed.plans", "oed.trials", "oed.published", "oed.candidates")
+FITS = ("estimators.fitting", "estimators.uncertainty", "estimators.chains")
+
+
+@pytest.mark.parametrize("robot", [(), ("--robot", "moberg_axis1", "--compare")])
+def test_frf_loads_neither_study_nor_fits(simulated, robot, tmp_path):
+    modules = loaded("frf", simulated[0] / "records.h5", "-o", tmp_path, *robot)
+    assert "oed.experiment.measured_frf" in modules
+    assert (tmp_path / "frf.html").exists()
+    assert not inside(modules, *STUDY, *FITS)
+    assert ("pinocchio" in modules) == bool(robot)  # needed for a robot's model alone
+
+
+def test_help_loads_commands_alone(simulated):
+    modules = loaded("frf", "--help")
+    assert "reports.commands.frf" in modules
+    assert not inside(modules, "oed", "estimators", "numpy")
