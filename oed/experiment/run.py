@@ -12,7 +12,7 @@ import numpy as np
 
 from estimators.fingerprint import fingerprint
 from oed.experiment.build import Prepared
-from oed.study.fingerprint import robot_digest
+from oed.fingerprint import robot_digest
 from robotmodels import ElasticRobot
 from robotmodels.arrays import Array
 from robotmodels.checkpoint_file import CheckpointFile

@@ -13,8 +13,8 @@ from estimators.frf.visits import merge_visits
 from oed.experiment.build import prepare_in
 from oed.experiment.measured_frf import measured_frf
 from oed.experiment.run import Outcome, run_experiment
+from oed.fingerprint import file_digest
 from oed.study.design import Information, Plan
-from oed.study.fingerprint import file_digest
 from oed.study.run import Run
 from oed.study.stage_files import dataclass_files, read_dataclass, write_dataclass
 from oed.study.stages import Files, Stage

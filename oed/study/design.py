@@ -19,12 +19,12 @@ from oed.design.robust import (
     RobustDesign,
     robust_design,
 )
+from oed.fingerprint import file_digest, mesh_digests
 from oed.information_set import InformationSet
 from oed.plans.exact import ExactDesign, exact_design
 from oed.plans.order import VisitingOrder, visiting_order
 from oed.store import StoredInformation
 from oed.study.design_section import DesignChoice, Moves
-from oed.study.fingerprint import file_digest, mesh_digests
 from oed.study.run import Run
 from oed.study.stage_files import INFORMATION, STORE, STORED, dataclass_files
 from oed.study.stages import Stage

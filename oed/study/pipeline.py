@@ -12,6 +12,7 @@ from typing import Any, TypeVar
 
 from estimators.uncertainty.covariance import Uncertainty
 from oed.candidates.screening import ScreenedCandidates
+from oed.fingerprint import file_digest
 from oed.study import data as study_data
 from oed.study import design as study_design
 from oed.study import fits as study_fits
@@ -23,7 +24,6 @@ from oed.study.comparison import check_comparison, compared
 from oed.study.data import Data, SimulatedExperiment
 from oed.study.design import Information, Plan
 from oed.study.file import Study
-from oed.study.fingerprint import file_digest
 from oed.study.fits import Chosen, Search, start_number
 from oed.study.held_out import Split, split_data
 from oed.study.results import FittedStudy, PlannedStudy, StudyResults

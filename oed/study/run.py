@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 
+from oed.fingerprint import robot_digest
 from oed.study.file import Study
-from oed.study.fingerprint import robot_digest
 from oed.study.stages import Stages
 from robotmodels import ElasticRobot
 from robotmodels.arrays import Array

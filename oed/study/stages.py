@@ -26,7 +26,7 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any, Generic, TypeVar
 
-from oed.study.fingerprint import folder_digest, json_digest
+from oed.fingerprint import folder_digest, json_digest
 from oed.study.folders import exclusive_folder, remove
 from robotmodels.atomic_files import write_text
 from robotmodels.checkpoint_file import UnusableCheckpoint

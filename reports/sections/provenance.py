@@ -1,6 +1,6 @@
 """Provenance: from what the results were computed, with what, and how to do it again."""
 
-from oed.study.fingerprint import file_digest, json_digest, robot_digest
+from oed.fingerprint import file_digest, json_digest, robot_digest
 from oed.study.pipeline import StudyResults
 from reports import text
 from reports.parts import Column, Number, Section, Table, numbers, table

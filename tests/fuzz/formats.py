@@ -11,7 +11,7 @@ from random import Random
 import contents
 import trees
 
-from oed.study.fingerprint import folder_digest
+from oed.fingerprint import folder_digest
 
 Mutation = Callable[[bytes, Random], bytes]
 Prepare = Callable[[Path, Path, Random], None]
