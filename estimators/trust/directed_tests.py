@@ -146,9 +146,7 @@ def directed_tests(
         remains of the sum beside a direction, as those of the parameters are.
     """
     if not directions.names:
-        whole = ("index", "moved")
-        empty = {f.name: np.empty(0, int if f.name in whole else float) for f in _columns_of()}
-        return DirectedTests((), (), **empty)
+        return _no_tests()
     parts, offset = [], 0
     for columns in directions.batches():
         parts.append(_tested(fit, columns, offset, correlation, std, expected))
@@ -162,6 +160,13 @@ def directed_tests(
         tuple(directions.units[i] for i in index),
         **joined,
     )
+
+
+def _no_tests() -> DirectedTests:
+    """Return the tests along no direction."""
+    whole = ("index", "moved")
+    empty = {f.name: np.empty(0, int if f.name in whole else float) for f in _columns_of()}
+    return DirectedTests((), (), **empty)
 
 
 def _columns_of() -> tuple[Field[Any], ...]:
@@ -182,6 +187,8 @@ def _tested(
     size = (np.conj(off) * weighted).real.sum(axis=(0, 1, 2))
     whole = (np.conj(columns) * fit.weighted(columns)).real.sum(axis=(0, 1, 2))
     seen = (size > _VISIBLE**2 * whole) & (whole > 0)
+    if not seen.any():
+        return _no_tests()
     rows = np.moveaxis(np.conj(weighted[..., seen]) / size[seen], -1, 0)
     estimates = fit.estimates(rows, fit.residuals)
     scatter = cautious_scatter(fit, rows, correlation)

@@ -1,6 +1,6 @@
 """A fit about its solution: what every statement on its uncertainty is computed from."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
@@ -127,6 +127,17 @@ class LinearisedFit:
     def errors(self) -> Lines:
         """Residuals as the noise has them: normal also where their logarithm is not."""
         return np.asarray(np.expm1(self.residuals)) if self.logarithmic else self.residuals
+
+    @cached_property
+    def noise_fit(self) -> "LinearisedFit":
+        """The fit with the noise's weights, one linear step away.
+
+        With other weights the parameters' errors may be larger than the noise of precise elements,
+        which then tells nothing of the residuals' size. This step takes those errors off.
+        """
+        other = replace(self, weights=self.noise_weights, scatter_factor=1.0)
+        step = other.estimates(other.rows, self.residuals)
+        return replace(other, residuals=self.residuals - self.jacobian @ step)
 
     @cached_property
     def squares(self) -> float:

@@ -59,6 +59,7 @@ def residual_size(fit: LinearisedFit, correlation: LineCorrelation) -> ResidualS
     """
     from scipy.special import gammainc, gammaincc
 
+    fit = fit.noise_fit
     w, nu = fit.noise_weights, fit.degrees_of_freedom[:, None, None]
     a = w * fit.element_variances
     square = a**2 / (1 + 1 / nu)
@@ -106,15 +107,15 @@ def _taken_by_fit(fit: LinearisedFit) -> tuple[float, float]:
     return cross - float(np.trace(through)), float(np.sum(through * through.T))
 
 
-def line_probabilities(fit: LinearisedFit) -> Array:
+def line_probabilities(fit: LinearisedFit, factor: Array | float = 1.0) -> Array:
     """Return the probability (Q, F, k) of residuals as large as each, exact for any nu.
 
     Of |r|^2 over s^2 with nu complex degrees of freedom 2 nu log(1 + |r|^2/(nu s^2)) is chi square
-    with two. The fit's share of each residual is left out.
+    with two. The fit's share of each residual is left out; s^2 is multiplied by `factor`.
     """
     s2 = fit.element_variances
     nu = fit.degrees_of_freedom[:, None, None]
-    ratio = np.abs(fit.errors) ** 2 / s2
+    ratio = np.abs(fit.errors) ** 2 / (s2 * factor)
     if fit.real:
         ratio = 2 * ratio
         from scipy.stats import f as f_law

@@ -105,7 +105,8 @@ def gather_evidence(
         explanation = _explaining(fit, directions, tests, whiteness=False)
     return Evidence(
         fit, correlation, scatter, size, tests, explanation,
-        size.too_large and _smooth_excess(fit, correlation, size), _outlier(fit, size),
+        size.too_large and _smooth_excess(fit.noise_fit, correlation, size),
+        _outlier(fit.noise_fit, size),
         converged, noise_known,
     )  # fmt: skip
 
@@ -289,10 +290,12 @@ def _smooth_excess(fit: LinearisedFit, correlation: LineCorrelation, size: Resid
 
 
 def _outlier(fit: LinearisedFit, size: ResidualSize) -> tuple[int, ...] | None:
-    """Return where a single residual stands out, by its exact law and beside a common factor."""
-    factor = size.ratio if size.too_large else 1.0
-    scaled = replace(fit, covariance=fit.covariance * max(factor, 1.0))
-    probabilities = line_probabilities(scaled)
+    """Return where a single residual stands out, by its exact law and beside all others' size."""
+    factor: Array | float = 1.0
+    if size.too_large:
+        others = fit.squares - fit.noise_weights * np.abs(fit.errors) ** 2
+        factor = np.fmax(others / size.expected, 1.0)
+    probabilities = line_probabilities(fit, factor)
     worst = np.unravel_index(int(probabilities.argmin()), probabilities.shape)
     if probabilities[worst] >= OUTLIER_LEVEL / max(int(fit.used.sum()), 1):
         return None

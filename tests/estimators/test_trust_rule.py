@@ -59,6 +59,27 @@ def test_declared_noise_gives_theorem_1():
     assert np.isinf(scatter.degrees_of_freedom).all()
 
 
+def test_errors_of_parameters_are_no_size_of_residuals():
+    """Weights that heed imprecise elements leave errors that precise elements show."""
+    sizes = []
+    for seed in range(40):
+        rng = np.random.default_rng(seed)
+        fit, _ = fit_of(rng)
+        std = np.where(np.arange(F) % 2, 1.0, 1e-3)[:, None]
+        noisy = replace(
+            fit,
+            residuals=complex_normal(rng, (Q, F, K)) * std,
+            covariance=fit.covariance * std**2,
+            noise_weights=fit.noise_weights / std**2,
+        )
+        step = noisy.estimates(noisy.rows, noisy.residuals)
+        noisy = replace(noisy, residuals=noisy.residuals - noisy.jacobian @ step)
+        sizes.append(residual_size(noisy, white_errors(F)))
+        assert noisy.squares > 100 * noisy.noise_fit.squares
+    assert np.mean([size.ratio for size in sizes]) == pytest.approx(1.0, abs=0.05)
+    assert min(size.probability for size in sizes) > 1e-3
+
+
 def test_a_single_line_has_its_own_degrees_of_freedom():
     rng = np.random.default_rng(1)
     fit, _ = fit_of(rng, nu=3)
@@ -285,9 +306,11 @@ def robotmodels_of(cell):
     return system(cell.system).model
 
 
+@pytest.mark.parametrize("seed", range(10))
 @pytest.mark.parametrize("nu", [4, np.inf])
-def test_an_outlier_is_found_where_it_is(nu):
-    rng = np.random.default_rng(10)
+def test_an_outlier_is_found_where_it_is(nu, seed):
+    """Also where the outlier alone makes the residuals many times too large."""
+    rng = np.random.default_rng(seed)
     fit, _ = fit_of(rng, nu=nu)
     column = complex_normal(rng, (Q, F, K, 1))
     direction = Directions(("x",), ("-",), column, np.zeros((Q, F, K, P), complex))
