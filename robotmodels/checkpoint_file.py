@@ -33,9 +33,9 @@ class CheckpointFile:
     Attributes
     ----------
     path : Path
-        Of the file, which is replaced as a whole whenever it is written.
+        Path of the file, which is replaced as a whole whenever it is written.
     fingerprint : str
-        Of the problem and of the settings, so that other work is not continued.
+        Fingerprint of the problem and of the settings, so that other work is not continued.
     kind : str
         One word for its content; the schema is that and "/1".
     other : str

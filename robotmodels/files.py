@@ -71,7 +71,7 @@ def read_text(path: Path, most: int, contents: str) -> str:
     Parameters
     ----------
     path : Path
-        Of a file, no device and no pipe.
+        Path of a file, no device and no pipe.
     most : int, bytes
         Largest size of the file.
     contents : str

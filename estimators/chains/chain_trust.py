@@ -33,7 +33,7 @@ def chain_trust(
     Parameters
     ----------
     data : Data
-        That were fitted; where their noise was guessed, of the size of the misfit.
+        Data that were fitted; where their noise was guessed, of the size of the misfit.
     names : tuple of str
         Names of all that was fitted.
     values : ndarray

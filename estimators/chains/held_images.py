@@ -29,7 +29,7 @@ def held_images(found: FittedModes, sample_time: float, delay: float = 0.0) -> C
     sample_time : float, s
         T.
     delay : float, s
-        That the FRFs were corrected for, beside that of the modes.
+        Delay that the FRFs were corrected for, beside that of the modes.
     """
     omega = found.data.omega
     total = np.zeros(found.data.response.shape, dtype=complex)

@@ -25,7 +25,7 @@ class Data:
     Attributes
     ----------
     estimate : FrfEstimate
-        Of one position.
+        Estimate of one position.
     error : ndarray, (F, M, M)
         Variances of errors beside the noise, which weights allow for.
     scaled : bool

@@ -82,7 +82,7 @@ def own_line_shares(
     weighting : str
         One of `KINDS`; weights of another origin are taken to follow the noise.
     response : ndarray of complex, (Q, F, m, n)
-        At which weights were evaluated.
+        Response at which weights were evaluated.
     """
     share = np.broadcast_to(estimate.pooled_noise.own_share, response.shape)
     if weighting == "user":

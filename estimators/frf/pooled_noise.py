@@ -27,7 +27,7 @@ class PooledNoise:
     Attributes
     ----------
     variance : ndarray, (Q, F, ...)
-        From neighbouring lines alone.
+        Variance from neighbouring lines alone.
     own_share : ndarray, (Q, 1, ...)
         How much a line's own variance tells beside them, 0 to 1.
     mixed : ndarray, (Q, F, ...)

@@ -100,9 +100,9 @@ class DirectedTests:
     moved : ndarray of int, (r,)
         The parameter that an error at the limit of detection moves most.
     shift : ndarray, (r,)
-        By how many of its standard deviations.
+        Number of its standard deviations.
     degrees_of_freedom : ndarray, (r,)
-        Of the standard deviations.
+        Degrees of freedom of the standard deviations.
     """
 
     names: tuple[str, ...]
@@ -142,7 +142,7 @@ def directed_tests(
     std : ndarray, (p,)
         Standard deviations of ln theta.
     expected : float, optional
-        Of the sum of squared residuals, where they are larger: variances are then scaled by what
+        Expected sum of squared residuals, where they are larger: variances are then scaled by what
         remains of the sum beside a direction, as those of the parameters are.
     """
     if not directions.names:

@@ -49,7 +49,7 @@ class Interval:
     Attributes
     ----------
     name : str
-        Of the parameter.
+        Name of the parameter.
     value : float, SI
         Estimate.
     std : float, SI
@@ -63,7 +63,7 @@ class Interval:
         Degrees of freedom of the standard deviation; infinite for declared noise, not a number
         where those of the noise are not known.
     verdict : Verdict
-        Of this parameter, with its reason.
+        Verdict of this parameter, with its reason.
     """
 
     name: str

@@ -25,11 +25,11 @@ class LineCorrelation:
     Attributes
     ----------
     probability : float
-        Of lagged products as large if the errors are white.
+        Probability of lagged products as large if the errors are white.
     coefficients : ndarray, (F,)
         Correlation at lags 0 to F - 1, of an autoregressive process; 1, 0, 0, ... where white.
     variance : float
-        Of a whitened error, by the residuals; one where deviations were looked at.
+        Variance of a whitened error, by the residuals; one where deviations were looked at.
     data : float
         Real numbers that this was estimated from.
     """

@@ -19,7 +19,7 @@ class Scatter:
     Attributes
     ----------
     variance : ndarray, (r,)
-        Of the estimated coefficients.
+        Variance of the estimated coefficients.
     degrees_of_freedom : ndarray, (r,)
         Real ones, by Satterthwaite's approximation; infinite where the noise is declared.
     """

@@ -27,7 +27,7 @@ class LinearisedFit:
     ----------
     names : tuple of str
         The p parameters.
-    residuals : (Q, F, k) complex, or real for magnitudes
+    residuals : ndarray or ndarray of complex, (Q, F, k)
         Measured less fitted; zero where an element is not used.
     jacobian : Lines, (Q, F, k, p)
         Derivatives of the fitted values with respect to ln theta.
@@ -35,20 +35,20 @@ class LinearisedFit:
         Those of the fit; zero for elements that are not used.
     noise_weights : ndarray, (Q, F, k)
         Inverse variances of the noise, estimated without the line itself; zero where not used.
-    covariance : (Q, F, k) variances or (Q, F, k, k) Hermitian
-        Of the errors, as stated or estimated.
+    covariance : ndarray or ndarray of complex, (Q, F, k) or (Q, F, k, k)
+        Variances or Hermitian covariances of the errors, as stated or estimated.
     deviations : ndarray of complex, (Q, R, F, k), optional
         Independent draws whose outer products add up to the covariance.
     degrees_of_freedom : ndarray, (Q,)
-        Of the covariance, complex ones; infinite where it is declared.
+        Degrees of freedom of the covariance, complex ones; infinite where it is declared.
     line_correlation : ndarray, (L,)
         Correlation of errors 1 to L lines apart, where the estimator of the FRF makes one.
     prior : ndarray, (p, p)
         Information on ln theta from elsewhere.
-    scatter_factor : (Q, F, k) or 1
-        By which squared deviations are enlarged before weights that fall with the power q of the
-        line's own variance multiply them: nu/(nu - 2 q), as E[g^(1 - 2 q)] is (nu - 2 q)/nu times
-        E[g^(-2 q)] for a variance g with nu complex degrees of freedom.
+    scatter_factor : ndarray or float, (Q, F, k)
+        Factor by which squared deviations are enlarged before weights that fall with the power q of
+        the line's own variance multiply them: nu/(nu - 2 q), as E[g^(1 - 2 q)] is (nu - 2 q)/nu
+        times E[g^(-2 q)] for a variance g with nu complex degrees of freedom.
     real : bool
         Whether the residuals are real, as those of magnitudes.
     logarithmic : bool

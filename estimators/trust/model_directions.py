@@ -37,19 +37,19 @@ def model_directions(
     Parameters
     ----------
     model : Elastic
-        That was fitted.
+        Model that was fitted.
     kind : Residual
-        Of the fit.
+        Residual of the fit.
     positions : ndarray, (Q, n), rad
         Positions.
     omega : ndarray, (F,), rad/s
         Angular frequencies.
-    values : (p,) [SI]
+    values : ndarray, (p,), SI
         Fitted.
     at : tuple
         FRF of the model at the fit, (Q, F, m, n), and its derivatives with respect to ln theta, (Q,
         F, m, n, p).
-    used : (Q, F, m, n) of bool
+    used : ndarray of bool, (Q, F, m, n)
         Which elements the fit uses.
     """
     response, jacobian = at

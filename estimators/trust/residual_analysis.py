@@ -28,7 +28,7 @@ class ResidualAnalysis(Printed):
     Attributes
     ----------
     ratio : float
-        Of all residuals, weighted by the noise; one if model and covariance are right.
+        Ratio of all residuals, weighted by the noise; one if model and covariance are right.
     dof : tuple of float
         Degrees of freedom of its F law; the second is infinite where the noise is declared.
     p_value : float
@@ -38,7 +38,7 @@ class ResidualAnalysis(Printed):
     by_element : ndarray, (m, n)
         The same by element of the FRF; not a number where none was used.
     autocorrelation : ndarray, (L,)
-        Of the standardised residuals over 1 to L neighbouring frequencies.
+        Autocorrelation of the standardised residuals over 1 to L neighbouring frequencies.
     position_autocorrelation : ndarray, (Q,)
         Over one.
     whiteness_p_value : float

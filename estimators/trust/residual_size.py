@@ -25,9 +25,9 @@ class ResidualSize:
     numerator, denominator : float
         Degrees of freedom of the F law of this ratio; the second is infinite for declared noise.
     probability : float
-        Of residuals as large or larger if there is only noise.
+        Probability of residuals as large or larger if there is only noise.
     probability_below : float
-        Of residuals as small or smaller.
+        Probability of residuals as small or smaller.
     """
 
     ratio: float

@@ -40,11 +40,11 @@ class Evidence:
     fit : LinearisedFit
         Residuals, sensitivities, weights and noise.
     correlation : LineCorrelation
-        Of the errors along the lines.
+        Correlation of the errors along the lines.
     scatter : Scatter
         Variances of ln theta by the lines' scatter, before any scaling.
     size : ResidualSize
-        Of the residuals.
+        Size of the residuals.
     tests : DirectedTests
         Score tests of single directions.
     explanation : str, optional

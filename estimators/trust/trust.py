@@ -32,18 +32,18 @@ class Trust(Printed):
     ----------
     names : tuple of str
         The p parameters.
-    values : (p,) [SI]
+    values : ndarray, (p,), SI
         Estimates.
     scatter : Scatter
         Variances of ln theta, with their degrees of freedom, that the intervals are made of.
-    ends : (p, 2) [SI]
+    ends : ndarray, (p, 2), SI
         Lower and upper ends; not a number where the verdict gives none.
     method : str
         Where the standard deviations come from.
     verdicts, reasons : tuple of str
         Of each parameter.
     size : ResidualSize
-        Of the residuals beside the noise.
+        Size of the residuals beside the noise.
     whiteness : float
         Probability of lagged products along the lines as large if errors are white.
     lag_one : float, dimensionless

@@ -130,9 +130,9 @@ def cross_check(
     theorem1 : Uncertainty, optional
         ``covariance(fit)``; computed where None.
     posterior : Posterior, optional
-        Of the likelihood: the density exp(-V), V the cost with the noise's weights.
+        Posterior by the likelihood: the density exp(-V), V the cost with the noise's weights.
     own_cost : Posterior, optional
-        Of the fit's own cost, where its weights are not those of the noise.
+        Posterior of the fit's own cost, where its weights are not those of the noise.
     importance : ImportanceSample, optional
         Importance sample of the same fit, if computed.
     profiles : sequence of Profile

@@ -51,7 +51,7 @@ class Deviance:
     center, unit : ndarray, (p,)
         So that x is in standard deviations.
     factor : float
-        Of -log p.
+        Factor of -log p.
     """
 
     density: LogPosterior

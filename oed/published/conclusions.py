@@ -50,7 +50,7 @@ class Contest:
     total : int
         Starts.
     p : float
-        Of the exact McNemar test.
+        p-value of the exact McNemar test.
     """
 
     first: str

@@ -58,7 +58,7 @@ class Failure:
     Attributes
     ----------
     name : str
-        Of the stage, or of a section of a page.
+        Name of the stage, or of a section of a page.
     reason : str
         In one line.
     mistake : bool

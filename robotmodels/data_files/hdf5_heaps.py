@@ -41,9 +41,9 @@ def check_text_dataset(source: Path, base: int, place: int, count: int) -> None:
     base : int
         What addresses count from.
     place : int
-        Of the first of them in the file.
+        Place of the first of them in the file.
     count : int
-        Of references, one after the other.
+        Count of references, one after the other.
 
     Raises
     ------

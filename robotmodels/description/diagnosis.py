@@ -159,7 +159,7 @@ class InseparablePair:
     names : tuple of str
         Both.
     inflation : float, dimensionless
-        By how much the standard deviation of either exceeds that with the other one known.
+        Factor by which the standard deviation of either exceeds that with the other one known.
     """
 
     names: tuple[str, str]

@@ -34,7 +34,7 @@ def checked_urdf(path: Path, *, shapes: bool = False) -> ET.Element:
     Parameters
     ----------
     path : Path
-        Of the URDF.
+        Path of the URDF.
     shapes : bool
         Whether the links' collision shapes are read too.
 

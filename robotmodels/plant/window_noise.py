@@ -33,7 +33,7 @@ def window_noise(loop: SampledLoop, z: ComplexArray, samples: int, std: Array) -
     z : ndarray of complex, (F,)
         exp(j omega T) at lines of the window.
     std : ndarray, (n,), rad
-        Of the white noise on the measured angles.
+        Standard deviations of the white noise on the measured angles.
 
     Raises
     ------
