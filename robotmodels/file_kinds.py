@@ -20,7 +20,10 @@ def needed(schema: type[BaseModel]) -> str:
 def misplaced(content: dict[str, Any], schema: type[BaseModel]) -> str:
     """Return what a file is if it is of another kind than `schema`, and who takes it; or nothing.
 
-    content : of the file.
+    Parameters
+    ----------
+    content : dict of str to Any
+        Content of the file.
     """
     wanted, found = _wanted(schema), content.get("schema")
     if not wanted or not isinstance(found, str) or _kind(found) == _kind(wanted):

@@ -39,7 +39,10 @@ def dip_values(
 ) -> list[tuple[Array, Array]]:
     """Return logarithms of a gear's stiffness from every dip, and its weights, by position.
 
-    both : (2, Q) inertias at its ends.
+    Parameters
+    ----------
+    both : ndarray, (2, Q)
+        Inertias at its ends.
     """
     ends = network.ends[s].tolist()
     own = int(np.argmax(np.abs(network.selector[:, motor])))

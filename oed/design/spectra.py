@@ -100,9 +100,13 @@ class Spectra:
     def dearest(self, prices: Array, level: float) -> tuple[float, Array, IntArray]:
         """Return a bound on the price of any spectrum, the dearest spectra, and their positions.
 
-        prices : (Q, F) of a unit of power. Each single limit bounds what a position can cost; a
-        linear program is solved only where that leaves a chance of more than `level`. At most 2p
-        spectra that are dearer are returned.
+        Each single limit bounds what a position can cost; a linear program is solved only where
+        that leaves a chance of more than `level`. At most 2p spectra that are dearer are returned.
+
+        Parameters
+        ----------
+        prices : ndarray, (Q, F)
+            Prices of a unit of power.
         """
         single = [self._single(prices, r) for r in range(len(self.bounds))]
         bounds = np.stack([bound for bound, _ in single])

@@ -20,7 +20,10 @@ _RANKS = 3000
 def sensitivity_function(sensitivity: Array, support: IntArray) -> Drawing:
     """Return the candidates' sensitivity in falling order, those of the design marked.
 
-    sensitivity : (Q,) tr(M^-1 H_i)/p; at the optimum none exceeds 1 and used ones reach it.
+    Parameters
+    ----------
+    sensitivity : ndarray, (Q,)
+        tr(M^-1 H_i)/p; at the optimum none exceeds 1 and used ones reach it.
     """
 
     def draw(palette: Palette) -> Figure:

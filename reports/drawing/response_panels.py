@@ -216,7 +216,10 @@ def _panel(
 ) -> Rectangle:
     """Draw grid and spines of one panel; return the frame that clips its curves.
 
-    levels : of the horizontal lines, as parts of the height.
+    Parameters
+    ----------
+    levels : ndarray
+        Levels of the horizontal lines, as parts of the height.
     """
     x0, y0 = corner
     x = x0 + scales.across(scales.frequency_ticks())

@@ -30,7 +30,10 @@ def intervals(
 ) -> Drawing:
     """Return estimates in per cent of a reference, one standard deviation either way.
 
-    offsets, stds : of ln theta, (p,) by each of the `methods`; the reference lies at zero.
+    Parameters
+    ----------
+    offsets, stds : sequence of ndarray
+        Of ln theta, (p,) by each of the `methods`; the reference lies at zero.
     """
 
     def draw(palette: Palette) -> Figure:
@@ -77,8 +80,12 @@ def deviations(
 ) -> Drawing:
     """Return relative standard deviations on a logarithmic axis.
 
-    stds : (p,) of each study, or (k, p) of several that share a name.
-    ends : (p, 2) between which the true ones of a study lie, drawn as a bar; None for no bar.
+    Parameters
+    ----------
+    stds : sequence of ndarray
+        (p,) of each study, or (k, p) of several that share a name.
+    ends : sequence of ndarray, (p, 2), optional
+        Ends between which the true ones of a study lie, drawn as a bar; None for no bar.
     """
 
     def draw(palette: Palette) -> Figure:
@@ -182,9 +189,13 @@ def _shade(
 def corner_plot(names: Sequence[str], draws: Array, covariance: Array, truth: Array) -> Drawing:
     """Return a corner plot of draws, with Theorem 1's ellipses and the truth.
 
-    draws : (N, k) ln theta less its estimate, times 100, that is in per cent.
-    covariance : (k, k) by Theorem 1 and `truth` (k,), in the same measure; NaN where unknown. The
-        axes reach as far as the truth, however far it lies.
+    Parameters
+    ----------
+    draws : ndarray, (N, k)
+        ln theta less its estimate, times 100, that is in per cent.
+    covariance : ndarray, (k, k)
+        Covariance by Theorem 1 and `truth` (k,), in the same measure; NaN where unknown. The axes
+        reach as far as the truth, however far it lies.
     """
     spans = corner_spans(draws, covariance, truth)
 

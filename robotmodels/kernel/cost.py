@@ -46,12 +46,18 @@ NLS, LLS, LLS_MAGNITUDE = 0, 1, 2
 class Cells(NamedTuple):
     """Addresses of what the cells (a position and eight frequencies each) keep, in vectors.
 
-    omega : (cells,) frequencies.
-    matrix : (cells, entries of the triangle) what is left of A without free springs.
-    off : (cells, size) largest off-diagonal magnitude of its rows.
-    targets : NLS: (cells, elements, 3) the merged measured motor response and its weight;
-        LLS: (cells, elements, 6) merged ln magnitude and weight, then two angles and weights;
-        magnitudes only: (cells, elements, 2) these alone.
+    Attributes
+    ----------
+    omega : int, (cells,)
+        Frequencies.
+    matrix : int
+        (cells, entries of the triangle) what is left of A without free springs.
+    off : int, (cells, size)
+        Largest off-diagonal magnitude of its rows.
+    targets : int
+        NLS: (cells, elements, 3) the merged measured motor response and its weight; LLS: (cells,
+        elements, 6) merged ln magnitude and weight, then two angles and weights; magnitudes only:
+        (cells, elements, 2) these alone.
     """
 
     omega: int

@@ -61,8 +61,12 @@ class Engine(NamedTuple):
 class Drives(NamedTuple):
     """What acts at the motors, (n,): coordinate, gear ratio, torque gain and limit.
 
-    friction : (n,) Coulomb torque on the motor shaft [N m].
-    mobility : (d, n) velocity per impulse on a motor's coordinate.
+    Attributes
+    ----------
+    friction : ndarray, (n,), N m
+        Coulomb torque on the motor shaft.
+    mobility : ndarray, (d, n)
+        Velocity per impulse on a motor's coordinate.
     """
 
     coordinate: IntArray

@@ -14,6 +14,7 @@ import griffe
 PACKAGES = ("robotmodels", "estimators", "oed", "reports")
 ROOT = Path(__file__).parents[2]
 NAMED = {"parameters", "other parameters", "attributes"}
+LISTED = re.compile(r"^(\w+)(?:, \w+)* : ", re.MULTILINE)
 REMARKS = {"note", "notes", "references", "see-also", "warnings"}
 # A type is no sentence: `name : the length of it.` has its text in the wrong line.
 PROSE = re.compile(r"\b(?:the|a|an|is|are|that|which|whether|as|see)\b|[.;]$")
@@ -56,6 +57,10 @@ def _documented(node: griffe.Object) -> Iterator[griffe.Object]:
 def _faults(node: griffe.Object) -> Iterator[str]:
     for section in griffe.parse_numpy(node.docstring):
         kind = section.kind.value
+        if kind == "text":
+            for name in LISTED.findall(section.value):
+                if _has(node, name):
+                    yield f"{name} is described outside a section"
         if kind == "admonition" and section.value.kind not in REMARKS:
             yield f"{section.title!r} is no section of numpydoc"
         if kind not in NAMED:
@@ -73,7 +78,9 @@ def _faults(node: griffe.Object) -> Iterator[str]:
 
 
 def _has(node: griffe.Object, name: str) -> bool:
-    """Return whether a class or one of its bases in these packages has the attribute."""
+    """Return whether a class, its bases in these packages included, or a function has the name."""
+    if isinstance(node, griffe.Function):
+        return name in node.parameters
     return name in node.members or name in node.inherited_members
 
 

@@ -85,6 +85,7 @@ def test_numpydoc_is_accepted(tmp_path):
             "omega : [rad/s]",
             "no text",
         ),
+        ("Return a response.\n", "A response.\n\n    omega : its line.\n", "outside a section"),
         ("Parameters\n    ----------", "Paramters\n    ---------", "is no section"),
         ("        The model.\n", "        The model.\n\n    Linear in all.\n\n", "a_package"),
     ],
