@@ -27,7 +27,11 @@ def atomic_write(path: str | os.PathLike[str]) -> Iterator[Path]:
 def write_text(path: str | os.PathLike[str], text: str) -> None:
     """Write a text file that appears under its name when it is complete."""
     with atomic_write(path) as part:
-        part.write_text(text, encoding="utf-8")
+        try:
+            part.write_text(text, encoding="utf-8")
+        except OSError as error:  # of a write, it names no file
+            error.filename = error.filename or os.fspath(path)
+            raise
 
 
 @contextmanager

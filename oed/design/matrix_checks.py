@@ -8,6 +8,7 @@ from robotmodels.arrays import Array
 from robotmodels.errors import InvalidInput
 
 _SYMMETRY_TOLERANCE = 1e-9
+_MOST_SCALED = 1e100
 _PART = 64
 """Matrices that are checked at once: they stay in the cache."""
 
@@ -35,7 +36,7 @@ def check_matrices(matrices: Array, first: int = 0) -> None:
     # What is zero but for rounding is judged against the largest entry.
     least = np.where(s > 0, s, np.inf).min(axis=1, keepdims=True)
     s = np.where(s > 0, s, np.where(np.isfinite(least), least, 1.0))
-    scaled = s[:, :, None] * matrices * s[:, None, :]
+    scaled = _scaled(matrices, s)
     skew = np.abs(scaled - np.swapaxes(scaled, 1, 2)).max(axis=(1, 2))
     _refuse(skew > _SYMMETRY_TOLERANCE, "a matrix that is not symmetric", first)
     lowest = np.linalg.eigvalsh(scaled)[:, 0]
@@ -53,7 +54,7 @@ def _is_definite(matrices: Array) -> bool:
     if not (np.isfinite(matrices).all() and np.all(diagonal > 0)):
         return False
     s = 1.0 / np.sqrt(diagonal)
-    scaled = s[:, :, None] * matrices * s[:, None, :]
+    scaled = _scaled(matrices, s)
     skew = np.abs(scaled - np.swapaxes(scaled, 1, 2)).max(initial=0.0)
     if not skew <= _SYMMETRY_TOLERANCE:
         return False
@@ -64,6 +65,12 @@ def _is_definite(matrices: Array) -> bool:
     except np.linalg.LinAlgError:
         return False
     return True
+
+
+def _scaled(matrices: Array, s: Array) -> Array:
+    """Return s_i H_ij s_j; entries beyond all information stay finite, so that they are judged."""
+    with np.errstate(over="ignore"):
+        return np.clip(s[:, :, None] * matrices * s[:, None, :], -_MOST_SCALED, _MOST_SCALED)
 
 
 def _refuse(wrong: ArrayLike, what: str, first: int) -> None:

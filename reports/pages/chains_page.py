@@ -15,6 +15,7 @@ from reports.drawing.response_panels import response_panels
 from reports.parts import Cell, Column, Figure, Number, Section, Table, figure, numbers, table
 from reports.template import filled, page
 from reports.terminal.chains_summary import in_hertz, method_of, refused, unit, verdict_of
+from robotmodels.atomic_files import write_text
 
 _CLEARLY_WORSE = 1.5  # misfit of the fit with dampers over that of the modes
 
@@ -23,7 +24,8 @@ def write_chains_page(shown: MeasuredChains, source: Path, path: Path) -> None:
     """Write identified chains as one HTML file that needs nothing else."""
     count, length = shown.found.masses.shape
     title = f"{text.plural(count, 'chain')} of {length} masses"
-    path.write_text(
+    write_text(
+        path,
         page(
             title=title,
             kind="identified chains",
@@ -34,7 +36,6 @@ def write_chains_page(shown: MeasuredChains, source: Path, path: Path) -> None:
             ),
             sections=chains_sections(shown, source),
         ),
-        encoding="utf-8",
     )
 
 
@@ -46,7 +47,8 @@ def write_modes_page(error: WrongModeCount, source: Path, path: Path) -> None:
         f"Magnitudes of the motors' own FRFs and {len(error.found)} resonances that were found",
     )
     body = filled("chains_modes.html.j2", error=error, source=source, drawing=drawing)
-    path.write_text(
+    write_text(
+        path,
         page(
             title=f"{len(error.found)} resonances found, {error.expected} expected",
             kind="identified chains",
@@ -54,7 +56,6 @@ def write_modes_page(error: WrongModeCount, source: Path, path: Path) -> None:
             lead="The frequency responses do not show what was asked for.",
             sections=[Section("modes", "Resonances found", body)],
         ),
-        encoding="utf-8",
     )
 
 

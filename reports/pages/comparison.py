@@ -15,6 +15,7 @@ from reports.template import filled, page
 from reports.terminal import columns
 from reports.terminal.study_summary import study_json
 from robotmodels.arrays import Array
+from robotmodels.atomic_files import write_text
 
 Studies = Mapping[str, StudyResults]
 
@@ -45,7 +46,7 @@ def write_comparison(studies: Studies, path: Path) -> None:
         ],
     )
     path.parent.mkdir(parents=True, exist_ok=True)
-    path.write_text(content, encoding="utf-8")
+    write_text(path, content)
 
 
 def estimates(studies: Studies) -> list[Section]:

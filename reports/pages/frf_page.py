@@ -15,6 +15,7 @@ from reports.parts import Cell, Column, Figure, Number, Section, Table, figure, 
 from reports.template import filled, page
 from reports.terminal.frf_summary import excess, ranked, relative_std
 from robotmodels.arrays import Array
+from robotmodels.atomic_files import write_text
 from robotmodels.progress import StageProgress
 
 
@@ -23,7 +24,8 @@ def write_frf_page(
 ) -> None:
     """Write FRFs as one HTML file that needs nothing else."""
     title = found.robot.name if found.robot is not None else source.name
-    path.write_text(
+    write_text(
+        path,
         page(
             title=title,
             kind="measured frequency responses",
@@ -34,7 +36,6 @@ def write_frf_page(
             ),
             sections=frf_sections(found, source, progress),
         ),
-        encoding="utf-8",
     )
 
 

@@ -15,6 +15,7 @@ from reports.drawing.response_panels import response_panels
 from reports.pages import published_tables as tables
 from reports.parts import Figure, Section, figure
 from reports.template import filled, page
+from robotmodels.atomic_files import write_text
 
 _ELEMENT = 3
 """Figure 8 shows element (4,4), or the last one."""
@@ -38,7 +39,7 @@ def write_published(results: StudyResults, published: Published, path: Path) -> 
             *([] if published.rivalry is None else [_rival(published.rivalry, results)]),
         ],
     )
-    path.write_text(content, encoding="utf-8")
+    write_text(path, content)
 
 
 def _conclusions(results: StudyResults, published: Published) -> Section:

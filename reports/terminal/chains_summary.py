@@ -13,6 +13,7 @@ from oed.experiment.measured_chains import MeasuredChains
 from reports import text
 from reports.terminal.columns import WIDTH, number, plain, plural, table
 from robotmodels.arrays import Array
+from robotmodels.atomic_files import write_text
 
 _UNITS = {"m": ("kg m²", "kg"), "K": ("N m/rad", "N/m")}
 
@@ -84,7 +85,7 @@ def write_chains(shown: MeasuredChains, path: Path) -> None:
     contents["covariance"] = (
         None if any(map(refused, e.intervals)) else (e.covariance * np.outer(scale, scale)).tolist()
     )
-    path.write_text(json.dumps(contents, indent=1, allow_nan=False), encoding="utf-8")
+    write_text(path, json.dumps(contents, indent=1, allow_nan=False))
 
 
 def _contents(shown: MeasuredChains) -> dict[str, Any]:

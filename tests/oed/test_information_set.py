@@ -181,6 +181,10 @@ def one_wrong(entry):
     ("matrices", "message"),
     [
         (one_wrong([[1, np.nan], [0, 1]]), r"candidate 2 has a matrix that is not finite \(1 of 4"),
+        (
+            one_wrong([[1e-300, 1e300], [1e300, 1e-300]]),
+            "candidate 2 has a matrix that is not positive semidefinite",
+        ),
         (one_wrong([[1, 0.1], [0.2, 1]]), "candidate 2 has a matrix that is not symmetric"),
         (one_wrong([[1, 2], [2, 1]]), "candidate 2 has a matrix that is not positive semi"),
         (one_wrong([[1, 0], [0, -1]]), "candidate 2 has a matrix that is not positive semi"),

@@ -1,6 +1,7 @@
 """What ends a command that is not its user's mistake, and what names the file at fault."""
 
 import errno
+import resource
 import sys
 from concurrent.futures import CancelledError
 from pathlib import Path
@@ -11,6 +12,7 @@ import pytest
 from reports import application, cli
 from reports.commands.options import about
 from reports.commands.workers import cluster
+from robotmodels.atomic_files import write_text
 from robotmodels.errors import IdentificationError, InvalidInput, NotIdentifiable
 from robotmodels.files import disk_full, reason
 
@@ -61,6 +63,21 @@ def test_a_full_disk_is_one_line(ends, error):
 def test_a_file_that_may_not_be_read_is_named(ends):
     code, err = ends(PermissionError(errno.EACCES, "Permission denied", "out/x.h5"))
     assert (code, err) == (1, "error: out/x.h5: Permission denied\n")
+
+
+def test_a_file_that_cannot_be_written_is_named(ends, tmp_path):
+    """An error of a write, unlike that of opening a file, names none itself."""
+    path = tmp_path / "page.html"
+    path.write_text("old", encoding="utf-8")
+    limits = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (10_000, limits[1]))
+    try:
+        with pytest.raises(OSError, match="too large") as caught:
+            write_text(path, "new" * 10_000)
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, limits)
+    assert ends(caught.value) == (1, f"error: {path}: File too large\n")
+    assert [p.read_text(encoding="utf-8") for p in tmp_path.iterdir()] == ["old"]
 
 
 def test_a_fault_of_the_program_keeps_its_traceback(monkeypatch):
