@@ -1,6 +1,7 @@
 """What a robot's links look like to a collision: the URDF's ``<collision>`` shapes, or capsules."""
 
 import os
+import re
 import xml.etree.ElementTree as ET
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -14,13 +15,17 @@ from robotmodels.arrays import Array
 from robotmodels.description.ranges import MOST_LENGTH
 from robotmodels.description.urdf import locate
 from robotmodels.description.urdf_check import checked_urdf
+from robotmodels.description.xml_reader import read_xml
 from robotmodels.elastic.robot import ElasticRobot
 from robotmodels.errors import InvalidInput
+from robotmodels.files import check_file
 
 LINE_RADIUS = 1e-3
 """Of links that have neither shape nor radius: lines between joints, to a millimetre [m]."""
 
 _PACKAGE = "package://"
+_MOST_MESH = 30_000_000  # bytes; 600 000 triangles, whose hull takes a quarter of a minute
+_INDICES = ("p", "v", "h", "vcount")  # of COLLADA: what has indices into other arrays
 
 
 @dataclass(frozen=True, eq=False)
@@ -167,8 +172,24 @@ def _with_meshes_found(path: Path) -> tuple[ET.Element, tuple[str, ...]]:
                 missing.append(f"link {link.get('name')!r}: its mesh {given} is not found")
                 link.remove(collision)
             else:
+                _check_mesh(found)
                 mesh.set("filename", str(found))
     return robot, tuple(missing)
+
+
+def _check_mesh(path: Path) -> None:
+    """Refuse a mesh that is too large, or over which its reader does not end.
+
+    assimp goes round for ever over an index in a COLLADA file that is no number.
+    """
+    check_file(path, _MOST_MESH)
+    if path.suffix.lower() != ".dae":
+        return
+    for element in read_xml(path, _MOST_MESH, "COLLADA file").iter():
+        tag, text = element.tag.rpartition("}")[2], element.text or ""
+        wrong = tag in _INDICES and re.search(r"[^\s0-9]\S*", text, re.ASCII)
+        if wrong:
+            raise InvalidInput(f"{path}: <{tag}> has {wrong[0][:40]!r}; whole numbers are needed")
 
 
 def _mesh_file(given: str, urdf: Path) -> Path | None:

@@ -13,7 +13,7 @@ _MOST_NESTED = 32
 
 
 class _GuardedTree(ET.TreeBuilder):
-    """Refuses what no URDF needs as soon as it begins."""
+    """Refuses what no robot needs as soon as it begins."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -36,22 +36,31 @@ class _GuardedTree(ET.TreeBuilder):
         return super().end(tag)
 
 
-def read_xml(path: Path) -> ET.Element:
+def read_xml(path: Path, most: int = MOST_BYTES, kind: str = "URDF") -> ET.Element:
     """Return the root of an XML file.
+
+    Parameters
+    ----------
+    path : Path
+        Of the file.
+    most : int
+        Largest size of the file [bytes].
+    kind : str
+        What the file is to be, for errors.
 
     Raises
     ------
     InvalidInput
         If it cannot be read, is not well formed, defines entities or nests too deeply.
     """
-    check_file(path, MOST_BYTES)
+    check_file(path, most)
     try:
         return ET.fromstring(path.read_bytes(), parser=ET.XMLParser(target=_GuardedTree()))
     except ET.ParseError as error:
-        raise InvalidInput(f"{path}: not a well-formed URDF: {error}") from None
+        raise InvalidInput(f"{path}: not a well-formed {kind}: {error}") from None
     except (LookupError, ValueError) as error:
         # Of an encoding that Python does not have, or that is none of text.
-        raise InvalidInput(f"{path}: not a well-formed URDF: {reason(error)}") from None
+        raise InvalidInput(f"{path}: not a well-formed {kind}: {reason(error)}") from None
     except OSError as error:
         raise InvalidInput(f"{path}: cannot be read: {reason(error)}") from None
     except InvalidInput as error:

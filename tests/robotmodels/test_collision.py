@@ -233,6 +233,9 @@ def test_a_shape_that_cannot_be_read(tmp_path):
         ("far.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1e30\nf 1 2 3\nf 1 2 4\n", "finite numbers"),
         ("flat.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n", "lie in a plane or are too few"),
         ("empty.stl", "", "File is empty"),
+        ("large.stl", " " * 30_000_001, "30 MB; a file of this kind has at most 30"),
+        ("a.dae", "<a><p>0 1 1.5</p></a>", "<p> has '.5'; whole numbers are needed"),
+        ("cut.dae", "<COLLADA><p>0 1", "not a well-formed COLLADA file"),
         ("none.xyz", "a", "No suitable reader"),
     ],
 )
