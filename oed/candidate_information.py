@@ -14,6 +14,7 @@ from robotmodels.arrays import Array
 from robotmodels.elastic.spring_network import SpringNetwork
 from robotmodels.elastic.tangents import Tangents
 from robotmodels.errors import InvalidInput
+from robotmodels.memory import check_memory
 from robotmodels.noise import LoopNoise, RelativeNoise, SeparableNoise
 from robotmodels.progress import Progress
 from robotmodels.response import Elastic, check_omega, linearization, sensitivity_about
@@ -181,11 +182,14 @@ def information(
         raise InvalidInput("positions: none given; at least one candidate position is needed")
     if chunk < 1:
         raise InvalidInput(f"chunk: {chunk} positions per call; at least 1 is needed")
+    names = robot.parameters.names
+    if store is None:
+        needed = 8.0 * len(positions) * len(names) ** 2
+        check_memory(needed, "positions: the information (a `store` keeps it in a file)")
     # Several of them, where there are enough positions, for there to be something that overlaps.
     size = min(chunk, max(-(-len(positions) // 4), _WORTHWHILE))
     chunks = [positions[start : start + size] for start in range(0, len(positions), size)]
     work = ChunkInformation(robot, check_omega(omega), noise, sag)
-    names = robot.parameters.names
     found: Iterable[Array]
     if executor is None and len(chunks) == 1:
         found = map(work, chunks)

@@ -20,8 +20,11 @@ from estimators.uncertainty.walker_starts import check_starts, drawn_starts, giv
 from estimators.uncertainty.walker_store import Store
 from robotmodels.arrays import Array, IntArray, read_only
 from robotmodels.errors import InvalidInput
+from robotmodels.memory import check_memory
 from robotmodels.notebook import Printed
 from robotmodels.progress import Progress
+
+_COPIES = 2  # of the chains, while they are joined
 
 
 @dataclass(frozen=True, eq=False)
@@ -231,7 +234,7 @@ def check_sizes(p: int, ensembles: int, walkers: int, steps: int, thin: int) -> 
     Raises
     ------
     InvalidInput
-        For too few ensembles, walkers or steps.
+        For too few ensembles, walkers or steps, or more than memory holds.
     """
     if ensembles < 2:
         raise InvalidInput(f"ensembles: {ensembles}; at least 2 are needed to compare them")
@@ -244,6 +247,8 @@ def check_sizes(p: int, ensembles: int, walkers: int, steps: int, thin: int) -> 
         raise InvalidInput(
             f"steps: {steps} steps, thinned by {thin}, leave fewer than 10 snapshots"
         )
+    draws = ensembles * walkers * (steps // thin)
+    check_memory(_COPIES * 8.0 * draws * (p + 1), "posterior: ensembles, walkers, steps")
 
 
 def _fingerprint(

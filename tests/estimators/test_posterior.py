@@ -172,6 +172,7 @@ def test_the_backend_of_another_problem_is_refused(found, tmp_path):
         ({"walkers": 10}, "10 are too few for 6 parameters; at least 12"),
         ({"steps": 10}, "fewer than 10 snapshots"),
         ({"thin": 0}, "fewer than 10 snapshots"),
+        ({"steps": 10**12}, "posterior: ensembles, walkers, steps: .* GB are needed"),
         ({"scale": 0.0}, "scale: 0 is not a positive"),
         ({"noise": "unknwon"}, "noise: 'unknwon' is none of .*did you mean 'unknown'"),
         ({"prior": Prior(("k3",), [1.0], [1.0])}, "prior: 'k3' is not a free parameter"),

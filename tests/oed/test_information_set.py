@@ -116,6 +116,8 @@ def test_information_refuses_empty_work():
         information(TwoMasses(), np.empty((0, 1)), OMEGA, NOISE)
     with pytest.raises(InvalidInput, match="chunk: 0 positions"):
         information(TwoMasses(), POSITIONS, OMEGA, NOISE, chunk=0)
+    with pytest.raises(InvalidInput, match="information .a `store` keeps .* GB are needed"):
+        information(TwoMasses(), np.broadcast_to(POSITIONS[:1], (10**12, 1)), OMEGA, NOISE)
 
 
 class NoNumbers:
