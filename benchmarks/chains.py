@@ -12,10 +12,10 @@ import numpy as np
 
 from estimators.chains.identification import identify_chains
 from estimators.chains.inverse_eigenvalue import first_components, lanczos_chain
-from robotmodels.chain_responses import chain_response, modally_damped
-from robotmodels.chains import CoupledChains
-from robotmodels.errors import IdentificationError
-from robotmodels.modes import anti_resonances, resonances
+from robotmodels.common.errors import IdentificationError
+from robotmodels.linear.chain_responses import chain_response, modally_damped
+from robotmodels.linear.coupled_chains import CoupledChains
+from robotmodels.linear.modes import anti_resonances, resonances
 
 SIZES = [(m, n) for m in (1, 2, 3, 5) for n in (2, 3, 4, 6)]
 MOST_NOISY_MODES = 10  # larger sizes are timed without noise only

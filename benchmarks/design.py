@@ -22,7 +22,7 @@ from linearisation import HERE, hertz, machine
 import oed
 import robotmodels
 from robotmodels import kernel
-from robotmodels.arrays import Array
+from robotmodels.common.arrays import Array
 
 MIDDLE = SIZES[1]
 SAMPLES = 8

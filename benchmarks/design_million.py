@@ -17,8 +17,8 @@ from typing import Any
 import numpy as np
 
 import oed
-from oed.store import write_store
-from robotmodels.arrays import Array
+from oed.information_sets.stored_information import write_store
+from robotmodels.common.arrays import Array
 
 MILLION = 1_000_000
 _CHUNK = 5_000

@@ -11,7 +11,7 @@ from linearisation import HERE, peer_python
 
 import oed
 from oed.design.coordinates import whiten
-from robotmodels.arrays import Array
+from robotmodels.common.arrays import Array
 
 SIZES = (1_000, 7_920, 20_000)
 LIMIT = 70  # s of processor time, for starting, a small design and the one that is timed

@@ -17,10 +17,10 @@ from linearisation import HERE, best, hertz, machine, peer_python, positions
 
 import robotmodels
 from robotmodels import kernel
-from robotmodels.arrays import Array, ComplexArray
-from robotmodels.elastic.spring_network import SpringNetwork
-from robotmodels.noise import RelativeNoise
-from robotmodels.normal_equations import NormalEquations, normal_equations
+from robotmodels.common.arrays import Array, ComplexArray
+from robotmodels.linear.noise import RelativeNoise
+from robotmodels.linear.normal_equations import NormalEquations, normal_equations
+from robotmodels.linear.spring_network import SpringNetwork
 
 POSITIONS = 15
 FREQUENCIES = 100

@@ -22,10 +22,10 @@ import numpy as np
 import oed
 import robotmodels
 from robotmodels import kernel
-from robotmodels.arrays import Array, ComplexArray
-from robotmodels.elastic.spring_network import SpringNetwork
-from robotmodels.kernel.layout import layout
-from robotmodels.noise import RelativeNoise
+from robotmodels.common.arrays import Array, ComplexArray
+from robotmodels.kernel.elimination_order import layout
+from robotmodels.linear.noise import RelativeNoise
+from robotmodels.linear.spring_network import SpringNetwork
 
 HERE = Path(__file__).resolve().parent
 PEERS = ("numpy", "jax", "control")

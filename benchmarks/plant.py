@@ -17,8 +17,9 @@ from typing import Any
 import numpy as np
 
 import robotmodels
-from robotmodels.plant.controller import default_controller
-from robotmodels.plant.simulation import Imperfections, simulate
+from robotmodels.simulation.controller import default_controller
+from robotmodels.simulation.imperfections import Imperfections
+from robotmodels.simulation.simulate import simulate
 
 RESULTS = Path(__file__).parent / "results" / "plant.json"
 POSITIONS, PERIODS, TRANSIENT, SAMPLES, SAMPLE_TIME = 15, 2, 1, 4000, 5e-4

@@ -3,7 +3,7 @@
     python benchmarks/time_domain_rival.py [--starts 3]
 
 writes `benchmarks/results/time_domain_rival.json`. The case is that of a study's `rival`, see
-`oed.published.rival`; mujoco.sysid comes with ``pip install '.[rival]'``.
+`oed.replication.time_domain_comparison`; mujoco.sysid comes with ``pip install '.[rival]'``.
 """
 
 import argparse
@@ -13,8 +13,9 @@ import os
 import numpy as np
 from linearisation import HERE, machine
 
-from oed.published.output import rivalry_document
-from oed.published.rival import RivalChoice, compare
+from oed.replication.json_output import rivalry_document
+from oed.replication.time_domain_comparison import compare
+from oed.study.settings.replication_settings import RivalChoice
 
 RESULTS = HERE / "results" / "time_domain_rival.json"
 

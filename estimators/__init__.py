@@ -5,18 +5,13 @@ Names are loaded when used, so that ``import estimators`` stays fast.
 
 from typing import TYPE_CHECKING
 
-from robotmodels.lazy_names import loaded_when_used
+from robotmodels.common.lazy_exports import loaded_when_used
 
 if TYPE_CHECKING:
-    from estimators.chains.damper_fit import DamperFit, fit_dampers
-    from estimators.chains.identification import (
-        ChainIdentification,
-        chains_from_frf,
-        identify_chains,
-    )
-    from estimators.chains.prediction import predict_masses
-    from estimators.fisher_information import information
-    from estimators.fitting.chain_start import chain_start_values
+    from estimators.chain_dampers.damper_fit import DamperFit, fit_dampers
+    from estimators.chains.identification import chains_from_frf, identify_chains
+    from estimators.chains.identified_chains import ChainIdentification, predict_masses
+    from estimators.chains.start_values_from_chains import chain_start_values
     from estimators.fitting.fit_files import read_fits, write_fits
     from estimators.fitting.least_squares import Fit, fit, likelihood_fit, reweighted
     from estimators.fitting.multistart import EarlyStop, multistart, perturbed_starts
@@ -24,16 +19,9 @@ if TYPE_CHECKING:
     from estimators.fitting.residuals import lls, lls_magnitude, nls
     from estimators.fitting.start_values import StartValues, physics_start
     from estimators.fitting.weights import combined_weights, optimal_weights, user_weights
-    from estimators.frf.compare import (
-        Comparison,
-        Loop,
-        compare_methods,
-        designed_loop,
-        measured_loop,
-    )
     from estimators.frf.distortion import Distortion, distortion
-    from estimators.frf.estimate import FrfEstimate, simulate_frf
-    from estimators.frf.exchange import (
+    from estimators.frf.estimate_frf import estimate_frf
+    from estimators.frf.file_formats import (
         read_distortion,
         read_frf,
         read_records,
@@ -41,27 +29,40 @@ if TYPE_CHECKING:
         write_frf,
         write_records,
     )
-    from estimators.frf.local_model import local_frf
-    from estimators.frf.nonparametric import estimate_frf
-    from estimators.frf.rigid_limit import RigidLimit, check_rigid_limit
-    from estimators.frf.stationarity import Settling, settling
+    from estimators.frf.frf_estimate import FrfEstimate, simulate_frf
+    from estimators.frf.local_rational_model import local_frf
+    from estimators.frf.method_comparison import (
+        Comparison,
+        Loop,
+        compare_methods,
+        designed_loop,
+        measured_loop,
+    )
+    from estimators.frf.record_checks import Settling, settling
+    from estimators.frf.rigid_body_check import RigidLimit, check_rigid_limit
+    from estimators.sampling.convergence import Target
+    from estimators.sampling.importance_sampling import ImportanceSample, importance_sample
+    from estimators.sampling.posterior import Posterior, sample_posterior
+    from estimators.sampling.profile_likelihood import Profile, profile_likelihood
     from estimators.trust.intervals import VERDICTS, Interval, Verdict
-    from estimators.trust.residual_analysis import ResidualAnalysis, residual_analysis
     from estimators.trust.trust import Trust
-    from estimators.uncertainty.additions import best_additions
-    from estimators.uncertainty.convergence import Target
     from estimators.uncertainty.covariance import Uncertainty, covariance
-    from estimators.uncertainty.cross_check import CrossCheck, cross_check
-    from estimators.uncertainty.design_outcome import DesignOutcome, compare_with_design
     from estimators.uncertainty.identifiability import (
         Identifiability,
         fit_information,
         identifiability,
     )
-    from estimators.uncertainty.importance import ImportanceSample, importance_sample
-    from estimators.uncertainty.monte_carlo import MonteCarlo, monte_carlo
-    from estimators.uncertainty.posterior import Posterior, sample_posterior
-    from estimators.uncertainty.prediction import (
+    from estimators.uncertainty.next_measurements import (
+        DesignOutcome,
+        best_additions,
+        compare_with_design,
+    )
+    from estimators.uncertainty.residual_analysis import ResidualAnalysis, residual_analysis
+    from estimators.uncertainty.sandwich import information
+    from estimators.validation.cross_check import CrossCheck, cross_check
+    from estimators.validation.held_out_positions import Validation, validate
+    from estimators.validation.monte_carlo import MonteCarlo, monte_carlo
+    from estimators.validation.prediction import (
         FrfBand,
         ModeBand,
         WorkspaceMap,
@@ -69,92 +70,90 @@ if TYPE_CHECKING:
         predict_modes,
         workspace_map,
     )
-    from estimators.uncertainty.profile import Profile, profile_likelihood
-    from estimators.uncertainty.simulated_run import FrfExperiment
-    from estimators.uncertainty.validation import Validation, validate
+    from estimators.validation.simulated_experiment import FrfExperiment
 
 _HOMES = {
-    "ChainIdentification": "chains.identification",
-    "Comparison": "frf.compare",
-    "CrossCheck": "uncertainty.cross_check",
-    "DamperFit": "chains.damper_fit",
-    "DesignOutcome": "uncertainty.design_outcome",
+    "ChainIdentification": "chains.identified_chains",
+    "Comparison": "frf.method_comparison",
+    "CrossCheck": "validation.cross_check",
+    "DamperFit": "chain_dampers.damper_fit",
+    "DesignOutcome": "uncertainty.next_measurements",
     "Distortion": "frf.distortion",
     "EarlyStop": "fitting.multistart",
     "Fit": "fitting.least_squares",
-    "FrfBand": "uncertainty.prediction",
-    "FrfEstimate": "frf.estimate",
-    "FrfExperiment": "uncertainty.simulated_run",
+    "FrfBand": "validation.prediction",
+    "FrfEstimate": "frf.frf_estimate",
+    "FrfExperiment": "validation.simulated_experiment",
     "Identifiability": "uncertainty.identifiability",
-    "ImportanceSample": "uncertainty.importance",
+    "ImportanceSample": "sampling.importance_sampling",
     "Interval": "trust.intervals",
-    "Loop": "frf.compare",
-    "ModeBand": "uncertainty.prediction",
-    "MonteCarlo": "uncertainty.monte_carlo",
-    "Posterior": "uncertainty.posterior",
+    "Loop": "frf.method_comparison",
+    "ModeBand": "validation.prediction",
+    "MonteCarlo": "validation.monte_carlo",
+    "Posterior": "sampling.posterior",
     "Prior": "fitting.priors",
-    "Profile": "uncertainty.profile",
-    "ResidualAnalysis": "trust.residual_analysis",
-    "RigidLimit": "frf.rigid_limit",
-    "Settling": "frf.stationarity",
+    "Profile": "sampling.profile_likelihood",
+    "ResidualAnalysis": "uncertainty.residual_analysis",
+    "RigidLimit": "frf.rigid_body_check",
+    "Settling": "frf.record_checks",
     "StartValues": "fitting.start_values",
-    "Target": "uncertainty.convergence",
+    "Target": "sampling.convergence",
     "Trust": "trust.trust",
     "Uncertainty": "uncertainty.covariance",
     "VERDICTS": "trust.intervals",
-    "Validation": "uncertainty.validation",
+    "Validation": "validation.held_out_positions",
     "Verdict": "trust.intervals",
-    "WorkspaceMap": "uncertainty.prediction",
-    "best_additions": "uncertainty.additions",
-    "chain_start_values": "fitting.chain_start",
-    "check_rigid_limit": "frf.rigid_limit",
+    "WorkspaceMap": "validation.prediction",
+    "best_additions": "uncertainty.next_measurements",
+    "chain_start_values": "chains.start_values_from_chains",
+    "check_rigid_limit": "frf.rigid_body_check",
     "combined_weights": "fitting.weights",
-    "compare_methods": "frf.compare",
-    "compare_with_design": "uncertainty.design_outcome",
+    "compare_methods": "frf.method_comparison",
+    "compare_with_design": "uncertainty.next_measurements",
     "covariance": "uncertainty.covariance",
-    "cross_check": "uncertainty.cross_check",
-    "designed_loop": "frf.compare",
+    "cross_check": "validation.cross_check",
+    "designed_loop": "frf.method_comparison",
     "distortion": "frf.distortion",
-    "estimate_frf": "frf.nonparametric",
+    "estimate_frf": "frf.estimate_frf",
     "fit": "fitting.least_squares",
-    "fit_dampers": "chains.damper_fit",
+    "fit_dampers": "chain_dampers.damper_fit",
     "fit_information": "uncertainty.identifiability",
     "identifiability": "uncertainty.identifiability",
     "chains_from_frf": "chains.identification",
     "identify_chains": "chains.identification",
-    "importance_sample": "uncertainty.importance",
-    "information": "fisher_information",
+    "importance_sample": "sampling.importance_sampling",
+    "information": "uncertainty.sandwich",
     "likelihood_fit": "fitting.least_squares",
     "lls": "fitting.residuals",
     "lls_magnitude": "fitting.residuals",
-    "local_frf": "frf.local_model",
-    "measured_loop": "frf.compare",
-    "monte_carlo": "uncertainty.monte_carlo",
+    "local_frf": "frf.local_rational_model",
+    "measured_loop": "frf.method_comparison",
+    "monte_carlo": "validation.monte_carlo",
     "multistart": "fitting.multistart",
     "nls": "fitting.residuals",
     "optimal_weights": "fitting.weights",
     "perturbed_starts": "fitting.multistart",
     "physics_start": "fitting.start_values",
-    "predict_frf": "uncertainty.prediction",
-    "predict_masses": "chains.prediction",
-    "predict_modes": "uncertainty.prediction",
-    "profile_likelihood": "uncertainty.profile",
-    "read_distortion": "frf.exchange",
+    "predict_frf": "validation.prediction",
+    "predict_masses": "chains.identified_chains",
+    "predict_modes": "validation.prediction",
+    "profile_likelihood": "sampling.profile_likelihood",
+    "read_distortion": "frf.file_formats",
     "read_fits": "fitting.fit_files",
-    "read_frf": "frf.exchange",
-    "read_records": "frf.exchange",
-    "residual_analysis": "trust.residual_analysis",
+    "read_frf": "frf.file_formats",
+    "read_records": "frf.file_formats",
+    "residual_analysis": "uncertainty.residual_analysis",
     "reweighted": "fitting.least_squares",
-    "sample_posterior": "uncertainty.posterior",
-    "settling": "frf.stationarity",
-    "simulate_frf": "frf.estimate",
+    "sample_posterior": "sampling.posterior",
+    "settling": "frf.record_checks",
+    "simulate_frf": "frf.frf_estimate",
     "user_weights": "fitting.weights",
-    "validate": "uncertainty.validation",
-    "workspace_map": "uncertainty.prediction",
-    "write_distortion": "frf.exchange",
+    "validate": "validation.held_out_positions",
+    "workspace_map": "validation.prediction",
+    "write_distortion": "frf.file_formats",
     "write_fits": "fitting.fit_files",
-    "write_frf": "frf.exchange",
-    "write_records": "frf.exchange",
+    "write_frf": "frf.file_formats",
+    "write_records": "frf.file_formats",
 }
 
 __all__ = [

@@ -5,53 +5,41 @@ Names are loaded when used, so that ``import oed`` stays fast.
 
 from typing import TYPE_CHECKING
 
-from robotmodels.lazy_names import loaded_when_used
+from robotmodels.common.lazy_exports import loaded_when_used
 
 if TYPE_CHECKING:
-    from oed.candidate_information import information
     from oed.candidates.grids import candidate_positions, sobol_positions
     from oed.candidates.position_files import read_positions
     from oed.candidates.screening import Removal, ScreenedCandidates, screened_candidates
     from oed.candidates.sources import Workcell, gathered_candidates
     from oed.candidates.task_space import TaskBox, TaskPositions, task_space_positions
-    from oed.design.certificate import efficiency_bound, optimality_gap
-    from oed.design.constraints import Constraints, Group
-    from oed.design.criteria import (
+    from oed.criteria.criteria import (
         AsCriterion,
         CCriterion,
         DsCriterion,
         ICriterion,
         MixtureCriterion,
     )
-    from oed.design.predictions import log_frf_gradients, log_resonance_gradients, prediction_matrix
-    from oed.design.relaxed import Design, optimal_design
-    from oed.design.robust import (
-        AverageCriterion,
-        InformationSamples,
-        MaximinCriterion,
-        RobustDesign,
-        robust_design,
+    from oed.criteria.prediction_variance import (
+        log_frf_gradients,
+        log_resonance_gradients,
+        prediction_matrix,
     )
-    from oed.design.sensor_rows import sensor_information
+    from oed.criteria.robust_criteria import AverageCriterion, MaximinCriterion
+    from oed.design.certificate import efficiency_bound, optimality_gap
+    from oed.design.constraints import Constraints, Group
+    from oed.design.design import Design
+    from oed.design.optimal_design import optimal_design
+    from oed.design.robust_design import RobustDesign, robust_design
     from oed.design.sensors import Sensor, SensorDesign, optimal_sensors
-    from oed.design.spectra import LineLimit
     from oed.design.spectrum import SpectrumDesign, optimal_spectrum
-    from oed.design.spectrum_lines import line_information, speed_cost
-    from oed.experiment.crest import crest_factor, reduced_crest
-    from oed.experiment.moves import Move, MoveLimits, move
-    from oed.experiment.multisine import Multisine, band_multisine, fourier_matrix, random_phases
-    from oed.experiment.peaks import Peaks, predicted_peaks
-    from oed.experiment.plan import ExperimentPlan, experiment_plan
-    from oed.experiment.plan_export import export_csv, export_mat
-    from oed.experiment.scaling import Binding, Limits, Scaling, scale
-    from oed.information_set import InformationSet
-    from oed.plans.branch_and_bound import BestPlans, best_plans
-    from oed.plans.climbing import Region
-    from oed.plans.exact import ExactDesign, exact_design
-    from oed.plans.order import VisitingOrder, visiting_order
-    from oed.plans.refine import RefinedDesign, refined_design, refined_over
-    from oed.plans.scoring import Addition, Score, score
-    from oed.plans.sequential import (
+    from oed.design.spectrum_polytope import LineLimit
+    from oed.exact.best_plans import BestPlans, best_plans
+    from oed.exact.exact_design import ExactDesign, exact_design
+    from oed.exact.local_ascent import Region
+    from oed.exact.off_grid import RefinedDesign, refined_design, refined_over
+    from oed.exact.plan_score import Addition, Score, score
+    from oed.exact.sequential import (
         ExperimentCurve,
         Needed,
         NextExperiments,
@@ -60,99 +48,112 @@ if TYPE_CHECKING:
         measured_information,
         next_experiments,
     )
-    from oed.store import StoredInformation
-    from oed.trials.comparison import compare_plans
-    from oed.trials.outcome import PlanComparison, PlanTrial
-    from oed.trials.rivals import even_plan, grid_plan, random_plan
+    from oed.experiment.amplitude_scaling import Binding, Limits, Scaling, scale
+    from oed.experiment.crest import crest_factor, reduced_crest
+    from oed.experiment.experiment_plan import ExperimentPlan, experiment_plan
+    from oed.experiment.moves import Move, MoveLimits, move
+    from oed.experiment.multisine import Multisine, band_multisine, fourier_matrix, random_phases
+    from oed.experiment.plan_export import export_csv, export_mat
+    from oed.experiment.predicted_peaks import Peaks, predicted_peaks
+    from oed.experiment.visiting_order import VisitingOrder, visiting_order
+    from oed.information_sets.candidates import InformationSamples
+    from oed.information_sets.compute import information
+    from oed.information_sets.information_set import InformationSet
+    from oed.information_sets.per_line import line_information, speed_cost
+    from oed.information_sets.per_sensor import sensor_information
+    from oed.information_sets.stored_information import StoredInformation
+    from oed.plan_comparison.baseline_plans import even_plan, grid_plan, random_plan
+    from oed.plan_comparison.compare_plans import compare_plans
+    from oed.plan_comparison.plan_comparison import PlanComparison, PlanTrial
 
 _HOMES = {
-    "Addition": "plans.scoring",
-    "AsCriterion": "design.criteria",
-    "AverageCriterion": "design.robust",
-    "BestPlans": "plans.branch_and_bound",
-    "Binding": "experiment.scaling",
-    "CCriterion": "design.criteria",
+    "Addition": "exact.plan_score",
+    "AsCriterion": "criteria.criteria",
+    "AverageCriterion": "criteria.robust_criteria",
+    "BestPlans": "exact.best_plans",
+    "Binding": "experiment.amplitude_scaling",
+    "CCriterion": "criteria.criteria",
     "Constraints": "design.constraints",
-    "Design": "design.relaxed",
-    "DsCriterion": "design.criteria",
-    "ExactDesign": "plans.exact",
-    "ExperimentCurve": "plans.sequential",
-    "ExperimentPlan": "experiment.plan",
+    "Design": "design.design",
+    "DsCriterion": "criteria.criteria",
+    "ExactDesign": "exact.exact_design",
+    "ExperimentCurve": "exact.sequential",
+    "ExperimentPlan": "experiment.experiment_plan",
     "Group": "design.constraints",
-    "ICriterion": "design.criteria",
-    "InformationSamples": "design.robust",
-    "InformationSet": "information_set",
-    "Limits": "experiment.scaling",
-    "LineLimit": "design.spectra",
-    "MaximinCriterion": "design.robust",
-    "MixtureCriterion": "design.criteria",
+    "ICriterion": "criteria.criteria",
+    "InformationSamples": "information_sets.candidates",
+    "InformationSet": "information_sets.information_set",
+    "Limits": "experiment.amplitude_scaling",
+    "LineLimit": "design.spectrum_polytope",
+    "MaximinCriterion": "criteria.robust_criteria",
+    "MixtureCriterion": "criteria.criteria",
     "Move": "experiment.moves",
     "MoveLimits": "experiment.moves",
     "Multisine": "experiment.multisine",
-    "Needed": "plans.sequential",
-    "NextExperiments": "plans.sequential",
-    "Peaks": "experiment.peaks",
-    "PlanComparison": "trials.outcome",
-    "PlanTrial": "trials.outcome",
-    "RefinedDesign": "plans.refine",
-    "Region": "plans.climbing",
+    "Needed": "exact.sequential",
+    "NextExperiments": "exact.sequential",
+    "Peaks": "experiment.predicted_peaks",
+    "PlanComparison": "plan_comparison.plan_comparison",
+    "PlanTrial": "plan_comparison.plan_comparison",
+    "RefinedDesign": "exact.off_grid",
+    "Region": "exact.local_ascent",
     "Removal": "candidates.screening",
-    "RobustDesign": "design.robust",
-    "Scaling": "experiment.scaling",
-    "Score": "plans.scoring",
+    "RobustDesign": "design.robust_design",
+    "Scaling": "experiment.amplitude_scaling",
+    "Score": "exact.plan_score",
     "ScreenedCandidates": "candidates.screening",
     "Sensor": "design.sensors",
     "SensorDesign": "design.sensors",
     "SpectrumDesign": "design.spectrum",
-    "StoredInformation": "store",
+    "StoredInformation": "information_sets.stored_information",
     "TaskBox": "candidates.task_space",
     "TaskPositions": "candidates.task_space",
-    "VisitingOrder": "plans.order",
+    "VisitingOrder": "experiment.visiting_order",
     "Workcell": "candidates.sources",
     "band_multisine": "experiment.multisine",
-    "best_plans": "plans.branch_and_bound",
+    "best_plans": "exact.best_plans",
     "candidate_positions": "candidates.grids",
-    "compare_plans": "trials.comparison",
+    "compare_plans": "plan_comparison.compare_plans",
     "crest_factor": "experiment.crest",
     "efficiency_bound": "design.certificate",
-    "even_plan": "trials.rivals",
-    "exact_design": "plans.exact",
-    "experiment_curve": "plans.sequential",
-    "experiment_plan": "experiment.plan",
-    "experiments_needed": "plans.sequential",
+    "even_plan": "plan_comparison.baseline_plans",
+    "exact_design": "exact.exact_design",
+    "experiment_curve": "exact.sequential",
+    "experiment_plan": "experiment.experiment_plan",
+    "experiments_needed": "exact.sequential",
     "export_csv": "experiment.plan_export",
     "export_mat": "experiment.plan_export",
     "fourier_matrix": "experiment.multisine",
     "gathered_candidates": "candidates.sources",
-    "grid_plan": "trials.rivals",
-    "information": "candidate_information",
-    "line_information": "design.spectrum_lines",
-    "log_frf_gradients": "design.predictions",
-    "log_resonance_gradients": "design.predictions",
-    "measured_information": "plans.sequential",
+    "grid_plan": "plan_comparison.baseline_plans",
+    "information": "information_sets.compute",
+    "line_information": "information_sets.per_line",
+    "log_frf_gradients": "criteria.prediction_variance",
+    "log_resonance_gradients": "criteria.prediction_variance",
+    "measured_information": "exact.sequential",
     "move": "experiment.moves",
-    "next_experiments": "plans.sequential",
-    "optimal_design": "design.relaxed",
+    "next_experiments": "exact.sequential",
+    "optimal_design": "design.optimal_design",
     "optimal_sensors": "design.sensors",
     "optimal_spectrum": "design.spectrum",
     "optimality_gap": "design.certificate",
-    "predicted_peaks": "experiment.peaks",
-    "prediction_matrix": "design.predictions",
+    "predicted_peaks": "experiment.predicted_peaks",
+    "prediction_matrix": "criteria.prediction_variance",
     "random_phases": "experiment.multisine",
-    "random_plan": "trials.rivals",
+    "random_plan": "plan_comparison.baseline_plans",
     "read_positions": "candidates.position_files",
     "reduced_crest": "experiment.crest",
-    "refined_design": "plans.refine",
-    "refined_over": "plans.refine",
-    "robust_design": "design.robust",
-    "scale": "experiment.scaling",
-    "score": "plans.scoring",
+    "refined_design": "exact.off_grid",
+    "refined_over": "exact.off_grid",
+    "robust_design": "design.robust_design",
+    "scale": "experiment.amplitude_scaling",
+    "score": "exact.plan_score",
     "screened_candidates": "candidates.screening",
-    "sensor_information": "design.sensor_rows",
+    "sensor_information": "information_sets.per_sensor",
     "sobol_positions": "candidates.grids",
-    "speed_cost": "design.spectrum_lines",
+    "speed_cost": "information_sets.per_line",
     "task_space_positions": "candidates.task_space",
-    "visiting_order": "plans.order",
+    "visiting_order": "experiment.visiting_order",
 }
 
 __all__ = [

@@ -14,8 +14,8 @@ import typer
 from reports.commands import register_all
 from reports.commands.options import fail
 from reports.commands.stopping import watched_signals
-from robotmodels.errors import IdentificationError
-from robotmodels.files import disk_full, reason
+from robotmodels.common.errors import IdentificationError
+from robotmodels.common.file_paths import disk_full, reason
 
 app = typer.Typer(
     no_args_is_help=True,

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from robotmodels.arrays import Array
+from robotmodels.common.arrays import Array
 
 THIN = "\u202f"  # narrow no-break space
 MINUS = "\u2212"

@@ -5,7 +5,7 @@ Names are loaded when used, so that ``import robotmodels`` stays fast.
 
 from typing import TYPE_CHECKING
 
-from robotmodels.errors import (
+from robotmodels.common.errors import (
     IdentificationError,
     IdentificationWarning,
     InvalidInput,
@@ -13,71 +13,77 @@ from robotmodels.errors import (
     NotIdentifiable,
     SolverFailed,
 )
-from robotmodels.lazy_names import loaded_when_used
+from robotmodels.common.lazy_exports import loaded_when_used
 
 if TYPE_CHECKING:
-    from robotmodels.at_values import AtValues
-    from robotmodels.chain_responses import (
+    from robotmodels.collision.obstacles import Box, Plane, Sphere
+    from robotmodels.collision.surroundings import Surroundings, surroundings
+    from robotmodels.common.process_pool import ProcessPool
+    from robotmodels.description.parameters import Parameters
+    from robotmodels.elastic.robot import ElasticRobot
+    from robotmodels.library import builtin_robots, load_robot
+    from robotmodels.linear.chain_responses import (
         chain_response,
         constrained_response,
         modally_damped,
         position_controlled,
     )
-    from robotmodels.chains import CoupledChains
-    from robotmodels.collision.obstacles import Box, Plane, Sphere
-    from robotmodels.collision.surroundings import Surroundings, surroundings
-    from robotmodels.description.parameters import Parameters
-    from robotmodels.elastic.robot import ElasticRobot
-    from robotmodels.elastic.spring_network import SpringNetwork
-    from robotmodels.library import builtin_robots, load_robot
-    from robotmodels.linear_model import LinearModel
-    from robotmodels.modes import anti_resonances, clamped, damped_modes, resonances, rigid_modes
-    from robotmodels.noise import RelativeNoise
-    from robotmodels.plant.closed_loop import ClosedLoopNoise
-    from robotmodels.plant.controller import Controller, default_controller
-    from robotmodels.plant.linear import simulate_linear
-    from robotmodels.plant.simulation import Imperfections, simulate
-    from robotmodels.process_pool import ProcessPool
-    from robotmodels.record_files import iterate_records, save_records
-    from robotmodels.records import Records
-    from robotmodels.response import frequency_response, linearize, sensitivity
+    from robotmodels.linear.coupled_chains import CoupledChains
+    from robotmodels.linear.linear_model import LinearModel
+    from robotmodels.linear.modes import (
+        anti_resonances,
+        clamped,
+        damped_modes,
+        resonances,
+        rigid_modes,
+    )
+    from robotmodels.linear.noise import RelativeNoise
+    from robotmodels.linear.response import frequency_response, linearize, sensitivity
+    from robotmodels.linear.spring_network import SpringNetwork
+    from robotmodels.linear.with_parameters import AtValues
+    from robotmodels.records.records import Records, iterate_records, save_records
+    from robotmodels.simulation.controller import Controller, default_controller
+    from robotmodels.simulation.imperfections import Imperfections
+    from robotmodels.simulation.linear_simulation import simulate_linear
+    from robotmodels.simulation.loop_noise import ClosedLoopNoise
+    from robotmodels.simulation.simulate import simulate
 
 _HOMES = {
-    "AtValues": "at_values",
+    "AtValues": "linear.with_parameters",
     "Box": "collision.obstacles",
-    "ClosedLoopNoise": "plant.closed_loop",
-    "Controller": "plant.controller",
-    "CoupledChains": "chains",
+    "ClosedLoopNoise": "simulation.loop_noise",
+    "Controller": "simulation.controller",
+    "CoupledChains": "linear.coupled_chains",
     "ElasticRobot": "elastic.robot",
-    "Imperfections": "plant.simulation",
-    "LinearModel": "linear_model",
+    "Imperfections": "simulation.imperfections",
+    "LinearModel": "linear.linear_model",
     "Parameters": "description.parameters",
     "Plane": "collision.obstacles",
-    "ProcessPool": "process_pool",
-    "Records": "records",
-    "RelativeNoise": "noise",
+    "ProcessPool": "common.process_pool",
+    "Records": "records.records",
+    "RelativeNoise": "linear.noise",
     "Sphere": "collision.obstacles",
-    "SpringNetwork": "elastic.spring_network",
+    "SpringNetwork": "linear.spring_network",
     "Surroundings": "collision.surroundings",
-    "anti_resonances": "modes",
+    "anti_resonances": "linear.modes",
     "builtin_robots": "library",
-    "chain_response": "chain_responses",
-    "clamped": "modes",
-    "constrained_response": "chain_responses",
-    "damped_modes": "modes",
-    "default_controller": "plant.controller",
-    "frequency_response": "response",
-    "iterate_records": "record_files",
-    "linearize": "response",
+    "chain_response": "linear.chain_responses",
+    "clamped": "linear.modes",
+    "constrained_response": "linear.chain_responses",
+    "damped_modes": "linear.modes",
+    "default_controller": "simulation.controller",
+    "frequency_response": "linear.response",
+    "iterate_records": "records.records",
+    "linearize": "linear.response",
     "load_robot": "library",
-    "modally_damped": "chain_responses",
-    "position_controlled": "chain_responses",
-    "resonances": "modes",
-    "rigid_modes": "modes",
-    "save_records": "record_files",
-    "sensitivity": "response",
-    "simulate": "plant.simulation",
-    "simulate_linear": "plant.linear",
+    "modally_damped": "linear.chain_responses",
+    "position_controlled": "linear.chain_responses",
+    "resonances": "linear.modes",
+    "rigid_modes": "linear.modes",
+    "save_records": "records.records",
+    "sensitivity": "linear.response",
+    "simulate": "simulation.simulate",
+    "simulate_linear": "simulation.linear_simulation",
     "surroundings": "collision.surroundings",
 }
 

@@ -4,15 +4,15 @@ from dataclasses import replace
 
 import numpy as np
 
-from estimators.chains.modal_data import Data
 from estimators.chains.modal_model import ModalLayout, modal_sensitivity
+from estimators.chains.whitened_frf import Data
 from estimators.trust.directed_tests import Directions
 from estimators.trust.intervals import Interval, Verdict
 from estimators.trust.line_scatter import Scatter
 from estimators.trust.linearised_fit import LinearisedFit, Lines
 from estimators.trust.rule import gather_evidence, judge, variance_scale
 from estimators.trust.trust import LEVEL, Trust
-from robotmodels.arrays import Array, ComplexArray, read_only
+from robotmodels.common.arrays import Array, ComplexArray, read_only
 
 ABOVE = ".above"
 """Ends the names of what is counted from an offset."""

@@ -12,10 +12,10 @@ which count where noise is as small.
 
 import numpy as np
 
-from estimators.chains.modal_data import Data
 from estimators.chains.modal_model import modal_response
 from estimators.chains.modes import FittedModes
-from robotmodels.arrays import Array, ComplexArray
+from estimators.chains.whitened_frf import Data
+from robotmodels.common.arrays import Array, ComplexArray
 
 _IMAGES = 40
 _COUNTS = 0.02  # of a standard deviation, from which on images are taken off

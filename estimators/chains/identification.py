@@ -1,142 +1,32 @@
 """Inverse eigenvalue identification of coupled chains from FRFs, [HBH] in full, with covariance."""
 
-from dataclasses import dataclass, replace
-from functools import cached_property
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from estimators.chains.estimate import ChainEstimate, inverse_estimate, structured_estimate
+from estimators.chains.chain_estimate import inverse_estimate, structured_estimate
 from estimators.chains.held_images import held_images, image_size, images_count
-from estimators.chains.maps import ChainLayout, forward_map, inverse_map, inverse_slope
-from estimators.chains.modal_data import Data, prepared
-from estimators.chains.modes import FittedModes, Shapes, fit_modes, with_excess
-from estimators.chains.order import (
+from estimators.chains.identified_chains import ChainIdentification
+from estimators.chains.model_order import (
     OrderProposal,
     WrongModeCount,
     check_not_too_few,
     check_not_too_many,
     propose_order,
 )
-from estimators.frf.estimate import FrfEstimate
-from estimators.frf.friction_band import unfrictioned
-from robotmodels.arrays import Array, ComplexArray, real_numbers
-from robotmodels.chains import CoupledChains
-from robotmodels.errors import InvalidInput, NotIdentifiable
-from robotmodels.response import check_omega
+from estimators.chains.modes import FittedModes, Shapes, fit_modes, with_excess
+from estimators.chains.parameter_maps import ChainLayout
+from estimators.chains.whitened_frf import Data, prepared, unfrictioned
+from estimators.frf.frf_estimate import FrfEstimate
+from robotmodels.common.arrays import Array, ComplexArray, real_numbers
+from robotmodels.common.errors import InvalidInput, NotIdentifiable
+from robotmodels.linear.response import check_omega
 
 # FRFs whose imaginary part is below this share are computed for undamped chains, not measured.
 _ROUNDING = 1e-10
 _MISFIT = 2.0  # over noise, from which on errors beyond the noise are allowed for
-
-
-@dataclass(frozen=True, eq=False)
-class ChainIdentification:
-    """Chains identified from FRFs.
-
-    Attributes
-    ----------
-    modes : FittedModes
-        Poles, zeros and gains.
-    inverse : ChainEstimate
-        Solution of the inverse eigenvalue problem.
-    structured : ChainEstimate
-        Maximum-likelihood chains started from it; the result, which `masses`, `springs` and
-        `couplings` show.
-    cost : float
-        Cost of the structured fit; what it exceeds the modes' by tells whether these are chains.
-    order : OrderProposal or None
-        How N was proposed, or None where it was given.
-    left_out : int
-        Lines at the low end left out for friction.
-    excess : float
-        Relative error added to the covariance given, so that it explains the misfit; 0 where it
-        did.
-    """
-
-    modes: FittedModes
-    inverse: ChainEstimate
-    structured: ChainEstimate
-    cost: float
-    order: OrderProposal | None
-    left_out: int
-    excess: float
-
-    @property
-    def masses(self) -> Array:
-        """(M, N) [kg]."""
-        return np.asarray(self.structured.layout.split(self.structured.values)[0])
-
-    @property
-    def springs(self) -> Array:
-        """(M, N - 1) [N/m]."""
-        return np.asarray(self.structured.layout.split(self.structured.values)[1])
-
-    @property
-    def couplings(self) -> Array:
-        """(M, M), zero diagonal [kg]."""
-        return np.asarray(self.structured.layout.split(self.structured.values)[2])
-
-    @property
-    def names(self) -> tuple[str, ...]:
-        """Names of masses, springs and couplings, in the order of `covariance`."""
-        return self.structured.names
-
-    @property
-    def covariance(self) -> Array:
-        """(k, k) of the values in SI units."""
-        return self.structured.covariance
-
-    @property
-    def n_masses(self) -> int:
-        """Number N of masses in a chain."""
-        return self.structured.layout.masses
-
-    @property
-    def chains(self) -> CoupledChains:
-        """The chains, undamped; for dampers see `estimators.fit_dampers`."""
-        return self.structured.chains
-
-    @property
-    def notes(self) -> tuple[str, ...]:
-        """What looks doubtful, one sentence each."""
-        from estimators.chains.notes import notes
-
-        return notes(self)
-
-    @property
-    def misfit(self) -> float:
-        """Squared residuals of the modes over their expectation; near 1 where noise is all."""
-        return float("nan") if self.modes.data.scaled else self.modes.misfit
-
-    @cached_property
-    def structure_p_value(self) -> float:
-        """Probability by chance of modes at least as unlike any chains' as these.
-
-        Modes of M > 1 chains of N > 2 masses are more numbers than the chains have parameters. What
-        the inverse problem and back again changes them by, h, is tested against its own
-        covariance (Wald). NaN where nothing is to be tested.
-        """
-        from scipy.stats import chi2
-
-        layout, found = self.inverse.layout, self.modes
-        p, k = layout.modal.size, len(self.inverse.values)
-        spare = p - k
-        if spare < 1 or found.data.undamped:
-            return float("nan")
-        x = found.x[:p]
-        theta = inverse_map(x, layout)
-        back, slope = forward_map(theta, layout, found.shapes)
-        scale = np.where(np.arange(k) < layout.positive, theta, 1.0)
-        H = slope @ (inverse_slope(x, layout) / scale[:, None]) - np.eye(p)
-        values, vectors = np.linalg.eigh(H @ found.covariance[:p, :p] @ H.T)
-        parts = (vectors.T @ (back - x))[-spare:] ** 2 / values[-spare:]
-        return float(chi2.sf(parts.sum(), spare))
-
-    def __str__(self) -> str:
-        said = [f"note: {note}" for note in self.notes]
-        return "\n".join([str(self.structured), str(self.inverse), *said])
 
 
 def identify_chains(
@@ -251,7 +141,7 @@ def _layout(data: Data, n_masses: int | None) -> tuple[ChainLayout, OrderProposa
 def _modes(data: Data, layout: ChainLayout) -> tuple[FittedModes, float]:
     """Return the modes, as many as the chains have, and the excess error, or refuse."""
     if data.undamped:
-        from estimators.chains.rational import exact_poles
+        from estimators.chains.rational_approximation import exact_poles
 
         squares = exact_poles(data.omega, data.response.real)
         if len(squares) != layout.modes:

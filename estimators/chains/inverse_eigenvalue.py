@@ -12,8 +12,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from robotmodels.arrays import Array
-from robotmodels.errors import InvalidInput, NotIdentifiable
+from robotmodels.common.arrays import Array
+from robotmodels.common.errors import InvalidInput, NotIdentifiable
 
 
 @dataclass(frozen=True, eq=False)

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from estimators.chains.inverse_eigenvalue import zeros_between
-from robotmodels.arrays import Array, ComplexArray
+from robotmodels.common.arrays import Array, ComplexArray
 
 
 @dataclass(frozen=True)

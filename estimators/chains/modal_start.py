@@ -5,12 +5,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from estimators.chains.modal_model import ModalLayout
-from estimators.chains.rational import candidate_poles, exact_poles, vector_fit
-from robotmodels.arrays import Array, ComplexArray
-from robotmodels.errors import NotIdentifiable
+from estimators.chains.rational_approximation import candidate_poles, exact_poles, vector_fit
+from robotmodels.common.arrays import Array, ComplexArray
+from robotmodels.common.errors import NotIdentifiable
 
 if TYPE_CHECKING:
-    from estimators.chains.modal_data import Data
+    from estimators.chains.whitened_frf import Data
 
 _DELAYS = 401
 

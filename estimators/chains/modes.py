@@ -7,7 +7,6 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from estimators.chains.modal_data import Data, relative_variance
 from estimators.chains.modal_model import (
     ModalLayout,
     anti_resonance_squares,
@@ -15,8 +14,9 @@ from estimators.chains.modal_model import (
     modal_sensitivity,
 )
 from estimators.chains.modal_start import modal_start, undamped_start
-from robotmodels.arrays import Array, ComplexArray
-from robotmodels.errors import NotIdentifiable
+from estimators.chains.whitened_frf import Data, relative_variance
+from robotmodels.common.arrays import Array, ComplexArray
+from robotmodels.common.errors import NotIdentifiable
 
 Shapes = Literal["auto", "real", "complex"]
 

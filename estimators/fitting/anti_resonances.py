@@ -3,9 +3,9 @@
 import numpy as np
 
 from estimators.fitting.weights import MINIMUM_SNR
-from estimators.frf.estimate import FrfEstimate
-from robotmodels.arrays import Array
-from robotmodels.elastic.spring_network import SpringNetwork
+from estimators.frf.frf_estimate import FrfEstimate
+from robotmodels.common.arrays import Array
+from robotmodels.linear.spring_network import SpringNetwork
 
 # ln |G| that a dip must lie below its surroundings to be no noise.
 PROMINENCE = 0.7

@@ -10,10 +10,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from estimators.fitting.weights import user_weights
-from estimators.frf.estimate import FrfEstimate
-from robotmodels.arrays import Array, IntArray
-from robotmodels.elastic.spring_network import SpringNetwork
-from robotmodels.errors import IdentificationError
+from estimators.frf.frf_estimate import FrfEstimate
+from robotmodels.common.arrays import Array, IntArray
+from robotmodels.common.errors import IdentificationError
+from robotmodels.linear.spring_network import SpringNetwork
 
 # Changes that each group is tried with.
 _FACTORS = np.log([0.25, 0.5, 0.7, 0.85, 1.2, 1.4, 2.0, 4.0])

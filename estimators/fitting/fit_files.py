@@ -13,16 +13,15 @@ import numpy as np
 
 from estimators.fitting.least_squares import Fit
 from estimators.fitting.priors import Prior
-from estimators.fitting.residuals import find_residual
-from estimators.fitting.robust import check_loss
-from estimators.frf.estimate import FrfEstimate, is_full
-from robotmodels.arrays import Array, ComplexArray, IntArray, read_only
-from robotmodels.atomic_files import atomic_write
+from estimators.fitting.residuals import check_loss, find_residual
+from estimators.frf.frf_estimate import FrfEstimate, is_full
+from robotmodels.common.arrays import Array, ComplexArray, IntArray, read_only
+from robotmodels.common.atomic_files import atomic_write
+from robotmodels.common.errors import InvalidInput
 from robotmodels.data_files.array_schema import ArraySchema, Field
 from robotmodels.data_files.hdf5_file import Hdf5Group, open_hdf5
 from robotmodels.description.parameters import Parameters
-from robotmodels.errors import InvalidInput
-from robotmodels.response import Elastic
+from robotmodels.linear.response import Elastic
 
 SCHEMA = "fits/1"
 _NAMES = Field(("parameter",), "text")

@@ -8,18 +8,18 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from estimators.fitting.chosen_weights import chosen_weights
-from estimators.fitting.cost import Problem, stated
+from estimators.fitting.fit_problem import Problem, stated
 from estimators.fitting.priors import Prior
 from estimators.fitting.residuals import find_residual
 from estimators.fitting.search import check_effort, search
 from estimators.fitting.start_values import named_start
 from estimators.fitting.trust_region import Outcome
-from estimators.frf.estimate import FrfEstimate
-from robotmodels.arrays import Array, ComplexArray, IntArray, read_only
+from estimators.fitting.weight_choice import chosen_weights
+from estimators.frf.frf_estimate import FrfEstimate
+from robotmodels.common.arrays import Array, ComplexArray, IntArray, read_only
+from robotmodels.common.printing import Printed
 from robotmodels.description.parameters import Parameters
-from robotmodels.notebook import Printed
-from robotmodels.response import Elastic, frequency_response
+from robotmodels.linear.response import Elastic, frequency_response
 
 if TYPE_CHECKING:
     from estimators.trust.intervals import Interval, Verdict
@@ -106,7 +106,7 @@ class Fit(Printed):
     @cached_property
     def trust(self) -> "Trust":
         """How far the fit can be trusted, with all evidence."""
-        from estimators.trust.trust import trust
+        from estimators.fitting.fit_trust import trust
 
         return trust(self)
 

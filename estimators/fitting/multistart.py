@@ -10,18 +10,18 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from estimators.fitting.cost import Problem, stated
+from estimators.fitting.fit_problem import Problem, stated
 from estimators.fitting.least_squares import Fit, as_fit
 from estimators.fitting.priors import Prior
 from estimators.fitting.search import check_effort, search_or_reason
-from estimators.fitting.search_store import SearchStore, problem_fingerprint
+from estimators.fitting.search_checkpoint import SearchStore, problem_fingerprint
 from estimators.fitting.trust_region import START_FAILED, STOPPED, Outcome
-from estimators.frf.estimate import FrfEstimate
-from robotmodels.arrays import Array, IntArray
+from estimators.frf.frf_estimate import FrfEstimate
+from robotmodels.common.arrays import Array, IntArray
+from robotmodels.common.errors import InvalidInput
+from robotmodels.common.progress import Progress
 from robotmodels.description.parameters import Parameters
-from robotmodels.errors import InvalidInput
-from robotmodels.progress import Progress
-from robotmodels.response import Elastic
+from robotmodels.linear.response import Elastic
 
 # A start, and what an earlier search from there came to.
 _Begun = tuple[Array, Outcome | None]

@@ -1,18 +1,15 @@
-"""Residuals between measured and modelled FRFs, and what a logarithm does to noise and slopes.
+"""Residuals of FRFs, [WM] (4c) and (7c), and losses that count large ones less."""
 
-Residual, weights and positions are independent choices: the six estimators of [WM] are products
-of them.
-"""
-
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from estimators.frf.estimate import is_full, place, vec
-from robotmodels.arrays import Array, ComplexArray
-from robotmodels.errors import InvalidInput, nearest
-from robotmodels.normal_equations import Residual as Name
+from estimators.frf.frf_estimate import is_full, place, vec
+from robotmodels.common.arrays import Array, ComplexArray
+from robotmodels.common.errors import InvalidInput, nearest
+from robotmodels.linear.normal_equations import Residual as Name
 
 # Relative error of J/G, two complex products and a division of some epsilons each.
 ROUNDING = 16 * float(np.finfo(float).eps)
@@ -142,3 +139,78 @@ def find_residual(name: str | Residual) -> Residual:
             f"residual {name!r} is none of {', '.join(RESIDUALS)}{nearest(name, RESIDUALS)}"
         )
     return RESIDUALS[name]
+
+
+def _linear(z: Array) -> tuple[Array, Array, Array]:
+    return z, np.ones_like(z), np.zeros_like(z)
+
+
+def _soft_l1(z: Array) -> tuple[Array, Array, Array]:
+    t = 1 + z
+    return 2 * (np.sqrt(t) - 1), t**-0.5, -0.5 * t**-1.5
+
+
+def _huber(z: Array) -> tuple[Array, Array, Array]:
+    inside = z <= 1
+    root = np.sqrt(np.where(inside, 1.0, z))
+    return (
+        np.where(inside, z, 2 * root - 1),
+        1 / root,
+        np.where(inside, 0.0, -0.5 / root**3),
+    )
+
+
+def _cauchy(z: Array) -> tuple[Array, Array, Array]:
+    t = 1 + z
+    return np.log1p(z), 1 / t, -1 / t**2
+
+
+LOSSES: dict[str, Callable[[Array], tuple[Array, Array, Array]]] = {
+    "linear": _linear,
+    "soft_l1": _soft_l1,
+    "huber": _huber,
+    "cauchy": _cauchy,
+}
+
+
+def check_loss(name: str) -> str:
+    """Return `name` if there is a loss of that name.
+
+    Raises
+    ------
+    InvalidInput
+        If there is none.
+    """
+    if name not in LOSSES:
+        raise InvalidInput(f"loss {name!r} is none of {', '.join(LOSSES)}{nearest(name, LOSSES)}")
+    return name
+
+
+def robust_loss(name: str, squares: Array, variance: Array) -> Array:
+    """Return s^2 rho(z/s^2) and its first two derivatives by z, (3, r).
+
+    The losses rho are those of `scipy.optimize.least_squares`; a residual counts in full up to
+    about its own standard deviation s.
+
+    Parameters
+    ----------
+    squares : ndarray, (r,)
+        Squared residuals z.
+    variance : ndarray, (r,)
+        Their expected values s^2.
+    """
+    values = LOSSES[name](squares / variance)
+    return np.stack([variance * values[0], values[1], values[2] / variance])
+
+
+def loss_factors(loss: str) -> tuple[float, float]:
+    """Return E[rho' + 2 z rho''] and E[z rho'^2] with z = u^2 of a normal u.
+
+    By these a robust loss scales bread and meat where the noise is normal; one and one for
+    "linear".
+    """
+    u = np.linspace(-10.0, 10.0, 20001)
+    density = np.exp(-(u**2) / 2)
+    density /= density.sum()
+    _, first, second = LOSSES[loss](u**2)
+    return float(density @ (first + 2 * u**2 * second)), float(density @ (u * first) ** 2)

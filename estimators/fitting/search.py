@@ -2,11 +2,16 @@
 
 import numpy as np
 
-from estimators.fitting.cost import Problem
-from estimators.fitting.frozen_search import can_compile, frozen_search, hardens, renewed_search
+from estimators.fitting.fit_problem import Problem
+from estimators.fitting.fixed_equilibrium_search import (
+    can_compile,
+    frozen_search,
+    hardens,
+    renewed_search,
+)
 from estimators.fitting.trust_region import START_FAILED, Outcome, exact_search
-from robotmodels.arrays import Array
-from robotmodels.errors import IdentificationError, InvalidInput
+from robotmodels.common.arrays import Array
+from robotmodels.common.errors import IdentificationError, InvalidInput
 
 
 def check_effort(max_evaluations: int, tolerance: float) -> None:

@@ -5,20 +5,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from estimators.fitting.anti_resonances import (
-    AGREE,
-    agreed,
-    dip_values,
-    end_inertias,
-    gear_springs,
-)
+from estimators.fitting.anti_resonances import AGREE, agreed, dip_values, end_inertias, gear_springs
 from estimators.fitting.coarse_search import Group, coarse_search
-from estimators.frf.estimate import FrfEstimate
-from robotmodels.arrays import Array, read_only
-from robotmodels.elastic.spring_network import SpringNetwork
-from robotmodels.errors import IdentificationError, InvalidInput, nearest
-from robotmodels.notebook import Printed
-from robotmodels.response import Elastic
+from estimators.frf.frf_estimate import FrfEstimate
+from robotmodels.common.arrays import Array, read_only
+from robotmodels.common.errors import IdentificationError, InvalidInput, nearest
+from robotmodels.common.printing import Printed
+from robotmodels.linear.response import Elastic
+from robotmodels.linear.spring_network import SpringNetwork
 
 # Torsions of the structure are stiffer than gears: [WM] section 6 and the published robots of the
 # library have them at one to two times the frequency.
@@ -146,7 +140,7 @@ def named_start(name: str, model: Elastic, estimate: FrfEstimate) -> Array:
         )
     if name == "physics":
         return physics_start(model, estimate).values
-    from estimators.fitting.chain_start import chain_start_values
+    from estimators.chains.start_values_from_chains import chain_start_values
     from robotmodels.elastic.robot import ElasticRobot
 
     if not isinstance(model, ElasticRobot):

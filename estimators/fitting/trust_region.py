@@ -6,9 +6,9 @@ from typing import Any
 
 import numpy as np
 
-from estimators.fitting.cost import Problem
-from robotmodels.arrays import Array
-from robotmodels.errors import IdentificationError
+from estimators.fitting.fit_problem import Problem
+from robotmodels.common.arrays import Array
+from robotmodels.common.errors import IdentificationError
 
 START_FAILED = -1
 STOPPED = -2

@@ -6,9 +6,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from estimators.fitting.residuals import Residual, find_residual
-from estimators.frf.estimate import FrfEstimate, is_full, place, unvec, vec
-from robotmodels.arrays import Array, ComplexArray, real_numbers
-from robotmodels.errors import InvalidInput
+from estimators.frf.frf_estimate import FrfEstimate, is_full, place, unvec, vec
+from robotmodels.common.arrays import Array, ComplexArray, real_numbers
+from robotmodels.common.errors import InvalidInput
 
 # Relative error of the model that combined weights allow for where the noise is smaller.
 FLOOR = 0.1

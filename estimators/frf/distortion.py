@@ -11,18 +11,18 @@ from typing import NamedTuple
 
 import numpy as np
 
-from estimators.frf.local_model import interpolated
-from estimators.frf.nonparametric import (
+from estimators.frf.estimate_frf import (
     Transient,
     each_position,
     usable_spectra,
     variances,
     with_deviations,
 )
+from estimators.frf.local_rational_model import interpolated
 from estimators.frf.spectra import Spectra, spectra
-from robotmodels.arrays import Array, ComplexArray, IntArray
-from robotmodels.errors import InvalidInput
-from robotmodels.records import Records
+from robotmodels.common.arrays import Array, ComplexArray, IntArray
+from robotmodels.common.errors import InvalidInput
+from robotmodels.records.records import Records
 
 
 @dataclass(frozen=True, eq=False)
@@ -96,8 +96,9 @@ def distortion(
 ) -> Distortion:
     """Return noise and distortion levels of the FRFs that `estimate_frf` finds.
 
-    Between excited lines the FRF is interpolated, see `estimators.frf.local_model.interpolated`; as
-    the torque is small there, so is the error that this makes.
+    Between excited lines the FRF is interpolated, see
+    `estimators.frf.local_rational_model.interpolated`; as the torque is small there, so is the
+    error that this makes.
 
     Parameters
     ----------

@@ -2,10 +2,10 @@
 
 import numpy as np
 
-from robotmodels.arrays import Array
+from robotmodels.common.arrays import Array
+from robotmodels.common.errors import InvalidInput
 from robotmodels.data_files.array_schema import ArraySchema, Field
 from robotmodels.description.ranges import MOST_LENGTH
-from robotmodels.errors import InvalidInput
 
 FRF_SCHEMA, DISTORTION_SCHEMA = "frf/1", "distortion/1"
 _LARGEST_MISFIT = 1e-9  # of frequencies told twice, relative

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from robotmodels.arrays import Array, ComplexArray
+from robotmodels.common.arrays import Array, ComplexArray
 
 _HALF_WIDTHS = (3, 2, 1)
 _SHARE = 20  # of the lines, to either side, where that is more

@@ -6,9 +6,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from robotmodels.arrays import Array, ComplexArray, IntArray
-from robotmodels.errors import InvalidInput
-from robotmodels.records import Records
+from robotmodels.common.arrays import Array, ComplexArray, IntArray
+from robotmodels.common.errors import InvalidInput
+from robotmodels.records.records import Records
 
 # Neighbours on either side of a line that show its noise, at most.
 _REACH = 4

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from estimators.trust.line_correlation import LineCorrelation
 from estimators.trust.line_scatter import cautious_scatter
 from estimators.trust.linearised_fit import LinearisedFit, Lines
-from robotmodels.arrays import Array, IntArray
+from robotmodels.common.arrays import Array, IntArray
 
 DETECTION = 5.3
 """Standard deviations that an error needs to be seen with 95 %: at a level of 1 % over 38 tests."""

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from estimators.trust.linearised_fit import LinearisedFit, Lines
-from robotmodels.arrays import Array
+from robotmodels.common.arrays import Array
 
 LAGS = 5
 """Lags of the test of whiteness."""

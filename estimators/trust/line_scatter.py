@@ -6,7 +6,7 @@ import numpy as np
 
 from estimators.trust.line_correlation import LineCorrelation
 from estimators.trust.linearised_fit import LinearisedFit, Lines
-from robotmodels.arrays import Array
+from robotmodels.common.arrays import Array
 
 _ENOUGH = 10.0
 """Degrees of freedom from which on the scatter of whole positions is looked at."""

@@ -7,7 +7,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from robotmodels.arrays import Array, ComplexArray
+from robotmodels.common.arrays import Array, ComplexArray
+from robotmodels.common.errors import NotIdentifiable
 
 SINGULAR = 1e-12
 """Relative eigenvalues of the scaled information below this are rounding errors."""
@@ -201,3 +202,31 @@ def _inverse(matrix: Array) -> Array:
     size = np.where(size > 0, size, 1.0)
     outer = np.outer(size, size)
     return np.asarray(np.linalg.pinv(matrix / outer, hermitian=True, rcond=1e-13) / outer)
+
+
+def sandwich(bread: Array, meat: Array, names: tuple[str, ...]) -> Array:
+    """Return bread^-1 meat bread^-1, scaled to unit diagonals before inverting.
+
+    Raises
+    ------
+    NotIdentifiable
+        If the bread is singular, with every parameter that is in its null space.
+    """
+    size = np.sqrt(np.diag(bread))
+    # Sensitivities that are zero but for rounding stay zero.
+    blind = ~(size > 16 * np.finfo(float).eps * size.max())
+    size = np.where(blind, 1.0, size)
+    scaled = np.where(blind | blind[:, None], 0.0, bread / np.outer(size, size))
+    values, vectors = np.linalg.eigh(scaled)
+    # Without any information at all, all are blind and all eigenvalues zero.
+    null = values <= SINGULAR * values[-1]
+    if null.any():
+        share = np.linalg.norm(vectors[:, null], axis=1)  # in any basis of the null space
+        guilty = share > 0.1 * share.max()
+        raise NotIdentifiable(
+            tuple(name for name, one in zip(names, guilty, strict=True) if one),
+            "add positions or frequencies, free fewer parameters, or fix one of them",
+        )
+    inverse = (vectors / values) @ vectors.T
+    result = inverse @ (meat / np.outer(size, size)) @ inverse / np.outer(size, size)
+    return np.asarray((result + result.T) / 2)

@@ -6,7 +6,7 @@ import numpy as np
 
 from estimators.trust.line_correlation import LineCorrelation, element_correlation
 from estimators.trust.linearised_fit import LinearisedFit
-from robotmodels.arrays import Array
+from robotmodels.common.arrays import Array
 
 SIZE_LEVEL = 0.005
 """Probability of a false alarm of the test of the residuals' size."""

@@ -16,7 +16,7 @@ from estimators.trust.line_correlation import (
 from estimators.trust.line_scatter import Scatter, line_scatter
 from estimators.trust.linearised_fit import LinearisedFit
 from estimators.trust.residual_size import ResidualSize, line_probabilities, residual_size
-from robotmodels.arrays import Array
+from robotmodels.common.arrays import Array
 
 LEVEL = 0.01
 """Probability of a false alarm of all directed tests of a study together."""

@@ -6,10 +6,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from estimators.fitting.least_squares import Fit
-from estimators.trust.linearise import linearise
-from robotmodels.arrays import Array, read_only
-from robotmodels.errors import InvalidInput
-from robotmodels.notebook import Printed
+from estimators.fitting.linearise import linearise
+from robotmodels.common.arrays import Array, read_only
+from robotmodels.common.errors import InvalidInput
+from robotmodels.common.printing import Printed
 
 # Relative standard deviation above which a direction counts as weak: a factor of 1.35 either way.
 LIMIT = 0.3

@@ -1,38 +1,88 @@
-"""The sandwich of [WM] (5) from its bread and meat, refused where the bread is singular."""
+"""The parts of Theorem 1, [WM] (5), and Fisher information."""
+
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
-from robotmodels.arrays import Array
-from robotmodels.errors import NotIdentifiable
+from estimators.fitting.residuals import find_residual
+from estimators.fitting.weights import used_elements
+from estimators.frf.frf_estimate import is_full, vec
+from robotmodels.common.arrays import Array
+from robotmodels.common.errors import SolverFailed
+from robotmodels.linear.response import sensitivity
 
-# Relative eigenvalues of the scaled information below this are rounding errors of the FRFs:
-# a standard deviation a million times that of a parameter alone.
-SINGULAR = 1e-12
+if TYPE_CHECKING:
+    from estimators.fitting.least_squares import Fit
 
 
-def sandwich(bread: Array, meat: Array, names: tuple[str, ...]) -> Array:
-    """Return bread^-1 meat bread^-1, scaled to unit diagonals before inverting.
+def sandwich_parts(fit: "Fit") -> tuple[Array, Array]:
+    """Return bread and meat of (5), (p, p): Hessian of the cost, covariance of its gradient.
+
+    With Psi the residual's Jacobian, W its weights and R its noise covariance, bread is
+    2 sum Re(conj(Psi) W Psi^T) and meat 2 sum Re(conj(Psi) W R W Psi^T). For log residuals
+    Psi = G_d^-1 Psi_G and R = G_d^-1 Lambda_0 G_d^-H, which is [WM]'s Xi and Sigma regrouped.
+    Neither the prior nor a robust loss is in them.
 
     Raises
     ------
-    NotIdentifiable
-        If the bread is singular, with every parameter that is in its null space.
+    SolverFailed
+        If the search could not begin.
     """
-    size = np.sqrt(np.diag(bread))
-    # Sensitivities that are zero but for rounding stay zero.
-    blind = ~(size > 16 * np.finfo(float).eps * size.max())
-    size = np.where(blind, 1.0, size)
-    scaled = np.where(blind | blind[:, None], 0.0, bread / np.outer(size, size))
-    values, vectors = np.linalg.eigh(scaled)
-    # Without any information at all, all are blind and all eigenvalues zero.
-    null = values <= SINGULAR * values[-1]
-    if null.any():
-        share = np.linalg.norm(vectors[:, null], axis=1)  # in any basis of the null space
-        guilty = share > 0.1 * share.max()
-        raise NotIdentifiable(
-            tuple(name for name, one in zip(names, guilty, strict=True) if one),
-            "add positions or frequencies, free fewer parameters, or fix one of them",
-        )
-    inverse = (vectors / values) @ vectors.T
-    result = inverse @ (meat / np.outer(size, size)) @ inverse / np.outer(size, size)
-    return np.asarray((result + result.T) / 2)
+    if not np.isfinite(fit.cost):
+        raise SolverFailed(f"no covariance without a fit: {fit.message}")
+    estimate, kind = fit.estimate, find_residual(fit.residual)
+    used = used_elements(fit.weights, estimate.response.shape)
+    G, J = sensitivity(
+        fit.model, estimate.positions, estimate.omega, fit.parameters.values, sag=True
+    )
+    psi = kind.jacobian(G, J, used)
+    noise = kind.noise(estimate.covariance, G, used)
+    bread = information(psi, fit.weights).sum(axis=0)
+    meat = information(psi, weighted_noise(fit.weights, noise, G.shape)).sum(axis=0)
+    return bread, meat
+
+
+def weighted_noise(
+    weights: NDArray[Any], noise: NDArray[Any], shape: tuple[int, ...]
+) -> NDArray[Any]:
+    """Return W R W: element-wise if both are, (Q, F, m n, m n) otherwise."""
+    full_weights, full_noise = is_full(weights, shape), is_full(noise, shape)
+    if not full_weights and not full_noise:
+        return np.asarray(weights**2 * noise)
+    if not full_weights:
+        w = vec(weights)
+        return np.asarray(w[..., :, None] * noise * w[..., None, :])
+    middle = noise @ weights if full_noise else vec(noise)[..., :, None] * weights
+    return np.asarray(weights @ middle)
+
+
+def information(jacobian: NDArray[Any], weights: NDArray[Any]) -> Array:
+    """Return 2 sum_F Re(conj(Psi) Lambda^-1 Psi^T), (Q, p, p), of each position.
+
+    The inverse of the sum over positions is [WM] (5) with (6), divided by N_f.
+
+    Parameters
+    ----------
+    jacobian : ndarray, (Q, F, m, n, p)
+        Derivative of an FRF, or of a residual, with respect to ln theta.
+    weights : ndarray
+        Lambda^-1, (Q, F, m, n) real for independent elements or (Q, F, m n, m n) Hermitian.
+
+    Raises
+    ------
+    InvalidInput
+        If the weights fit neither way.
+    """
+    shape = jacobian.shape[:4]
+    if is_full(weights, shape):
+        left = vec(np.moveaxis(jacobian, -1, 2)).swapaxes(-1, -2)  # (Q, F, m n, p)
+        right = weights @ left
+    else:
+        left, right = jacobian, weights[..., None] * jacobian
+    pairs = [(left.real, right.real)]
+    if np.iscomplexobj(left):
+        pairs.append((left.imag, right.imag))
+    lines = shape[0], -1, jacobian.shape[-1]
+    total = sum(a.reshape(lines).swapaxes(-1, -2) @ b.reshape(lines) for a, b in pairs)
+    return np.asarray(total + np.swapaxes(total, -1, -2))

@@ -6,7 +6,7 @@ import numpy as np
 
 from oed.candidates.screening import usable
 from oed.candidates.sources import Workcell
-from robotmodels.arrays import Array, BoolArray, read_only
+from robotmodels.common.arrays import Array, BoolArray, read_only
 from robotmodels.elastic.robot import ElasticRobot
 
 _POSITIONS = 256

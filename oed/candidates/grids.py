@@ -5,8 +5,8 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from robotmodels.arrays import Array
-from robotmodels.errors import InvalidInput, nearest
+from robotmodels.common.arrays import Array
+from robotmodels.common.errors import InvalidInput, nearest
 
 # The first joint often turns about the vertical and then changes nothing; the next two carry
 # the arm, so that they get a finer grid than the wrist.

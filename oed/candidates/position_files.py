@@ -9,19 +9,13 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from robotmodels.arrays import Array, real_numbers
+from robotmodels.common.arrays import Array, real_numbers
+from robotmodels.common.errors import InvalidInput, nearest
+from robotmodels.common.file_paths import check_file
+from robotmodels.common.yaml_files import MOST_CHARACTERS, Strict, parse, read_text, yaml_document
+from robotmodels.common.yaml_reader import Node
 from robotmodels.data_files.file_guard import library_errors
 from robotmodels.description.ranges import Coordinate
-from robotmodels.errors import InvalidInput, nearest
-from robotmodels.files import (
-    MOST_CHARACTERS,
-    Strict,
-    check_file,
-    parse,
-    read_text,
-    yaml_document,
-)
-from robotmodels.yaml_reader import Node
 
 _NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)(e[+-]?\d+)?|[+-]?(nan|inf)", re.IGNORECASE | re.ASCII)
 

@@ -5,14 +5,14 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from robotmodels.arrays import Array, BoolArray, IntArray, read_only, real_numbers
 from robotmodels.collision.surroundings import Surroundings
+from robotmodels.common.arrays import Array, BoolArray, IntArray, read_only, real_numbers
+from robotmodels.common.errors import InvalidInput
+from robotmodels.common.printing import Printed
+from robotmodels.common.progress import Progress
 from robotmodels.description.ranges import MOST_LENGTH
 from robotmodels.elastic.rigid_pose import holding_torques, unloaded
 from robotmodels.elastic.robot import ElasticRobot
-from robotmodels.errors import InvalidInput
-from robotmodels.notebook import Printed
-from robotmodels.progress import Progress
 
 # A limit typed with fewer digits than the robot file's is not met wrongly.
 _SLACK = 1e-9

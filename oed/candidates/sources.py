@@ -10,12 +10,12 @@ from oed.candidates.grids import candidate_positions, sobol_positions
 from oed.candidates.position_files import read_positions
 from oed.candidates.screening import ScreenedCandidates, screened_candidates
 from oed.candidates.task_space import TaskBox, task_space_positions
-from robotmodels.arrays import Array, real_numbers
 from robotmodels.collision.obstacles import Obstacle
 from robotmodels.collision.surroundings import Surroundings, surroundings
+from robotmodels.common.arrays import Array, real_numbers
+from robotmodels.common.errors import InvalidInput
+from robotmodels.common.progress import Progress
 from robotmodels.elastic.robot import ElasticRobot
-from robotmodels.errors import InvalidInput
-from robotmodels.progress import Progress
 
 
 @dataclass(frozen=True, eq=False)

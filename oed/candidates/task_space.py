@@ -5,11 +5,11 @@ from typing import Any
 
 import numpy as np
 
-from robotmodels.arrays import Array, IntArray, read_only, real_numbers
+from robotmodels.common.arrays import Array, IntArray, read_only, real_numbers
+from robotmodels.common.errors import InvalidInput
+from robotmodels.common.progress import Progress
 from robotmodels.elastic.inverse_kinematics import Tool, inverse_kinematics
 from robotmodels.elastic.robot import ElasticRobot
-from robotmodels.errors import InvalidInput
-from robotmodels.progress import Progress
 
 Vector = tuple[float, float, float]
 

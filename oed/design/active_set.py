@@ -5,18 +5,16 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from oed.design.barrier import barrier
 from oed.design.certificate import Certificate, bounded
-from oed.design.conic import conic
+from oed.design.cvxpy_solver import conic
+from oed.design.design import Design
+from oed.design.interior_point import barrier
 from oed.design.multiplicative import NAME, multiplicative
-from oed.design.problem import Problem
-from oed.design.ranking import largest
-from oed.design.relaxed_design import Design
+from oed.design.problem import Answer, Problem, WhiteProblem
 from oed.design.trimming import trimmed
-from oed.design.white_problem import Answer, WhiteProblem
-from oed.design.whitening import Whitening
-from robotmodels.arrays import Array, IntArray, read_only
-from robotmodels.errors import InvalidInput, SolverFailed
+from oed.design.whitening import Whitening, largest
+from robotmodels.common.arrays import Array, IntArray, read_only
+from robotmodels.common.errors import InvalidInput, SolverFailed
 
 # Of a problem, a goal, and an answer to go on from.
 Method = Callable[[WhiteProblem, float, Answer | None], Answer]

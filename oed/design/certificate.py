@@ -16,14 +16,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from oed.criteria.criteria import Criterion
+from oed.criteria.criteria import objective as stated
 from oed.design.constraints import Constraints
-from oed.design.criteria import Criterion
-from oed.design.criteria import objective as stated
 from oed.design.polytope import Polytope
-from oed.design.problem import Matrices, Problem
+from oed.design.problem import Problem
 from oed.design.whitening import Whitening
-from robotmodels.arrays import Array, real_numbers
-from robotmodels.errors import InvalidInput, NotIdentifiable
+from oed.information_sets.candidates import Matrices
+from robotmodels.common.arrays import Array, real_numbers
+from robotmodels.common.errors import InvalidInput, NotIdentifiable
 
 
 @dataclass(frozen=True, eq=False)

@@ -7,8 +7,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from oed.design.polytope import Polytope
-from robotmodels.arrays import Array, real_numbers
-from robotmodels.errors import InvalidInput
+from robotmodels.common.arrays import Array, real_numbers
+from robotmodels.common.errors import InvalidInput
 
 
 @dataclass(frozen=True, eq=False)

@@ -5,15 +5,15 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from oed.design.null_space import (
+from oed.criteria.objective import Objective, Term
+from oed.information_sets.null_space import (
     SPREAD,
     open_combinations,
     unidentifiable,
     unit_diagonal_scaling,
 )
-from oed.design.objective import Objective, Term
-from robotmodels.arrays import Array
-from robotmodels.errors import NotIdentifiable
+from robotmodels.common.arrays import Array
+from robotmodels.common.errors import NotIdentifiable
 
 # Rounding moves white matrices, and so a gap, by some 4e-17 of the condition of all candidates'
 # information of unit diagonal: beyond this no design can be certified to 1e-6.

@@ -7,9 +7,9 @@ its weights precise: an error that is invisible in the value shows in the deriva
 
 import numpy as np
 
-from oed.design.criteria import sensitivities
-from oed.design.white_problem import Answer, WhiteProblem
-from robotmodels.arrays import Array
+from oed.design.problem import Answer, WhiteProblem
+from oed.information_sets.candidates import sensitivities
+from robotmodels.common.arrays import Array
 
 NAME = "multiplicative steps"
 _LEAST = 1e-12

@@ -10,8 +10,8 @@ from typing import Any
 
 import numpy as np
 
-from robotmodels.arrays import Array
-from robotmodels.errors import InvalidInput, SolverFailed
+from robotmodels.common.arrays import Array
+from robotmodels.common.errors import InvalidInput, SolverFailed
 
 # How much wider bounds are made, of a row's scale, where rows leave no room together.
 _WIDENED = 2e-8

@@ -1,89 +1,13 @@
-"""A design's problem: candidates, what is maximised, and the weights that are allowed."""
+"""The problem of a design, and the same in coordinates of order one on few candidates."""
 
 from dataclasses import dataclass
-from typing import Protocol
 
 import numpy as np
 
-from oed.design.criteria import sensitivities
-from oed.design.objective import Objective
+from oed.criteria.objective import Objective
 from oed.design.polytope import Polytope
-from robotmodels.arrays import Array, IntArray
-from robotmodels.errors import InvalidInput
-
-
-class Candidates(Protocol):
-    """What designs need of candidates, in memory or not; `InformationSet` is one."""
-
-    @property
-    def names(self) -> tuple[str, ...]:
-        """Names of the p parameters."""
-        ...
-
-    @property
-    def samples(self) -> int:
-        """Number K of parameter values for which the information is known."""
-        ...
-
-    def __len__(self) -> int: ...
-
-    def take(self, indices: IntArray) -> Array:
-        """Return matrices, (n, p, p), or (n, K, p, p) with samples."""
-        ...
-
-    def prices(self, weight: Array) -> Array:
-        """Return tr(W H_i), (Q,), summed over samples; W is (p, p) or (K, p, p)."""
-        ...
-
-    def combined(self, weights: Array) -> Array:
-        """Return sum_i w_i H_i, (p, p) or (K, p, p)."""
-        ...
-
-
-def check_candidates(info: object, argument: str = "info") -> None:
-    """Refuse what has no information of candidates.
-
-    Raises
-    ------
-    InvalidInput
-        Saying what would be right.
-    """
-    needed = ("names", "samples", "take", "prices", "combined")
-    if not all(hasattr(info, name) for name in needed):
-        shape = getattr(info, "shape", None)
-        what = type(info).__name__ if shape is None else f"an array of shape {shape}"
-        raise InvalidInput(
-            f"{argument}: {what}; an InformationSet is needed, which "
-            "oed.InformationSet(positions, matrices, names) makes of matrices (Q, p, p)"
-        )
-
-
-@dataclass(frozen=True, eq=False)
-class Matrices:
-    """Candidates without positions, as they are: matrices (Q, p, p) or (Q, K, p, p)."""
-
-    names: tuple[str, ...]
-    matrices: Array
-
-    def __len__(self) -> int:
-        return len(self.matrices)
-
-    @property
-    def samples(self) -> int:
-        """Number K of parameter values."""
-        return 1 if self.matrices.ndim == 3 else self.matrices.shape[1]
-
-    def take(self, indices: IntArray) -> Array:
-        """Return matrices, see `Candidates`."""
-        return np.asarray(self.matrices[indices])
-
-    def prices(self, weight: Array) -> Array:
-        """Return tr(W H_i), see `Candidates`."""
-        return sensitivities(weight, self.matrices)
-
-    def combined(self, weights: Array) -> Array:
-        """Return sum_i w_i H_i, see `Candidates`."""
-        return np.asarray(np.tensordot(weights, self.matrices, axes=1))
+from oed.information_sets.candidates import Candidates
+from robotmodels.common.arrays import Array
 
 
 @dataclass(frozen=True, eq=False)
@@ -111,3 +35,79 @@ class Problem:
         """Return the prior and sum_i w_i H_i, (p, p) or (K, p, p)."""
         own = self.candidates.combined(weights)
         return own if self.prior is None else own + self.prior
+
+
+@dataclass(frozen=True, eq=False)
+class WhiteProblem:
+    """Maximise objective(base + sum_i w_i H_i) over 0 <= w <= caps, rows w <= bounds.
+
+    Attributes
+    ----------
+    objective : Objective
+        Its samples are the places of `base` and `matrices`.
+    base : tuple of ndarray
+        Base for each sample, (r, r), information there is already.
+    matrices : tuple of ndarray
+        Matrices for each sample, (n, r, r), of the candidates.
+    rows, bounds : ndarray, (m, n)
+        (m,); each row's largest number is one.
+    caps : ndarray, (n,)
+        Infinite where nothing limits a candidate by itself.
+    start : ndarray, (n,)
+        Weights that leave room in every row, or lie on it where no weights do.
+    """
+
+    objective: Objective
+    base: tuple[Array, ...]
+    matrices: tuple[Array, ...]
+    rows: Array
+    bounds: Array
+    caps: Array
+    start: Array
+
+    def information(self, weights: Array) -> tuple[Array, ...]:
+        """Return each sample's information, (r, r)."""
+        pairs = zip(self.base, self.matrices, strict=True)
+        return tuple(
+            base + (weights @ H.reshape(len(H), -1)).reshape(base.shape) for base, H in pairs
+        )
+
+    def completed(self, weights: Array) -> Array:
+        """Return weights that use up the budget, where nothing else limits them, and no limit more.
+
+        Solvers meet limits but for their tolerance. Rows with negative entries, which ask for a
+        least use, stay as they are.
+        """
+        if len(self.rows) == 1 and np.isinf(self.caps).all():
+            return np.asarray(weights * (self.bounds[0] / (self.rows[0] @ weights)))
+        weights = np.minimum(weights, self.caps)
+        for row, bound in zip(self.rows, self.bounds, strict=True):
+            taken = float(row @ weights)
+            if taken > bound and (row >= 0).all():
+                weights = np.where(row > 0, weights * (max(bound, 0.0) / taken), weights)
+        return weights
+
+
+@dataclass(frozen=True, eq=False)
+class Answer:
+    """What a method says of a white problem.
+
+    Attributes
+    ----------
+    weights : ndarray, (n,)
+        Weights.
+    row_multipliers : ndarray, (m,)
+        None negative, what a unit of each bound would add to the log value.
+    witness : tuple of ndarray
+        One (r, r) for each term, the derivative of the log value, or its equal in the dual.
+    method : str
+        Method that gave the answer.
+    mu : float
+        Where the barrier method stopped.
+    """
+
+    weights: Array
+    row_multipliers: Array
+    witness: tuple[Array, ...]
+    method: str
+    mu: float = 0.0

@@ -10,13 +10,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from oed.criteria.objective import Objective
 from oed.design.constraints import Constraints
-from oed.design.objective import Objective
+from oed.design.design import Design
+from oed.design.optimal_design import optimal_design
 from oed.design.polytope import Polytope
-from oed.design.relaxed import Design, optimal_design
-from oed.information_set import InformationSet
-from robotmodels.arrays import Array, BoolArray, IntArray
-from robotmodels.errors import SolverFailed
+from oed.information_sets.information_set import InformationSet
+from robotmodels.common.arrays import Array, BoolArray, IntArray
+from robotmodels.common.errors import SolverFailed
 
 _ROUNDS = 60
 _TOLERANCE = 1e-4  # of the bound, in the logarithm of the efficiency

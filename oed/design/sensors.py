@@ -13,14 +13,14 @@ from itertools import combinations
 
 import numpy as np
 
-from oed.design.criteria import Criterion, objective
-from oed.design.problem import check_candidates
-from oed.design.relaxed import Design
+from oed.criteria.criteria import Criterion, objective
+from oed.design.design import Design
 from oed.design.sensor_relaxation import Shop, relaxed_choice
-from oed.information_set import InformationSet
-from robotmodels.arrays import Array
-from robotmodels.errors import InvalidInput, NotIdentifiable
-from robotmodels.notebook import Printed
+from oed.information_sets.candidates import check_candidates
+from oed.information_sets.information_set import InformationSet
+from robotmodels.common.arrays import Array
+from robotmodels.common.errors import InvalidInput, NotIdentifiable
+from robotmodels.common.printing import Printed
 
 _MOST_TRIED = 256
 

@@ -11,9 +11,9 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.linalg import solve_triangular
 
-from oed.design.matrix_means import MatrixMean, between
-from oed.design.white_problem import WhiteProblem
-from robotmodels.arrays import Array
+from oed.criteria.matrix_means import MatrixMean, between
+from oed.design.problem import WhiteProblem
+from robotmodels.common.arrays import Array
 
 
 @dataclass(frozen=True, eq=False)

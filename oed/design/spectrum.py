@@ -14,15 +14,16 @@ from functools import partial
 
 import numpy as np
 
+from oed.criteria.criteria import Criterion, objective
+from oed.criteria.objective import Objective
 from oed.design.certificate import efficiency_bound
-from oed.design.criteria import Criterion, objective
-from oed.design.objective import Objective
-from oed.design.relaxed import Design, optimal_design
-from oed.design.spectra import LineLimit, Spectra
-from oed.information_set import InformationSet
-from robotmodels.arrays import Array, IntArray, read_only
-from robotmodels.errors import InvalidInput, NotIdentifiable, SolverFailed
-from robotmodels.notebook import Printed
+from oed.design.design import Design
+from oed.design.optimal_design import optimal_design
+from oed.design.spectrum_polytope import LineLimit, Spectra
+from oed.information_sets.information_set import InformationSet
+from robotmodels.common.arrays import Array, IntArray, read_only
+from robotmodels.common.errors import InvalidInput, NotIdentifiable, SolverFailed
+from robotmodels.common.printing import Printed
 
 _REMEDY = "add positions or lines, or fix or tie some of these parameters"
 

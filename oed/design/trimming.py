@@ -7,10 +7,10 @@ the gap is that by the witness of all weights.
 
 import numpy as np
 
-from oed.design.criteria import sensitivities
-from oed.design.matrix_means import OPEN
-from oed.design.white_problem import Answer, WhiteProblem
-from robotmodels.arrays import Array
+from oed.criteria.matrix_means import OPEN
+from oed.design.problem import Answer, WhiteProblem
+from oed.information_sets.candidates import sensitivities
+from robotmodels.common.arrays import Array
 
 _SHARES = (1e-3, 1e-4, 1e-5, 1e-6)  # of the largest weight
 _RANK = 1e-12  # of the largest eigenvalue of a candidate's information

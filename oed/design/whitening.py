@@ -5,13 +5,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from oed.criteria.objective import Objective
 from oed.design.coordinates import Coordinates
-from oed.design.duplicates import distinct
-from oed.design.objective import Objective
-from oed.design.problem import Problem
-from oed.design.ranking import largest
-from oed.design.white_problem import WhiteProblem
-from robotmodels.arrays import Array, BoolArray, IntArray
+from oed.design.problem import Problem, WhiteProblem
+from robotmodels.common.arrays import Array, BoolArray, IntArray
 
 # An active set must determine every direction at least this well beside all candidates.
 _WEAKEST = 1e-6
@@ -198,3 +195,40 @@ def _inside(rows: Array, bounds: Array, caps: Array, inside: Array) -> Array:
 
 def _samples(information: Array) -> Array:
     return information if information.ndim == 3 else information[None]
+
+
+# In whitened coordinates matrices are of order one; equal ones differ by rounding only.
+_DUPLICATE = 1e-9
+
+
+def distinct(flat: Array) -> IntArray:
+    """Return the index of the first of each group of equal rows of (n, k)."""
+    # Equal rows have equal projections: only neighbours in this order need comparing.
+    direction = np.random.default_rng(0).standard_normal(flat.shape[1])
+    keys = flat @ (direction / np.linalg.norm(direction))
+    order = np.argsort(keys, kind="stable")
+    apart = np.diff(keys[order]) > _DUPLICATE * np.sqrt(flat.shape[1])
+    alone = np.append(True, apart) & np.append(apart, True)
+    kept: list[int] = order[alone].tolist()
+    near = order[~alone]
+    for group in np.split(near, np.flatnonzero(np.append(True, apart)[~alone])[1:]):
+        remaining = np.sort(group)
+        while len(remaining):
+            kept.append(int(remaining[0]))
+            away = np.abs(flat[remaining] - flat[remaining[0]]).max(axis=1) > _DUPLICATE
+            remaining = remaining[away]
+    return np.sort(np.array(kept))
+
+
+def largest(values: Array, count: int) -> IntArray:
+    """Return the indices of the largest finite values, largest first; equal ones in order."""
+    count = min(count, int((values > -np.inf).sum()))
+    if count == 0:
+        return np.zeros(0, dtype=np.int64)
+    some = np.argpartition(-values, count - 1)[:count]
+    # Of equal values at the end the partition takes any; the first ones are wanted.
+    last = values[some].min()
+    above = np.flatnonzero(values > last)
+    ties = np.flatnonzero(values == last)[: count - len(above)]
+    some = np.concatenate([above, ties])
+    return np.asarray(some[np.argsort(-values[some], kind="stable")])

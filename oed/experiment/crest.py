@@ -13,8 +13,8 @@ import numpy as np
 from scipy.fft import next_fast_len
 
 from oed.experiment.multisine import Multisine
-from robotmodels.arrays import Array
-from robotmodels.errors import InvalidInput
+from robotmodels.common.arrays import Array
+from robotmodels.common.errors import InvalidInput
 
 # Points per period of the highest line; clipping sees peaks to a few percent, which is enough.
 _POINTS = 10

@@ -6,11 +6,11 @@ from typing import Annotated, Any
 import numpy as np
 from pydantic import ConfigDict, Field
 
-from robotmodels.arrays import Array, IntArray
+from robotmodels.common.arrays import Array, IntArray
+from robotmodels.common.errors import InvalidInput
+from robotmodels.common.yaml_files import Strict, parse
+from robotmodels.common.yaml_reader import Node
 from robotmodels.data_files.json_text import read_json
-from robotmodels.errors import InvalidInput
-from robotmodels.files import Strict, parse
-from robotmodels.yaml_reader import Node
 
 _MOST_VISITS = 1_000_000  # to one position
 

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from robotmodels.arrays import Array, read_only
-from robotmodels.errors import InvalidInput
+from robotmodels.common.arrays import Array, read_only
+from robotmodels.common.errors import InvalidInput
 
 # Largest slope and curvature of the quintic 10 t^3 - 15 t^4 + 6 t^5 on [0, 1].
 _PEAK_SPEED = 15 / 8

@@ -12,8 +12,8 @@ from typing import Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
-from robotmodels.arrays import Array, ComplexArray, IntArray, read_only
-from robotmodels.errors import InvalidInput
+from robotmodels.common.arrays import Array, ComplexArray, IntArray, read_only
+from robotmodels.common.errors import InvalidInput
 
 Spacing = Literal["linear", "quasi_log"]
 

@@ -14,10 +14,10 @@ from typing import Any
 
 import numpy as np
 
-from oed.experiment.plan import ExperimentPlan
-from robotmodels.arrays import Array
-from robotmodels.atomic_files import staged_folder
-from robotmodels.errors import InvalidInput
+from oed.experiment.experiment_plan import ExperimentPlan
+from robotmodels.common.arrays import Array
+from robotmodels.common.atomic_files import staged_folder
+from robotmodels.common.errors import InvalidInput
 
 _SEQUENCE = ("step", "kind", "file", "visit", "position", "block", "run", "repeats", "drop")
 

@@ -16,19 +16,20 @@ import numpy as np
 import yaml
 from pydantic import Field
 
-from estimators.fingerprint import fingerprint
+from oed.experiment.experiment_plan import ExperimentPlan
 from oed.experiment.moves import MoveLimits
 from oed.experiment.multisine import Multisine
-from oed.experiment.plan import ExperimentPlan
-from oed.plans.order import VisitingOrder
-from robotmodels.arrays import read_only
-from robotmodels.atomic_files import atomic_write
+from oed.experiment.visiting_order import VisitingOrder
+from robotmodels.common.arrays import read_only
+from robotmodels.common.atomic_files import atomic_write
+from robotmodels.common.errors import InvalidInput
+from robotmodels.common.file_paths import reason
+from robotmodels.common.fingerprints import fingerprint
+from robotmodels.common.yaml_files import Strict, read_yaml
+from robotmodels.common.yaml_reader import reads_as_text
 from robotmodels.data_files.array_schema import ArraySchema
 from robotmodels.data_files.array_schema import Field as ArrayField
 from robotmodels.data_files.hdf5_file import open_hdf5
-from robotmodels.errors import InvalidInput
-from robotmodels.files import Strict, read_yaml, reason
-from robotmodels.yaml_reader import reads_as_text
 
 _ARRAYS = ("phases", "amplitudes", "scale")
 _FILE = ArraySchema(

@@ -12,26 +12,26 @@ from typing import Any, TypeVar
 
 from estimators.uncertainty.covariance import Uncertainty
 from oed.candidates.screening import ScreenedCandidates
-from oed.fingerprint import file_digest
-from oed.study import data as study_data
-from oed.study import design as study_design
-from oed.study import fits as study_fits
-from oed.study import measured as study_measured
-from oed.study import published as study_published
-from oed.study import uncertainty as study_uncertainty
-from oed.study import validation as study_validation
-from oed.study.comparison import check_comparison, compared
-from oed.study.data import Data, SimulatedExperiment
-from oed.study.design import Information, Plan
-from oed.study.file import Study
-from oed.study.fits import Chosen, Search, start_number
-from oed.study.held_out import Split, split_data
+from oed.replication import replicate as study_published
 from oed.study.results import FittedStudy, PlannedStudy, StudyResults
-from oed.study.run import Run
-from oed.study.stages import Stage, open_stages, versions
+from oed.study.settings.study_file import Study
+from oed.study.stages import data_stages as study_data
+from oed.study.stages import design_stages as study_design
+from oed.study.stages import fit_stages as study_fits
+from oed.study.stages import measured_design_stages as study_measured
+from oed.study.stages import uncertainty_stages as study_uncertainty
+from oed.study.stages import validation_stages as study_validation
+from oed.study.stages.comparison_stage import check_comparison, compared
+from oed.study.stages.context import Run
+from oed.study.stages.data_stages import Data, SimulatedExperiment
+from oed.study.stages.design_stages import Information, Plan
+from oed.study.stages.fit_stages import Chosen, Search, start_number
+from oed.study.stages.stage_cache import Stage, open_stages, versions
+from oed.study.stages.validation_stages import Split, split_data
 from robotmodels import load_robot
-from robotmodels.arrays import Array
-from robotmodels.progress import StageProgress
+from robotmodels.common.arrays import Array
+from robotmodels.common.fingerprints import file_digest
+from robotmodels.common.progress import StageProgress
 
 T = TypeVar("T")
 
@@ -98,7 +98,7 @@ def run_study(
     Parameters
     ----------
     study : Study
-        A study, see `oed.study.file.load_study`.
+        A study, see `oed.study.settings.study_file.load_study`.
     progress : StageProgress, optional
         Told how far each stage is.
     executor : Executor, optional

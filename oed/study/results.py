@@ -7,29 +7,29 @@ import numpy as np
 
 from estimators.fitting.least_squares import Fit
 from estimators.frf.distortion import Distortion
-from estimators.frf.estimate import FrfEstimate
-from estimators.trust.residual_analysis import LAGS, ResidualAnalysis, residual_analysis
+from estimators.frf.frf_estimate import FrfEstimate
+from estimators.sampling.posterior import Posterior
 from estimators.trust.trust import Trust
 from estimators.uncertainty.covariance import Uncertainty
-from estimators.uncertainty.cross_check import CrossCheck
 from estimators.uncertainty.identifiability import Identifiability, fit_information, identifiability
-from estimators.uncertainty.posterior import Posterior
+from estimators.uncertainty.residual_analysis import LAGS, ResidualAnalysis, residual_analysis
+from estimators.validation.cross_check import CrossCheck
 from oed.candidates.screening import ScreenedCandidates
-from oed.design.relaxed import Design
-from oed.design.robust import RobustDesign
-from oed.plans.exact import ExactDesign
-from oed.plans.order import VisitingOrder
-from oed.study.data import SimulatedExperiment
-from oed.study.design import Information, visited
-from oed.study.file import Study
-from oed.study.fits import Search
-from oed.study.published import Published
-from oed.study.run import truth_of
-from oed.study.stages import Failure
-from oed.study.validation import HeldOut
-from oed.trials.outcome import PlanComparison
+from oed.design.design import Design
+from oed.design.robust_design import RobustDesign
+from oed.exact.exact_design import ExactDesign
+from oed.experiment.visiting_order import VisitingOrder
+from oed.plan_comparison.plan_comparison import PlanComparison
+from oed.replication.replicate import Published
+from oed.study.settings.study_file import Study
+from oed.study.stages.context import truth_of
+from oed.study.stages.data_stages import SimulatedExperiment
+from oed.study.stages.design_stages import Information, visited
+from oed.study.stages.fit_stages import Search
+from oed.study.stages.stage_cache import Failure
+from oed.study.stages.validation_stages import HeldOut
 from robotmodels import ElasticRobot
-from robotmodels.arrays import Array, IntArray
+from robotmodels.common.arrays import Array, IntArray
 
 
 @dataclass(frozen=True, eq=False)

@@ -2,17 +2,7 @@
 
 import typer
 
-from reports.commands import (
-    chains,
-    check,
-    frf,
-    init,
-    report,
-    run,
-    schema,
-    simulate,
-    steps,
-)
+from reports.commands import chains, check, frf, init, report, run, schema, simulate, steps
 
 _IN_ORDER = (init, check, run, steps, report, simulate, frf, chains, schema)
 

@@ -6,10 +6,10 @@ import typer
 
 from reports.commands.options import AsJson, BesideRecords, Delay, Hold, Records, say, warn
 from reports.commands.workers import one_thread_each
-from robotmodels.errors import InvalidInput
+from robotmodels.common.errors import InvalidInput
 
 if TYPE_CHECKING:
-    from robotmodels.arrays import Array
+    from robotmodels.common.arrays import Array
 
 
 def register(app: typer.Typer) -> None:
@@ -38,13 +38,13 @@ def chains(
     Example: oed chains records.h5 --masses 3
     """
     one_thread_each()
-    from estimators.chains.order import WrongModeCount
-    from estimators.frf.exchange import write_frf
-    from oed.experiment.measured_chains import measured_chains
+    from estimators.chain_dampers.chains_from_records import measured_chains
+    from estimators.chains.model_order import WrongModeCount
+    from estimators.frf.file_formats import write_frf
     from reports.pages.chains_page import write_chains_page, write_modes_page
-    from reports.terminal.chains_summary import chains_json, chains_summary, write_chains
-    from reports.terminal.progress import progress_bars
-    from robotmodels.atomic_files import staged_folder
+    from reports.summaries.chains_summary import chains_json, chains_summary, write_chains
+    from reports.summaries.progress import progress_bars
+    from robotmodels.common.atomic_files import staged_folder
 
     target = (records.parent if output is None else output).resolve()
     with progress_bars() as progress:

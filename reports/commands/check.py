@@ -33,11 +33,11 @@ def check(
     Example: oed check ur10 --position 0,-90,90,0,45,0
     """
     from reports.commands.check_options import guesses, read_band, read_position
-    from reports.terminal.robot_summary import robot_json, robot_summary
+    from reports.summaries.robot_summary import robot_json, robot_summary
     from robotmodels import load_robot
-    from robotmodels.description.diagnosis import diagnose
-    from robotmodels.description.suspicions import suspicions
-    from robotmodels.plain_text import printable
+    from robotmodels.checks.diagnosis import diagnose
+    from robotmodels.checks.warnings import suspicions
+    from robotmodels.common.printing import printable
 
     model = load_robot(robot)
     diagnosis = diagnose(model, read_position(model, position), read_band(band))

@@ -5,11 +5,11 @@ from pathlib import Path
 import numpy as np
 
 from reports import text
-from reports.terminal.columns import plain, plural
+from reports.summaries.columns import plain, plural
 from robotmodels import ElasticRobot
-from robotmodels.arrays import Array
-from robotmodels.description.suspicions import Suspicion
-from robotmodels.errors import InvalidInput
+from robotmodels.checks.warnings import Suspicion
+from robotmodels.common.arrays import Array
+from robotmodels.common.errors import InvalidInput
 
 
 def read_position(robot: ElasticRobot, words: str | None) -> Array:

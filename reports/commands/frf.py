@@ -55,12 +55,12 @@ def frf(
     Example: oed frf out/manutec_r3_experiment/records.h5 --robot manutec_r3
     """
     one_thread_each()
-    from estimators.frf.exchange import write_frf
-    from oed.experiment.measured_frf import measured_frf
+    from estimators.frf.file_formats import write_frf
+    from estimators.frf.frf_from_records import measured_frf
     from reports.pages.frf_page import write_frf_page
-    from reports.terminal.frf_summary import frf_json, frf_summary
-    from reports.terminal.progress import progress_bars
-    from robotmodels.atomic_files import staged_folder
+    from reports.summaries.frf_summary import frf_json, frf_summary
+    from reports.summaries.progress import progress_bars
+    from robotmodels.common.atomic_files import staged_folder
 
     target = (records.parent if output is None else output).resolve()
     with progress_bars() as progress:

@@ -33,7 +33,7 @@ def init(
 
     Example: oed init my_robot.urdf -o my_study
     """
-    from reports.starter_files import default_folder, starter_files, write_starter_files
+    from reports.commands.init_files import default_folder, starter_files, write_starter_files
 
     folder = default_folder(robot) if output is None else output
     starter = starter_files(robot, folder)

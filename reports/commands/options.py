@@ -10,8 +10,8 @@ from typing import Annotated, Any, NoReturn
 import typer
 
 from reports.commands.workers import available_cores
-from robotmodels.errors import IdentificationError
-from robotmodels.plain_text import printable
+from robotmodels.common.errors import IdentificationError
+from robotmodels.common.printing import printable
 
 Workers = Annotated[
     int,

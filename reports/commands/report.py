@@ -8,7 +8,7 @@ import typer
 
 from reports.commands.options import WORKERS, AsJson, Workers, about, say
 from reports.commands.studies import compute_study, end_with_failures
-from robotmodels.errors import InvalidInput
+from robotmodels.common.errors import InvalidInput
 
 
 def register(app: typer.Typer) -> None:
@@ -32,10 +32,10 @@ def report(
     Example: oed report studies/ur10.yaml more_positions.yaml -o comparison.html
     """
     from oed.study.pipeline import run_study
-    from oed.study.stages import Failure
+    from oed.study.stages.stage_cache import Failure
     from reports.pages.comparison import comparison_json, comparison_summary, write_comparison
     from reports.pages.study_page import write_report
-    from reports.terminal.study_summary import study_json, study_summary
+    from reports.summaries.study_summary import study_json, study_summary
 
     def page(results: Any, folder: Path, progress: Any) -> tuple[Failure, ...]:
         return write_report(

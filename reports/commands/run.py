@@ -29,12 +29,12 @@ def run(
     Example: oed run studies/ur10.yaml
     """
     # Imported here: `oed --help` need not wait for the numerics.
-    from oed.published.output import write_published_json
+    from oed.replication.json_output import write_published_json
     from oed.study.pipeline import run_study
-    from oed.study.stages import Failure
-    from reports.pages.published_page import write_published
+    from oed.study.stages.stage_cache import Failure
+    from reports.pages.replication_page import write_published
     from reports.pages.study_page import write_report
-    from reports.terminal.study_summary import study_json, study_summary
+    from reports.summaries.study_summary import study_json, study_summary
 
     def pages(results: Any, folder: Path, progress: Any) -> tuple[Failure, ...]:
         failed = write_report(

@@ -28,6 +28,6 @@ def schema(
 
     Example: oed schema study > study.schema.json
     """
-    from reports.schemas import json_schema
+    from reports.commands.schemas import json_schema
 
     say(str, lambda: json_schema(kind.value), as_json=True)

@@ -27,12 +27,12 @@ def simulate(
     Example: oed simulate studies/manutec_r3_experiment.yaml
     """
     one_thread_each()
-    from oed.experiment.build import prepare
-    from oed.experiment.file import load_experiment
-    from oed.experiment.run import run_experiment
-    from reports.terminal.experiment_summary import experiment_json, experiment_summary
-    from reports.terminal.progress import progress_bars
-    from robotmodels.atomic_files import staged_folder
+    from oed.experiment.experiment_file import load_experiment
+    from oed.experiment.prepare import prepare
+    from oed.experiment.run_experiment import run_experiment
+    from reports.summaries.experiment_summary import experiment_json, experiment_summary
+    from reports.summaries.progress import progress_bars
+    from robotmodels.common.atomic_files import staged_folder
 
     content = load_experiment(experiment)
     with (

@@ -36,7 +36,7 @@ def _up_to(name: str) -> Callable[..., None]:
         as_json: AsJson = False,
     ) -> None:
         from oed.study import pipeline
-        from reports.terminal.study_summary import study_json, study_summary
+        from reports.summaries.study_summary import study_json, study_summary
 
         steps = {
             "design": pipeline.design_study,

@@ -12,11 +12,11 @@ import typer
 from reports.commands.options import about, fail
 from reports.commands.stopping import INTERRUPTED, stoppable, stopping_at_steps
 from reports.commands.workers import one_thread_each, shared
-from robotmodels.errors import InvalidInput
+from robotmodels.common.errors import InvalidInput
 
 if TYPE_CHECKING:
     from oed.study.results import PlannedStudy
-    from oed.study.stages import Failure
+    from oed.study.stages.stage_cache import Failure
 
 StudyFile = Annotated[Path, typer.Argument(help="Study file, such as studies/ur10.yaml.")]
 Fresh = Annotated[
@@ -78,10 +78,10 @@ def compute_study(
         If the study cannot be read or no scheduler answers; and what `step` raises.
     """
     one_thread_each()
-    from oed.study.file import load_study
-    from oed.study.output import write_results
-    from reports.terminal.progress import progress_bars
-    from robotmodels.atomic_files import staged_folder
+    from oed.study.json_output import write_results
+    from oed.study.settings.study_file import load_study
+    from reports.summaries.progress import progress_bars
+    from robotmodels.common.atomic_files import staged_folder
 
     if study.is_dir() and (study / "study.yaml").is_file():
         raise InvalidInput(f"{study} is a folder; did you mean {study / 'study.yaml'}?")

@@ -7,8 +7,8 @@ from contextlib import AbstractContextManager, contextmanager
 from importlib import import_module
 
 from reports.commands.stopping import waking
-from robotmodels.errors import IdentificationError, InvalidInput
-from robotmodels.process_pool import ProcessPool
+from robotmodels.common.errors import IdentificationError, InvalidInput
+from robotmodels.common.process_pool import ProcessPool
 
 RETRIES = 3
 """Times that a task whose worker died begins again, here as on a cluster."""

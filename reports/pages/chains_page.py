@@ -4,18 +4,28 @@ from pathlib import Path
 
 import numpy as np
 
-from estimators.chains.maps import ChainLayout
-from estimators.chains.order import WrongModeCount
+from estimators.chain_dampers.chains_from_records import MeasuredChains
+from estimators.chains.model_order import WrongModeCount
+from estimators.chains.parameter_maps import ChainLayout
 from estimators.trust.intervals import Interval
-from oed.experiment.measured_chains import MeasuredChains
 from reports import text
-from reports.drawing.chains_figures import found_panels, pole_zero_panels
-from reports.drawing.page_budget import lines_drawn
-from reports.drawing.response_panels import response_panels
-from reports.parts import Cell, Column, Figure, Number, Section, Table, figure, numbers, table
-from reports.template import filled, page
-from reports.terminal.chains_summary import in_hertz, method_of, refused, unit, verdict_of
-from robotmodels.atomic_files import write_text
+from reports.figures.chains_figures import found_panels, pole_zero_panels
+from reports.figures.response_panels import lines_drawn, response_panels
+from reports.page_elements import (
+    Cell,
+    Column,
+    Figure,
+    Number,
+    Section,
+    Table,
+    figure,
+    filled,
+    numbers,
+    page,
+    table,
+)
+from reports.summaries.chains_summary import in_hertz, method_of, refused, unit, verdict_of
+from robotmodels.common.atomic_files import write_text
 
 _CLEARLY_WORSE = 1.5  # misfit of the fit with dampers over that of the modes
 

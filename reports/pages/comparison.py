@@ -6,16 +6,27 @@ from typing import Any
 
 import numpy as np
 
-from oed.study.pipeline import StudyResults
+from oed.study.results import StudyResults
 from reports import text
-from reports.drawing import uncertainty_figures
-from reports.parts import Cell, Column, Number, Row, Section, Table, figure, numbers, table
+from reports.figures import uncertainty_figures
+from reports.page_elements import (
+    Cell,
+    Column,
+    Number,
+    Row,
+    Section,
+    Table,
+    figure,
+    filled,
+    numbers,
+    page,
+    table,
+)
 from reports.sections.verdict import discredited, usable
-from reports.template import filled, page
-from reports.terminal import columns
-from reports.terminal.study_summary import study_json
-from robotmodels.arrays import Array
-from robotmodels.atomic_files import write_text
+from reports.summaries import columns
+from reports.summaries.study_summary import study_json
+from robotmodels.common.arrays import Array
+from robotmodels.common.atomic_files import write_text
 
 Studies = Mapping[str, StudyResults]
 

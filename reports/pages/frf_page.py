@@ -5,18 +5,29 @@ from typing import Any
 
 import numpy as np
 
-from estimators.frf.compare import Comparison
-from oed.experiment.measured_frf import MeasuredFrf
+from estimators.frf.frf_from_records import MeasuredFrf
+from estimators.frf.method_comparison import Comparison
 from reports import text
-from reports.drawing import response_panels
-from reports.drawing.frf_figures import detection_panels
-from reports.drawing.page_budget import lines_drawn
-from reports.parts import Cell, Column, Figure, Number, Section, Table, figure, numbers, table
-from reports.template import filled, page
-from reports.terminal.frf_summary import excess, ranked, relative_std
-from robotmodels.arrays import Array
-from robotmodels.atomic_files import write_text
-from robotmodels.progress import StageProgress
+from reports.figures import response_panels
+from reports.figures.frf_figures import detection_panels
+from reports.figures.response_panels import lines_drawn
+from reports.page_elements import (
+    Cell,
+    Column,
+    Figure,
+    Number,
+    Section,
+    Table,
+    figure,
+    filled,
+    numbers,
+    page,
+    table,
+)
+from reports.summaries.frf_summary import excess, ranked, relative_std
+from robotmodels.common.arrays import Array
+from robotmodels.common.atomic_files import write_text
+from robotmodels.common.progress import StageProgress
 
 
 def write_frf_page(

@@ -2,14 +2,13 @@
 
 from pathlib import Path
 
-from oed.study.pipeline import StudyResults
-from oed.study.stages import Failure
-from reports.parts import Section
+from oed.study.results import StudyResults
+from oed.study.stages.stage_cache import Failure
+from reports.page_elements import Section, page
 from reports.sections import study_sections
 from reports.sections.verdict import banner
-from reports.template import page
-from robotmodels.atomic_files import write_text
-from robotmodels.progress import StageProgress
+from robotmodels.common.atomic_files import write_text
+from robotmodels.common.progress import StageProgress
 
 
 def write_report(

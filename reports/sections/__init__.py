@@ -3,9 +3,9 @@
 from collections.abc import Callable
 from functools import partial
 
-from oed.study.pipeline import StudyResults
-from oed.study.stages import Failure
-from reports.parts import Section
+from oed.study.results import StudyResults
+from oed.study.stages.stage_cache import Failure
+from reports.page_elements import Section
 from reports.sections import (
     candidates,
     comparison,
@@ -25,7 +25,7 @@ from reports.sections import (
     uncertainty,
     validation,
 )
-from robotmodels.progress import StageProgress
+from robotmodels.common.progress import StageProgress
 
 
 def study_sections(

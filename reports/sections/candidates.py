@@ -3,11 +3,10 @@
 import numpy as np
 
 from oed.candidates.screening import ScreenedCandidates
-from oed.study.pipeline import StudyResults
+from oed.study.results import StudyResults
 from reports import text
-from reports.parts import Column, Number, Row, Section, Table, numbers, table
-from reports.sections.places import place_numbers
-from reports.template import filled
+from reports.page_elements import Column, Number, Row, Section, Table, filled, numbers, table
+from reports.sections.position_labels import place_numbers
 
 
 def section(results: StudyResults) -> Section | None:

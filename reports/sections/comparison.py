@@ -2,15 +2,25 @@
 
 import numpy as np
 
-from oed.study.comparison import OPTIMAL
-from oed.study.pipeline import StudyResults
-from oed.trials.outcome import PlanComparison, PlanTrial
+from oed.plan_comparison.plan_comparison import PlanComparison, PlanTrial
+from oed.study.results import StudyResults
+from oed.study.stages.comparison_stage import OPTIMAL
 from reports import text
-from reports.drawing import uncertainty_figures
-from reports.parts import Cell, Column, Figure, Number, Section, Table, figure, numbers, table
+from reports.figures import uncertainty_figures
+from reports.page_elements import (
+    Cell,
+    Column,
+    Figure,
+    Number,
+    Section,
+    Table,
+    figure,
+    filled,
+    numbers,
+    table,
+)
 from reports.sections.cost import cost
-from reports.template import filled
-from robotmodels.arrays import Array
+from robotmodels.common.arrays import Array
 
 
 def section(results: StudyResults) -> Section | None:

@@ -2,11 +2,10 @@
 
 import numpy as np
 
-from estimators.uncertainty.cross_check import CrossCheck
+from estimators.validation.cross_check import CrossCheck
 from reports import text
-from reports.parts import Cell, Column, Number, Section, Table, numbers, table
+from reports.page_elements import Cell, Column, Number, Section, Table, filled, numbers, table
 from reports.sections.verdict import discredited
-from reports.template import filled
 
 
 def section(found: CrossCheck) -> Section:

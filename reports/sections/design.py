@@ -2,14 +2,13 @@
 
 import numpy as np
 
-from oed.study.design_section import DesignChoice
-from oed.study.pipeline import FittedStudy, PlannedStudy, StudyResults
+from oed.study.results import FittedStudy, PlannedStudy, StudyResults
+from oed.study.settings.design_settings import DesignChoice
 from reports import text
-from reports.drawing import figures
-from reports.parts import Column, Number, Section, Table, figure, numbers, table
+from reports.figures import study_figures
+from reports.page_elements import Column, Number, Section, Table, figure, filled, numbers, table
 from reports.sections.cost import cost
 from reports.sections.verdict import discredited
-from reports.template import filled
 
 
 def section(results: StudyResults) -> Section | None:
@@ -20,7 +19,9 @@ def section(results: StudyResults) -> Section | None:
     sensitivity = figure(
         "sensitivity",
         # Per share of all visits, whether weights are shares or visits.
-        figures.sensitivity_function(design.sensitivity * design.weights.sum(), design.support),
+        study_figures.sensitivity_function(
+            design.sensitivity * design.weights.sum(), design.support
+        ),
         "Sensitivity of every candidate position in falling order, those of the design marked",
     )
     least = () if robust is None else (robust.efficiency.min(), robust.nominal_efficiency.min())

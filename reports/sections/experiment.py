@@ -2,11 +2,10 @@
 
 import numpy as np
 
-from oed.study.pipeline import StudyResults
+from oed.study.results import StudyResults
 from reports import text
-from reports.parts import Cell, Column, Number, Section, Table, numbers, table
-from reports.template import filled
-from robotmodels.arrays import Array
+from reports.page_elements import Cell, Column, Number, Section, Table, filled, numbers, table
+from robotmodels.common.arrays import Array
 
 
 def section(results: StudyResults) -> Section | None:

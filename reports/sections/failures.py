@@ -2,10 +2,9 @@
 
 from collections.abc import Sequence
 
-from oed.study.stages import Failure
+from oed.study.stages.stage_cache import Failure
 from reports import text
-from reports.parts import Column, Section, table
-from reports.template import filled
+from reports.page_elements import Column, Section, filled, table
 
 
 def section(failures: Sequence[Failure]) -> Section:

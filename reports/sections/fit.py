@@ -2,11 +2,11 @@
 
 import numpy as np
 
-from oed.study.pipeline import FittedStudy, StudyResults, start_number
+from oed.study.results import FittedStudy, StudyResults
+from oed.study.stages.fit_stages import start_number
 from reports import text
-from reports.drawing import figures
-from reports.parts import Column, Number, Section, Table, figure, numbers, table
-from reports.template import filled
+from reports.figures import study_figures
+from reports.page_elements import Column, Number, Section, Table, figure, filled, numbers, table
 
 
 def section(results: StudyResults) -> Section:
@@ -24,7 +24,7 @@ def section(results: StudyResults) -> Section:
         cost=text.significant(results.fit.cost, 6),
         costs=figure(
             "costs",
-            figures.costs_over_starts(costs, best),
+            study_figures.costs_over_starts(costs, best),
             "Final cost of every fit over the best cost of its estimator, a dot per start",
         ),
         runs=run_table(results),

@@ -4,8 +4,7 @@ import numpy as np
 
 from estimators.uncertainty.identifiability import Identifiability
 from reports import text
-from reports.parts import Column, Number, Section, Table, numbers, table
-from reports.template import filled
+from reports.page_elements import Column, Number, Section, Table, filled, numbers, table
 
 WEAKEST = 5
 """Directions shown."""

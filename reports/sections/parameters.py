@@ -5,13 +5,12 @@ from collections.abc import Callable
 import numpy as np
 
 from estimators.trust.intervals import Interval
-from oed.study.pipeline import StudyResults
+from oed.study.results import StudyResults
 from reports import text
-from reports.drawing import uncertainty_figures
-from reports.parts import Cell, Column, Number, Section, Table, figure, numbers
+from reports.figures import uncertainty_figures
+from reports.page_elements import Cell, Column, Number, Section, Table, figure, filled, numbers
 from reports.sections.verdict import agreement, discredited, interval_words, usable
-from reports.template import filled
-from robotmodels.arrays import Array
+from robotmodels.common.arrays import Array
 
 _KINDS = {"stiffness": "Springs", "damping": "Dampers"}
 

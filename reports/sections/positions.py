@@ -4,13 +4,12 @@ from dataclasses import dataclass
 
 from markupsafe import Markup
 
-from oed.study.pipeline import StudyResults
+from oed.study.results import StudyResults
 from reports import text
-from reports.drawing import robot_pictures
-from reports.parts import Cell, Number, Section, Table, numbers, table
+from reports.figures import robot_pictures
+from reports.page_elements import Cell, Number, Section, Table, filled, numbers, table
 from reports.sections.cost import visit_noun, visits
-from reports.sections.places import place_numbers, prismatic
-from reports.template import filled
+from reports.sections.position_labels import place_numbers, prismatic
 from robotmodels.elastic.rigid_pose import joint_origins
 
 

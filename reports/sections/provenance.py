@@ -1,10 +1,10 @@
 """Provenance: from what the results were computed, with what, and how to do it again."""
 
-from oed.fingerprint import file_digest, json_digest, robot_digest
-from oed.study.pipeline import StudyResults
+from oed.study.results import StudyResults
 from reports import text
-from reports.parts import Column, Number, Section, Table, numbers, table
-from reports.template import filled
+from reports.page_elements import Column, Number, Section, Table, filled, numbers, table
+from robotmodels.common.fingerprints import file_digest, json_digest
+from robotmodels.library.robot_digest import robot_digest
 
 
 def section(results: StudyResults, command: str = "") -> Section:

@@ -2,14 +2,24 @@
 
 import numpy as np
 
-from estimators.trust.residual_analysis import ResidualAnalysis
 from estimators.trust.rule import LEVEL
 from estimators.trust.trust import Trust
+from estimators.uncertainty.residual_analysis import ResidualAnalysis
 from reports import text
-from reports.drawing import figures
-from reports.parts import Column, Figure, Number, Row, Section, Table, figure, numbers, table
-from reports.template import filled
-from robotmodels.arrays import Array
+from reports.figures import study_figures
+from reports.page_elements import (
+    Column,
+    Figure,
+    Number,
+    Row,
+    Section,
+    Table,
+    figure,
+    filled,
+    numbers,
+    table,
+)
+from robotmodels.common.arrays import Array
 
 MOST_CONSPICUOUS, MOST_RISKY = 40, 10
 
@@ -89,7 +99,7 @@ def by_position(found: ResidualAnalysis) -> Figure | None:
         return None
     return figure(
         "residuals-by-position",
-        figures.over_expected(found.by_position, found.outlying),
+        study_figures.over_expected(found.by_position, found.outlying),
         "Sum of squared residuals over its expectation, for every position",
     )
 

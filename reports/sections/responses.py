@@ -3,13 +3,12 @@
 import numpy as np
 
 import robotmodels
-from oed.study.pipeline import StudyResults
-from reports.drawing import response_panels
-from reports.drawing.page_budget import lines_drawn
-from reports.parts import Figure, Section, figure
-from reports.sections.places import labels
-from reports.template import filled
-from robotmodels.arrays import IntArray
+from oed.study.results import StudyResults
+from reports.figures import response_panels
+from reports.figures.response_panels import lines_drawn
+from reports.page_elements import Figure, Section, figure, filled
+from reports.sections.position_labels import labels
+from robotmodels.common.arrays import IntArray
 
 
 def section(results: StudyResults) -> Section:

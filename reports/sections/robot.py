@@ -1,9 +1,8 @@
 """The robot: its motors and springs, as its file gives them."""
 
-from oed.study.pipeline import StudyResults
+from oed.study.results import StudyResults
 from reports import text
-from reports.parts import Column, Number, Row, Section, Table, numbers, table
-from reports.template import filled
+from reports.page_elements import Column, Number, Row, Section, Table, filled, numbers, table
 from robotmodels.description.robot_file import Hardening, Spring
 
 

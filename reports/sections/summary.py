@@ -2,12 +2,11 @@
 
 import numpy as np
 
-from oed.study.pipeline import StudyResults
+from oed.study.results import StudyResults
 from reports import text
-from reports.parts import Section
+from reports.page_elements import Section, filled
 from reports.sections.cost import cost, counts
 from reports.sections.verdict import usable
-from reports.template import filled
 
 
 def section(results: StudyResults) -> Section:

@@ -2,14 +2,23 @@
 
 import numpy as np
 
-from estimators.uncertainty.convergence import ESS, R_HAT, TIMES
+from estimators.sampling.convergence import ESS, R_HAT, TIMES
+from estimators.sampling.posterior import Posterior
 from estimators.uncertainty.covariance import Uncertainty
-from estimators.uncertainty.posterior import Posterior
-from oed.study.pipeline import StudyResults
+from oed.study.results import StudyResults
 from reports import text
-from reports.drawing import uncertainty_figures
-from reports.parts import Column, Figure, Number, Section, Table, figure, numbers, table
-from reports.template import filled
+from reports.figures import uncertainty_figures
+from reports.page_elements import (
+    Column,
+    Figure,
+    Number,
+    Section,
+    Table,
+    figure,
+    filled,
+    numbers,
+    table,
+)
 
 CORNER_PARAMETERS = 6
 CORNER_DRAWS = 40_000

@@ -2,14 +2,23 @@
 
 import numpy as np
 
-from estimators.uncertainty.validation import Validation
-from oed.study.pipeline import StudyResults
-from oed.study.validation import HeldOut
+from estimators.validation.held_out_positions import Validation
+from oed.study.results import StudyResults
+from oed.study.stages.validation_stages import HeldOut
 from reports import text
-from reports.drawing import figures
-from reports.parts import Column, Number, Row, Section, Table, figure, numbers, table
-from reports.sections.places import prismatic
-from reports.template import filled
+from reports.figures import study_figures
+from reports.page_elements import (
+    Column,
+    Number,
+    Row,
+    Section,
+    Table,
+    figure,
+    filled,
+    numbers,
+    table,
+)
+from reports.sections.position_labels import prismatic
 
 
 def section(results: StudyResults) -> Section | None:
@@ -26,7 +35,7 @@ def section(results: StudyResults) -> Section | None:
         positions=position_table(results, found),
         calibration=figure(
             "calibration",
-            figures.calibration(
+            study_figures.calibration(
                 found.theorem1.levels,
                 (found.theorem1.coverage,),
                 ("Theorem 1",),

@@ -5,10 +5,10 @@ from markupsafe import Markup
 
 from estimators.trust.intervals import Interval
 from estimators.trust.trust import Trust
-from estimators.uncertainty.cross_check import WIDTH, CrossCheck
+from estimators.validation.cross_check import WIDTH, CrossCheck
 from oed.study.results import StudyResults
 from reports import text
-from reports.template import filled
+from reports.page_elements import filled
 
 KINDS = {
     "trustworthy": "sound",

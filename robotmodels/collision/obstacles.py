@@ -5,8 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from robotmodels.arrays import Array, real_numbers
-from robotmodels.errors import InvalidInput
+from robotmodels.common.arrays import Array, real_numbers
+from robotmodels.common.errors import InvalidInput
 
 Vector = tuple[float, float, float]
 

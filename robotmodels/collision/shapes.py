@@ -11,14 +11,13 @@ import coal
 import numpy as np
 import pinocchio as pin
 
-from robotmodels.arrays import Array
+from robotmodels.common.arrays import Array
+from robotmodels.common.errors import InvalidInput
+from robotmodels.common.file_paths import check_file
 from robotmodels.description.ranges import MOST_LENGTH
 from robotmodels.description.urdf import locate
-from robotmodels.description.urdf_check import checked_urdf
-from robotmodels.description.xml_reader import read_xml
+from robotmodels.description.urdf_check import checked_urdf, read_xml
 from robotmodels.elastic.robot import ElasticRobot
-from robotmodels.errors import InvalidInput
-from robotmodels.files import check_file
 
 LINE_RADIUS = 1e-3
 """Of links that have neither shape nor radius: lines between joints, to a millimetre [m]."""

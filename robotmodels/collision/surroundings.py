@@ -12,14 +12,14 @@ import coal
 import numpy as np
 import pinocchio as pin
 
-from robotmodels.arrays import Array, BoolArray
 from robotmodels.collision.obstacles import Box, Obstacle, Plane
 from robotmodels.collision.obstacles import floor as floor_at
 from robotmodels.collision.shapes import RobotShapes, Shape, robot_shapes
+from robotmodels.common.arrays import Array, BoolArray
+from robotmodels.common.errors import InvalidInput, nearest
+from robotmodels.common.progress import Progress
 from robotmodels.elastic.rigid_pose import configurations
 from robotmodels.elastic.robot import ElasticRobot
-from robotmodels.errors import InvalidInput, nearest
-from robotmodels.progress import Progress
 
 _SAMPLES = 32  # positions, and one more, in all of which what is built to touch does so
 

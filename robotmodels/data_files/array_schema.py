@@ -8,10 +8,9 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from robotmodels.arrays import truth_values, whole_numbers
+from robotmodels.common.arrays import check_memory, truth_values, whole_numbers
+from robotmodels.common.errors import InvalidInput, nearest
 from robotmodels.data_files.file_guard import listed
-from robotmodels.errors import InvalidInput, nearest
-from robotmodels.memory import check_memory
 
 Kind = Literal["real", "whole", "complex", "truth", "text"]
 

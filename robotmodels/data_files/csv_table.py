@@ -9,16 +9,12 @@ from typing import Any
 
 import numpy as np
 
-from robotmodels.arrays import Array
+from robotmodels.common.arrays import Array
+from robotmodels.common.errors import InvalidInput
+from robotmodels.common.file_paths import check_file
 from robotmodels.data_files.array_schema import StoredArray
-from robotmodels.data_files.file_guard import (
-    PathLike,
-    library_errors,
-    listed,
-)
+from robotmodels.data_files.file_guard import PathLike, library_errors, listed
 from robotmodels.data_files.json_text import json_array, parse_json
-from robotmodels.errors import InvalidInput
-from robotmodels.files import check_file
 
 _CONTAINER = "a table of numbers below comments '# key: JSON'"
 

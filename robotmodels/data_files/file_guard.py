@@ -8,8 +8,8 @@ from contextlib import contextmanager
 
 import numpy as np
 
-from robotmodels.errors import InvalidInput
-from robotmodels.files import reason
+from robotmodels.common.errors import InvalidInput
+from robotmodels.common.file_paths import reason
 
 PathLike = str | os.PathLike[str]
 _MOST_NAMES, _MOST_LETTERS = 12, 40  # that an error lists, of each

@@ -8,20 +8,16 @@ from typing import Any
 
 import numpy as np
 
+from robotmodels.common.errors import InvalidInput
+from robotmodels.common.file_paths import check_file
 from robotmodels.data_files.array_schema import ArraySchema, StoredArray
-from robotmodels.data_files.file_guard import (
-    PathLike,
-    library_errors,
-    listed,
-)
+from robotmodels.data_files.file_guard import PathLike, library_errors, listed
 from robotmodels.data_files.hdf5_heaps import (
     LENGTHS,
     check_heaps,
     check_text_attribute,
     check_text_dataset,
 )
-from robotmodels.errors import InvalidInput
-from robotmodels.files import check_file
 
 _CONTAINER = "a sound HDF5 file"
 MOST_COMPRESSED = 1100  # deflate makes of a byte at most 1032

@@ -9,7 +9,7 @@ import struct
 from collections.abc import Iterator
 from pathlib import Path
 
-from robotmodels.errors import InvalidInput
+from robotmodels.common.errors import InvalidInput
 
 _SIGNATURE = b"GCOL\x01\x00\x00\x00"
 _HEADER, _OBJECT, _REFERENCE = 16, struct.Struct("<HH4xQ"), struct.Struct("<IQI")

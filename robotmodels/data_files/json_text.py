@@ -6,10 +6,10 @@ from typing import Any
 
 import numpy as np
 
+from robotmodels.common.errors import InvalidInput
+from robotmodels.common.file_paths import check_file
 from robotmodels.data_files.array_schema import StoredArray
 from robotmodels.data_files.file_guard import PathLike, library_errors
-from robotmodels.errors import InvalidInput
-from robotmodels.files import check_file
 
 _CONTAINER = "valid JSON"
 

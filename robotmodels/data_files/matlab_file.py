@@ -11,15 +11,11 @@ from typing import Any
 
 import numpy as np
 
+from robotmodels.common.errors import InvalidInput
+from robotmodels.common.file_paths import check_file
 from robotmodels.data_files.array_schema import ArraySchema, Field, StoredArray
-from robotmodels.data_files.file_guard import (
-    PathLike,
-    library_errors,
-    listed,
-)
+from robotmodels.data_files.file_guard import PathLike, library_errors, listed
 from robotmodels.data_files.hdf5_file import MOST_COMPRESSED, Hdf5Group, open_hdf5
-from robotmodels.errors import InvalidInput
-from robotmodels.files import check_file
 
 _CONTAINER = "a MATLAB file"
 _VERSION_7_3 = b"MATLAB 7.3"

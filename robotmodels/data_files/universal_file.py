@@ -8,9 +8,9 @@ from typing import Any
 
 import numpy as np
 
+from robotmodels.common.errors import InvalidInput
+from robotmodels.common.file_paths import check_file
 from robotmodels.data_files.file_guard import PathLike, library_errors
-from robotmodels.errors import InvalidInput
-from robotmodels.files import check_file
 
 _CONTAINER = "a universal file that pyuff can read"
 _FUNCTION = 58

@@ -4,8 +4,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from robotmodels.arrays import Array, read_only, real_numbers
-from robotmodels.errors import InvalidInput, nearest
+from robotmodels.common.arrays import Array, read_only, real_numbers
+from robotmodels.common.errors import InvalidInput, nearest
 
 
 @dataclass(frozen=True, eq=False)

@@ -52,6 +52,7 @@ from typing import Annotated, Literal, Self
 
 from pydantic import AfterValidator, BeforeValidator, Field, model_validator
 
+from robotmodels.common.yaml_files import Strict, read_yaml
 from robotmodels.description.ranges import (
     LEAST_DIRECTION,
     Damping,
@@ -64,7 +65,6 @@ from robotmodels.description.ranges import (
     Stiffness,
     Vector,
 )
-from robotmodels.files import Strict, read_yaml
 
 
 def _six_inertias(value: object) -> object:

@@ -5,7 +5,7 @@ from functools import cached_property
 
 import numpy as np
 
-from robotmodels.arrays import Array
+from robotmodels.common.arrays import Array
 
 
 @dataclass(frozen=True, eq=False)

@@ -9,10 +9,10 @@ from pathlib import Path
 import numpy as np
 import pinocchio as pin
 
-from robotmodels.arrays import Array
+from robotmodels.common.arrays import Array
+from robotmodels.common.errors import InvalidInput, nearest
+from robotmodels.common.file_paths import absolute
 from robotmodels.description.urdf_check import checked_urdf
-from robotmodels.errors import InvalidInput, nearest
-from robotmodels.files import absolute
 
 _PACKAGE_PREFIX = "example-robot-data:"
 

@@ -10,6 +10,9 @@ import xml.etree.ElementTree as ET
 from collections import Counter
 from pathlib import Path
 
+from robotmodels.common.errors import InvalidInput, nearest
+from robotmodels.common.file_paths import check_file, reason
+from robotmodels.common.printing import decimal, unprintable
 from robotmodels.description.ranges import (
     LEAST_DIRECTION,
     MOST_INERTIA,
@@ -17,9 +20,6 @@ from robotmodels.description.ranges import (
     MOST_LIMIT,
     MOST_MASS,
 )
-from robotmodels.description.xml_reader import read_xml
-from robotmodels.errors import InvalidInput, nearest
-from robotmodels.plain_text import decimal, unprintable
 
 MOST_LINKS = 500
 """Links of a URDF."""
@@ -234,3 +234,64 @@ def _numbers(
 
 def _written(numbers: list[float]) -> str:
     return " ".join(map(repr, numbers))
+
+
+MOST_BYTES = 4_000_000
+"""Size of a URDF."""
+
+_MOST_NESTED = 32
+
+
+class _GuardedTree(ET.TreeBuilder):
+    """Refuses what no robot needs as soon as it begins."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self._depth = 0
+
+    def doctype(self, name: str, public: str | None, system: str | None) -> None:
+        """Refuse definitions of entities, which expand without end or name other files."""
+        raise InvalidInput("it has a <!DOCTYPE>, which is not read; leave it out")
+
+    def start(self, tag: str, attributes: dict[str, str]) -> ET.Element:
+        """Begin an element."""
+        self._depth += 1
+        if self._depth > _MOST_NESTED:
+            raise InvalidInput(f"elements are nested more than {_MOST_NESTED} deep")
+        return super().start(tag, attributes)
+
+    def end(self, tag: str) -> ET.Element:
+        """End an element."""
+        self._depth -= 1
+        return super().end(tag)
+
+
+def read_xml(path: Path, most: int = MOST_BYTES, kind: str = "URDF") -> ET.Element:
+    """Return the root of an XML file.
+
+    Parameters
+    ----------
+    path : Path
+        Of the file.
+    most : int
+        Largest size of the file [bytes].
+    kind : str
+        What the file is to be, for errors.
+
+    Raises
+    ------
+    InvalidInput
+        If it cannot be read, is not well formed, defines entities or nests too deeply.
+    """
+    check_file(path, most)
+    try:
+        return ET.fromstring(path.read_bytes(), parser=ET.XMLParser(target=_GuardedTree()))
+    except ET.ParseError as error:
+        raise InvalidInput(f"{path}: not a well-formed {kind}: {error}") from None
+    except (LookupError, ValueError) as error:
+        # Of an encoding that Python does not have, or that is none of text.
+        raise InvalidInput(f"{path}: not a well-formed {kind}: {reason(error)}") from None
+    except OSError as error:
+        raise InvalidInput(f"{path}: cannot be read: {reason(error)}") from None
+    except InvalidInput as error:
+        raise InvalidInput(f"{path}: {error}") from None

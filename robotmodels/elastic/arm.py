@@ -6,11 +6,11 @@ from functools import cached_property
 import numpy as np
 import pinocchio as pin
 
-from robotmodels.arrays import Array, BoolArray, IntArray
+from robotmodels.common.arrays import Array, BoolArray, IntArray
+from robotmodels.common.errors import InvalidInput
 from robotmodels.description.robot_file import RobotFile
 from robotmodels.description.urdf import unknown_joint
 from robotmodels.elastic.segments import Segment, link_frame, segments
-from robotmodels.errors import InvalidInput
 
 _AXES = {"x": np.eye(3)[0], "y": np.eye(3)[1], "z": np.eye(3)[2]}
 _REVOLUTE = {"x": pin.JointModelRX, "y": pin.JointModelRY, "z": pin.JointModelRZ}

@@ -11,7 +11,7 @@ from functools import cached_property
 import numpy as np
 import pinocchio as pin
 
-from robotmodels.arrays import Array
+from robotmodels.common.arrays import Array
 from robotmodels.elastic.arm import Arm
 
 _PART = 64

@@ -6,11 +6,11 @@ from functools import cached_property
 
 import numpy as np
 
-from robotmodels.arrays import Array, BoolArray, IntArray
+from robotmodels.common.arrays import Array, BoolArray, IntArray
+from robotmodels.common.errors import NoEquilibrium
 from robotmodels.description.spring_laws import SpringLaws
 from robotmodels.elastic.arm import Arm
 from robotmodels.elastic.dynamics import Gravity, gravity, gravity_torques
-from robotmodels.errors import NoEquilibrium
 
 LARGEST_DEFLECTION = 0.5  # [rad] or [m]: beyond it a lumped spring is no model of elasticity
 _SMALL = 0.3

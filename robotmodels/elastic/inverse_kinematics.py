@@ -6,12 +6,12 @@ from dataclasses import dataclass
 import numpy as np
 import pinocchio as pin
 
-from robotmodels.arrays import Array, BoolArray
+from robotmodels.common.arrays import Array, BoolArray
+from robotmodels.common.errors import InvalidInput
 from robotmodels.elastic.arm import motions
 from robotmodels.elastic.rigid_pose import configurations
 from robotmodels.elastic.robot import ElasticRobot
 from robotmodels.elastic.segments import link_frame
-from robotmodels.errors import InvalidInput
 
 _ACCURACY = 1e-6  # [m], and [rad] of the direction
 _ITERATIONS = 60

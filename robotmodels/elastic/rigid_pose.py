@@ -3,7 +3,7 @@
 import numpy as np
 import pinocchio as pin
 
-from robotmodels.arrays import Array, real_numbers
+from robotmodels.common.arrays import Array, real_numbers
 from robotmodels.elastic.dynamics import gravity_torques
 from robotmodels.elastic.robot import ElasticRobot
 

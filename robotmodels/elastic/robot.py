@@ -7,20 +7,20 @@ from pathlib import Path
 import numpy as np
 import pinocchio as pin
 
-from robotmodels.arrays import Array, real_numbers
-from robotmodels.description.elements import Elements
+from robotmodels.common.arrays import Array, real_numbers
+from robotmodels.common.errors import InvalidInput
 from robotmodels.description.parameters import Parameters
 from robotmodels.description.robot_file import RobotFile, Spring
 from robotmodels.description.urdf import locate, rigid_model, unknown_joint
 from robotmodels.description.urdf_check import mimics
 from robotmodels.elastic.arm import Arm, build_arm, motions
 from robotmodels.elastic.equilibrium import Equilibrium, Labels, find_equilibrium
-from robotmodels.elastic.layout import Layout
+from robotmodels.elastic.equilibrium_derivatives import differentiate
+from robotmodels.elastic.free_elements import Elements
 from robotmodels.elastic.segments import check_bodies
-from robotmodels.elastic.skeleton import Skeleton, check_mass, skeleton
-from robotmodels.elastic.spring_network import SpringNetwork, incidence
-from robotmodels.elastic.tangents import Tangents, differentiate
-from robotmodels.errors import InvalidInput
+from robotmodels.elastic.skeleton import Layout, Skeleton, check_mass, skeleton
+from robotmodels.linear.equilibrium_sensitivity import Tangents
+from robotmodels.linear.spring_network import SpringNetwork, incidence
 
 
 @dataclass(frozen=True, eq=False)

@@ -5,10 +5,10 @@ from dataclasses import dataclass, field
 import numpy as np
 import pinocchio as pin
 
-from robotmodels.arrays import Array
+from robotmodels.common.arrays import Array
+from robotmodels.common.errors import InvalidInput, nearest
 from robotmodels.description.robot_file import Body, RobotFile, Spring
 from robotmodels.description.urdf import check_inertia, check_moments
-from robotmodels.errors import InvalidInput, nearest
 
 # How far beyond a uniform box with the link's inertia a cut may lie, in diagonals of the box.
 _MARGIN = 0.2

@@ -7,19 +7,18 @@ factorised without pivoting (`solve`), and positions are shared out over threads
 
 import numpy as np
 
-from robotmodels.arrays import Array, ComplexArray
-from robotmodels.elastic.spring_network import SpringNetwork, shared
-from robotmodels.kernel.cells import CostKernel, check_complete, positive_frequencies
-from robotmodels.kernel.fisher import informations
-from robotmodels.kernel.layout import Layout, layout
+from robotmodels.common.arrays import Array, ComplexArray
+from robotmodels.kernel.cost_kernel import CostKernel, check_complete, positive_frequencies
+from robotmodels.kernel.elimination_order import Layout, layout
+from robotmodels.kernel.fisher import informations, separable_informations
 from robotmodels.kernel.memory import address, aligned
-from robotmodels.kernel.separable import separable_informations
 from robotmodels.kernel.simd import LANES
 from robotmodels.kernel.solve import responses
 from robotmodels.kernel.threads import over_threads
-from robotmodels.kernel.work import Workspaces, network_tables, workspace
-from robotmodels.noise import RelativeNoise, SeparableNoise
-from robotmodels.normal_equations import NormalEquations, Residual
+from robotmodels.kernel.workspace import Workspaces, network_tables, workspace
+from robotmodels.linear.noise import RelativeNoise, SeparableNoise
+from robotmodels.linear.normal_equations import NormalEquations, Residual
+from robotmodels.linear.spring_network import SpringNetwork, shared
 
 __all__ = ["CostKernel", "NormalEquations", "costs", "frequency_response", "information"]
 

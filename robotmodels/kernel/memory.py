@@ -13,7 +13,7 @@ import numpy as np
 from llvmlite import ir
 from numba.core import cgutils, types
 
-from robotmodels.arrays import Array, IntArray
+from robotmodels.common.arrays import Array, IntArray
 from robotmodels.kernel.simd import (
     BYTES,
     LANES,

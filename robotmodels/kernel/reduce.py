@@ -3,7 +3,7 @@
 # numba compiles what follows and infers its types:
 # mypy: allow-untyped-decorators, allow-untyped-defs, allow-untyped-calls
 
-from robotmodels.kernel.factor import SOURCES, compiled, entry, guard, inlined, inverse, square
+from robotmodels.kernel.ldlt import SOURCES, compiled, entry, guard, inlined, inverse, square
 from robotmodels.kernel.memory import load, load_complex, store
 from robotmodels.kernel.simd import BYTES, any_negative, fma, maximum, pack, root, splat
 from robotmodels.kernel.solve import assemble_arm, pack_position

@@ -8,7 +8,8 @@ frequency is solved again with pivoting. Only the rows of A^-1 that springs need
 # numba compiles what follows and infers its types:
 # mypy: allow-untyped-decorators, allow-untyped-defs, allow-untyped-calls
 
-from robotmodels.kernel.factor import (
+from robotmodels.kernel.elimination_order import INERTANCE
+from robotmodels.kernel.ldlt import (
     SOURCES,
     back_substitute,
     compiled,
@@ -18,7 +19,6 @@ from robotmodels.kernel.factor import (
     inverse,
     solve_lane,
 )
-from robotmodels.kernel.layout import INERTANCE
 from robotmodels.kernel.memory import integer, load, load_complex, put, scalar, store
 from robotmodels.kernel.simd import LANES, any_negative, fma, pack, splat
 

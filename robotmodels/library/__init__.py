@@ -2,9 +2,9 @@
 
 from pathlib import Path
 
+from robotmodels.common.errors import InvalidInput, nearest
 from robotmodels.description.robot_file import read_robot_file
 from robotmodels.elastic.robot import ElasticRobot
-from robotmodels.errors import InvalidInput, nearest
 
 _FOLDER = Path(__file__).parent
 

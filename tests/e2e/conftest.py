@@ -10,7 +10,8 @@ from pathlib import Path
 import pytest
 from markupsafe import Markup
 
-from reports import cli, parts
+from reports import cli, page_elements
+from reports.figures import svg
 
 ROBOT = """\
 schema: robot/1
@@ -72,7 +73,7 @@ def drawn(wanted: str = "nothing") -> Iterator[None]:
     Drawing takes most of a page's time. The small study's report has every picture; of the pages
     of other studies, tests judge the words and want only the pictures that the small one lacks.
     """
-    inline = parts.inline
+    inline = svg.inline
 
     def maybe(draw, name, alt):
         if re.match(f"in-({wanted})", name):
@@ -80,7 +81,7 @@ def drawn(wanted: str = "nothing") -> Iterator[None]:
         return Markup('<svg id="{}"></svg>').format(name)
 
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(parts, "inline", maybe)
+        patch.setattr(page_elements, "inline", maybe)
         yield
 
 

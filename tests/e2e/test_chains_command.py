@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 from conftest import oed
 
-from oed.experiment.measured_chains import measured_chains
-from robotmodels.chain_responses import modally_damped
-from robotmodels.chains import CoupledChains
-from robotmodels.plant.controller import Controller
-from robotmodels.plant.linear import simulate_linear
-from robotmodels.records import Records
+from estimators.chain_dampers.chains_from_records import measured_chains
+from robotmodels.linear.chain_responses import modally_damped
+from robotmodels.linear.coupled_chains import CoupledChains
+from robotmodels.records.records import Records
+from robotmodels.simulation.controller import Controller
+from robotmodels.simulation.linear_simulation import simulate_linear
 
 CHAINS = CoupledChains(
     np.array([[1.0, 2.0], [2.0, 1.5]]),

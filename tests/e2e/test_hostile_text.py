@@ -9,9 +9,8 @@ import pytest
 from browser import chromium, open_page
 
 from reports import cli
-from reports.parts import Column, Section, figure, table
-from reports.template import filled, page
-from robotmodels.plain_text import printable
+from reports.page_elements import Column, Section, figure, filled, page, table
+from robotmodels.common.printing import printable
 
 HTML = "</script><img src=x onerror=\"document.title='run'\">"
 FORMULAS = ["=1+1", "+1+1", "-1+1", "@SUM(1)", '=HYPERLINK("http://x","y")', "=1+1|calc,!A0"]

@@ -8,18 +8,18 @@ from html import unescape
 import pytest
 from conftest import ROBOT, STUDY, drawn, oed, write_study
 
-from robotmodels.errors import NotIdentifiable
+from robotmodels.common.errors import NotIdentifiable
 
 WHOLE = STUDY + "profiles: 1\nvalidation: {count: 2}\n"
 
 DUMP = "minimum invalid:\n┌────┐\n│ no │\n└────┘"
 FAILING = {
-    "comparison": "oed.study.comparison.compare_plans",
-    "uncertainty": "oed.study.uncertainty.covariance",
-    "posterior": "oed.study.uncertainty.sample_posterior",
-    "profiles": "oed.study.uncertainty.profile_likelihood",
-    "cross-check": "oed.study.uncertainty.importance_sample",
-    "validation": "oed.study.validation.validate",
+    "comparison": "oed.study.stages.comparison_stage.compare_plans",
+    "uncertainty": "oed.study.stages.uncertainty_stages.covariance",
+    "posterior": "oed.study.stages.uncertainty_stages.sample_posterior",
+    "profiles": "oed.study.stages.uncertainty_stages.profile_likelihood",
+    "cross-check": "oed.study.stages.uncertainty_stages.importance_sample",
+    "validation": "oed.study.stages.validation_stages.validate",
     "section summary": "reports.sections.summary.filled",
     "section fit": "reports.sections.fit.run_table",
     "section provenance": "reports.sections.provenance.input_table",

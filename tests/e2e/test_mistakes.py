@@ -10,7 +10,7 @@ from concurrent.futures.process import BrokenProcessPool
 import pytest
 from conftest import ROBOT, STUDY, oed, write_study
 
-from estimators.uncertainty.log_posterior import LogPosterior
+from estimators.sampling.log_posterior import LogPosterior
 
 FOUR_SPRINGS = ROBOT + (
     "  - {name: b3x, joint: elbow_joint, axis: x, stiffness: 5.0e4, damping: 50}\n"
@@ -147,7 +147,7 @@ def test_a_terminated_run_keeps_whole_stages_and_what_the_next_run_goes_on_from(
 # The call that the signal meets is one of compiled code, qsort's, which drops exceptions.
 MET = """
 import ctypes, os, signal, sys
-from estimators.uncertainty.log_posterior import LogPosterior
+from estimators.sampling.log_posterior import LogPosterior
 from reports import cli
 
 density, calls = LogPosterior.__call__, 0

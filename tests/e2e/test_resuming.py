@@ -76,7 +76,7 @@ def test_a_changed_robot_file_recomputes_all(copied, tmp_path):
 
 
 LIBRARIES = ("pinocchio", "cvxpy", "robotmodels.kernel", "oed.study.pipeline")
-LIBRARIES += ("estimators.uncertainty.posterior", "reports.terminal.study_summary")
+LIBRARIES += ("estimators.sampling.posterior", "reports.summaries.study_summary")
 
 
 def sample(path):

@@ -169,14 +169,14 @@ def inside(modules, *packages):
     return {m for m in modules if m.startswith(tuple(f"{p}." for p in packages)) or m in packages}
 
 
-STUDY = ("oed.study", "oed.design", "oed.plans", "oed.trials", "oed.published", "oed.candidates")
-FITS = ("estimators.fitting", "estimators.uncertainty", "estimators.chains")
+STUDY = ("oed.study", "oed.design", "oed.exact", "oed.plan_comparison", "oed.candidates")
+FITS = ("estimators.fitting", "estimators.uncertainty", "estimators.sampling", "estimators.chains")
 
 
 @pytest.mark.parametrize("robot", [(), ("--robot", "moberg_axis1", "--compare")])
 def test_frf_loads_neither_study_nor_fits(simulated, robot, tmp_path):
     modules = loaded("frf", simulated[0] / "records.h5", "-o", tmp_path, *robot)
-    assert "oed.experiment.measured_frf" in modules
+    assert "estimators.frf.frf_from_records" in modules
     assert (tmp_path / "frf.html").exists()
     assert not inside(modules, *STUDY, *FITS)
     assert ("pinocchio" in modules) == bool(robot)  # needed for a robot's model alone

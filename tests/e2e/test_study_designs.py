@@ -7,13 +7,13 @@ import numpy as np
 import pytest
 from conftest import STUDY, oed, write_study
 
-from oed.experiment.file import load_experiment, planned_positions
-from oed.plans.scoring import standard_deviations
-from oed.store import StoredInformation
-from oed.study.file import load_study
+from oed.exact.plan_score import standard_deviations
+from oed.experiment.experiment_file import load_experiment, planned_positions
+from oed.information_sets.stored_information import StoredInformation
 from oed.study.pipeline import design_study, fit_study
+from oed.study.settings.study_file import load_study
 from reports.sections import candidates, design, positions
-from robotmodels.errors import InvalidInput
+from robotmodels.common.errors import InvalidInput
 
 EXPERIMENT = """\
 schema: experiment/1
@@ -141,7 +141,7 @@ def test_samples_that_cannot_stand_are_said(tmp_path):
 
 def test_many_candidates_are_kept_in_a_store(tmp_path, monkeypatch):
     whole = designed(tmp_path / "memory", "{experiments: 5}")
-    monkeypatch.setattr("oed.study.design.LARGEST_IN_MEMORY", 1000)
+    monkeypatch.setattr("oed.study.stages.design_stages.LARGEST_IN_MEMORY", 1000)
     path = study(tmp_path, "{experiments: 5}")
     stored = design_study(load_study(path))
     assert isinstance(stored.information, StoredInformation)

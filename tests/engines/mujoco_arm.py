@@ -17,8 +17,8 @@ import mujoco
 import numpy as np
 
 from robotmodels.description.robot_file import Hardening, RobotFile
-from robotmodels.plant.mujoco_model import PlantBuilder
-from robotmodels.plant.urdf import read_tree
+from robotmodels.simulation.mujoco_model import PlantBuilder
+from robotmodels.simulation.urdf_tree import read_tree
 
 
 @dataclass(frozen=True, eq=False)

@@ -14,17 +14,17 @@ import numpy as np
 from trust_systems import NOISE, OUTLIER, WRONG, Linearisation, linearisation, system
 
 import estimators
-from estimators.fitting.chosen_weights import chosen_weights
 from estimators.fitting.least_squares import Fit
+from estimators.fitting.linearise import linearise
 from estimators.fitting.residuals import find_residual
-from estimators.frf.estimate import FrfEstimate, vec
-from estimators.frf.methods import contrasts, covariance_of
-from estimators.frf.visits import merge_visits
+from estimators.fitting.weight_choice import chosen_weights
+from estimators.frf.averaging import contrasts, covariance_of
+from estimators.frf.frf_estimate import FrfEstimate, vec
+from estimators.frf.repeated_visits import merge_visits
 from estimators.trust.directed_tests import DirectedTests
 from estimators.trust.intervals import VERDICTS, Verdict
 from estimators.trust.line_correlation import white_errors
 from estimators.trust.line_scatter import Scatter, line_scatter
-from estimators.trust.linearise import linearise
 from estimators.trust.linearised_fit import LinearisedFit
 from estimators.trust.rule import LEVEL, Evidence, gather_evidence, judge, variance_scale
 

@@ -11,10 +11,10 @@ import numpy as np
 
 import estimators
 import robotmodels
+from estimators.fitting.model_directions import model_directions
 from estimators.fitting.residuals import find_residual
-from estimators.frf.estimate import FrfEstimate, vec
+from estimators.frf.frf_estimate import FrfEstimate, vec
 from estimators.trust.directed_tests import Directions
-from estimators.trust.model_directions import model_directions
 from robotmodels.elastic.robot import ElasticRobot
 
 NOISE = robotmodels.RelativeNoise(0.03, 0.01)

@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from estimators.chains.maps import ChainLayout
-from robotmodels.chains import CoupledChains
+from estimators.chains.parameter_maps import ChainLayout
+from robotmodels.linear.coupled_chains import CoupledChains
 
 MASSES = np.array([[0.7, 2, 3], [4, 5, 6], [7, 8, 9]])
 SPRINGS = np.array([[1000.0, 2000], [3000, 4000], [5000, 6000]])

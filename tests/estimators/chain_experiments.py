@@ -2,10 +2,10 @@
 
 import numpy as np
 
-from robotmodels.chain_responses import modally_damped
-from robotmodels.chains import CoupledChains
-from robotmodels.plant.controller import Controller
-from robotmodels.plant.linear import simulate_linear
+from robotmodels.linear.chain_responses import modally_damped
+from robotmodels.linear.coupled_chains import CoupledChains
+from robotmodels.simulation.controller import Controller
+from robotmodels.simulation.linear_simulation import simulate_linear
 
 MASSES = np.array([[0.7, 2, 3], [4, 5, 6], [7, 8, 9]])
 SPRINGS = np.array([[1000.0, 2000], [3000, 4000], [5000, 6000]])

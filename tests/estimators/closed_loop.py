@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from robotmodels.records import Records
+from robotmodels.records.records import Records
 
 RESPONSE = np.array([[1 + 0.3j, 0.3 - 0.2j], [0.25 + 0.1j, 0.6 - 0.5j]])
 FEEDBACK = np.diag([1.5, 2.0]) * np.exp(-0.6j)

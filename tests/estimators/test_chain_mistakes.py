@@ -6,11 +6,11 @@ from chain_cases import CHAINS, COUPLINGS, MASSES, OMEGA, SPRINGS, noisy
 
 from estimators.chains.identification import identify_chains
 from estimators.chains.inverse_eigenvalue import coupled_inertia, first_components, stepwise_chain
-from estimators.chains.order import WrongModeCount
-from robotmodels.chain_responses import chain_response, modally_damped
-from robotmodels.chains import CoupledChains
-from robotmodels.errors import InvalidInput, NotIdentifiable
-from robotmodels.modes import anti_resonances, resonances
+from estimators.chains.model_order import WrongModeCount
+from robotmodels.common.errors import InvalidInput, NotIdentifiable
+from robotmodels.linear.chain_responses import chain_response, modally_damped
+from robotmodels.linear.coupled_chains import CoupledChains
+from robotmodels.linear.modes import anti_resonances, resonances
 
 
 @pytest.mark.parametrize(

@@ -14,11 +14,11 @@ from chain_experiments import (
 
 import robotmodels
 from estimators import estimate_frf
+from estimators.chain_dampers.chains_from_records import measured_chains
 from estimators.chains.identification import identify_chains
-from oed.experiment.measured_chains import measured_chains
-from robotmodels.plant.controller import default_controller
-from robotmodels.plant.linear import simulate_linear
-from robotmodels.record_files import save_records
+from robotmodels.records.records import save_records
+from robotmodels.simulation.controller import default_controller
+from robotmodels.simulation.linear_simulation import simulate_linear
 
 
 def identified(records):

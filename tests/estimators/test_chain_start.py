@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from estimators import simulate_frf
-from estimators.fitting.chain_start import chain_start_values
+from estimators.chains.start_values_from_chains import chain_start_values
 from robotmodels import RelativeNoise, load_robot
-from robotmodels.errors import InvalidInput, NotIdentifiable
+from robotmodels.common.errors import InvalidInput, NotIdentifiable
 
 OMEGA = 2 * np.pi * np.linspace(2.0, 80.0, 120)
 

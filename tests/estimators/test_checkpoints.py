@@ -28,7 +28,7 @@ from estimators import (
 )
 from oed import InformationSet, compare_plans
 from robotmodels import InvalidInput, Parameters, RelativeNoise, SpringNetwork
-from robotmodels.checkpoint_file import UnusableCheckpoint
+from robotmodels.common.checkpoint_file import UnusableCheckpoint
 
 NOISE = RelativeNoise(0.03, 0.01)
 OTHER_NOISE = RelativeNoise(0.03, 0.02)

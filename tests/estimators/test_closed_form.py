@@ -7,7 +7,7 @@ from scipy.stats import norm, t
 
 from estimators import covariance, importance_sample, profile_likelihood, sample_posterior
 from estimators.fitting.priors import Prior
-from estimators.uncertainty.convergence import Target, effective_size, r_hat
+from estimators.sampling.convergence import Target, effective_size, r_hat
 
 
 @pytest.fixture(scope="module")

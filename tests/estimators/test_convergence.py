@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 from arviz_stats.base.array import array_stats
 
-from estimators.uncertainty.convergence import (
+from estimators.sampling.convergence import (
     Target,
     autocorrelation_time,
     burn_in,

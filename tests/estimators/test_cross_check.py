@@ -22,7 +22,7 @@ from estimators import (
     sample_posterior,
     simulate_frf,
 )
-from estimators.uncertainty.convergence import Target
+from estimators.sampling.convergence import Target
 from robotmodels import InvalidInput, RelativeNoise, SpringNetwork
 
 

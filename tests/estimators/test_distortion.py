@@ -6,11 +6,12 @@ from closed_loop import DETECTION, LINES, Bench, bench_records, truth
 
 from estimators import distortion, estimate_frf
 from estimators.frf.distortion import detection_lines
-from estimators.frf.local_model import interpolated
+from estimators.frf.local_rational_model import interpolated
 from robotmodels import InvalidInput, load_robot
-from robotmodels.plant.controller import default_controller
-from robotmodels.plant.simulation import Imperfections, simulate
-from robotmodels.records import Records
+from robotmodels.records.records import Records
+from robotmodels.simulation.controller import default_controller
+from robotmodels.simulation.imperfections import Imperfections
+from robotmodels.simulation.simulate import simulate
 
 HERTZ = 2 * np.pi
 

@@ -9,15 +9,9 @@ import numpy as np
 import pytest
 from killed import killed_again_and_again
 
-from estimators.uncertainty.ensemble import (
-    IndependentMove,
-    Sampler,
-    SnookerMove,
-    marks,
-    run_ensembles,
-)
-from estimators.uncertainty.laplace import StudentT
-from estimators.uncertainty.walker_store import Store
+from estimators.sampling.chain_checkpoint import Store
+from estimators.sampling.ensemble import IndependentMove, Sampler, SnookerMove, marks, run_ensembles
+from estimators.sampling.student_t_proposal import StudentT
 from robotmodels import InvalidInput
 
 P = 5

@@ -7,10 +7,10 @@ from closed_loop import LINES, SAMPLES, Bench, bench_records, truth
 
 import estimators
 from estimators import estimate_frf
-from estimators.frf.methods import METHODS
+from estimators.frf.averaging import METHODS
 from estimators.frf.record_checks import check_condition
 from robotmodels import IdentificationWarning, InvalidInput
-from robotmodels.records import Records
+from robotmodels.records.records import Records
 
 
 def changed(records, names, change):

@@ -20,7 +20,7 @@ from estimators import (
     write_records,
 )
 from robotmodels import InvalidInput, RelativeNoise
-from robotmodels.records import Records
+from robotmodels.records.records import Records
 
 ALL = (".h5", ".hdf5", ".mat", ".csv")
 

@@ -23,7 +23,7 @@ from estimators import (
     write_frf,
     write_records,
 )
-from estimators.frf.estimate import vec
+from estimators.frf.frf_estimate import vec
 from robotmodels import Records, RelativeNoise
 
 MODEL = MassSprings()

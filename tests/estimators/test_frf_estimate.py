@@ -4,7 +4,7 @@ from mass_springs import OMEGA, POSITIONS, MassSprings
 
 import estimators
 from estimators import FrfEstimate, simulate_frf
-from estimators.frf.estimate import is_full, unvec, vec
+from estimators.frf.frf_estimate import is_full, unvec, vec
 from robotmodels import InvalidInput, RelativeNoise, frequency_response
 
 NOISE = RelativeNoise(0.05, 0.02)

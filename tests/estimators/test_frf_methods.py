@@ -2,8 +2,7 @@ import numpy as np
 import pytest
 from closed_loop import FEEDBACK, RESPONSE, circular, loop_spectra
 
-from estimators.frf.estimate import vec
-from estimators.frf.methods import (
+from estimators.frf.averaging import (
     METHODS,
     covariance_of,
     experiment_weights,
@@ -12,6 +11,7 @@ from estimators.frf.methods import (
     noise_deviations,
     per_block,
 )
+from estimators.frf.frf_estimate import vec
 from robotmodels import InvalidInput
 
 

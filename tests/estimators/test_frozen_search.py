@@ -5,19 +5,19 @@ import pytest
 from test_least_squares import MODEL, noisy
 
 from estimators import Prior, fit, simulate_frf
-from estimators.fitting.cost import stated
-from estimators.fitting.frozen_search import (
+from estimators.fitting.equilibrium_gradient import with_sag
+from estimators.fitting.fit_problem import stated
+from estimators.fitting.fixed_equilibrium_search import (
     CorrectedModel,
     can_compile,
     frozen_search,
     hardens,
     squares,
 )
-from estimators.fitting.sag import with_sag
 from estimators.fitting.search import search
 from estimators.fitting.trust_region import exact_search
 from robotmodels import InvalidInput, RelativeNoise, SolverFailed, load_robot
-from robotmodels.normal_equations import NormalEquations
+from robotmodels.linear.normal_equations import NormalEquations
 
 BOUNDS = (1e-3, 1e3)
 OMEGA = 2 * np.pi * np.geomspace(3.0, 60.0, 12)
@@ -142,7 +142,7 @@ def test_hardening_gears_are_searched_with_equilibria_found_anew(residual, weigh
     assert hardens(robot.network(positions))
     problem = stated(robot, frfs, residual, weights, BOUNDS, None, None)
     start = far(robot, decades=0.05)
-    monkeypatch.setattr("estimators.fitting.frozen_search.WORTHWHILE", 0)
+    monkeypatch.setattr("estimators.fitting.fixed_equilibrium_search.WORTHWHILE", 0)
     fast = search(problem, start, 200, 1e-12)
     assert fast.status > 0
     assert stands(problem, fast)
@@ -252,7 +252,7 @@ def test_numbers_that_are_not_finite_are_refused():
 
 
 def test_models_that_do_not_sag_need_no_correction(monkeypatch):
-    monkeypatch.setattr("estimators.fitting.frozen_search.WORTHWHILE", 0)
+    monkeypatch.setattr("estimators.fitting.fixed_equilibrium_search.WORTHWHILE", 0)
     start = 1.3 * MODEL.parameters.values
     fast = fit(MODEL, noisy(), "nls", "optimal", start=start)
     monkeypatch.undo()

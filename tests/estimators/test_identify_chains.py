@@ -5,18 +5,14 @@ import pytest
 from chain_cases import CHAINS, COUPLINGS, MASSES, OMEGA, SPRINGS, TRUTH, noisy
 
 import estimators
-from estimators.chains.damper_fit import fit_dampers
+from estimators.chain_dampers.damper_fit import fit_dampers
 from estimators.chains.identification import identify_chains
-from estimators.chains.inverse_eigenvalue import (
-    first_components,
-    lanczos_chain,
-    stepwise_chain,
-)
-from estimators.chains.maps import ChainLayout, forward_map, inverse_map, inverse_slope
-from estimators.chains.prediction import predict_masses
-from robotmodels.chain_responses import chain_response, modally_damped
-from robotmodels.chains import CoupledChains
-from robotmodels.modes import anti_resonances, resonances
+from estimators.chains.identified_chains import predict_masses
+from estimators.chains.inverse_eigenvalue import first_components, lanczos_chain, stepwise_chain
+from estimators.chains.parameter_maps import ChainLayout, forward_map, inverse_map, inverse_slope
+from robotmodels.linear.chain_responses import chain_response, modally_damped
+from robotmodels.linear.coupled_chains import CoupledChains
+from robotmodels.linear.modes import anti_resonances, resonances
 
 SIZES = [(m, n) for m in range(1, 6) for n in range(2, 7)]
 LARGE_ARE_SLOW = [

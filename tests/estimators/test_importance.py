@@ -6,8 +6,8 @@ from test_least_squares import MODEL
 from test_profile import noisy
 
 from estimators import fit, importance_sample, sample_posterior
-from estimators.uncertainty.convergence import Target
-from estimators.uncertainty.importance import smoothed
+from estimators.sampling.convergence import Target
+from estimators.sampling.importance_sampling import smoothed
 from robotmodels import InvalidInput, SolverFailed
 
 

@@ -12,12 +12,7 @@ from estimators import (
     simulate_frf,
     user_weights,
 )
-from robotmodels import (
-    InvalidInput,
-    NoEquilibrium,
-    RelativeNoise,
-    frequency_response,
-)
+from robotmodels import InvalidInput, NoEquilibrium, RelativeNoise, frequency_response
 
 MODEL = MassSprings()
 TRUTH = MODEL.parameters.values

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.integrate import quad
 
-from estimators.uncertainty.likelihood import Noise
+from estimators.sampling.likelihood import Noise
 
 
 def test_the_scale_is_integrated_out():

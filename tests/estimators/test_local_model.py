@@ -5,7 +5,7 @@ import pytest
 from closed_loop import LINES, SAMPLE_TIME, SAMPLES, Bench, bench_records, circular, truth
 
 from estimators import local_frf
-from estimators.frf.local_model import one_line
+from estimators.frf.local_rational_model import one_line
 from robotmodels import InvalidInput
 
 OMEGA = 2 * np.pi * LINES / (SAMPLES * SAMPLE_TIME)

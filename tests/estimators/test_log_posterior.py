@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from estimators import covariance, fit, sample_posterior, simulate_frf
-from estimators.uncertainty.convergence import Target
-from estimators.uncertainty.likelihood import Noise
-from estimators.uncertainty.log_posterior import log_posterior
+from estimators.sampling.convergence import Target
+from estimators.sampling.likelihood import Noise
+from estimators.sampling.log_posterior import log_posterior
 from robotmodels import CoupledChains, ElasticRobot, RelativeNoise, load_robot
 from robotmodels.description.robot_file import RobotFile
 

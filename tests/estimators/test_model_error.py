@@ -4,7 +4,7 @@ from scipy.stats import chi2, norm
 from two_chains import circular, drawn, truth, two_chains, with_errors
 
 from estimators import Prior, covariance, fit, multistart, residual_analysis
-from estimators.fitting.robust import loss_factors
+from estimators.fitting.residuals import loss_factors
 from robotmodels import CoupledChains, InvalidInput, RelativeNoise, SolverFailed
 
 MODEL = two_chains()

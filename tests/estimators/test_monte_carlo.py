@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from estimators import FrfExperiment, cross_check, fit, monte_carlo, simulate_frf
-from estimators.uncertainty.interval_methods import INTERVAL_METHODS, intervals_of
-from estimators.uncertainty.monte_carlo_store import RunStore
+from estimators.validation.monte_carlo_checkpoint import RunStore
+from estimators.validation.simulated_experiment import INTERVAL_METHODS, intervals_of
 from robotmodels import CoupledChains, InvalidInput, RelativeNoise, SolverFailed
 
 OMEGA = 2 * np.pi * np.geomspace(1, 12, 30)

@@ -15,7 +15,7 @@ import estimators.fitting.multistart as multistart_module
 from estimators import EarlyStop, Prior, fit, multistart, perturbed_starts
 from estimators.fitting.multistart import order_of_costs
 from robotmodels import InvalidInput, NoEquilibrium, SpringNetwork
-from robotmodels.checkpoint_file import CheckpointFile
+from robotmodels.common.checkpoint_file import CheckpointFile
 
 
 def starts(n=4, decades=0.2, seed=1):

@@ -8,11 +8,11 @@ from test_least_squares import MODEL, TRUTH, exact
 
 from estimators import covariance, fit, sample_posterior, simulate_frf
 from estimators.fitting.priors import Prior
-from estimators.uncertainty.convergence import Target
-from estimators.uncertainty.ensemble import Sampler, run_ensembles
-from estimators.uncertainty.likelihood import Noise
-from estimators.uncertainty.log_posterior import log_posterior
-from estimators.uncertainty.posterior import judged
+from estimators.sampling.convergence import Target
+from estimators.sampling.ensemble import Sampler, run_ensembles
+from estimators.sampling.likelihood import Noise
+from estimators.sampling.log_posterior import log_posterior
+from estimators.sampling.posterior import judged
 from robotmodels import InvalidInput, RelativeNoise, SolverFailed
 
 

@@ -7,8 +7,8 @@ import pytest
 from mass_springs import OMEGA, POSITIONS, MassSprings
 
 from estimators import fit, importance_sample, sample_posterior, simulate_frf
-from estimators.uncertainty.likelihood import Noise
-from estimators.uncertainty.log_posterior import LogPosterior, log_posterior
+from estimators.sampling.likelihood import Noise
+from estimators.sampling.log_posterior import LogPosterior, log_posterior
 from robotmodels import InvalidInput, NoEquilibrium, RelativeNoise, SolverFailed
 
 

@@ -10,12 +10,12 @@ from test_frf_estimate import full_covariance
 from test_least_squares import MODEL, TRUTH, exact
 
 from estimators import covariance, fit, profile_likelihood, simulate_frf
-from estimators.uncertainty.laplace import laplace
-from estimators.uncertainty.likelihood import Noise
-from estimators.uncertainty.log_posterior import log_posterior, posterior_density
-from estimators.uncertainty.log_posterior_slope import slope
-from estimators.uncertainty.profile import adjustments
-from estimators.uncertainty.profile_search import Deviance
+from estimators.sampling.likelihood import Noise
+from estimators.sampling.log_posterior import log_posterior, posterior_density
+from estimators.sampling.log_posterior_gradient import slope
+from estimators.sampling.profile_likelihood import adjustments
+from estimators.sampling.profile_search import Deviance
+from estimators.sampling.student_t_proposal import laplace
 from robotmodels import InvalidInput, RelativeNoise
 
 

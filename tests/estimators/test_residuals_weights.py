@@ -12,8 +12,8 @@ from estimators import (
     simulate_frf,
     user_weights,
 )
-from estimators.fitting.chosen_weights import chosen_weights
 from estimators.fitting.residuals import RESIDUALS, find_residual
+from estimators.fitting.weight_choice import chosen_weights
 from estimators.fitting.weights import square_root, used_elements, whiten
 from robotmodels import InvalidInput, RelativeNoise, frequency_response, sensitivity
 

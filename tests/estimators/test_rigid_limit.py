@@ -5,7 +5,7 @@ import pytest
 from mass_springs import MassSprings
 
 from estimators import FrfEstimate, check_rigid_limit, simulate_frf
-from estimators.frf.rigid_limit import rigid_response
+from estimators.frf.rigid_body_check import rigid_response
 from robotmodels import (
     IdentificationWarning,
     InvalidInput,

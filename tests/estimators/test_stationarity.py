@@ -2,9 +2,9 @@ import numpy as np
 import pytest
 from closed_loop import Bench, bench_records
 
-from estimators.frf.nonparametric import first_period
+from estimators.frf.estimate_frf import first_period
+from estimators.frf.record_checks import settling
 from estimators.frf.spectra import spectra
-from estimators.frf.stationarity import settling
 from robotmodels import IdentificationWarning, InvalidInput
 
 

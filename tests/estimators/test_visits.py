@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from estimators.frf.distortion import Distortion
-from estimators.frf.estimate import FrfEstimate
-from estimators.frf.visits import merge_distortion, merge_visits, visits_of
+from estimators.frf.frf_estimate import FrfEstimate
+from estimators.frf.repeated_visits import merge_distortion, merge_visits, visits_of
 
 POSITIONS = np.array([[0.1, 0.2], [0.3, 0.0], [0.1, 0.2 + 1e-12], [0.1, 0.2]])
 COUNTS = np.array([2, 5, 2, 4])

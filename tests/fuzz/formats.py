@@ -11,7 +11,7 @@ from random import Random
 import contents
 import trees
 
-from oed.fingerprint import folder_digest
+from robotmodels.common.fingerprints import folder_digest
 
 Mutation = Callable[[bytes, Random], bytes]
 Prepare = Callable[[Path, Path, Random], None]

@@ -34,11 +34,11 @@ MEMORY = 2 << 30
 FILE_SIZE = 1 << 30
 
 LIBRARIES = """cvxpy clarabel iminuit emcee corner pyuff scipy.io mujoco pinocchio
-    reports.application oed.study.pipeline estimators.uncertainty.posterior reports.schemas
-    reports.terminal.study_summary reports.pages.study_page reports.pages.comparison
-    reports.starter_files oed.published.output reports.pages.published_page
-    oed.experiment.plan_files oed.experiment.measured_chains oed.experiment.measured_frf
-    reports.pages.frf_page reports.pages.chains_page"""
+    reports.application oed.study.pipeline estimators.sampling.posterior reports.commands.schemas
+    reports.summaries.study_summary reports.pages.study_page reports.pages.comparison
+    reports.commands.init_files oed.replication.json_output reports.pages.replication_page
+    oed.experiment.plan_files estimators.chain_dampers.chains_from_records
+    estimators.frf.frf_from_records reports.pages.frf_page reports.pages.chains_page"""
 
 
 @dataclass(frozen=True)
@@ -118,7 +118,8 @@ def serve(folder: Path) -> None:
 
 def _spend_little() -> None:
     """Take cheap settings for those that a file leaves out."""
-    from oed.study.file import CompareChoice, FitChoice, PosteriorChoice, Study
+    from oed.study.settings.fit_settings import FitChoice
+    from oed.study.settings.study_file import CompareChoice, PosteriorChoice, Study
 
     cheap = {"ensembles": 2, "walkers": 16, "steps": 120, "starts": 1, "runs": 7, "random": 1}
     for section in (CompareChoice, FitChoice, PosteriorChoice):
@@ -270,19 +271,19 @@ def without_pictures() -> Iterator[None]:
     """Leave pictures out of pages: drawing takes most of their time."""
     from markupsafe import Markup
 
-    from reports import parts
+    from reports.figures import svg
 
-    inline = parts.inline
-    parts.inline = lambda draw, name, alt: Markup('<svg id="{}"></svg>').format(name)
+    inline = svg.inline
+    svg.inline = lambda draw, name, alt: Markup('<svg id="{}"></svg>').format(name)
     try:
         yield
     finally:
-        parts.inline = inline
+        svg.inline = inline
 
 
 def _call(function: str, *words: str) -> None:
     """Call a function of the library, and end as a command would."""
-    from robotmodels.errors import IdentificationError
+    from robotmodels.common.errors import IdentificationError
 
     _, module, name = function.split(":")
     work: Any = importlib.import_module(module)

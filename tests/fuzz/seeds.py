@@ -64,8 +64,8 @@ def _inputs(folder: Path) -> None:
     import estimators
     import oed as oed_api
     import robotmodels
-    from oed.experiment.plan import ExperimentPlan
-    from oed.store import write_store
+    from oed.experiment.experiment_plan import ExperimentPlan
+    from oed.information_sets.stored_information import write_store
 
     shutil.copytree(WRITTEN, folder)
     np.save(folder / "taught.npy", np.array([[0.15, 0.25], [0.4, -0.9]]))
@@ -123,10 +123,10 @@ def design_of(path: str) -> None:
 
 def _chain_records() -> Any:
     """Return records of two chains of two masses, as `oed chains` takes them."""
-    from robotmodels.chain_responses import modally_damped
-    from robotmodels.chains import CoupledChains
-    from robotmodels.plant.controller import Controller
-    from robotmodels.plant.linear import simulate_linear
+    from robotmodels.linear.chain_responses import modally_damped
+    from robotmodels.linear.coupled_chains import CoupledChains
+    from robotmodels.simulation.controller import Controller
+    from robotmodels.simulation.linear_simulation import simulate_linear
 
     chains = CoupledChains(
         np.array([[1.0, 2.0], [2.0, 1.5]]),

@@ -13,10 +13,10 @@ from flint import acb_mat, arb, arb_mat, ctx
 from scipy.optimize import linprog
 
 import oed
+from oed.criteria.criteria import objective
 from oed.design.active_set import solve
-from oed.design.criteria import objective
+from oed.design.optimal_design import allowed_weights
 from oed.design.problem import Problem
-from oed.design.relaxed import allowed_weights
 from robotmodels import IdentificationError, NotIdentifiable
 
 TOLERANCE = 1e-6

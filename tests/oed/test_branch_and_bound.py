@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from random_candidates import quadratic_regression, random_set
 
 from oed import Constraints, Group, best_plans
-from oed.design.criteria import objective
+from oed.criteria.criteria import objective
 from robotmodels import InvalidInput
 
 
@@ -61,7 +61,7 @@ def test_within_constraints():
 
 def test_a_plan_better_than_exchange_finds(monkeypatch):
     """Begun from a poor plan, the search alone finds the best one."""
-    import oed.plans.branch_and_bound as module
+    import oed.exact.best_plans as module
 
     info = random_set(7, 12, 3, 2)
     poor = np.bincount([8, 9, 10, 11], minlength=12)

@@ -4,7 +4,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from random_candidates import random_set
 
-from oed.design.criteria import criterion, sensitivities
+from oed.criteria.criteria import criterion
+from oed.information_sets.candidates import sensitivities
 from robotmodels import InvalidInput
 
 

@@ -9,7 +9,7 @@ from random_candidates import information_set, quadratic_regression, random_set
 from scipy.optimize import minimize
 
 import oed
-from oed.design.criteria import objective
+from oed.criteria.criteria import objective
 from robotmodels import InvalidInput, NotIdentifiable
 
 SOLVERS = [("newton", "primal"), ("cvxpy", "primal"), ("cvxpy", "dual")]

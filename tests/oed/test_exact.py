@@ -15,7 +15,7 @@ from oed import (
     next_experiments,
     optimal_design,
 )
-from oed.plans.exact import efficient_rounding
+from oed.exact.exact_design import efficient_rounding
 from robotmodels import InvalidInput, NotIdentifiable
 
 

@@ -14,9 +14,9 @@ from oed import (
     exact_design,
     optimal_design,
 )
-from oed.design.criteria import objective
-from oed.design.gains import log_values
-from oed.store import write_store
+from oed.criteria.criteria import objective
+from oed.exact.gain_bounds import log_values
+from oed.information_sets.stored_information import write_store
 from robotmodels import InvalidInput, NotIdentifiable
 
 CRITERIA = {

@@ -3,13 +3,13 @@ import json
 import numpy as np
 import pytest
 
-from oed.experiment.build import prepare
-from oed.experiment.file import load_experiment, per_motor, planned_positions
-from oed.experiment.peaks import predicted_peaks
-from oed.experiment.plan import ExperimentPlan
-from oed.experiment.run import run_experiment
-from robotmodels.errors import InvalidInput
-from robotmodels.records import Records
+from oed.experiment.experiment_file import load_experiment, per_motor, planned_positions
+from oed.experiment.experiment_plan import ExperimentPlan
+from oed.experiment.predicted_peaks import predicted_peaks
+from oed.experiment.prepare import prepare
+from oed.experiment.run_experiment import run_experiment
+from robotmodels.common.errors import InvalidInput
+from robotmodels.records.records import Records
 
 FILE = """\
 schema: experiment/1

@@ -12,7 +12,7 @@ from two_axes import plan
 
 from oed import ExperimentPlan, InformationSet, read_positions
 from oed.experiment.design_file import designed_positions
-from oed.store import write_store
+from oed.information_sets.stored_information import write_store
 from robotmodels import InvalidInput
 
 INFO = random_set(4, 30, 6, 4)

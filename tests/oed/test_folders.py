@@ -7,17 +7,16 @@ import sys
 
 import pytest
 
-from oed.study import folders
-from oed.study.folders import exclusive_folder, remove
-from robotmodels.atomic_files import created_folder, staged_folder
-from robotmodels.errors import InvalidInput
+from robotmodels.common import atomic_files
+from robotmodels.common.atomic_files import created_folder, exclusive_folder, remove, staged_folder
+from robotmodels.common.errors import InvalidInput
 
 LOOP = """
 import os, sys
 from pathlib import Path
-from oed.study.folders import exclusive_folder
-from robotmodels.atomic_files import staged_folder
-from robotmodels.errors import InvalidInput
+from robotmodels.common.atomic_files import exclusive_folder
+from robotmodels.common.atomic_files import staged_folder
+from robotmodels.common.errors import InvalidInput
 
 folder, mark = Path(sys.argv[1]), sys.argv[2]
 held = 0
@@ -52,7 +51,7 @@ def test_a_lock_whose_file_was_taken_away_does_not_count(tmp_path, monkeypatch):
             flock(others[0], fcntl.LOCK_EX)
         flock(descriptor, how)
 
-    monkeypatch.setattr(folders.fcntl, "flock", late)
+    monkeypatch.setattr(atomic_files.fcntl, "flock", late)
     with pytest.raises(InvalidInput, match="in use by another run"), exclusive_folder(tmp_path):
         pass
     (tmp_path / ".lock").unlink()
@@ -65,11 +64,11 @@ def test_a_folder_that_another_process_takes_away_is_made_again(tmp_path, monkey
     folder, opened = tmp_path / "stages", os.open
 
     def late(path, flags, *mode):
-        monkeypatch.setattr(folders.os, "open", opened)
+        monkeypatch.setattr(atomic_files.os, "open", opened)
         folder.rmdir()
         return opened(path, flags, *mode)
 
-    monkeypatch.setattr(folders.os, "open", late)
+    monkeypatch.setattr(atomic_files.os, "open", late)
     with exclusive_folder(folder):
         assert folder.is_dir()
     assert not folder.exists()

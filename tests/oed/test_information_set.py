@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from random_candidates import information_set, random_set
 
 from oed import InformationSet, candidate_positions, information, sobol_positions
-from oed.design.null_space import open_combinations, unidentifiable, weak_directions
+from oed.information_sets.null_space import open_combinations, unidentifiable, weak_directions
 from robotmodels import (
     InvalidInput,
     Parameters,
@@ -116,7 +116,7 @@ def test_information_refuses_empty_work():
         information(TwoMasses(), np.empty((0, 1)), OMEGA, NOISE)
     with pytest.raises(InvalidInput, match="chunk: 0 positions"):
         information(TwoMasses(), POSITIONS, OMEGA, NOISE, chunk=0)
-    with pytest.raises(InvalidInput, match="information .a `store` keeps .* GB are needed"):
+    with pytest.raises(InvalidInput, match=r"information .a `store` keeps .* GB are needed"):
         information(TwoMasses(), np.broadcast_to(POSITIONS[:1], (10**12, 1)), OMEGA, NOISE)
 
 

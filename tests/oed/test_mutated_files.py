@@ -8,12 +8,12 @@ import pytest
 import yaml
 from robots import CRANE, HERE, SPLIT
 
-from oed.experiment.file import load_experiment
-from oed.study.file import load_study
+from oed.experiment.experiment_file import load_experiment
+from oed.study.settings.study_file import load_study
 from robotmodels import IdentificationError, load_robot
 from robotmodels.collision.shapes import robot_shapes
 from robotmodels.description.urdf import locate
-from robotmodels.plant.mujoco_model import build_plant
+from robotmodels.simulation.mujoco_model import build_plant
 
 STUDIES = Path(__file__).parents[2] / "studies"
 MUTANTS = 60

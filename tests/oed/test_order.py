@@ -49,7 +49,7 @@ def test_many_positions_on_a_line_are_visited_along_it():
 
 
 def test_beyond_twelve_it_comes_close_to_the_best(monkeypatch):
-    import oed.plans.order as module
+    import oed.experiment.visiting_order as module
 
     ratios = []
     for seed in range(3):

@@ -4,7 +4,7 @@ import threading
 
 import pytest
 
-from oed.overlap import overlapped
+from oed.information_sets.compute import overlapped
 
 
 def test_results_come_in_order():

@@ -5,9 +5,9 @@ from pathlib import Path
 import pytest
 import yaml
 
-from oed.experiment.build import prepare
-from oed.experiment.file import load_experiment
-from oed.study.file import load_study
+from oed.experiment.experiment_file import load_experiment
+from oed.experiment.prepare import prepare
+from oed.study.settings.study_file import load_study
 from robotmodels import InvalidInput, load_robot
 
 REPOSITORY = Path(__file__).parents[2]

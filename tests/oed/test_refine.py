@@ -3,8 +3,8 @@ import pytest
 from collision_arm import arm
 
 from oed import InformationSet, candidate_positions, exact_design, information, optimal_design
-from oed.plans.climbing import Region
-from oed.plans.refine import refined_design, refined_over
+from oed.exact.local_ascent import Region
+from oed.exact.off_grid import refined_design, refined_over
 from robotmodels import InvalidInput, RelativeNoise, surroundings
 
 COARSE = np.array([-1.0, -0.7, -0.3, 0.25, 0.6, 0.9])[:, None]

@@ -9,7 +9,7 @@ from random_candidates import information_set, quadratic_regression, random_set
 
 from oed import optimal_design
 from oed.design.coordinates import whiten
-from oed.design.duplicates import distinct
+from oed.design.whitening import distinct
 from robotmodels import InvalidInput, NotIdentifiable, SolverFailed
 
 SOLVERS = ["cvxpy", "newton"]

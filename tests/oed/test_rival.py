@@ -6,28 +6,28 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from estimators.frf import nonparametric
-from oed.published import rival
-from oed.published.output import rivalry_document
-from oed.published.rival import RivalChoice, compare, judged
-from oed.study.file import Study
-from reports.pages import published_tables as tables
-from reports.template import filled
+from estimators.frf import estimate_frf
+from oed.replication import rollout_fit, time_domain_comparison
+from oed.replication.json_output import rivalry_document
+from oed.replication.time_domain_comparison import compare, judged
+from oed.study.settings.replication_settings import RivalChoice
+from oed.study.settings.study_file import Study
+from reports.page_elements import filled
+from reports.pages import replication_tables as tables
 from robotmodels import load_robot
-from robotmodels.plant import rollout_fit
 
 NEAR = RivalChoice(starts=2, decades=(0.05,))
 
 
 @pytest.fixture(scope="module")
 def case():
-    return rival.case()
+    return time_domain_comparison.case()
 
 
 @pytest.fixture(scope="module")
 def short(case):
     """A fifth of a second of two of the six experiments."""
-    whole = rival.rollouts_of(*case)
+    whole = time_domain_comparison.rollouts_of(*case)
     return replace(whole, torque=whole.torque[:2, :200], angle=whole.angle[:2, :200])
 
 
@@ -59,12 +59,12 @@ def test_a_fit_in_time_that_is_given_up_says_so(short):
 
 
 def test_frfs_of_the_same_records_find_the_truth_and_a_missing_module_is_told(case, monkeypatch):
-    monkeypatch.setattr(rival, "case", lambda: case)
+    monkeypatch.setattr(time_domain_comparison, "case", lambda: case)
     monkeypatch.setattr(rollout_fit, "missing", lambda: "tabulate")
     estimated = []
-    own = nonparametric.estimate_frf
+    own = estimate_frf.estimate_frf
     monkeypatch.setattr(
-        nonparametric, "estimate_frf", lambda *a, **k: estimated.append(1) or own(*a, **k)
+        estimate_frf, "estimate_frf", lambda *a, **k: estimated.append(1) or own(*a, **k)
     )
     nearer = RivalChoice(starts=1, decades=(0.02, 0.05))
     found = compare(nearer, np.random.default_rng(0))
@@ -86,7 +86,7 @@ def test_both_ways_start_alike_and_are_judged_alike(case, monkeypatch):
         asked.append(start)
         return rollout_fit.RolloutFit(start, limit > 0, limit, 2.0)
 
-    monkeypatch.setattr(rival, "case", lambda: case)
+    monkeypatch.setattr(time_domain_comparison, "case", lambda: case)
     monkeypatch.setattr(rollout_fit, "missing", lambda: "")
     monkeypatch.setattr(rollout_fit, "fit_rollouts", near)
     monkeypatch.setattr(rollout_fit, "misfit", lambda rollouts, values: 1.5)

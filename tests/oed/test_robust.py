@@ -6,7 +6,7 @@ import pytest
 from random_candidates import information_set, random_set
 
 import oed
-from oed.design.criteria import objective
+from oed.criteria.criteria import objective
 from robotmodels import InvalidInput
 
 P, Q, K = 4, 60, 3

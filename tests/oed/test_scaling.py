@@ -8,11 +8,11 @@ from two_axes import CONTROLLER, RATIOS, N, T, TwoAxes, plan, run
 
 import robotmodels
 from oed import Limits, band_multisine, experiment_plan, predicted_peaks, scale
-from oed.experiment.peaks import PlannedLoop
+from oed.experiment.predicted_peaks import PlannedLoop
 from robotmodels import InvalidInput, LinearModel
-from robotmodels.elastic.measurement import Measurement
-from robotmodels.plant.controller import Controller, default_controller
-from robotmodels.plant.sampled_loop import sampled_loop
+from robotmodels.linear.linear_model import Measurement
+from robotmodels.simulation.controller import Controller, default_controller
+from robotmodels.simulation.discrete_loop import sampled_loop
 
 AXES = TwoAxes()
 NOTHING_HELD = np.zeros((2, 2))

@@ -5,10 +5,10 @@ import pytest
 from collision_arm import SHAPES, arm, shape
 
 from oed import Workcell, gathered_candidates, screened_candidates
-from oed.study.candidates_section import Candidates
-from oed.study.design import candidates
-from oed.study.run import Run
-from oed.study.stages import open_stages
+from oed.study.settings.candidates_settings import Candidates
+from oed.study.stages.context import Run
+from oed.study.stages.design_stages import candidates
+from oed.study.stages.stage_cache import open_stages
 from robotmodels import InvalidInput, Sphere, load_robot, surroundings
 
 

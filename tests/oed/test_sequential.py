@@ -2,12 +2,7 @@ import numpy as np
 import pytest
 from random_candidates import quadratic_regression, random_set
 
-from oed import (
-    experiment_curve,
-    experiments_needed,
-    measured_information,
-    next_experiments,
-)
+from oed import experiment_curve, experiments_needed, measured_information, next_experiments
 from robotmodels import InvalidInput, NotIdentifiable
 
 LINE = quadratic_regression(np.linspace(-1, 1, 5))

@@ -9,9 +9,9 @@ from random_candidates import information_set, random_set
 
 import oed
 import oed.design.active_set
-from oed.design.barrier import barrier
-from oed.design.criteria import objective
-from oed.design.white_problem import WhiteProblem
+from oed.criteria.criteria import objective
+from oed.design.interior_point import barrier
+from oed.design.problem import WhiteProblem
 from robotmodels import InvalidInput, SolverFailed
 
 

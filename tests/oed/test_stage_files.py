@@ -5,8 +5,8 @@ import h5py
 import numpy as np
 import pytest
 
-from oed.study.stage_files import ARRAY, read_dataclass, write_dataclass
-from robotmodels.errors import InvalidInput
+from oed.study.stages.serialisation import ARRAY, read_dataclass, write_dataclass
+from robotmodels.common.errors import InvalidInput
 
 
 @dataclass(frozen=True, eq=False)

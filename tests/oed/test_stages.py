@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 from killed import killed_again_and_again
 
-from oed.study.folders import remove
-from oed.study.stage_files import ARRAY
-from oed.study.stages import Files, open_stages
-from robotmodels.checkpoint_file import CheckpointFile
-from robotmodels.errors import InvalidInput
+from oed.study.stages.serialisation import ARRAY
+from oed.study.stages.stage_cache import Files, open_stages
+from robotmodels.common.atomic_files import remove
+from robotmodels.common.checkpoint_file import CheckpointFile
+from robotmodels.common.errors import InvalidInput
 
 
 class Chain:
@@ -72,7 +72,7 @@ def test_the_same_result_of_another_setting_changes_nothing_below(tmp_path):
 def test_another_version_of_the_package_recomputes_all(tmp_path, monkeypatch):
     chain = Chain(tmp_path)
     chain.run()
-    monkeypatch.setattr("oed.study.stages.version", lambda package: "9.9")
+    monkeypatch.setattr("oed.study.stages.stage_cache.version", lambda package: "9.9")
     chain.run()
     assert chain.computed == ["a", "b", "c"]
 

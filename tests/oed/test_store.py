@@ -7,7 +7,7 @@ import pytest
 from random_candidates import random_set
 
 from oed import Constraints, InformationSet, information, optimal_design
-from oed.store import StoredInformation, write_store
+from oed.information_sets.stored_information import StoredInformation, write_store
 from robotmodels import InvalidInput, NotIdentifiable, RelativeNoise, load_robot
 
 INFO = random_set(4, 3000, 6, 4)
@@ -15,7 +15,9 @@ INFO = random_set(4, 3000, 6, 4)
 
 @pytest.fixture
 def stored(tmp_path, monkeypatch):
-    monkeypatch.setattr("oed.store._CHUNK_BYTES", 20_000)  # many chunks, the last one cut
+    monkeypatch.setattr(
+        "oed.information_sets.stored_information._CHUNK_BYTES", 20_000
+    )  # many chunks, the last one cut
     parts = np.array_split(INFO.matrices, 7)
     return write_store(tmp_path / "info.oed", INFO.positions, INFO.names, parts)
 

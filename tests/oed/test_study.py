@@ -3,12 +3,12 @@ from dataclasses import dataclass, field
 import numpy as np
 import pytest
 
-import oed.study.fits
-from estimators.frf.estimate import FrfEstimate
-from oed.information_set import InformationSet
-from oed.study.fit_section import Estimator
-from oed.study.fits import Search, best_likelihood, positions_of, start_number
-from robotmodels.errors import InvalidInput, NotIdentifiable
+import oed.study.stages.fit_stages
+from estimators.frf.frf_estimate import FrfEstimate
+from oed.information_sets.information_set import InformationSet
+from oed.study.settings.fit_settings import Estimator
+from oed.study.stages.fit_stages import Search, best_likelihood, positions_of, start_number
+from robotmodels.common.errors import InvalidInput, NotIdentifiable
 
 STARTS = np.array([[1.0, 2.0], [3.0, 1.0], [2.0, 2.0]])
 NLS = Estimator(name="nls", residual="nls", weights="optimal")
@@ -38,7 +38,9 @@ def search(estimator, *runs):
 @pytest.fixture
 def refine_to(monkeypatch):
     def set_cost(cost):
-        monkeypatch.setattr(oed.study.fits, "fit", lambda *args, start: Ended(cost, start))
+        monkeypatch.setattr(
+            oed.study.stages.fit_stages, "fit", lambda *args, start: Ended(cost, start)
+        )
 
     return set_cost
 

@@ -3,8 +3,8 @@ import math
 import numpy as np
 import pytest
 
-from oed.study.file import Frequencies, load_study
-from robotmodels.errors import InvalidInput
+from oed.study.settings.study_file import Frequencies, load_study
+from robotmodels.common.errors import InvalidInput
 
 LEAST = """\
 schema: study/1

@@ -6,7 +6,7 @@ from scipy.spatial.transform import Rotation
 from oed import TaskBox, gathered_candidates, task_space_positions
 from robotmodels import InvalidInput, load_robot
 from robotmodels.description.urdf import locate
-from robotmodels.plant.urdf import read_tree
+from robotmodels.simulation.urdf_tree import read_tree
 
 DOWN = (0.0, 0.0, -1.0)
 

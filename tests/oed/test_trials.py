@@ -8,12 +8,16 @@ from two_axes import TwoAxes
 
 import oed
 from estimators import MonteCarlo
-from oed.design.criteria import objective
-from oed.trials.held import Held, held
-from oed.trials.outcome import PlanTrial
-from oed.trials.scatter import clearly_smaller, ratio_interval, std_interval
+from oed.criteria.criteria import objective
+from oed.plan_comparison.plan_comparison import (
+    PlanTrial,
+    clearly_smaller,
+    ratio_interval,
+    std_interval,
+)
 from robotmodels import InvalidInput, NotIdentifiable, RelativeNoise, SolverFailed, load_robot
-from robotmodels.response import frequency_response
+from robotmodels.linear.fixed_equilibria import Held, held
+from robotmodels.linear.response import frequency_response
 
 OMEGA = 2 * np.pi * np.geomspace(3.0, 30.0, 8)
 NOISE = RelativeNoise(0.03, 0.01)
@@ -112,7 +116,7 @@ def coverage(criterion, n, seed):
 
 
 def test_intervals_of_efficiencies_hold_the_truth(monkeypatch):
-    monkeypatch.setattr("oed.trials.scatter.DRAWS", 100)
+    monkeypatch.setattr("oed.plan_comparison.plan_comparison.DRAWS", 100)
     whole, third = coverage("D", 10, 4)
     assert whole >= 0.8
     assert third <= 0.6
@@ -211,7 +215,9 @@ def test_a_plan_whose_experiments_cannot_be_fitted_is_named(axes, monkeypatch):
     info, best = axes
     few = scattered(SHAPE[:2, :2], 4, np.random.default_rng(3))
     few = replace(few, failures=("no equilibrium",))
-    monkeypatch.setattr("oed.trials.comparison.monte_carlo", lambda *args, **options: few)
+    monkeypatch.setattr(
+        "oed.plan_comparison.compare_plans.monte_carlo", lambda *args, **options: few
+    )
     with pytest.raises(SolverFailed, match=r"plan 'best': 4 of 9 .* 5 are needed; no equilibrium"):
         compared(info, {"best": best}, runs=9)
 

@@ -7,7 +7,7 @@ from scipy.linalg import expm
 
 from oed import band_multisine, experiment_plan
 from robotmodels import Parameters, SpringNetwork
-from robotmodels.plant.controller import Controller
+from robotmodels.simulation.controller import Controller
 
 T, N = 1e-3, 500
 RATIOS = np.array([50.0, -80.0])

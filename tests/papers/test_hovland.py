@@ -13,9 +13,9 @@ from estimators.chains.inverse_eigenvalue import (
     stepwise_chain,
     zeros_between,
 )
-from robotmodels.chain_responses import chain_response
-from robotmodels.chains import CoupledChains
-from robotmodels.modes import anti_resonances, resonances
+from robotmodels.linear.chain_responses import chain_response
+from robotmodels.linear.coupled_chains import CoupledChains
+from robotmodels.linear.modes import anti_resonances, resonances
 
 MASSES = np.array([[0.7, 2, 3], [4, 5, 6], [7, 8, 9]])
 SPRINGS = np.array([[1000.0, 2000], [3000, 4000], [5000, 6000]])

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from scipy.io import loadmat
 
-from robotmodels.records import Records
+from robotmodels.records.records import Records
 
 PATH = Path(__file__).parents[2].parent / "shared" / "data" / "motor_bench" / "MultisineTypeB.mat"
 LINES = np.arange(13, 250, 4)

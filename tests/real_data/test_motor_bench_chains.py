@@ -8,8 +8,8 @@ import pytest
 from motor_bench import bench_data, bench_records
 
 from estimators import chains_from_frf, estimate_frf, fit_dampers, identify_chains
-from estimators.chains.damper_fit import recommended_estimate
-from estimators.chains.prediction import predict_masses
+from estimators.chain_dampers.damper_fit import recommended_estimate
+from estimators.chains.identified_chains import predict_masses
 
 MOTOR, LOAD, STIFFNESS = 0.004796, 0.004804, 552.5
 

@@ -11,8 +11,8 @@ from motor_bench import LINES, PERIODS, RATE, SAMPLES, bench_data
 from test_motor_bench_frf import bench, estimate  # noqa: F401
 
 from estimators import Prior, covariance, estimate_frf, fit, identifiability, residual_analysis
-from estimators.chains.damped_chains import DampedChains
-from estimators.chains.maps import ChainLayout
+from estimators.chain_dampers.damped_chains import DampedChains
+from estimators.chains.parameter_maps import ChainLayout
 from robotmodels import CoupledChains, NotIdentifiable, Parameters
 
 PUBLISHED = {"K1": 552.5, "m1": 0.004796, "m2": 0.004804}

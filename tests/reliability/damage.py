@@ -23,7 +23,7 @@ OUTPUT = "design.json", "fit.json", "uncertainty.json"
 CHANGES = 180
 """That a whole run makes to its folder."""
 LIBRARIES = "pinocchio", "cvxpy", "iminuit", "robotmodels.kernel", "oed.study.pipeline"
-LIBRARIES += ("estimators.uncertainty.posterior", "reports.terminal.study_summary")
+LIBRARIES += ("estimators.sampling.posterior", "reports.summaries.study_summary")
 
 
 @dataclass

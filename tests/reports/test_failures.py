@@ -12,9 +12,9 @@ import pytest
 from reports import application, cli
 from reports.commands.options import about
 from reports.commands.workers import cluster
-from robotmodels.atomic_files import write_text
-from robotmodels.errors import IdentificationError, InvalidInput, NotIdentifiable
-from robotmodels.files import disk_full, reason
+from robotmodels.common.atomic_files import write_text
+from robotmodels.common.errors import IdentificationError, InvalidInput, NotIdentifiable
+from robotmodels.common.file_paths import disk_full, reason
 
 
 @pytest.fixture

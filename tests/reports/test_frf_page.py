@@ -9,13 +9,13 @@ import numpy as np
 import pytest
 from markupsafe import Markup
 
-from oed.experiment.measured_frf import measured_frf
-from reports.drawing.frf_figures import decibels
+from estimators.frf.frf_from_records import measured_frf
+from reports.figures.frf_figures import decibels
 from reports.pages.frf_page import level_table, write_frf_page
-from reports.terminal.frf_summary import excess, frf_summary
-from robotmodels.errors import InvalidInput
-from robotmodels.plant.closed_loop import hold_response
-from robotmodels.records import Records
+from reports.summaries.frf_summary import excess, frf_summary
+from robotmodels.common.errors import InvalidInput
+from robotmodels.records.records import Records
+from robotmodels.simulation.loop_noise import hold_response
 
 SAMPLES, T, BLOCKS, PERIODS = 200, 0.005, 6, 3
 LINES, DETECTION = np.array([1, 3, 7, 9, 13, 15, 19]), np.array([5, 11, 17])
@@ -95,7 +95,7 @@ def distorted(tmp_path_factory):
 @pytest.fixture
 def undrawn(monkeypatch):
     """Leave figures empty where only words are looked at."""
-    monkeypatch.setattr("reports.parts.inline", lambda *_: Markup("<svg></svg>"))
+    monkeypatch.setattr("reports.page_elements.inline", lambda *_: Markup("<svg></svg>"))
 
 
 def test_sections_resolve_and_ids_are_unique(distorted):

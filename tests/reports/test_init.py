@@ -7,9 +7,9 @@ import yaml
 
 from oed import Workcell, candidate_positions
 from oed.candidates.screening import usable
-from oed.study.file import load_study
+from oed.study.settings.study_file import load_study
 from reports import cli
-from reports.starter_files import (
+from reports.commands.init_files import (
     default_folder,
     grid_points,
     noise_floor,
@@ -18,10 +18,8 @@ from reports.starter_files import (
     yaml_word,
 )
 from robotmodels import InvalidInput, load_robot
-from robotmodels.description.idle_joints import idle_joints
-from robotmodels.description.proposal import propose_drives
-from robotmodels.description.urdf_joints import moving_joints
-from robotmodels.yaml_reader import read_document
+from robotmodels.checks.proposed_drives import idle_joints, moving_joints, propose_drives
+from robotmodels.common.yaml_reader import read_document
 
 URDF = """\
 <robot name="arm">

@@ -1,8 +1,8 @@
 import matplotlib.pyplot as plt
 import numpy as np
 
-from reports.drawing.response_panels import _level_range, response_panels
-from reports.drawing.svg import LIGHT
+from reports.figures.response_panels import _level_range, response_panels
+from reports.figures.svg import LIGHT
 
 
 def test_rows_are_outputs_and_columns_are_motors():

@@ -5,7 +5,7 @@ import xml.etree.ElementTree as ET
 import numpy as np
 import pytest
 
-from reports.drawing.robot_pictures import scene_of, seen, stick_figure
+from reports.figures.robot_pictures import scene_of, seen, stick_figure
 
 ARM = np.array([[0.0, 0, 0], [0, 0, 0.5], [0.8, 0, 1.1], [0.8, 0.4, 1.1]])
 FOLDED = ARM * [0.3, 0.3, 1.0]

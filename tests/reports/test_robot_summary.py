@@ -11,10 +11,10 @@ from typer.testing import CliRunner
 import robotmodels
 from reports import application, cli
 from reports.commands.check_options import read_band, read_position
-from reports.terminal.robot_summary import robot_json, robot_summary
+from reports.summaries.robot_summary import robot_json, robot_summary
 from robotmodels import ElasticRobot, InvalidInput
-from robotmodels.description.diagnosis import diagnose
-from robotmodels.description.suspicions import suspicions
+from robotmodels.checks.diagnosis import diagnose
+from robotmodels.checks.warnings import suspicions
 
 
 def shown(robot: ElasticRobot, position: list[float] | None = None) -> str:

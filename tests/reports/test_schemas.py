@@ -4,10 +4,10 @@ import re
 
 import pytest
 
-from oed.experiment import file as experiment
-from oed.study import candidates_section, design_section
-from oed.study import file as study
-from reports.schemas import json_schema, key_words
+from oed.experiment import experiment_file as experiment
+from oed.study.settings import candidates_settings, design_settings
+from oed.study.settings import study_file as study
+from reports.commands.schemas import json_schema, key_words
 from robotmodels.description import robot_file
 
 
@@ -26,7 +26,7 @@ def described(schema, node, at=()):
     ("kind", "modules", "chosen"),
     [
         # Names that the user chooses, and what stands below them, are no keys of a schema.
-        ("study", [study, candidates_section, design_section], {"elbow_joint", "folded"}),
+        ("study", [study, candidates_settings, design_settings], {"elbow_joint", "folded"}),
         ("experiment", [experiment], set()),
         ("robot", [robot_file], set()),
     ],

@@ -10,22 +10,21 @@ import pytest
 from estimators.trust.directed_tests import DirectedTests
 from estimators.trust.intervals import VERDICTS, Verdict
 from estimators.trust.line_scatter import Scatter
-from estimators.trust.residual_analysis import ResidualAnalysis
 from estimators.trust.residual_size import ResidualSize
 from estimators.trust.trust import Trust
-from estimators.uncertainty.cross_check import CrossCheck
 from estimators.uncertainty.identifiability import identifiability
+from estimators.uncertainty.residual_analysis import ResidualAnalysis
+from estimators.validation.cross_check import CrossCheck
 from reports.commands.report import study_names
-from reports.drawing.page_budget import BUDGET, lines_drawn
-from reports.drawing.svg import LIGHT
-from reports.drawing.uncertainty_figures import corner_plot, corner_spans, three_ticks
+from reports.figures.response_panels import BUDGET, lines_drawn
+from reports.figures.svg import LIGHT
+from reports.figures.uncertainty_figures import corner_plot, corner_spans, three_ticks
+from reports.page_elements import Column, Number, Section, filled, numbers, page, table
 from reports.pages import comparison
-from reports.parts import Column, Number, Section, numbers, table
 from reports.sections import cross_check, residuals
 from reports.sections import identifiability as weak_directions
 from reports.sections.fit import reached_words
 from reports.sections.verdict import banner, interval_words, quote
-from reports.template import filled, page
 
 
 def words(section):

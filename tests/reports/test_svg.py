@@ -5,7 +5,7 @@ import matplotlib as mpl
 import numpy as np
 from matplotlib.figure import Figure
 
-from reports.drawing import svg
+from reports.figures import svg
 
 
 def line_of(points):

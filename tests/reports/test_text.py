@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from reports import text
-from reports.terminal import columns
+from reports.summaries import columns
 
 
 def plain(words):

@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 
 from robotmodels.description.parameters import Parameters
-from robotmodels.elastic.measurement import Measurement
-from robotmodels.elastic.spring_network import Inertances, SpringNetwork
+from robotmodels.linear.linear_model import Measurement
+from robotmodels.linear.spring_network import Inertances, SpringNetwork
 
 
 def _parameters(stiffness, damping):

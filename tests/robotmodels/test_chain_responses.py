@@ -3,19 +3,19 @@
 import numpy as np
 import pytest
 
-from robotmodels.chain_responses import (
+from robotmodels.common.errors import InvalidInput, SolverFailed
+from robotmodels.linear.chain_responses import (
     chain_response,
     constrained_response,
     modally_damped,
     position_controlled,
 )
-from robotmodels.chains import CoupledChains
-from robotmodels.errors import InvalidInput, SolverFailed
-from robotmodels.modes import damped_modes
-from robotmodels.plant.closed_loop import hold_response
-from robotmodels.plant.controller import Controller
-from robotmodels.plant.linear import simulate_linear
-from robotmodels.plant.sampled_loop import sampled_loop
+from robotmodels.linear.coupled_chains import CoupledChains
+from robotmodels.linear.modes import damped_modes
+from robotmodels.simulation.controller import Controller
+from robotmodels.simulation.discrete_loop import sampled_loop
+from robotmodels.simulation.linear_simulation import simulate_linear
+from robotmodels.simulation.loop_noise import hold_response
 
 COUPLINGS = np.array([[0.0, 0.5, -0.4], [0.5, 0, 0.3], [-0.4, 0.3, 0]])
 CHAINS = CoupledChains(

@@ -6,8 +6,8 @@ import pytest
 import estimators
 import robotmodels
 from robotmodels import InvalidInput, RelativeNoise
-from robotmodels.chains import CoupledChains
-from robotmodels.modes import anti_resonances, clamped, resonances, rigid_modes
+from robotmodels.linear.coupled_chains import CoupledChains
+from robotmodels.linear.modes import anti_resonances, clamped, resonances, rigid_modes
 
 MASSES = np.array([[0.7, 2, 3], [4, 5, 6], [7, 8, 9]])
 SPRINGS = np.array([[1000.0, 2000], [3000, 4000], [5000, 6000]])

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from robotmodels.checkpoint_file import CheckpointFile, UnusableCheckpoint
+from robotmodels.common.checkpoint_file import CheckpointFile, UnusableCheckpoint
 
 VALUES = np.random.default_rng(0).normal(size=(7, 3))
 

@@ -16,10 +16,10 @@ from robotmodels import (
     default_controller,
     simulate,
 )
-from robotmodels.plant.closed_loop import angle_response, closed_loop
-from robotmodels.plant.sampled_loop import sampled_loop
-from robotmodels.plant.simulation import IDEAL
-from robotmodels.plant.window_noise import window_noise
+from robotmodels.simulation.discrete_loop import sampled_loop
+from robotmodels.simulation.imperfections import IDEAL
+from robotmodels.simulation.loop_noise import angle_response, closed_loop
+from robotmodels.simulation.window_noise import window_noise
 
 T, N = 5e-4, 2000
 POSITIONS = np.array([[0.3, -1.0, 1.0, 0.5, 0.7, 0.2], [-0.6, -0.4, 0.5, -0.5, 1.1, 0.2]])
@@ -60,7 +60,7 @@ def test_angles_are_what_accelerations_come_from() -> None:
 def test_many_angles_are_computed_by_compiled_code_alike(monkeypatch: pytest.MonkeyPatch) -> None:
     network = ROBOT.network(POSITIONS)
     expected = angle_response(network, OMEGA, T)
-    monkeypatch.setattr("robotmodels.plant.closed_loop._WORTHWHILE", 0)
+    monkeypatch.setattr("robotmodels.simulation.loop_noise._WORTHWHILE", 0)
     found = angle_response(network, OMEGA, T)
     assert np.max(np.abs(found - expected)) < 1e-10 * np.abs(expected).max()
 

@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 
 from robotmodels import Box, InvalidInput, Plane, Sphere, load_robot, surroundings
 from robotmodels.description.urdf import locate
-from robotmodels.plant.urdf import read_tree
+from robotmodels.simulation.urdf_tree import read_tree
 
 STRAIGHT = np.zeros(3)
 

@@ -8,8 +8,8 @@ from robots import CRANE, PANDA, PENDULUM, SENSED, SPLIT, built, changed, with_s
 
 import robotmodels
 from robotmodels import InvalidInput
-from robotmodels.description.diagnosis import Diagnosis, diagnose
-from robotmodels.description.suspicions import suspicions
+from robotmodels.checks.diagnosis import Diagnosis, diagnose
+from robotmodels.checks.warnings import suspicions
 
 MASS, ARM, INERTIA, WEIGHT = 4.0, 0.5, 1.2, 4.0 * 9.81 * 0.5  # of the level pendulum
 RATIO, ROTOR, K = 50.0, 1e-3, 5e3
@@ -227,7 +227,7 @@ def test_modes_that_cannot_be_told_apart_are_a_warning_not_an_end(
     def fails(model: object) -> None:
         raise robotmodels.SolverFailed("parted")
 
-    monkeypatch.setattr("robotmodels.description.diagnosis.damped_modes", fails)
+    monkeypatch.setattr("robotmodels.checks.diagnosis.damped_modes", fails)
     d = diagnose(built(PENDULUM), np.zeros(1))
     assert (d.modes, d.overdamped, d.modes_failed) == ((), (), "parted")
     assert d.resonances == level.resonances

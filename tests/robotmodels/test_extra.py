@@ -7,8 +7,8 @@ import pinocchio as pin
 import pytest
 
 import robotmodels
+from robotmodels.common.errors import InvalidInput
 from robotmodels.description.robot_file import RobotFile, read_robot_file
-from robotmodels.errors import InvalidInput
 
 LIBRARY = Path(robotmodels.__file__).parent / "library"
 OMEGA = 2 * np.pi * np.array([2.0, 9.0, 14.0, 22.0, 47.0, 80.0])

@@ -9,7 +9,7 @@ from simulated import T, errors, frf, pendulum, records_of
 
 import robotmodels
 from robotmodels import Imperfections, InvalidInput
-from robotmodels.plant.simulation import IDEAL
+from robotmodels.simulation.imperfections import IDEAL
 
 
 def test_friction_holds_a_motor_that_pushes_too_little() -> None:

@@ -7,8 +7,8 @@ import pytest
 
 import robotmodels
 from robotmodels import kernel
-from robotmodels.errors import InvalidInput
-from robotmodels.noise import RelativeNoise
+from robotmodels.common.errors import InvalidInput
+from robotmodels.linear.noise import RelativeNoise
 
 OMEGA = 2 * np.pi * np.linspace(3, 60, 9)
 

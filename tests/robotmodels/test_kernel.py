@@ -16,9 +16,9 @@ import pytest
 from spring_networks import NETWORKS, error, robot
 
 from robotmodels import kernel
-from robotmodels.errors import InvalidInput
-from robotmodels.kernel.layout import layout
-from robotmodels.noise import RelativeNoise
+from robotmodels.common.errors import InvalidInput
+from robotmodels.kernel.elimination_order import layout
+from robotmodels.linear.noise import RelativeNoise
 
 NOISE = RelativeNoise()
 OMEGA = 2 * np.pi * np.linspace(2, 80, 21)

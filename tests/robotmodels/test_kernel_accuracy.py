@@ -8,8 +8,8 @@ import pytest
 from spring_networks import error, robot
 
 from robotmodels import kernel
-from robotmodels.kernel.layout import layout
-from robotmodels.noise import RelativeNoise
+from robotmodels.kernel.elimination_order import layout
+from robotmodels.linear.noise import RelativeNoise
 
 NOISE = RelativeNoise()
 

@@ -3,8 +3,8 @@ import pytest
 
 import robotmodels
 from robotmodels import ElasticRobot, LinearModel
-from robotmodels.chains import CoupledChains
-from robotmodels.modes import anti_resonances, damped_modes, resonances
+from robotmodels.linear.coupled_chains import CoupledChains
+from robotmodels.linear.modes import anti_resonances, damped_modes, resonances
 
 HZ = 2 * np.pi
 NAMES = (

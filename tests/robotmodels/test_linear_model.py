@@ -5,8 +5,8 @@ import pytest
 
 from robotmodels import InvalidInput, LinearModel, sensitivity
 from robotmodels.description.parameters import Parameters
-from robotmodels.elastic.measurement import Measurement
-from robotmodels.elastic.spring_network import SpringNetwork
+from robotmodels.linear.linear_model import Measurement
+from robotmodels.linear.spring_network import SpringNetwork
 
 MASS, SPRING, DAMPER, RATIO = (2.0, 3.0), 500.0, 0.4, 10.0
 OMEGA = np.array([1.0, 15.0, 20.4, 90.0])

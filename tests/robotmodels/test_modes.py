@@ -3,7 +3,7 @@ import pytest
 
 import robotmodels
 from robotmodels import InvalidInput, LinearModel, SolverFailed
-from robotmodels.modes import anti_resonances, clamped, damped_modes, resonances, rigid_modes
+from robotmodels.linear.modes import anti_resonances, clamped, damped_modes, resonances, rigid_modes
 
 J, L, K, C = 0.5, 2.0, 800.0, 0.6
 

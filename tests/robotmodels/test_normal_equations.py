@@ -9,8 +9,8 @@ import pytest
 from spring_networks import NETWORKS, robot
 
 from robotmodels import kernel
-from robotmodels.errors import InvalidInput
-from robotmodels.kernel.layout import layout
+from robotmodels.common.errors import InvalidInput
+from robotmodels.kernel.elimination_order import layout
 
 OMEGA = 2 * np.pi * np.linspace(2, 80, 21)
 RESIDUALS = ("nls", "lls", "lls_magnitude")

@@ -23,9 +23,9 @@ from robotmodels import (
     simulate,
 )
 from robotmodels.description.urdf import locate
-from robotmodels.plant.mujoco_model import build_plant
-from robotmodels.plant.rest import find_rest
-from robotmodels.plant.simulation import IDEAL
+from robotmodels.simulation.imperfections import IDEAL
+from robotmodels.simulation.mujoco_model import build_plant
+from robotmodels.simulation.simulate_block import find_rest
 
 
 @pytest.fixture(scope="module")

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from numba import njit
 
-from robotmodels.kernel import bits, logarithm, memory, simd
+from robotmodels.kernel import memory, simd, vector_math
 
 
 @njit
@@ -27,9 +27,9 @@ def _arithmetic(x, y, out):
     memory.store(out, 14, simd.pack(simd.fma(a.real, d, c.real), a.imag / d))
     memory.store(out, 16, simd.pack(simd.minimum(a.real, d), simd.maximum(a.real, d)))
     memory.store(out, 18, simd.pack(simd.splat(2.5), simd.where_greater(a.real, d, d, a.imag)))
-    memory.store(out, 20, logarithm.log(a))
-    memory.store(out, 22, bits.split_exponent(d * d))
-    memory.store(out, 24, simd.pack(bits.inverse_root(d * d), simd.root(d * d)))
+    memory.store(out, 20, vector_math.log(a))
+    memory.store(out, 22, vector_math.split_exponent(d * d))
+    memory.store(out, 24, simd.pack(vector_math.inverse_root(d * d), simd.root(d * d)))
     memory.put(out, 26 * simd.LANES, memory.scalar(x, 3) + simd.lane_sum(d))
     return simd.any_negative(d)
 

@@ -13,8 +13,8 @@ from robotmodels.description.robot_file import RobotFile
 from robotmodels.description.urdf import locate, rigid_model
 from robotmodels.description.urdf_check import checked_urdf
 from robotmodels.elastic.robot import ElasticRobot
-from robotmodels.plant.mujoco_model import build_plant
-from robotmodels.plant.urdf import read_tree
+from robotmodels.simulation.mujoco_model import build_plant
+from robotmodels.simulation.urdf_tree import read_tree
 
 LAMP = 'ixx="0.02" ixy="0" ixz="0" iyy="0.03" iyz="0" izz="0.03"'
 LOOP = '<joint name="l" type="fixed"><parent link="hand"/><child link="floor"/></joint>'

@@ -7,9 +7,9 @@ import pytest
 from scipy.linalg import expm
 
 from robotmodels import ClosedLoopNoise, Controller, CoupledChains, InvalidInput, SolverFailed
-from robotmodels.arrays import Array, ComplexArray
-from robotmodels.plant.sampled_loop import sampled_loop
-from robotmodels.plant.window_noise import window_noise
+from robotmodels.common.arrays import Array, ComplexArray
+from robotmodels.simulation.discrete_loop import sampled_loop
+from robotmodels.simulation.window_noise import window_noise
 
 T, N = 0.01, 1000  # a period of 10 s
 CHAINS = CoupledChains(

@@ -9,10 +9,11 @@ from typing import Any
 import pytest
 import yaml
 
-from robotmodels import yaml_reader
-from robotmodels.errors import InvalidInput
-from robotmodels.files import check_file, read_text
-from robotmodels.yaml_reader import YamlError, read_document
+from robotmodels.common import yaml_reader
+from robotmodels.common.errors import InvalidInput
+from robotmodels.common.file_paths import check_file
+from robotmodels.common.yaml_files import read_text
+from robotmodels.common.yaml_reader import YamlError, read_document
 
 
 @pytest.fixture(params=["CSafeLoader", "SafeLoader"], autouse=True)

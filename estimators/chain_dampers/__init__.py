@@ -1,0 +1,1 @@
+"""Chains with dampers, and the whole way from records to chains."""

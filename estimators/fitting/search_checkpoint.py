@@ -1,0 +1,72 @@
+"""Searches that have ended, kept in a file so that an interrupted multistart can go on."""
+
+from pathlib import Path
+
+import numpy as np
+
+from estimators.fitting.fit_problem import Problem
+from estimators.fitting.trust_region import Outcome
+from robotmodels.common.arrays import Array
+from robotmodels.common.checkpoint_file import CheckpointFile
+from robotmodels.common.fingerprints import fingerprint
+from robotmodels.linear.response import network_of
+
+
+def problem_fingerprint(problem: Problem, max_evaluations: int, tolerance: float) -> str:
+    """Return a number that changes with anything that changes the outcome of a search."""
+    estimate = problem.estimate
+    given = (
+        (problem.kind.name, problem.loss, problem.prior, max_evaluations, tolerance),
+        (problem.model.parameters, problem.bounds, problem.weights),
+        (estimate.positions, estimate.omega, estimate.response),
+        None if problem.loss == "linear" else estimate.covariance,
+    )
+    return fingerprint(given, network_of(problem.model, estimate.positions))
+
+
+class SearchStore:
+    """Outcomes by stage and start, in an HDF5 file that is whole at any time.
+
+    Raises
+    ------
+    InvalidInput
+        If the file is another one, holds the searches of another problem, or cannot be written.
+    """
+
+    def __init__(self, path: Path, fingerprint: str) -> None:
+        other = "searches of another model, estimate or setting"
+        self.file = CheckpointFile(path, fingerprint, "searches", other)
+        self._kept: dict[tuple[str, bytes], tuple[Array, Outcome]] = {}
+        if path.exists():
+            self._read()
+
+    def load(self, stage: str, start: Array) -> Outcome | None:
+        """Return the outcome of `start` (p,), or None."""
+        found = self._kept.get((stage, start.tobytes()))
+        return None if found is None else found[1]
+
+    def append(self, stage: str, start: Array, outcome: Outcome) -> None:
+        """Add an outcome; the file is replaced by a new one."""
+        import h5py
+
+        self._kept[stage, start.tobytes()] = start, outcome
+        rows = [(stage, *row) for (stage, _), row in self._kept.items()]
+        text = h5py.string_dtype()
+        with self.file.writing() as file:
+            file.create_dataset("stage", data=[s for s, _, _ in rows], dtype=text)
+            file["starts"] = np.array([start for _, start, _ in rows])
+            file["values"] = np.array([o.values for _, _, o in rows])
+            file["cost"] = np.array([o.cost for _, _, o in rows])
+            file["status"] = np.array([o.status for _, _, o in rows])
+            file["evaluations"] = np.array([o.evaluations for _, _, o in rows])
+            file.create_dataset("message", data=[o.message for _, _, o in rows], dtype=text)
+
+    def _read(self) -> None:
+        with self.file.reading() as file:
+            columns = [file[name][()] for name in ("values", "cost", "status", "evaluations")]
+            texts = [file[name].asstr()[()] for name in ("stage", "message")]
+            for start, stage, message, values, cost, status, evaluations in zip(
+                file["starts"][()], *texts, *columns, strict=True
+            ):
+                outcome = Outcome(values, float(cost), int(status), message, int(evaluations))
+                self._kept[stage, start.tobytes()] = start, outcome

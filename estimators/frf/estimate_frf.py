@@ -1,0 +1,309 @@
+"""FRFs from records, with their covariance: [WM] section 4."""
+
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from typing import Any, Literal, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from estimators.frf.averaging import (
+    SUMMING,
+    covariance_of,
+    find_method,
+    jackknife,
+    noise_deviations,
+)
+from estimators.frf.frf_estimate import FrfEstimate, unvec
+from estimators.frf.record_checks import (
+    check_condition,
+    check_periods,
+    check_records,
+    settling,
+    warn,
+)
+from estimators.frf.spectra import Spectra, spectra
+from robotmodels.common.arrays import Array, ComplexArray
+from robotmodels.common.errors import InvalidInput, nearest
+from robotmodels.records.records import Records
+
+Transient = int | Literal["auto"]
+
+
+def estimate_frf(
+    records: Records | Iterable[Records],
+    method: str = "ari",
+    *,
+    covariance: str = "total",
+    structure: str = "full",
+    hold: bool = True,
+    delay: float = 0.0,
+    transient: Transient = "auto",
+) -> FrfEstimate:
+    """Estimate motor torque to motor acceleration FRFs, and the covariance of the estimate.
+
+    Periods are averaged first, then blocks by the chosen method. Blocks with a missing run
+    are left out with a warning, except where the method sums over runs (h1, jio) and uses
+    the rest; blocks that are missing altogether are passed over, and `repetitions` counts those
+    that were used.
+
+    Parameters
+    ----------
+    records : Records or iterable of Records
+        Runs, or any iterable of them, e.g. `robotmodels.records.records.iterate_records`; one
+        position at a time is held in memory.
+    method : str
+        "ari", "har", "log", "h1" or "jio"; `estimators.compare_methods` helps to choose.
+    covariance : str
+        "total", over blocks, or "noise", from what does not repeat from period to period, which
+        misses the distortions by nonlinearities and is all that one block can give.
+    structure : str
+        "full" matrices of vec(G), of rank B - 1 at most for the total one, or their "diagonal".
+    hold : bool
+        Whether the torque is held over a sample.
+    delay : float, s
+        Delay of the measured angle after the torque.
+    transient : Transient
+        Periods to drop at the start of each run; "auto" drops those that differ from later ones,
+        see `estimators.settling`, and warns when it does.
+
+    Raises
+    ------
+    InvalidInput
+        Naming position, block, line and condition number where torques are dependent, and whatever
+        else keeps the records from being used.
+    """
+    find_method(method)
+    check_choice("covariance", covariance, ("total", "noise"))
+    check_choice("structure", structure, ("full", "diagonal"))
+
+    def estimated(part: Records, who: str) -> PositionFrf:
+        found = usable_spectra(part, who, method, hold=hold, delay=delay, transient=transient)
+        response, draws, freedom = with_deviations(found, method, covariance, who)
+        error = structured(covariance_of(draws), structure, response.shape[1])
+        count = len(found.present)
+        return PositionFrf(found.omega, response, error, count, freedom, draws.swapaxes(0, 1))
+
+    return over_positions(records, estimated)
+
+
+class PositionFrf(NamedTuple):
+    """What one position gives: an `FrfEstimate` without the axis of positions."""
+
+    omega: Array
+    response: ComplexArray
+    covariance: NDArray[Any]
+    repetitions: int
+    degrees_of_freedom: float
+    deviations: ComplexArray | None = None
+    line_correlation: Array = np.empty(0)
+
+
+def over_positions(
+    records: Records | Iterable[Records], estimated: Callable[[Records, str], PositionFrf]
+) -> FrfEstimate:
+    """Return the estimates of one position after the other as one.
+
+    Parameters
+    ----------
+    estimated : callable
+        Gives a position's, from its records and what messages are to call it.
+
+    Raises
+    ------
+    InvalidInput
+        If there are no records, or the frequencies of positions differ.
+    """
+    positions, found = [], list[PositionFrf]()
+    for count, part in enumerate(each_position(records)):
+        who = f"position {count + 1}"
+        positions.append(part.positions[0])
+        found.append(estimated(part, who))
+        if not np.array_equal(found[0].omega, found[-1].omega):
+            raise InvalidInput(f"{who}: its frequencies differ from those of position 1")
+    if not found:
+        raise InvalidInput("records: none given; at least one position is needed")
+    return FrfEstimate(
+        np.array(positions),
+        found[0].omega,
+        np.array([one.response for one in found]),
+        np.array([one.covariance for one in found]),
+        np.array([one.repetitions for one in found], dtype=np.int64),
+        np.array([one.degrees_of_freedom for one in found]),
+        stacked_deviations([one.deviations for one in found]),
+        mean_correlation([one.line_correlation for one in found]),
+    )
+
+
+def stacked_deviations(draws: Sequence[ComplexArray | None]) -> ComplexArray | None:
+    """Return the draws (R, F, m, n) of positions as one (Q, R, F, m, n), zeros filled in."""
+    known = [one for one in draws if one is not None]
+    if len(known) < len(draws):
+        return None
+    most = max(len(one) for one in known)
+    return np.stack([np.pad(one, [(0, most - len(one)), (0, 0), (0, 0), (0, 0)]) for one in known])
+
+
+def mean_correlation(correlations: Sequence[Array]) -> Array:
+    """Return the mean over positions of correlations at lags 1 to L, zero beyond each one's."""
+    most = max(len(one) for one in correlations)
+    padded = [np.pad(one, (0, most - len(one))) for one in correlations]
+    return np.asarray(np.mean(padded, axis=0))
+
+
+def each_position(records: Records | Iterable[Records]) -> Iterator[Records]:
+    """Return the records of one position after the other, Q = 1 each."""
+    for part in [records] if isinstance(records, Records) else records:
+        for index in range(len(part)):
+            yield part.at(index)
+
+
+def usable_spectra(
+    records: Records,
+    who: str,
+    method: str,
+    *,
+    hold: bool = True,
+    delay: float = 0.0,
+    transient: Transient = "auto",
+) -> Spectra:
+    """Return the checked spectra of one position, without transients and missing blocks.
+
+    Raises
+    ------
+    InvalidInput
+        As `estimate_frf` does.
+    """
+    check_records(records, 0, who)
+    found = spectra(records, hold=hold, delay=delay)
+    check_periods(found, who)
+    n, E = found.input.shape[-2:]
+    if n > E:
+        raise InvalidInput(
+            f"{who}: {E} runs a block for {n} motors; {n} are needed, or "
+            "estimators.local_frf (oed frf --local), which borrows from neighbouring lines"
+        )
+    if n < E and method not in SUMMING:
+        raise InvalidInput(
+            f"{who}: {E} runs a block for {n} motors; {method} needs {n}, "
+            f"{' and '.join(SUMMING)} take any number"
+        )
+    if method == "jio" and not found.reference.any():
+        raise InvalidInput(f"{who}: jio needs the reference, which is zero; use another method")
+    first = first_period(found, transient, who)
+    found = spectra(records, hold=hold, delay=delay, first=first) if first else found
+    found = _without_missing(found, method, who)
+    _check_inputs(found, method, records.lines.astype(float), who)
+    return found
+
+
+def with_deviations(
+    found: Spectra, method: str, covariance: str, who: str
+) -> tuple[ComplexArray, ComplexArray, float]:
+    """Return the FRF (F, m, n), draws (F, R, m, n) of its error, and their degrees of freedom.
+
+    Draws are of the "total" error, by leaving out blocks, or of "noise", by bins without signal.
+
+    Raises
+    ------
+    InvalidInput
+        If there are too few blocks, or periods, for a covariance.
+    """
+    B, P = found.input.shape[:2]
+    Y, U, R = (a.swapaxes(0, 1) for a in found.averaged())
+    if covariance == "total":
+        if B < 2:
+            raise InvalidInput(
+                f"{who}: one block; a total covariance needs at least 2 with new phases, or "
+                "covariance='noise' from two periods or more"
+            )
+        response, draws = jackknife(find_method(method), Y, U, R)
+        freedom = float(B - 1)
+    else:
+        if P < 2:
+            raise InvalidInput(f"{who}: one period; a noise covariance needs at least 2")
+        response = find_method(method)(Y, U, R)
+        noise = [np.moveaxis(a, 2, 0) for a in (found.noise_output, found.noise_input)]
+        draws = noise_deviations(method, response, noise[0], noise[1], U, R)
+        freedom = float(found.noise_bins * found.present.sum())
+    return response, above_rounding(draws, response), freedom
+
+
+def above_rounding(draws: ComplexArray, response: ComplexArray) -> ComplexArray:
+    """Raise draws (F, R, m, n) of the error to the size of rounding errors."""
+    size = np.abs(response).max(axis=(-2, -1))[:, None, None]
+    least = 4 * np.finfo(float).eps * size
+    std = np.sqrt((np.abs(draws) ** 2).sum(axis=1))
+    poor = (std < least)[:, None]
+    return np.asarray(np.where(poor, (least / np.sqrt(draws.shape[1]))[:, None], draws))
+
+
+def structured(covariance: ComplexArray, structure: str, outputs: int) -> Array | ComplexArray:
+    """Return covariances "full", (F, m n, m n), as they are, or their "diagonal", (F, m, n)."""
+    covariance = (covariance + np.conj(np.swapaxes(covariance, -1, -2))) / 2
+    single = covariance.shape[-1] == 1  # a matrix of one element is a variance
+    return covariance if structure == "full" and not single else diagonal(covariance, outputs)
+
+
+def diagonal(covariance: ComplexArray, outputs: int) -> Array:
+    """Return the variances (F, m, n) of (F, m n, m n) covariances."""
+    return np.asarray(unvec(np.diagonal(covariance, axis1=-2, axis2=-1).real, outputs))
+
+
+def variances(draws: ComplexArray) -> Array:
+    """Return the variances (F, m, n) of the elements from draws (F, R, m, n) of their errors."""
+    return np.asarray((np.abs(draws) ** 2).sum(axis=1))
+
+
+def first_period(found: Spectra, transient: Transient, who: str) -> int:
+    """Return how many periods to drop: so many, or those not settled ("auto"), with a warning."""
+    if transient != "auto":
+        return transient
+    judged = settling(found)
+    if judged.first:
+        warn(
+            f"{who}: the first {judged.first} of {found.periods} periods dropped: they differ "
+            f"from later ones by {judged.deviations[0]:.2g} of the signal, more than chance allows"
+        )
+    if not judged.settled:
+        warn(f"{who}: no period agrees with the later ones; the runs never settled")
+    return judged.first
+
+
+def _without_missing(found: Spectra, method: str, who: str) -> Spectra:
+    some, every = np.asarray(found.present.any(axis=1)), found.complete
+    partial = some & ~every
+    if method in SUMMING or not partial.any():
+        return found.blocks(some)
+    warn(
+        f"{who}: blocks {_numbers(partial)} lack runs and are left out; "
+        f"{' and '.join(SUMMING)} would use what they have"
+    )
+    if not every.any():
+        raise InvalidInput(f"{who}: no block is complete, as {method} needs")
+    return found.blocks(every)
+
+
+def _numbers(which: NDArray[np.bool_]) -> str:
+    """Return which are true, counted from 1."""
+    return ", ".join(str(i + 1) for i in np.flatnonzero(which))
+
+
+def _check_inputs(found: Spectra, method: str, lines: Array, who: str) -> None:
+    averaged = found.input.mean(axis=1)  # (B, F, n, E)
+    if method in SUMMING:
+        together = np.concatenate(list(averaged), axis=-1)
+        check_condition(together, found.omega, lines, who)
+        if method == "jio":
+            references = np.concatenate(list(found.reference[:, 0]), axis=-1)
+            check_condition(references, found.omega, lines, who, "references")
+        return
+    for b, block in enumerate(averaged):
+        check_condition(block, found.omega, lines, f"{who}, block {b + 1}")
+
+
+def check_choice(name: str, value: str, known: tuple[str, ...]) -> None:
+    """Refuse a value that is not one of those known."""
+    if value not in known:
+        raise InvalidInput(
+            f"{name} {value!r} is none of {', '.join(known)}{nearest(str(value), known)}"
+        )

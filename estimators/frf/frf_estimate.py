@@ -1,0 +1,355 @@
+"""Measured FRFs with their uncertainty, and simulated ones."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from estimators.frf.pooled_noise import PooledNoise, pooled_covariances, pooled_noise
+from robotmodels.common.arrays import Array, ComplexArray, IntArray, read_only
+from robotmodels.common.errors import InvalidInput
+from robotmodels.common.printing import Printed
+from robotmodels.linear.noise import RelativeNoise
+from robotmodels.linear.response import Elastic, frequency_response
+
+
+def vec(matrices: NDArray[Any]) -> NDArray[Any]:
+    """Stack the columns of (..., m, n) matrices into (..., m n) vectors, as in [WM]."""
+    return np.swapaxes(matrices, -1, -2).reshape(*matrices.shape[:-2], -1)
+
+
+def unvec(vectors: NDArray[Any], rows: int) -> NDArray[Any]:
+    """Undo `vec`: (..., m n) vectors become (..., m, n) matrices with m = `rows`."""
+    return np.swapaxes(vectors.reshape(*vectors.shape[:-1], -1, rows), -1, -2)
+
+
+def is_full(per_line: NDArray[Any], shape: tuple[int, ...]) -> bool:
+    """Tell (Q, F, m n, m n) matrices from (Q, F, m, n) element-wise values for FRFs of `shape`.
+
+    Raises
+    ------
+    InvalidInput
+        If the array has neither shape.
+    """
+    mn = shape[-2] * shape[-1]
+    if per_line.shape == shape:
+        return False
+    if per_line.shape == (*shape[:2], mn, mn):
+        return True
+    raise InvalidInput(
+        f"an array of shape {per_line.shape} does not fit FRFs of shape {shape}: {shape} "
+        f"(one value per element) or {(*shape[:2], mn, mn)} (one matrix per line) is needed"
+    )
+
+
+def place(index: Sequence[int] | NDArray[np.intp], omega: Array | None = None) -> str:
+    """Name a place of a (Q, F, ...) array: position, frequency and, if given, element."""
+    q, f = int(index[0]), int(index[1])
+    line = f"frequency {f}" if omega is None else f"frequency {f} ({omega[f]:.6g} rad/s)"
+    element = f", element ({int(index[2])}, {int(index[3])})" if len(index) == 4 else ""
+    return f"position {q}, {line}{element} (counted from 0)"
+
+
+@dataclass(frozen=True, eq=False)
+class FrfEstimate(Printed):
+    """FRF estimates in Q positions at F frequencies, and how far to trust them.
+
+    Attributes
+    ----------
+    positions : ndarray, (Q, n), rad
+        Positions.
+    omega : ndarray, (F,), rad/s
+        Angular frequencies, positive.
+    response : ndarray of complex, (Q, F, m, n), rad/s^2/(N m)
+        Motor torque to motor acceleration.
+    covariance : ndarray or ndarray of complex
+        Covariance of the circular complex errors of `response` as it stands (averages included):
+        (Q, F, m, n) variances of independent elements, or (Q, F, m n, m n) Hermitian, of vec(G)
+        with columns stacked.
+    repetitions : ndarray of int, (Q,)
+        Experiments averaged in each position.
+    degrees_of_freedom : ndarray, (Q,)
+        Complex degrees of freedom of the covariance in each position, B - 1 over B blocks of one
+        visit; infinite where it is declared, as that of a noise law; not a number where it is not
+        known. A scalar stands for all positions.
+    deviations : ndarray of complex, (Q, R, F, m, n), optional
+        Independent draws of the errors, scaled so that the outer products of their vec add up to
+        the full covariance; zero where a position has fewer. They show how errors of elements and
+        of neighbouring lines hang together.
+    line_correlation : ndarray, (L,), dimensionless
+        Correlation of the errors 1 to L lines apart, where lines share data.
+    """
+
+    positions: Array
+    omega: Array
+    response: ComplexArray
+    covariance: Array | ComplexArray
+    repetitions: IntArray
+    degrees_of_freedom: Array = np.inf  # type: ignore[assignment]
+    deviations: ComplexArray | None = None
+    line_correlation: Array = ()  # type: ignore[assignment]
+
+    def __post_init__(self) -> None:
+        positions = np.array(self.positions, dtype=float)
+        omega = np.array(self.omega, dtype=float)
+        response = np.array(self.response, dtype=complex)
+        _check_axes(positions, omega, response)
+        covariance = _checked_covariance(np.array(self.covariance), response.shape, omega)
+        repetitions = _checked_repetitions(self.repetitions, len(positions))
+        freedom = _checked_freedom(self.degrees_of_freedom, len(positions))
+        for name, array in (
+            ("positions", positions),
+            ("omega", omega),
+            ("response", response),
+            ("covariance", covariance),
+            ("repetitions", repetitions),
+            ("degrees_of_freedom", freedom),
+            ("line_correlation", _checked_correlation(self.line_correlation, len(omega))),
+        ):
+            object.__setattr__(self, name, read_only(array))
+        if self.deviations is not None:
+            deviations = _checked_deviations(
+                np.array(self.deviations, dtype=complex), self.variance
+            )
+            object.__setattr__(self, "deviations", read_only(deviations))
+
+    @property
+    def has_full_covariance(self) -> bool:
+        """Whether the covariance couples the elements of one FRF matrix."""
+        return is_full(self.covariance, self.response.shape)
+
+    @property
+    def variance(self) -> Array:
+        """The (Q, F, m, n) variances of the elements."""
+        if not self.has_full_covariance:
+            return np.asarray(self.covariance, dtype=float)
+        diagonal = np.diagonal(self.covariance, axis1=-2, axis2=-1).real
+        return np.asarray(unvec(diagonal, self.response.shape[-2]))
+
+    @property
+    def noise_known(self) -> bool:
+        """Whether the degrees of freedom of the covariance are known in every position."""
+        return not bool(np.isnan(self.degrees_of_freedom).any())
+
+    @cached_property
+    def pooled_noise(self) -> PooledNoise:
+        """Variances (Q, F, m, n) from neighbouring lines."""
+        return pooled_noise(self.variance, self._freedom, self.deviations)
+
+    @property
+    def pooled_variance(self) -> Array:
+        """Variances (Q, F, m, n) from neighbouring lines alone, independent of the line's own."""
+        return self.pooled_noise.variance
+
+    @property
+    def weight_variance(self) -> Array:
+        """Variances (Q, F, m, n) for weights: from neighbouring lines and the line itself."""
+        return self.pooled_noise.mixed
+
+    @cached_property
+    def weight_covariance(self) -> Array | ComplexArray:
+        """Covariances with `weight_variance` and pooled correlations, as `covariance` is shaped."""
+        if not self.has_full_covariance:
+            return self.weight_variance
+        covariance = np.asarray(self.covariance, dtype=complex)
+        return pooled_covariances(covariance, vec(self.weight_variance), self._freedom)
+
+    @property
+    def _freedom(self) -> Array:
+        """Degrees of freedom, infinite where they are not known."""
+        unknown = np.isnan(self.degrees_of_freedom)
+        return np.where(unknown, np.inf, self.degrees_of_freedom)
+
+    def __str__(self) -> str:
+        q, f, m, n = self.response.shape
+        low, high = self.omega.min() / (2 * np.pi), self.omega.max() / (2 * np.pi)
+        ratio = np.abs(self.response) / np.sqrt(self.variance)
+        with np.errstate(divide="ignore"):
+            decibel = 20 * np.log10(np.median(ratio))
+        noise = "correlated" if self.has_full_covariance else "independent"
+        return (
+            f"FRFs of {n} motors to {m} outputs in {q} positions at {f} frequencies, {low:.3g} to "
+            f"{high:.3g} Hz; median signal-to-noise ratio {decibel:.0f} dB, errors of elements "
+            f"{noise}"
+        )
+
+    def subset(self, indices: Sequence[int] | IntArray) -> "FrfEstimate":
+        """Return the estimates in the positions `indices` only."""
+        i = np.asarray(indices, dtype=np.int64)
+        if i.ndim != 1 or not i.size or i.min() < 0 or i.max() >= len(self.positions):
+            raise InvalidInput(
+                f"subset: {i.tolist()} does not choose from positions 0 to "
+                f"{len(self.positions) - 1}"
+            )
+        return replace(
+            self,
+            positions=self.positions[i],
+            response=self.response[i],
+            covariance=self.covariance[i],
+            repetitions=self.repetitions[i],
+            degrees_of_freedom=self.degrees_of_freedom[i],
+            deviations=None if self.deviations is None else self.deviations[i],
+        )
+
+
+def simulate_frf(
+    model: Elastic,
+    positions: Array,
+    omega: Array,
+    noise: RelativeNoise,
+    rng: np.random.Generator,
+    repetitions: Sequence[int] | IntArray | None = None,
+) -> FrfEstimate:
+    """Return the model's FRFs with circular complex normal errors: the known-noise case.
+
+    The errors have the law's variance at the true FRF, divided by the repetitions, and that very
+    variance is stored as the covariance. A law evaluated at the noisy FRF instead would correlate
+    weights with errors.
+
+    Parameters
+    ----------
+    model : Elastic
+        Robot, or anything with its ``parameters`` and ``network``.
+    positions : ndarray, (Q, n), rad
+        Positions.
+    omega : ndarray, (F,), rad/s
+        Angular frequencies.
+    noise : RelativeNoise
+        Law of one experiment.
+    rng : Generator
+        Source of the errors.
+    repetitions : sequence of int or ndarray of int, (Q,), optional
+        Experiments averaged in each position; one where None.
+    """
+    truth = np.asarray(frequency_response(model, positions, omega))
+    return noisy_frf(truth, positions, omega, noise, rng, repetitions)
+
+
+def noisy_frf(
+    truth: ComplexArray,
+    positions: Array,
+    omega: Array,
+    noise: RelativeNoise,
+    rng: np.random.Generator,
+    repetitions: Sequence[int] | IntArray | None = None,
+) -> FrfEstimate:
+    """Return FRFs `truth` (Q, F, m, n) with circular complex normal errors, as `simulate_frf`."""
+    positions = np.asarray(positions, dtype=float)
+    count = _checked_repetitions(
+        np.ones(len(positions), dtype=np.int64) if repetitions is None else repetitions,
+        len(positions),
+    )
+    variance = noise.variance(truth) / count[:, None, None, None]
+    parts = rng.standard_normal((2, *truth.shape)) * np.sqrt(variance / 2)
+    response = truth + parts[0] + 1j * parts[1]
+    return FrfEstimate(positions, np.asarray(omega), response, variance, count)
+
+
+def _check_axes(positions: Array, omega: Array, response: ComplexArray) -> None:
+    if positions.ndim != 2 or omega.ndim != 1 or response.ndim != 4:
+        raise InvalidInput(
+            f"FRF estimate: positions {positions.shape}, omega {omega.shape} and response "
+            f"{response.shape}; (Q, n), (F,) and (Q, F, m, n) are needed"
+        )
+    if response.shape[:2] != (len(positions), len(omega)) or not response.size:
+        raise InvalidInput(
+            f"response: shape {response.shape} does not fit {len(positions)} positions and "
+            f"{len(omega)} frequencies"
+        )
+    if not np.isfinite(positions).all():
+        q, joint = np.argwhere(~np.isfinite(positions))[0]
+        raise InvalidInput(f"positions: position {q}, coordinate {joint} is not finite")
+    wrong = ~(np.isfinite(omega) & (omega > 0))
+    if wrong.any():
+        f = int(np.argmax(wrong))
+        raise InvalidInput(f"omega: frequency {f} is {omega[f]:g}, a positive number is needed")
+    broken = np.argwhere(~np.isfinite(response))
+    if broken.size:
+        raise InvalidInput(
+            f"response: {response[tuple(broken[0])]} at {place(broken[0], omega)} is not finite"
+        )
+
+
+def _checked_covariance(
+    covariance: NDArray[Any], shape: tuple[int, ...], omega: Array
+) -> Array | ComplexArray:
+    full = is_full(covariance, shape)
+    if not full and np.iscomplexobj(covariance):
+        raise InvalidInput("covariance: variances (Q, F, m, n) must be real numbers")
+    covariance = covariance.astype(complex if full else float)
+    diagonal = np.diagonal(covariance, axis1=-2, axis2=-1).real if full else covariance
+    elements = unvec(diagonal, shape[-2]) if full else diagonal
+    wrong = np.argwhere(~(np.isfinite(elements) & (elements > 0)))
+    if wrong.size:
+        raise InvalidInput(
+            f"covariance: the variance at {place(wrong[0], omega)} is "
+            f"{elements[tuple(wrong[0])]:g}, a positive number is needed"
+        )
+    if full:
+        deviation = np.sqrt(diagonal)
+        size = deviation[..., :, None] * deviation[..., None, :]
+        with np.errstate(over="ignore", invalid="ignore"):  # of what is refused next
+            skew = np.abs(covariance - np.conj(np.swapaxes(covariance, -1, -2)))
+        bad = np.argwhere(~(skew <= 1e-9 * size).all(axis=(-2, -1)))
+        if bad.size:
+            raise InvalidInput(
+                f"covariance: the matrix at {place(bad[0], omega)} is not Hermitian and finite"
+            )
+    return covariance
+
+
+def _checked_repetitions(repetitions: Sequence[int] | IntArray, count: int) -> IntArray:
+    given = np.asarray(repetitions)
+    if given.shape != (count,) or not np.issubdtype(given.dtype, np.integer):
+        raise InvalidInput(
+            f"repetitions: {given.dtype} of shape {given.shape}; one whole number for each of "
+            f"{count} positions is needed"
+        )
+    if (given < 1).any():
+        q = int(np.argmax(given < 1))
+        raise InvalidInput(
+            f"repetitions: {given[q]} at position {q}; leave out positions that are not measured"
+        )
+    return given.astype(np.int64)
+
+
+def _checked_freedom(degrees_of_freedom: Array | float, count: int) -> Array:
+    freedom = np.array(degrees_of_freedom, dtype=float)
+    if freedom.ndim == 0:
+        freedom = np.full(count, float(freedom))
+    if freedom.shape != (count,) or (freedom <= 0).any():
+        raise InvalidInput(
+            f"degrees_of_freedom: {np.array2string(freedom, threshold=6)}; one positive number for "
+            f"each of {count} positions is needed, infinite for a declared covariance"
+        )
+    return freedom
+
+
+def _checked_correlation(line_correlation: Array, lines: int) -> Array:
+    correlation = np.array(line_correlation, dtype=float)
+    if correlation.ndim != 1 or not (np.abs(correlation) <= 1).all():
+        raise InvalidInput(
+            f"line_correlation: {np.array2string(correlation, threshold=6)}; correlations between "
+            "-1 and 1 at lags 1 to L are needed"
+        )
+    return correlation[: lines - 1]
+
+
+def _checked_deviations(deviations: ComplexArray, variance: Array) -> ComplexArray:
+    Q, F, m, n = variance.shape
+    if deviations.ndim != 5 or deviations.shape[::2] != (Q, F, n) or deviations.shape[3] != m:
+        raise InvalidInput(
+            f"deviations: shape {deviations.shape}; ({Q}, R, {F}, {m}, {n}) is needed"
+        )
+    power = (np.abs(deviations) ** 2).sum(axis=1)
+    wrong = np.argwhere(~(np.abs(power - variance) <= 1e-6 * variance))
+    if wrong.size:
+        at = tuple(wrong[0])
+        raise InvalidInput(
+            f"deviations: their squares add up to {power[at]:g} at {place(wrong[0])}, the variance "
+            f"there is {variance[at]:g}"
+        )
+    return deviations

@@ -1,0 +1,262 @@
+"""From records to FRFs and all that is known of their errors."""
+
+import warnings
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+import robotmodels
+from estimators.frf.averaging import find_method
+from estimators.frf.distortion import Distortion, distortion
+from estimators.frf.estimate_frf import estimate_frf
+from estimators.frf.file_formats import read_records
+from estimators.frf.frf_estimate import FrfEstimate
+from estimators.frf.local_rational_model import local_frf
+from estimators.frf.method_comparison import Comparison, compare_methods, measured_loop
+from estimators.frf.repeated_visits import merge_distortion, merge_visits, visits_of
+from estimators.frf.rigid_body_check import check_rigid_limit
+from robotmodels.common.arrays import ComplexArray, IntArray
+from robotmodels.common.errors import IdentificationWarning, InvalidInput
+from robotmodels.common.progress import StageProgress
+from robotmodels.records.records import Records, iterate_records
+
+if TYPE_CHECKING:
+    from robotmodels import ElasticRobot
+
+_LOCAL = "local"
+_LOCAL_MODEL: dict[str, Any] = {"order": 2, "denominator": 2}
+"""Follows a resonance that is narrow against the window of lines."""
+
+
+@dataclass(frozen=True, eq=False)
+class MeasuredFrf:
+    """FRFs estimated from records.
+
+    Attributes
+    ----------
+    first : Records
+        Records of the first visit; the others have its shape.
+    visits : tuple of ndarray of int
+        For each position the visits to it, as they are numbered in the records from 0.
+    missing : int
+        Runs that the records of all positions lack.
+    method : str
+        Method of the estimate.
+    covariance : str
+        Covariance of the estimate; that of the method "local" is "local", from residuals.
+    delay : float, s
+        Delay that the estimate was corrected for.
+    estimate : FrfEstimate
+        FRFs with their covariance.
+    distortion : Distortion or None
+        Noise and distortion apart; None where there is one measured period only, or where the
+        method is local.
+    robot : ElasticRobot or None
+        Robot whose linear model goes with them, or None.
+    modelled : ndarray of complex or None, (Q, F, n, n)
+        FRFs of that model, or None.
+    comparison : Comparison or None
+        Comparison of the methods on the loop of the first position, or None.
+    warnings : tuple of str
+        What a user should know of the data, each said once.
+    """
+
+    first: Records
+    visits: tuple[IntArray, ...]
+    missing: int
+    method: str
+    covariance: str
+    delay: float
+    estimate: FrfEstimate
+    distortion: Distortion | None
+    robot: "ElasticRobot | None"
+    modelled: ComplexArray | None
+    comparison: Comparison | None
+    warnings: tuple[str, ...]
+
+    @property
+    def motors(self) -> tuple[str, ...]:
+        """Names of the motors, numbers where no robot is given."""
+        if self.robot is not None:
+            return tuple(self.robot.motor_names)
+        return tuple(f"motor {i + 1}" for i in range(self.estimate.response.shape[3]))
+
+
+def measured_frf(
+    path: Path,
+    method: str = "ari",
+    *,
+    covariance: str = "total",
+    structure: str = "full",
+    local: bool = False,
+    delay: float = 0.0,
+    hold: bool = True,
+    robot: str | None = None,
+    compare: bool = False,
+    runs: int = 200,
+    progress: StageProgress | None = None,
+) -> MeasuredFrf:
+    """Read records and estimate their FRFs, one per position: visits to it are averaged.
+
+    Parameters
+    ----------
+    path : Path
+        Records as HDF5, MATLAB or CSV file.
+    method : str
+        As in `estimators.estimate_frf`.
+    covariance : str
+        As in `estimators.estimate_frf`.
+    structure : str
+        As in `estimators.estimate_frf`.
+    delay : float
+        As in `estimators.estimate_frf`.
+    hold : bool
+        As in `estimators.estimate_frf`.
+    local : bool
+        Whether neighbouring lines stand in for runs, see `estimators.local_frf`; this takes the
+        place of method and covariance, and serves where there are fewer runs than motors.
+    robot : str, optional
+        Name or file of the robot that was measured.
+    compare : bool
+        Whether to compare the methods on the loop of the first position, by simulation.
+    runs : int
+        Simulated campaigns of the comparison; their seed is fixed.
+
+    Raises
+    ------
+    InvalidInput
+        If a file cannot be used, or the robot is another one, or the records lack what the
+        covariance or the comparison needs.
+    """
+    find_method(method)
+    if not np.isfinite(delay):
+        raise InvalidInput(f"delay: {delay!r} s is not a time")
+    elastic = None if robot is None else robotmodels.load_robot(robot)
+    report = _silent if progress is None else progress
+    signals: dict[str, Any] = {"delay": delay, "hold": hold}
+    if local:
+        method = covariance = _LOCAL
+    with _collected() as said:
+        source = _source(path, elastic)
+        with _stage(report, "FRFs"):
+            visits = _visits(source, method, covariance, structure, signals)
+            estimate, missing = merge_visits(visits), source.missing
+        with _stage(report, "distortion"):
+            apart = _distortion(source, method, signals)
+        modelled = None if elastic is None else _modelled(estimate, elastic, path)
+        ranking = _comparison(source.first, runs, signals, report) if compare else None
+    return MeasuredFrf(
+        source.first,
+        tuple(visits_of(visits.positions)),
+        missing,
+        method,
+        covariance,
+        delay,
+        estimate,
+        apart,
+        elastic,
+        modelled,
+        ranking,
+        tuple(said),
+    )
+
+
+@contextmanager
+def _stage(report: StageProgress, name: str) -> Iterator[None]:
+    report(name, 0, 0)
+    yield
+    report(name, 1, 1)
+
+
+def _visits(
+    source: "_Source", method: str, covariance: str, structure: str, signals: dict[str, Any]
+) -> FrfEstimate:
+    """Estimate the FRFs of every visit."""
+    if method == _LOCAL:
+        return local_frf(source, structure=structure, **_LOCAL_MODEL, **signals)
+    return estimate_frf(source, method, covariance=covariance, structure=structure, **signals)
+
+
+def _distortion(source: "_Source", method: str, signals: dict[str, Any]) -> Distortion | None:
+    """Return noise and distortion; None, and a warning why, where they cannot be told apart."""
+    if method != _LOCAL and source.first.torque.shape[3] > 1:
+        return merge_distortion(distortion(source, method, **signals))
+    why = "the local method" if method == _LOCAL else "one measured period"
+    message = f"{why}: noise and distortion cannot be told apart"
+    warnings.warn(message, IdentificationWarning, stacklevel=1)
+    return None
+
+
+def _comparison(
+    records: Records, runs: int, signals: dict[str, Any], report: StageProgress
+) -> Comparison:
+    """Compare the methods on the loop of the records' first position."""
+    with _stage(report, "comparison"):
+        loop = measured_loop(records, 0, **signals)
+        return compare_methods(loop, runs, rng=np.random.default_rng(0))
+
+
+def _modelled(estimate: FrfEstimate, robot: "ElasticRobot", path: Path) -> ComplexArray:
+    """Return the FRFs of the robot's linear model where others were measured."""
+    modelled = np.asarray(robotmodels.frequency_response(robot, estimate.positions, estimate.omega))
+    if modelled.shape != estimate.response.shape:
+        raise InvalidInput(
+            f"{path}: FRFs of shape {estimate.response.shape[2:]}, those of the robot "
+            f"{robot.name!r} are {modelled.shape[2:]}"
+        )
+    check_rigid_limit(estimate, robot)
+    return modelled
+
+
+@contextmanager
+def _collected() -> Iterator[list[str]]:
+    """Give a list of the warnings about the data, each once; others go where they would."""
+    said: list[str] = []
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always", IdentificationWarning)
+        yield said
+    for warning in caught:
+        if not issubclass(warning.category, IdentificationWarning):
+            warnings.warn_explicit(
+                warning.message, warning.category, warning.filename, warning.lineno
+            )
+        elif str(warning.message) not in said:
+            said.append(str(warning.message))
+
+
+class _Source:
+    """Records that can be read again and again; HDF5 files one position at a time."""
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self.lazy = path.suffix.lower() in (".h5", ".hdf5")
+        self.read: list[Records] = [] if self.lazy else [read_records(path)]
+        self.missing = 0
+        self.first = next(iterate_records(path)) if self.lazy else self.read[0].at(0)
+
+    def __iter__(self) -> Iterator[Records]:
+        """Yield records and count the runs that are missing."""
+        self.missing = 0
+        for part in iterate_records(self.path) if self.lazy else self.read:
+            self.missing += int(part.missing.sum())
+            yield part
+
+
+def _source(path: Path, robot: "ElasticRobot | None") -> _Source:
+    """Open records, which must be of `robot` where one is given."""
+    source = _Source(path)
+    n = source.first.positions.shape[1]
+    if robot is not None and n != len(robot.motor_names):
+        motors = ", ".join(robot.motor_names)
+        raise InvalidInput(
+            f"{path}: {n} motors; the robot {robot.name!r} has {len(robot.motor_names)}: {motors}"
+        )
+    return source
+
+
+def _silent(stage: str, done: int, total: int) -> None:
+    """Report to nobody."""

@@ -1,0 +1,1 @@
+"""Posteriors and profile likelihoods of a fit."""

@@ -1,0 +1,63 @@
+"""From weighted squares to a log likelihood: noise that is known, or of unknown scale.
+
+V is a fit's cost with weights that are inverse noise covariances, and n the number of real data.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from estimators.frf.frf_estimate import is_full, vec
+from robotmodels.common.arrays import Array, ComplexArray
+from robotmodels.common.errors import InvalidInput, nearest
+
+NOISES = ("known", "unknown")
+
+
+@dataclass(frozen=True)
+class Noise:
+    """What is known of the noise.
+
+    Attributes
+    ----------
+    kind : {"known", "unknown"}
+        "known", the weights are inverse covariances: log p = -scale V. Covariances that were
+        estimated count as known: weights come from neighbouring lines, which makes them nearly so.
+        "unknown", they are inverse covariances but for one common factor s^2 with the prior 1/s,
+        marginalised analytically: log p = -(n/2) ln V.
+    scale : float
+        Factor of V where the noise is known, for weights that are not inverse covariances.
+    """
+
+    kind: str = "known"
+    scale: float = 1.0
+
+    def __post_init__(self) -> None:
+        if self.kind not in NOISES:
+            raise InvalidInput(
+                f"noise: {self.kind!r} is none of {', '.join(NOISES)}{nearest(self.kind, NOISES)}"
+            )
+        if not (np.isfinite(self.scale) and self.scale > 0):
+            raise InvalidInput(f"scale: {self.scale:g} is not a positive number")
+
+    def of_cost(self, cost: Array, data: int) -> Array:
+        """Return log p (W,) from V (W,) and n = `data`."""
+        if self.kind == "known":
+            return np.asarray(-self.scale * cost)
+        return np.asarray(-data / 2 * np.log(cost))
+
+    def curvature(self, cost: float, data: int) -> float:
+        """Return the factor of the Hessian of V that log p has near the fit, whose cost is V."""
+        return self.scale if self.kind == "known" else data / (2 * cost)
+
+
+def line_squares(root: Array | ComplexArray, error: Array | ComplexArray) -> Array:
+    """Return |S error|^2 of residuals (..., Q, F, m, n): parts of the cost V.
+
+    One per element, (..., Q, F, m, n), or per line, (..., Q, F), where S couples the elements.
+    """
+    if is_full(root, error.shape[-4:]):
+        white = (root @ vec(error)[..., None])[..., 0]
+        return np.asarray(np.sum(white.real**2 + white.imag**2, axis=-1))
+    white = root * error
+    return np.asarray(white.real**2 + white.imag**2)

@@ -1,0 +1,287 @@
+"""The function that is sampled: a fit's cost as a log density, fast where the kernel can."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from estimators.fitting.least_squares import Fit
+from estimators.fitting.priors import Prior
+from estimators.fitting.residuals import Residual, find_residual
+from estimators.fitting.weights import square_root, used_elements
+from estimators.frf.frf_estimate import is_full
+from estimators.sampling.likelihood import Noise, line_squares
+from estimators.uncertainty.sandwich import sandwich_parts
+from robotmodels.common.arrays import Array, ComplexArray, read_only
+from robotmodels.common.errors import IdentificationError, InvalidInput, SolverFailed
+from robotmodels.linear.linear_model import LinearModel
+from robotmodels.linear.response import Elastic
+from robotmodels.linear.spring_network import SpringNetwork
+
+if TYPE_CHECKING:
+    from robotmodels.kernel import CostKernel
+
+
+# A factor two of Theorem 1's meat over its bread: variances of few blocks scatter by as much.
+SAME_WEIGHTS = np.log(2.0)
+# Matrix entries solved in one call when small systems are evaluated for many walkers.
+BATCH = 2**20
+
+
+@dataclass(frozen=True, eq=False)
+class LogPosterior:
+    """Logarithm of the posterior of ln theta: the likelihood of V, the prior, flat in the bounds.
+
+    Where every parameter is a spring, a damper or a motor's inertia, equilibria are held fixed at
+    the fit. That leaves out the change of gravity sag within the posterior, which is of the order
+    of the sag angle times the relative width. Payloads, locations and what else a parameter may be
+    change the skeleton: then the robot is linearised anew for every walker, a hundred times slower.
+
+    Attributes
+    ----------
+    model : Elastic
+        Model of the fit.
+    positions : ndarray
+        Positions of the fit.
+    network : SpringNetwork
+        Network at the fitted parameters.
+    omega : ndarray
+        As in the fit.
+    measured : ndarray of complex
+        As in the fit.
+    weights : ndarray or ndarray of complex
+        As in the fit.
+    kind : Residual
+        As in the fit.
+    noise : Noise
+        How V becomes a likelihood.
+    prior : Prior or None
+        Normal ones of ln theta; None for flat ones.
+    bounds : ndarray, (2, p)
+        Bounds of ln theta.
+    """
+
+    model: Elastic
+    positions: Array
+    network: SpringNetwork
+    omega: Array
+    measured: ComplexArray
+    weights: Array | ComplexArray
+    kind: Residual
+    noise: Noise
+    prior: Prior | None
+    bounds: Array
+    root: Array | ComplexArray = field(init=False)
+    used: NDArray[np.bool_] = field(init=False)
+
+    def __post_init__(self) -> None:
+        # The same layout, hence the same rounding, as in a process that got it pickled.
+        object.__setattr__(self, "measured", np.ascontiguousarray(self.measured))
+        shape = self.measured.shape
+        object.__setattr__(self, "root", square_root(self.weights, shape))
+        object.__setattr__(self, "used", used_elements(self.weights, shape))
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The p parameters."""
+        return self.network.parameters.names
+
+    @property
+    def data(self) -> int:
+        """Number of real data."""
+        return int(self.used.sum()) * (1 if self.kind.real else 2)
+
+    def __call__(self, ln_theta: Array) -> Array:
+        """Return log p (W,), up to a constant, at `ln_theta` (W, p); minus infinity outside.
+
+        Raises
+        ------
+        SolverFailed
+            If the cost is not a number, with the parameters.
+        """
+        ln_theta = np.atleast_2d(ln_theta)
+        inside = ((ln_theta >= self.bounds[0]) & (ln_theta <= self.bounds[1])).all(axis=1)
+        result = np.full(len(ln_theta), -np.inf)
+        if not inside.any():
+            return result
+        theta = np.exp(ln_theta[inside])
+        value = self._log_likelihood(theta)
+        wrong = np.isnan(value)
+        if wrong.any():
+            raise SolverFailed(f"posterior: no cost at {self.described(theta[np.argmax(wrong)])}")
+        if self.prior is not None:
+            value = value - self.prior.cost(self.names, theta)
+        result[inside] = value
+        return result
+
+    def costs(self, parameters: Array) -> Array:
+        """Return the fit's cost V (W,), without the prior, at `parameters` (W, p) [SI]."""
+        if self.kernel is not None:
+            return self.kernel(parameters)
+        return np.concatenate([squares.sum(axis=1) for squares in self._squares(parameters)])
+
+    def described(self, theta: Array) -> str:
+        """Name the three parameters of `theta` (p,) [SI] that are farthest from the fit."""
+        fitted = self.network.parameters.values
+        order = np.argsort(-np.abs(np.log(theta / fitted)))[:3]
+        return ", ".join(f"{self.names[i]} = {theta[i]:.4g} (fit {fitted[i]:.4g})" for i in order)
+
+    def _log_likelihood(self, theta: Array) -> Array:
+        return self.noise.of_cost(self.costs(theta), self.data)
+
+    def _squares(self, parameters: Array) -> Iterator[Array]:
+        """Yield the parts of V, (w, elements or lines), of batches of parameters."""
+        for G in self._responses(parameters):
+            finite = np.isfinite(G).all(axis=(1, 2, 3, 4))
+            if not finite.any():
+                yield np.full((len(G), 1), np.inf)
+                continue
+            found = line_squares(self.root, self.kind.error(self.measured, G[finite], self.used))
+            squares = np.full((len(G), found[0].size), np.inf)
+            squares[finite] = found.reshape(len(found), -1)
+            yield squares
+
+    def _responses(self, parameters: Array) -> Iterator[ComplexArray]:
+        """Yield FRFs (w, Q, F, m, n) of batches of parameters; not finite where there are none."""
+        if not self.network.only_springs:
+            for theta in parameters:
+                yield self._response_anew(theta)[None]
+            return
+        q, d = self.network.mass.shape[:2]
+        together = max(1, BATCH // (q * len(self.omega) * d**2))
+        for first in range(0, len(parameters), together):
+            yield side_by_side(self.network, parameters[first : first + together], self.omega)
+
+    def _response_anew(self, theta: Array) -> ComplexArray:
+        """Return the FRF with the equilibria and the skeleton of theta."""
+        from robotmodels import kernel
+
+        try:
+            network = self.model.network(self.positions, theta)
+        except IdentificationError:
+            return np.full(self.measured.shape, np.inf + 0j)
+        return kernel.frequency_response(network, self.omega)
+
+    @cached_property
+    def kernel(self) -> "CostKernel | None":
+        """The compiled cost; None for full weights, and where the skeleton changes."""
+        if is_full(self.weights, self.measured.shape) or not self.network.only_springs:
+            return None
+        from robotmodels.kernel import CostKernel
+
+        weights = np.asarray(self.weights, dtype=float)
+        return CostKernel(self.network, self.omega, self.measured, weights, self.kind.name)
+
+    def __getstate__(self) -> dict[str, Any]:
+        # Compiled code works on addresses: another process makes its own.
+        return {name: value for name, value in self.__dict__.items() if name != "kernel"}
+
+
+def log_posterior(fit: Fit, noise: Noise, prior: Prior | None = None) -> LogPosterior:
+    """Return the function that is sampled.
+
+    Raises
+    ------
+    InvalidInput
+        If the prior names no free parameter, the noise does not fit the residual, or the fit's loss
+        is a robust one, which is no likelihood.
+    SolverFailed
+        If the fit's cost is not finite, or not its own.
+    """
+    theta = fit.parameters.values
+    if not np.isfinite(fit.cost):
+        raise SolverFailed(f"posterior: the fit's cost is {fit.cost:g}: {fit.message}")
+    if fit.loss != "linear":
+        raise InvalidInput(
+            f"posterior: the loss {fit.loss!r} is no likelihood; fit with loss='linear', "
+            "outliers given the weight zero"
+        )
+    if prior is not None:
+        prior.columns(fit.parameters.names)
+    target = LogPosterior(
+        model=fit.model,
+        positions=fit.estimate.positions,
+        network=fit.model.network(fit.estimate.positions, theta),
+        omega=fit.estimate.omega,
+        measured=fit.estimate.response,
+        weights=fit.weights,
+        kind=find_residual(fit.residual),
+        noise=noise,
+        prior=prior,
+        bounds=read_only(np.log(fit.bounds)),
+    )
+    cost = float(target.costs(theta[None])[0])
+    if not np.isclose(cost, fit.data_cost, rtol=1e-6):
+        raise SolverFailed(
+            f"posterior: the cost at the fit is {cost:g}, the fit's {fit.data_cost:g}"
+        )
+    return target
+
+
+def posterior_density(
+    fit: Fit,
+    *,
+    noise: str = "known",
+    scale: float | None = None,
+    prior: Prior | None = None,
+) -> LogPosterior:
+    """Return the density that `sample_posterior` samples; arguments as there.
+
+    Raises
+    ------
+    InvalidInput, SolverFailed
+        As `log_posterior`, or for noise settings that do not fit.
+    """
+    return log_posterior(
+        fit, Noise(noise, 1.0 if scale is None else float(scale)), prior or fit.prior
+    )
+
+
+def has_noise_weights(fit: Fit) -> bool:
+    """Tell whether exp(-cost) is a likelihood: whether the weights are those of the noise.
+
+    Known by Theorem 1: bread and meat are alike on average then, in every parameter.
+    """
+    bread, meat = sandwich_parts(fit)
+    size = np.sqrt(np.where(np.diag(bread) > 0, np.diag(bread), 1.0))
+    ratio = np.diag(meat) / size**2
+    return bool((np.abs(np.log(np.where(ratio > 0, ratio, 1.0))) < SAME_WEIGHTS).all())
+
+
+def side_by_side(network: SpringNetwork, parameters: Array, omega: Array) -> ComplexArray:
+    """Return FRFs (w, Q, F, m, n) at parameters (w, p), equilibria held fixed."""
+    w, s = len(parameters), len(network.ends)
+    own = network.inertances
+    friction = own is not None and bool(own.exponents[: len(own.friction)].any())
+    if not network.only_motors or friction:
+        models = [network.linear_model(theta) for theta in parameters]
+        batch = LinearModel(
+            mass=np.stack([model.mass for model in models]),
+            damping=np.stack([model.damping for model in models]),
+            stiffness=np.stack([model.stiffness for model in models]),
+            selector=network.selector,
+            measurement=network.measurement,
+        )
+        return batch.frequency_response(omega)
+    from robotmodels import kernel
+
+    # One network of w Q positions: the kernel has no axis for parameters.
+    each = [network.coefficients_at(theta) for theta in parameters]
+    unsprung = [network.unsprung(theta) for theta in parameters]
+    damping = unsprung[0][1]
+    wide = replace(
+        network,
+        mass=np.concatenate([mass for mass, _ in unsprung]),
+        damping=damping if damping.ndim == 2 else damping[0],
+        stiffness=np.tile(network.stiffness, (w, 1, 1)),
+        spring_stiffness=np.concatenate([first[:, :s] for first, _ in each]),
+        spring_damping=np.concatenate([second[:, :s] for _, second in each]),
+        exponents=np.tile(network.exponents, (w, 1, 1)),
+        inertances=None,
+        measurement=None,
+    )
+    G = kernel.frequency_response(wide, omega) * network.motor_factors(omega)[:, None, :]
+    return G.reshape(w, -1, *G.shape[1:])

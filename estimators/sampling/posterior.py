@@ -1,0 +1,268 @@
+"""The posterior of a fit's parameters, sampled with emcee until it is good enough."""
+
+from concurrent.futures import Executor
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from estimators.fitting.least_squares import Fit
+from estimators.fitting.priors import Prior
+from estimators.sampling.chain_checkpoint import Store
+from estimators.sampling.convergence import Target, diagnose, enough
+from estimators.sampling.ensemble import (
+    Sampler,
+    check_starts,
+    drawn_starts,
+    given_starts,
+    run_ensembles,
+)
+from estimators.sampling.likelihood import Noise
+from estimators.sampling.log_posterior import LogPosterior, posterior_density
+from estimators.sampling.student_t_proposal import laplace
+from estimators.uncertainty.covariance import Uncertainty
+from robotmodels.common.arrays import Array, IntArray, check_level, check_memory, read_only
+from robotmodels.common.errors import InvalidInput
+from robotmodels.common.fingerprints import fingerprint
+from robotmodels.common.printing import Printed
+from robotmodels.common.progress import Progress
+
+_COPIES = 2  # of the chains, while they are joined
+
+
+@dataclass(frozen=True, eq=False)
+class Posterior(Printed):
+    """Draws of ln theta, and whether to trust them.
+
+    Attributes
+    ----------
+    names : tuple of str
+        p parameters.
+    chains : ndarray, (ensembles, snapshots, walkers, p)
+        Chains of ln theta after burn-in.
+    r_hat : ndarray, (p,)
+        Across ensembles; walkers of one ensemble are not independent.
+    ess : ndarray, (p,)
+        Effective number of draws in all ensembles.
+    autocorrelation_time : ndarray, (p,), steps
+        Autocorrelation time.
+    burn_in : int
+        Steps left out.
+    steps : int
+        Steps of each ensemble, burn-in included.
+    acceptance : float
+        Fraction of proposals taken.
+    noise : Noise
+        What was taken to be known of the noise.
+    converged : bool
+        Whether R-hat, effective sizes and length are good enough.
+    message : str
+        If not, which parameter is worst and what to do.
+    """
+
+    names: tuple[str, ...]
+    chains: Array
+    r_hat: Array
+    ess: Array
+    autocorrelation_time: Array
+    burn_in: int
+    steps: int
+    acceptance: float
+    noise: Noise
+    converged: bool
+    message: str
+
+    @property
+    def scale(self) -> float:
+        """The factor of the cost, see `sample_posterior`."""
+        return self.noise.scale
+
+    @property
+    def draws(self) -> Array:
+        """All draws of ln theta, (N, p)."""
+        return self.chains.reshape(-1, self.chains.shape[-1])
+
+    def uncertainty(self) -> Uncertainty:
+        """Return the draws' covariance."""
+        draws = self.draws
+        return Uncertainty(
+            self.names,
+            np.cov(draws, rowvar=False, ddof=1).reshape(draws.shape[1], draws.shape[1]),
+            "emcee",
+        )
+
+    def interval(self, level: float = 0.95) -> Array:
+        """Return central credible intervals, (p, 2), of the parameters [SI]."""
+        check_level(level, "interval")
+        ends = np.quantile(self.draws, [(1 - level) / 2, (1 + level) / 2], axis=0)
+        return np.asarray(np.exp(ends.T))
+
+    def __str__(self) -> str:
+        width = max(len(name) for name in self.names)
+        lines = [f"posterior: {self.message}; acceptance {self.acceptance:.2f}"]
+        for name, std, r, n in zip(
+            self.names, self.uncertainty().std, self.r_hat, self.ess, strict=True
+        ):
+            lines.append(f"  {name:<{width}}  std {std:.4g}  R-hat {r:.3f}  ESS {n:.0f}")
+        return "\n".join(lines)
+
+
+def sample_posterior(
+    fit: Fit,
+    *,
+    rng: np.random.Generator,
+    ensembles: int = 4,
+    walkers: int = 64,
+    steps: int = 20_000,
+    thin: int = 5,
+    noise: str = "known",
+    scale: float | None = None,
+    prior: Prior | None = None,
+    target: Target | None = None,
+    starts: Array | None = None,
+    backend: str | Path | None = None,
+    progress: Progress | None = None,
+    executor: Executor | None = None,
+) -> Posterior:
+    """Return draws from the likelihood of a fit's cost V times the prior, within the fit's bounds.
+
+    For nls with optimal weights exp(-V) is the likelihood. With other weights it is the density of
+    the fit's own cost and no likelihood: its widths are not those of the estimates, which
+    `likelihood_fit` gives.
+
+    Sampling ends once the chains meet the target, after 3 autocorrelation times of burn-in.
+    Moves: half independent draws from a Student t about the mode, half differential evolution
+    with a fifth of snooker updates.
+
+    Parameters
+    ----------
+    rng : Generator
+        Source of the seeds and starts.
+    ensembles : int
+        Independent ones, at least 2, for R-hat.
+    walkers : int
+        Walkers in each, at least twice the parameters.
+    steps : int
+        Steps of each ensemble at most.
+    thin : int
+        Steps from one stored snapshot to the next.
+    noise : str
+        "known" or "unknown" (but for one common factor), see
+        `estimators.sampling.likelihood.Noise`.
+    scale : float, optional
+        Factor of V where the noise is known; one where None.
+    prior : Prior, optional
+        None takes the fit's own.
+    target : Target, optional
+        R-hat and least effective sample size at which to stop; 1.01 and 4000 where None.
+    starts : ndarray, (walkers, p) or (ensembles, walkers, p), optional
+        Parameter values [SI]; None draws them about the mode.
+    backend : str or Path, optional
+        HDF5 file, read by ``emcee.backends.HDFBackend(path, name="ensemble_0")``; a run that was
+        interrupted goes on from it, as does one with more steps. None keeps the chains in memory
+        only.
+    progress : Progress, optional
+        Called with the steps done in all ensembles, and the most there can be.
+    executor : Executor, optional
+        Advances the ensembles; in sequence where None.
+
+    Raises
+    ------
+    InvalidInput
+        For too few ensembles, walkers or steps, noise settings that do not fit, a start outside the
+        bounds or without a cost, or a backend of another fit or seed.
+    SolverFailed
+        If a cost is not a number, with the parameters.
+    """
+    check_sizes(len(fit.parameters), ensembles, walkers, steps, thin)
+    density = posterior_density(fit, noise=noise, scale=scale, prior=prior)
+    proposal = laplace(fit, density)
+    seeds = rng.integers(2**32, size=ensembles, dtype=np.int64)
+    first = given_starts(starts, density, ensembles, walkers)
+    if first is None:
+        rngs = [np.random.default_rng(int(seed)) for seed in seeds]
+        first = np.stack([drawn_starts(proposal, density, walkers, one) for one in rngs])
+    check_starts(density, first)
+    aim, store = target or Target(), None
+    if backend is not None:
+        told = _fingerprint(fit, density, seeds, walkers, thin, starts)
+        store = Store(Path(backend), told)
+    chains, acceptance = run_ensembles(
+        Sampler(density, thin, proposal),
+        first,
+        seeds,
+        steps // thin,
+        lambda so_far: enough(so_far, aim),
+        store,
+        progress,
+        executor,
+    )
+    return judged(density.names, chains, thin, acceptance, density.noise, aim)
+
+
+def judged(
+    names: tuple[str, ...],
+    chains: Array,
+    thin: int,
+    acceptance: float,
+    noise: Noise,
+    target: Target | None = None,
+) -> Posterior:
+    """Return the posterior of chains (E, T, W, p): burn-in left out, convergence examined."""
+    found = diagnose(names, chains, target or Target())
+    steps = int(np.ceil(found.needed * thin / 100) * 100)
+    message = "converged"
+    if found.faults:
+        message = f"not converged: {'; '.join(found.faults)}; run about {steps} steps"
+    elif found.short:
+        message = f"converged, {found.short}: that takes about {steps} steps"
+    return Posterior(
+        names,
+        read_only(chains[:, found.burn_in :]),
+        found.r_hat,
+        found.ess,
+        found.autocorrelation_time * thin,
+        found.burn_in * thin,
+        chains.shape[1] * thin,
+        acceptance,
+        noise,
+        not found.faults,
+        message,
+    )
+
+
+def check_sizes(p: int, ensembles: int, walkers: int, steps: int, thin: int) -> None:
+    """Refuse what cannot be sampled or judged with `p` parameters.
+
+    Raises
+    ------
+    InvalidInput
+        For too few ensembles, walkers or steps, or more than memory holds.
+    """
+    if ensembles < 2:
+        raise InvalidInput(f"ensembles: {ensembles}; at least 2 are needed to compare them")
+    if walkers < max(2 * p, 8):
+        raise InvalidInput(
+            f"walkers: {walkers} are too few for {p} parameters; "
+            f"at least {max(2 * p, 8)} are needed"
+        )
+    if thin < 1 or steps // thin < 10:
+        raise InvalidInput(
+            f"steps: {steps} steps, thinned by {thin}, leave fewer than 10 snapshots"
+        )
+    draws = ensembles * walkers * (steps // thin)
+    check_memory(_COPIES * 8.0 * draws * (p + 1), "posterior: ensembles, walkers, steps")
+
+
+def _fingerprint(
+    fit: Fit, density: LogPosterior, seeds: IntArray, walkers: int, thin: int, starts: Array | None
+) -> str:
+    """Return a digest of what the chains depend on; rounded where computed, not given."""
+    estimate = fit.estimate
+    given = (
+        (fit.residual, density.names, density.noise.kind, density.prior),
+        (estimate.positions, estimate.omega, estimate.response),
+        (seeds, walkers, thin, starts),
+    )
+    computed = (fit.weights, fit.parameters.values, fit.bounds, np.array(density.noise.scale))
+    return fingerprint(given, (computed, density.network))

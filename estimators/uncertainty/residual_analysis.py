@@ -1,0 +1,147 @@
+"""What a fit leaves unexplained: is it noise, and if not, where is it."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from estimators.fitting.least_squares import Fit
+from estimators.fitting.linearise import linearise
+from estimators.frf.frf_estimate import unvec
+from estimators.trust.line_correlation import correlation_of_residuals, lagged_products
+from estimators.trust.linearised_fit import LinearisedFit
+from estimators.trust.residual_size import residual_size
+from estimators.trust.rule import find_correlation
+from robotmodels.common.arrays import IMPROBABLE, Array, IntArray
+from robotmodels.common.errors import InvalidInput, SolverFailed
+from robotmodels.common.printing import Printed
+
+LAGS = 5
+# Probability that a position is called outlying though all is noise.
+FALSE_ALARM = 0.01
+
+
+@dataclass(frozen=True, eq=False)
+class ResidualAnalysis(Printed):
+    """Squared residuals over what the noise lets expect after the fit, and tests of them.
+
+    Attributes
+    ----------
+    ratio : float
+        Ratio of all residuals, weighted by the noise; one if model and covariance are right.
+    dof : tuple of float
+        Degrees of freedom of its F law; the second is infinite where the noise is declared.
+    p_value : float
+        Probability of a ratio as large or larger, allowing for correlation along the lines.
+    by_position : ndarray, (Q,)
+        The same ratio by position.
+    by_element : ndarray, (m, n)
+        The same by element of the FRF; not a number where none was used.
+    autocorrelation : ndarray, (L,)
+        Autocorrelation of the standardised residuals over 1 to L neighbouring frequencies.
+    position_autocorrelation : ndarray, (Q,)
+        Over one.
+    whiteness_p_value : float
+        Probability of such autocorrelations if the errors behind the residuals are white.
+    outlying : ndarray of int, (k,)
+        Positions whose ratio exceeds the positions' median by more than noise and the spread of the
+        other positions explain.
+    """
+
+    ratio: float
+    dof: tuple[float, float]
+    p_value: float
+    by_position: Array
+    by_element: Array
+    autocorrelation: Array
+    position_autocorrelation: Array
+    whiteness_p_value: float
+    outlying: IntArray
+
+    @property
+    def explained(self) -> bool:
+        """Whether noise as stated may well leave so much."""
+        return self.p_value >= IMPROBABLE
+
+    def __str__(self) -> str:
+        lines = [
+            f"squared residuals are {self.ratio:.4g} times what noise explains, "
+            f"F({self.dof[0]:.0f}, {self.dof[1]:.0f}), p = {self.p_value:.3g}",
+            f"autocorrelation over neighbouring frequencies {self.autocorrelation[0]:.3f}, "
+            f"p = {self.whiteness_p_value:.3g}",
+            "the ratio by position: " + ", ".join(f"{value:.3g}" for value in self.by_position),
+        ]
+        named = ", ".join(str(q) for q in self.outlying)
+        lines.append(f"outlying positions (counted from 0): {named or 'none'}")
+        return "\n".join(lines)
+
+
+def residual_analysis(fit: Fit, lags: int = LAGS) -> ResidualAnalysis:
+    """Return what a fit leaves unexplained, in units of the noise.
+
+    Whatever the fit's weights, its residuals are judged by the noise of the estimate, with the
+    degrees of freedom of its covariance; elements without weight are left out.
+
+    Parameters
+    ----------
+    lags : int
+        Neighbouring frequencies over which the autocorrelation is reported.
+
+    Raises
+    ------
+    InvalidInput
+        If there are fewer frequencies than lags, or fewer data than parameters.
+    SolverFailed
+        If the search could not begin.
+    """
+    if not np.isfinite(fit.cost):
+        raise SolverFailed(f"no residuals without a fit: {fit.message}")
+    frequencies = len(fit.estimate.omega)
+    if not 1 <= lags < frequencies:
+        raise InvalidInput(f"lags: {lags} for {frequencies} frequencies; 1 to F - 1 are possible")
+    linear = linearise(fit)
+    if linear.data <= len(linear.names):
+        raise InvalidInput(
+            f"residuals: {linear.data} data for {len(linear.names)} parameters leave none"
+        )
+    size = residual_size(linear, find_correlation(linear))
+    m = fit.estimate.response.shape[-2]
+    square = linear.noise_weights * np.abs(linear.residuals) ** 2
+    each = linear.noise_weights * linear.element_variances * (size.expected / _stated(linear))
+    with np.errstate(invalid="ignore", divide="ignore"):
+        by_position = square.sum(axis=(1, 2)) / each.sum(axis=(1, 2))
+        by_element = unvec(square.sum(axis=(0, 1)) / each.sum(axis=(0, 1)), m)
+    products = lagged_products((np.sqrt(linear.noise_weights) * linear.residuals)[:, None], lags)
+    return ResidualAnalysis(
+        ratio=size.ratio,
+        dof=(size.numerator, size.denominator),
+        p_value=size.probability,
+        by_position=by_position,
+        by_element=by_element,
+        autocorrelation=np.array([p.sum() for p in products]) / square.sum(),
+        position_autocorrelation=products[0].sum(axis=(1, 2))
+        / np.maximum(square.sum(axis=(1, 2)), 1e-300),
+        whiteness_p_value=correlation_of_residuals(linear).probability,
+        outlying=_outlying(by_position, linear),
+    )
+
+
+def _stated(fit: LinearisedFit) -> float:
+    return float((fit.noise_weights * fit.element_variances).sum())
+
+
+def _outlying(ratio: Array, fit: LinearisedFit) -> IntArray:
+    """Return which positions' ratio is too large beside the others'.
+
+    Too large is what noise alone exceeds in one position of a hundred analyses (F law), and also
+    four standard deviations of the positions' own spread, which model errors widen.
+    """
+    from scipy.stats import f as f_law
+
+    data = fit.parts * fit.used.sum(axis=(1, 2))
+    seen = data > 0
+    middle = float(np.nanmedian(ratio))
+    spread = 1.4826 * float(np.nanmedian(np.abs(ratio - middle)))
+    noise = np.minimum(data * fit.degrees_of_freedom, 1e9)
+    chance = f_law.isf(FALSE_ALARM / len(ratio), np.where(seen, data, 1), np.maximum(noise, 1))
+    limit = np.maximum(middle * chance, middle + 4 * spread)
+    return np.flatnonzero(seen & (ratio > limit))

@@ -1,0 +1,1 @@
+"""Uncertainty put to the test: repeated simulations, cross-checks, positions held out."""

@@ -1,0 +1,263 @@
+"""Repeated simulated experiments: whether intervals cover the truth as often as they say."""
+
+from collections.abc import Sequence
+from concurrent.futures import Executor
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from estimators.sampling.likelihood import Noise
+from estimators.uncertainty.covariance import Uncertainty
+from estimators.validation.simulated_experiment import INTERVAL_METHODS, Experiment, Recipe
+from robotmodels.common.arrays import Array, BoolArray, IntArray, check_level, read_only
+from robotmodels.common.errors import IdentificationError, InvalidInput, SolverFailed, nearest
+from robotmodels.common.fingerprints import fingerprint
+from robotmodels.common.printing import Printed
+from robotmodels.common.progress import Progress
+from robotmodels.linear.response import Elastic, network_of
+
+if TYPE_CHECKING:
+    from estimators.validation.monte_carlo_checkpoint import RunStore
+
+# Runs between two writes.
+CHUNK = 20
+
+
+@dataclass(frozen=True, eq=False)
+class MonteCarlo(Printed):
+    """What came out of N repeated experiments, runs without an answer left out.
+
+    Attributes
+    ----------
+    names : tuple of str
+        p parameters.
+    truth : ndarray, (p,)
+        Truth [SI]; not a number for those that are not known.
+    methods : tuple of str
+        k, of `INTERVAL_METHODS`.
+    level : float
+        Nominal coverage of the intervals.
+    estimates : ndarray, (N, p)
+        Estimates of ln theta.
+    stds : ndarray, (N, k, p)
+        Standard deviations of ln theta that each method claims.
+    intervals : ndarray, (N, k, p, 2)
+        Intervals of ln theta.
+    costs : ndarray, (N,)
+        Costs of the fits.
+    failures : tuple of str
+        Reasons of the runs without an answer.
+    """
+
+    names: tuple[str, ...]
+    truth: Array
+    methods: tuple[str, ...]
+    level: float
+    estimates: Array
+    stds: Array
+    intervals: Array
+    costs: Array
+    failures: tuple[str, ...]
+
+    def uncertainty(self) -> Uncertainty:
+        """Return the estimates' scatter."""
+        covariance = np.atleast_2d(np.cov(self.estimates, rowvar=False, ddof=1))
+        return Uncertainty(self.names, covariance, "Monte Carlo")
+
+    @property
+    def bias(self) -> Array:
+        """Mean error of ln theta, (p,)."""
+        return np.asarray(self.estimates.mean(axis=0) - np.log(self.truth))
+
+    @property
+    def bias_error(self) -> Array:
+        """Standard error of the bias, (p,)."""
+        return np.asarray(self.uncertainty().std / np.sqrt(len(self.estimates)))
+
+    def covered(self, method: str) -> BoolArray:
+        """Return whose interval holds the truth, (N, p)."""
+        ends = self.intervals[:, self._index(method)]
+        truth = np.log(self.truth)
+        return np.asarray((ends[..., 0] <= truth) & (truth <= ends[..., 1]))
+
+    def coverage(self, method: str) -> Array:
+        """Return the share of runs whose interval holds the truth, (p,); not a number if unknown.
+
+        Raises
+        ------
+        InvalidInput
+            For a method whose intervals were not computed.
+        """
+        shares = self.covered(method).mean(axis=0)
+        return np.where(np.isfinite(self.truth), shares, np.nan)
+
+    def overall(self, method: str) -> float:
+        """Return the coverage over all parameters whose truth is known."""
+        return float(np.nanmean(self.coverage(method)))
+
+    def band(self, probability: float = 0.99) -> tuple[float, float]:
+        """Return where the coverage of one exact interval lies with `probability`, binomial."""
+        from scipy.stats import binom
+
+        n = len(self.estimates)
+        low, high = (
+            float(binom.ppf(tail, n, self.level)) / n
+            for tail in ((1 - probability) / 2, (1 + probability) / 2)
+        )
+        return low, high
+
+    def covers(self, method: str) -> BoolArray:
+        """Return for which parameters, (p,), a method covers at least as often as it should."""
+        return np.asarray(self.coverage(method) >= self.band()[0])
+
+    def _index(self, method: str) -> int:
+        if method not in self.methods:
+            raise InvalidInput(
+                f"Monte Carlo: {method!r} is none of the methods {', '.join(self.methods)}"
+                f"{nearest(method, self.methods)}"
+            )
+        return self.methods.index(method)
+
+    def __str__(self) -> str:
+        low, high = self.band()
+        lines = [
+            f"{len(self.estimates)} experiments, {len(self.failures)} without an answer; "
+            f"{100 * self.level:g} % intervals, an exact one would cover {low:.3f} to {high:.3f}"
+        ]
+        for method in self.methods:
+            shares = self.coverage(method)
+            worst = int(np.nanargmin(shares))
+            lines.append(
+                f"  {method:<10} covers {self.overall(method):.3f}, least {shares[worst]:.3f} "
+                f"for {self.names[worst]}"
+            )
+        return "\n".join(lines)
+
+
+def monte_carlo(
+    experiment: Experiment,
+    model: Elastic,
+    *,
+    rng: np.random.Generator,
+    runs: int = 500,
+    residual: str = "nls",
+    weights: str | NDArray[Any] = "optimal",
+    truth: Array | None = None,
+    methods: Sequence[str] = ("theorem1",),
+    level: float = 0.95,
+    noise: str = "known",
+    store: str | Path | None = None,
+    executor: Executor | None = None,
+    progress: Progress | None = None,
+) -> MonteCarlo:
+    """Return estimates and intervals of many simulated experiments, each fitted from the truth.
+
+    Parameters
+    ----------
+    experiment : Experiment
+        Makes one estimate: an `FrfExperiment`, or any function of a random generator, such as a
+        closed-loop simulation followed by `estimate_frf`. Its model may differ from the one that is
+        fitted: that is how model errors are studied.
+    model : Elastic
+        What is fitted, from its own parameter values on.
+    rng : Generator
+        Source of the runs' seeds.
+    residual : str
+        Residual of the fits, as in `estimators.fit`.
+    weights : str or ndarray
+        Weights of the fits, as in `estimators.fit`.
+    truth : ndarray, (p,), optional
+        Truth [SI] what intervals should cover; the model's own values where None; not a number for
+        a parameter without a true value.
+    methods : sequence of str
+        Methods whose intervals to compute: "recommended" (see `Fit.intervals`), "theorem1",
+        "scaled" and "empirical" (see `covariance`), "posterior" (by importance sampling, by emcee
+        where its weights fail), "profile".
+    level : float
+        Level of the intervals.
+    noise : str
+        Noise of posteriors and profiles, as in `sample_posterior`.
+    store : str or Path, optional
+        HDF5 file that keeps the runs; an interrupted series goes on from it. It knows an experiment
+        by what that gives first.
+    executor : Executor, optional
+        Takes one run at a time; in sequence where None.
+    progress : Progress, optional
+        Called with the runs done and their number.
+
+    Raises
+    ------
+    InvalidInput
+        For too few runs, an unknown method, or the store of another series.
+    SolverFailed
+        If fewer than two runs have an answer, with the first reason.
+    """
+    _check(runs, methods, level)
+    from estimators.validation.monte_carlo_checkpoint import RunStore
+
+    Noise(noise)  # refuses what does not fit before the first run
+    recipe = Recipe(experiment, model, residual, weights, tuple(methods), level, noise)
+    seeds = rng.integers(2**63 - 1, size=runs, dtype=np.int64)
+    kept = None if store is None else RunStore(Path(store), _fingerprint(recipe, int(seeds[0])))
+    results = _results(recipe, seeds, kept, executor, progress)
+    good = [r for r in results if not isinstance(r, str)]
+    failures = tuple(r for r in results if isinstance(r, str))
+    if len(good) < 2:
+        raise SolverFailed(f"Monte Carlo: {len(good)} of {runs} runs have an answer; {failures[0]}")
+    arrays = {name: read_only(np.stack([r[name] for r in good])) for name in good[0]}
+    values = model.parameters.values if truth is None else np.asarray(truth, dtype=float)
+    return MonteCarlo(
+        names=model.parameters.names,
+        truth=read_only(values),
+        methods=tuple(methods),
+        level=level,
+        failures=failures,
+        **arrays,
+    )
+
+
+def _results(
+    recipe: Recipe,
+    seeds: IntArray,
+    kept: "RunStore | None",
+    executor: Executor | None,
+    progress: Progress | None,
+) -> list[dict[str, Array] | str]:
+    """Return what each run came to, those first that were kept."""
+    results = [] if kept is None else kept.load()[: len(seeds)]
+    while len(results) < len(seeds):
+        tasks = [int(s) for s in seeds[len(results) : len(results) + CHUNK]]
+        one = partial(Recipe.run, recipe)
+        results += map(one, tasks) if executor is None else executor.map(one, tasks)
+        if kept is not None:
+            kept.save(results)
+        if progress is not None:
+            progress(len(results), len(seeds))
+    return results
+
+
+def _check(runs: int, methods: Sequence[str], level: float) -> None:
+    if runs < 2:
+        raise InvalidInput(f"runs: {runs}; at least 2 are needed")
+    for method in methods:
+        if method not in INTERVAL_METHODS:
+            raise InvalidInput(
+                f"methods: {method!r} is none of {', '.join(INTERVAL_METHODS)}"
+                f"{nearest(method, INTERVAL_METHODS)}"
+            )
+    check_level(level, "monte_carlo")
+
+
+def _fingerprint(recipe: Recipe, seed: int) -> str:
+    """Return what tells one series from another: its settings, model and first experiment."""
+    settings = (recipe.residual, recipe.weights, recipe.methods, recipe.level)
+    given = (settings, recipe.noise, seed, recipe.model.parameters)
+    try:
+        first = recipe.experiment(np.random.default_rng(seed))
+    except IdentificationError as error:
+        return fingerprint((given, str(error)))
+    return fingerprint(given, (first, network_of(recipe.model, first.positions)))

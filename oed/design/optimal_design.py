@@ -1,0 +1,132 @@
+"""The relaxed design: how many of the experiments go to each candidate position, not yet whole.
+
+Maximising a concave criterion of sum_i w_i H_i over weights w is convex. Few candidates carry
+weight, so the problem is solved over an active set; the certificate prices all others and says
+when none of them could help. Size is then no matter.
+"""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from oed.criteria.criteria import Criterion, objective
+from oed.design.active_set import solve
+from oed.design.constraints import Constraints
+from oed.design.design import SHOWN as SHOWN
+from oed.design.design import Design as Design
+from oed.design.polytope import Polytope
+from oed.design.problem import Problem
+from oed.information_sets.candidates import Candidates, check_candidates
+from robotmodels.common.arrays import Array, real_numbers
+from robotmodels.common.errors import InvalidInput, SolverFailed, nearest
+
+SOLVERS = ("cvxpy", "newton")
+FORMS = ("primal", "dual")
+
+
+def optimal_design(
+    info: Candidates,
+    criterion: str | Criterion = "D",
+    constraints: Constraints | Polytope | None = None,
+    prior: Array | None = None,
+    tolerance: float = 1e-6,
+    max_rounds: int = 50,
+    solver: str = "cvxpy",
+    form: str = "primal",
+) -> Design:
+    """Return the weights that maximise the criterion, certified over all candidates.
+
+    Parameters
+    ----------
+    info : Candidates
+        Information of each candidate, in memory or in a store; with samples of theta for the robust
+        criteria.
+    criterion : str or Criterion
+        "D", "A", "E" or an object of `oed.criteria.criteria`; with samples of theta one that is not
+        robust itself is averaged over them.
+    constraints : Constraints or Polytope, optional
+        What limits the weights; None for shares that sum to one.
+    prior : ndarray, (p, p), optional
+        Information of experiments there are already, in units of the weights: for shares of N
+        experiments to come, a Nth of it.
+    tolerance : float
+        Largest certified gap accepted.
+    max_rounds : int
+        Largest number of active sets.
+    solver : str
+        "cvxpy" (Clarabel, then SCS), or "newton", the barrier method of this package, which is
+        faster; it takes every criterion but E. Where cvxpy stalls, the barrier method goes on;
+        `Design.solver` tells.
+    form : str
+        What cvxpy states, "primal" or "dual".
+
+    Raises
+    ------
+    NotIdentifiable
+        Naming the parameters, if all candidates together leave open what the criterion asks for.
+    SolverFailed
+        If the solver gives no answer, or the gap stays above `tolerance`.
+    InvalidInput
+        If criterion, solver or form are unknown, the tolerance is not positive, the prior does not
+        fit, or constraints do not fit or conflict (it says which).
+    """
+    check_candidates(info)
+    _known("solver", solver, SOLVERS)
+    _known("form", form, FORMS)
+    if not tolerance > 0:
+        raise InvalidInput(f"tolerance: {tolerance!r} is not a number > 0")
+    wanted = objective(criterion, info.names, info.samples)
+    if solver == "newton" and not wanted.smooth:
+        raise InvalidInput(f'criterion {wanted.name} is not smooth: use solver="cvxpy"')
+    problem = Problem(
+        info, wanted, allowed_weights(constraints, len(info)), checked_prior(prior, info)
+    )
+    design = solve(problem, tolerance, max_rounds, solver, form)
+    if not design.gap <= tolerance:
+        raise SolverFailed(
+            f"optimal design: the certified gap is {design.gap:.2g} after {design.rounds} rounds, "
+            f"above the tolerance {tolerance:.2g}; allow more rounds or a larger tolerance"
+        )
+    return design
+
+
+def allowed_weights(constraints: Constraints | Polytope | None, n_candidates: int) -> Polytope:
+    """Return the weights that constraints allow; shares if there are none."""
+    if constraints is None:
+        return Polytope.shares(n_candidates)
+    if isinstance(constraints, Polytope):
+        return constraints
+    return constraints.polytope(n_candidates)
+
+
+def checked_prior(prior: Array | None, info: Candidates) -> Array | None:
+    """Return a prior information of the shape of a candidate's, or None.
+
+    Raises
+    ------
+    InvalidInput
+        If it is not (p, p) or (K, p, p), finite, symmetric and positive semidefinite.
+    """
+    check_candidates(info)
+    if prior is None:
+        return None
+    p = len(info.names)
+    given = real_numbers(prior, "prior")
+    shapes = [(p, p)] if info.samples == 1 else [(p, p), (info.samples, p, p)]
+    if given.shape not in shapes or not np.isfinite(given).all():
+        raise InvalidInput(
+            f"prior: shape {given.shape}; finite numbers of shape {shapes[0]} needed"
+        )
+    scale = np.abs(given).max()
+    if np.abs(given - np.swapaxes(given, -1, -2)).max() > 1e-9 * scale:
+        raise InvalidInput("prior: the matrix is not symmetric")
+    if np.linalg.eigvalsh(given).min() < -1e-9 * scale:
+        raise InvalidInput("prior: the matrix is not positive semidefinite")
+    return given if info.samples == 1 else np.broadcast_to(given, (info.samples, p, p)).copy()
+
+
+def _known(what: str, word: str, known: Sequence[str]) -> None:
+    if word not in known:
+        raise InvalidInput(
+            f"{what} {word!r} is not known{nearest(word, known)}; there are {', '.join(known)}"
+        )

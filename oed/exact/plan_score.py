@@ -1,0 +1,214 @@
+"""What a plan made by hand is worth: its efficiency, what it leaves uncertain, what to add."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from oed.criteria.criteria import Criterion
+from oed.design.design import Design
+from oed.exact.exact_design import ExactDesign, finished, relaxation
+from oed.exact.gain_bounds import best_addition
+from oed.information_sets.candidates import Candidates, check_candidates
+from oed.information_sets.null_space import unit_diagonal_scaling, weak_directions
+from robotmodels.common.arrays import Array, IntArray, read_only, real_numbers
+from robotmodels.common.errors import InvalidInput
+from robotmodels.common.printing import Printed
+
+_CONSIDERED = 512
+_SAME = 1e-6  # [rad] or [m]
+_OPEN = 1e-6  # part of an open combination that counts
+
+
+@dataclass(frozen=True)
+class Addition:
+    """One more experiment.
+
+    Attributes
+    ----------
+    candidate : int
+        Its index.
+    gain : float
+        Factor by which its information multiplies the criterion's efficiency, at least 1.
+    largest_std : float
+        The largest standard deviation with it.
+    """
+
+    candidate: int
+    gain: float
+    largest_std: float
+
+
+@dataclass(frozen=True, eq=False)
+class Score(Printed):
+    """A plan judged.
+
+    Attributes
+    ----------
+    plan : ExactDesign
+        Plan with its certified efficiency against the best plan of as many experiments.
+    std : ndarray, (p,)
+        Predicted standard deviations, relative ones where parameters are ln theta.
+    additions : tuple of Addition
+        The best experiments to add, the best first.
+    losses : ndarray, (s,)
+        Losses for each position of `plan.support`, by what leaving out one of its experiments
+        multiplies the criterion's efficiency; 0 where the plan needs it.
+    """
+
+    plan: ExactDesign
+    std: Array
+    additions: tuple[Addition, ...]
+    losses: Array
+
+    @property
+    def efficiency(self) -> float:
+        """The plan's certified efficiency."""
+        return self.plan.efficiency
+
+    def to_dict(self) -> dict[str, float]:
+        """Return the standard deviation of each parameter by its name."""
+        return dict(zip(self.plan.names, map(float, self.std), strict=True))
+
+    def __str__(self) -> str:
+        worst = int(np.argmax(self.std))
+        lines = [
+            str(self.plan),
+            f"  largest standard deviation {self.std[worst]:.3g}, of {self.plan.names[worst]}",
+        ]
+        for one in self.additions:
+            lines.append(
+                f"  one more in {one.candidate} is worth {one.gain:.3f} times as much, "
+                f"largest standard deviation {one.largest_std:.3g}"
+            )
+        return "\n".join(lines)
+
+
+def score(
+    info: Candidates,
+    plan: ArrayLike,
+    repetitions: Sequence[int] | IntArray | None = None,
+    *,
+    criterion: str | Criterion | None = None,
+    prior: Array | None = None,
+    design: Design | None = None,
+    additions: int = 5,
+) -> Score:
+    """Return what a plan made by hand is worth beside the best one.
+
+    Parameters
+    ----------
+    info : Candidates
+        Information of each candidate; positions need an `InformationSet` or a store.
+    plan : array_like
+        (k,) indices of candidates, or (k, n) positions that are among them.
+    repetitions : sequence of int or ndarray of int, (k,), optional
+        Experiments in each, one by default. What is named twice counts twice.
+    criterion : str or Criterion, optional
+        As in `exact_design`.
+    prior : ndarray, optional
+        As in `exact_design`.
+    design : Design, optional
+        As in `exact_design`.
+    additions : int
+        How many to seek, among the 512 candidates of the highest prices.
+
+    Raises
+    ------
+    InvalidInput
+        If a candidate does not exist or repetitions do not fit.
+    NotIdentifiable
+        Naming the parameters that the plan leaves open.
+    """
+    check_candidates(info)
+    counts = _counts(info, plan, repetitions)
+    problem, _, _, bound = relaxation(
+        info, int(counts.sum()), design, criterion=criterion, prior=prior
+    )
+    judged = finished(problem, counts, bound, per_experiment=True)
+    objective, information = problem.objective, judged.information
+    value = objective.log_value(information)
+    slope = objective.price(objective.witness(information), information.shape)
+    prices = info.prices(slope)
+    size = min(_CONSIDERED, len(info))
+    pool = np.argpartition(-prices, size - 1)[:size]
+    matrices = info.take(pool)
+    usable = np.ones(size, dtype=bool)
+    found = []
+    for _ in range(min(additions, size)):
+        best, new = best_addition(objective, information, matrices, usable)
+        usable[best] = False
+        largest = float(standard_deviations(information + matrices[best]).max())
+        found.append(Addition(int(pool[best]), float(np.exp(new - value)), largest))
+    own = info.take(judged.support)
+    without = np.array([objective.log_value(information - H) for H in own])
+    return Score(
+        plan=judged,
+        std=read_only(standard_deviations(information)),
+        additions=tuple(found),
+        losses=read_only(np.exp(without - value)),
+    )
+
+
+def standard_deviations(information: Array) -> Array:
+    """Return the square roots of the inverse's diagonal, (p,); of the first sample of theta.
+
+    Infinite for the parameters of which the information leaves a combination open; what it says
+    of the others does not depend on those.
+    """
+    matrix = information if information.ndim == 2 else information[0]
+    s = unit_diagonal_scaling(matrix)
+    eigenvalues, vectors = np.linalg.eigh(s[:, None] * matrix * s)
+    null = weak_directions(matrix)
+    known = vectors[:, null.shape[1] :] / np.sqrt(eigenvalues[null.shape[1] :])
+    std = s * np.linalg.norm(known, axis=1)
+    return np.asarray(np.where(np.linalg.norm(null, axis=1) > _OPEN, np.inf, std))
+
+
+def _counts(
+    info: Candidates, plan: ArrayLike, repetitions: Sequence[int] | IntArray | None
+) -> IntArray:
+    given = real_numbers(plan, "plan")
+    if given.ndim == 2:
+        chosen = _places(info, given)
+    elif given.ndim == 1 and given.size and (given == np.round(given)).all():
+        chosen = given.astype(np.int64)
+        wrong = (chosen < 0) | (chosen >= len(info))
+        if wrong.any():
+            raise InvalidInput(
+                f"plan: candidate {chosen[np.argmax(wrong)]} is not in 0..{len(info) - 1}"
+            )
+    else:
+        raise InvalidInput(
+            f"plan: shape {given.shape}; (k,) indices of candidates or (k, n) positions are needed"
+        )
+    times = (
+        np.ones(len(chosen)) if repetitions is None else real_numbers(repetitions, "repetitions")
+    )
+    if times.shape != chosen.shape or not ((times >= 1) & (times == np.round(times))).all():
+        raise InvalidInput(
+            f"repetitions: {repetitions!r}; {len(chosen)} whole numbers >= 1 are needed"
+        )
+    return np.bincount(chosen, weights=times, minlength=len(info)).astype(np.int64)
+
+
+def _places(info: Candidates, positions: Array) -> IntArray:
+    """Return the candidates at `positions` (k, n)."""
+    known = np.asarray(getattr(info, "positions", np.empty((0, 0))))
+    if positions.shape[1] != known.shape[1] or not len(positions):
+        raise InvalidInput(
+            f"plan: positions of shape {positions.shape}; (k, {known.shape[1]}) is needed"
+        )
+    places = []
+    for i, position in enumerate(positions):
+        away = np.abs(known - position).max(axis=1)
+        nearest = int(np.argmin(away))
+        if away[nearest] > _SAME:
+            raise InvalidInput(
+                f"plan: position {i}, {np.round(position, 4).tolist()}, is not among the "
+                f"candidates; the nearest is candidate {nearest}, {away[nearest]:.3g} away; "
+                "compute the information of the plan's positions too"
+            )
+        places.append(nearest)
+    return np.array(places)

@@ -1,0 +1,320 @@
+"""What to measure next, and how much more: designs after what has been measured already."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import partial
+
+import numpy as np
+
+from oed.criteria.criteria import Criterion
+from oed.design.constraints import Constraints
+from oed.design.optimal_design import checked_prior
+from oed.exact.exact_design import ExactDesign, exact_design
+from oed.exact.plan_score import standard_deviations
+from oed.information_sets.candidates import Candidates, check_candidates
+from robotmodels.common.arrays import Array, IntArray, read_only
+from robotmodels.common.errors import InvalidInput, NotIdentifiable, nearest
+from robotmodels.common.printing import Printed
+from robotmodels.common.progress import Progress
+
+
+@dataclass(frozen=True, eq=False)
+class NextExperiments(Printed):
+    """The best experiments to add, and what they are expected to bring.
+
+    Attributes
+    ----------
+    plan : ExactDesign
+        The experiments; its information includes what there was.
+    before : ndarray, (p,)
+        Standard deviations of what there was; infinite for what it leaves open.
+    after : ndarray, (p,)
+        Predicted with the plan.
+    """
+
+    plan: ExactDesign
+    before: Array
+    after: Array
+
+    def __str__(self) -> str:
+        return (
+            f"{self.plan}\n  largest standard deviation {self.before.max():.3g} before, "
+            f"{self.after.max():.3g} after"
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class ExperimentCurve(Printed):
+    """Plans of growing numbers of experiments: what each further one buys.
+
+    Attributes
+    ----------
+    counts : ndarray of int, (C,)
+        Numbers of experiments; those that cannot identify every parameter are left out.
+    std : ndarray, (C, p)
+        Predicted standard deviations, relative ones where parameters are ln theta.
+    efficiency : ndarray, (C,)
+        Certified, of each plan against all of as many experiments.
+    plans : tuple of ExactDesign
+        One for each number.
+    names : tuple of str
+        p parameter names.
+    """
+
+    counts: IntArray
+    std: Array
+    efficiency: Array
+    plans: tuple[ExactDesign, ...]
+    names: tuple[str, ...]
+
+    def __str__(self) -> str:
+        rows = zip(self.counts, self.std.max(axis=1), self.efficiency, strict=True)
+        return "\n".join(
+            f"{n} experiments: largest standard deviation {std:.3g}, efficiency >= {kept:.4f}"
+            for n, std, kept in rows
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class Needed(Printed):
+    """How many experiments a wanted accuracy takes.
+
+    Attributes
+    ----------
+    n_experiments : int
+        N experiments to add to what there is; 0 if that is enough.
+    plan : ExactDesign or None
+        Plan that reaches it, or None for 0.
+    std : ndarray, (p,)
+        Predicted.
+    critical : str
+        The parameter that asks for the most.
+    """
+
+    n_experiments: int
+    plan: ExactDesign | None
+    std: Array
+    critical: str
+
+    def __str__(self) -> str:
+        return f"{self.n_experiments} experiments are needed, the most for {self.critical}"
+
+
+def next_experiments(
+    info: Candidates,
+    n_experiments: int,
+    known: Array | None = None,
+    *,
+    criterion: str | Criterion = "D",
+    constraints: Constraints | None = None,
+) -> NextExperiments:
+    """Return the experiments that add most to what is known.
+
+    Parameters
+    ----------
+    info : Candidates
+        Info of each candidate, computed at the parameters fitted so far.
+    n_experiments : int
+        How many to add.
+    known : ndarray, (p, p), optional
+        Information of all that was measured: `measured_information`, or the inverse of the fit's
+        covariance of ln theta.
+    criterion : str or Criterion
+        As in `exact_design`.
+    constraints : Constraints, optional
+        As in `exact_design`.
+
+    Raises
+    ------
+    InvalidInput, NotIdentifiable
+        As `exact_design`.
+    """
+    prior = checked_prior(known, info)
+    plan = exact_design(
+        info, n_experiments, criterion=criterion, constraints=constraints, prior=prior
+    )
+    before = np.full(len(info.names), np.inf) if prior is None else standard_deviations(prior)
+    return NextExperiments(
+        plan, read_only(before), read_only(standard_deviations(plan.information))
+    )
+
+
+def measured_information(info: Candidates, repetitions: Sequence[int] | IntArray) -> Array:
+    """Return the information, (p, p), of experiments there are: sum_i n_i H_i.
+
+    Parameters
+    ----------
+    info : Candidates
+        Info of each position measured, by `information` at the fitted parameters.
+    repetitions : sequence of int or ndarray of int, (Q,)
+        Experiments in each.
+
+    Raises
+    ------
+    InvalidInput
+        If there are not as many numbers as positions, or one is negative.
+    """
+    check_candidates(info)
+    counts = np.asarray(repetitions, dtype=float)
+    if counts.shape != (len(info),) or not (counts >= 0).all():
+        raise InvalidInput(
+            f"repetitions: shape {counts.shape}; {len(info)} numbers >= 0, one for each position, "
+            "are needed"
+        )
+    return info.combined(counts)
+
+
+def experiment_curve(
+    info: Candidates,
+    counts: Sequence[int],
+    known: Array | None = None,
+    *,
+    criterion: str | Criterion = "D",
+    constraints: Constraints | None = None,
+    progress: Progress | None = None,
+) -> ExperimentCurve:
+    """Return the best plans of several numbers of experiments beside what they promise.
+
+    Parameters
+    ----------
+    info : Candidates
+        As in `next_experiments`.
+    known : ndarray, optional
+        As in `next_experiments`.
+    criterion : str or Criterion
+        As in `next_experiments`.
+    constraints : Constraints, optional
+        As in `next_experiments`.
+    counts : sequence of int
+        Numbers of experiments.
+    progress : Progress, optional
+        Called with the number of plans done and their total.
+
+    Raises
+    ------
+    InvalidInput
+        If no number is given.
+    NotIdentifiable
+        Naming the parameters, if even the largest number is too small.
+    """
+    numbers = sorted({int(n) for n in counts})
+    if not numbers:
+        raise InvalidInput("counts: none given; at least one number of experiments is needed")
+    kept, plans = [], []
+    for i, n in enumerate(numbers):
+        try:
+            found = next_experiments(info, n, known, criterion=criterion, constraints=constraints)
+        except NotIdentifiable:
+            if n == numbers[-1]:
+                raise
+        else:
+            kept.append(n)
+            plans.append(found.plan)
+        if progress is not None:
+            progress(i + 1, len(numbers))
+    return ExperimentCurve(
+        counts=read_only(np.array(kept)),
+        std=read_only(np.array([standard_deviations(plan.information) for plan in plans])),
+        efficiency=read_only(np.array([plan.efficiency for plan in plans])),
+        plans=tuple(plans),
+        names=info.names,
+    )
+
+
+def experiments_needed(
+    info: Candidates,
+    std: float,
+    known: Array | None = None,
+    *,
+    parameters: Sequence[str] | None = None,
+    criterion: str | Criterion = "D",
+    constraints: Constraints | None = None,
+    most: int = 1000,
+) -> Needed:
+    """Return how many experiments bring every standard deviation to at most `std`.
+
+    Of plans that `exact_design` finds for the criterion; one for the worst parameter, such as E
+    or A, may do with fewer. Numbers are doubled, then halved in between.
+
+    Parameters
+    ----------
+    info : Candidates
+        As in `next_experiments`.
+    known : ndarray, optional
+        As in `next_experiments`.
+    criterion : str or Criterion
+        As in `next_experiments`.
+    constraints : Constraints, optional
+        As in `next_experiments`.
+    std : float
+        Wanted, relative where parameters are ln theta: 0.01 is one percent.
+    parameters : sequence of str, optional
+        Names of those that count; all by default.
+    most : int
+        Experiments to consider.
+
+    Raises
+    ------
+    InvalidInput
+        If `std` is not positive, a name is unknown, or `most` experiments are too few (saying what
+        they reach).
+    """
+    if not (np.isfinite(std) and std > 0):
+        raise InvalidInput(f"std: {std!r}; a positive number is needed (0.01 for one percent)")
+    check_candidates(info)
+    chosen = _chosen(info.names, parameters)
+    attempt = partial(_attempt, info, known=known, criterion=criterion, constraints=constraints)
+    reached: dict[int, tuple[ExactDesign | None, Array]] = {}
+
+    def enough(n: int) -> bool:
+        reached[n] = attempt(n)
+        return bool(reached[n][1][chosen].max() <= std)
+
+    low, high = -1, 0
+    while not enough(high):
+        if high >= most:
+            worst = chosen[int(np.argmax(reached[high][1][chosen]))]
+            raise InvalidInput(
+                f"std: {std:g} is out of reach of {most} experiments: {info.names[worst]!r} comes "
+                f"to {reached[high][1][worst]:.3g}; allow more, or free fewer parameters"
+            )
+        low, high = high, min(max(1, 2 * high), most)
+    while high - low > 1:
+        middle = (low + high) // 2
+        low, high = (low, middle) if enough(middle) else (middle, high)
+    plan, values = reached[high]
+    worst = chosen[int(np.argmax(values[chosen]))]
+    return Needed(high, plan, read_only(values), info.names[worst])
+
+
+def _attempt(
+    info: Candidates,
+    n_experiments: int,
+    *,
+    known: Array | None,
+    criterion: str | Criterion,
+    constraints: Constraints | None,
+) -> tuple[ExactDesign | None, Array]:
+    """Return the plan of so many more experiments, and the standard deviations (p,) with it."""
+    nothing = np.full(len(info.names), np.inf)
+    if n_experiments == 0:
+        prior = checked_prior(known, info)
+        return None, nothing if prior is None else standard_deviations(prior)
+    try:
+        found = next_experiments(
+            info, n_experiments, known, criterion=criterion, constraints=constraints
+        )
+    except NotIdentifiable:
+        return None, nothing
+    return found.plan, found.after
+
+
+def _chosen(names: tuple[str, ...], parameters: Sequence[str] | None) -> list[int]:
+    if parameters is None:
+        return list(range(len(names)))
+    for name in parameters:
+        if name not in names:
+            raise InvalidInput(f"parameters: {name!r} is not known{nearest(name, names)}")
+    if not parameters:
+        raise InvalidInput("parameters: none given; at least one is needed")
+    return [names.index(name) for name in parameters]

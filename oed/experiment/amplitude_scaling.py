@@ -1,0 +1,245 @@
+"""How hard the robot may be shaken: the largest amplitudes whose peaks stay inside limits.
+
+Beside the holding torque and the position itself all predicted peaks are proportional to the
+amplitude, so that the largest amplitude is a quotient, not a search.
+"""
+
+import itertools
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from oed.experiment.experiment_plan import ExperimentPlan
+from oed.experiment.predicted_peaks import Peaks, PlannedLoop
+from robotmodels.common.arrays import Array, read_only
+from robotmodels.common.errors import InvalidInput
+from robotmodels.common.progress import Progress
+from robotmodels.linear.response import Elastic
+from robotmodels.simulation.controller import Controller
+
+_QUANTITIES = ("torque", "speed", "position")
+_UNITS = {"torque": "N m", "speed": "rad/s", "position": "rad"}
+
+
+@dataclass(frozen=True, eq=False)
+class Limits:
+    """What may not be exceeded; None for no limit.
+
+    Attributes
+    ----------
+    torque : ndarray or None, (n,), N m
+        Motor shaft, holding the arm against gravity included.
+    speed : ndarray or None, (n,), rad/s
+        Motor shaft.
+    positions : ndarray or None, (n, 2)
+        Motor angle over gear ratio, [rad] or [m].
+    """
+
+    torque: Array | None = None
+    speed: Array | None = None
+    positions: Array | None = None
+
+
+@dataclass(frozen=True)
+class Binding:
+    """The limit that a visit meets first as its amplitude grows.
+
+    Attributes
+    ----------
+    visit, position : int
+        Their indices.
+    motor : str
+        Its name.
+    quantity : str
+        Torque, speed or position.
+    limit : float
+        Its value, signed [N m, rad/s or rad].
+    factor : float
+        Factor by which the amplitude may grow until then.
+    """
+
+    visit: int
+    position: int
+    motor: str
+    quantity: str
+    limit: float
+    factor: float
+
+    def __str__(self) -> str:
+        return (
+            f"{self.quantity} of motor {self.motor!r} in position {self.position + 1} "
+            f"meets its limit {self.limit:.4g} {_UNITS[self.quantity]}"
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class Scaling:
+    """A plan inside its limits, and what keeps it from more.
+
+    Attributes
+    ----------
+    plan : ExperimentPlan
+        The scaled plan.
+    peaks : Peaks
+        Predicted for it.
+    bindings : tuple of Binding
+        The limit that each visit would meet first if its amplitude grew, (V,).
+    """
+
+    plan: ExperimentPlan
+    peaks: Peaks
+    bindings: tuple[Binding, ...]
+
+    @property
+    def binding(self) -> Binding:
+        """The limit that is met first."""
+        return min(self.bindings, key=lambda b: b.factor)
+
+
+def scale(
+    plan: ExperimentPlan,
+    robot: Elastic,
+    controller: Controller,
+    limits: Limits,
+    *,
+    balance: bool = False,
+    per_visit: bool = False,
+    margin: float = 0.0,
+    holding: Array | None = None,
+    progress: Progress | None = None,
+) -> Scaling:
+    """Return the plan with the largest amplitudes that the limits allow in every visit.
+
+    The peaks are those of the linear model from the first sample on; what friction, backlash and
+    noise add is not in them, leave a margin for it.
+
+    Parameters
+    ----------
+    plan : ExperimentPlan
+        Plan to be scaled.
+    robot : Elastic
+        Robot that will run it.
+    controller : Controller
+        Controller of its motors.
+    limits : Limits
+        Limits to be met.
+    balance : bool
+        First make the inputs' amplitudes such that each alone would meet a limit; otherwise their
+        ratios stay.
+    per_visit : bool
+        One factor for each visit instead of one for all.
+    margin : float, dimensionless
+        Part of each limit, between rest and limit, to stay away from it.
+    holding : ndarray, (Q, n), N m, optional
+        Motor torques that hold the arm; by default the robot's.
+    progress : Progress, optional
+        Called with the number of simulated visits and their total.
+
+    Raises
+    ------
+    InvalidInput
+        Naming position, motor and quantity, if a limit leaves no room at rest, because holding the
+        arm alone takes the torque or the position is not inside; if there is no limit, or one has a
+        wrong shape or sign.
+    NoEquilibrium
+        If the springs cannot carry the robot's weight in a position.
+    """
+    if not 0 <= margin < 1:
+        raise InvalidInput(f"margin: {margin!r}; a number from 0 to below 1 is needed")
+    bounds = _bounds(limits, plan.motors)
+    loop = PlannedLoop.of(plan, robot, controller, holding)
+    room = (1 - margin) * _room(plan, loop.rest, bounds)
+    passes = 1 + len(plan.motors) if balance else 1
+    done = _counter(passes * len(plan.visits), progress)
+    if balance:
+        plan = _balanced(plan, loop, room, done)
+    swing = loop.swing(plan, plan.multisine.amplitudes, done=done)
+    allowed = _allowed(swing, room)  # (V, 3, n, 2)
+    each = allowed.reshape(len(allowed), -1).min(axis=1)
+    factors = each if per_visit else np.full(len(each), each.min())
+    bindings = tuple(_binding(plan, v, allowed[v] / factors[v], bounds) for v in range(len(each)))
+    peaks = Peaks(read_only(loop.rest), read_only(swing * factors[:, None, None, None]))
+    return Scaling(plan.rescaled(factors), peaks, bindings)
+
+
+def _bounds(limits: Limits, motors: Sequence[str]) -> Array:
+    """Return lower and upper bounds of torque, speed and position, (3, n, 2)."""
+    n = len(motors)
+    bounds = np.broadcast_to([-np.inf, np.inf], (3, n, 2)).copy()
+    for k, name in enumerate(("torque", "speed", "positions")):
+        value = getattr(limits, name)
+        if value is None:
+            continue
+        given = np.asarray(value, dtype=float)
+        shape = (n, 2) if name == "positions" else (n,)
+        if given.shape != shape:
+            raise InvalidInput(f"limits.{name}: shape {given.shape}; {shape} is needed")
+        bounds[k] = given if name == "positions" else np.stack([-given, given], axis=-1)
+        for motor, (low, high) in zip(motors, bounds[k], strict=True):
+            if not low < high:
+                found = f"[{low:g}, {high:g}]" if name == "positions" else f"{high:g}"
+                right = "low < high" if name == "positions" else "a positive number"
+                raise InvalidInput(f"limits.{name} of motor {motor!r}: {found}; {right} is needed")
+    if not np.isfinite(bounds).any():
+        raise InvalidInput("limits: none given; any amplitude would do")
+    return bounds
+
+
+def _room(plan: ExperimentPlan, rest: Array, bounds: Array) -> Array:
+    """Return the distances from rest down and up to the bounds, (V, 3, n, 2)."""
+    room = np.abs(bounds - rest[..., None])
+    inside = (bounds[..., 0] < rest) & (rest < bounds[..., 1])
+    if not inside.all():
+        visit, k, motor = np.argwhere(~inside)[0]
+        low, high = bounds[k, motor]
+        place = f"position {plan.visits[visit] + 1}: motor {plan.motors[motor]!r}"
+        if k == 0:
+            raise InvalidInput(
+                f"limits.torque: {place} needs {abs(rest[visit, k, motor]):.4g} N m to hold the "
+                f"arm alone, which leaves nothing of its limit {high:.4g} N m"
+            )
+        raise InvalidInput(
+            f"limits.positions: {place} at {rest[visit, k, motor]:.4g} is not inside its limits "
+            f"[{low:.4g}, {high:.4g}], which leaves no room to move"
+        )
+    return np.asarray(room)
+
+
+def _allowed(swing: Array, room: Array) -> Array:
+    """Return by which factors deviations may grow until they fill the room, same shape."""
+    reach = np.maximum(np.stack([-swing[..., 0], swing[..., 1]], axis=-1), np.finfo(float).tiny)
+    return np.asarray(room / reach)
+
+
+def _counter(total: int, progress: Progress | None) -> Callable[[], object] | None:
+    """Return a function that counts its calls and reports each."""
+    if progress is None:
+        return None
+    count = itertools.count(1)
+    return lambda: progress(next(count), total)
+
+
+def _balanced(
+    plan: ExperimentPlan, loop: PlannedLoop, room: Array, done: Callable[[], object] | None
+) -> ExperimentPlan:
+    """Return the plan with each input's amplitudes such that it would meet a limit if alone."""
+    amplitudes = plan.multisine.amplitudes
+    factors = []
+    for motor in range(len(plan.motors)):
+        alone = np.where(np.arange(len(plan.motors)) == motor, amplitudes, 0.0)
+        # One block shows how the inputs compare; the common factor then heeds all of them.
+        factors.append(_allowed(loop.swing(plan, alone, blocks=1, done=done), room).min())
+    return replace(plan, multisine=plan.multisine.with_amplitudes(amplitudes * np.array(factors)))
+
+
+def _binding(plan: ExperimentPlan, visit: int, allowed: Array, bounds: Array) -> Binding:
+    k, motor, side = (int(i) for i in np.unravel_index(allowed.argmin(), allowed.shape))
+    return Binding(
+        visit=visit,
+        position=int(plan.visits[visit]),
+        motor=plan.motors[motor],
+        quantity=_QUANTITIES[k],
+        limit=float(bounds[k, motor, side]),
+        factor=float(allowed.min()),
+    )

@@ -1,0 +1,265 @@
+"""The schema of an experiment file: which robot, where it is put, how it is shaken.
+
+Angles are in rad, as in a study file; torques, speeds, angles of encoders and controllers are those
+of the motor shafts, positions and swings motor angles divided by gear ratios (m for a prismatic
+joint). Where a key is "per motor", one number serves all motors and a list has one for each.
+
+    schema: experiment/1
+    robot: manutec_r3            # a built-in robot, or the path of a robot file
+    positions:                   # where to measure, one angle per motor, in this order
+      - [0.0, 0.5, -0.8, 0.0, 0.6, 0.0]
+    repetitions: [2]             # visits to each; once by default
+    # design: ../out/r3/design.json    in place of positions and repetitions: those of a study
+    multisine:
+      band: [1.0, 50.0]          # [Hz]
+      sample_time: 0.001         # [s]
+      period: 1.0                # [s], a whole number of samples; lines are 1/period apart
+      count: 40                  # lines to spread over the band; all by default
+      spacing: quasi_log         # linear (default) or quasi_log, which needs a count
+      odd: true                  # odd lines only (default), so that even distortion shows
+      detection: 4               # of so many lines one at random is left out to show odd
+                                 # distortion; none by default
+      slope: 0.0                 # the speed's amplitude goes with frequency to this power
+      crest_iterations: 0        # 200 lowers the crest factor; 0 leaves the phases random
+    blocks: 4                    # per visit, each with phases of its own
+    periods: 2                   # measured in each experiment
+    transient_periods: 1         # before them, not measured
+    limits:                      # at least one; amplitudes are the largest that they allow
+      torque: [8, 8, 8, 2, 2, 1] # peak per motor, holding torque included [N m]
+      speed: 300.0               # peak per motor [rad/s]
+      swing: 0.05                # peak deviation from the position, per motor [rad]
+      margin: 0.1                # part of each limit to stay away from it; 0 by default
+      balance: true              # whether inputs' ratios are chosen so that each meets a limit
+    moves: {speed: 1.0, acceleration: 2.0}    # between positions, per motor [rad/s, rad/s^2]
+    controller:                  # left out: default gains, stable for this robot
+      speed_gain: 0.5            # per motor [N m s/rad]
+      integral_time: 0.05        # per motor [s]
+      position_gain: 5.0         # per motor [1/s]
+      filter_time: 0.0           # per motor, of the speed's low-pass filter [s]; 0 by default
+    imperfections:               # left out: none but the robot file's friction
+      friction: 1.0              # factor of the robot file's Coulomb friction; 1 by default
+      backlash: 0.0              # per motor, from flank to flank [rad, arm side]
+      quantisation: 0.0          # resolution of the measured angles [rad]
+      angle_noise: 1.0e-6        # per motor, standard deviation on the measured angles [rad]
+      torque_disturbance: 0.0    # per motor, standard deviation, unseen by the records [N m]
+      torque_limit: 9.0          # per motor [N m]; none by default
+      nonlinear_gears: true      # whether hardening springs harden (default)
+    seed: 1
+    output: ../out/r3_experiment # folder; it, robot and design are relative to this file
+"""
+
+from pathlib import Path
+from typing import Annotated, Literal, Self
+
+import numpy as np
+from pydantic import Field, model_validator
+
+from oed.experiment.design_file import designed_positions
+from robotmodels.common.arrays import Array, IntArray
+from robotmodels.common.errors import InvalidInput
+from robotmodels.common.file_paths import absolute, output_folder, robot_reference
+from robotmodels.common.yaml_files import Strict, read_yaml
+from robotmodels.description.ranges import (
+    Coordinate,
+    Count,
+    Hertz,
+    NonNegative,
+    Positive,
+    Seconds,
+    Seed,
+)
+
+MOST_SAMPLES = 10_000_000
+"""Samples of a run of all blocks and periods: an hour at 2.8 kHz."""
+
+PositiveEach = Positive | Annotated[list[Positive], Field(min_length=1)]
+NonNegativeEach = NonNegative | Annotated[list[NonNegative], Field(min_length=1)]
+
+
+class MultisineChoice(Strict):
+    """Lines of the speed reference: band [Hz], sampling [s], what is left out."""
+
+    band: tuple[Hertz, Hertz]
+    sample_time: Seconds
+    period: Seconds
+    count: Count | None = None
+    spacing: Literal["linear", "quasi_log"] = "linear"
+    odd: bool = True
+    detection: Annotated[int, Field(ge=2, le=1000)] | None = None
+    slope: Annotated[float, Field(ge=-10, le=10)] = 0.0
+    crest_iterations: Annotated[int, Field(ge=0, le=100_000)] = 0
+
+    @model_validator(mode="after")
+    def _fits(self) -> Self:
+        low, high = self.band
+        if high <= low:
+            raise ValueError(f"band [{low:g}, {high:g}] Hz; the lower frequency comes first")
+        if high >= 0.5 / self.sample_time:
+            raise ValueError(
+                f"band up to {high:g} Hz; it must stay below half the sampling frequency, "
+                f"{0.5 / self.sample_time:g} Hz"
+            )
+        samples = self.period / self.sample_time
+        if abs(samples - round(samples)) > 1e-6 * samples:
+            raise ValueError(
+                f"period {self.period:g} s is {samples:.6g} samples of {self.sample_time:g} s; "
+                "a whole number is needed"
+            )
+        if self.spacing == "quasi_log" and self.count is None:
+            raise ValueError("spacing quasi_log needs a count of lines")
+        return self
+
+    @property
+    def samples(self) -> int:
+        """Samples per period."""
+        return round(self.period / self.sample_time)
+
+
+class LimitChoice(Strict):
+    """What the linear model may predict at most; per motor, at least one of the three."""
+
+    torque: PositiveEach | None = None
+    speed: PositiveEach | None = None
+    swing: PositiveEach | None = None
+    margin: Annotated[float, Field(ge=0, lt=1)] = 0.0
+    balance: bool = True
+
+    @model_validator(mode="after")
+    def _some(self) -> Self:
+        if self.torque is None and self.speed is None and self.swing is None:
+            raise ValueError("none of torque, speed and swing is given; any amplitude would do")
+        return self
+
+
+class MoveChoice(Strict):
+    """Largest speed and acceleration between positions, arm side, per motor."""
+
+    speed: PositiveEach = 1.0
+    acceleration: PositiveEach = 2.0
+
+
+class ControllerChoice(Strict):
+    """Gains of the cascaded controller, per motor; see `robotmodels.Controller`."""
+
+    speed_gain: PositiveEach
+    integral_time: PositiveEach
+    position_gain: NonNegativeEach
+    filter_time: NonNegativeEach = 0.0
+
+
+class ImperfectionChoice(Strict):
+    """What the simulated robot has that its linear model has not; see `Imperfections`."""
+
+    friction: NonNegative = 1.0
+    backlash: NonNegativeEach = 0.0
+    quantisation: NonNegative = 0.0
+    angle_noise: NonNegativeEach = 0.0
+    torque_disturbance: NonNegativeEach = 0.0
+    torque_limit: PositiveEach | None = None
+    nonlinear_gears: bool = True
+
+
+class Shaking(Strict):
+    """How a robot is shaken in its positions: the keys that a study's ``experiment`` has too."""
+
+    multisine: MultisineChoice
+    blocks: Count = 4
+    periods: Count = 2
+    transient_periods: Annotated[int, Field(ge=0, le=1000)] = 1
+    limits: LimitChoice
+    moves: MoveChoice = MoveChoice()
+    controller: ControllerChoice | None = None
+    imperfections: ImperfectionChoice = ImperfectionChoice()
+
+    @model_validator(mode="after")
+    def _not_too_long(self) -> Self:
+        periods = self.blocks * (self.periods + self.transient_periods)
+        if periods * self.multisine.samples > MOST_SAMPLES:
+            raise ValueError(
+                f"blocks, periods: {periods} periods of {self.multisine.samples} samples in all; "
+                f"at most {MOST_SAMPLES} samples can be measured in one go"
+            )
+        return self
+
+
+class Experiment(Shaking):
+    """An experiment file, ``schema: experiment/1``; its paths are relative to the file."""
+
+    schema_: Literal["experiment/1"] = Field(alias="schema")
+    robot: str
+    positions: Annotated[list[list[Coordinate]], Field(min_length=1)] | None = None
+    repetitions: list[Count] | None = None
+    design: Path | None = None
+    seed: Seed = 1
+    output: Path
+
+    @model_validator(mode="after")
+    def _one_source(self) -> Self:
+        if (self.positions is None) == (self.design is None):
+            found = "neither" if self.design is None else "both"
+            raise ValueError(f"{found} of positions and design given; one of them is needed")
+        if self.design is not None and self.repetitions is not None:
+            raise ValueError("repetitions: the design has its own; leave them out")
+        if self.repetitions is not None and self.positions is not None:
+            r, q = len(self.repetitions), len(self.positions)
+            if r != q:
+                raise ValueError(f"repetitions: {r} given for {q} positions; one each is needed")
+        return self
+
+
+def load_experiment(path: str | Path) -> Experiment:
+    """Read an experiment file; the paths inside it become absolute.
+
+    Raises
+    ------
+    InvalidInput
+        If the file is absent, is not YAML, or does not fit the schema; the key is named.
+    """
+    path = Path(path)
+    experiment = read_yaml(path, Experiment)
+    design = experiment.design
+    changed = {
+        "output": output_folder(path, experiment.output),
+        "robot": robot_reference(path, experiment.robot),
+        "design": design and absolute(path.resolve().parent, design),
+    }
+    return experiment.model_copy(update=changed)
+
+
+def planned_positions(experiment: Experiment, robot: str) -> tuple[Array, IntArray]:
+    """Return positions (Q, n) [rad] and visits to each (Q,), from the file or its design.
+
+    Parameters
+    ----------
+    robot : str
+        Name of the robot, which a design must be for.
+
+    Raises
+    ------
+    InvalidInput
+        If positions differ in length, or the design cannot be used.
+    """
+    if experiment.design is not None:
+        return designed_positions(experiment.design, robot)
+    rows = experiment.positions or []
+    for i, row in enumerate(rows):
+        if len(row) != len(rows[0]):
+            raise InvalidInput(f"positions[{i}]: {len(row)} angles, positions[0] {len(rows[0])}")
+    repetitions = experiment.repetitions or [1] * len(rows)
+    return np.array(rows, dtype=float), np.array(repetitions, dtype=np.int64)
+
+
+def per_motor(key: str, value: float | list[float], motors: tuple[str, ...]) -> Array:
+    """Return an entry as one value per motor, (n,).
+
+    Raises
+    ------
+    InvalidInput
+        If a list has another length.
+    """
+    if isinstance(value, list) and len(value) != len(motors):
+        raise InvalidInput(
+            f"{key}: {len(value)} given; one number, or {len(motors)}, one per motor "
+            f"({', '.join(motors)}), is needed"
+        )
+    return np.array(np.broadcast_to(np.asarray(value, dtype=float), (len(motors),)))

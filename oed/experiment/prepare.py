@@ -1,0 +1,243 @@
+"""From an experiment file to a plan whose amplitudes lie inside limits."""
+
+from dataclasses import dataclass, replace
+from functools import partial
+
+import numpy as np
+
+from oed.experiment.amplitude_scaling import Binding, Limits, Scaling, scale
+from oed.experiment.experiment_file import Experiment, Shaking, per_motor, planned_positions
+from oed.experiment.experiment_plan import ExperimentPlan, experiment_plan
+from oed.experiment.multisine import Multisine, band_multisine
+from oed.experiment.predicted_peaks import Peaks
+from robotmodels import ElasticRobot, load_robot
+from robotmodels.common.arrays import Array, IntArray, check_memory, read_only
+from robotmodels.common.errors import InvalidInput
+from robotmodels.common.progress import StageProgress
+from robotmodels.simulation.controller import Controller, default_controller
+from robotmodels.simulation.imperfections import Imperfections
+
+
+@dataclass(frozen=True)
+class SwingBinding(Binding):
+    """The swing around a position that a visit meets first; `limit` is its size."""
+
+    def __str__(self) -> str:
+        return (
+            f"swing of motor {self.motor!r} around position {self.position + 1} meets its limit "
+            f"{self.limit:.4g} rad"
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class Prepared:
+    """An experiment that is ready to be run.
+
+    Attributes
+    ----------
+    robot : ElasticRobot
+        The robot that the plan was made for.
+    controller : Controller
+        Controller that moves it.
+    scaling : Scaling
+        The plan inside its limits, predicted peaks, and the limit that each visit meets.
+    imperfections : Imperfections
+        Imperfections of the simulated robot.
+    rng : Generator
+        What is left of the seed's random numbers, for the simulation.
+    """
+
+    robot: ElasticRobot
+    controller: Controller
+    scaling: Scaling
+    imperfections: Imperfections
+    rng: np.random.Generator
+
+    @property
+    def plan(self) -> ExperimentPlan:
+        """The scaled plan."""
+        return self.scaling.plan
+
+
+def prepare(experiment: Experiment, progress: StageProgress | None = None) -> Prepared:
+    """Draw the plan of an experiment and scale it; the same seed gives the same plan.
+
+    Raises
+    ------
+    InvalidInput
+        Naming the key whose value does not fit the robot, or the limit without room.
+    NoEquilibrium
+        If the springs cannot carry the robot's weight in a position.
+    """
+    robot = load_robot(experiment.robot)
+    positions, repetitions = planned_positions(experiment, robot.name)
+    rng = np.random.default_rng(experiment.seed)
+    return prepare_in(experiment, robot, positions, repetitions, rng, progress)
+
+
+def prepare_in(
+    shaking: Shaking,
+    robot: ElasticRobot,
+    positions: Array,
+    repetitions: IntArray,
+    rng: np.random.Generator,
+    progress: StageProgress | None = None,
+) -> Prepared:
+    """Draw a plan for positions (Q, n) and repetitions (Q,) and scale it.
+
+    Raises
+    ------
+    InvalidInput, NoEquilibrium
+        As `prepare`.
+    """
+    motors = tuple(robot.motor_names)
+    if positions.shape[1] != len(motors):
+        raise InvalidInput(
+            f"positions: {positions.shape[1]} angles each; {len(motors)} are needed, one per motor "
+            f"({', '.join(motors)})"
+        )
+    _check_memory(shaking, repetitions, len(motors))
+    moves = shaking.moves
+    plan = experiment_plan(
+        robot,
+        positions,
+        _multisine(shaking, len(motors), rng),
+        blocks=shaking.blocks,
+        periods=shaking.periods,
+        transient_periods=shaking.transient_periods,
+        speed=per_motor("moves.speed", moves.speed, motors),
+        acceleration=per_motor("moves.acceleration", moves.acceleration, motors),
+        rng=rng,
+        repetitions=repetitions,
+        crest_iterations=shaking.multisine.crest_iterations,
+        progress=None if progress is None else partial(progress, "plan"),
+    )
+    controller = _controller(shaking, robot)
+    imperfections = _imperfections(shaking, motors)
+    scaling = _scaled(shaking, plan, robot, controller, progress)
+    return Prepared(robot, controller, scaling, imperfections, rng)
+
+
+def _check_memory(shaking: Shaking, repetitions: IntArray, motors: int) -> None:
+    """Refuse signals that do not fit into memory: those of all visits, and records of one."""
+    period = 8.0 * shaking.blocks * motors**2 * shaking.multisine.samples
+    signals = period * float(repetitions.sum())
+    records = 2 * period * (shaking.periods + shaking.transient_periods)
+    check_memory(
+        signals + records, "multisine.period over sample_time, blocks, periods and repetitions"
+    )
+
+
+def _multisine(shaking: Shaking, motors: int, rng: np.random.Generator) -> Multisine:
+    choice = shaking.multisine
+    low, high = choice.band
+    middle = 2 * np.pi * np.sqrt(low * high)
+    return band_multisine(
+        choice.samples,
+        choice.sample_time,
+        (2 * np.pi * low, 2 * np.pi * high),
+        inputs=motors,
+        count=choice.count,
+        spacing=choice.spacing,
+        odd=choice.odd,
+        detection_group=choice.detection,
+        amplitude=lambda omega: (omega / middle) ** choice.slope,
+        rng=rng,
+    )
+
+
+def _controller(shaking: Shaking, robot: ElasticRobot) -> Controller:
+    choice, sample_time = shaking.controller, shaking.multisine.sample_time
+    if choice is None:
+        return default_controller(robot, sample_time)
+    gains = {
+        name: per_motor(f"controller.{name}", getattr(choice, name), tuple(robot.motor_names))
+        for name in ("speed_gain", "integral_time", "position_gain", "filter_time")
+    }
+    return Controller(sample_time=sample_time, **gains)
+
+
+def _imperfections(shaking: Shaking, motors: tuple[str, ...]) -> Imperfections:
+    choice = shaking.imperfections
+    lists = {
+        name: per_motor(f"imperfections.{name}", value, motors)
+        for name in ("backlash", "angle_noise", "torque_disturbance", "torque_limit")
+        if (value := getattr(choice, name)) is not None
+    }
+    return Imperfections(
+        friction=choice.friction,
+        nonlinear_gears=choice.nonlinear_gears,
+        quantisation=choice.quantisation,
+        **lists,
+    )
+
+
+def _scaled(
+    shaking: Shaking,
+    plan: ExperimentPlan,
+    robot: ElasticRobot,
+    controller: Controller,
+    progress: StageProgress | None,
+) -> Scaling:
+    choice, motors = shaking.limits, plan.motors
+    given = {
+        name: per_motor(f"limits.{name}", value, motors)
+        for name in ("torque", "speed")
+        if (value := getattr(choice, name)) is not None
+    }
+    scaling = scale(
+        plan,
+        robot,
+        controller,
+        Limits(positions=robot.position_limits, **given),
+        balance=choice.balance,
+        margin=choice.margin,
+        progress=None if progress is None else partial(progress, "amplitudes"),
+    )
+    if choice.swing is None:
+        return scaling
+    return within_swing(
+        scaling, (1 - choice.margin) * per_motor("limits.swing", choice.swing, motors)
+    )
+
+
+def within_swing(scaling: Scaling, swing: Array) -> Scaling:
+    """Return the plan with smaller amplitudes, where needed for each motor's swing.
+
+    Parameters
+    ----------
+    scaling : Scaling
+        A plan inside its other limits, with one factor for all visits.
+    swing : ndarray, (n,), rad
+        Largest deviation from the position, arm side.
+    """
+    peaks = scaling.peaks
+    shift = np.abs(peaks.swing[:, 2]).max(axis=-1)  # (V, n)
+    allowed = swing / np.maximum(shift, np.finfo(float).tiny)
+    factor = float(allowed.min())
+    bindings = tuple(
+        _tighter(binding, allowed[v], swing, scaling.plan)
+        for v, binding in enumerate(scaling.bindings)
+    )
+    if factor >= 1:
+        return replace(scaling, bindings=bindings)
+    return Scaling(
+        scaling.plan.rescaled(np.asarray(factor)),
+        Peaks(peaks.rest, read_only(peaks.swing * factor)),
+        tuple(replace(b, factor=b.factor / factor) for b in bindings),
+    )
+
+
+def _tighter(binding: Binding, allowed: Array, swing: Array, plan: ExperimentPlan) -> Binding:
+    """Return the limit of a visit that is met first, the swing's or the one found before."""
+    motor = int(np.argmin(allowed))
+    if allowed[motor] >= binding.factor:
+        return binding
+    return SwingBinding(
+        visit=binding.visit,
+        position=binding.position,
+        motor=plan.motors[motor],
+        quantity="swing",
+        limit=float(swing[motor]),
+        factor=float(allowed[motor]),
+    )

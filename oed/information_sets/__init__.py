@@ -1,0 +1,1 @@
+"""Information matrices of candidates, in memory or in a file."""

@@ -1,0 +1,158 @@
+"""What designs need of candidates: the protocol, plain matrices, samples of theta."""
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Protocol
+
+import numpy as np
+
+from robotmodels.common.arrays import Array, IntArray, read_only
+from robotmodels.common.errors import InvalidInput
+
+
+class Candidates(Protocol):
+    """What designs need of candidates, in memory or not; `InformationSet` is one."""
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the p parameters."""
+        ...
+
+    @property
+    def samples(self) -> int:
+        """Number K of parameter values for which the information is known."""
+        ...
+
+    def __len__(self) -> int: ...
+
+    def take(self, indices: IntArray) -> Array:
+        """Return matrices, (n, p, p), or (n, K, p, p) with samples."""
+        ...
+
+    def prices(self, weight: Array) -> Array:
+        """Return tr(W H_i), (Q,), summed over samples; W is (p, p) or (K, p, p)."""
+        ...
+
+    def combined(self, weights: Array) -> Array:
+        """Return sum_i w_i H_i, (p, p) or (K, p, p)."""
+        ...
+
+
+def check_candidates(info: object, argument: str = "info") -> None:
+    """Refuse what has no information of candidates.
+
+    Raises
+    ------
+    InvalidInput
+        Saying what would be right.
+    """
+    needed = ("names", "samples", "take", "prices", "combined")
+    if not all(hasattr(info, name) for name in needed):
+        shape = getattr(info, "shape", None)
+        what = type(info).__name__ if shape is None else f"an array of shape {shape}"
+        raise InvalidInput(
+            f"{argument}: {what}; an InformationSet is needed, which "
+            "oed.InformationSet(positions, matrices, names) makes of matrices (Q, p, p)"
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class Matrices:
+    """Candidates without positions, as they are: matrices (Q, p, p) or (Q, K, p, p)."""
+
+    names: tuple[str, ...]
+    matrices: Array
+
+    def __len__(self) -> int:
+        return len(self.matrices)
+
+    @property
+    def samples(self) -> int:
+        """Number K of parameter values."""
+        return 1 if self.matrices.ndim == 3 else self.matrices.shape[1]
+
+    def take(self, indices: IntArray) -> Array:
+        """Return matrices, see `Candidates`."""
+        return np.asarray(self.matrices[indices])
+
+    def prices(self, weight: Array) -> Array:
+        """Return tr(W H_i), see `Candidates`."""
+        return sensitivities(weight, self.matrices)
+
+    def combined(self, weights: Array) -> Array:
+        """Return sum_i w_i H_i, see `Candidates`."""
+        return np.asarray(np.tensordot(weights, self.matrices, axes=1))
+
+
+def sensitivities(gradient: Array, matrices: Array) -> Array:
+    """Return tr(W H_i), (Q,), of candidates (Q, ..., p, p): the sensitivity function of a design.
+
+    With samples of theta, W and H_i have an axis for them, and the traces are summed.
+    """
+    return np.asarray(matrices.reshape(len(matrices), -1) @ gradient.ravel())
+
+
+@dataclass(frozen=True, eq=False)
+class InformationSamples:
+    """The information of the same candidates for K values of the parameters.
+
+    Attributes
+    ----------
+    sets : tuple of Candidates
+        One set of candidates for each value, in memory or in a store; the first one is the nominal
+        value's.
+
+    Raises
+    ------
+    InvalidInput
+        If there is none, or candidates or parameters differ.
+    """
+
+    sets: tuple[Candidates, ...]
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "sets", tuple(self.sets))
+        if not self.sets:
+            raise InvalidInput("samples: no information set; at least one is needed")
+        for k, other in enumerate(self.sets):
+            check_candidates(other, f"samples: set {k}")
+            if len(other) != len(self) or other.names != self.names or other.samples != 1:
+                raise InvalidInput(
+                    f"samples: set {k} has {len(other)} candidates and parameters "
+                    f"{', '.join(other.names)}; set 0 has {len(self)} and {', '.join(self.names)}"
+                )
+
+    def __len__(self) -> int:
+        return len(self.sets[0])
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the p parameters."""
+        return self.sets[0].names
+
+    @property
+    def samples(self) -> int:
+        """The number K of parameter values."""
+        return len(self.sets)
+
+    @cached_property
+    def matrices(self) -> Array:
+        """All matrices, (Q, K, p, p), or (Q, p, p) of a single set."""
+        return read_only(self.take(np.arange(len(self))))
+
+    def take(self, indices: IntArray) -> Array:
+        """Return matrices, (n, K, p, p), or (n, p, p) of a single set, as it does itself."""
+        if self.samples == 1:
+            return self.sets[0].take(indices)
+        return np.stack([one.take(indices) for one in self.sets], axis=1)
+
+    def prices(self, weight: Array) -> Array:
+        """Return sum_k tr(W_k H_ik), (Q,), for W (K, p, p), or (p, p) of a single set."""
+        parts = zip(self.sets, weight.reshape(-1, *weight.shape[-2:]), strict=True)
+        return np.asarray(np.sum([one.prices(W) for one, W in parts], axis=0))
+
+    def combined(self, weights: Array) -> Array:
+        """Return sum_i w_i H_ik, (K, p, p), or (p, p) of a single set."""
+        if self.samples == 1:
+            return self.sets[0].combined(weights)
+        return np.stack([one.combined(weights) for one in self.sets])

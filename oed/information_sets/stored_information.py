@@ -1,0 +1,232 @@
+"""Information of more candidates than memory holds: a file of packed matrices, read in chunks.
+
+After a header of one line of JSON, padded to `_HEADER` bytes, follow the sum of all matrices, the
+positions, (Q, n), and the matrices, (Q, p (p + 1) / 2), all float64 of this machine; of matrices
+the upper triangles. Pages are mapped,
+used once and given back, so that a pass over gigabytes keeps the process at tens of megabytes.
+"""
+
+import json
+import mmap
+import os
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Annotated, BinaryIO, Literal
+
+import numpy as np
+from pydantic import Field, NonNegativeInt, PositiveInt
+
+from oed.information_sets.matrix_checks import check_matrices, check_positions
+from oed.information_sets.null_space import unidentifiable, weak_directions
+from robotmodels.common.arrays import Array, IntArray
+from robotmodels.common.atomic_files import atomic_write
+from robotmodels.common.errors import InvalidInput
+from robotmodels.common.file_paths import check_file
+from robotmodels.common.yaml_files import Strict, parse
+from robotmodels.common.yaml_reader import Node
+from robotmodels.data_files.json_text import parse_json
+
+_FORMAT, _HEADER = "oed-information/1", 65536
+_CHUNK_BYTES = 8 * 2**20
+
+
+class StoreHeader(Strict):
+    """The first line of a store."""
+
+    format: Literal["oed-information/1"]
+    names: Annotated[list[str], Field(min_length=1)]
+    candidates: PositiveInt
+    axes: NonNegativeInt
+
+
+@dataclass(frozen=True, eq=False)
+class StoredInformation:
+    """The information of Q candidates in a file; a set of candidates like `InformationSet`.
+
+    Attributes
+    ----------
+    path : Path
+        Path of the file.
+    names : tuple of str
+        p parameter names.
+    shape : tuple of (int, int)
+        Q candidates, n coordinates of each position.
+
+    Raises
+    ------
+    InvalidInput
+        If there is no such file, it is no store, or it is cut off.
+    """
+
+    path: Path
+    names: tuple[str, ...]
+    shape: tuple[int, int]
+
+    @classmethod
+    def open(cls, path: str | os.PathLike[str]) -> "StoredInformation":
+        """Return what `write_store` wrote; nothing is read but the header."""
+        source = Path(path)
+        check_file(source)
+        with source.open("rb") as file:
+            line = file.read(_HEADER)
+        try:
+            content = parse_json(line, "its header")
+            header = parse(Node(0, content), StoreHeader, "its header")
+        except InvalidInput as error:
+            raise InvalidInput(f"{source}: not an information store ({_FORMAT}): {error}") from None
+        names, shape = tuple(header.names), (header.candidates, header.axes)
+        size = _packed_size(len(names))
+        needed = _HEADER + 8 * (size + shape[0] * (shape[1] + size))
+        found = source.stat().st_size
+        if found != needed:
+            raise InvalidInput(f"{source}: {found} bytes, {needed} are needed; it is cut off")
+        return cls(source, names, shape)
+
+    def __len__(self) -> int:
+        return self.shape[0]
+
+    @property
+    def samples(self) -> int:
+        """The number of parameter values the information was computed for: one."""
+        return 1
+
+    @property
+    def positions(self) -> Array:
+        """All positions, (Q, n) [rad], mapped and not read."""
+        return np.memmap(self.path, np.float64, "r", _HEADER + 8 * self._size, self.shape)
+
+    @cached_property
+    def total(self) -> Array:
+        """The sum of all candidates' information, (p, p)."""
+        return self._unpacked(np.fromfile(self.path, np.float64, self._size, offset=_HEADER))
+
+    @property
+    def rank(self) -> int:
+        """The number of parameter directions that all candidates together inform on."""
+        return len(self.names) - int(weak_directions(self.total).shape[1])
+
+    @property
+    def matrices(self) -> Array:
+        """All matrices, (Q, p, p), in memory: for few candidates only."""
+        return self.take(np.arange(len(self)))
+
+    def unidentifiable(self, total: Array | None = None) -> tuple[str, ...]:
+        """Return the parameters left open by `total` (p, p), by default by all candidates."""
+        return unidentifiable(self.total if total is None else total, self.names)
+
+    def take(self, indices: IntArray) -> Array:
+        """Return the matrices of some candidates, (n, p, p)."""
+        packed = np.memmap(self.path, np.float64, "r", self._offset, (len(self), self._size))
+        return self._unpacked(np.array(packed[indices]))
+
+    def prices(self, weight: Array) -> Array:
+        """Return tr(W H_i), (Q,), for W, (p, p)."""
+        rows, columns = np.triu_indices(len(self.names))
+        packed = (weight + weight.T)[rows, columns] / np.where(rows == columns, 2.0, 1.0)
+        prices = np.empty(len(self))
+        for start, part in self._parts():
+            np.matmul(part, packed, out=prices[start : start + len(part)])
+        return prices
+
+    def combined(self, weights: Array) -> Array:
+        """Return sum_i w_i H_i, (p, p), for weights (Q,)."""
+        used = np.flatnonzero(weights)
+        if len(used) < len(self) // 8:
+            return np.asarray(np.tensordot(weights[used], self.take(used), axes=1))
+        if (weights == weights[0]).all():
+            return np.asarray(weights[0] * self.total)
+        parts = self._parts()
+        return self._unpacked(
+            sum(weights[start : start + len(part)] @ part for start, part in parts)
+        )
+
+    def chunks(self, size: int = 4096) -> Iterator[tuple[int, Array]]:
+        """Yield the index of the first candidate of each chunk, and its matrices (n, p, p)."""
+        for start in range(0, len(self), size):
+            yield start, self.take(np.arange(start, min(start + size, len(self))))
+
+    @property
+    def _size(self) -> int:
+        return _packed_size(len(self.names))
+
+    @property
+    def _offset(self) -> int:
+        return _HEADER + 8 * (self._size + self.shape[0] * self.shape[1])
+
+    def _parts(self) -> Iterator[tuple[int, Array]]:
+        """Yield packed chunks that are valid until the next one only."""
+        page = mmap.ALLOCATIONGRANULARITY
+        count = max(1, _CHUNK_BYTES // (8 * self._size))
+        with self.path.open("rb") as file:
+            for start in range(0, len(self), count):
+                rows = min(count, len(self) - start)
+                first = self._offset + 8 * start * self._size
+                aligned = first // page * page
+                length = first - aligned + 8 * rows * self._size
+                # The map ends, and its pages are given back, when nothing refers to it any more.
+                mapped = mmap.mmap(file.fileno(), length, offset=aligned, access=mmap.ACCESS_READ)
+                part = np.frombuffer(mapped, np.float64, rows * self._size, first - aligned)
+                yield start, part.reshape(rows, self._size)
+
+    def _unpacked(self, packed: Array | float) -> Array:
+        values, p = np.asarray(packed), len(self.names)
+        full = np.empty((*values.shape[:-1], p, p))
+        rows, columns = np.triu_indices(p)
+        full[..., rows, columns] = values
+        full[..., columns, rows] = values
+        return full
+
+
+def write_store(
+    path: str | os.PathLike[str],
+    positions: Array,
+    names: Sequence[str],
+    chunks: Iterable[Array],
+) -> StoredInformation:
+    """Write a store from chunks of matrices, (n, p, p), in the order of the positions.
+
+    The file appears under its name when it is complete.
+
+    Raises
+    ------
+    InvalidInput
+        Naming the candidate, if a matrix is not finite, symmetric or semidefinite; if there are not
+        as many as positions; if the file cannot be written.
+    """
+    positions = np.ascontiguousarray(positions, dtype=np.float64)
+    check_positions(positions)
+    candidates, axes = positions.shape
+    header = {"format": _FORMAT, "names": list(names), "candidates": candidates, "axes": axes}
+    line = json.dumps(header).encode()
+    if len(line) > _HEADER:
+        raise InvalidInput(f"{path}: the names take {len(line)} bytes; at most {_HEADER} fit")
+    rows, columns = np.triu_indices(len(names))
+    total, written = np.zeros(_packed_size(len(names))), 0
+    with atomic_write(path) as part, _opened(part, path) as file:
+        file.write(line.ljust(_HEADER))
+        file.write(total.tobytes())  # once more at the end, when it is known
+        file.write(positions.tobytes())
+        for matrices in chunks:
+            check_matrices(matrices, written)
+            packed = 0.5 * (matrices[:, rows, columns] + matrices[:, columns, rows])
+            file.write(np.ascontiguousarray(packed).tobytes())
+            total += packed.sum(axis=0)
+            written += len(matrices)
+        if written != candidates:
+            raise InvalidInput(f"{path}: {written} matrices for {candidates} positions")
+        file.seek(_HEADER)
+        file.write(total.tobytes())
+    return StoredInformation.open(path)
+
+
+def _opened(part: Path, path: str | os.PathLike[str]) -> BinaryIO:
+    try:
+        return part.open("wb")
+    except OSError as error:
+        raise InvalidInput(f"{path}: cannot be written: {error.strerror}") from error
+
+
+def _packed_size(p: int) -> int:
+    return p * (p + 1) // 2

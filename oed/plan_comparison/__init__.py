@@ -1,0 +1,1 @@
+"""Plans compared in simulated experiments."""

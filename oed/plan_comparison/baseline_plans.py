@@ -1,0 +1,137 @@
+"""Plans made without any information matrix: at random, evenly spread, or a grid by hand."""
+
+import math
+from collections.abc import Mapping
+
+import numpy as np
+
+from robotmodels.common.arrays import Array, IntArray
+from robotmodels.common.errors import InvalidInput, nearest
+
+
+def random_plan(n_candidates: int, n_experiments: int, rng: np.random.Generator) -> IntArray:
+    """Return experiments (Q,) in candidates drawn at random, each once where there are enough.
+
+    Raises
+    ------
+    InvalidInput
+        If there is no candidate or no experiment.
+    """
+    _check(n_candidates, n_experiments)
+    whole, rest = divmod(n_experiments, n_candidates)
+    counts = np.full(n_candidates, whole, dtype=np.int64)
+    counts[rng.choice(n_candidates, rest, replace=False)] += 1
+    return counts
+
+
+def even_plan(positions: Array, n_experiments: int) -> IntArray:
+    """Return experiments (Q,) spread evenly over the joints' ranges, as a careful designer would.
+
+    The first is in the candidate nearest the middle of all ranges; each further one in the
+    candidate farthest from all before, in units of the ranges (Kennard and Stone 1969). Where
+    there are more experiments than candidates, all are used again.
+
+    Parameters
+    ----------
+    positions : ndarray, (Q, n), rad or m
+        Candidates.
+    n_experiments : int
+        N experiments of the plan.
+
+    Raises
+    ------
+    InvalidInput
+        If there is no candidate or no experiment.
+    """
+    _check(len(positions), n_experiments)
+    scaled = _in_ranges(positions)
+    whole, rest = divmod(n_experiments, len(scaled))
+    counts = np.full(len(scaled), whole, dtype=np.int64)
+    away = np.full(len(scaled), np.inf)
+    chosen = int(np.argmin(_squares(scaled, np.full(scaled.shape[1], 0.5))))
+    for _ in range(rest):
+        counts[chosen] += 1
+        away = np.minimum(away, _squares(scaled, scaled[chosen]))
+        chosen = int(np.argmax(away))
+    return counts
+
+
+def grid_plan(
+    positions: Array, n_experiments: int, per_joint: Mapping[str, int], joints: tuple[str, ...]
+) -> IntArray:
+    """Return experiments (Q,) in the candidates nearest the points of a designer's own grid.
+
+    Points lie evenly over the candidates' ranges, ends included; a joint with one point, as every
+    joint that is not named, stays in the middle. Experiments beyond the points repeat them in
+    order.
+
+    Parameters
+    ----------
+    positions : ndarray, (Q, n), rad or m
+        Candidates.
+    n_experiments : int
+        N experiments of the plan.
+    per_joint : mapping of str to int
+        Points of the joints, by name.
+    joints : tuple of str
+        Names of the n joints.
+
+    Raises
+    ------
+    InvalidInput
+        For an unknown joint, a number of points below 1, or more points than experiments.
+    """
+    _check(len(positions), n_experiments)
+    levels = grid_levels(n_experiments, per_joint, joints)
+    number = int(np.prod([len(level) for level in levels]))
+    points = np.stack(np.meshgrid(*levels, indexing="ij"), axis=-1).reshape(number, -1)
+    scaled = _in_ranges(positions)
+    places = [int(np.argmin(_squares(scaled, point))) for point in points]
+    times = np.full(number, n_experiments // number)
+    times[: n_experiments % number] += 1
+    return np.bincount(places, weights=times, minlength=len(scaled)).astype(np.int64)
+
+
+def grid_levels(
+    n_experiments: int | None, per_joint: Mapping[str, int], joints: tuple[str, ...]
+) -> list[Array]:
+    """Return a grid's points of each joint as parts of its range; arguments of `grid_plan`.
+
+    Raises
+    ------
+    InvalidInput
+        As `grid_plan`; where the number of experiments is None, any number will do.
+    """
+    for joint, count in per_joint.items():
+        if joint not in joints:
+            raise InvalidInput(
+                f"grid: {joint!r} is not a driven joint{nearest(joint, joints)}; "
+                f"there are {', '.join(joints)}"
+            )
+        if count < 1:
+            raise InvalidInput(f"grid: {count} points of {joint!r}; at least 1 is needed")
+    counts = [per_joint.get(joint, 1) for joint in joints]
+    number = math.prod(counts)
+    if n_experiments is not None and number > n_experiments:
+        raise InvalidInput(f"grid: {number} points for {n_experiments} experiments; fewer points")
+    return [np.linspace(0, 1, n) if n > 1 else np.array([0.5]) for n in counts]
+
+
+def _check(n_candidates: int, n_experiments: int) -> None:
+    if n_candidates < 1 or n_experiments < 1:
+        raise InvalidInput(
+            f"plan: {n_experiments} experiments in {n_candidates} candidates; "
+            "at least one of each is needed"
+        )
+
+
+def _in_ranges(positions: Array) -> Array:
+    """Return positions from 0 to 1 over their ranges, 0.5 where there is none."""
+    given = np.asarray(positions, dtype=float)
+    low, width = given.min(axis=0), np.ptp(given, axis=0)
+    scaled = (given - low) / np.where(width > 0, width, 1.0)
+    return np.where(width > 0, scaled, 0.5)
+
+
+def _squares(scaled: Array, point: Array) -> Array:
+    return np.asarray(np.sum((scaled - point) ** 2, axis=1))

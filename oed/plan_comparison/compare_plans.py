@@ -1,0 +1,215 @@
+"""Plans side by side in Monte Carlo: what each one promises, and what its experiments give."""
+
+from collections.abc import Mapping
+from concurrent.futures import Executor
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from estimators.uncertainty.covariance import Uncertainty
+from estimators.validation.monte_carlo import MonteCarlo, monte_carlo
+from estimators.validation.simulated_experiment import FrfExperiment
+from oed.criteria.criteria import Criterion
+from oed.criteria.criteria import objective as stated
+from oed.information_sets.candidates import Candidates, check_candidates
+from oed.information_sets.null_space import unidentifiable
+from oed.plan_comparison.plan_comparison import LEVEL, PlanComparison, PlanTrial, ratio_interval
+from robotmodels.common.arrays import Array, IntArray, read_only
+from robotmodels.common.errors import InvalidInput, NotIdentifiable, SolverFailed
+from robotmodels.common.progress import Progress
+from robotmodels.linear.fixed_equilibria import held
+from robotmodels.linear.noise import RelativeNoise
+from robotmodels.linear.response import Elastic
+
+_SPARE = 3
+"""Experiments beyond the number of parameters, so that a covariance has an inverse."""
+
+
+def compare_plans(
+    model: Elastic,
+    info: Candidates,
+    positions: Array,
+    plans: Mapping[str, IntArray],
+    omega: Array,
+    noise: RelativeNoise,
+    *,
+    rng: np.random.Generator,
+    runs: int | None = None,
+    criterion: str | Criterion = "D",
+    executor: Executor | None = None,
+    progress: Progress | None = None,
+    store: str | Path | None = None,
+) -> PlanComparison:
+    """Return what plans are worth beside the first one, in simulated experiments.
+
+    FRFs of the model, with errors by the noise law, are fitted from the true values by least
+    squares with the noise's own weights (NLS), `runs` times for each plan.
+
+    Parameters
+    ----------
+    model : Elastic
+        The true one, which is also fitted.
+    info : Candidates
+        Information of each candidate, for the model's own values.
+    positions : ndarray, (Q, n)
+        Positions of the candidates.
+    plans : mapping of str to ndarray of int
+        Experiments (Q,) in each candidate, by name; the first plan is compared with the rest.
+    omega : ndarray
+        As in `oed.information`, of one experiment.
+    noise : RelativeNoise
+        As in `oed.information`, of one experiment.
+    rng : Generator
+        Source of all errors.
+    runs : int, optional
+        Experiments simulated for each plan; the larger of 100 and 2 p where None.
+    criterion : str or Criterion
+        Criterion by which plans are compared.
+    executor : Executor, optional
+        Takes one run at a time; in sequence where None.
+    progress : Progress, optional
+        Called with the runs done and their number.
+    store : str or Path, optional
+        Folder that keeps finished runs; an interrupted comparison goes on from it.
+
+    Raises
+    ------
+    InvalidInput
+        If there are too few runs for p parameters, or a plan does not fit.
+    NotIdentifiable
+        If the first plan leaves parameters open.
+    SolverFailed
+        If too few experiments of a plan can be fitted, naming it.
+    """
+    check_candidates(info)
+    runs = checked_runs(runs, len(info.names))
+    series = _Series(model, positions, omega, noise, runs, executor)
+    planned = [_planned(info, name, counts) for name, counts in plans.items()]
+    if planned[0].unidentified:
+        raise NotIdentifiable(planned[0].unidentified, f"{planned[0].name}: measure elsewhere too")
+    possible = sum(trial.promised is not None for trial in planned)
+    trials, holds = [], True
+    for k, (trial, generator) in enumerate(zip(planned, rng.spawn(len(planned)), strict=True)):
+        if trial.promised is None:
+            trials.append(trial)
+            continue
+        before = sum(one.promised is not None for one in planned[:k])
+        done, total = before * runs, possible * runs
+        tell = None if progress is None else _Shifted(progress, done, total)
+        file = None if store is None else Path(store) / f"plan_{k:02d}.h5"
+        found, was_held = series.run(trial, generator, tell, file)
+        trials.append(replace(trial, found=found))
+        holds = holds and was_held
+    return _judged(criterion, info.names, tuple(trials), holds)
+
+
+def checked_runs(runs: int | None, p: int) -> int:
+    """Return how many experiments to simulate by each plan for p parameters.
+
+    Raises
+    ------
+    InvalidInput
+        If they are too few for a covariance.
+    """
+    if runs is None:
+        return max(100, 2 * p)
+    least = p + _SPARE
+    if runs < least:
+        raise InvalidInput(f"runs: {runs}; at least {least} are needed for {p} parameters")
+    return runs
+
+
+@dataclass(frozen=True)
+class _Shifted:
+    """Progress of one of several series, in all of them."""
+
+    progress: Progress
+    before: int
+    total: int
+
+    def __call__(self, done: int, of: int) -> None:
+        self.progress(self.before + done, self.total)
+
+
+@dataclass(frozen=True, eq=False)
+class _Series:
+    """What repeated experiments of all plans have in common."""
+
+    model: Elastic
+    positions: Array
+    omega: Array
+    noise: RelativeNoise
+    runs: int
+    executor: Executor | None
+
+    def run(
+        self,
+        trial: PlanTrial,
+        rng: np.random.Generator,
+        progress: "_Shifted | None",
+        store: Path | None,
+    ) -> tuple[MonteCarlo, bool]:
+        """Return repeated experiments by a plan, and whether equilibria were held."""
+        places = np.asarray(self.positions[trial.support])
+        fitted, p = held(self.model, places), len(self.model.parameters)
+        experiment = FrfExperiment(fitted, places, self.omega, self.noise, trial.repetitions)
+        _ = experiment.response  # found here: the processes of a pool need not repeat it
+        found = monte_carlo(
+            experiment,
+            fitted,
+            rng=rng,
+            runs=self.runs,
+            methods=(),
+            executor=self.executor,
+            progress=progress,
+            store=store,
+        )
+        if len(found.estimates) < p + _SPARE:
+            raise SolverFailed(
+                f"plan {trial.name!r}: {len(found.estimates)} of {self.runs} simulated experiments "
+                f"could be fitted, {p + _SPARE} are needed; {found.failures[0]}"
+            )
+        return found, fitted is not self.model
+
+
+def _planned(info: Candidates, name: str, counts: IntArray) -> PlanTrial:
+    if counts.shape != (len(info),) or not counts.any() or (counts < 0).any():
+        raise InvalidInput(
+            f"plan {name!r}: experiments of shape {counts.shape}; whole numbers for each of "
+            f"{len(info)} candidates are needed, not all zero"
+        )
+    support = np.flatnonzero(counts)
+    total = info.combined(counts.astype(float))
+    trial = PlanTrial(name, read_only(support), read_only(counts[support]))
+    if names := unidentifiable(total, info.names):
+        return replace(trial, unidentified=names)
+    size = np.sqrt(np.diagonal(total))
+    covariance = np.linalg.inv(total / np.outer(size, size)) / np.outer(size, size)
+    promised = Uncertainty(info.names, covariance, "Theorem 1")
+    return replace(trial, information=read_only(total), promised=promised)
+
+
+def _judged(
+    criterion: str | Criterion, names: tuple[str, ...], trials: tuple[PlanTrial, ...], holds: bool
+) -> PlanComparison:
+    wanted = stated(criterion, names)
+    own, promised, found = trials[0], [], []
+    assert own.found is not None
+    assert own.information is not None
+    for trial in trials[1:]:
+        if trial.information is None or trial.found is None:
+            promised.append(0.0)
+            found.append((0.0, 0.0, 0.0))
+            continue
+        promised.append(wanted.efficiency(trial.information, own.information))
+        found.append(ratio_interval(wanted, trial.found, own.found, LEVEL))
+    efficiencies = np.array([(1.0, 1.0, 1.0), *found])
+    return PlanComparison(
+        criterion=wanted.name,
+        trials=trials,
+        promised=read_only(np.array([1.0, *promised])),
+        found=read_only(efficiencies[:, 0]),
+        interval=read_only(efficiencies[:, 1:]),
+        held=holds,
+    )

@@ -1,0 +1,203 @@
+"""What came of plans that were tried: each beside its promise, and beside the first one."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from estimators.uncertainty.covariance import Uncertainty
+from estimators.validation.monte_carlo import MonteCarlo
+from oed.criteria.objective import Objective
+from robotmodels.common.arrays import Array, BoolArray, IntArray
+from robotmodels.common.printing import Printed
+
+LEVEL = 0.95
+
+
+@dataclass(frozen=True, eq=False)
+class PlanTrial:
+    """A plan, what it promises and what repeated experiments by it gave.
+
+    Attributes
+    ----------
+    name : str
+        Name of the plan.
+    support, repetitions : ndarray of int, (k,)
+        Candidates it measures in, and experiments in each.
+    unidentified : tuple of str
+        Parameters that it leaves open; nothing was simulated if there are any.
+    information : ndarray or None, (p, p)
+        Information at the true values, what the plan promises; None if open.
+    promised : Uncertainty or None
+        Its covariance ([WM] Theorem 1); None if open.
+    found : MonteCarlo or None
+        Repeated experiments; None if open.
+    """
+
+    name: str
+    support: IntArray
+    repetitions: IntArray
+    unidentified: tuple[str, ...] = ()
+    information: Array | None = None
+    promised: Uncertainty | None = None
+    found: MonteCarlo | None = None
+
+    @property
+    def std(self) -> Array:
+        """Standard deviations of ln theta over the experiments, (p,); one infinity if open."""
+        if self.found is None:
+            return np.array([np.inf])
+        return self.found.uncertainty().std
+
+    def std_interval(self) -> Array:
+        """Return where each true standard deviation lies with 95 %, (p, 2), by chi square."""
+        if self.found is None:
+            return np.array([[np.inf, np.inf]])
+        return std_interval(self.std, len(self.found.estimates), LEVEL)
+
+
+@dataclass(frozen=True, eq=False)
+class PlanComparison(Printed):
+    """A plan against its rivals, the plan first.
+
+    Efficiencies say how many experiments of the plan are worth as much as one of a rival, by the
+    criterion; the plan's own is one.
+
+    Attributes
+    ----------
+    criterion : str
+        Its name.
+    trials : tuple of PlanTrial
+        K plans.
+    promised : ndarray, (K,)
+        Efficiencies by information.
+    found : ndarray, (K,)
+        Efficiencies by the scatter of repeated experiments; zero where a plan leaves parameters
+        open.
+    interval : ndarray, (K, 2)
+        Where the true ones lie with 95 %, each by itself, of normal estimates.
+    held : bool
+        Whether fits held the equilibria of the true values.
+    """
+
+    criterion: str
+    trials: tuple[PlanTrial, ...]
+    promised: Array
+    found: Array
+    interval: Array
+    held: bool
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the p parameters."""
+        own = self.trials[0].promised
+        assert own is not None  # else there would be no comparison
+        return own.names
+
+    @property
+    def beaten(self) -> tuple[str, ...]:
+        """Rivals that the plan beats by more than chance explains."""
+        return self._rivals(self.interval[:, 1] < 1)
+
+    @property
+    def better(self) -> tuple[str, ...]:
+        """Rivals that beat the plan by more than chance explains."""
+        return self._rivals(self.interval[:, 0] > 1)
+
+    def more_certain(self, rival: int) -> tuple[int, int, int]:
+        """Return how many parameters the plan makes more certain than a rival does.
+
+        The second number counts those where chance does not explain it (F test, 95 %), the third
+        those that a rival, by the same measure, makes more certain than the plan.
+        """
+        own, other = self.trials[0].found, self.trials[rival].found
+        assert own is not None
+        if other is None:
+            return len(self.names), len(self.names), 0
+        fewer = own.uncertainty().std < other.uncertainty().std
+        clear = clearly_smaller(own, other, LEVEL), clearly_smaller(other, own, LEVEL)
+        return int(fewer.sum()), int(clear[0].sum()), int(clear[1].sum())
+
+    def _rivals(self, which: BoolArray) -> tuple[str, ...]:
+        pairs = zip(self.trials[1:], which[1:], strict=True)
+        return tuple(trial.name for trial, chosen in pairs if chosen)
+
+    def __str__(self) -> str:
+        plan = self.trials[0]
+        assert plan.found is not None
+        rivals = len(self.trials) - 1
+        others = f", beaten by {', '.join(self.better) or 'none'}" * (len(self.beaten) < rivals)
+        lines = [
+            f"{plan.name} beats {len(self.beaten)} of {rivals} rivals by {self.criterion}{others}, "
+            f"{len(plan.found.estimates)} simulations each"
+        ]
+        for k, trial in enumerate(self.trials[1:], start=1):
+            low, high = self.interval[k]
+            lines.append(
+                f"  {trial.name:<12} worth {self.found[k]:.2f} ({low:.2f} to {high:.2f}), "
+                f"promised {self.promised[k]:.2f}"
+                if not trial.unidentified
+                else f"  {trial.name:<12} leaves open {', '.join(trial.unidentified)}"
+            )
+        return "\n".join(lines)
+
+
+DRAWS = 400
+"""Of a Wishart distribution: quantiles of 95 % to a tenth of the interval's width."""
+
+
+def std_interval(std: Array, samples: int, level: float) -> Array:
+    """Return where true standard deviations lie, (p, 2), given those of so many samples, (p,)."""
+    from scipy.stats import chi2
+
+    tails = np.array([(1 + level) / 2, (1 - level) / 2])
+    factors = np.sqrt((samples - 1) / chi2.ppf(tails, samples - 1))
+    return np.asarray(std[:, None] * factors)
+
+
+def clearly_smaller(one: MonteCarlo, other: MonteCarlo, level: float) -> BoolArray:
+    """Return which standard deviations of one are below the other's by more than chance, (p,).
+
+    By the F test of two variances; chance finds one as clear in a share 1 - `level` of cases.
+    """
+    from scipy.stats import f
+
+    samples = len(one.estimates) - 1, len(other.estimates) - 1
+    ratio = (one.uncertainty().std / other.uncertainty().std) ** 2
+    return np.asarray(ratio < f.ppf(1 - level, *samples))
+
+
+def ratio_interval(
+    objective: Objective, one: MonteCarlo, other: MonteCarlo, level: float
+) -> tuple[float, float, float]:
+    """Return the efficiency of one scatter against another, and the ends of its interval.
+
+    Efficiencies are the criterion's, of the inverse sample covariances. Their errors are those of
+    draws from Wishart distributions about the samples (a parametric bootstrap; for D exact), whose
+    median is taken away.
+    """
+    rng = np.random.default_rng(0)  # of the method, not of the experiments
+    errors = _errors(objective, one, rng) - _errors(objective, other, rng)
+    values = [_log_value(objective, mc.uncertainty().covariance) for mc in (one, other)]
+    apart = values[0] - values[1]
+    low, middle, high = np.quantile(errors, [(1 - level) / 2, 0.5, (1 + level) / 2])
+    value, lower, upper = np.exp([apart - middle, apart - high, apart - low])
+    return float(value), float(lower), float(upper)
+
+
+def _log_value(objective: Objective, covariance: Array) -> float:
+    return objective.log_value(np.asarray(np.linalg.inv(covariance)))
+
+
+def _errors(objective: Objective, found: MonteCarlo, rng: np.random.Generator) -> Array:
+    """Return what sampling adds to the log value, (DRAWS,)."""
+    covariance, n = found.uncertainty().covariance, len(found.estimates)
+    p = len(covariance)
+    # Bartlett's decomposition of Wishart matrices of n - 1 degrees of freedom.
+    triangles = np.tril(rng.standard_normal((DRAWS, p, p)), -1)
+    triangles[:, np.arange(p), np.arange(p)] = np.sqrt(
+        rng.chisquare(n - 1 - np.arange(p), (DRAWS, p))
+    )
+    roots = np.linalg.cholesky(covariance) @ triangles / np.sqrt(n - 1)
+    informations = np.linalg.inv(roots @ np.swapaxes(roots, -1, -2))
+    values = np.array([objective.log_value(one) for one in informations])
+    return np.asarray(values - _log_value(objective, covariance))

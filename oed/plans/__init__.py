@@ -1,1 +1,0 @@
-"""Whole plans: how many experiments go where, in which order, and what comes next."""

@@ -1,0 +1,170 @@
+"""The section ``candidates`` of a study file: where the robot may be put, and what is in the way.
+
+    candidates:
+      per_joint: {elbow_joint: 5}                # grid: points per joint, one if not named
+      limits: {elbow_joint: [-2.5, 2.5]}         # narrower ranges [rad; m]
+      sobol: 2048                                # points that fill the ranges evenly
+      boxes:                                     # points that a tool is to reach
+        - {link: tool0, low: [0.4, -0.3, 0.2], high: [0.8, 0.3, 0.6], points: [3, 3, 3]}
+      positions: [[0.0, -1.2, 0.4]]              # by hand
+      files: [taught.csv]                        # lists of positions
+      floor: 0.0                                 # height above the root link's origin [m]
+      obstacles:                                 # in the root link's frame [m, rad]
+        - {name: wall, normal: [1, 0, 0], offset: -0.8}
+        - {name: table, center: [0.9, 0, 0.2], size: [0.6, 1.2, 0.4]}
+        - {name: lamp, center: [0, 0.9, 1.2], radius: 0.2}
+      self_collision: true                       # default where floor or obstacles are given
+      link_radius: 0.08                          # of links without collision shapes [m]
+      margin: 0.02                               # distance to keep [m]
+      ignored: [[link1, link3]]                  # pairs of links that may touch
+      torque: [9.0, 9.0, 9.0, 1.9, 2.0, 0.6]     # that may hold the arm, on the motor shafts [N m]
+
+Without a source it is the usual joint grid.
+"""
+
+import math
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Self
+
+from pydantic import Field, model_validator
+
+from robotmodels.common.errors import InvalidInput
+from robotmodels.common.progress import Progress
+from robotmodels.common.yaml_files import Strict
+from robotmodels.description.ranges import Coordinate, JointLimit, Length, Positive, Vector
+
+if TYPE_CHECKING:
+    from oed.candidates.screening import ScreenedCandidates
+    from robotmodels import ElasticRobot
+    from robotmodels.collision.obstacles import Obstacle
+
+MOST_CANDIDATES = 5_000_000
+"""Their positions stay in memory: 240 MB of six joints."""
+
+Points = Annotated[int, Field(ge=1, le=MOST_CANDIDATES)]
+
+
+class ObstacleChoice(Strict):
+    """A plane (normal, offset), a box (center, size, rpy) or a sphere (center, radius)."""
+
+    name: str
+    normal: Vector | None = None
+    offset: Coordinate | None = None
+    center: Vector | None = None
+    size: Vector | None = None
+    rpy: Vector | None = None
+    radius: Length | None = None
+
+    @model_validator(mode="after")
+    def _one_shape(self) -> Self:
+        given = self.model_fields_set - {"name"}
+        shapes = ({"normal", "offset"}, {"center", "size"}, {"center", "radius"})
+        if given - {"rpy"} not in shapes or ("rpy" in given and "size" not in given):
+            raise ValueError(
+                f"obstacle {self.name!r}: {', '.join(sorted(given)) or 'nothing'} given; a plane "
+                "has normal and offset, a box center, size and rpy, a sphere center and radius"
+            )
+        return self
+
+    def obstacle(self) -> "Obstacle":
+        """Return the obstacle."""
+        from robotmodels.collision.obstacles import Box, Plane, Sphere
+
+        if self.normal is not None and self.offset is not None:
+            return Plane(self.name, self.normal, self.offset)
+        center = self.center or (0.0, 0.0, 0.0)
+        if self.size is not None:
+            return Box(self.name, center, self.size, self.rpy or (0.0, 0.0, 0.0))
+        return Sphere(self.name, center, self.radius or 0.0)
+
+
+class BoxChoice(Strict):
+    """Points in a box that a tool is to reach, see `oed.candidates.task_space.TaskBox`."""
+
+    link: str
+    low: Vector
+    high: Vector
+    points: tuple[Points, Points, Points]
+    direction: Vector | None = None
+    at: Vector = (0.0, 0.0, 0.0)
+    axis: Vector = (0.0, 0.0, 1.0)
+    solutions: Annotated[int, Field(ge=1, le=100)] = 4
+
+
+class Candidates(Strict):
+    """Sources of candidate positions, and what the robot must not touch."""
+
+    per_joint: Annotated[dict[str, Points], Field(min_length=1)] | None = None
+    limits: dict[str, tuple[JointLimit, JointLimit]] = {}
+    sobol: Points | None = None
+    boxes: tuple[BoxChoice, ...] = ()
+    positions: tuple[tuple[Coordinate, ...], ...] = ()
+    files: tuple[Path, ...] = ()
+    floor: Coordinate | None = None
+    obstacles: Annotated[tuple[ObstacleChoice, ...], Field(max_length=1000)] = ()
+    self_collision: bool | None = None
+    link_radius: Length | None = None
+    margin: Annotated[float, Field(ge=0, le=1e4)] = 0.0
+    ignored: tuple[tuple[str, str], ...] = ()
+    torque: Positive | tuple[Positive, ...] | None = None
+
+    @model_validator(mode="after")
+    def _not_too_many(self) -> Self:
+        boxed = sum(math.prod(box.points) * box.solutions for box in self.boxes)
+        grid = 0 if self.per_joint is None else math.prod(self.per_joint.values())
+        number = grid + boxed + (self.sobol or 0)
+        if number > MOST_CANDIDATES:
+            key = "per_joint" if grid > MOST_CANDIDATES else "candidates"
+            raise ValueError(f"{key}: {number} positions; at most {MOST_CANDIDATES} fit")
+        return self
+
+    @property
+    def compares_shapes(self) -> bool:
+        """Whether collisions are checked, with the shapes and meshes of the URDF."""
+        return self._own_links or bool(self.obstacles) or self.floor is not None
+
+    @property
+    def _own_links(self) -> bool:
+        if self.self_collision is None:
+            return bool(self.obstacles) or self.floor is not None
+        return self.self_collision
+
+    def gathered(
+        self, robot: "ElasticRobot", progress: Progress | None = None
+    ) -> "ScreenedCandidates":
+        """Return the candidates that `robot` can take.
+
+        Raises
+        ------
+        InvalidInput
+            As `oed.candidates.sources.gathered_candidates`.
+        """
+        from oed.candidates.sources import Workcell, gathered_candidates
+        from oed.candidates.task_space import TaskBox
+
+        cell = Workcell(
+            floor=self.floor,
+            obstacles=[choice.obstacle() for choice in self.obstacles],
+            self_collision=self._own_links,
+            link_radius=self.link_radius,
+            margin=self.margin,
+            ignored=self.ignored,
+            torque_limits=self.torque,
+        )
+        try:
+            return gathered_candidates(
+                robot,
+                per_joint=self.per_joint,
+                limits=self.limits,
+                sobol=self.sobol or 0,
+                boxes=[TaskBox(**box.model_dump()) for box in self.boxes],
+                files=self.files,
+                listed=self.positions,
+                workcell=cell,
+                progress=progress,
+            )
+        except InvalidInput as error:
+            # Of arguments that are this section's keys; files are named by their paths.
+            said = str(error).replace("torque_limits", "torque", 1)
+            section = "candidates." if said.startswith(tuple(type(self).model_fields)) else ""
+            raise InvalidInput(section + said) from error

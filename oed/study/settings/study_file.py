@@ -1,0 +1,291 @@
+"""The schema of a study file: which robot, where it may be put, how to measure and to fit.
+
+    schema: study/1
+    robot: ur10                  # a built-in robot, or the path of a robot file
+    truth: hardening.yaml        # left out: the same; the robot that the data are simulated with
+    seed: 1                      # of all that is random
+    frequencies:                 # of the design and of data simulated by the noise law
+      low: 2.0                   # [Hz]
+      high: 80.0                 # [Hz]
+      count: 80                  # how many
+      spacing: log               # or linear
+    noise:                       # standard deviations of an element of an FRF
+      relative: 0.03             # part of the element
+      floor: 0.01                # part of the largest element at that frequency
+    candidates: {...}            # positions to choose from, `candidates_settings`
+    design: {...}                # what is wanted and what limits it, `design_settings`
+    compare:                     # the plan in repeated simulations, beside rivals
+      random: 5                  # so many plans of as many visits to random candidates
+      grid: {elbow_joint: 5}     # a grid by hand; left out: spread evenly over all joints' ranges
+      runs: 200                  # simulations of each plan; 0: no comparison
+    data:                        # left out: FRFs with that noise; one of the first three
+      experiment: {...}          # simulated in closed loop, keys as in an experiment file
+      records: records.h5        # measured torques and angles
+      frf: frf.h5                # measured FRFs
+      method: ari                # or har, log, h1, jio: of the FRFs from records
+      covariance: total          # or noise, which misses distortion
+      structure: diagonal        # or full, over the elements of an FRF
+      delay: 0.0                 # of the angles after the torques, in records [s]
+      hold: true                 # whether torques of records are held, as commanded ones are
+    fit:                         # from several starts, by several estimators
+      starts: 4                  # the same for all estimators,
+      decades: 0.3               # each value multiplied by 10^U(-0.3, 0.3)
+      residuals: [lls, nls]      # lls with user weights, nls with optimal ones
+      estimators:                # in place of residuals: each with its weights and positions
+        - {name: LLS15U, residual: lls, weights: user}
+        - {name: LLS1U, residual: lls, weights: user, positions: best}    # or all, or [0, 3]
+      user_weights: {diagonal: 1.0, off_diagonal: 0.1, low: 3.0}    # zero below `low` [Hz]
+      result: LLS15U             # left out: the likelihood, from where the estimators ended
+    posterior:                   # sampled by emcee
+      ensembles: 4               # independent ones, which R-hat compares
+      walkers: 64                # in each, at least twice the number of parameters
+      steps: 20000               # at most, of each walker
+      r_hat: 1.01                # below which sampling may stop
+      ess: 4000                  # effective draws above which sampling may stop
+    profiles: 3                  # likelihoods, of so many of the least certain parameters
+    validation: {count: 3}       # positions that check predictions; left out: none. Of measured
+                                 # data  {positions: [0, 4]}  or  {share: 0.2},  then not fitted
+    compare_with: wernholt_moberg_2008    # left out, except to repeat the study of that paper
+    rival: {starts: 3, decades: [0.1, 1.0]}    # with it: fits in time, a case of their own
+    output: ../out/ur10          # relative to this file, as every path in it
+
+With measured data, the positions are those of the data: `candidates` is left out, and `design` but
+for `tolerance` and `solver` of the optimum over the positions measured. Plans are compared where
+data are simulated by the noise law; where `compare` is given, with others too, but always with FRFs
+of `robot` and errors by the noise law. Limits of the design bind the plan, not its rivals.
+"""
+
+import math
+from pathlib import Path
+from typing import Annotated, Literal, Self
+
+import numpy as np
+from pydantic import Field, model_validator
+
+from oed.experiment.experiment_file import Shaking
+from oed.study.settings.candidates_settings import Candidates
+from oed.study.settings.design_settings import DesignChoice
+from oed.study.settings.fit_settings import FitChoice
+from oed.study.settings.replication_settings import ESTIMATORS, RivalChoice
+from robotmodels.common.arrays import Array
+from robotmodels.common.file_paths import existing_file, output_folder, robot_reference
+from robotmodels.common.yaml_files import Strict, read_yaml
+from robotmodels.description.ranges import Count, Hertz, Index, Positive, Seed
+from robotmodels.linear.noise import RelativeNoise
+
+MOST_DRAWS = 10**9
+"""Steps of all walkers of a posterior; a thousandth of them takes some minutes."""
+
+
+class Frequencies(Strict):
+    """The frequency grid [Hz], ends included."""
+
+    low: Hertz
+    high: Hertz
+    count: Annotated[int, Field(ge=1, le=10_000)]
+    spacing: Literal["log", "linear"] = "log"
+
+    @model_validator(mode="after")
+    def _rising(self) -> Self:
+        if self.high <= self.low:
+            raise ValueError(f"high ({self.high:g} Hz) must be above low ({self.low:g} Hz)")
+        return self
+
+    def omega(self) -> Array:
+        """Return the grid, (F,) [rad/s]."""
+        space = np.geomspace if self.spacing == "log" else np.linspace
+        return np.asarray(2 * math.pi * space(self.low, self.high, self.count))
+
+
+class Noise(Strict):
+    """The noise law of `RelativeNoise`: parts of the element and of the largest element [-]."""
+
+    relative: Annotated[float, Field(ge=0, le=1e3)]
+    floor: Annotated[float, Field(ge=0, le=1e3)]
+
+    @model_validator(mode="after")
+    def _positive(self) -> Self:
+        if max(self.relative, self.floor) < 1e-9:
+            raise ValueError(
+                "relative and floor are both zero; one must be positive, 1e-9 at least"
+            )
+        return self
+
+    def law(self) -> RelativeNoise:
+        """Return the noise law."""
+        return RelativeNoise(relative=self.relative, floor=self.floor)
+
+
+class DataChoice(Strict):
+    """Where the FRFs come from; from the noise law where none of the first three is given."""
+
+    experiment: Shaking | None = None
+    records: Path | None = None
+    frf: Path | None = None
+    method: Literal["ari", "har", "log", "h1", "jio"] = "ari"
+    covariance: Literal["total", "noise"] = "total"
+    structure: Literal["diagonal", "full"] = "diagonal"
+    delay: Annotated[float, Field(ge=-1e3, le=1e3)] = 0.0
+    hold: bool = True
+
+    @model_validator(mode="after")
+    def _one_source(self) -> Self:
+        given = [k for k in ("experiment", "records", "frf") if getattr(self, k) is not None]
+        if len(given) > 1:
+            raise ValueError(f"{' and '.join(given)} given; one of them is needed")
+        return self
+
+    @property
+    def measured(self) -> bool:
+        """Whether the data come from files."""
+        return self.records is not None or self.frf is not None
+
+
+class PosteriorChoice(Strict):
+    """Independent ensembles of emcee walkers, and when they have done enough steps.
+
+    They stop when R-hat is at most `r_hat` and the effective sample size of every parameter at
+    least `ess`, or after `steps` each.
+    """
+
+    ensembles: Annotated[int, Field(ge=2, le=64)] = 4
+    walkers: Annotated[int, Field(ge=1, le=10_000)] = 64
+    steps: Annotated[int, Field(ge=1, le=10_000_000)] = 20_000
+    r_hat: Annotated[float, Field(gt=1, le=10)] = 1.01
+    ess: Positive = 4000.0
+
+    @model_validator(mode="after")
+    def _not_too_long(self) -> Self:
+        draws = self.ensembles * self.walkers * self.steps
+        if draws > MOST_DRAWS:
+            raise ValueError(
+                f"steps: {draws:.3g} steps of all walkers; at most {MOST_DRAWS:.3g} can be taken"
+            )
+        return self
+
+
+class ValidationChoice(Strict):
+    """Which positions check predictions instead of being fitted.
+
+    Of simulated data `count` candidates that the plan does not use; of measured data some of their
+    positions, counted from 0, or a share of them drawn at random.
+    """
+
+    count: Count | None = None
+    positions: Annotated[tuple[Index, ...], Field(min_length=1)] | None = None
+    share: Annotated[float, Field(gt=0, lt=1)] | None = None
+
+    @model_validator(mode="after")
+    def _one(self) -> Self:
+        given = [k for k in ("count", "positions", "share") if getattr(self, k) is not None]
+        if len(given) != 1:
+            found = " and ".join(given) or "none of count, positions and share"
+            raise ValueError(f"{found} given; one of them is needed")
+        return self
+
+
+class CompareChoice(Strict):
+    """Rivals of the plan, and how many experiments are simulated by each plan."""
+
+    random: Annotated[int, Field(ge=0, le=100)] = 3
+    grid: Annotated[dict[str, Annotated[int, Field(ge=1, le=1000)]], Field(min_length=1)] | None = (
+        None
+    )
+    runs: Annotated[int, Field(ge=0, le=100_000)] | None = None
+
+
+class Study(Strict):
+    """A study file, ``schema: study/1``; paths in it are relative to the file."""
+
+    schema_: Literal["study/1"] = Field(alias="schema")
+    robot: str
+    truth: str | None = None
+    seed: Seed = 1
+    frequencies: Frequencies | None = None
+    noise: Noise | None = None
+    candidates: Candidates | None = None
+    design: DesignChoice = DesignChoice()
+    data: DataChoice = DataChoice()
+    fit: FitChoice = FitChoice()
+    compare: CompareChoice = CompareChoice()
+    posterior: PosteriorChoice = PosteriorChoice()
+    profiles: Annotated[int, Field(ge=0, le=1000)] = 3
+    validation: ValidationChoice | None = None
+    compare_with: Literal["wernholt_moberg_2008"] | None = None
+    rival: RivalChoice | None = None
+    output: Path
+
+    @model_validator(mode="after")
+    def _data_or_candidates(self) -> Self:
+        needed = ("candidates", "frequencies", "noise")
+        given = [key for key in needed if getattr(self, key) is not None]
+        if self.data.measured:
+            optional = [key for key in ("truth", "compare") if key in self.model_fields_set]
+            design = sorted(self.design.model_fields_set - {"tolerance", "solver"})
+            useless = [*given, *optional, *(f"design.{key}" for key in design)]
+            if useless:
+                raise ValueError(
+                    f"{useless[0]}: of no use with measured data, whose positions, frequencies "
+                    "and noise are their own; leave it out"
+                )
+            return self._checks("positions or share", ("positions", "share"))
+        missing = [key for key in needed if key not in given]
+        if missing:
+            raise ValueError(f"missing key {missing[0]!r}")
+        return self._checks("count", ("count",))
+
+    def _checks(self, needed: str, keys: tuple[str, ...]) -> Self:
+        """Refuse a validation for data of another kind."""
+        chosen = self.validation
+        if chosen is not None and all(getattr(chosen, key) is None for key in keys):
+            kind = "measured" if self.data.measured else "simulated"
+            raise ValueError(f"validation: {needed} is needed for {kind} data")
+        return self
+
+    @property
+    def compares(self) -> bool:
+        """Whether the plan is compared with rivals in simulated experiments."""
+        if self.data.measured or self.compare.runs == 0:
+            return False
+        by_law = self.data.experiment is None and self.truth is None
+        return by_law or "compare" in self.model_fields_set
+
+    @model_validator(mode="after")
+    def _six_estimators(self) -> Self:
+        if self.rival is not None and self.compare_with is None:
+            raise ValueError("rival: it belongs to a study with compare_with; leave it out")
+        names = [estimator.name for estimator in self.fit.used]
+        missing = [name for name in ESTIMATORS if name not in names]
+        if self.compare_with is not None and missing:
+            raise ValueError(
+                f"compare_with: {self.compare_with} needs the estimators {', '.join(ESTIMATORS)}; "
+                f"{', '.join(missing)} missing in fit.estimators"
+            )
+        return self
+
+
+def load_study(path: str | Path) -> Study:
+    """Read a study file; the paths inside it become absolute.
+
+    Raises
+    ------
+    InvalidInput
+        If the file is absent, is not YAML, or does not fit the schema; the key is named.
+    """
+    path = Path(path)
+    study = read_yaml(path, Study)
+    files = {
+        key: existing_file(path, f"data.{key}", file)
+        for key in ("records", "frf")
+        if (file := getattr(study.data, key)) is not None
+    }
+    changed: dict[str, object] = {
+        "output": output_folder(path, study.output),
+        "robot": robot_reference(path, study.robot),
+        "truth": None if study.truth is None else robot_reference(path, study.truth),
+        "data": study.data.model_copy(update=files),
+    }
+    if study.candidates is not None:
+        lists = [existing_file(path, "candidates.files", file) for file in study.candidates.files]
+        changed["candidates"] = study.candidates.model_copy(update={"files": tuple(lists)})
+    return study.model_copy(update=changed)

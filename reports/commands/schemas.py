@@ -1,0 +1,87 @@
+"""JSON Schemas of the files that people write, with a description of each key."""
+
+import inspect
+import re
+from types import ModuleType
+from typing import Any
+
+from robotmodels.common.errors import InvalidInput, nearest
+from robotmodels.common.yaml_files import Strict
+
+KINDS = ("study", "experiment", "robot")
+
+Words = dict[tuple[str, ...], str]
+"""Descriptions by the keys that lead to a key."""
+
+_KEY = re.compile(r"(?P<indent> *)(?P<off># )?(?P<key>[a-z_]+):(?P<rest>.*)")
+
+
+def json_schema(kind: str) -> dict[str, Any]:
+    """Return the JSON Schema (draft 2020-12) of a study, an experiment or a robot file.
+
+    Raises
+    ------
+    InvalidInput
+        For another kind of file.
+    """
+    from oed.experiment import experiment_file as experiment
+    from oed.study.settings import candidates_settings, design_settings
+    from oed.study.settings import study_file as study
+    from robotmodels.description import robot_file
+
+    shaken = key_words(experiment)
+    kinds: dict[str, tuple[type[Strict], Words]] = {
+        "study": (
+            study.Study,
+            key_words(study)
+            | key_words(candidates_settings)
+            | key_words(design_settings)
+            | {("data", "experiment", *keys): words for keys, words in shaken.items()},
+        ),
+        "experiment": (experiment.Experiment, shaken),
+        "robot": (robot_file.RobotFile, key_words(robot_file)),
+    }
+    if kind not in kinds:
+        raise InvalidInput(f"{kind!r} is not a kind of file{nearest(kind, KINDS)}")
+    model, words = kinds[kind]
+    schema: dict[str, Any] = model.model_json_schema(by_alias=True)
+    _describe(schema, schema.get("$defs", {}), words, ())
+    return {"$schema": "https://json-schema.org/draft/2020-12/schema"} | schema
+
+
+def key_words(module: ModuleType) -> Words:
+    """Return what the comments of the commented file in a module's docstring say of its keys."""
+    found: Words = {}
+    within: list[tuple[int, str]] = []  # keys of the line and above it, with their indentation
+    for line in (inspect.getdoc(module) or "").splitlines():
+        if not line.startswith("    "):
+            continue
+        if key := _KEY.fullmatch(line):
+            indent = len(key["indent"])
+            within = [(depth, name) for depth, name in within if depth < indent]
+            within.append((indent, key["key"]))
+            # A key that is commented out has its words behind its value too.
+            value, *comment = re.split(
+                r" {3,}" if key["off"] else r"\s#\s", key["rest"], maxsplit=1
+            )
+            words = "".join(comment).strip()
+            words = f"{value.strip()} {words}" if words.startswith("or ") else words
+        elif line.lstrip().startswith("# "):  # goes on
+            words = line.lstrip()[2:].strip()
+        else:
+            continue
+        keys = tuple(name for _, name in within)
+        found[keys] = f"{found.get(keys, '')} {words}".strip()
+    return {keys: words.rstrip(",;: ") for keys, words in found.items() if words}
+
+
+def _describe(
+    node: dict[str, Any], models: dict[str, Any], words: Words, at: tuple[str, ...]
+) -> None:
+    """Write descriptions into the properties of `node`, which lies under the keys `at`."""
+    for name, content in node.get("properties", {}).items():
+        keys = (*at, name)
+        if keys in words:
+            content.setdefault("description", words[keys])
+        for reference in re.findall(r"'#/\$defs/(\w+)'", str(content)):
+            _describe(models[reference], models, words, keys)

@@ -1,1 +1,0 @@
-"""Figures: each function returns a drawing that a page shows as SVG."""

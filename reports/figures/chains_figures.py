@@ -1,0 +1,103 @@
+"""Figures of identified chains: poles and zeros under each motor's own FRF."""
+
+from collections.abc import Callable
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullFormatter
+
+from estimators.chains.modal_model import modal_response
+from estimators.chains.modes import FittedModes
+from reports.figures.frf_figures import decibels
+from reports.figures.svg import Palette
+from reports.text import fixed
+from robotmodels.common.arrays import Array, ComplexArray
+
+_COLUMNS = 3
+_POINTS = 800  # of a model's curve
+_FEW = 60  # measured points that larger dots show better
+
+
+def pole_zero_panels(
+    modes: FittedModes, omega: Array, response: ComplexArray
+) -> Callable[[Palette], Figure]:
+    """Return each chain's own FRF, measured and of the modes, with its poles and zeros.
+
+    Parameters
+    ----------
+    modes : FittedModes
+        Modes that were fitted.
+    omega : ndarray, (F,), rad/s
+        Angular frequencies, lines left out included.
+    response : ndarray of complex, (F, M, M)
+        Measured FRFs, lines left out included.
+    """
+    dense = np.geomspace(omega[0], omega[-1], _POINTS)
+    own = np.diagonal(modal_response(modes.x, modes.layout, dense), axis1=1, axis2=2)
+    fitted = decibels(np.abs(own))
+
+    def draw(palette: Palette) -> Figure:
+        figure, panels = _canvas(response.shape[1])
+        for i, axes in enumerate(panels[: response.shape[1]]):
+            _curve(axes, omega, response[:, i, i], palette)
+            axes.plot(dense / (2 * np.pi), fitted[:, i], color=palette.second, lw=0.7)
+            low, high = axes.get_ylim()
+            places = (
+                (modes.omega, "x", palette.ink, low + 0.10 * (high - low)),
+                (modes.zeros[i], "o", palette.accent, low + 0.04 * (high - low)),
+            )
+            for where, marker, colour, height in places:
+                x = where / (2 * np.pi)
+                (marks,) = axes.plot(
+                    x, np.full(len(x), height), marker, color=colour, ms=4, mew=0.9
+                )
+                marks.set_markerfacecolor("none")
+            axes.set_ylim(low, high)
+            axes.set_title(f"chain {i + 1}")
+        return figure
+
+    return draw
+
+
+def found_panels(omega: Array, response: ComplexArray, found: Array) -> Callable[[Palette], Figure]:
+    """Return each chain's own FRF with the resonances that were found, (k,) [rad/s]."""
+
+    def draw(palette: Palette) -> Figure:
+        figure, panels = _canvas(response.shape[1])
+        for i, axes in enumerate(panels[: response.shape[1]]):
+            _curve(axes, omega, response[:, i, i], palette)
+            for place in found / (2 * np.pi):
+                axes.axvline(place, color=palette.second, lw=0.8, zorder=0)
+            axes.set_title(f"chain {i + 1}")
+        return figure
+
+    return draw
+
+
+def _canvas(chains: int) -> tuple[Figure, list[Axes]]:
+    columns = min(chains, _COLUMNS)
+    rows = -(-chains // columns)
+    width = 6.2 if columns == 1 else 0.9 + (3.4 if columns == 2 else 2.9) * columns
+    figure = Figure(figsize=(width, 0.5 + 2.3 * rows), layout="constrained")
+    panels = figure.subplots(rows, columns, sharex=True, squeeze=False)
+    for axes in panels.flat[chains:]:
+        axes.set_axis_off()
+    figure.supxlabel("frequency [Hz]", size=9)
+    figure.supylabel("dB of 1 rad/s² per N m", size=9)
+    return figure, list(panels.flat)
+
+
+def _curve(axes: Axes, omega: Array, response: ComplexArray, palette: Palette) -> None:
+    axes.grid(True)
+    axes.set_axisbelow(True)
+    size = 3 if len(omega) > _FEW else 6
+    axes.plot(
+        omega / (2 * np.pi), decibels(np.abs(response)), ".", color=palette.accent, ms=size, mew=0
+    )
+    axes.set_xscale("log")
+    axes.xaxis.set_major_locator(LogLocator(subs=(1, 2, 5)))
+    axes.xaxis.set_major_formatter(FuncFormatter(lambda x, _: f"{x:g}"))
+    axes.xaxis.set_minor_formatter(NullFormatter())
+    axes.yaxis.set_major_locator(MaxNLocator(5))
+    axes.yaxis.set_major_formatter(FuncFormatter(lambda y, _: fixed(y, 0)))

@@ -1,0 +1,205 @@
+"""Sections, figures and tables of a page, and the templates that make one file of them."""
+
+import json
+import re
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import asdict, dataclass
+from functools import cache
+from importlib.resources import files
+from typing import Literal
+
+import jinja2
+from markupsafe import Markup
+from matplotlib.figure import Figure as MatplotlibFigure
+
+from reports import text
+from reports.figures.svg import LIGHT, Palette, inline
+
+Drawing = Callable[[Palette], MatplotlibFigure]
+
+
+@dataclass(frozen=True)
+class Section:
+    """A part of a page with a heading of its own and a place in the contents."""
+
+    id: str
+    title: str
+    body: Markup
+
+
+@dataclass(frozen=True)
+class Figure:
+    """A drawing on a page.
+
+    Attributes
+    ----------
+    id : str
+        Id on the page, and name of the file when it is downloaded.
+    drawing : Markup
+        Inline SVG, or a picture.
+    caption : str
+        Below it; a template may say more.
+    label : str
+        Label of one of several figures to choose from.
+    wide : bool
+        Whether it may be wider than text.
+    """
+
+    id: str
+    drawing: Markup
+    caption: str = ""
+    label: str = ""
+    wide: bool = False
+
+    @property
+    def format(self) -> str:
+        """What a download gives."""
+        return "PNG" if self.drawing.startswith("<img") else "SVG"
+
+
+def figure(
+    id: str, draw: Drawing, alt: str, *, caption: str = "", label: str = "", wide: bool = False
+) -> Figure:
+    """Return a drawing for a page; `alt` says what is to be seen."""
+    return Figure(id, inline(draw, f"in-{id}", alt), caption, label, wide)
+
+
+@dataclass(frozen=True)
+class Number:
+    """A number as it is shown, and as it sorts and is downloaded.
+
+    Attributes
+    ----------
+    struck : str
+        Why it must not be quoted: it is struck out then, here and in downloads.
+    """
+
+    text: str
+    value: float
+    struck: str = ""
+
+    @property
+    def exact(self) -> str:
+        """The value to eight digits."""
+        return f"{self.value:.8g}"
+
+
+Cell = str | Number
+Row = Sequence[Cell]
+
+
+@dataclass(frozen=True)
+class Column:
+    """A column of a table.
+
+    Attributes
+    ----------
+    title : str
+        Its heading.
+    kind : {"n", "u", "words", ""}
+        n for numbers, u for units, words for text that wraps, nothing for names.
+    code : bool
+        Whether its entries are names in a file.
+    """
+
+    title: str
+    kind: Literal["n", "u", "words", ""] = ""
+    code: bool = False
+
+    @property
+    def heading(self) -> str:
+        """The title, its unit on one line."""
+        return re.sub(r"\[.*?\]", lambda unit: unit[0].replace(" ", "\u00a0"), self.title)
+
+
+@dataclass(frozen=True)
+class Table:
+    """A table that sorts and can be downloaded; rows come in groups, one without a name or more."""
+
+    id: str
+    caption: str
+    columns: tuple[Column, ...]
+    groups: tuple[tuple[str, tuple[tuple[Cell, ...], ...]], ...]
+
+
+def table(
+    id: str, caption: str, columns: Sequence[Column], rows: Iterable[Sequence[Cell]]
+) -> Table:
+    """Return a table of one group."""
+    return Table(id, caption, tuple(columns), (("", tuple(tuple(row) for row in rows)),))
+
+
+def numbers(*titles: str) -> list[Column]:
+    """Return columns of numbers."""
+    return [Column(title, "n") for title in titles]
+
+
+def page(
+    title: str,
+    kind: str,
+    kicker: str,
+    lead: str,
+    sections: Sequence[Section],
+    banner: Markup = Markup(),  # noqa: B008
+) -> str:
+    """Return an HTML page that needs nothing else: style and controls are inside.
+
+    Parameters
+    ----------
+    title : str
+        Heading, usually a robot's name.
+    kind : str
+        What the page is about, in the window's title.
+    kicker, lead : str
+        A line above the heading and one below it.
+    sections : sequence of Section
+        Sections in the order of the contents.
+    banner : Markup
+        Below the lead, before the contents.
+    """
+    return (
+        _environment(html=True)
+        .get_template("base.html.j2")
+        .render(
+            title=title,
+            kind=kind,
+            kicker=kicker,
+            lead=lead,
+            sections=sections,
+            banner=banner,
+            style=Markup(_file("report.css")),
+            script=Markup(_file("report.js") + _file("robots.js")),
+            light=Markup(json.dumps(asdict(LIGHT))),
+        )
+    )
+
+
+def filled(template: str, **contents: object) -> Markup:
+    """Return a template of this package filled in, as HTML.
+
+    It finds `text`, the formatting functions, and `parts`, macros for figures and tables.
+    """
+    environment = _environment(html=True)
+    parts = environment.get_template("parts.html.j2").module
+    return Markup(environment.get_template(template).render(text=text, parts=parts, **contents))
+
+
+def filled_text(template: str, **contents: object) -> str:
+    """Return a template of this package filled in, as plain text."""
+    return _environment(html=False).get_template(template).render(**contents)
+
+
+def _file(name: str) -> str:
+    return files("reports.templates").joinpath(name).read_text(encoding="utf-8")
+
+
+@cache  # it keeps what it has compiled
+def _environment(html: bool) -> jinja2.Environment:
+    return jinja2.Environment(
+        loader=jinja2.PackageLoader("reports", "templates"),
+        autoescape=html,
+        undefined=jinja2.StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+        keep_trailing_newline=not html,
+    )

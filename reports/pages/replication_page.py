@@ -1,0 +1,161 @@
+"""The page that puts a study beside the one of Wernholt and Moberg (2008)."""
+
+from pathlib import Path
+
+import numpy as np
+
+import robotmodels
+from oed.replication.replicate import Published
+from oed.replication.time_domain_comparison import Rivalry
+from oed.study.results import StudyResults
+from oed.study.settings.replication_settings import ESTIMATORS
+from oed.study.stages.fit_stages import positions_of
+from reports.figures import replication_figures as figures
+from reports.figures.response_panels import response_panels
+from reports.page_elements import Figure, Section, figure, filled, page
+from reports.pages import replication_tables as tables
+from robotmodels.common.atomic_files import write_text
+
+_ELEMENT = 3
+"""Figure 8 shows element (4,4), or the last one."""
+
+
+def write_published(results: StudyResults, published: Published, path: Path) -> None:
+    """Write the comparison as one HTML file."""
+    content = page(
+        title=f"{results.robot.name} and an ABB IRB6600",
+        kind="a published study repeated",
+        kicker="Wernholt and Moberg (2008), section 6, repeated in simulation",
+        lead=(
+            "Six estimators, the same perturbed starts, one cost to judge all models; the paper's "
+            "numbers beside those found here."
+        ),
+        sections=[
+            _conclusions(results, published),
+            _models(results, published),
+            _parameters(results, published),
+            _responses(results, published),
+            *([] if published.rivalry is None else [_rival(published.rivalry, results)]),
+        ],
+    )
+    write_text(path, content)
+
+
+def _conclusions(results: StudyResults, published: Published) -> Section:
+    body = filled(
+        "published_conclusions.html.j2",
+        results=results,
+        published=published,
+        models=published.evaluation.user.size,
+    )
+    return Section("conclusions", "Conclusions", body)
+
+
+def _models(results: StudyResults, published: Published) -> Section:
+    e = published.evaluation
+    user = figure(
+        "figure-3",
+        figures.costs(e, e.user_normalised, "cost, user-defined weights", limit=True),
+        "Sorted normalised costs with user-defined weights of all models of each estimator",
+    )
+    optimal = figure(
+        "figure-4",
+        figures.costs(e, e.optimal_normalised, "cost, optimal weights"),
+        "Sorted normalised costs with optimal weights of all models of each estimator",
+    )
+    body = filled(
+        "published_models.html.j2",
+        results=results,
+        user=user,
+        optimal=optimal,
+        shares=tables.shares(published),
+        within=published.table.within,
+        starts=len(results.starts),
+    )
+    return Section("models", "Costs of all models", body)
+
+
+def _parameters(results: StudyResults, published: Published) -> Section:
+    g = published.groups
+    truth = np.log(published.reference.parameters.values / results.truth)
+    drawn = [
+        _parameter_figure(id, published, chosen, estimators, what, caption)
+        for id, chosen, estimators, what, caption in (
+            ("figure-5", g.gear_springs, ESTIMATORS, "gearbox springs", "figure 5 of the paper"),
+            ("figure-6", g.arm_springs, ESTIMATORS, "arm springs", "figure 6"),
+            ("figure-7a", g.gear_dampers, ESTIMATORS[:3], "gearbox dampers", "figure 7, above"),
+            ("figure-7b", g.arm_dampers, ESTIMATORS[:3], "arm dampers", "figure 7, below"),
+        )
+        if chosen
+    ]
+    body = filled(
+        "published_parameters.html.j2",
+        figures=drawn,
+        table=tables.table_1(published, truth / published.theorem1.std),
+        paper=tables.paper_table_1(),
+    )
+    return Section("parameters", "Parameters", body)
+
+
+def _parameter_figure(
+    id: str,
+    published: Published,
+    chosen: tuple[int, ...],
+    estimators: tuple[str, ...],
+    what: str,
+    like: str,
+) -> Figure:
+    labels = [published.evaluation.parameters[i].split(".")[0] for i in chosen]
+    draw = figures.parameters(published.evaluation, chosen, estimators, labels)
+    alt = f"Values of the {what} over those of the best model, for {', '.join(estimators)}"
+    return figure(id, draw, alt, caption=f"{what[0].upper()}{what[1:]}, as {like}.")
+
+
+def _responses(results: StudyResults, published: Published) -> Section:
+    """Show the best models in the position that alone says most."""
+    e, estimate = published.evaluation, results.estimate
+    single = results.searches["LLS1U"].estimator
+    q = int(positions_of(single, estimate, results.information)[0])
+    position = estimate.positions[q : q + 1]
+    chosen = e.values[e.of("LLS15U"), : figures.best_count(e)]
+    models = np.array(
+        [
+            robotmodels.frequency_response(results.robot, position, estimate.omega, values)[0]
+            for values in chosen
+        ]
+    )
+    last = min(_ELEMENT, *(side - 1 for side in estimate.response.shape[2:]))
+    measured = estimate.response[q]
+    several = figure(
+        "figure-8",
+        figures.best_responses(estimate.omega, models, measured, (last, last)),
+        f"Element ({last + 1}, {last + 1}) of the frequency responses of the best models",
+    )
+    drawing = response_panels(
+        estimate.omega,
+        measured,
+        np.sqrt(estimate.variance[q]),
+        models[0],
+        results.robot.motor_names,
+        outputs=results.robot.output_names,
+    )
+    alt = "Magnitudes and phases of the measured responses and of the best model"
+    body = filled(
+        "published_responses.html.j2",
+        several=several,
+        all=figure("figure-9", drawing, alt, wide=True),
+        element=f"({last + 1},{last + 1})",
+        count=len(models),
+        number=q + 1,
+    )
+    return Section("responses", "Frequency responses", body)
+
+
+def _rival(found: Rivalry, results: StudyResults) -> Section:
+    body = filled(
+        "published_rival.html.j2",
+        found=found,
+        table=tables.rival(found),
+        seconds=results.seconds["rival"],
+    )
+    return Section("rival", "Fits in time", body)

@@ -1,0 +1,107 @@
+"""Tables that put the numbers of [WM] beside a study's."""
+
+import numpy as np
+
+from oed.replication.paper import ALL_SPRINGS, REASONABLE_BY_COST, REASONABLE_BY_SPRINGS
+from oed.replication.paper import TABLE_1 as PAPER_TABLE
+from oed.replication.replicate import Published
+from oed.replication.time_domain_comparison import Rivalry
+from oed.study.settings.replication_settings import ESTIMATORS
+from reports import text
+from reports.page_elements import Cell, Column, Number, Table, numbers, table
+from robotmodels.common.arrays import Array
+
+_STATISTICS = ("min", "median", "max", "mean", "std", "std by Theorem 1")
+
+
+def shares(found: Published) -> Table:
+    """Return the percentages of reasonable models."""
+    rows = [
+        (
+            name,
+            _share(found.by_cost[name]),
+            _share(REASONABLE_BY_COST[name]),
+            _share(found.by_springs[name]),
+            _share(REASONABLE_BY_SPRINGS[name]),
+            _share(found.by_all_springs[name]),
+            _share(ALL_SPRINGS) if name == "LLS15U" else "–",
+        )
+        for name in ESTIMATORS
+    ]
+    columns = [
+        Column("estimator"),
+        *numbers("cost < 1.5", "paper", "springs but one", "paper", "all springs", "paper"),
+    ]
+    caption = (
+        "Reasonable models: those with a normalised cost below 1.5, and those whose springs lie "
+        f"within half and twice the best model's (without {found.hardest}, and all)."
+    )
+    return table("reasonable", caption, columns, rows)
+
+
+def table_1(found: Published, z_scores: Array) -> Table:
+    """Return the statistics of the best models."""
+    t = found.table
+    rows: list[list[Cell]] = []
+    statistics = (t.minimum, t.median, t.maximum, t.mean, t.std, t.theory)
+    for i, name in enumerate(t.names):
+        row: list[Cell] = [name, *(_number(float(values[i])) for values in statistics)]
+        row += [_number(float(t.std[i] / t.theory[i])), _number(float(z_scores[i]))]
+        rows.append(row)
+    caption = (
+        f"The best {t.count} LLS15U models over the very best; its standard deviations by Theorem "
+        "1; their ratio; and the very best model's error over the standard deviation, where the "
+        "truth is known."
+    )
+    columns = [Column("parameter", code=True), *numbers(*_STATISTICS, "ratio", "error")]
+    return table("table-1", caption, columns, rows)
+
+
+def paper_table_1() -> Table:
+    """Return Table 1 as printed."""
+    rows = [
+        (name, *(_number(value) for value in values), _number(values[4] / values[5]))
+        for name, values in PAPER_TABLE.items()
+    ]
+    caption = "Table 1 of the paper: springs k and dampers c of an ABB IRB6600, from measurements."
+    columns = [Column("parameter"), *numbers(*_STATISTICS, "ratio")]
+    return table("paper-table-1", caption, columns, rows)
+
+
+def rival(found: Rivalry) -> Table:
+    """Return what fits in time and fits of FRFs came to from the same starts."""
+    rows = [
+        (
+            f"within {text.significant(10**way.decades, 2)} times",
+            "FRFs, LLS" if way.name == "frequency domain" else way.name,
+            Number(f"{way.successes} of {way.starts}", way.successes / way.starts),
+            _percentage(way.spring_error),
+            _percentage(way.damper_error),
+            Number(text.significant(way.seconds, 2), way.seconds),
+            Number(str(way.unfinished), way.unfinished),
+        )
+        for way in found.ways
+    ]
+    columns = [
+        Column("starts"),
+        Column("fit"),
+        *numbers("success", "springs", "dampers", "seconds per start", "given up"),
+    ]
+    caption = (
+        "Success: all springs within 5 % of the truth. Springs, dampers: median error of the "
+        "successes, or of all fits where none succeeded."
+    )
+    return table("rival-table", caption, columns, rows)
+
+
+def _percentage(error: float) -> Number:
+    """Return exp(error) - 1 for people."""
+    return Number(f"{text.significant(100 * np.expm1(error), 2)}{text.THIN}%", error)
+
+
+def _share(value: float) -> Number:
+    return Number(f"{text.fixed(100 * value, 0)}{text.THIN}%", 100 * value)
+
+
+def _number(value: float) -> Cell:
+    return Number(text.significant(value, 3), value) if np.isfinite(value) else "–"

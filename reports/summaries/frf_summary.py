@@ -1,0 +1,98 @@
+"""What ``oed frf`` says at the end: one screen of text, or JSON."""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from estimators.frf.frf_from_records import MeasuredFrf
+from estimators.frf.method_comparison import Comparison
+from reports import text
+from reports.summaries.columns import number, plain, plural, table
+from robotmodels.common.arrays import Array
+
+
+def frf_summary(found: MeasuredFrf, files: list[Path]) -> str:
+    """Return the summary of estimated FRFs, one screen."""
+    e, r = found.estimate, found.first
+    blocks, runs, periods = r.torque.shape[1:4]
+    medians = relative_std(found)
+    lines = [
+        (
+            "records",
+            f"{plural(len(e.positions), 'position')}, {plural(blocks, 'block')} of "
+            f"{plural(runs, 'run')}, {plural(periods, 'period')}",
+        ),
+        (
+            "FRFs",
+            f"{found.method}, {e.response.shape[2]} x {e.response.shape[3]} at "
+            f"{plural(len(e.omega), 'line')} from {plain(text.hertz(e.omega[0]))} to "
+            f"{plain(text.hertz(e.omega[-1]))}",
+        ),
+        ("std", f"{plain(text.percent(float(np.median(medians))))} of the element (median)"),
+    ]
+    if found.distortion is not None:
+        ratio = excess(found)
+        if np.isfinite(ratio):
+            lines.append(("", f"variance over blocks is {number(ratio)} times that of noise alone"))
+    lines += [("written", str(path)) for path in files]
+    shown = [f"  {key:<9}{value}" for key, value in lines]
+    if found.comparison is not None:
+        shown += _ranking(found.comparison)
+    return "\n".join([found.robot.name if found.robot else "frequency responses", *shown])
+
+
+def frf_json(found: MeasuredFrf, files: list[Path]) -> dict[str, Any]:
+    """Return the summary for scripts; frequencies in rad/s."""
+    e, ratio = found.estimate, excess(found)
+    ranking = {}
+    if found.comparison is not None:
+        ranking = dict(
+            zip(found.comparison.methods, map(float, found.comparison.scores), strict=True)
+        )
+    return {
+        "robot": found.robot.name if found.robot else None,
+        "method": found.method,
+        "positions": len(e.positions),
+        "missing_runs": found.missing,
+        "outputs": e.response.shape[2],
+        "inputs": e.response.shape[3],
+        "lines": len(e.omega),
+        "band": [float(e.omega[0]), float(e.omega[-1])],
+        "relative_std": float(np.median(relative_std(found))),
+        "variance_over_noise": ratio if np.isfinite(ratio) else None,
+        "relative_error": ranking,
+        "warnings": list(found.warnings),
+        "files": [str(path) for path in files],
+    }
+
+
+def _ranking(comparison: Comparison) -> list[str]:
+    """Return the table of methods."""
+    rows = [
+        (name, *(plain(text.percent(value)) for value in values))
+        for name, *values in ranked(comparison)
+    ]
+    header = ("methods on this loop, best first", "relative\nerror", "\nbias")
+    return table(header, rows, right=(1, 2))
+
+
+def relative_std(found: MeasuredFrf) -> Array:
+    """Return standard deviations of the FRFs over their magnitudes, (Q, F, m, n)."""
+    e = found.estimate
+    return np.asarray(np.sqrt(e.variance) / np.maximum(np.abs(e.response), 1e-300))
+
+
+def excess(found: MeasuredFrf) -> float:
+    """Return the median ratio of total to noise variances; 1 without distortion."""
+    d = found.distortion
+    if d is None or np.isnan(d.total).all():
+        return float("nan")
+    return float(np.nanmedian(d.total / d.noise))
+
+
+def ranked(comparison: Comparison) -> list[tuple[str, float, float]]:
+    """Return name, relative error and bias of the methods, best first."""
+    bias = np.sqrt(np.mean((comparison.bias / comparison.response) ** 2, axis=1))
+    order = np.argsort(comparison.scores, kind="stable")
+    return [(comparison.methods[i], float(comparison.scores[i]), float(bias[i])) for i in order]

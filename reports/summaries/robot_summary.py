@@ -1,0 +1,262 @@
+"""What ``oed check`` prints: a robot at a position, in engineering units and aligned columns."""
+
+import dataclasses
+import json
+from collections.abc import Sequence
+
+import numpy as np
+
+from reports import text
+from reports.summaries.columns import decimals, hung, number, plural, table, vector, wrapped
+from robotmodels.checks.diagnosis import Diagnosis, MotorState, ParameterState, SpringState
+from robotmodels.checks.warnings import Suspicion
+from robotmodels.description.robot_file import Hardening, RobotFile
+
+MAIN_SPRINGS = 3  # named per mode, if they hold at least a tenth of its energy
+_UNITS = {"acceleration": "rad/s²", "velocity": "rad/s", "position": "rad"}
+
+
+def robot_summary(diagnosis: Diagnosis, found: Sequence[Suspicion], file: RobotFile) -> str:
+    """Return the whole summary; `file` adds the payload, cuts and sensors as they were given."""
+    d = diagnosis
+    sections = [
+        _title(d, file),
+        _bodies(d, file),
+        _motors(d),
+        _springs(d, file),
+        _others(d),
+        _outputs(d, file),
+        _modes(d),
+        _anti_resonances(d),
+        _source(d),
+        _warnings(found),
+    ]
+    return "\n\n".join("\n".join(lines) for lines in sections if lines)
+
+
+def robot_json(diagnosis: Diagnosis, found: Sequence[Suspicion], file: RobotFile) -> str:
+    """Return the same as JSON, in SI units (rad, rad/s, N m) and at full precision."""
+    given = file.model_dump(include={"gravity", "payload", "accelerometers"})
+    gains = {motor.name: motor.torque_gain for motor in file.motors}
+    warnings = [dataclasses.asdict(suspicion) for suspicion in found]
+    content = dataclasses.asdict(diagnosis) | given | {"torque_gains": gains, "warnings": warnings}
+    return json.dumps(content, indent=2, allow_nan=False, ensure_ascii=False)
+
+
+def _title(d: Diagnosis, file: RobotFile) -> list[str]:
+    free = sum(p.state == "free" for p in d.parameters)
+    lines = [
+        f"{d.robot}: {plural(len(d.motors), 'motor')}, {plural(len(d.springs), 'spring')}, "
+        f"{free} of {plural(len(d.parameters), 'parameter')} free"
+    ]
+    behind = ", then the motors behind a spring" if any(m.spring for m in d.motors) else ""
+    count = plural(len(d.coordinates), "coordinate")
+    lines += wrapped(f"{count}: what moves the bodies, in the order below{behind}")
+    place = ", ".join(_angle(m.angle, m.prismatic) for m in d.motors)
+    lines += wrapped(f"position: {place}")
+    lines += wrapped(f"gravity: ({vector(file.gravity)}) m/s²")
+    return lines
+
+
+def _bodies(d: Diagnosis, file: RobotFile) -> list[str]:
+    rows = [
+        (
+            f"{body.link}, beyond cut" if body.part else body.link,
+            ", ".join(body.moved_by),
+            number(body.mass, 4),
+            vector(body.com, 3),
+            number(body.carried, 4),
+        )
+        for body in d.bodies
+    ]
+    header = ("bodies", "moved by", "mass\nkg", "centre of mass\nm", "carried\nkg")
+    lines = table(header, rows, right=(2, 3, 4))
+    if (load := file.payload) is not None:
+        lines += wrapped(
+            f"payload included: {number(load.mass)} kg on {load.link}, "
+            f"centre of mass ({vector(load.com, 3)}) m"
+        )
+    cuts: dict[tuple[str, tuple[float, ...]], list[str]] = {}
+    for spring in d.springs:
+        if spring.at is not None:
+            cuts.setdefault((spring.place, spring.at), []).append(spring.name)
+    for (link, at), springs in cuts.items():
+        lines += wrapped(f"cut through {link} at ({vector(at, 3)}) m: {', '.join(springs)}")
+    return lines
+
+
+def _motors(d: Diagnosis) -> list[str]:
+    rows = [
+        (
+            m.name,
+            m.joint,
+            f"{m.gear_ratio:g}",
+            number(1e4 * m.inertia),
+            number(m.reflected) + (" kg" if m.prismatic else ""),
+            number(m.load) + (" kg" if m.prismatic else ""),
+            _small(m.torque),
+            f"spring {m.spring}" if m.spring else "rigid",
+        )
+        for m in d.motors
+    ]
+    header = (
+        *("motors", "joint", "ratio", "inertia\nkg cm²", "x ratio²\nkg m²"),
+        *("joint moves\nkg m²", "holds\nN m", "drive"),
+    )
+    return table(header, rows, right=(2, 3, 4, 5, 6))
+
+
+def _springs(d: Diagnosis, file: RobotFile) -> list[str]:
+    """Return springs and dampers with their state, and what gravity does to them."""
+    states = {p.name: p for p in d.parameters}
+    rows: list[tuple[str, ...]] = []
+    for s, given in zip(d.springs, file.springs, strict=True):
+        k = f"{s.name}.stiffness"
+        rest, damping = states.get(k) or states[f"{k}.low"], states[f"{s.name}.damping"]
+        load = (_sag(s), _small(s.torque) + (" N" if s.linear else ""))
+        row = (s.name, f"{s.place} {s.axis}", _kilo(rest.value, rest.unit), _state(rest))
+        rows.append((*row, _plainly(damping), _state(damping), *load))
+        if isinstance(given.stiffness, Hardening):
+            high, reached = states[f"{k}.high"], f"  at {given.stiffness.torque:g} N m"
+            rows.append(("", reached, _kilo(high.value, high.unit), _state(high), *[""] * 4))
+            rows.append(("", "  under its load", _kilo(s.stiffness, high.unit), *[""] * 5))
+    header = (
+        *("springs", "at, about", "stiffness\nkN m/rad", "", "damping\nN m s/rad", ""),
+        *("sag", "holds\nN m"),
+    )
+    ties = [f"{p.name} to {p.tied_to}" for p in d.parameters if p.tied_to]
+    tied = wrapped(f"tied: {', '.join(ties)}") if ties else []
+    return table(header, rows, right=(2, 4, 6, 7)) + tied
+
+
+def _others(d: Diagnosis) -> list[str]:
+    """Return the parameters that are neither stiffness nor damping."""
+    springs = tuple(f"{s.name}.{kind}" for s in d.springs for kind in ("stiffness", "damping"))
+    rows = [
+        (p.name, _value(p.value, p.unit), p.state)
+        for p in d.parameters
+        if not p.name.startswith(springs)
+    ]
+    return table(("other parameters", "", ""), rows, right=(1,)) if rows else []
+
+
+def _outputs(d: Diagnosis, file: RobotFile) -> list[str]:
+    lines = []
+    if d.measured != "acceleration":
+        lines.append(f"  {d.measured} of every motor [{_UNITS[d.measured]}]")
+    for sensor in file.accelerometers:
+        lines += wrapped(
+            f"accelerometer {sensor.name} on {sensor.link} at ({vector(sensor.at, 3)}) m, "
+            f"along ({vector(sensor.direction)}) [m/s²]"
+        )
+    if d.delay:
+        lines.append(f"  all of them late by {number(1e3 * d.delay)} ms")
+    gains = [f"{m.name} {number(m.torque_gain)}" for m in file.motors if m.torque_gain != 1]
+    if gains:
+        lines += wrapped(f"torque gains other than 1: {', '.join(gains)}")
+    return [f"outputs ({len(d.outputs)})", *lines] if lines else []
+
+
+def _modes(d: Diagnosis) -> list[str]:
+    rows = [
+        (
+            number(_hertz(mode.frequency)) + " Hz",
+            text.fixed(mode.damping_ratio, 3),
+            ", ".join(_main_springs(d, mode.energy)),
+        )
+        for mode in d.modes
+    ]
+    header = ("resonances", "damping ratio", "energy in springs")
+    lines = table(header, rows, right=(0, 1)) if rows else ["resonances"]
+    if d.modes_failed:
+        undamped = ", ".join(number(_hertz(w)) for w in d.resonances)
+        lines += wrapped(f"undamped: {undamped} Hz")
+    if d.overdamped:
+        lines += wrapped(
+            f"overdamped: {plural(len(d.overdamped), 'real pole')}, "
+            f"from {number(_hertz(min(d.overdamped)))} Hz"
+        )
+    rigid, tip = len(d.rigid_squares), sum(w < -1e-3 for w in d.rigid_squares)
+    which = "it" if rigid == 1 else f"{tip} of them"
+    falls = f"; gravity would tip {which} over if no motor held" if tip else ""
+    return [*lines, *wrapped(f"{plural(rigid, 'rigid mode')}, one per motor{falls}")]
+
+
+def _anti_resonances(d: Diagnosis) -> list[str]:
+    high = d.band[1]
+    lines = [f"anti-resonances up to {_hertz(high):g} Hz, undamped, and how many lie above"]
+    width = max(len(m.name) for m in d.motors)
+    for m in d.motors:
+        lines += hung(f"  {m.name:<{width}}  ", _zeros(m, high))
+    return lines
+
+
+def _zeros(motor: MotorState, high: float) -> str:
+    below = [f"{number(_hertz(w)):>5}" for w in motor.anti_resonances if w <= high]
+    above = len(motor.anti_resonances) - len(below)
+    more = [f" +{above}"] if above else []
+    return "  ".join(below + more)
+
+
+def _source(d: Diagnosis) -> list[str]:
+    return ["source of the numbers", *hung("  ", d.source, indent=2)] if d.source else []
+
+
+def _warnings(found: Sequence[Suspicion]) -> list[str]:
+    lines = [line for s in found for line in hung(f"  {s.rule}: ", s.message)]
+    return ["warnings", *lines] if lines else ["no warnings"]
+
+
+def _main_springs(d: Diagnosis, energy: Sequence[float]) -> list[str]:
+    largest = sorted(zip(energy, d.springs, strict=True), key=lambda pair: -pair[0])
+    return [
+        f"{spring.name} {100 * share:.0f} %"
+        for share, spring in largest[:MAIN_SPRINGS]
+        if share >= 0.1
+    ]
+
+
+def _state(p: ParameterState) -> str:
+    return "" if p.state == "free" else p.state
+
+
+def _kilo(value: float, unit: str) -> str:
+    """Return a stiffness in kN m/rad; with its unit where it is another."""
+    return number(value / 1e3) + ("" if unit == "N m/rad" else f" k{unit}")
+
+
+def _plainly(p: ParameterState) -> str:
+    return number(p.value) + ("" if p.unit == "N m s/rad" else f" {p.unit}")
+
+
+def _value(value: float, unit: str) -> str:
+    factor, pretty = text.scaled_unit(value, unit)
+    return f"{number(value / factor)} {pretty}"
+
+
+def _sag(spring: SpringState) -> str:
+    if spring.linear:
+        return f"{decimals(1e3 * spring.sag)} mm"
+    return f"{decimals(float(np.degrees(spring.sag)))}°"
+
+
+def _angle(value: float, prismatic: bool) -> str:
+    return f"{number(_clean(value))} m" if prismatic else f"{_degrees(value):.4g}°"
+
+
+def _degrees(angle: float) -> float:
+    return _clean(float(np.degrees(angle)))
+
+
+def _hertz(omega: float) -> float:
+    return omega / (2 * np.pi)
+
+
+def _clean(value: float) -> float:
+    """Return `value`, or zero where only rounding is left of it."""
+    return 0.0 if abs(value) < 1e-6 else value
+
+
+def _small(value: float) -> str:
+    """Return three digits, none beyond the third decimal."""
+    return number(value) if abs(value) >= 1 else decimals(value)

@@ -1,0 +1,194 @@
+"""Moving joints of a URDF file, drives proposed for them, and joints without a use."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import pinocchio as pin
+
+from robotmodels.common.arrays import Array
+from robotmodels.common.errors import NoEquilibrium
+from robotmodels.description.urdf import locate, rigid_model
+from robotmodels.description.urdf_check import mimics
+from robotmodels.elastic.arm import motions
+from robotmodels.elastic.robot import ElasticRobot
+from robotmodels.linear.response import linearize
+
+_LEAST_INERTIA = 1e-3
+"""[kg m^2 or kg] Taken for joints beyond which a URDF has next to no mass."""
+
+
+@dataclass(frozen=True)
+class UrdfJoint:
+    """A joint that moves.
+
+    Attributes
+    ----------
+    name : str
+        Name in the URDF.
+    prismatic : bool
+        Whether it slides.
+    low, high : float, rad or m
+        Its limits; one turn where it has none.
+    load : float
+        Inertia about its axis [kg m^2], or mass along it [kg], of all beyond it, joints in the
+        middle of their range.
+    across : tuple of str
+        Axes of its frame, of x, y and z, that are orthogonal to its own; empty where its own lies
+        along none.
+    leader : str or None
+        Joint it follows (``<mimic>``), or None.
+    """
+
+    name: str
+    prismatic: bool
+    low: float
+    high: float
+    load: float
+    across: tuple[str, ...]
+    leader: str | None
+
+
+def moving_joints(urdf: str, beside: Path) -> tuple[UrdfJoint, ...]:
+    """Return the moving joints of a URDF, base to tool.
+
+    Parameters
+    ----------
+    urdf : str
+        As for `robotmodels.description.urdf.locate`.
+    beside : Path
+        As for `robotmodels.description.urdf.locate`.
+
+    Raises
+    ------
+    InvalidInput
+        If the URDF is absent or cannot be used.
+    """
+    path = locate(urdf, beside)
+    model, leaders = rigid_model(path, {}), mimics(path)
+    low, high, middle = _ranges(model)
+    loads = np.diag(pin.crba(model, model.createData(), middle))
+    return tuple(
+        UrdfJoint(
+            name=name,
+            prismatic=not motion[3:].any(),
+            low=float(low[j]),
+            high=float(high[j]),
+            load=max(float(loads[model.joints[j + 1].idx_v]), _LEAST_INERTIA),
+            across=_across(motion),
+            leader=leaders.get(name),
+        )
+        for j, (name, motion) in enumerate(zip(list(model.names)[1:], motions(model), strict=True))
+    )
+
+
+def _ranges(model: pin.Model) -> tuple[list[float], list[float], Array]:
+    """Return the limits of every joint, and the configuration in the middle."""
+    low, high, middle = [], [], pin.neutral(model)
+    for joint in list(model.joints)[1:]:
+        if joint.nq == 2:  # a continuous joint stores cosine and sine
+            low.append(-np.pi)
+            high.append(np.pi)
+            continue
+        low.append(float(model.lowerPositionLimit[joint.idx_q]))
+        high.append(float(model.upperPositionLimit[joint.idx_q]))
+        middle[joint.idx_q] = (low[-1] + high[-1]) / 2
+    return low, high, middle
+
+
+def _across(motion: Array) -> tuple[str, ...]:
+    axis = motion[3:] if motion[3:].any() else motion[:3]
+    along = np.abs(axis) > 1 - 1e-6
+    return tuple(name for name, same in zip("xyz", along, strict=True) if not same) * any(along)
+
+
+FIRST_HERTZ, LAST_HERTZ = 8.0, 20.0
+"""Resonances of the drives from base to tip, motors held: those of industrial robots."""
+
+RELATIVE_DAMPING = 0.04
+BEARING_STIFFNESS = 2.5
+"""Stiffness of a bearing over that of its drive."""
+
+REVOLUTE_RATIO, PRISMATIC_RATIO = 100.0, 300.0
+"""Gear ratio [-] and [rad/m]."""
+
+FRICTION_RATE = 5.0
+"""Viscous friction of a motor over its inertia [1/s]."""
+
+
+@dataclass(frozen=True)
+class Drive:
+    """A motor, its gear and the bearing of its joint: guesses from the URDF's masses.
+
+    Attributes
+    ----------
+    joint : UrdfJoint
+        Joint that it drives.
+    gear_ratio, inertia, viscous : float
+        Of the motor, on its shaft [kg m^2, N m s/rad].
+    stiffness, damping : float
+        Of the gear on the arm side [N m/rad, N m s/rad; N/m, N s/m].
+    bearing_stiffness, bearing_damping : float
+        Of a torsion across the joint [N m/rad, N m s/rad].
+    """
+
+    joint: UrdfJoint
+    gear_ratio: float
+    inertia: float
+    viscous: float
+    stiffness: float
+    damping: float
+    bearing_stiffness: float
+    bearing_damping: float
+
+
+def propose_drives(joints: Sequence[UrdfJoint]) -> tuple[Drive, ...]:
+    """Return a drive for each joint: the motor matches its load, the spring resonates with it."""
+    hertz = np.linspace(FIRST_HERTZ, LAST_HERTZ, max(len(joints), 2))
+    return tuple(_drive(joint, 2 * np.pi * f) for joint, f in zip(joints, hertz, strict=False))
+
+
+def _drive(joint: UrdfJoint, omega: float) -> Drive:
+    ratio = PRISMATIC_RATIO if joint.prismatic else REVOLUTE_RATIO
+    inertia = joint.load / ratio**2
+    stiffness = omega**2 * joint.load
+    damping = 2 * RELATIVE_DAMPING * stiffness / omega
+    return Drive(
+        joint=joint,
+        gear_ratio=ratio,
+        inertia=inertia,
+        viscous=FRICTION_RATE * inertia,
+        stiffness=stiffness,
+        damping=damping,
+        bearing_stiffness=BEARING_STIFFNESS * stiffness,
+        bearing_damping=BEARING_STIFFNESS * damping,
+    )
+
+
+# Frequencies [rad/s] and parts of the joints' ranges without meaning: any would do.
+_OMEGA = 2 * np.pi * np.array([4.0, 23.0])
+_STEP = 0.13
+_GOLDEN = (np.sqrt(5) - 1) / 2
+# Far above rounding, far below what noise would leave of a change.
+_CHANGE = 1e-6
+
+
+def idle_joints(robot: ElasticRobot) -> tuple[str, ...]:
+    """Return the motor joints that need not be varied: no response changes when they move.
+
+    Mostly that is the first joint, vertical on a rigid base. It is not idle where springs lie
+    between it and the ground, or where it is not vertical. None is idle where gravity is too much
+    for the springs.
+    """
+    low, high = robot.position_limits.T
+    parts = 0.2 + 0.4 * (np.arange(1, len(low) + 1) * _GOLDEN % 1)
+    position = low + parts * (high - low)
+    try:
+        given = linearize(robot, position).frequency_response(_OMEGA)
+        moved = linearize(robot, position + _STEP * np.diag(high - low)).frequency_response(_OMEGA)
+    except NoEquilibrium:
+        return ()
+    change = np.abs(moved - given).max(axis=(1, 2, 3))
+    idle = change < _CHANGE * np.abs(given).max()
+    return tuple(name for name, still in zip(robot.motor_joints, idle, strict=True) if still)

@@ -1,0 +1,1 @@
+"""What every room uses: errors, arrays, guarded files, fingerprints, processes."""

@@ -1,0 +1,124 @@
+"""Types of arrays, and checks of numbers that people give."""
+
+import os
+from typing import TypeVar
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from robotmodels.common.errors import InvalidInput
+
+Array = NDArray[np.float64]
+ComplexArray = NDArray[np.complex128]
+IntArray = NDArray[np.int64]
+BoolArray = NDArray[np.bool_]
+
+_T = TypeVar("_T", bound=np.generic)
+_NUMBERS = "biuf"  # kinds of numpy
+_LARGEST_WHOLE = 2**53  # beyond it floats leave out whole numbers
+
+
+def read_only(array: NDArray[_T]) -> NDArray[_T]:
+    """Return a view of `array` that cannot be written to."""
+    view = array.view()
+    view.flags.writeable = False
+    return view
+
+
+def real_numbers(values: ArrayLike, what: str, *, copy: bool = True) -> Array:
+    """Return `values` as a float array, of its own unless `copy` is false.
+
+    Raises
+    ------
+    InvalidInput
+        If they are not real numbers, or rows differ in length; it starts with `what`.
+    """
+    try:
+        array = np.asarray(values)
+        # Text, times and objects such as None would turn into numbers too; what is empty has no
+        # type that tells.
+        if array.dtype.kind in _NUMBERS or not array.size:
+            return array.astype(float, copy=copy)
+    except (TypeError, ValueError, OverflowError):
+        pass
+    raise InvalidInput(f"{what}: an array of real numbers is needed, found {str(values)[:60]}")
+
+
+def whole_numbers(values: ArrayLike, what: str) -> IntArray:
+    """Return `values` as an array of integers; floats such as 5.0 are taken, 5.9 is not.
+
+    Raises
+    ------
+    InvalidInput
+        If one is no whole number, or none that a float or int64 holds exactly; it starts with
+        `what`.
+    """
+    array = np.asarray(values)
+    if not array.size or array.dtype.kind == "i":
+        return array.astype(np.int64)
+    reals = real_numbers(values, what)
+    wrong = ~(np.abs(reals) <= _LARGEST_WHOLE) | (reals != np.rint(reals))
+    if wrong.any():
+        index = tuple(int(i) for i in np.argwhere(wrong)[0])
+        place = f" at {', '.join(map(str, index))} (counted from 0)" if index else ""
+        raise InvalidInput(f"{what}: {reals[index]:.17g}{place}; whole numbers are needed")
+    return reals.astype(np.int64)
+
+
+def truth_values(values: ArrayLike, what: str) -> BoolArray:
+    """Return `values`, true and false or 1 and 0, as an array of truth values.
+
+    Raises
+    ------
+    InvalidInput
+        If one is neither; it starts with `what`.
+    """
+    array = np.asarray(values)
+    if array.dtype.kind == "b":
+        return array
+    reals = real_numbers(values, what)
+    wrong = (reals != 0) & (reals != 1)
+    if wrong.any():
+        raise InvalidInput(f"{what}: {reals[wrong][0]:g}; true and false, or 1 and 0, are needed")
+    return reals.astype(bool)
+
+
+def check_memory(needed: float, what: str) -> None:
+    """Refuse what needs more than this machine has.
+
+    Parameters
+    ----------
+    needed : float, bytes
+        Estimate.
+    what : str
+        Whose memory it is, and the keys it grows with.
+
+    Raises
+    ------
+    InvalidInput
+        Naming `what`, the estimate and the memory there is.
+    """
+    try:
+        there = os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")
+    except (AttributeError, ValueError, OSError):  # not on Windows
+        return
+    if needed > there:
+        raise InvalidInput(
+            f"{what}: {needed / 1e9:.3g} GB are needed, this machine has {there / 1e9:.3g} GB"
+        )
+
+
+IMPROBABLE = 1e-3
+"""Chance explains costs, residuals or misses with less than this probability no more."""
+
+
+def check_level(level: float, where: str) -> None:
+    """Refuse a level that is no probability.
+
+    Raises
+    ------
+    InvalidInput
+        Naming `where` it was given.
+    """
+    if not 0 < level < 1:
+        raise InvalidInput(f"{where}: level {level} does not lie between 0 and 1")

@@ -1,0 +1,171 @@
+"""A pool of processes that outlives the death of one of them."""
+
+import multiprocessing
+import os
+import signal
+import sys
+import threading
+from collections.abc import Callable
+from concurrent.futures import Executor, Future, ProcessPoolExecutor
+from concurrent.futures.process import BrokenProcessPool
+from functools import partial
+from multiprocessing.connection import wait
+from typing import TYPE_CHECKING, Any, TypeVar
+
+from robotmodels.common.errors import InvalidInput
+
+if TYPE_CHECKING:
+    from multiprocessing.synchronize import Event
+
+_NEVER_BEGAN = (
+    "processes: they ended before they began. Each reads the script anew: what starts them must "
+    'stand under `if __name__ == "__main__":`. If it does, they were killed, perhaps for want of '
+    "memory"
+)
+
+T = TypeVar("T")
+Call = Callable[[], Any]
+
+
+class ProcessesNeverBegan(InvalidInput, BrokenProcessPool):
+    """The processes of a pool ended before they could be given work."""
+
+
+class ProcessPool(Executor):
+    """Processes of this machine that share work, for any `executor` argument.
+
+    When a process is killed, for want of memory or by hand, `ProcessPoolExecutor` gives up all
+    that it has not finished. This one starts new processes instead and repeats what was lost;
+    tasks must not mind being begun twice.
+
+    Parameters
+    ----------
+    workers : int
+        Number of processes; each is spawned, and ends with this one.
+    restarts : int
+        Deaths that are made good; the next one is a `BrokenProcessPool` error.
+
+    Raises
+    ------
+    InvalidInput
+        In a script that comes from standard input.
+    ProcessesNeverBegan
+        From tasks, where a script starts processes outside ``if __name__ == "__main__":``.
+    """
+
+    def __init__(self, workers: int, restarts: int = 3) -> None:
+        _check_script()
+        context = multiprocessing.get_context("spawn")
+        self._begun = context.Event()
+        self._make = partial(
+            ProcessPoolExecutor,
+            workers,
+            mp_context=context,
+            initializer=_prepare_worker,
+            initargs=(self._begun,),
+        )
+        self._pool = self._make()
+        self._left = restarts
+        self._lock = threading.Lock()
+
+    def submit(self, fn: Callable[..., T], /, *args: Any, **kwargs: Any) -> Future[T]:
+        """Return the future result of ``fn(*args, **kwargs)``."""
+        outer: Future[T] = Future()
+        self._start(outer, partial(fn, *args, **kwargs))
+        return outer
+
+    def shutdown(self, wait: bool = True, *, cancel_futures: bool = False) -> None:
+        """End the processes when they have done what they were given; deaths now count."""
+        with self._lock:
+            self._left = 0
+        self._pool.shutdown(wait, cancel_futures=cancel_futures)
+
+    def terminate(self) -> None:
+        """End the processes at once, whatever they do."""
+        with self._lock:
+            self._left = 0
+        # As `terminate_workers` of Python 3.14; other children of this process are not the pool's.
+        for process in list((self._pool._processes or {}).values()):
+            process.terminate()
+
+    def _start(self, outer: "Future[Any]", call: Call) -> None:
+        pool = self._pool
+        try:
+            inner = pool.submit(call)
+        except BrokenProcessPool as error:
+            if not self._renewed(pool):
+                raise self._explained(error) from error
+            self._start(outer, call)
+            return
+        outer.add_done_callback(lambda done: inner.cancel() if done.cancelled() else None)
+        inner.add_done_callback(partial(self._finish, outer, call, pool))
+
+    def _finish(
+        self, outer: "Future[Any]", call: Call, pool: ProcessPoolExecutor, inner: "Future[Any]"
+    ) -> None:
+        """Hand a result on, or begin again if its process died."""
+        if inner.cancelled():
+            outer.cancel()
+            outer.set_running_or_notify_cancel()
+            return
+        error = inner.exception()
+        if isinstance(error, BrokenProcessPool):
+            error = self._explained(error)
+        if isinstance(error, BrokenProcessPool) and not outer.cancelled() and self._renewed(pool):
+            try:
+                self._start(outer, call)
+            except RuntimeError as refused:  # meanwhile shut down, or broken once too often
+                error = refused
+            else:
+                return
+        if outer.set_running_or_notify_cancel():
+            if error is None:
+                outer.set_result(inner.result())
+            else:
+                outer.set_exception(error)
+
+    def _renewed(self, broken: ProcessPoolExecutor) -> bool:
+        """Return whether there are living processes again, new ones if need be."""
+        with self._lock:
+            if self._pool is not broken:
+                return True  # for another task that was lost
+            if not self._left or not self._begun.is_set():
+                return False
+            self._left -= 1
+            # The broken pool ends by itself; to wait for it in its own thread would be for ever.
+            self._pool = self._make()
+        return True
+
+    def _explained(self, error: BrokenProcessPool) -> Exception:
+        """Return the error of processes that never began to work; the same for others."""
+        return error if self._begun.is_set() else ProcessesNeverBegan(_NEVER_BEGAN)
+
+
+def _check_script() -> None:
+    """Refuse to start processes where they could not begin.
+
+    Each process reads the script that is run anew, up to where it is told what to do.
+    """
+    if getattr(multiprocessing.current_process(), "_inheriting", False):
+        sys.exit(1)  # this is such a process: that the first one tells its user is enough
+    script = sys.modules["__main__"]
+    path = getattr(script, "__file__", None)
+    if getattr(script, "__spec__", None) is None and path and not os.path.exists(path):
+        raise InvalidInput(
+            f"processes: the script is {path}, which new processes cannot read; save it to a file, "
+            "or work without a pool"
+        )
+
+
+def _prepare_worker(begun: "Event") -> None:
+    """Let an interrupt end a worker without a traceback, and a killed parent take it along."""
+    begun.set()
+    signal.signal(signal.SIGINT, signal.SIG_DFL)
+    threading.Thread(target=_end_with_parent, daemon=True).start()
+
+
+def _end_with_parent() -> None:
+    parent = multiprocessing.parent_process()
+    if parent is not None:
+        wait([parent.sentinel])
+        os._exit(1)

@@ -1,0 +1,133 @@
+"""Cost, gradient and Gauss-Newton matrix of weighted squared residuals of FRFs.
+
+To the rows a_s of `gram` comes one more, the weighted residual; its products with the
+others are the gradient, theirs among each other the Gauss-Newton matrix.
+"""
+
+# numba compiles what follows and infers its types:
+# mypy: allow-untyped-decorators, allow-untyped-defs, allow-untyped-calls
+
+from robotmodels.kernel.cost_cells import LLS, NLS, fetch, settled, solve_cell
+from robotmodels.kernel.ldlt import SOURCES, compiled, entry, inverse, square
+from robotmodels.kernel.memory import integer, load, load_complex, put, scalar, store
+from robotmodels.kernel.sensitivity_products import (
+    accumulate,
+    clear,
+    elongate,
+    exponent_row,
+    fill_block,
+    pair_place,
+    project,
+    spread,
+)
+from robotmodels.kernel.simd import fma, lane_sum, pack, root, splat, where_greater
+from robotmodels.kernel.solve import motor_response, pack_motors
+from robotmodels.kernel.vector_math import angle, half_log, wrap
+
+
+@compiled
+def nls_rows(work, cells, cell):
+    """Write the weights' roots and the weighted residual; return the weighted squares."""
+    n = work.n
+    total = splat(0.0)
+    elements = n * (n + 1) // 2
+    t, e, own = 3 * cell * elements, 0, 2 * work.m * elements
+    for i in range(n):
+        for j in range(i, n):
+            weight = load(cells.targets, t + 2)
+            scale = root(weight)
+            apart = motor_response(work, i, j) - load_complex(cells.targets, t)
+            total = fma(square(apart), weight, total)
+            store(work.roots, e, pack(scale, splat(0.0)))
+            store(work.rows, own + e, apart * scale)
+            t += 3
+            e += 2
+    return total
+
+
+@compiled
+def lls_rows(work, cells, cell, phases):
+    """Do the same for the log ratio, `phases` or magnitudes only; d ln x = dx/x."""
+    n = work.n
+    total, zero = splat(0.0), splat(0.0)
+    elements, each = n * (n + 1) // 2, 6 if phases else 2
+    t, e, own = each * cell * elements, 0, 2 * work.m * elements
+    for i in range(n):
+        for j in range(i, n):
+            weight = load(cells.targets, t + 1)
+            scale = root(weight)
+            x = settled(motor_response(work, i, j), weight)
+            apart, turned = half_log(square(x)) - load(cells.targets, t), zero
+            total = fma(apart * apart, weight, total)
+            if phases:
+                phase = angle(x)
+                for k in range(t + 2, t + 6, 2):
+                    turn = wrap(phase - load(cells.targets, k))
+                    share = load(cells.targets, k + 1)
+                    total = fma(turn * turn, share, total)
+                    turned = fma(turn, share, turned)
+                turned = where_greater(weight, zero, turned / scale, zero)
+            store(work.roots, e, inverse(x, 1.0) * scale)
+            store(work.rows, own + e, pack(apart * scale, turned))
+            t += each
+            e += 2
+    return total
+
+
+@compiled
+def add_gradient(work, q, stiffness, damping, out):
+    """Add what the sums of position `q` hold of the gradient to the (p,) doubles at `out`."""
+    for i in range(2 * work.m):
+        t = i % work.m
+        s = integer(work.needed, 3 * t)
+        place = pair_place(work.m, t)
+        if i < work.m:
+            x = -2.0 * scalar(stiffness, s) * lane_sum(load(work.sums, place))
+        else:
+            x = 2.0 * scalar(damping, s) * lane_sum(load(work.sums, place + 1))
+        row = exponent_row(work, q, i)
+        for a in range(work.p):
+            put(out, a, scalar(out, a) + x * scalar(row, a))
+
+
+@compiled
+def _cell_normals(work, cells, stiffness, damping, options, start, stop, out):
+    """Add the cost, gradient and Gauss-Newton matrix of some cells to the doubles at `out`.
+
+    Arguments as of `cost`, of one set of parameters; `out` holds 1 + p + p^2 doubles.
+    """
+    _, blocks, coupled, residual = options
+    real = residual != NLS and residual != LLS
+    for cell in range(start, stop):
+        q = cell // blocks
+        k, c = stiffness + 8 * work.s * q, damping + 8 * work.s * q
+        if cell == start or cell % blocks == 0:
+            pack_motors(work, q)
+            clear(work)
+        fetch(work, cells, cell + 1)
+        solve_cell(work, cells, cell, coupled, k, c, work.first)
+        if residual == NLS:
+            squares = nls_rows(work, cells, cell)
+        else:
+            squares = lls_rows(work, cells, cell, residual == LLS)
+        put(out, 0, scalar(out, 0) + lane_sum(squares))
+        w = load(cells.omega, cell)
+        elongate(work, w)
+        spread(work, False)
+        accumulate(work, work.m + 1, w, real)
+        if cell == stop - 1 or (cell + 1) % blocks == 0:
+            fill_block(work, k, c, real)
+            add_gradient(work, q, k, c, out + 8)
+            project(work, q, out + 8 * (1 + work.p))
+
+
+def _cached(sources):
+    @entry
+    def run(*arguments):
+        if len(sources) > 0:
+            _cell_normals(*arguments)
+
+    return run
+
+
+cell_normals = _cached(SOURCES)

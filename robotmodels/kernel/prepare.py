@@ -1,0 +1,124 @@
+"""What a `CostKernel` computes once: A without its free springs, and what is compared with."""
+
+import numpy as np
+
+from robotmodels.common.arrays import Array, ComplexArray
+from robotmodels.kernel.cost_cells import parted, vectors
+from robotmodels.kernel.elimination_order import INERTANCE, Layout
+from robotmodels.kernel.memory import address, aligned
+from robotmodels.kernel.reduce import reductions
+from robotmodels.kernel.simd import LANES
+from robotmodels.kernel.threads import over_threads
+from robotmodels.kernel.workspace import network_tables, workspace
+from robotmodels.linear.normal_equations import Residual
+from robotmodels.linear.spring_network import SpringNetwork
+
+# The columns of `targets` that hold weights.
+_WEIGHTS = {"nls": [2], "lls": [1, 3, 5], "lls_magnitude": [1]}
+
+
+def prepare_matrices(
+    network: SpringNetwork, omega: Array, full: Layout, plan: Layout
+) -> tuple[Array, Array]:
+    """Return A without its free terms, rows before `full.first` eliminated, and rows' largest.
+
+    As `Cells` wants them; `plan` is the reduced layout.
+    """
+    blocks, size = -(-omega.size // LANES), len(plan.order)
+    cells = blocks * len(network.mass)
+    matrix, off = aligned(cells * size * (size + 1)), aligned(cells * size)
+    held = network_tables(network)
+    for coefficients in (3, 4):
+        held[coefficients] = held[coefficients].copy()
+        held[coefficients][:, full.needed[:, 0]] = 0.0
+    w = vectors(omega[None, :, None], blocks)
+    went_well = []
+
+    def run(start: int, stop: int) -> None:
+        space = workspace(full, network, held)
+        out = address(matrix), address(off)
+        well = reductions(space.at, address(w), blocks, plan.pad, start, stop, *out)
+        went_well.append(well)
+
+    over_threads(run, cells, work_per_item=1)
+    if all(went_well):
+        return matrix, off
+    A = _remaining_matrix(network, omega, full, plan)  # with pivoting
+    largest = np.abs(A * (1 - np.eye(size))).max(axis=-1)
+    return vectors(parted(A[..., *np.tril_indices(size)]), blocks), vectors(largest, blocks)
+
+
+def prepare_targets(
+    omega: Array, measured: ComplexArray, weights: Array, residual: Residual
+) -> tuple[Array, Array, float]:
+    """Return omega and targets as `Cells` wants them, and the cost no model can undo."""
+    blocks, positions = -(-omega.size // LANES), len(measured)
+    w = np.broadcast_to(omega, (positions, omega.size))
+    compared, constant = targets(omega, measured, weights, residual)
+    inside = np.pad(np.ones(omega.size), (0, blocks * LANES - omega.size))
+    packed = vectors(compared, blocks).reshape(positions, blocks, -1, compared.shape[-1], LANES)
+    packed[..., _WEIGHTS[residual], :] *= inside.reshape(blocks, 1, 1, LANES)
+    return vectors(w[..., None], blocks), packed.reshape(-1), constant
+
+
+def targets(
+    omega: Array, measured: ComplexArray, weights: Array, residual: Residual
+) -> tuple[Array, float]:
+    """Return what each element i <= j is compared with, and the cost no model can undo."""
+    i, j = np.triu_indices(measured.shape[-1])
+    single = i == j
+    w2 = omega[:, None] ** 2
+    upper, lower = (-measured[..., a, b] / w2 for a, b in ((i, j), (j, i)))
+    u, v = weights[..., i, j], np.where(single, 0.0, weights[..., j, i])
+    both = np.where(u + v > 0, u + v, 1.0)
+    if residual == "nls":
+        mean = (u * upper + v * lower) / both
+        constant = u * np.abs(upper - mean) ** 2 + v * np.abs(lower - mean) ** 2
+        parts = [mean.real, mean.imag, (u + v) * w2**2]
+        return np.stack(parts, axis=-1), float(np.sum(constant * w2**2))
+    a, b = np.log(np.abs(upper)), np.log(np.abs(lower))
+    mean = (u * a + v * b) / both
+    constant = u * (a - mean) ** 2 + v * (b - mean) ** 2
+    parts = [mean, u + v]
+    if residual == "lls":
+        parts += [np.angle(upper), u, np.angle(lower), v]
+    return np.stack(parts, axis=-1), float(np.sum(constant))
+
+
+def _remaining_matrix(
+    network: SpringNetwork, omega: Array, full: Layout, plan: Layout
+) -> ComplexArray:
+    """Return A without free and motor springs, (Q, F, size, size), other rows eliminated."""
+    mass, damping, stiffness = (
+        np.array(m, dtype=float) for m in (network.mass, network.damping, network.stiffness)
+    )
+    first, second = network.coefficients
+    free = set(full.needed[:, 0])
+    for s, i, j in full.inner:
+        if s in free:
+            continue
+        a = np.zeros(mass.shape[-1])
+        a[full.order[i]] = 1.0
+        if j >= 0:
+            a[full.order[j]] = -1.0
+        lower, upper = (x[:, s, None, None] * np.outer(a, a) for x in (first, second))
+        if j == INERTANCE:
+            damping, mass = damping + lower, mass + upper
+        else:
+            stiffness, damping = stiffness + lower, damping + upper
+    rows = full.order[full.pad :]
+    w = omega[:, None, None]
+    A = (
+        stiffness[:, None, rows[:, None], rows]
+        - w**2 * mass[:, None, rows[:, None], rows]
+        + 1j * w * np.broadcast_to(damping, mass.shape)[:, None, rows[:, None], rows]
+    )
+    cut = full.first - full.pad
+    if cut:
+        A = A[..., cut:, cut:] - A[..., cut:, :cut] @ np.linalg.solve(
+            A[..., :cut, :cut], A[..., :cut, cut:]
+        )
+    out = np.zeros((*A.shape[:2], len(plan.order), len(plan.order)), dtype=complex)
+    out[..., range(plan.pad), range(plan.pad)] = 1.0
+    out[..., plan.pad :, plan.pad :] = A
+    return out

@@ -1,0 +1,31 @@
+"""Fingerprints of a robot: of its file, its URDF and its meshes."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from robotmodels.common.fingerprints import file_digest, json_digest
+
+if TYPE_CHECKING:
+    from robotmodels import ElasticRobot
+
+
+def mesh_digests(robot: "ElasticRobot") -> dict[str, str | None]:
+    """Return the SHA-256 of each mesh that collisions are checked with; None of one not found."""
+    from robotmodels.collision.shapes import mesh_files
+
+    return {
+        name: None if file is None else file_digest(file)
+        for name, file in mesh_files(robot).items()
+    }
+
+
+def robot_digest(robot: "ElasticRobot") -> str:
+    """Return the SHA-256 of a robot file's content and of the URDF it names, not of their paths.
+
+    Meshes are no part of it: they matter to collisions only, see `mesh_digests`.
+    """
+    from robotmodels.description.urdf import locate
+
+    urdf = file_digest(Path(locate(robot.file.urdf, robot.folder)))
+    content = robot.file.model_dump(mode="json", by_alias=True, exclude={"urdf"})
+    return json_digest({"file": content, "urdf": urdf})

@@ -1,0 +1,1 @@
+"""The linear model of a robot or of chains, and what follows from it."""

@@ -1,0 +1,55 @@
+"""Noise laws: how uncertain a measured FRF element is, given the FRF."""
+
+from dataclasses import dataclass
+from typing import Protocol, runtime_checkable
+
+import numpy as np
+
+from robotmodels.common.arrays import Array, ComplexArray
+from robotmodels.common.errors import InvalidInput
+from robotmodels.linear.spring_network import SpringNetwork
+
+
+class LoopNoise(Protocol):
+    """A noise law that depends on the experiment, such as `ClosedLoopNoise`."""
+
+    def weights(self, network: SpringNetwork, omega: Array) -> ComplexArray:
+        """Return the inverse covariances of vec(Ĝ), (Q, F, m n, m n), in each position."""
+
+
+@runtime_checkable
+class SeparableNoise(Protocol):
+    """A noise law whose covariance of vec(Ĝ) is a Kronecker product, inputs times outputs."""
+
+    def factors(self, network: SpringNetwork, omega: Array) -> tuple[ComplexArray, ComplexArray]:
+        """Return U and V, (Q, F, n, n) each: the inverse covariance is U ⊗ inv(V)."""
+
+
+@dataclass(frozen=True)
+class RelativeNoise:
+    """Circular complex noise of a relative part and a floor, independent over elements.
+
+    var G_ij = (relative |G_ij|)^2 + (floor max_kl |G_kl|)^2 at each position and frequency.
+
+    Attributes
+    ----------
+    relative, floor : float, dimensionless
+        Standard deviations, of the element and of the largest element.
+    """
+
+    relative: float = 0.03
+    floor: float = 0.01
+
+    def __post_init__(self) -> None:
+        for name in ("relative", "floor"):
+            value = getattr(self, name)
+            if not (np.isfinite(value) and value >= 0):
+                raise InvalidInput(f"noise.{name}: {value!r} is not a number >= 0")
+        if self.relative == 0 and self.floor == 0:
+            raise InvalidInput("noise: relative and floor are both zero; one must be positive")
+
+    def variance(self, response: ComplexArray) -> Array:
+        """Return the variances (Q, F, m, n) of `response` (Q, F, m, n)."""
+        magnitude = np.abs(response)
+        largest = magnitude.max(axis=(-2, -1), keepdims=True)
+        return np.asarray((self.relative * magnitude) ** 2 + (self.floor * largest) ** 2)

@@ -1,0 +1,99 @@
+"""A fit's cost with its gradient and Gauss-Newton matrix, by plain numpy."""
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from robotmodels.common.arrays import Array, ComplexArray
+from robotmodels.linear.spring_network import SpringNetwork
+
+Residual = Literal["nls", "lls", "lls_magnitude"]
+
+
+@dataclass(frozen=True, eq=False)
+class NormalEquations:
+    """A sum of squares V = sum w |epsilon|^2 about some parameters; there is no factor 1/2.
+
+    A Gauss-Newton step in ln theta is ``-solve(hessian, gradient)``.
+
+    Attributes
+    ----------
+    cost : float
+        V.
+    gradient : ndarray, (p,)
+        dV/d ln theta, exact for fixed equilibria.
+    hessian : ndarray, (p, p)
+        2 sum w Re(conj(d epsilon) d epsilon^T), with d epsilon = d epsilon/d ln theta: the second
+        derivative of V where residuals are zero or linear.
+    """
+
+    cost: float
+    gradient: Array
+    hessian: Array
+
+
+def error(
+    measured: ComplexArray, modelled: ComplexArray, residual: Residual
+) -> Array | ComplexArray:
+    """Return epsilon: measured - G, or log(measured / G), or its real part, log|measured / G|."""
+    if residual == "nls":
+        return np.asarray(measured - modelled)
+    apart = np.log(measured / modelled)
+    return np.asarray(apart if residual == "lls" else apart.real)
+
+
+def normal_equations(
+    network: SpringNetwork,
+    omega: Array,
+    measured: ComplexArray,
+    weights: Array,
+    parameters: Array,
+    residual: Residual,
+) -> NormalEquations:
+    """Return V = sum w |epsilon|^2 and its derivatives; arguments as of `CostKernel`.
+
+    Elements of weight zero are left out, whatever has been measured there.
+    """
+    used = weights > 0
+    G, J = network.sensitivity(omega, parameters)
+    G, J, measured = G[used], J[used], measured[used]
+    w, apart = weights[used], error(measured, G, residual)
+    slope: Array | ComplexArray = -J if residual == "nls" else -J / G[:, None]
+    if residual == "lls_magnitude":
+        slope = slope.real
+    weighted = w[:, None] * slope.conj()
+    return NormalEquations(
+        cost=float(w @ np.abs(apart) ** 2),
+        gradient=2 * (weighted.T @ apart).real,
+        hessian=2 * (weighted.T @ slope).real,
+    )
+
+
+def model_slopes(
+    network: SpringNetwork,
+    omega: Array,
+    measured: ComplexArray,
+    weights: Array,
+    residual: Residual,
+) -> tuple[Array, Array]:
+    """Return dV/dK and dV/dM, (Q, d, d) each; see `CostKernel.model_slopes`.
+
+    dG = -Z^T dA X, so with Y = dV/d conj(G) of each element dV = 2 Re sum conj(Y) dG is the inner
+    product of dA and -2 Re(Z conj(Y) X^T).
+    """
+    model = network.linear_model()
+    X, Z = model.receptances(omega)
+    G = model.frequency_response(omega)
+    used = weights > 0
+    G, compared = np.where(used, G, 1.0), np.where(used, measured, 1.0)
+    apart = weights * error(compared, G, residual)
+    Y = -apart if residual == "nls" else -apart / np.conj(G)
+    T = Z @ np.conj(Y) @ np.swapaxes(X, -1, -2)
+    by_stiffness = -2 * T.real.sum(axis=1)
+    by_mass = 2 * np.einsum("f,qfij->qij", np.square(omega), T.real)
+    return _symmetric(by_stiffness), _symmetric(by_mass)
+
+
+def _symmetric(matrices: Array) -> Array:
+    return np.asarray((matrices + np.swapaxes(matrices, -1, -2)) / 2)

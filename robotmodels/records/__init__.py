@@ -1,0 +1,1 @@
+"""Periodic runs, measured or simulated, and their files."""

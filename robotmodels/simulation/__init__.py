@@ -1,0 +1,1 @@
+"""Experiments simulated: MuJoCo, controllers and the noise of the closed loop."""

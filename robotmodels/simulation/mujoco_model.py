@@ -1,0 +1,251 @@
+"""The robot of a robot file in MuJoCo: torsions as hinges, gears as tendons to hinges beside it.
+
+Made from the robot file and the URDF alone; only MuJoCo computes with it.
+"""
+
+import ctypes
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+
+import llvmlite.binding
+import mujoco
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from robotmodels.common.arrays import Array, IntArray
+from robotmodels.common.errors import InvalidInput
+from robotmodels.description.robot_file import Body, Hardening, Motor, RobotFile, Spring
+from robotmodels.simulation.urdf_tree import Inertial, Joint, Tree, read_tree
+
+UNIT = {"x": (1.0, 0.0, 0.0), "y": (0.0, 1.0, 0.0), "z": (0.0, 0.0, 1.0)}
+_LEAST_INERTIA = 1e-10  # MuJoCo knows no point masses [kg m^2]
+_LEAST_MASS = 1e-14  # nor moving bodies without mass [kg, kg m^2]
+_CALLED = ("mj_fwdPosition", "mj_tendon", "mj_fwdVelocity", "mj_fwdAcceleration")
+
+
+@dataclass(frozen=True, eq=False)
+class PlantModel:
+    """A compiled model whose joints are the drives, the torsions and the elastic motors.
+
+    Attributes
+    ----------
+    model : mujoco.MjModel
+        MuJoCo's model.
+    data : mujoco.MjData
+        Its working memory.
+    motors : ndarray of int, (n,)
+        Coordinate of each motor: its own, or the joint's that it drives rigidly.
+    gears : ndarray of int, (n,)
+        Tendon of each motor; -1 where the drive is rigid.
+    """
+
+    model: mujoco.MjModel
+    data: mujoco.MjData
+    motors: IntArray
+    gears: IntArray
+
+    @property
+    def names(self) -> list[str]:
+        """Names of the coordinates."""
+        return [self.model.joint(i).name for i in range(self.model.njnt)]
+
+    def coordinate(self, name: str) -> int:
+        """Return the place of a joint, torsion or elastic motor among the coordinates."""
+        return int(self.model.joint(name).qposadr[0])
+
+    def mass(self, coordinates: Array) -> Array:
+        """Return the mass matrix, motors included, (d, d)."""
+        self.data.qpos[:] = coordinates
+        mujoco.mj_forward(self.model, self.data)
+        dense = np.zeros((self.model.nv, self.model.nv))
+        mujoco.mj_fullM(self.model, self.data, dense)
+        return dense
+
+    def static_forces(self, coordinates: Array) -> Array:
+        """Return the forces of springs and gravity at rest, (d,)."""
+        self.data.qpos[:] = coordinates
+        self.data.qvel[:] = 0.0
+        self.data.qfrc_applied[:] = 0.0
+        mujoco.mj_forward(self.model, self.data)
+        return np.asarray(self.data.qfrc_passive - self.data.qfrc_bias)
+
+
+def build_plant(file: RobotFile, urdf: Path) -> PlantModel:
+    """Return the robot with all springs, dampers and viscous friction of its file."""
+    model = PlantBuilder(file, read_tree(urdf)).compile()
+    names = [model.joint(i).name for i in range(model.njnt)]
+    tendons = [model.tendon(i).name for i in range(model.ntendon)]
+    own = [m.name if m.name in names else m.joint for m in file.motors]
+    gears = [tendons.index(m.joint) if m.joint in tendons else -1 for m in file.motors]
+    where = [int(model.joint(name).qposadr[0]) for name in own]
+    return PlantModel(model, mujoco.MjData(model), np.array(where), np.array(gears))
+
+
+@cache
+def register_mujoco() -> None:
+    """Tell numba's linker where MuJoCo's functions are, so that compiled loops can call them."""
+    folder = Path(mujoco.__file__).parent
+    pattern = "*mujoco*.[ds][lyo]*"  # .so, .dylib, .dll
+    (library,) = [p for p in folder.glob(pattern) if p.suffix != ".py" and p.is_file()]
+    loaded = ctypes.CDLL(str(library))
+    for name in _CALLED:
+        address = ctypes.cast(getattr(loaded, name), ctypes.c_void_p).value
+        llvmlite.binding.add_symbol(name, address)
+
+
+def addresses(plant: PlantModel) -> tuple[int, int]:
+    """Return where MuJoCo's model and data are in memory."""
+    return int(plant.model._address), int(plant.data._address)
+
+
+class PlantBuilder:
+    """Builds the model of `file`, whose URDF is `tree`; `fuse` merges bodies fixed to others."""
+
+    def __init__(self, file: RobotFile, tree: Tree, *, fuse: bool = True) -> None:
+        self.file = file
+        self.tree = tree
+        self.spec = mujoco.MjSpec()
+        self.spec.compiler.degree = False
+        self.spec.compiler.fusestatic = fuse
+        self.spec.compiler.boundmass = self.spec.compiler.boundinertia = _LEAST_MASS
+        self.spec.option.gravity = file.gravity
+        self.spec.option.disableflags = int(
+            mujoco.mjtDisableBit.mjDSBL_CONSTRAINT | mujoco.mjtDisableBit.mjDSBL_CONTACT
+        )
+        self.drives = {s.joint: s for s in file.springs if s.axis == "drive"}
+
+    def compile(self) -> mujoco.MjModel:
+        """Return the compiled model.
+
+        Raises
+        ------
+        InvalidInput
+            If MuJoCo refuses a body, whose moments of inertia must fit each other exactly, also
+            where bodies fixed to it make up for them.
+        """
+        self._add_link(self.tree.root, self.spec.worldbody.add_body(name="root"))
+        for motor in self.file.motors:
+            if motor.joint in self.drives:
+                self._add_motor(motor, self.drives[motor.joint])
+        for sensor in self.file.accelerometers:
+            self.spec.add_sensor(
+                type=mujoco.mjtSensor.mjSENS_ACCELEROMETER,
+                objtype=mujoco.mjtObj.mjOBJ_SITE,
+                objname=sensor.name,
+            )
+        try:
+            return self.spec.compile()
+        except ValueError as error:
+            said = " ".join(str(error).split())
+            raise InvalidInput(f"MuJoCo, which simulates, refuses the robot: {said}") from None
+
+    def _add_motor(self, motor: Motor, spring: Spring) -> None:
+        """Add a motor on its own hinge and the gear that joins it to its joint."""
+        square = motor.gear_ratio**2
+        body = self.spec.worldbody.add_body(name=f"motor {motor.name}")
+        _set_inertia(body, Inertial(1.0, np.zeros(3), motor.inertia * square * np.eye(3)))
+        hinge = body.add_joint(name=motor.name, type=mujoco.mjtJoint.mjJNT_HINGE, axis=UNIT["z"])
+        hinge.damping = [motor.viscous * square, 0.0, 0.0]
+        gear = self.spec.add_tendon(name=motor.joint)
+        gear.wrap_joint(motor.joint, 1.0)
+        gear.wrap_joint(motor.name, -1.0)
+        gear.stiffness, gear.damping = _stiffness(spring), [spring.damping, 0.0, 0.0]
+        gear.springlength = [0.0, 0.0]
+
+    def _add_link(self, link: str, body: mujoco.MjsBody) -> None:
+        """Fill `body` with the URDF link, its cuts and all that it carries."""
+        inertial = self.tree.inertials[link]
+        frame = np.zeros(3)  # origin of the link frame, seen from the body
+        for point, springs in self._cuts(link).items():
+            beyond = next((_from_body(s.distal) for s in springs if s.distal), None)
+            distal = beyond or inertial
+            rest = inertial.minus(beyond) if inertial and beyond else None
+            _set_inertia(body, _shift(rest, frame))
+            at = np.array(point)
+            body = body.add_body(name=f"{link} beyond {point}", pos=frame + at)
+            for spring in springs:
+                _add_torsion(body, spring)
+            inertial, frame = distal, -at
+        _set_inertia(body, _shift(inertial, frame))
+        payload = self.file.payload
+        if payload is not None and payload.link == link:
+            _set_inertia(body.add_body(name="payload", pos=frame), _from_body(payload))
+        for sensor in self.file.accelerometers:
+            if sensor.link == link:
+                body.add_site(name=sensor.name, pos=frame + np.array(sensor.at))
+        for joint in self.tree.joints[link]:
+            self._add_joint(joint, body, frame)
+
+    def _add_joint(self, joint: Joint, parent: mujoco.MjsBody, frame: Array) -> None:
+        position, rotation = joint.position, joint.rotation
+        held = joint.name in self.file.lock
+        if held and joint.kind == "prismatic":
+            position = position + rotation.apply(self.file.lock[joint.name] * joint.axis)
+        elif held:
+            rotation = rotation * Rotation.from_rotvec(self.file.lock[joint.name] * joint.axis)
+        quaternion = rotation.as_quat(scalar_first=True)
+        body = parent.add_body(name=joint.child, pos=frame + position, quat=quaternion)
+        if joint.kind != "fixed" and not held:
+            for spring in self.file.springs:
+                if spring.joint == joint.name and spring.axis != "drive":
+                    _add_torsion(body, spring)
+            self._add_drive(joint, body)
+        self._add_link(joint.child, body)
+
+    def _add_drive(self, joint: Joint, body: mujoco.MjsBody) -> None:
+        kind = "SLIDE" if joint.kind == "prismatic" else "HINGE"
+        drive = body.add_joint(
+            name=joint.name, type=getattr(mujoco.mjtJoint, f"mjJNT_{kind}"), axis=joint.axis
+        )
+        motor = next((m for m in self.file.motors if m.joint == joint.name), None)
+        spring = self.drives.get(joint.name)
+        if motor is not None and spring is None:
+            drive.armature = motor.inertia * motor.gear_ratio**2
+            drive.damping = [motor.viscous * motor.gear_ratio**2, 0.0, 0.0]
+        elif motor is None and spring is not None:
+            drive.stiffness, drive.damping = _stiffness(spring), [spring.damping, 0.0, 0.0]
+
+    def _cuts(self, link: str) -> dict[tuple[float, float, float], list[Spring]]:
+        cuts: dict[tuple[float, float, float], list[Spring]] = {}
+        for spring in self.file.springs:
+            if spring.link == link and spring.at is not None:
+                cuts.setdefault(spring.at, []).append(spring)
+        return cuts
+
+
+def _stiffness(spring: Spring) -> list[float]:
+    """Return the coefficients of elongation, its square and its cube (see the robot file)."""
+    k = spring.stiffness
+    if isinstance(k, Hardening):
+        elongation = 3 * k.torque / (2 * k.low + k.high)  # where the slope is `high`
+        return [k.low, 0.0, (k.high - k.low) / (3 * elongation**2)]
+    return [k, 0.0, 0.0]
+
+
+def _add_torsion(body: mujoco.MjsBody, spring: Spring) -> None:
+    hinge = body.add_joint(
+        name=spring.name, type=mujoco.mjtJoint.mjJNT_HINGE, axis=UNIT[spring.axis]
+    )
+    hinge.stiffness, hinge.damping = _stiffness(spring), [spring.damping, 0.0, 0.0]
+
+
+def _from_body(body: Body) -> Inertial:
+    xx, xy, xz, yy, yz, zz = body.inertia
+    inertia = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+    return Inertial(body.mass, np.array(body.com), inertia)
+
+
+def _shift(inertial: Inertial | None, by: Array) -> Inertial | None:
+    return inertial and Inertial(inertial.mass, inertial.com + by, inertial.inertia)
+
+
+def _set_inertia(body: mujoco.MjsBody, inertial: Inertial | None) -> None:
+    body.explicitinertial = True
+    if inertial is None or inertial.mass == 0:
+        return
+    moments, axes = np.linalg.eigh(inertial.inertia)
+    axes[:, 2] *= np.linalg.det(axes)  # right-handed
+    body.mass, body.ipos = inertial.mass, inertial.com
+    body.inertia = np.maximum(moments, _LEAST_INERTIA)
+    body.iquat = Rotation.from_matrix(axes).as_quat(scalar_first=True)

@@ -1,0 +1,223 @@
+"""One block of runs in MuJoCo, from the robot at rest on."""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from robotmodels.common.arrays import Array, ComplexArray
+from robotmodels.common.errors import NoEquilibrium, SolverFailed
+from robotmodels.description.robot_file import Hardening, RobotFile
+from robotmodels.description.urdf import locate
+from robotmodels.elastic.robot import ElasticRobot
+from robotmodels.simulation.controller import Controller
+from robotmodels.simulation.imperfections import Imperfections
+from robotmodels.simulation.mujoco_loop import STABILITY, Drives, Engine, Law, Sensing, run
+from robotmodels.simulation.mujoco_model import PlantModel, addresses, build_plant, register_mujoco
+
+
+@dataclass(frozen=True, eq=False)
+class Block:
+    """One block of runs in one position: a piece of work for an executor.
+
+    Attributes
+    ----------
+    position : ndarray, (n,), rad
+        Position.
+    signals : ndarray, (E, N, n), rad/s
+        One period of the speed references.
+    rng : Generator
+        Random generator of this block alone.
+    transient, periods : int
+        Dropped and recorded periods.
+    where : str
+        What errors call it.
+    """
+
+    robot: ElasticRobot
+    position: Array
+    signals: Array
+    controller: Controller
+    imperfections: Imperfections
+    rng: np.random.Generator
+    transient: int
+    periods: int
+    where: str
+
+
+def run_block(block: Block) -> tuple[Array, Array, NDArray[np.bool_]]:
+    """Return torque, angle and whether limited, (E, P, N, n), of one block of runs.
+
+    Raises
+    ------
+    NoEquilibrium
+        If the springs cannot carry the robot's weight.
+    SolverFailed
+        If a motor leaves its position, the closed loop being unstable.
+    """
+    register_mujoco()
+    robot, controller, flaws = block.robot, block.controller, block.imperfections
+    plant = build_plant(robot.file, locate(robot.file.urdf, robot.folder))
+    rest, hold = find_rest(plant, robot, block.position, block.where)
+    if not flaws.nonlinear_gears:
+        linearise_gears(plant, rest)
+    steps = substeps(plant, robot.file, rest, controller.sample_time)
+    n = len(hold)
+    rest = open_gears(plant, rest, flaws.per_motor("backlash", n))
+    engine, drives = _engine(plant), _drives(plant, robot, rest, flaws)
+    law = _law(controller, hold / drives.gain)
+    _, N, _ = block.signals.shape
+    total = (block.transient + block.periods) * N
+    kept = (block.periods, N, n)
+    results: list[Any] = []
+    for e, signal in enumerate(block.signals):
+        engine.qpos[:], engine.qvel[:], engine.applied[:] = rest, 0.0, 0.0
+        errors, disturbance = (
+            block.rng.normal(size=(total, n)) * flaws.per_motor(name, n)
+            for name in ("angle_noise", "torque_disturbance")
+        )
+        # In one memory layout always: another would be compiled anew.
+        reference = np.ascontiguousarray(np.tile(signal, (block.transient + block.periods, 1)))
+        sensing = Sensing(robot.file.delay / controller.sample_time, flaws.quantisation, errors)
+        *traces, good = run(
+            engine, drives, law, sensing, reference, disturbance, controller.sample_time, steps
+        )
+        if good < total:
+            raise _lost(f"{block.where}, run {e + 1}", good * controller.sample_time)
+        results.append([trace[block.transient * N :].reshape(kept) for trace in traces])
+    torque, angle, limited = (np.stack(part) for part in zip(*results, strict=True))
+    return torque, angle, limited
+
+
+def _lost(where: str, after: float) -> SolverFailed:
+    """Return the error for a motor that left its position `after` a time [s]."""
+    return SolverFailed(
+        f"{where}: a motor is more than 1 rad (arm side) off after {after:.3g} s; a stable "
+        "controller (smaller gains or sample time) or smaller signals are needed"
+    )
+
+
+def _law(controller: Controller, hold: Array) -> Law:
+    return Law(
+        np.array(controller.speed_gain),
+        1 / np.array(controller.integral_time),
+        np.array(controller.position_gain),
+        np.array(controller.filter_pole),
+        hold,
+    )
+
+
+def _engine(plant: PlantModel) -> Engine:
+    data = plant.data
+    return Engine(*addresses(plant), data.qpos, data.qvel, data.qfrc_applied, data.qacc_smooth)
+
+
+def _drives(plant: PlantModel, robot: ElasticRobot, rest: Array, flaws: Imperfections) -> Drives:
+    motors = robot.file.motors
+    n = len(motors)
+    unit = np.zeros((len(rest), n))
+    unit[plant.motors, np.arange(n)] = 1.0
+    return Drives(
+        np.asarray(plant.motors, dtype=np.int64),
+        np.array([m.gear_ratio for m in motors]),
+        np.array([m.torque_gain for m in motors]),
+        flaws.per_motor("torque_limit", n),
+        flaws.friction * np.array([m.coulomb for m in motors]),
+        np.asarray(np.linalg.solve(plant.mass(rest), unit)),
+    )
+
+
+_SAFETY = 1.15  # of poles, for positions nearby
+
+
+def find_rest(
+    plant: PlantModel, robot: ElasticRobot, position: Array, where: str
+) -> tuple[Array, Array]:
+    """Return the coordinates (d,) at which the motors stand at `position`, and their torques (n,).
+
+    The torques are those on the motor shafts that hold the arm against gravity [N m].
+
+    Raises
+    ------
+    NoEquilibrium
+        If there is none.
+    """
+    q = np.zeros(plant.model.nv)
+    for joint, motor, angle in zip(robot.motor_joints, plant.motors, position, strict=True):
+        q[plant.coordinate(joint)] = angle
+        q[motor] = angle
+    free = np.setdiff1d(np.arange(len(q)), plant.motors)
+    step = 1e-6
+    for _ in range(50):
+        forces = plant.static_forces(q)
+        slopes = [
+            plant.static_forces(q + step * e) - plant.static_forces(q - step * e)
+            for e in np.eye(len(q))[free]
+        ]
+        K = np.array(slopes)[:, free].T / (2 * step)
+        change = np.linalg.solve(K, forces[free])
+        q[free] -= change
+        if not (np.abs(change) < 1.0).all():
+            break
+        # Differences limit the slopes, and so the rate of convergence, not its end.
+        if np.abs(change).max(initial=0.0) < 1e-12:
+            ratio = np.array([m.gear_ratio for m in robot.file.motors])
+            return q, -plant.static_forces(q)[plant.motors] / ratio
+    raise NoEquilibrium(f"{where}: the springs cannot carry the robot's weight")
+
+
+def linearise_gears(plant: PlantModel, rest: Array) -> None:
+    """Replace the gears' characteristics by their tangents at `rest`, the torques kept."""
+    model = plant.model
+    plant.static_forces(rest)
+    for i in range(model.ntendon):
+        x = float(plant.data.ten_length[i])
+        low, (_, cubic) = model.tendon_stiffness[i], model.tendon_stiffnesspoly[i]
+        slope = low + 3 * cubic * x**2
+        model.tendon_stiffness[i], model.tendon_stiffnesspoly[i] = slope, 0.0
+        model.tendon_lengthspring[i] = x - (low + cubic * x**2) * x / slope
+
+
+def open_gears(plant: PlantModel, rest: Array, gaps: Array) -> Array:
+    """Give the gears their gaps (n,); return `rest` with each motor moved to the flank it needs."""
+    rest = rest.copy()
+    plant.static_forces(rest)
+    for motor, gear, gap in zip(plant.motors, plant.gears, gaps, strict=True):
+        if gear >= 0 and gap > 0:
+            middle = plant.model.tendon_lengthspring[gear].mean()
+            side = np.sign(plant.data.ten_length[gear] - middle)
+            plant.model.tendon_lengthspring[gear] = middle + gap * np.array([-0.5, 0.5])
+            rest[motor] -= side * gap / 2
+    return rest
+
+
+def substeps(plant: PlantModel, file: RobotFile, rest: Array, sample_time: float) -> int:
+    """Return the least number of steps per sample with which the integration is stable."""
+    poles = _SAFETY * _poles(plant, file, rest) * sample_time
+    count = 1
+    while (np.abs(np.polyval(STABILITY, poles / count)) > 1 + 1e-9).any():
+        count += 1
+    return count
+
+
+def _poles(plant: PlantModel, file: RobotFile, rest: Array) -> ComplexArray:
+    """Return the poles, gravity left out, hardening springs at their hardest [rad/s]."""
+    d = plant.model.nv
+    damping, stiffness = np.zeros((2, d, d))
+    motor_of = {m.joint: m.name for m in file.motors}
+    for spring in file.springs:
+        a = np.zeros(d)
+        a[plant.coordinate(str(spring.joint if spring.axis == "drive" else spring.name))] = 1.0
+        if spring.axis == "drive" and spring.joint in motor_of:
+            a[plant.coordinate(motor_of[spring.joint])] = -1.0
+        k = spring.stiffness
+        stiffness += (max(k.low, k.high) if isinstance(k, Hardening) else k) * np.outer(a, a)
+        damping += spring.damping * np.outer(a, a)
+    for motor, c in zip(file.motors, plant.motors, strict=True):
+        damping[c, c] += motor.viscous * motor.gear_ratio**2
+    both = np.linalg.solve(plant.mass(rest), np.hstack([stiffness, damping]))
+    companion = np.block([[np.zeros((d, d)), np.eye(d)], [-both]])
+    poles = np.linalg.eigvals(companion)
+    # Rigid modes are at zero but for rounding, which may put them to the right of it.
+    return np.where(poles.real > 0, 1j * poles.imag, poles)
