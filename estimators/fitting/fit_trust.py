@@ -4,55 +4,57 @@ from dataclasses import replace
 
 import numpy as np
 
-from estimators.fitting.least_squares import Fit
+from estimators.fitting.fit_problem import Problem
 from estimators.fitting.linearise import linearise, sensitivities
 from estimators.fitting.model_directions import model_directions
-from estimators.fitting.residuals import find_residual, loss_factors
-from estimators.fitting.weights import used_elements
+from estimators.fitting.residuals import loss_factors
 from estimators.trust.intervals import VERDICTS, Verdict
 from estimators.trust.line_scatter import Scatter
 from estimators.trust.rule import Evidence, gather_evidence, judge, variance_scale
 from estimators.trust.trust import LEVEL, Trust
 from robotmodels.common.arrays import Array, read_only
-from robotmodels.common.errors import SolverFailed
 
 
-def trust(fit: Fit) -> Trust:
+def fit_trust(problem: Problem, values: Array, converged: bool) -> Trust:
     """Return the recommended intervals and the verdict, by the rule of `estimators.trust.rule`.
 
-    Raises
-    ------
-    SolverFailed
-        If the search could not begin.
+    Parameters
+    ----------
+    problem : Problem
+        Problem of the fit.
+    values : ndarray, (p,), SI
+        Parameters where its search ended.
+    converged : bool
+        Whether that is a local minimum.
     """
-    if not np.isfinite(fit.cost):
-        raise SolverFailed(f"no intervals without a fit: {fit.message}")
-    estimate, kind = fit.estimate, find_residual(fit.residual)
-    used = used_elements(fit.weights, estimate.response.shape)
-    at = sensitivities(fit)
+    estimate = problem.estimate
+    at = sensitivities(problem, values)
     directions = model_directions(
-        fit.model, kind, estimate.positions, estimate.omega, fit.parameters.values, at, used
+        problem.model, problem.kind, estimate.positions, estimate.omega, values, at, problem.used
     )
     evidence = gather_evidence(
-        linearise(fit, at), directions, converged=fit.converged, noise_known=estimate.noise_known
+        linearise(problem, values, at),
+        directions,
+        converged=converged,
+        noise_known=estimate.noise_known,
     )
-    slope, square = loss_factors(fit.loss)
+    slope, square = loss_factors(problem.loss)
     scatter = evidence.scatter.scaled(variance_scale(evidence) * square / slope**2)
-    return _summary(fit, evidence, scatter)
+    return _summary(problem, values, evidence, scatter)
 
 
-def _summary(fit: Fit, evidence: Evidence, scatter: Scatter) -> Trust:
-    verdicts, ends = _ends(fit, scatter, judge(evidence))
+def _summary(problem: Problem, values: Array, evidence: Evidence, scatter: Scatter) -> Trust:
+    verdicts, ends = _ends(values, problem.bounds, scatter, judge(evidence))
     if not evidence.noise_known:
         unknown = np.full_like(scatter.degrees_of_freedom, np.nan)
         scatter = replace(scatter, degrees_of_freedom=unknown)
     correlation = evidence.correlation
     return Trust(
-        names=fit.parameters.names,
-        values=fit.parameters.values,
+        names=problem.model.parameters.names,
+        values=values,
         scatter=scatter,
         ends=read_only(ends),
-        method=_method(fit, evidence),
+        method=_method(problem.kind.name, evidence),
         verdicts=tuple(str(v) for v in verdicts),
         reasons=tuple(v.reason for v in verdicts),
         size=evidence.size,
@@ -62,7 +64,7 @@ def _summary(fit: Fit, evidence: Evidence, scatter: Scatter) -> Trust:
     )
 
 
-def _method(fit: Fit, evidence: Evidence) -> str:
+def _method(residual: str, evidence: Evidence) -> str:
     """Return where the standard deviations come from."""
     estimated = np.isfinite(evidence.fit.degrees_of_freedom).any()
     parts = ["scatter of the lines over blocks" if estimated else "Theorem 1, declared noise"]
@@ -72,18 +74,20 @@ def _method(fit: Fit, evidence: Evidence) -> str:
         parts.append("correlated along lines")
     if evidence.too_large:
         parts.append("scaled by the residuals")
-    return f"{fit.residual}, {', '.join(parts)}"
+    return f"{residual}, {', '.join(parts)}"
 
 
-def _ends(fit: Fit, scatter: Scatter, verdicts: tuple[Verdict, ...]) -> tuple[list[Verdict], Array]:
+def _ends(
+    values: Array, bounds: Array, scatter: Scatter, verdicts: tuple[Verdict, ...]
+) -> tuple[list[Verdict], Array]:
     """Return verdicts and ends (p, 2); one-sided, in the values themselves, at a bound of the fit.
 
     The logarithm of a damper at its lower bound tells nothing: its interval is that of the value,
     from zero to where noise would have pulled it from.
     """
-    values, std = fit.parameters.values, np.sqrt(scatter.variance)
+    std = np.sqrt(scatter.variance)
     both, one = scatter.quantile(LEVEL), scatter.quantile(2 * LEVEL - 1)
-    at_low, at_high = np.isclose(values, fit.bounds, rtol=1e-6, atol=0)
+    at_low, at_high = np.isclose(values, bounds, rtol=1e-6, atol=0)
     ends, judged = np.full((len(values), 2), np.nan), list(verdicts)
     for i, verdict in enumerate(verdicts):
         bounded = VERDICTS.index(verdict) >= VERDICTS.index("not identifiable")

@@ -3,12 +3,13 @@
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from estimators.fitting.fit_problem import Problem, stated
+from estimators.fitting.linearise import linearise
 from estimators.fitting.priors import Prior
 from estimators.fitting.residuals import find_residual
 from estimators.fitting.search import check_effort, search
@@ -16,14 +17,14 @@ from estimators.fitting.start_values import named_start
 from estimators.fitting.trust_region import Outcome
 from estimators.fitting.weight_choice import chosen_weights
 from estimators.frf.frf_estimate import FrfEstimate
+from estimators.trust.intervals import Interval, Verdict
+from estimators.trust.linearised_fit import LinearisedFit
+from estimators.trust.trust import Trust
 from robotmodels.common.arrays import Array, ComplexArray, IntArray, read_only
+from robotmodels.common.errors import SolverFailed
 from robotmodels.common.printing import Printed
 from robotmodels.description.parameters import Parameters
 from robotmodels.linear.response import Elastic, frequency_response
-
-if TYPE_CHECKING:
-    from estimators.trust.intervals import Interval, Verdict
-    from estimators.trust.trust import Trust
 
 
 @dataclass(frozen=True, eq=False)
@@ -104,18 +105,30 @@ class Fit(Printed):
         return self.cost - float(self.prior.cost(self.parameters.names, self.parameters.values))
 
     @cached_property
-    def trust(self) -> "Trust":
-        """How far the fit can be trusted, with all evidence."""
-        from estimators.fitting.fit_trust import trust
+    def trust(self) -> Trust:
+        """How far the fit can be trusted, with all evidence.
 
-        return trust(self)
+        Raises
+        ------
+        SolverFailed
+            If the search could not begin.
+        """
+        if not np.isfinite(self.cost):
+            raise SolverFailed(f"no intervals without a fit: {self.message}")
+        from estimators.fitting.fit_trust import fit_trust  # loads Pinocchio, which a fit may spare
 
-    def intervals(self) -> "tuple[Interval, ...]":
+        return fit_trust(problem_of(self), self.parameters.values, self.converged)
+
+    def linearise(self) -> LinearisedFit:
+        """Return residuals, Jacobian and noise at the fitted values."""
+        return linearise(problem_of(self), self.parameters.values)
+
+    def intervals(self) -> tuple[Interval, ...]:
         """Return the recommended 95 % interval of each parameter, in SI units."""
         return self.trust.intervals
 
     @property
-    def verdict(self) -> "Verdict":
+    def verdict(self) -> Verdict:
         """The verdict on the whole fit, one of `estimators.VERDICTS`, with its reason."""
         return self.trust.verdict
 

@@ -1,27 +1,33 @@
-"""From a fit to its linearisation about the solution."""
+"""From the problem of a fit to its linearisation about a solution."""
 
 import numpy as np
 
-from estimators.fitting.least_squares import Fit, problem_of
+from estimators.fitting.fit_problem import Problem
 from estimators.fitting.weight_choice import own_line_shares
 from estimators.frf.frf_estimate import is_full, vec
 from estimators.trust.linearised_fit import LinearisedFit
-from robotmodels.common.arrays import ComplexArray
+from robotmodels.common.arrays import Array, ComplexArray
 from robotmodels.linear.response import sensitivity
 
 
-def linearise(fit: Fit, at: tuple[ComplexArray, ComplexArray] | None = None) -> LinearisedFit:
+def linearise(
+    problem: Problem, values: Array, at: tuple[ComplexArray, ComplexArray] | None = None
+) -> LinearisedFit:
     """Return a fit about its solution.
 
     Parameters
     ----------
+    problem : Problem
+        Problem of the problem.
+    values : ndarray, (p,), SI
+        Parameters of the solution.
     at : tuple, optional
         FRF at the fit, (Q, F, m, n), and its derivatives with respect to ln theta, (Q, F, m, n, p);
         computed where None.
     """
-    response, jacobian = sensitivities(fit) if at is None else at
-    estimate, problem = fit.estimate, problem_of(fit)
-    kind, used = problem.kind, problem.used
+    response, jacobian = sensitivities(problem, values) if at is None else at
+    estimate, kind, used = problem.estimate, problem.kind, problem.used
+    weights = problem.weights
     slopes = -kind.jacobian(response, jacobian, used)
     residuals = np.where(used, kind.error(estimate.response, response, used), 0.0)
     noise = kind.noise(estimate.covariance, response, used)
@@ -36,16 +42,16 @@ def linearise(fit: Fit, at: tuple[ComplexArray, ComplexArray] | None = None) -> 
         deviations = deviations / size if kind.relative else deviations
         deviations = np.where(used[:, None], deviations, 0.0)
         deviations = vec(np.sqrt(2) * deviations.real if kind.real else deviations) * root[:, None]
-    names = fit.parameters.names
+    names = problem.model.parameters.names
     freedom = estimate.degrees_of_freedom
     nu = freedom[:, None, None]
-    share = vec(own_line_shares(fit.weighting, estimate, kind, response))
+    share = vec(own_line_shares(problem.weighting, estimate, kind, response))
     prior = np.zeros((len(names),) * 2)
     return LinearisedFit(
         names=names,
         residuals=vec(residuals),
         jacobian=np.moveaxis(vec(np.moveaxis(slopes, -1, 2)), 2, -1),
-        weights=fit.weights if is_full(fit.weights, response.shape) else vec(fit.weights),
+        weights=weights if is_full(weights, response.shape) else vec(weights),
         noise_weights=vec(np.where(used, 1.0 / np.where(used, pooled, 1.0), 0.0)),
         covariance=noise * root[..., :, None] * root[..., None, :]
         if is_full(noise, response.shape)
@@ -53,16 +59,14 @@ def linearise(fit: Fit, at: tuple[ComplexArray, ComplexArray] | None = None) -> 
         deviations=deviations,
         degrees_of_freedom=np.where(np.isnan(freedom), np.inf, freedom),
         line_correlation=estimate.line_correlation,
-        prior=prior if fit.prior is None else fit.prior.information(names),
+        prior=prior if problem.prior is None else problem.prior.information(names),
         scatter_factor=1 / (1 - 2 * share / nu),
         real=kind.real,
         logarithmic=kind.relative,
     )
 
 
-def sensitivities(fit: Fit) -> tuple[ComplexArray, ComplexArray]:
-    """Return the FRF at the fit, (Q, F, m, n), and its derivatives, (Q, F, m, n, p)."""
-    estimate = fit.estimate
-    return sensitivity(
-        fit.model, estimate.positions, estimate.omega, fit.parameters.values, sag=True
-    )
+def sensitivities(problem: Problem, values: Array) -> tuple[ComplexArray, ComplexArray]:
+    """Return the FRF at `values`, (Q, F, m, n), and its derivatives, (Q, F, m, n, p)."""
+    estimate = problem.estimate
+    return sensitivity(problem.model, estimate.positions, estimate.omega, values, sag=True)

@@ -2,12 +2,10 @@
 
 from dataclasses import dataclass
 from statistics import NormalDist
-from typing import TYPE_CHECKING
 
 import numpy as np
 
-from estimators.fitting.least_squares import problem_of
-from estimators.fitting.linearise import linearise
+from estimators.fitting.least_squares import Fit, problem_of
 from estimators.fitting.residuals import loss_factors
 from estimators.trust.line_correlation import white_errors
 from estimators.trust.line_scatter import line_scatter
@@ -17,10 +15,6 @@ from estimators.uncertainty.sandwich import sandwich_parts
 from robotmodels.common.arrays import Array, check_level, read_only
 from robotmodels.common.errors import InvalidInput, SolverFailed, nearest
 from robotmodels.common.printing import Printed
-
-if TYPE_CHECKING:
-    from estimators.fitting.least_squares import Fit
-
 
 METHODS = {
     "theorem1": "Theorem 1",
@@ -106,7 +100,7 @@ def log_normal_ends(values: Array, std: Array, level: float) -> tuple[Array, Arr
     return values / spread, values * spread
 
 
-def covariance(fit: "Fit", method: str = "theorem1", lags: int | None = None) -> Uncertainty:
+def covariance(fit: Fit, method: str = "theorem1", lags: int | None = None) -> Uncertainty:
     """Return the covariance of ln theta by the sandwich of [WM] Theorem 1, (5).
 
     Any residual and weights; a prior counts as the k more data it is. With a robust loss bread and
@@ -151,7 +145,7 @@ def covariance(fit: "Fit", method: str = "theorem1", lags: int | None = None) ->
         bread, meat = slope * bread, square * meat
     whole = sandwich(bread + known, meat + known, names)
     if method != "empirical":
-        linear, white = linearise(fit), white_errors(len(fit.estimate.omega))
+        linear, white = fit.linearise(), white_errors(len(fit.estimate.omega))
         freedom = line_scatter(linear, linear.rows, white).degrees_of_freedom
         if method == "scaled":
             whole = sandwich(
@@ -160,7 +154,7 @@ def covariance(fit: "Fit", method: str = "theorem1", lags: int | None = None) ->
     return Uncertainty(names, whole, f"{METHODS[method]}, {fit.residual}{_doubts(fit)}", freedom)
 
 
-def _doubts(fit: "Fit") -> str:
+def _doubts(fit: Fit) -> str:
     """Return why a fit's covariance may not hold, in brackets; nothing if there is no reason."""
     said = [] if fit.converged else ["the fit has not converged"]
     if fit.at_bounds:
@@ -178,7 +172,7 @@ def _check_method(method: str, lags: int | None) -> None:
         raise InvalidInput(f"covariance: lags = {lags} are used by 'empirical', not {method!r}")
 
 
-def empirical_parts(fit: "Fit", lags: int | None = None) -> tuple[Array, Array]:
+def empirical_parts(fit: Fit, lags: int | None = None) -> tuple[Array, Array]:
     """Return bread and meat, (p, p), from the residuals themselves, the prior left out.
 
     With s_f the gradient of one frequency's part of the cost, in one position, the meat is

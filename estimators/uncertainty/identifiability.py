@@ -6,7 +6,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from estimators.fitting.least_squares import Fit
-from estimators.fitting.linearise import linearise
 from robotmodels.common.arrays import Array, read_only
 from robotmodels.common.errors import InvalidInput
 from robotmodels.common.printing import Printed
@@ -164,7 +163,7 @@ def fit_information(fit: Fit) -> Array:
     SolverFailed
         If the fit has no finite cost.
     """
-    linear = linearise(fit)
+    linear = fit.linearise()
     flat = linear.jacobian.reshape(-1, len(linear.names))
     weighted = linear.noise_weights.reshape(-1, 1) * flat
     return np.asarray(2 * (np.conj(flat).T @ weighted).real + linear.prior)

@@ -5,7 +5,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from estimators.fitting.least_squares import Fit
-from estimators.fitting.linearise import linearise
 from estimators.frf.frf_estimate import unvec
 from estimators.trust.line_correlation import correlation_of_residuals, lagged_products
 from estimators.trust.linearised_fit import LinearisedFit
@@ -98,7 +97,7 @@ def residual_analysis(fit: Fit, lags: int = LAGS) -> ResidualAnalysis:
     frequencies = len(fit.estimate.omega)
     if not 1 <= lags < frequencies:
         raise InvalidInput(f"lags: {lags} for {frequencies} frequencies; 1 to F - 1 are possible")
-    linear = linearise(fit)
+    linear = fit.linearise()
     if linear.data <= len(linear.names):
         raise InvalidInput(
             f"residuals: {linear.data} data for {len(linear.names)} parameters leave none"

@@ -1,10 +1,11 @@
 """The parts of Theorem 1, [WM] (5), and Fisher information."""
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from estimators.fitting.least_squares import Fit
 from estimators.fitting.residuals import find_residual
 from estimators.fitting.weights import used_elements
 from estimators.frf.frf_estimate import is_full, vec
@@ -12,11 +13,8 @@ from robotmodels.common.arrays import Array
 from robotmodels.common.errors import SolverFailed
 from robotmodels.linear.response import sensitivity
 
-if TYPE_CHECKING:
-    from estimators.fitting.least_squares import Fit
 
-
-def sandwich_parts(fit: "Fit") -> tuple[Array, Array]:
+def sandwich_parts(fit: Fit) -> tuple[Array, Array]:
     """Return bread and meat of (5), (p, p): Hessian of the cost, covariance of its gradient.
 
     With Psi the residual's Jacobian, W its weights and R its noise covariance, bread is

@@ -14,7 +14,7 @@ import numpy as np
 from trust_systems import NOISE, OUTLIER, WRONG, Linearisation, linearisation, system
 
 import estimators
-from estimators.fitting.least_squares import Fit
+from estimators.fitting.least_squares import Fit, problem_of
 from estimators.fitting.linearise import linearise
 from estimators.fitting.residuals import find_residual
 from estimators.fitting.weight_choice import chosen_weights
@@ -305,7 +305,7 @@ def one_step(
         0.0, values, np.stack([values / 1e3, values * 1e3]), 1, "", 1,
         weighting=cell.weights,
     )  # fmt: skip
-    linear = linearise(fit, (at.response, at.jacobian))
+    linear = linearise(problem_of(fit), values, (at.response, at.jacobian))
     step = linear.estimates(linear.rows, linear.residuals)
     return replace(linear, residuals=linear.residuals - linear.jacobian @ step), step
 
