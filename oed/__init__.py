@@ -50,7 +50,8 @@ if TYPE_CHECKING:
     )
     from oed.experiment.amplitude_scaling import Binding, Limits, Scaling, scale
     from oed.experiment.crest import crest_factor, reduced_crest
-    from oed.experiment.experiment_plan import ExperimentPlan, experiment_plan
+    from oed.experiment.draw_plan import experiment_plan
+    from oed.experiment.experiment_plan import ExperimentPlan
     from oed.experiment.moves import Move, MoveLimits, move
     from oed.experiment.multisine import Multisine, band_multisine, fourier_matrix, random_phases
     from oed.experiment.plan_export import export_csv, export_mat
@@ -119,7 +120,7 @@ _HOMES = {
     "even_plan": "plan_comparison.baseline_plans",
     "exact_design": "exact.exact_design",
     "experiment_curve": "exact.sequential",
-    "experiment_plan": "experiment.experiment_plan",
+    "experiment_plan": "experiment.draw_plan",
     "experiments_needed": "exact.sequential",
     "export_csv": "experiment.plan_export",
     "export_mat": "experiment.plan_export",

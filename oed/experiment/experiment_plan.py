@@ -3,36 +3,17 @@
 import os
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Protocol
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 
-from oed.experiment.crest import reduced_crest
 from oed.experiment.moves import Move, MoveLimits, move
-from oed.experiment.multisine import Multisine, random_phases
-from oed.experiment.visiting_order import VisitingOrder, visiting_order
+from oed.experiment.multisine import Multisine
+from oed.experiment.plan_files import OrderSection, PlanFile, read_plan, write_plan
+from oed.experiment.visiting_order import VisitingOrder
 from robotmodels.common.arrays import Array, IntArray, read_only
 from robotmodels.common.errors import InvalidInput
-from robotmodels.common.progress import Progress
-
-
-class Planned(Protocol):
-    """A robot that can be told where to go."""
-
-    @property
-    def name(self) -> str:
-        """Its name."""
-        ...
-
-    @property
-    def motor_names(self) -> Sequence[str]:
-        """Names of the n motors."""
-        ...
-
-    @property
-    def position_limits(self) -> Array:
-        """Lowest and highest position of each, (n, 2)."""
-        ...
 
 
 @dataclass(frozen=True, eq=False)
@@ -89,7 +70,7 @@ class ExperimentPlan:
 
     def __post_init__(self) -> None:
         positions = self.moves.check(self.positions)
-        repetitions = _checked_repetitions(self.repetitions, len(positions))
+        repetitions = checked_repetitions(self.repetitions, len(positions))
         for name, least in (("periods", 1), ("transient_periods", 0)):
             value = getattr(self, name)
             if isinstance(value, bool) or not isinstance(value, int) or value < least:
@@ -174,116 +155,51 @@ class ExperimentPlan:
         return replace(self, scale=self.scale * np.asarray(factors, dtype=float))
 
     def save(self, path: str | os.PathLike[str]) -> None:
-        """Write a YAML file and, beside it, an HDF5 file; see `oed.experiment.plan_files`."""
-        from oed.experiment.plan_files import save_plan
+        """Write a YAML file and, beside it, an HDF5 file; see `oed.experiment.plan_files`.
 
-        save_plan(self, path)
+        Raises
+        ------
+        InvalidInput
+            If the path does not end in .yaml or .yml, or cannot be written to.
+        """
+        arrays = {
+            "phases": self.phases,
+            "amplitudes": self.multisine.amplitudes,
+            "scale": self.scale,
+        }
+        write_plan(path, _document(self), arrays)
 
     @classmethod
     def load(cls, path: str | os.PathLike[str]) -> "ExperimentPlan":
-        """Read what `save` wrote; errors are those of `oed.experiment.plan_files.load_plan`."""
-        from oed.experiment.plan_files import load_plan
+        """Read what `save` wrote.
 
-        return load_plan(path)
+        Raises
+        ------
+        InvalidInput
+            Naming the file and what is wrong in it.
+        """
+        path = Path(path)
+        file, arrays = read_plan(path)
+        try:
+            plan = _plan_of(file, arrays)
+        except InvalidInput as error:
+            raise InvalidInput(f"{path}: {error}") from None
+        if plan.blocks != file.blocks:
+            raise InvalidInput(
+                f"{path}: blocks: {file.blocks}, but {file.signals} holds the phases of "
+                f"{plan.blocks}"
+            )
+        return plan
 
 
-def experiment_plan(
-    robot: Planned,
-    positions: Array,
-    multisine: Multisine,
-    *,
-    blocks: int,
-    periods: int,
-    transient_periods: int = 1,
-    speed: float | Sequence[float] | Array,
-    acceleration: float | Sequence[float] | Array,
-    rng: np.random.Generator,
-    repetitions: Sequence[int] | IntArray | None = None,
-    crest_iterations: int = 0,
-    start: Sequence[float] | Array | None = None,
-    reorder: bool = False,
-    progress: Progress | None = None,
-) -> ExperimentPlan:
-    """Draw the phases of a plan; the same `rng` gives the same plan.
-
-    Parameters
-    ----------
-    robot : Planned
-        Gives name, motors and position limits.
-    positions : ndarray, (Q, n), rad
-        Positions in the order in which to go there.
-    multisine : Multisine
-        Lines and amplitudes.
-    blocks : int
-        B per visit; the covariance of an FRF needs at least 2.
-    periods, transient_periods : int
-        Measured per run, and before that.
-    speed, acceleration : float, sequence of float or ndarray
-        Largest ones of moves, arm side, (n,) or one number for all motors.
-    rng : Generator
-        Draws the phases.
-    repetitions : sequence of int or ndarray of int, (Q,), optional
-        Visits to each position; one by default.
-    crest_iterations : int
-        How often to clip in order to lower crest factors (200 does most of it); 0 leaves the phases
-        as drawn.
-    start : sequence of float or ndarray, (n,), rad, optional
-        Where the robot is beforehand.
-    reorder : bool
-        Visit the positions in the order that shortens the moves from `start` on, see
-        `visiting_order`; `order` of the plan tells it, and the time saved.
-    progress : Progress, optional
-        Called with the number of visits done and their total.
+def checked_repetitions(given: Sequence[int] | IntArray, n_positions: int) -> IntArray:
+    """Return whole numbers of visits, (Q,), at least one each.
 
     Raises
     ------
     InvalidInput
-        As `ExperimentPlan`, `MoveLimits` and `oed.random_phases`.
+        If there is another number of them, or one is not whole and positive.
     """
-    motors = tuple(robot.motor_names)
-    moves = MoveLimits(motors, robot.position_limits, np.asarray(speed), np.asarray(acceleration))
-    positions = moves.check(positions)
-    given = np.ones(len(positions), dtype=np.int64) if repetitions is None else repetitions
-    counts = _checked_repetitions(given, len(positions))
-    begin = None if start is None else np.asarray(start, dtype=float)
-    order = visiting_order(positions, moves, begin) if reorder else None
-    if order is not None:
-        positions, counts = positions[order.order], counts[order.order]
-    visits = int(counts.sum())
-    return ExperimentPlan(
-        robot=robot.name,
-        positions=positions,
-        repetitions=counts,
-        multisine=multisine,
-        phases=_phases(multisine, visits, blocks, crest_iterations, rng, progress),
-        periods=periods,
-        transient_periods=transient_periods,
-        moves=moves,
-        scale=np.ones(visits),
-        start=begin,
-        order=order,
-    )
-
-
-def _phases(
-    multisine: Multisine,
-    visits: int,
-    blocks: int,
-    crest_iterations: int,
-    rng: np.random.Generator,
-    progress: Progress | None,
-) -> Array:
-    """Draw phases for each visit, (V, B, F, n), and lower their crest factors."""
-    phases = []
-    for visit in range(visits):
-        drawn = random_phases(multisine, blocks, rng=rng)
-        phases.append(reduced_crest(multisine, drawn, crest_iterations))
-        if progress is not None:
-            progress(visit + 1, visits)
-    return np.array(phases)
-
-
-def _checked_repetitions(given: Sequence[int] | IntArray, n_positions: int) -> IntArray:
     array = np.asarray(given)
     if array.shape != (n_positions,):
         raise InvalidInput(
@@ -296,3 +212,89 @@ def _checked_repetitions(given: Sequence[int] | IntArray, n_positions: int) -> I
                 "leave out a position that is not to be visited"
             )
     return array.astype(np.int64)
+
+
+def _plan_of(file: PlanFile, arrays: dict[str, Any]) -> ExperimentPlan:
+    """Return the plan that a file and its arrays hold."""
+    return ExperimentPlan(
+        robot=file.robot,
+        positions=_matrix("positions", file.positions),
+        repetitions=np.array(file.repetitions, dtype=np.int64),
+        multisine=Multisine(
+            samples=file.multisine.samples,
+            sample_time=file.multisine.sample_time,
+            lines=np.array(file.multisine.lines, dtype=np.int64),
+            inputs=len(file.motors),
+            amplitudes=arrays["amplitudes"],
+            detection=np.array(file.multisine.detection, dtype=np.int64),
+            odd=file.multisine.odd,
+        ),
+        phases=arrays["phases"],
+        periods=file.periods,
+        transient_periods=file.transient_periods,
+        moves=MoveLimits(
+            motors=tuple(file.motors),
+            positions=np.array(file.moves.positions),
+            speed=np.array(file.moves.speed),
+            acceleration=np.array(file.moves.acceleration),
+        ),
+        scale=arrays["scale"],
+        start=np.array(file.moves.start),
+        order=_order(file.order, len(file.positions)),
+    )
+
+
+def _document(plan: ExperimentPlan) -> dict[str, Any]:
+    """Return what the file of a plan holds beside its arrays."""
+    sine, moves = plan.multisine, plan.moves
+    start = plan.positions[0] if plan.start is None else plan.start
+    return {
+        "schema": "plan/1",
+        "robot": plan.robot,
+        "motors": list(plan.motors),
+        "duration": plan.duration,
+        "blocks": plan.blocks,
+        "periods": plan.periods,
+        "transient_periods": plan.transient_periods,
+        "repetitions": plan.repetitions.tolist(),
+        "positions": plan.positions.tolist(),
+        **_order_document(plan.order),
+        "moves": {
+            "positions": moves.positions.tolist(),
+            "speed": moves.speed.tolist(),
+            "acceleration": moves.acceleration.tolist(),
+            "start": start.tolist(),
+        },
+        "multisine": {
+            "samples": sine.samples,
+            "sample_time": float(sine.sample_time),
+            "odd": bool(sine.odd),
+            "lines": sine.lines.tolist(),
+            "detection": sine.detection.tolist(),
+        },
+    }
+
+
+def _order_document(order: VisitingOrder | None) -> dict[str, Any]:
+    """Return how positions were put in order; nothing where they are as given."""
+    if order is None:
+        return {}
+    rest = {"duration": order.duration, "given": order.given, "optimal": order.optimal}
+    return {"order": {"order": order.order.tolist(), **rest}}
+
+
+def _order(section: OrderSection | None, count: int) -> VisitingOrder | None:
+    if section is None:
+        return None
+    if sorted(section.order) != list(range(count)):
+        raise InvalidInput(
+            f"order: {section.order[:8]} ...; each of the numbers 0 to {count - 1} once is needed"
+        )
+    order = read_only(np.array(section.order, dtype=np.int64))
+    return VisitingOrder(order, section.duration, section.given, section.optimal)
+
+
+def _matrix(name: str, rows: list[list[float]]) -> Any:
+    if len({len(row) for row in rows}) != 1:
+        raise InvalidInput(f"{name}: rows of equal length are needed, one number per motor")
+    return np.array(rows)

@@ -9,6 +9,7 @@ for one.
 """
 
 import os
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -16,11 +17,7 @@ import numpy as np
 import yaml
 from pydantic import Field
 
-from oed.experiment.experiment_plan import ExperimentPlan
-from oed.experiment.moves import MoveLimits
-from oed.experiment.multisine import Multisine
-from oed.experiment.visiting_order import VisitingOrder
-from robotmodels.common.arrays import read_only
+from robotmodels.common.arrays import Array
 from robotmodels.common.atomic_files import atomic_write
 from robotmodels.common.errors import InvalidInput
 from robotmodels.common.file_paths import reason
@@ -101,8 +98,19 @@ class _Dumper(yaml.SafeDumper):
 _Dumper.add_representer(str, _Dumper.represent_str)
 
 
-def save_plan(plan: ExperimentPlan, path: str | os.PathLike[str]) -> None:
+def write_plan(
+    path: str | os.PathLike[str], document: Mapping[str, Any], values: Mapping[str, Array]
+) -> None:
     """Write the YAML file `path`, and the arrays beside it as ``.h5``; each appears complete.
+
+    Parameters
+    ----------
+    path : path
+        YAML file.
+    document : mapping
+        Keys of `PlanFile` but ``signals`` and ``fingerprint``, in the order to write them.
+    values : mapping of str to ndarray
+        ``phases``, ``amplitudes`` and ``scale``.
 
     Raises
     ------
@@ -115,10 +123,9 @@ def save_plan(plan: ExperimentPlan, path: str | os.PathLike[str]) -> None:
     if target.suffix not in (".yaml", ".yml"):
         raise InvalidInput(f"{target}: a plan's file name ends in .yaml")
     arrays = target.with_suffix(".h5")
-    values = {"phases": plan.phases, "amplitudes": plan.multisine.amplitudes, "scale": plan.scale}
     fingerprint = _fingerprint(values)
     text = yaml.dump(
-        _document(plan, arrays.name, fingerprint),
+        {**document, "signals": arrays.name, "fingerprint": fingerprint},
         Dumper=_Dumper,
         sort_keys=False,
         default_flow_style=None,
@@ -137,106 +144,20 @@ def save_plan(plan: ExperimentPlan, path: str | os.PathLike[str]) -> None:
         raise InvalidInput(f"{target}: cannot be written to ({reason(error)})") from None
 
 
-def load_plan(path: str | os.PathLike[str]) -> ExperimentPlan:
-    """Read a plan.
+def read_plan(path: Path) -> tuple[PlanFile, dict[str, Any]]:
+    """Read a plan's file and the arrays beside it.
 
     Raises
     ------
     InvalidInput
         Naming the file and what is wrong in it.
     """
-    path = Path(path)
     plan = read_yaml(path, PlanFile)
     if Path(plan.signals).name != plan.signals or plan.signals == "..":
         raise InvalidInput(
             f"{path}: signals: {plan.signals!r}; the name of a file in the same folder is needed"
         )
-    arrays = _read_arrays(path.parent / plan.signals, plan.fingerprint)
-    try:
-        built = ExperimentPlan(
-            robot=plan.robot,
-            positions=_matrix("positions", plan.positions),
-            repetitions=np.array(plan.repetitions, dtype=np.int64),
-            multisine=Multisine(
-                samples=plan.multisine.samples,
-                sample_time=plan.multisine.sample_time,
-                lines=np.array(plan.multisine.lines, dtype=np.int64),
-                inputs=len(plan.motors),
-                amplitudes=arrays["amplitudes"],
-                detection=np.array(plan.multisine.detection, dtype=np.int64),
-                odd=plan.multisine.odd,
-            ),
-            phases=arrays["phases"],
-            periods=plan.periods,
-            transient_periods=plan.transient_periods,
-            moves=MoveLimits(
-                motors=tuple(plan.motors),
-                positions=np.array(plan.moves.positions),
-                speed=np.array(plan.moves.speed),
-                acceleration=np.array(plan.moves.acceleration),
-            ),
-            scale=arrays["scale"],
-            start=np.array(plan.moves.start),
-            order=_order(plan.order, len(plan.positions)),
-        )
-    except InvalidInput as error:
-        raise InvalidInput(f"{path}: {error}") from None
-    if built.blocks != plan.blocks:
-        raise InvalidInput(
-            f"{path}: blocks: {plan.blocks}, but {plan.signals} holds the phases of {built.blocks}"
-        )
-    return built
-
-
-def _document(plan: ExperimentPlan, signals: str, fingerprint: str) -> dict[str, Any]:
-    sine, moves = plan.multisine, plan.moves
-    start = plan.positions[0] if plan.start is None else plan.start
-    return {
-        "schema": "plan/1",
-        "robot": plan.robot,
-        "motors": list(plan.motors),
-        "duration": plan.duration,
-        "blocks": plan.blocks,
-        "periods": plan.periods,
-        "transient_periods": plan.transient_periods,
-        "repetitions": plan.repetitions.tolist(),
-        "positions": plan.positions.tolist(),
-        **_order_document(plan.order),
-        "moves": {
-            "positions": moves.positions.tolist(),
-            "speed": moves.speed.tolist(),
-            "acceleration": moves.acceleration.tolist(),
-            "start": start.tolist(),
-        },
-        "multisine": {
-            "samples": sine.samples,
-            "sample_time": float(sine.sample_time),
-            "odd": bool(sine.odd),
-            "lines": sine.lines.tolist(),
-            "detection": sine.detection.tolist(),
-        },
-        "signals": signals,
-        "fingerprint": fingerprint,
-    }
-
-
-def _order_document(order: VisitingOrder | None) -> dict[str, Any]:
-    """Return how positions were put in order; nothing where they are as given."""
-    if order is None:
-        return {}
-    rest = {"duration": order.duration, "given": order.given, "optimal": order.optimal}
-    return {"order": {"order": order.order.tolist(), **rest}}
-
-
-def _order(section: OrderSection | None, count: int) -> VisitingOrder | None:
-    if section is None:
-        return None
-    if sorted(section.order) != list(range(count)):
-        raise InvalidInput(
-            f"order: {section.order[:8]} ...; each of the numbers 0 to {count - 1} once is needed"
-        )
-    order = read_only(np.array(section.order, dtype=np.int64))
-    return VisitingOrder(order, section.duration, section.given, section.optimal)
+    return plan, _read_arrays(path.parent / plan.signals, plan.fingerprint)
 
 
 def _read_arrays(path: Path, fingerprint: str) -> dict[str, Any]:
@@ -251,11 +172,5 @@ def _read_arrays(path: Path, fingerprint: str) -> dict[str, Any]:
     return values
 
 
-def _fingerprint(values: dict[str, Any]) -> str:
+def _fingerprint(values: Mapping[str, Any]) -> str:
     return fingerprint({name: np.asarray(values[name], dtype="<f8") for name in _ARRAYS})[:16]
-
-
-def _matrix(name: str, rows: list[list[float]]) -> Any:
-    if len({len(row) for row in rows}) != 1:
-        raise InvalidInput(f"{name}: rows of equal length are needed, one number per motor")
-    return np.array(rows)

@@ -6,8 +6,9 @@ from functools import partial
 import numpy as np
 
 from oed.experiment.amplitude_scaling import Binding, Limits, Scaling, scale
+from oed.experiment.draw_plan import experiment_plan
 from oed.experiment.experiment_file import Experiment, Shaking, per_motor, planned_positions
-from oed.experiment.experiment_plan import ExperimentPlan, experiment_plan
+from oed.experiment.experiment_plan import ExperimentPlan
 from oed.experiment.multisine import Multisine, band_multisine
 from oed.experiment.predicted_peaks import Peaks
 from robotmodels import ElasticRobot, load_robot

@@ -219,14 +219,14 @@ FORMATS = (
         "inputs",
         "plan.yaml",
         YAML,
-        ("python:oed.experiment.plan_files:load_plan {file}",),
+        ("python:oed.experiment.experiment_plan:ExperimentPlan.load {file}",),
     ),
     Format(
         "signals of a plan",
         "inputs",
         "plan.h5",
         HDF5,
-        ("python:oed.experiment.plan_files:load_plan plan.yaml",),
+        ("python:oed.experiment.experiment_plan:ExperimentPlan.load plan.yaml",),
     ),
     Format(
         "distortion", "inputs", "distortion.h5", HDF5, ("python:estimators:read_distortion {file}",)

@@ -250,7 +250,7 @@ CASES = (
     Case(
         "signals from elsewhere",
         replaced("plan.yaml", "signals: plan.h5", "signals: ../../../../etc/passwd"),
-        "python:oed.experiment.plan_files:load_plan plan.yaml",
+        "python:oed.experiment.experiment_plan:ExperimentPlan.load plan.yaml",
         "signals",
     ),
     Case(

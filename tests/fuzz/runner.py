@@ -37,7 +37,7 @@ LIBRARIES = """cvxpy clarabel iminuit emcee corner pyuff scipy.io mujoco pinocch
     reports.application oed.study.pipeline estimators.sampling.posterior reports.commands.schemas
     reports.summaries.study_summary reports.pages.study_page reports.pages.comparison
     reports.commands.init_files oed.replication.json_output reports.pages.replication_page
-    oed.experiment.plan_files estimators.chain_dampers.chains_from_records
+    oed.experiment.experiment_plan estimators.chain_dampers.chains_from_records
     estimators.frf.frf_from_records reports.pages.frf_page reports.pages.chains_page"""
 
 

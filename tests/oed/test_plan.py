@@ -255,7 +255,7 @@ def test_a_failed_write_leaves_the_old_plan(tmp_path, monkeypatch):
     def full(*_, **__):
         raise OSError("no space left")
 
-    monkeypatch.setattr("oed.experiment.plan_files.os.replace", full)
+    monkeypatch.setattr("os.replace", full)
     with pytest.raises(InvalidInput, match=r"plan.yaml: cannot be written to \(no space left\)"):
         plan(seed=2).save(path)
     assert path.read_bytes() == before
