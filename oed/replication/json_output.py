@@ -16,19 +16,19 @@ from typing import Any
 import numpy as np
 
 from oed.replication.paper import REASONABLE_BY_COST, REASONABLE_BY_SPRINGS, TABLE_1
-from oed.replication.replicate import Published
+from oed.replication.replicate import Replication
 from oed.replication.time_domain_comparison import Rivalry
 from robotmodels.common.arrays import Array
 from robotmodels.common.atomic_files import write_text
 
 
-def write_published_json(found: Published, path: Path) -> None:
+def write_published_json(found: Replication, path: Path) -> None:
     """Write the file."""
     text = json.dumps(published_document(found), indent=1, allow_nan=False) + "\n"
     write_text(path, text)
 
 
-def published_document(found: Published) -> dict[str, Any]:
+def published_document(found: Replication) -> dict[str, Any]:
     """Return its content."""
     e, t = found.evaluation, found.table
     statistics = ("minimum", "median", "maximum", "mean", "std", "theory")

@@ -1,6 +1,6 @@
-"""The stage of a study that repeats [WM] section 6: its estimators beside theirs."""
+"""A study that repeats [WM] section 6: its estimators beside those of the paper."""
 
-from collections.abc import Mapping
+from concurrent.futures import Executor
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -12,18 +12,18 @@ from oed.replication.conclusions import Judged, conclusions
 from oed.replication.six_estimators import REFERENCE, Evaluation, evaluate
 from oed.replication.table_1 import Groups, Table1, groups_of, hardest_spring, table_1
 from oed.replication.time_domain_comparison import ROLLOUTS, Rivalry, compare
+from oed.study.results import FittedStudy
 from oed.study.settings.replication_settings import ESTIMATORS
-from oed.study.stages.context import Run, truth_of
-from oed.study.stages.data_stages import Data
-from oed.study.stages.fit_stages import Search, weights_of
+from oed.study.stages.context import Run
+from oed.study.stages.fit_stages import weights_of
 from oed.study.stages.serialisation import dataclass_files
-from oed.study.stages.stage_cache import Stage
-from robotmodels.common.arrays import Array
-from robotmodels.common.progress import Progress
+from oed.study.stages.stage_cache import Stage, open_stages
+from robotmodels.common.fingerprints import fingerprint
+from robotmodels.common.progress import Progress, StageProgress
 
 
 @dataclass(frozen=True, eq=False)
-class Published:
+class Replication:
     """All that the paper shows, from this study's data.
 
     Attributes
@@ -44,6 +44,8 @@ class Published:
         The seven, judged.
     rivalry : Rivalry or None
         Fits in time beside fits of FRFs; None unless the study asks for it.
+    seconds : dict of str to float
+        Time per stage, when it was computed.
     """
 
     evaluation: Evaluation
@@ -54,6 +56,7 @@ class Published:
     hardest: str
     conclusions: tuple[Judged, ...]
     rivalry: Rivalry | None
+    seconds: dict[str, float]
 
     @property
     def by_cost(self) -> dict[str, float]:
@@ -74,42 +77,70 @@ class Published:
         return dict(zip(ESTIMATORS, share.tolist(), strict=True))
 
 
-def compared(
-    run: Run, data: Stage[Data], searches: Mapping[str, Stage[Search]], starts: Array
-) -> Published:
-    """Return this study's figures, table and verdicts."""
-    evaluation = _evaluation(run, data, searches, starts).value
-    reference = searches[REFERENCE].value.runs[0]
-    theorem1, groups = covariance(reference), groups_of(run.robot)
-    table = table_1(evaluation, theorem1)
-    plant = None if run.study.data.measured else run.plant
-    return Published(
-        evaluation,
-        reference,
-        theorem1,
-        table,
-        groups,
-        hardest_spring(evaluation, theorem1, groups),
-        conclusions(evaluation, theorem1, table, groups, truth_of(run.robot, plant)),
-        None if run.study.rival is None else _rivalry(run).value,
-    )
+def replicate(
+    results: FittedStudy,
+    progress: StageProgress | None = None,
+    *,
+    executor: Executor | None = None,
+    fresh: bool = False,
+) -> Replication:
+    """Return a fitted study's figures, table and verdicts beside the paper's.
+
+    What it computes is kept beside the stages of the study, as these are.
+
+    Parameters
+    ----------
+    results : FittedStudy
+        A study with the six estimators.
+    progress : StageProgress, optional
+        Told how far the computation is.
+    executor : Executor, optional
+        Computes costs and fits in time in parallel.
+    fresh : bool
+        Compute again what is kept.
+
+    Raises
+    ------
+    IdentificationError
+        Where it cannot be computed, naming what is at fault.
+    """
+    study, robot = results.study, results.robot
+    with open_stages(study.output / "stages", progress, fresh) as stages:
+        run = Run(study, robot, results.plant or robot, stages, executor)
+        evaluation = _evaluation(run, results).value
+        reference = results.searches[REFERENCE].runs[0]
+        theorem1, groups = covariance(reference), groups_of(robot)
+        table = table_1(evaluation, theorem1)
+        return Replication(
+            evaluation,
+            reference,
+            theorem1,
+            table,
+            groups,
+            hardest_spring(evaluation, theorem1, groups),
+            conclusions(evaluation, theorem1, table, groups, results.truth),
+            None if study.rival is None else _rivalry(run).value,
+            stages.seconds,
+        )
 
 
-def _evaluation(
-    run: Run, data: Stage[Data], searches: Mapping[str, Stage[Search]], starts: Array
-) -> Stage[Evaluation]:
-    estimate = data.value.estimate
+def _evaluation(run: Run, results: FittedStudy) -> Stage[Evaluation]:
+    estimate, starts = results.estimate, results.starts
+    searches = {name: results.searches[name] for name in ESTIMATORS}
+    ends = {
+        name: [(fit.parameters.values, fit.cost) for fit in search.runs]
+        for name, search in searches.items()
+    }
 
     def compute(folder: Path, report: Progress | None) -> Evaluation:
-        found = {name: searches[name].value for name in ESTIMATORS}
-        kind, choice = found[REFERENCE].estimator, run.study.fit.user_weights
+        kind, choice = searches[REFERENCE].estimator, run.study.fit.user_weights
         user = np.asarray(weights_of(kind, estimate, choice))
-        return evaluate(run.robot, estimate, found, user, starts, run.executor, report)
+        return evaluate(run.robot, estimate, searches, user, starts, run.executor, report)
 
     inputs = {
         "robot": run.robot_digest,
-        "data": data.digest,
-        "fits": {name: searches[name].digest for name in ESTIMATORS},
+        "data": fingerprint(estimate),
+        "fits": fingerprint((ends, starts)),
         "user_weights": run.study.fit.user_weights.model_dump(mode="json"),
     }
     return run.stages.run("published", inputs, compute, dataclass_files(Evaluation))

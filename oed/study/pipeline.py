@@ -12,7 +12,6 @@ from typing import Any, TypeVar
 
 from estimators.uncertainty.covariance import Uncertainty
 from oed.candidates.screening import ScreenedCandidates
-from oed.replication import replicate as study_published
 from oed.study.results import FittedStudy, PlannedStudy, StudyResults
 from oed.study.settings.study_file import Study
 from oed.study.stages import data_stages as study_data
@@ -238,12 +237,7 @@ def _planned(run: Run, planned: _Planned) -> dict[str, Any]:
 
 def _fitted(run: Run, source: _Source, fits: _Fits) -> dict[str, Any]:
     """Return the fields that a `FittedStudy` has besides."""
-    data, compared = source.data.value, None
-    if run.study.compare_with is not None:
-        compared = run.stages.attempt(
-            "published",
-            lambda: study_published.compared(run, source.data, fits.searches, fits.starts),
-        )
+    data = source.data.value
     return {
         "estimate": data.estimate,
         "distortion": data.distortion,
@@ -253,7 +247,6 @@ def _fitted(run: Run, source: _Source, fits: _Fits) -> dict[str, Any]:
         "searches": {name: stage.value for name, stage in fits.searches.items()},
         "fit": fits.result.value.fit,
         "fit_origin": fits.result.value.origin,
-        "published": compared,
     }
 
 

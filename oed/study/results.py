@@ -20,7 +20,6 @@ from oed.design.robust_design import RobustDesign
 from oed.exact.exact_design import ExactDesign
 from oed.experiment.visiting_order import VisitingOrder
 from oed.plan_comparison.plan_comparison import PlanComparison
-from oed.replication.replicate import Published
 from oed.study.settings.study_file import Study
 from oed.study.stages.context import truth_of
 from oed.study.stages.data_stages import SimulatedExperiment
@@ -139,8 +138,6 @@ class FittedStudy(PlannedStudy):
         (the likelihood of the stated noise), best of all.
     fit_origin : str
         Where the search for `fit` began, for people.
-    published : Published or None
-        The estimators beside those of [WM]; None unless the study asks for it.
     """
 
     estimate: FrfEstimate
@@ -151,7 +148,6 @@ class FittedStudy(PlannedStudy):
     searches: dict[str, Search]
     fit: Fit
     fit_origin: str
-    published: Published | None
 
     @cached_property
     def residuals(self) -> ResidualAnalysis:

@@ -2,9 +2,20 @@
 
 import typer
 
-from reports.commands import chains, check, frf, init, report, run, schema, simulate, steps
+from reports.commands import (
+    chains,
+    check,
+    frf,
+    init,
+    replicate,
+    report,
+    run,
+    schema,
+    simulate,
+    steps,
+)
 
-_IN_ORDER = (init, check, run, steps, report, simulate, frf, chains, schema)
+_IN_ORDER = (init, check, run, steps, replicate, report, simulate, frf, chains, schema)
 
 
 def register_all(app: typer.Typer) -> None:

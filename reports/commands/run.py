@@ -1,13 +1,18 @@
 """``oed run``: a whole study."""
 
 import shlex
+from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import typer
 
 from reports.commands.options import WORKERS, AsJson, Workers, say
+from reports.commands.replicate import write_replication
 from reports.commands.studies import Cluster, Fresh, StudyFile, compute_study, end_with_failures
+
+if TYPE_CHECKING:
+    from oed.study.stages.stage_cache import Failure
 
 
 def register(app: typer.Typer) -> None:
@@ -29,26 +34,19 @@ def run(
     Example: oed run studies/ur10.yaml
     """
     # Imported here: `oed --help` need not wait for the numerics.
-    from oed.replication.json_output import write_published_json
     from oed.study.pipeline import run_study
-    from oed.study.stages.stage_cache import Failure
-    from reports.pages.replication_page import write_published
     from reports.pages.study_page import write_report
     from reports.summaries.study_summary import study_json, study_summary
 
-    def pages(results: Any, folder: Path, progress: Any) -> tuple[Failure, ...]:
-        failed = write_report(
+    def pages(results: Any, folder: Path, progress: Any) -> "tuple[Failure, ...]":
+        return write_report(
             results, folder / "report.html", progress, f"oed run {shlex.quote(str(study))}"
         )
-        if results.published is not None:
-            write_published_json(results.published, folder / "published.json")
-            try:
-                write_published(results, results.published, folder / "published.html")
-            except Exception as error:
-                return *failed, Failure.of("published.html", error)
-        return failed
 
     results = compute_study(study, run_study, workers, fresh, pages, cluster=cluster)
+    if results.study.compare_with is not None:
+        failed = write_replication(study, results, workers, fresh, cluster)
+        results = replace(results, failures=results.failures + failed)
     written = [results.study.output / "report.html"]
     say(lambda: study_summary(results, written), lambda: study_json(results, written), as_json)
     end_with_failures(study, results)

@@ -15,8 +15,12 @@ from reports.commands.workers import one_thread_each, shared
 from robotmodels.common.errors import InvalidInput
 
 if TYPE_CHECKING:
+    from concurrent.futures import Executor
+
     from oed.study.results import PlannedStudy
+    from oed.study.settings.study_file import Study
     from oed.study.stages.stage_cache import Failure
+    from robotmodels.common.progress import StageProgress
 
 StudyFile = Annotated[Path, typer.Argument(help="Study file, such as studies/ur10.yaml.")]
 Fresh = Annotated[
@@ -45,6 +49,38 @@ def _told_when_interrupted() -> Iterator[None]:
     except KeyboardInterrupt:
         sys.stderr.write(INTERRUPTED)
         raise
+
+
+@contextmanager
+def working(
+    study: Path, workers: int, cluster: str | None
+) -> "Iterator[tuple[StageProgress, Executor | None]]":
+    """Give progress bars and processes to work on a study; an interrupt loses nothing."""
+    from reports.summaries.progress import progress_bars
+
+    with (
+        _told_when_interrupted(),
+        about(study),
+        progress_bars() as bars,
+        shared(workers, cluster) as executor,
+    ):
+        yield stopping_at_steps(bars), executor
+
+
+def read_study(study: Path) -> "Study":
+    """Return the study of a file.
+
+    Raises
+    ------
+    InvalidInput
+        If it cannot be read.
+    """
+    one_thread_each()  # before anything loads the numerics
+    from oed.study.settings.study_file import load_study
+
+    if study.is_dir() and (study / "study.yaml").is_file():
+        raise InvalidInput(f"{study} is a folder; did you mean {study / 'study.yaml'}?")
+    return load_study(study)
 
 
 def compute_study(
@@ -77,22 +113,11 @@ def compute_study(
     InvalidInput
         If the study cannot be read or no scheduler answers; and what `step` raises.
     """
-    one_thread_each()
+    content = read_study(study)
     from oed.study.json_output import write_results
-    from oed.study.settings.study_file import load_study
-    from reports.summaries.progress import progress_bars
     from robotmodels.common.atomic_files import staged_folder
 
-    if study.is_dir() and (study / "study.yaml").is_file():
-        raise InvalidInput(f"{study} is a folder; did you mean {study / 'study.yaml'}?")
-    content = load_study(study)
-    with (
-        _told_when_interrupted(),
-        about(study),
-        progress_bars() as bars,
-        shared(workers, cluster) as executor,
-    ):
-        progress = stopping_at_steps(bars)
+    with working(study, workers, cluster) as (progress, executor):
         results = step(content, progress, executor=executor, fresh=fresh)
         with staged_folder(content.output) as folder:
             write_results(results, folder)

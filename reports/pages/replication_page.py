@@ -5,9 +5,9 @@ from pathlib import Path
 import numpy as np
 
 import robotmodels
-from oed.replication.replicate import Published
+from oed.replication.replicate import Replication
 from oed.replication.time_domain_comparison import Rivalry
-from oed.study.results import StudyResults
+from oed.study.results import FittedStudy
 from oed.study.settings.replication_settings import ESTIMATORS
 from oed.study.stages.fit_stages import positions_of
 from reports.figures import replication_figures as figures
@@ -20,7 +20,7 @@ _ELEMENT = 3
 """Figure 8 shows element (4,4), or the last one."""
 
 
-def write_published(results: StudyResults, published: Published, path: Path) -> None:
+def write_published(results: FittedStudy, published: Replication, path: Path) -> None:
     """Write the comparison as one HTML file."""
     content = page(
         title=f"{results.robot.name} and an ABB IRB6600",
@@ -35,13 +35,13 @@ def write_published(results: StudyResults, published: Published, path: Path) -> 
             _models(results, published),
             _parameters(results, published),
             _responses(results, published),
-            *([] if published.rivalry is None else [_rival(published.rivalry, results)]),
+            *([] if published.rivalry is None else [_rival(published.rivalry, published.seconds)]),
         ],
     )
     write_text(path, content)
 
 
-def _conclusions(results: StudyResults, published: Published) -> Section:
+def _conclusions(results: FittedStudy, published: Replication) -> Section:
     body = filled(
         "published_conclusions.html.j2",
         results=results,
@@ -51,7 +51,7 @@ def _conclusions(results: StudyResults, published: Published) -> Section:
     return Section("conclusions", "Conclusions", body)
 
 
-def _models(results: StudyResults, published: Published) -> Section:
+def _models(results: FittedStudy, published: Replication) -> Section:
     e = published.evaluation
     user = figure(
         "figure-3",
@@ -75,7 +75,7 @@ def _models(results: StudyResults, published: Published) -> Section:
     return Section("models", "Costs of all models", body)
 
 
-def _parameters(results: StudyResults, published: Published) -> Section:
+def _parameters(results: FittedStudy, published: Replication) -> Section:
     g = published.groups
     truth = np.log(published.reference.parameters.values / results.truth)
     drawn = [
@@ -99,7 +99,7 @@ def _parameters(results: StudyResults, published: Published) -> Section:
 
 def _parameter_figure(
     id: str,
-    published: Published,
+    published: Replication,
     chosen: tuple[int, ...],
     estimators: tuple[str, ...],
     what: str,
@@ -111,7 +111,7 @@ def _parameter_figure(
     return figure(id, draw, alt, caption=f"{what[0].upper()}{what[1:]}, as {like}.")
 
 
-def _responses(results: StudyResults, published: Published) -> Section:
+def _responses(results: FittedStudy, published: Replication) -> Section:
     """Show the best models in the position that alone says most."""
     e, estimate = published.evaluation, results.estimate
     single = results.searches["LLS1U"].estimator
@@ -151,11 +151,11 @@ def _responses(results: StudyResults, published: Published) -> Section:
     return Section("responses", "Frequency responses", body)
 
 
-def _rival(found: Rivalry, results: StudyResults) -> Section:
+def _rival(found: Rivalry, seconds: dict[str, float]) -> Section:
     body = filled(
         "published_rival.html.j2",
         found=found,
         table=tables.rival(found),
-        seconds=results.seconds["rival"],
+        seconds=seconds["rival"],
     )
     return Section("rival", "Fits in time", body)

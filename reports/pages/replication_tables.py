@@ -4,7 +4,7 @@ import numpy as np
 
 from oed.replication.paper import ALL_SPRINGS, REASONABLE_BY_COST, REASONABLE_BY_SPRINGS
 from oed.replication.paper import TABLE_1 as PAPER_TABLE
-from oed.replication.replicate import Published
+from oed.replication.replicate import Replication
 from oed.replication.time_domain_comparison import Rivalry
 from oed.study.settings.replication_settings import ESTIMATORS
 from reports import text
@@ -14,7 +14,7 @@ from robotmodels.common.arrays import Array
 _STATISTICS = ("min", "median", "max", "mean", "std", "std by Theorem 1")
 
 
-def shares(found: Published) -> Table:
+def shares(found: Replication) -> Table:
     """Return the percentages of reasonable models."""
     rows = [
         (
@@ -39,7 +39,7 @@ def shares(found: Published) -> Table:
     return table("reasonable", caption, columns, rows)
 
 
-def table_1(found: Published, z_scores: Array) -> Table:
+def table_1(found: Replication, z_scores: Array) -> Table:
     """Return the statistics of the best models."""
     t = found.table
     rows: list[list[Cell]] = []

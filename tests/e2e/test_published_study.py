@@ -129,3 +129,18 @@ def test_an_estimator_name_twice_is_refused(tmp_path):
     code, _, err = oed("run", write_study(tmp_path, study, MODEL))
     assert code == 2
     assert "fit: estimators: the name 'LLS15U' is used twice" in err
+
+
+def test_the_study_is_put_beside_the_paper_again_without_computing(published):
+    output = published / "results" / "here"
+    before = json.loads((output / "published.json").read_text())
+    (output / "published.json").unlink()
+    code, _, err = oed("replicate", published / "study.yaml", "--workers", 1)
+    assert (code, err) == (0, "")
+    assert json.loads((output / "published.json").read_text()) == before
+
+
+def test_a_study_without_a_published_one_is_not_put_beside_it(tmp_path):
+    code, _, err = oed("replicate", write_study(tmp_path, STUDY, MODEL))
+    assert code == 2
+    assert "study.yaml: compare_with: missing" in err

@@ -25,7 +25,9 @@ STREAMS = (
     "rival",
     "own-cost",
 )
-"""Independent random numbers; a new one goes to the end, lest the others change."""
+"""Independent random numbers; a new one goes to the end, lest the others change.
+
+"rival" is that of `oed.replication`."""
 
 
 @dataclass(frozen=True, eq=False)

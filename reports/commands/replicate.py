@@ -1,0 +1,80 @@
+"""``oed replicate``: a study put beside the published one that it repeats."""
+
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import typer
+
+from reports.commands.options import WORKERS, AsJson, Workers, say
+from reports.commands.studies import (
+    Cluster,
+    Fresh,
+    StudyFile,
+    compute_study,
+    end_with_failures,
+    read_study,
+    working,
+)
+from robotmodels.common.errors import InvalidInput
+
+if TYPE_CHECKING:
+    from oed.study.results import FittedStudy
+    from oed.study.stages.stage_cache import Failure
+
+
+def register(app: typer.Typer) -> None:
+    """Add the command."""
+    app.command()(replicate)
+
+
+def replicate(
+    study: StudyFile,
+    workers: Workers = WORKERS,
+    cluster: Cluster = None,
+    fresh: Fresh = False,
+    as_json: AsJson = False,
+) -> None:
+    """Put a study beside the published one that it names; writes published.json and published.html.
+
+    What an earlier command computed is kept while nothing it rests on changes.
+
+    Example: oed replicate studies/published.yaml
+    """
+    if read_study(study).compare_with is None:
+        raise InvalidInput(
+            f"{study}: compare_with: missing; the published study to compare with is needed"
+        )
+    from oed.study.pipeline import fit_study
+    from reports.summaries.study_summary import study_json, study_summary
+
+    results = compute_study(study, fit_study, workers, fresh, cluster=cluster)
+    failed = write_replication(study, results, workers, fresh, cluster)
+    results = replace(results, failures=results.failures + failed)
+    written = [results.study.output / "published.html"]
+    say(lambda: study_summary(results, written), lambda: study_json(results, written), as_json)
+    end_with_failures(study, results)
+
+
+def write_replication(
+    study: Path, results: "FittedStudy", workers: int, fresh: bool, cluster: str | None
+) -> "tuple[Failure, ...]":
+    """Write published.json and published.html; return what could not be computed or drawn."""
+    from oed.replication.json_output import write_published_json
+    from oed.replication.replicate import replicate
+    from oed.study.stages.stage_cache import Failure
+    from reports.pages.replication_page import write_published
+    from robotmodels.common.atomic_files import staged_folder
+
+    with working(study, workers, cluster) as (progress, executor):
+        try:
+            replication = replicate(results, progress, executor=executor, fresh=fresh)
+        except Exception as error:  # the study is written, whatever comes of its repetition
+            return (Failure.of("published", error),)
+        with staged_folder(results.study.output) as folder:
+            write_published_json(replication, folder / "published.json")
+            try:
+                write_published(results, replication, folder / "published.html")
+            except Exception as error:
+                return (Failure.of("published.html", error),)
+    return ()
