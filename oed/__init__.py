@@ -49,8 +49,7 @@ if TYPE_CHECKING:
         next_experiments,
     )
     from oed.experiment.amplitude_scaling import Binding, Limits, Scaling, scale
-    from oed.experiment.crest import crest_factor, reduced_crest
-    from oed.experiment.draw_plan import experiment_plan
+    from oed.experiment.draw_plan import crest_factor, experiment_plan, reduced_crest
     from oed.experiment.experiment_plan import ExperimentPlan
     from oed.experiment.moves import Move, MoveLimits, move
     from oed.experiment.multisine import Multisine, band_multisine, fourier_matrix, random_phases
@@ -115,7 +114,7 @@ _HOMES = {
     "best_plans": "exact.best_plans",
     "candidate_positions": "candidates.grids",
     "compare_plans": "plan_comparison.compare_plans",
-    "crest_factor": "experiment.crest",
+    "crest_factor": "experiment.draw_plan",
     "efficiency_bound": "design.certificate",
     "even_plan": "plan_comparison.baseline_plans",
     "exact_design": "exact.exact_design",
@@ -143,7 +142,7 @@ _HOMES = {
     "random_phases": "experiment.multisine",
     "random_plan": "plan_comparison.baseline_plans",
     "read_positions": "candidates.position_files",
-    "reduced_crest": "experiment.crest",
+    "reduced_crest": "experiment.draw_plan",
     "refined_design": "exact.off_grid",
     "refined_over": "exact.off_grid",
     "robust_design": "design.robust_design",

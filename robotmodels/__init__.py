@@ -29,6 +29,7 @@ if TYPE_CHECKING:
         position_controlled,
     )
     from robotmodels.linear.coupled_chains import CoupledChains
+    from robotmodels.linear.derived_models import AtValues
     from robotmodels.linear.linear_model import LinearModel
     from robotmodels.linear.modes import (
         anti_resonances,
@@ -40,7 +41,6 @@ if TYPE_CHECKING:
     from robotmodels.linear.noise import RelativeNoise
     from robotmodels.linear.response import frequency_response, linearize, sensitivity
     from robotmodels.linear.spring_network import SpringNetwork
-    from robotmodels.linear.with_parameters import AtValues
     from robotmodels.records.records import Records, iterate_records, save_records
     from robotmodels.simulation.controller import Controller, default_controller
     from robotmodels.simulation.imperfections import Imperfections
@@ -49,7 +49,7 @@ if TYPE_CHECKING:
     from robotmodels.simulation.simulate import simulate
 
 _HOMES = {
-    "AtValues": "linear.with_parameters",
+    "AtValues": "linear.derived_models",
     "Box": "collision.obstacles",
     "ClosedLoopNoise": "simulation.loop_noise",
     "Controller": "simulation.controller",

@@ -7,8 +7,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from estimators.chains.chain_estimate import inverse_estimate, structured_estimate
-from estimators.chains.held_images import held_images, image_size, images_count
 from estimators.chains.identified_chains import ChainIdentification
+from estimators.chains.modal_model import modal_response
 from estimators.chains.model_order import (
     OrderProposal,
     WrongModeCount,
@@ -225,3 +225,41 @@ def _checked_covariance(given: NDArray[Any], shape: tuple[int, ...]) -> NDArray[
             "positive number"
         )
     return given
+
+
+_IMAGES = 40
+_COUNTS = 0.02  # of a standard deviation, from which on images are taken off
+
+
+def held_images(found: FittedModes, sample_time: float, delay: float = 0.0) -> ComplexArray:
+    """Return what images add to the FRFs (F, M, M) of fitted modes.
+
+    Parameters
+    ----------
+    sample_time : float, s
+        T.
+    delay : float, s
+        Delay that the FRFs were corrected for, beside that of the modes.
+    """
+    omega = found.data.omega
+    total = np.zeros(found.data.response.shape, dtype=complex)
+    for m in [k for i in range(1, _IMAGES + 1) for k in (-i, i)]:
+        image = omega + 2 * np.pi * m / sample_time
+        G = modal_response(found.x, found.layout, np.abs(image))
+        G = np.where(image[:, None, None] < 0, np.conj(G), G)
+        share = (omega / image) ** 3 * np.exp(-1j * (image - omega) * delay)
+        total += share[:, None, None] * G
+    return total
+
+
+def image_size(data: Data, sample_time: float) -> Array:
+    """Return about how large images are, (F, M, M), at most: those of the largest gain of all."""
+    half = data.omega * sample_time / 2
+    gain = np.median(np.abs(data.response), axis=0).max()
+    size = gain * half**3 / 15
+    return np.asarray(np.broadcast_to(size[:, None, None], data.response.shape))
+
+
+def images_count(data: Data, sample_time: float) -> bool:
+    """Tell whether images are not negligible beside the noise."""
+    return bool((image_size(data, sample_time) > _COUNTS * data.std).any())

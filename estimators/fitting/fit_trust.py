@@ -1,18 +1,27 @@
 """How far a fit can be trusted: recommended intervals, the verdict and its evidence."""
 
+from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from estimators.fitting.fit_problem import Problem
 from estimators.fitting.linearise import linearise, sensitivities
-from estimators.fitting.model_directions import model_directions
-from estimators.fitting.residuals import loss_factors
+from estimators.fitting.residuals import Residual, loss_factors
+from estimators.frf.frf_estimate import vec
+from estimators.trust.directed_tests import Directions
 from estimators.trust.intervals import VERDICTS, Verdict
 from estimators.trust.line_scatter import Scatter
+from estimators.trust.linearised_fit import Lines
 from estimators.trust.rule import Evidence, gather_evidence, judge, variance_scale
 from estimators.trust.trust import LEVEL, Trust
-from robotmodels.common.arrays import Array, read_only
+from robotmodels.common.arrays import Array, ComplexArray, read_only
+from robotmodels.common.errors import IdentificationError
+from robotmodels.description.robot_file import Choice
+from robotmodels.elastic.extra_elements import extra_elements
+from robotmodels.elastic.robot import ElasticRobot
+from robotmodels.linear.response import Elastic, frequency_response, sensitivity
 
 
 def fit_trust(problem: Problem, values: Array, converged: bool) -> Trust:
@@ -102,3 +111,132 @@ def _ends(
         elif verdict.gives_interval and np.isfinite(std[i]):
             ends[i] = values[i] * np.exp(np.array([-1, 1]) * both[i] * std[i])
     return judged, np.where(np.isfinite(ends), ends, np.nan)
+
+
+_GEAR_STEP = 1e-4
+
+
+def model_directions(
+    model: Elastic,
+    kind: Residual,
+    positions: Array,
+    omega: Array,
+    values: Array,
+    at: tuple[ComplexArray, ComplexArray],
+    used: NDArray[np.bool_],
+) -> Directions:
+    """Return the directions that are tested at a fit.
+
+    A delay common to all outputs; the gain of every motor's torque; every number of a robot file
+    that is fixed (springs, dampers, motor inertia and friction, payload, places of cuts) and every
+    gear ratio; each parameter in one position alone; each parameter in the lower half of the lines.
+
+    Parameters
+    ----------
+    model : Elastic
+        Model that was fitted.
+    kind : Residual
+        Residual of the fit.
+    positions : ndarray, (Q, n), rad
+        Positions.
+    omega : ndarray, (F,), rad/s
+        Angular frequencies.
+    values : ndarray, (p,), SI
+        Fitted.
+    at : tuple
+        FRF of the model at the fit, (Q, F, m, n), and its derivatives with respect to ln theta, (Q,
+        F, m, n, p).
+    used : ndarray of bool, (Q, F, m, n)
+        Which elements the fit uses.
+    """
+    response, jacobian = at
+    names, units, columns = [], [], []
+    for name, unit, column in _columns(model, positions, omega, values, response):
+        names.append(name)
+        units.append(unit)
+        columns.append(column)
+    parameters = model.parameters.names
+    count = len(positions) if len(positions) > 1 else 0
+    half = len(omega) // 2 if len(omega) > 3 else 0
+    local = [f"{name} in position {q + 1}" for q in range(count) for name in parameters]
+    if half:
+        local += [f"{name} below {omega[half] / (2 * np.pi):.3g} Hz" for name in parameters]
+    stacked = np.stack(columns, axis=-1)
+    return Directions(
+        (*names, *local),
+        (*units, *["relative"] * len(local)),
+        _residual_changes(kind, response, stacked, used),
+        _residual_changes(kind, response, jacobian, used),
+        count,
+        half,
+    )
+
+
+def _residual_changes(
+    kind: Residual, response: ComplexArray, changes: ComplexArray, used: NDArray[np.bool_]
+) -> Lines:
+    """Return changes (Q, F, m, n, r) of the FRF as those of the modelled values, (Q, F, m n, r)."""
+    slopes = -kind.jacobian(response, changes, used)
+    return np.moveaxis(vec(np.moveaxis(slopes, -1, 2)), 2, -1)
+
+
+def _columns(
+    model: Elastic,
+    positions: Array,
+    omega: Array,
+    values: Array,
+    response: ComplexArray,
+) -> Iterator[tuple[str, str, ComplexArray]]:
+    """Yield name, unit and change of the FRF (Q, F, m, n) of each direction."""
+    yield "delay", "s", -1j * omega[:, None, None] * response
+    inputs = getattr(
+        model, "motor_names", tuple(f"input {j + 1}" for j in range(response.shape[-1]))
+    )
+    for j, motor in enumerate(inputs):
+        column = np.zeros_like(response)
+        column[..., j] = response[..., j]
+        yield f"gain of {motor}", "relative", column
+    if isinstance(model, ElasticRobot):
+        yield from _fixed_numbers(model, positions, omega, values, response)
+
+
+def _fixed_numbers(
+    robot: ElasticRobot, positions: Array, omega: Array, values: Array, response: ComplexArray
+) -> Iterator[tuple[str, str, ComplexArray]]:
+    """Yield the directions of the numbers of a robot file that are not free."""
+    for i, motor in enumerate(robot.file.motors):
+        motors = list(robot.file.motors)
+        motors[i] = motor.model_copy(update={"gear_ratio": motor.gear_ratio * (1 + _GEAR_STEP)})
+        other = ElasticRobot(robot.file.model_copy(update={"motors": motors}), robot.folder)
+        try:
+            moved = frequency_response(other, positions, omega, values)
+        except IdentificationError:
+            continue
+        yield f"gear ratio of {motor.name}", "relative", (moved - response) / _GEAR_STEP
+    whole = _all_free(robot)
+    elements = dict(zip(robot.elements.names, robot.elements.at(values), strict=True))
+    wider = whole.parameters
+    theta = np.array([elements.get(n, v) for n, v in zip(wider.names, wider.values, strict=True)])
+    _, J = sensitivity(whole, positions, omega, theta, sag=True)
+    for i, name in enumerate(wider.names):
+        if name not in robot.parameters.names:
+            yield name, "relative", J[..., i]
+
+
+def _all_free(robot: ElasticRobot) -> ElasticRobot:
+    """Return the robot with every number free that can be a parameter."""
+    possible = extra_elements(robot.file)
+    extra, cuts = list[str](), set[object]()
+    for name, (value, _) in possible.items():
+        if not value > 0 or name == "delay" or name.endswith(".torque_gain"):
+            continue
+        if name.endswith(".at"):
+            spring = next(s for s in robot.file.springs if f"{s.name}.at" == name)
+            cut = (spring.link, spring.at)
+            if cut in cuts:
+                continue
+            cuts.add(cut)
+        extra.append(name)
+    return ElasticRobot(
+        robot.file.model_copy(update={"parameters": Choice(extra=extra)}), robot.folder
+    )

@@ -18,7 +18,7 @@ from oed.plan_comparison.plan_comparison import LEVEL, PlanComparison, PlanTrial
 from robotmodels.common.arrays import Array, IntArray, read_only
 from robotmodels.common.errors import InvalidInput, NotIdentifiable, SolverFailed
 from robotmodels.common.progress import Progress
-from robotmodels.linear.fixed_equilibria import held
+from robotmodels.linear.derived_models import held
 from robotmodels.linear.noise import RelativeNoise
 from robotmodels.linear.response import Elastic
 

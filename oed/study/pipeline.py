@@ -24,7 +24,7 @@ from oed.study.stages.comparison_stage import check_comparison, compared
 from oed.study.stages.context import Run
 from oed.study.stages.data_stages import Data, SimulatedExperiment
 from oed.study.stages.design_stages import Information, Plan
-from oed.study.stages.fit_stages import Chosen, Search, start_number
+from oed.study.stages.fit_stages import Chosen, Search
 from oed.study.stages.stage_cache import Stage, open_stages, versions
 from oed.study.stages.validation_stages import Split, split_data
 from robotmodels import load_robot
@@ -33,18 +33,6 @@ from robotmodels.common.fingerprints import file_digest
 from robotmodels.common.progress import StageProgress
 
 T = TypeVar("T")
-
-__all__ = [
-    "FittedStudy",
-    "PlannedStudy",
-    "Search",
-    "StageProgress",
-    "StudyResults",
-    "design_study",
-    "fit_study",
-    "run_study",
-    "start_number",
-]
 
 
 def design_study(

@@ -1,8 +1,8 @@
 """FRFs, Fisher information, residual costs and their derivatives of spring networks, fast.
 
 The formulas are those of `SpringNetwork`, which is the reference. Here one vector register holds
-eight frequencies (`simd`), motors are eliminated by formula (`layout`), the arm is
-factorised without pivoting (`solve`), and positions are shared out over threads.
+eight frequencies (`simd`), motors are eliminated by formula (`elimination_order`), the arm is
+factorised without pivoting (`ldlt`, `solve`), and positions are shared out over threads.
 """
 
 import numpy as np

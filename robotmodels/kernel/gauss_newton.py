@@ -1,7 +1,7 @@
 """Cost, gradient and Gauss-Newton matrix of weighted squared residuals of FRFs.
 
-To the rows a_s of `gram` comes one more, the weighted residual; its products with the
-others are the gradient, theirs among each other the Gauss-Newton matrix.
+To the rows a_s of `sensitivity_products` comes one more, the weighted residual; its products with
+the others are the gradient, theirs among each other the Gauss-Newton matrix.
 """
 
 # numba compiles what follows and infers its types:
@@ -94,7 +94,7 @@ def add_gradient(work, q, stiffness, damping, out):
 def _cell_normals(work, cells, stiffness, damping, options, start, stop, out):
     """Add the cost, gradient and Gauss-Newton matrix of some cells to the doubles at `out`.
 
-    Arguments as of `cost`, of one set of parameters; `out` holds 1 + p + p^2 doubles.
+    Arguments as of `cost_cells`, of one set of parameters; `out` holds 1 + p + p^2 doubles.
     """
     _, blocks, coupled, residual = options
     real = residual != NLS and residual != LLS

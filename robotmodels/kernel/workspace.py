@@ -27,7 +27,7 @@ class Work(NamedTuple):
         bounds : (3, size) largest off-diagonal entry of each row of the three.
         arms : (n, 3) mass, damping and stiffness of each eliminated motor.
         block : (2 m, 2 m) information on ln k and ln c.
-        listed : (2 m p, 3) the exponents that are not zero, see `gram`.
+        listed : (2 m p, 3) the exponents that are not zero, see `sensitivity_products`.
     Buffers of vectors (complex ones but for off, worst and sums):
         matrix : triangle of A, then of the unscaled factor L D.
         diagonal : (size,) A's.
@@ -39,8 +39,8 @@ class Work(NamedTuple):
         worst : the guard.
         elongation : (m + 1, columns) v, of the needed springs.
         roots : (elements,) square roots of weights, of elements i <= j of the motors' response.
-        rows : (m + 1 or m + 2, elements) a_s, and the residual (see `gram`); or (m, 2, n)
-            with separable noise.
+        rows : (m + 1 or m + 2, elements) a_s, and the residual (see `sensitivity_products`); or
+            (m, 2, n) with separable noise.
         sums : (pairs, 4) of rows s >= t, in tiles of two by two.
     """
 

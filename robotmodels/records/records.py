@@ -136,7 +136,7 @@ class Records:
         return replace(first, **signals)
 
     def save(self, path: str | os.PathLike[str]) -> None:
-        """Write an HDF5 file; see `record_files.save_records`."""
+        """Write an HDF5 file; see `save_records`."""
         save_records(path, [self])
 
     @staticmethod

@@ -11,7 +11,7 @@ import numpy as np
 
 import estimators
 import robotmodels
-from estimators.fitting.model_directions import model_directions
+from estimators.fitting.fit_trust import model_directions
 from estimators.fitting.residuals import find_residual
 from estimators.frf.frf_estimate import FrfEstimate, vec
 from estimators.trust.directed_tests import Directions

@@ -8,8 +8,7 @@ import oed
 from estimators import FrfEstimate, chains_from_frf, fit_dampers
 from estimators.chain_dampers.chains_from_records import measured_chains
 from estimators.chain_dampers.damper_fit import recommended_estimate
-from estimators.chains.held_images import held_images
-from estimators.chains.identification import identify_chains
+from estimators.chains.identification import held_images, identify_chains
 from robotmodels import Controller, CoupledChains, LinearModel, modally_damped, simulate_linear
 
 MASSES, SPRINGS = np.array([[1.0, 2.0], [2.0, 1.5]]), np.array([[900.0], [2500.0]])

@@ -13,7 +13,7 @@ from two_axes import TwoAxes
 import estimators
 import oed
 from robotmodels import ProcessPool, RelativeNoise
-from robotmodels.linear.fixed_equilibria import Held
+from robotmodels.linear.derived_models import Held
 
 OMEGA = 2 * np.pi * np.geomspace(3.0, 30.0, 8)
 NOISE = RelativeNoise(0.03, 0.01)

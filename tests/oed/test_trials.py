@@ -16,7 +16,7 @@ from oed.plan_comparison.plan_comparison import (
     std_interval,
 )
 from robotmodels import InvalidInput, NotIdentifiable, RelativeNoise, SolverFailed, load_robot
-from robotmodels.linear.fixed_equilibria import Held, held
+from robotmodels.linear.derived_models import Held, held
 from robotmodels.linear.response import frequency_response
 
 OMEGA = 2 * np.pi * np.geomspace(3.0, 30.0, 8)

@@ -30,7 +30,7 @@ from robotmodels.common.errors import InvalidInput, NoEquilibrium
 from robotmodels.common.fingerprints import file_digest
 from robotmodels.common.progress import Progress
 from robotmodels.library.robot_digest import mesh_digests
-from robotmodels.linear.with_parameters import AtValues
+from robotmodels.linear.derived_models import AtValues
 
 Information = InformationSet | StoredInformation
 
