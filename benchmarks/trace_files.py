@@ -13,7 +13,7 @@ import contextlib
 import io
 import sys
 import tempfile
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from pathlib import Path
 from types import FrameType
 from typing import Any
@@ -64,7 +64,7 @@ def holds(value: Any, depth: int = DEPTH) -> bool:
         return False
     if isinstance(value, tuple | list):
         return any(holds(item, depth - 1) for item in value[:MOST_ITEMS])
-    if isinstance(value, Mapping):
+    if isinstance(value, dict):
         return len(value) <= MOST_ITEMS and any(holds(item, depth - 1) for item in value.values())
     module = getattr(type(value), "__module__", "").partition(".")[0]
     if module not in ("robotmodels", "estimators", "oed", "reports"):

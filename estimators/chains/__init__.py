@@ -1,1 +1,1 @@
-"""Coupled chains by inverse eigenvalue theory, [HBH]: modes, masses, springs, dampers."""
+"""Coupled chains by inverse eigenvalue theory, [HBH]: modes, masses, springs, couplings."""

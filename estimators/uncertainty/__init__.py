@@ -1,1 +1,1 @@
-"""How far to trust a fit: Theorem 1, posteriors, profiles, repeated experiments, side by side."""
+"""How certain a fit is: Theorem 1, weak combinations, residuals, what to measure next."""

@@ -1,1 +1,1 @@
-"""Relaxed designs: criteria, constraints, the convex problems, and certificates."""
+"""Relaxed designs: constraints, the convex problems, and certificates."""

@@ -1,1 +1,1 @@
-"""From a plan to signals and back: multisines, limits, files, simulated and measured data."""
+"""From a plan to signals: multisines, limits, moves, plan files, simulated experiments."""

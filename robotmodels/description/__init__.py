@@ -1,1 +1,1 @@
-"""What a robot file says: URDF, motors, springs, which numbers are free, what looks wrong."""
+"""What a robot file says: URDF, motors, springs, which numbers are free."""
