@@ -53,6 +53,9 @@ def place(index: Sequence[int] | NDArray[np.intp], omega: Array | None = None) -
     return f"position {q}, {line}{element} (counted from 0)"
 
 
+_MOST = 1e20  # response, and standard deviation from its inverse on: costs square their ratio
+
+
 @dataclass(frozen=True, eq=False)
 class FrfEstimate(Printed):
     """FRF estimates in Q positions at F frequencies, and how far to trust them.
@@ -271,6 +274,12 @@ def _check_axes(positions: Array, omega: Array, response: ComplexArray) -> None:
         raise InvalidInput(
             f"response: {response[tuple(broken[0])]} at {place(broken[0], omega)} is not finite"
         )
+    large = np.argwhere(~((np.abs(response.real) <= _MOST) & (np.abs(response.imag) <= _MOST)))
+    if large.size:
+        raise InvalidInput(
+            f"response: {response[tuple(large[0])]:.3g} at {place(large[0], omega)} is beyond any "
+            f"robot; at most {_MOST:g} is possible"
+        )
 
 
 def _checked_covariance(
@@ -282,11 +291,12 @@ def _checked_covariance(
     covariance = covariance.astype(complex if full else float)
     diagonal = np.diagonal(covariance, axis1=-2, axis2=-1).real if full else covariance
     elements = unvec(diagonal, shape[-2]) if full else diagonal
-    wrong = np.argwhere(~(np.isfinite(elements) & (elements > 0)))
+    wrong = np.argwhere(~((elements >= _MOST**-2) & (elements <= _MOST**2)))
     if wrong.size:
         raise InvalidInput(
             f"covariance: the variance at {place(wrong[0], omega)} is "
-            f"{elements[tuple(wrong[0])]:g}, a positive number is needed"
+            f"{elements[tuple(wrong[0])]:g}, a positive number is needed (from {_MOST**-2:g} to "
+            f"{_MOST**2:g})"
         )
     if full:
         deviation = np.sqrt(diagonal)

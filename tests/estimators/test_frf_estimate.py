@@ -82,6 +82,8 @@ def _replace(name, value):
         (_set("positions", (1, 0), np.inf), "positions: position 1, coordinate 0"),
         (_set("omega", 1, 0.0), "omega: frequency 1 is 0"),
         (_set("covariance", (0, 1, 1, 0), -2.0), r"position 0, frequency 1 .*\(1, 0\).* is -2"),
+        (_set("response", (0, 1, 1, 0), 1e200j), r"response: .*position 0, .* beyond any robot"),
+        (_set("covariance", (0, 1, 1, 0), 1e-203), r"is 1e-203, a positive number .*from 1e-40"),
         (_set("repetitions", 1, 0), "repetitions: 0 at position 1"),
         (_replace("omega", np.ones((2, 2))), "FRF estimate: positions"),
         (_replace("omega", np.ones(2)), "response: shape"),
