@@ -158,7 +158,12 @@ class FrfEstimate(Printed):
         if not self.has_full_covariance:
             return self.weight_variance
         covariance = np.asarray(self.covariance, dtype=complex)
-        return pooled_covariances(covariance, vec(self.weight_variance), self._freedom)
+        return pooled_covariances(
+            covariance,
+            vec(self.weight_variance),
+            self._freedom,
+            self.pooled_noise.lag_one,
+        )
 
     @property
     def _freedom(self) -> Array:

@@ -32,11 +32,14 @@ class PooledNoise:
         How much a line's own variance tells beside them, 0 to 1.
     mixed : ndarray, (Q, F, ...)
         Geometric means of the own variance, by its share, and that of the neighbours.
+    lag_one : float
+        Correlation of the errors of neighbouring lines.
     """
 
     variance: Array
     own_share: Array
     mixed: Array
+    lag_one: float = 0.0
 
 
 def pooled_noise(
@@ -74,10 +77,11 @@ def pooled_noise(
     if lines < 2 or not finite.any():
         return PooledNoise(variances, none, variances)
     widest = max(_HALF_WIDTHS[0], lines // _SHARE)
-    logs, left_out, white = np.log(variances), 0, False
+    logs, left_out, white, r = np.log(variances), 0, False, 0.0
     if deviations is not None:
         size = np.exp(_neighbour_mean(logs, widest, 0) / 2)[:, None]
-        left_out = _correlated_lines(deviations / size)
+        r = _lag_one(deviations / size)
+        left_out = _correlated_lines(r)
         white = not left_out
     left_out = min(left_out, lines // _LEFT_OUT) if lines >= _MANY_LINES else 0
     widths = (widest, *_HALF_WIDTHS[1:]) if white else (widest,)
@@ -94,16 +98,17 @@ def pooled_noise(
     declared = ~finite.reshape(shape)
     pooled = np.where(declared, variances, np.exp(mean) * bias)
     mixed = np.exp((1 - share) * mean + share * logs) * bias
-    return PooledNoise(pooled, share, np.where(declared, variances, mixed))
+    return PooledNoise(pooled, share, np.where(declared, variances, mixed), r)
 
 
 def pooled_covariances(
-    covariance: ComplexArray, pooled: Array, degrees_of_freedom: Array
+    covariance: ComplexArray, pooled: Array, degrees_of_freedom: Array, lag_one: float = 0.0
 ) -> ComplexArray:
     """Return covariances (Q, F, k, k) with `pooled` variances (Q, F, k), regular from one draw on.
 
-    Correlations between elements are the mean over the other lines of the position, shrunk towards
-    none by k/(k + (F - 1) nu), their number over that of the draws.
+    Correlations between elements are the mean over the other lines of the position whose errors
+    are not correlated with those of the line, shrunk towards none by k/(k + n), their number over
+    that of the independent draws: `lag_one` r leaves (1 - r^2)/(1 + r^2) of each line's.
     """
     _, F, k = pooled.shape
     finite = np.isfinite(degrees_of_freedom)
@@ -111,11 +116,16 @@ def pooled_covariances(
         return covariance
     root = np.sqrt(pooled)
     white = covariance / (root[..., :, None] * root[..., None, :])
-    mean = (white.sum(axis=1, keepdims=True) - white) / (F - 1)
+    apart = np.abs(np.arange(F)[:, None] - np.arange(F))
+    others = apart > _correlated_lines(lag_one)
+    count = others.sum(axis=1)
+    mean = np.einsum("fg,qgij->qfij", others / np.maximum(count, 1)[:, None], white)
     size = np.sqrt(np.diagonal(mean, axis1=-2, axis2=-1).real)
+    size = np.where(count[:, None] > 0, size, 1.0)
     correlation = mean / (size[..., :, None] * size[..., None, :])
     nu = np.where(finite, degrees_of_freedom, 1.0)[:, None, None, None]
-    shrinkage = k / (k + (F - 1) * nu)
+    draws = count[:, None, None] * nu * (1 - lag_one**2) / (1 + lag_one**2)
+    shrinkage = k / (k + draws)
     correlation = (1 - shrinkage) * correlation + shrinkage * np.eye(k)
     result = correlation * root[..., :, None] * root[..., None, :]
     return np.asarray(np.where(finite[:, None, None, None], result, covariance))
@@ -130,11 +140,14 @@ def _neighbour_mean(values: Array, width: int, left_out: int) -> Array:
     return np.asarray(np.moveaxis(np.tensordot(share, values, axes=(1, 1)), 0, 1))
 
 
-def _correlated_lines(white: NDArray[Any]) -> int:
-    """Return how many lines to either side share errors with a line, by the lag-one correlation."""
-    lag_one = float((np.conj(white[:, :, :-1]) * white[:, :, 1:]).real.sum())
+def _lag_one(white: NDArray[Any]) -> float:
+    """Return the size of the correlation of neighbouring lines' errors, 0 where none is seen."""
+    products = float((np.conj(white[:, :, :-1]) * white[:, :, 1:]).real.sum())
     power = float((np.abs(white) ** 2).sum())
-    r = abs(lag_one) / power * white.shape[2] / (white.shape[2] - 1) if power > 0 else 0.0
-    if r * np.sqrt(2 * white.size) < 5:
-        return 0
-    return int(np.ceil(np.log(_FORGOTTEN) / np.log(min(r, 0.999) ** 2)))
+    r = abs(products) / power * white.shape[2] / (white.shape[2] - 1) if power > 0 else 0.0
+    return min(r, 0.999) if r * np.sqrt(2 * white.size) >= 5 else 0.0
+
+
+def _correlated_lines(lag_one: float) -> int:
+    """Return how many lines to either side share errors with a line."""
+    return int(np.ceil(np.log(_FORGOTTEN) / np.log(lag_one**2))) if lag_one else 0

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from estimators.trust.line_correlation import LineCorrelation
-from estimators.trust.linearised_fit import LinearisedFit, Lines
+from estimators.trust.linearised_fit import SINGULAR, LinearisedFit, Lines
 from robotmodels.common.arrays import Array
 
 _ENOUGH = 10.0
@@ -57,7 +57,7 @@ def line_scatter(fit: LinearisedFit, rows: Lines, correlation: LineCorrelation) 
 
     What each line adds to the variance is A C A^H / 2 and has 2 nu real degrees of freedom. Where
     errors are correlated along the lines with R, the sum is multiplied by A R A^H / A A^H, with A
-    times the standard deviations of the elements; but the scatter of whole positions over the draws
+    in units of the errors; but the scatter of whole positions over the draws
     is taken where that is larger and has enough degrees of freedom.
     """
     by_line = fit.line_variances(rows)
@@ -111,8 +111,8 @@ def cautious_scatter(fit: LinearisedFit, rows: Lines, correlation: LineCorrelati
 
 
 def _correlated_power(fit: LinearisedFit, rows: Lines, coefficients: Array) -> Array:
-    """Return A R A^H / A A^H of rows times each element's standard deviation, (r,)."""
-    white = rows * np.sqrt(fit.element_variances) * fit.used
+    """Return A R A^H / A A^H of rows of white errors, (r,)."""
+    white = _white_rows(fit, rows)
     lines = white.shape[2]
     power = (np.abs(white) ** 2).sum(axis=(1, 2, 3))
     lag = np.abs(np.arange(lines)[:, None] - np.arange(lines))
@@ -122,3 +122,14 @@ def _correlated_power(fit: LinearisedFit, rows: Lines, coefficients: Array) -> A
     with np.errstate(divide="ignore", invalid="ignore"):
         ratio = total / power
     return np.asarray(np.where(power > 0, np.maximum(ratio, 1e-3), 1.0))
+
+
+def _white_rows(fit: LinearisedFit, rows: Lines) -> Lines:
+    """Return rows A (r, Q, F, k) of errors of unit variance: A W^-1/2 where weights are full."""
+    if fit.weights.ndim == 3:
+        return np.asarray(rows * np.sqrt(fit.element_variances) * fit.used)
+    values, vectors = np.linalg.eigh(fit.weights)
+    seen = values > SINGULAR * values.max(axis=-1, keepdims=True)
+    root = np.where(seen, np.where(seen, values, 1.0) ** -0.5, 0.0)
+    inverse = (vectors * root[..., None, :]) @ np.conj(np.swapaxes(vectors, -1, -2))
+    return np.asarray((rows[..., None, :] @ inverse)[..., 0, :])

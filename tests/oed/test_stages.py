@@ -1,6 +1,7 @@
 """Stages are computed once, recomputed where something changed, and survive kills."""
 
 import json
+import os
 from pathlib import Path
 
 import numpy as np
@@ -125,6 +126,27 @@ def test_a_record_that_is_no_json_is_that_of_no_stage(tmp_path, text):
     chain = Chain(tmp_path)
     chain.run()
     (tmp_path / "b" / "stage.json").write_text(text)
+    assert chain.run() == 6.0
+    assert chain.computed == ["b"]
+
+
+@pytest.mark.parametrize("kind", ["device", "pipe", "huge"])
+@pytest.mark.parametrize("name", ["b/stage.json", "b.part/key"])
+def test_a_device_is_no_record(tmp_path, name, kind):
+    chain = Chain(tmp_path)
+    chain.run()
+    if name == "b.part/key":
+        (tmp_path / "b").rename(tmp_path / "b.part")
+        (tmp_path / "b.part" / "stage.json").unlink()
+    record = tmp_path / name
+    record.unlink(missing_ok=True)
+    if kind == "device":
+        record.symlink_to("/dev/zero")
+    elif kind == "pipe":
+        os.mkfifo(record)
+    else:
+        with record.open("wb") as file:
+            file.truncate(2**40)
     assert chain.run() == 6.0
     assert chain.computed == ["b"]
 

@@ -39,6 +39,7 @@ PACKAGE = "elastic-robot-oed"
 _LOG = logging.getLogger(__name__)
 _PACKAGES = (PACKAGE, "numpy", "scipy", "pin", "mujoco", "cvxpy", "clarabel", "emcee", "numba")
 _RECORD, _KEY = "stage.json", "key"
+_MOST_BYTES = 2**20
 _OWN = frozenset({_RECORD, "stage.part.json", _KEY})
 
 
@@ -254,7 +255,7 @@ def versions() -> dict[str, str]:
 def _fitting(folder: Path, key: str) -> dict[str, Any] | None:
     """Return the record of a finished stage if it has that key and its files are as they were."""
     try:
-        record = json.loads((folder / _RECORD).read_text(encoding="utf-8"))
+        record = json.loads(_read_small(folder / _RECORD))
         fits = record["key"] == key and record["digest"] == folder_digest(folder, _OWN)
         timed = type(record["seconds"]) is float and 0 <= record["seconds"] < math.inf
     except (OSError, ValueError, RecursionError, KeyError, TypeError):
@@ -262,11 +263,18 @@ def _fitting(folder: Path, key: str) -> dict[str, Any] | None:
     return record if fits and timed else None
 
 
+def _read_small(path: Path) -> str:
+    """Return the text of a file of a stage's own; a device, or a longer file, is none of them."""
+    if not path.is_file() or path.stat().st_size > _MOST_BYTES:
+        raise FileNotFoundError(path)
+    return path.read_text(encoding="utf-8")
+
+
 def _prepare(part: Path, key: str, fresh: bool) -> None:
     """Make the folder of an unfinished stage; keep what an interrupted run left of the same."""
     try:
-        same = (part / _KEY).read_text(encoding="utf-8") == key
-    except OSError:
+        same = _read_small(part / _KEY) == key
+    except (OSError, ValueError):
         same = False
     if same and not fresh:
         return
