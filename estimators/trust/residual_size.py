@@ -107,6 +107,20 @@ def _taken_by_fit(fit: LinearisedFit) -> tuple[float, float]:
     return cross - float(np.trace(through)), float(np.sum(through * through.T))
 
 
+def typical_size(fit: LinearisedFit) -> float:
+    """Return the squared residuals over the noise as their median tells, which outliers spare."""
+    nu = np.minimum(fit.degrees_of_freedom, 1e9)
+    medians = nu * np.expm1(np.log(2) / nu)
+    if fit.real:
+        from scipy.stats import f as f_law
+
+        medians = f_law.isf(0.5, 1, nu) / 2
+    used = fit.used
+    with np.errstate(divide="ignore", invalid="ignore"):
+        ratio = np.abs(fit.errors) ** 2 / (fit.element_variances * medians[:, None, None])
+    return float(np.median(ratio[used])) if used.any() else np.nan
+
+
 def line_probabilities(fit: LinearisedFit, factor: Array | float = 1.0) -> Array:
     """Return the probability (Q, F, k) of residuals as large as each, exact for any nu.
 

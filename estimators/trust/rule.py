@@ -15,7 +15,12 @@ from estimators.trust.line_correlation import (
 )
 from estimators.trust.line_scatter import Scatter, line_scatter
 from estimators.trust.linearised_fit import LinearisedFit
-from estimators.trust.residual_size import ResidualSize, line_probabilities, residual_size
+from estimators.trust.residual_size import (
+    ResidualSize,
+    line_probabilities,
+    residual_size,
+    typical_size,
+)
 from robotmodels.common.arrays import Array
 
 LEVEL = 0.01
@@ -290,11 +295,8 @@ def _smooth_excess(fit: LinearisedFit, correlation: LineCorrelation, size: Resid
 
 
 def _outlier(fit: LinearisedFit, size: ResidualSize) -> tuple[int, ...] | None:
-    """Return where a single residual stands out, by its exact law and beside all others' size."""
-    factor: Array | float = 1.0
-    if size.too_large:
-        others = fit.squares - fit.noise_weights * np.abs(fit.errors) ** 2
-        factor = np.fmax(others / size.expected, 1.0)
+    """Return where a single residual stands out, by its exact law and beside their typical size."""
+    factor = np.fmax(typical_size(fit), 1.0) if size.too_large else 1.0
     probabilities = line_probabilities(fit, factor)
     worst = np.unravel_index(int(probabilities.argmin()), probabilities.shape)
     if probabilities[worst] >= OUTLIER_LEVEL / max(int(fit.used.sum()), 1):

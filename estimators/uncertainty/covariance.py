@@ -16,6 +16,9 @@ from robotmodels.common.arrays import Array, check_level, read_only
 from robotmodels.common.errors import InvalidInput, SolverFailed, nearest
 from robotmodels.common.printing import Printed
 
+_NEGATIVE = 1e-6
+"""An eigenvalue of the correlation that is lower is no rounding error."""
+
 METHODS = {
     "theorem1": "Theorem 1",
     "empirical": "sandwich of empirical residuals",
@@ -57,6 +60,8 @@ class Uncertainty(Printed):
             raise InvalidInput(
                 f"uncertainty: the variance of {self.names[i]} is {covariance[i, i]:g}"
             )
+        if np.linalg.eigvalsh(_correlation(covariance))[0] < -_NEGATIVE:
+            raise InvalidInput("uncertainty: the covariance has negative eigenvalues")
         object.__setattr__(self, "covariance", read_only(covariance))
         freedom = np.broadcast_to(np.asarray(self.degrees_of_freedom, dtype=float), (p,)).copy()
         object.__setattr__(self, "degrees_of_freedom", read_only(freedom))
@@ -69,8 +74,7 @@ class Uncertainty(Printed):
     @property
     def correlation(self) -> Array:
         """Correlations of ln theta, (p, p)."""
-        std = self.std
-        return np.asarray(self.covariance / np.outer(std, std))
+        return _correlation(self.covariance)
 
     def interval(self, values: Array, level: float = 0.95) -> Array:
         """Return lower and upper ends, (p, 2), of the intervals about `values` (p,), SI units."""
@@ -92,6 +96,13 @@ class Uncertainty(Printed):
             f"  {name:<{width}}  {std:.4g}" for name, std in zip(self.names, self.std, strict=True)
         ]
         return "\n".join(lines)
+
+
+def _correlation(covariance: Array) -> Array:
+    """Return a covariance (p, p) scaled to a unit diagonal; zero where nothing varies."""
+    std = np.sqrt(np.diag(covariance))
+    scale = 1 / np.where(std > 0, std, np.inf)
+    return np.asarray(covariance * np.outer(scale, scale))
 
 
 def log_normal_ends(values: Array, std: Array, level: float) -> tuple[Array, Array]:

@@ -29,7 +29,11 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--runs", type=int, default=RUNS)
     parser.add_argument("--workers", type=int, default=2)
-    parser.add_argument("--only", default="", help="cells whose group and name contain this")
+    parser.add_argument(
+        "--only",
+        default="",
+        help="cells whose group and name contain this; others stay as they were",
+    )
     parser.add_argument("--no-repeat", action="store_true")
     parser.add_argument("--json", type=Path, default=DOCS / "trust.json")
     parser.add_argument("--page", type=Path, default=DOCS / "trust.md")
@@ -51,6 +55,8 @@ def main() -> None:
             _print(result)
     minutes = (time.monotonic() - begin) / 60
     document = {"runs": arguments.runs, "minutes": round(minutes, 1), "cells": results}
+    if arguments.only:
+        document = _merged(json.loads(arguments.json.read_text()), results)
     arguments.json.write_text(_json(document))
     write_page(arguments.page, document)
     failing = [r for r in results if r["failures"]]
@@ -72,6 +78,13 @@ def run_cell(cell: Cell, count: int, repeated: int) -> dict[str, Any]:
         short = failures(cell, result)
     each = 1e3 * (time.process_time() - begin) / len(outcomes)
     return _plain({**result, "milliseconds": each, "failures": short})
+
+
+def _merged(document: dict[str, Any], results: list[dict[str, Any]]) -> dict[str, Any]:
+    """Return the document of an earlier run with the cells in it that were run again."""
+    again = {(r["group"], r["cell"]): r for r in results}
+    cells = [again.get((r["group"], r["cell"]), r) for r in document["cells"]]
+    return {**document, "cells": cells}
 
 
 def _plain(value: Any) -> Any:
