@@ -28,8 +28,11 @@ if TYPE_CHECKING:
     from oed.criteria.robust_criteria import AverageCriterion, MaximinCriterion
     from oed.design.certificate import efficiency_bound, optimality_gap
     from oed.design.constraints import Constraints, Group
+    from oed.design.cvxpy_solver import Cvxpy
     from oed.design.design import Design
+    from oed.design.interior_point import Newton
     from oed.design.optimal_design import optimal_design
+    from oed.design.problem import DesignSolver, ScaledProblem, SolverAnswer
     from oed.design.robust_design import RobustDesign, robust_design
     from oed.design.sensors import Sensor, SensorDesign, optimal_sensors
     from oed.design.spectrum import SpectrumDesign, optimal_spectrum
@@ -74,7 +77,9 @@ _HOMES = {
     "Binding": "experiment.amplitude_scaling",
     "CCriterion": "criteria.criteria",
     "Constraints": "design.constraints",
+    "Cvxpy": "design.cvxpy_solver",
     "Design": "design.design",
+    "DesignSolver": "design.problem",
     "DsCriterion": "criteria.criteria",
     "ExactDesign": "exact.exact_design",
     "ExperimentCurve": "exact.sequential",
@@ -91,6 +96,7 @@ _HOMES = {
     "MoveLimits": "experiment.moves",
     "Multisine": "experiment.multisine",
     "Needed": "exact.sequential",
+    "Newton": "design.interior_point",
     "NextExperiments": "exact.sequential",
     "Peaks": "experiment.predicted_peaks",
     "PlanComparison": "plan_comparison.plan_comparison",
@@ -99,11 +105,13 @@ _HOMES = {
     "Region": "exact.local_ascent",
     "Removal": "candidates.screening",
     "RobustDesign": "design.robust_design",
+    "ScaledProblem": "design.problem",
     "Scaling": "experiment.amplitude_scaling",
     "Score": "exact.plan_score",
     "ScreenedCandidates": "candidates.screening",
     "Sensor": "design.sensors",
     "SensorDesign": "design.sensors",
+    "SolverAnswer": "design.problem",
     "SpectrumDesign": "design.spectrum",
     "StoredInformation": "information_sets.stored_information",
     "TaskBox": "candidates.task_space",
@@ -164,7 +172,9 @@ __all__ = [
     "Binding",
     "CCriterion",
     "Constraints",
+    "Cvxpy",
     "Design",
+    "DesignSolver",
     "DsCriterion",
     "ExactDesign",
     "ExperimentCurve",
@@ -181,6 +191,7 @@ __all__ = [
     "MoveLimits",
     "Multisine",
     "Needed",
+    "Newton",
     "NextExperiments",
     "Peaks",
     "PlanComparison",
@@ -189,11 +200,13 @@ __all__ = [
     "Region",
     "Removal",
     "RobustDesign",
+    "ScaledProblem",
     "Scaling",
     "Score",
     "ScreenedCandidates",
     "Sensor",
     "SensorDesign",
+    "SolverAnswer",
     "SpectrumDesign",
     "StoredInformation",
     "TaskBox",

@@ -1,29 +1,24 @@
 """Solve a design over a growing set of candidates until none of the others could help."""
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from oed.design.certificate import Certificate, bounded
-from oed.design.cvxpy_solver import conic
 from oed.design.design import Design
-from oed.design.interior_point import barrier
+from oed.design.interior_point import Newton
 from oed.design.multiplicative import NAME, multiplicative
-from oed.design.problem import Answer, Problem, WhiteProblem
+from oed.design.problem import DesignSolver, Problem, ScaledProblem, SolverAnswer
+from oed.design.solvers import checked_answer
 from oed.design.trimming import trimmed
 from oed.design.whitening import Whitening, largest
 from robotmodels.common.arrays import Array, IntArray, read_only
 from robotmodels.common.errors import InvalidInput, SolverFailed
 
-# Of a problem, a goal, and an answer to go on from.
-Method = Callable[[WhiteProblem, float, Answer | None], Answer]
-
 # Rounds of multiplicative steps that look for the candidates cvxpy begins with.
 _SCOUTING = 8
-# The barrier method's goals, round by round: which candidates matter shows long before their
-# weights are precise.
-_GOAL = 0.03
+# Accuracy of each of these steps' answers.
+_SCOUTED = 0.03
 # Of the tolerance: gaps that end the search, and excess that brings a candidate in.
 _CLOSED, _EXCESS = 0.5, 0.25
 # Of the condition: rounding in white matrices.
@@ -37,8 +32,8 @@ class _Round:
     """One active set's answer, its weights complete, with log value and certificate."""
 
     active: IntArray
-    few: WhiteProblem
-    answer: Answer
+    few: ScaledProblem
+    answer: SolverAnswer
     value: float
     certificate: Certificate
 
@@ -47,8 +42,7 @@ def solve(
     problem: Problem,
     tolerance: float,
     max_rounds: int,
-    solver: str,
-    form: str = "primal",
+    solver: DesignSolver,
     trim: bool = True,
 ) -> Design:
     """Return the best design that is found; the caller judges its gap.
@@ -61,10 +55,8 @@ def solve(
         Gap that ends the search.
     max_rounds : int
         Largest number of active sets.
-    solver : str
-        "newton", the barrier method, or "cvxpy", with that one behind it where it stalls.
-    form : str
-        What cvxpy states, "primal" or "dual".
+    solver : DesignSolver
+        Solver of the active sets, with `Newton` behind it where it stalls.
     trim : bool
         Whether small weights that are not needed are left out.
 
@@ -80,14 +72,15 @@ def solve(
     if max_rounds < 1:
         raise InvalidInput(f"max_rounds: {max_rounds!r}; at least 1 is needed")
     search = _Search(Whitening.of(problem), tolerance, max_rounds)
-    if solver == "cvxpy":
+    if not solver.first_goal:
         search.scout()
-        search.run(lambda few, goal, near: conic(few, form))
-    answer = search.answer(trim)
-    if answer is None:
-        stalled, search.best = search.best, None
-        search.run(barrier, loose=stalled is None)
-        answer = search.answer(trim) or search.best or stalled
+    search.run(solver)
+    answer, stalled = search.answer(trim), search.best
+    if answer is None and not isinstance(solver, Newton):
+        search.best = None
+        search.run(Newton(first_goal=0.0) if stalled else Newton())
+        answer = search.answer(trim) or search.best
+    answer = answer or stalled
     if answer is None:
         raise SolverFailed(f"optimal design: {'; '.join(search.failures)}")
     return search.design(answer)
@@ -122,8 +115,9 @@ class _Search:
             return
         self.scouted = f" after {NAME}"
         for _ in range(_SCOUTING):
-            scouted = self._round(lambda few, goal, near: multiplicative(few, goal), _GOAL)
-            larger = self._larger(scouted, _GOAL)
+            few = self.whitening.few(self.active)
+            scouted = self._round(few, multiplicative(few, _SCOUTED))
+            larger = self._larger(scouted, _SCOUTED)
             if larger is None:
                 break
             self.active = larger
@@ -134,16 +128,17 @@ class _Search:
         if self.whitening.determined(fewer):
             self.active = fewer
 
-    def run(self, method: Method, loose: bool = False) -> None:
+    def run(self, solver: DesignSolver) -> None:
         """Solve and grow the active set until no candidate could help.
 
-        A `loose` search is for candidates first, and for precise weights in the end.
+        From the solver's first goal on, goals fall to the tolerance.
         """
-        goal, near = max(_GOAL, self.tolerance) if loose else self.tolerance, None
+        goal, near = max(solver.first_goal, self.tolerance), None
         for _ in range(self.max_rounds):
             self.rounds += 1
+            few = self.whitening.few(self.active)
             try:
-                current = self._round(method, goal, near)
+                current = self._round(few, checked_answer(solver.solve(few, goal, near), few))
             except SolverFailed as error:
                 self.failures.append(str(error))
                 return
@@ -159,7 +154,7 @@ class _Search:
                 self.active = larger
             elif goal <= self.tolerance:
                 return
-            goal = self.tolerance if larger is None else max(_GOAL * goal, self.tolerance)
+            goal = max(solver.first_goal * goal if larger is not None else 0.0, self.tolerance)
             near = current.answer if larger is None else None
 
     def design(self, best: _Round) -> Design:
@@ -184,10 +179,8 @@ class _Search:
             multipliers=dict(zip(allowed.names, map(float, rows), strict=True)),
         )
 
-    def _round(self, method: Method, goal: float, near: Answer | None = None) -> _Round:
-        """Solve the active set and price all candidates."""
-        few = self.whitening.few(self.active)
-        answer = method(few, goal, near)
+    def _round(self, few: ScaledProblem, answer: SolverAnswer) -> _Round:
+        """Complete an answer's weights and price all candidates."""
         # Conic solvers leave weights of no sign; regular information needs every one of them.
         least = 0.01 * self.tolerance / len(self.active)
         weights = few.completed(np.maximum(answer.weights, least))
@@ -196,7 +189,7 @@ class _Search:
         witnesses = [answer.witness]
         if few.objective.smooth and len(few.objective.groups) == 1:
             derivative = few.objective.witness(information)
-            witnesses = [derivative] if answer.method == "newton" else [*witnesses, derivative]
+            witnesses = [derivative] if answer.mu else [*witnesses, derivative]
         rounds = []
         for witness in witnesses:
             changed = replace(answer, weights=weights, witness=witness)
@@ -206,7 +199,7 @@ class _Search:
                 break
         return min(rounds, key=lambda one: one.certificate.gap)
 
-    def _certified(self, answer: Answer, value: float) -> Certificate:
+    def _certified(self, answer: SolverAnswer, value: float) -> Certificate:
         if not np.isfinite([value, *(np.abs(W).max() for W in answer.witness)]).all():
             nothing = np.full(len(self.whitening.units), np.inf)
             return Certificate(np.inf, np.inf, nothing)
@@ -249,7 +242,7 @@ class _Search:
         if self.best is None or not self.closed:
             return None
         current, singular = self.best, False
-        certified = not _unique(current) or current.answer.method == "newton"
+        certified = not _unique(current) or current.answer.mu > 0
         while trim and not singular:
             fewer, singular = self._fewer(current)
             if fewer is None:
@@ -276,9 +269,9 @@ class _Search:
         """Return an answer of the used candidates that its derivative certifies, if there is one.
 
         They are solved for alone, more precisely: by the barrier method after itself, by
-        multiplicative steps after cvxpy.
+        multiplicative steps after any other.
         """
-        used, newton = np.flatnonzero(weights), full.answer.method == "newton"
+        used, newton = np.flatnonzero(weights), full.answer.mu > 0
         few = self.whitening.few(full.active[used])
         better = None
         if newton:
@@ -316,10 +309,10 @@ def _unique(one: _Round) -> bool:
     return one.few.objective.smooth and len(one.few.objective.groups) == 1
 
 
-def _finely(few: WhiteProblem, near: Answer, tolerance: float) -> Array | None:
+def _finely(few: ScaledProblem, near: SolverAnswer, tolerance: float) -> Array | None:
     """Return precise weights of a few candidates, if the barrier method finds them."""
     try:
-        return few.completed(barrier(few, _PRECISE * tolerance, near).weights)
+        return few.completed(Newton().solve(few, _PRECISE * tolerance, near).weights)
     except SolverFailed:
         return None
 

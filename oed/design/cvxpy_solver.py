@@ -12,18 +12,17 @@ Where a single mean is maximised, it stands itself for its logarithm, which the 
 """
 
 import warnings
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
 from oed.criteria.matrix_means import MatrixMean
-from oed.criteria.objective import Term
-from oed.design.coordinates import semidefinite
-from oed.design.problem import Answer, WhiteProblem
+from oed.criteria.objective import Objective, Term
+from oed.design.problem import ScaledProblem, SolverAnswer
 from robotmodels.common.arrays import Array
-from robotmodels.common.errors import SolverFailed
+from robotmodels.common.errors import InvalidInput, SolverFailed, nearest
 
 # Larger determinants fall apart into smaller ones: cvxpy states one of p rows by a cone of 2p.
 _LARGEST_DETERMINANT = 8
@@ -138,42 +137,79 @@ def log_det(cp: Any, matrix: Any) -> tuple[list[Any], Any]:
 
 
 # With looser tolerances Clarabel stops at gaps of 1e-5.
-_CLARABEL = {"tol_gap_abs": 1e-11, "tol_gap_rel": 1e-11, "tol_feas": 1e-11, "max_iter": 200}
-_SCS = {"eps": 1e-9, "max_iters": 5_000}
+_OPTIONS: dict[str, dict[str, Any]] = {
+    "clarabel": {"tol_gap_abs": 1e-11, "tol_gap_rel": 1e-11, "tol_feas": 1e-11, "max_iter": 200},
+    "scs": {"eps": 1e-9, "max_iters": 5_000},
+}
+_FORMS = ("primal", "dual")
 
 
-def conic(problem: WhiteProblem, form: str = "dual") -> Answer:
-    """Return the design by Clarabel, or by SCS where Clarabel gives no answer.
+@dataclass(frozen=True)
+class Cvxpy:
+    """A design solver that states the problem in cvxpy.
 
-    Parameters
+    Attributes
     ----------
-    problem : WhiteProblem
-        Its objective needs a single group for the dual form.
-    form : str
-        "primal" or "dual".
+    form : {"primal", "dual"}
+        What is stated; maximin criteria are always stated as primal problems.
+    solver : {"clarabel", "scs"}, optional
+        Conic solver; by default Clarabel, and SCS where Clarabel gives no answer.
 
     Raises
     ------
-    SolverFailed
-        With both reasons, if neither solver gives an answer.
+    InvalidInput
+        If the form or the solver is unknown.
     """
-    import cvxpy
 
-    cp: Any = cvxpy  # what it exports by star imports has no types
-    state = _primal if form == "primal" or len(problem.objective.groups) > 1 else _dual
-    capped = np.flatnonzero(np.isfinite(problem.caps))
-    rows = np.concatenate([problem.rows, np.eye(len(problem.caps))[capped]])
-    bounds = np.concatenate([problem.bounds, problem.caps[capped]])
-    statement, read = state(cp, replace(problem, rows=rows, bounds=bounds))
-    reasons = []
-    for name, options in (("CLARABEL", _CLARABEL), ("SCS", _SCS)):
-        reason = _solved(cp, statement, name, options)
-        if reason is None:
-            weights, multipliers, witness = read()
-            multipliers = np.maximum(multipliers[: len(problem.rows)], 0.0)
-            return Answer(np.maximum(weights, 0.0), multipliers, witness, f"cvxpy, {name.lower()}")
-        reasons.append(f"{name}: {reason}")
-    raise SolverFailed("; ".join(reasons))
+    form: str = "primal"
+    solver: str | None = None
+
+    first_goal = 0.0
+
+    def __post_init__(self) -> None:
+        check_word("form", self.form, _FORMS)
+        if self.solver is not None:
+            check_word("solver", self.solver, _OPTIONS)
+
+    def check(self, objective: Objective) -> None:
+        """Take every objective."""
+
+    def solve(
+        self, problem: ScaledProblem, goal: float, near: SolverAnswer | None = None
+    ) -> SolverAnswer:
+        """Return the optimum as precisely as the conic solver can.
+
+        Raises
+        ------
+        SolverFailed
+            With the reason of each solver, if none gives an answer.
+        """
+        import cvxpy
+
+        cp: Any = cvxpy  # what it exports by star imports has no types
+        state = _primal if self.form == "primal" or len(problem.objective.groups) > 1 else _dual
+        capped = np.flatnonzero(np.isfinite(problem.caps))
+        rows = np.concatenate([problem.rows, np.eye(len(problem.caps))[capped]])
+        bounds = np.concatenate([problem.bounds, problem.caps[capped]])
+        statement, read = state(cp, replace(problem, rows=rows, bounds=bounds))
+        reasons = []
+        for name in _OPTIONS if self.solver is None else (self.solver,):
+            reason = _solved(cp, statement, name.upper(), _OPTIONS[name])
+            if reason is None:
+                weights, multipliers, witness = read()
+                return SolverAnswer(
+                    weights, multipliers[: len(problem.rows)], witness, f"cvxpy, {name}"
+                )
+            reasons.append(f"{name.upper()}: {reason}")
+        raise SolverFailed("; ".join(reasons))
+
+
+def check_word(what: str, word: str, words: Iterable[str]) -> None:
+    """Raise `InvalidInput` naming `what` unless `word` is one of `words`."""
+    if word not in words:
+        raise InvalidInput(
+            f"{what} {word!r} is not known{nearest(word, words)}; there are {', '.join(words)}"
+        )
 
 
 def _solved(cp: Any, statement: Any, name: str, options: dict[str, Any]) -> str | None:
@@ -188,7 +224,7 @@ def _solved(cp: Any, statement: Any, name: str, options: dict[str, Any]) -> str 
     return None if statement.status in ("optimal", "optimal_inaccurate") else str(statement.status)
 
 
-def _primal(cp: Any, problem: WhiteProblem) -> tuple[Any, Any]:
+def _primal(cp: Any, problem: ScaledProblem) -> tuple[Any, Any]:
     w = cp.Variable(problem.rows.shape[1], nonneg=True)
     limits = problem.rows @ w <= problem.bounds
     information = [_sum(cp, M, H, w) for M, H in zip(problem.base, problem.matrices, strict=True)]
@@ -223,7 +259,7 @@ def _primal(cp: Any, problem: WhiteProblem) -> tuple[Any, Any]:
     return statement, read
 
 
-def _dual(cp: Any, problem: WhiteProblem) -> tuple[Any, Any]:
+def _dual(cp: Any, problem: ScaledProblem) -> tuple[Any, Any]:
     group = problem.objective.groups[0]
     y = cp.Variable(len(problem.bounds), nonneg=True)
     parts, matrices, spent, prices = [], [], problem.bounds @ y, 0.0
@@ -245,13 +281,13 @@ def _dual(cp: Any, problem: WhiteProblem) -> tuple[Any, Any]:
         statement = cp.Problem(cp.Maximize(goal), constraints)
 
     def read() -> tuple[Array, Array, tuple[Array, ...]]:
-        witness = tuple(semidefinite(W.value) for W in matrices)
+        witness = tuple(W.value for W in matrices)
         return _factor(parts) * limits.dual_value, y.value, witness
 
     return statement, read
 
 
-def _guesses(problem: WhiteProblem) -> list[float]:
+def _guesses(problem: ScaledProblem) -> list[float]:
     """Return each term's logarithm at equal weights; zero where that leaves something open."""
     n = problem.rows.shape[1]
     information = problem.information(np.full(n, 1.0 / n))
@@ -274,7 +310,7 @@ def _shared(cp: Any, group: Sequence[Term], parts: Sequence[ConicMean]) -> Any:
 
 
 def _slope(part: ConicMean, p: int, factor: float) -> Array:
-    return semidefinite(factor * sum(c.dual_value[:p, :p] for c in part.slopes))
+    return np.asarray(factor * sum(c.dual_value[:p, :p] for c in part.slopes))
 
 
 def _sum(cp: Any, base: Array, matrices: Array, weights: Any) -> Any:

@@ -15,10 +15,11 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.linalg import lu_factor, lu_solve
 
-from oed.design.problem import Answer, WhiteProblem
+from oed.criteria.objective import Objective
+from oed.design.problem import ScaledProblem, SolverAnswer
 from oed.design.smoothing import Smoothed, smoothed, smoothed_value, smoothed_witness
 from robotmodels.common.arrays import Array
-from robotmodels.common.errors import SolverFailed
+from robotmodels.common.errors import InvalidInput, SolverFailed
 
 _MOST_STEPS = 60  # for one mu
 _TO_BOUNDARY = 0.99
@@ -42,50 +43,82 @@ class _Point:
     rows: Array
 
 
-def barrier(problem: WhiteProblem, goal: float, near: Answer | None = None) -> Answer:
-    """Return a design whose log value is within about a fifth of `goal` of the best.
+@dataclass(frozen=True)
+class Newton:
+    """A design solver: the barrier method of this package, for every criterion but E.
 
-    Parameters
+    Attributes
     ----------
-    problem : WhiteProblem
-        Problem whose objective is maximised.
-    goal : float
-        Accuracy of the maximum.
-    near : Answer, optional
-        An answer to go on from, at its mu.
-
-    Raises
-    ------
-    SolverFailed
-        If it cannot go on; a certificate tells how good an answer is.
+    first_goal : float
+        Accuracy asked for while candidates are still added: which of them matter shows long before
+        their weights are precise.
     """
-    n, m = problem.rows.shape[1], len(problem.rows)
-    plain = problem.objective.smooth and len(problem.objective.groups) == 1
-    pairs = n + m + int(np.isfinite(problem.caps).sum()) + len(problem.objective.groups)
-    pairs += sum(len(problem.base[t.sample]) for t in problem.objective.terms if t.mean.kind == "E")
-    last = _SHARE_OF_GOAL * goal / pairs
-    mu, weights = max(1.0 / pairs, last), problem.start
-    if near is not None:
-        # Complete weights are on the boundary.
-        inside = (1.0 - max(near.mu, last)) * near.weights
-        if _merit(problem, inside, last) > -np.inf:
-            mu, weights = max(near.mu, last), inside
-    point = _centred(problem, weights, mu)
-    try:
-        while True:
-            least = _CONVERGED if plain else _PRECISE
-            point, model = _newton(problem, point, mu, _CENTRED if mu > last else least)
-            if mu <= last:
-                break
-            mu = max(last, min(mu / 5, mu**1.5) if plain else mu / 10)
-    except np.linalg.LinAlgError as error:
-        raise SolverFailed(f"barrier method: {error} at mu {mu:.1g}") from error
-    witness = smoothed_witness(problem, point.weights, last, model.multipliers)
-    return Answer(point.weights, point.rows, witness, "newton", last)
+
+    first_goal: float = 0.03
+
+    def __post_init__(self) -> None:
+        if not 0 <= self.first_goal < np.inf:
+            raise InvalidInput(f"first_goal: {self.first_goal!r}; a number >= 0 is needed")
+
+    def check(self, objective: Objective) -> None:
+        """Refuse an objective without second derivatives.
+
+        Raises
+        ------
+        InvalidInput
+            Naming the criterion.
+        """
+        if not objective.smooth:
+            raise InvalidInput(f'criterion {objective.name} is not smooth: use solver="cvxpy"')
+
+    def solve(
+        self, problem: ScaledProblem, goal: float, near: SolverAnswer | None = None
+    ) -> SolverAnswer:
+        """Return a design whose log value is within about a fifth of `goal` of the best.
+
+        Parameters
+        ----------
+        problem : ScaledProblem
+            Problem whose objective is maximised; what has no second derivatives is smoothed.
+        goal : float
+            Accuracy of the maximum.
+        near : SolverAnswer, optional
+            An answer to go on from, at its mu.
+
+        Raises
+        ------
+        SolverFailed
+            If it cannot go on; a certificate tells how good an answer is.
+        """
+        n, m = problem.rows.shape[1], len(problem.rows)
+        plain = problem.objective.smooth and len(problem.objective.groups) == 1
+        pairs = n + m + int(np.isfinite(problem.caps).sum()) + len(problem.objective.groups)
+        pairs += sum(
+            len(problem.base[t.sample]) for t in problem.objective.terms if t.mean.kind == "E"
+        )
+        last = _SHARE_OF_GOAL * goal / pairs
+        mu, weights = max(1.0 / pairs, last), problem.start
+        if near is not None:
+            # Complete weights are on the boundary.
+            inside = (1.0 - max(near.mu, last)) * near.weights
+            if _merit(problem, inside, last) > -np.inf:
+                mu, weights = max(near.mu, last), inside
+        point = _centred(problem, weights, mu)
+        try:
+            while True:
+                least = _CONVERGED if plain else _PRECISE
+                point, model = _newton(problem, point, mu, _CENTRED if mu > last else least)
+                if mu <= last:
+                    break
+                mu = max(last, min(mu / 5, mu**1.5) if plain else mu / 10)
+        except np.linalg.LinAlgError as error:
+            raise SolverFailed(f"barrier method: {error} at mu {mu:.1g}") from error
+        witness = smoothed_witness(problem, point.weights, last, model.multipliers)
+        return SolverAnswer(point.weights, point.rows, witness, "newton", last)
 
 
 def _newton(
-    problem: WhiteProblem, point: _Point, mu: float, least: float
+    problem: ScaledProblem, point: _Point, mu: float, least: float
 ) -> tuple[_Point, Smoothed]:
     """Return the point of the central path at mu, or as near to it as rounding lets come.
 
@@ -114,19 +147,19 @@ def _newton(
     return point, model
 
 
-def _rooms(problem: WhiteProblem, weights: Array) -> tuple[Array, Array]:
+def _rooms(problem: ScaledProblem, weights: Array) -> tuple[Array, Array]:
     """Return what caps (n,) and rows (m,) leave."""
     return problem.caps - weights, problem.bounds - problem.rows @ weights
 
 
-def _centred(problem: WhiteProblem, weights: Array, mu: float) -> _Point:
+def _centred(problem: ScaledProblem, weights: Array, mu: float) -> _Point:
     above, slack = _rooms(problem, weights)
     if not (min(weights.min(), above.min(), slack.min()) > 0):
         raise SolverFailed("barrier method: no room between the constraints")
     return _Point(weights, mu / weights, mu / above, mu / slack)
 
 
-def _merit(problem: WhiteProblem, weights: Array, mu: float) -> float:
+def _merit(problem: ScaledProblem, weights: Array, mu: float) -> float:
     """Return the function that is maximised at mu; -inf outside."""
     above, slack = _rooms(problem, weights)
     if not (min(weights.min(), above.min(), slack.min()) > 0):
@@ -140,7 +173,7 @@ def _merit(problem: WhiteProblem, weights: Array, mu: float) -> float:
 
 
 def _direction(
-    problem: WhiteProblem, point: _Point, model: Smoothed, mu: float
+    problem: ScaledProblem, point: _Point, model: Smoothed, mu: float
 ) -> tuple[_Point, float]:
     """Return the move of the weights with the new duals, and the first-order gain of it.
 
@@ -190,7 +223,7 @@ def _direction(
     return _Point(dw, lower, upper, x[rows]), float(gradient @ dw)
 
 
-def _longest(problem: WhiteProblem, weights: Array, move: Array) -> float:
+def _longest(problem: ScaledProblem, weights: Array, move: Array) -> float:
     """Return the longest step that keeps weights and rooms positive."""
     above, slack = _rooms(problem, weights)
     values = np.concatenate([weights, above, slack])
@@ -200,7 +233,7 @@ def _longest(problem: WhiteProblem, weights: Array, move: Array) -> float:
 
 
 def _moved(
-    problem: WhiteProblem, point: _Point, move: _Point, weights: Array, length: float, mu: float
+    problem: ScaledProblem, point: _Point, move: _Point, weights: Array, length: float, mu: float
 ) -> _Point:
     """Return the next point, its duals positive and not too far from mu over their primals."""
     above, slack = _rooms(problem, weights)

@@ -7,7 +7,7 @@ its weights precise: an error that is invisible in the value shows in the deriva
 
 import numpy as np
 
-from oed.design.problem import Answer, WhiteProblem
+from oed.design.problem import ScaledProblem, SolverAnswer
 from oed.information_sets.candidates import sensitivities
 from robotmodels.common.arrays import Array
 
@@ -17,13 +17,13 @@ _LEAST = 1e-12
 
 
 def multiplicative(
-    problem: WhiteProblem, goal: float, weights: Array | None = None, steps: int = 20
-) -> Answer:
+    problem: ScaledProblem, goal: float, weights: Array | None = None, steps: int = 20
+) -> SolverAnswer:
     """Return shares of a budget, which must be the only limit.
 
     Parameters
     ----------
-    problem : WhiteProblem
+    problem : ScaledProblem
         Its objective must be smooth, of one group.
     goal : float
         What a candidate may be worth above all, when steps end.
@@ -45,4 +45,4 @@ def multiplicative(
         least = np.minimum(weights, _LEAST)
         weights = np.maximum(weights * np.maximum(worth, 0.0) ** power, least)
         weights = weights / weights.sum()
-    return Answer(weights, np.array([level]), witness, NAME)
+    return SolverAnswer(weights, np.array([level]), witness, NAME)

@@ -5,8 +5,6 @@ weight, so the problem is solved over an active set; the certificate prices all 
 when none of them could help. Size is then no matter.
 """
 
-from collections.abc import Sequence
-
 import numpy as np
 
 from oed.criteria.criteria import Criterion, objective
@@ -15,13 +13,11 @@ from oed.design.constraints import Constraints
 from oed.design.design import SHOWN as SHOWN
 from oed.design.design import Design as Design
 from oed.design.polytope import Polytope
-from oed.design.problem import Problem
+from oed.design.problem import DesignSolver, Problem
+from oed.design.solvers import design_solver
 from oed.information_sets.candidates import Candidates, check_candidates
 from robotmodels.common.arrays import Array, real_numbers
-from robotmodels.common.errors import InvalidInput, SolverFailed, nearest
-
-SOLVERS = ("cvxpy", "newton")
-FORMS = ("primal", "dual")
+from robotmodels.common.errors import InvalidInput, SolverFailed
 
 
 def optimal_design(
@@ -31,7 +27,7 @@ def optimal_design(
     prior: Array | None = None,
     tolerance: float = 1e-6,
     max_rounds: int = 50,
-    solver: str = "cvxpy",
+    solver: str | DesignSolver = "cvxpy",
     form: str = "primal",
 ) -> Design:
     """Return the weights that maximise the criterion, certified over all candidates.
@@ -53,12 +49,12 @@ def optimal_design(
         Largest certified gap accepted.
     max_rounds : int
         Largest number of active sets.
-    solver : str
-        "cvxpy" (Clarabel, then SCS), or "newton", the barrier method of this package, which is
-        faster; it takes every criterion but E. Where cvxpy stalls, the barrier method goes on;
-        `Design.solver` tells.
+    solver : str or DesignSolver
+        "cvxpy", short for `Cvxpy()` (Clarabel, then SCS); "newton", short for `Newton()`, the
+        barrier method of this package, which is faster and takes every criterion but E; or a solver
+        of your own. Where a solver stalls, `Newton` goes on; `Design.solver` names every one.
     form : str
-        What cvxpy states, "primal" or "dual".
+        Form of the shorthand "cvxpy", "primal" or "dual".
 
     Raises
     ------
@@ -71,17 +67,15 @@ def optimal_design(
         fit, or constraints do not fit or conflict (it says which).
     """
     check_candidates(info)
-    _known("solver", solver, SOLVERS)
-    _known("form", form, FORMS)
+    method = design_solver(solver, form)
     if not tolerance > 0:
         raise InvalidInput(f"tolerance: {tolerance!r} is not a number > 0")
     wanted = objective(criterion, info.names, info.samples)
-    if solver == "newton" and not wanted.smooth:
-        raise InvalidInput(f'criterion {wanted.name} is not smooth: use solver="cvxpy"')
+    method.check(wanted)
     problem = Problem(
         info, wanted, allowed_weights(constraints, len(info)), checked_prior(prior, info)
     )
-    design = solve(problem, tolerance, max_rounds, solver, form)
+    design = solve(problem, tolerance, max_rounds, method)
     if not design.gap <= tolerance:
         raise SolverFailed(
             f"optimal design: the certified gap is {design.gap:.2g} after {design.rounds} rounds, "
@@ -123,10 +117,3 @@ def checked_prior(prior: Array | None, info: Candidates) -> Array | None:
     if np.linalg.eigvalsh(given).min() < -1e-9 * scale:
         raise InvalidInput("prior: the matrix is not positive semidefinite")
     return given if info.samples == 1 else np.broadcast_to(given, (info.samples, p, p)).copy()
-
-
-def _known(what: str, word: str, known: Sequence[str]) -> None:
-    if word not in known:
-        raise InvalidInput(
-            f"{what} {word!r} is not known{nearest(word, known)}; there are {', '.join(known)}"
-        )

@@ -1,6 +1,7 @@
-"""The problem of a design, and the same in coordinates of order one on few candidates."""
+"""The problem of a design, the same in coordinates of order one on few candidates, its solver."""
 
 from dataclasses import dataclass
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 
@@ -38,7 +39,7 @@ class Problem:
 
 
 @dataclass(frozen=True, eq=False)
-class WhiteProblem:
+class ScaledProblem:
     """Maximise objective(base + sum_i w_i H_i) over 0 <= w <= caps, rows w <= bounds.
 
     Attributes
@@ -89,7 +90,7 @@ class WhiteProblem:
 
 
 @dataclass(frozen=True, eq=False)
-class Answer:
+class SolverAnswer:
     """What a method says of a white problem.
 
     Attributes
@@ -101,9 +102,10 @@ class Answer:
     witness : tuple of ndarray
         One (r, r) for each term, the derivative of the log value, or its equal in the dual.
     method : str
-        Method that gave the answer.
+        Method that gave the answer, as `Design.solver` shows it.
     mu : float
-        Where the barrier method stopped.
+        Where a barrier method stopped; 0 for any other method. Positive weights of such a method
+        are certified by their derivative.
     """
 
     weights: Array
@@ -111,3 +113,43 @@ class Answer:
     witness: tuple[Array, ...]
     method: str
     mu: float = 0.0
+
+
+@runtime_checkable
+class DesignSolver(Protocol):
+    """A method that solves a design over a few candidates.
+
+    `optimal_design` chooses the candidates, grows their number and certifies every answer over all
+    of them, so a poor answer costs time and never a wrong certificate. Where a solver fails or its
+    answers are too rough, `Newton` goes on.
+    """
+
+    @property
+    def first_goal(self) -> float:
+        """Accuracy asked for while candidates are still added; 0 for the final one at once."""
+        ...
+
+    def check(self, objective: Objective) -> None:
+        """Raise `InvalidInput` if the solver does not take an objective."""
+        ...
+
+    def solve(
+        self, problem: ScaledProblem, goal: float, near: SolverAnswer | None = None
+    ) -> SolverAnswer:
+        """Return weights whose log value is within `goal` of the largest.
+
+        Parameters
+        ----------
+        problem : ScaledProblem
+            Problem whose objective is maximised.
+        goal : float
+            Accuracy of the maximum.
+        near : SolverAnswer, optional
+            A rougher answer to the same problem, to go on from.
+
+        Raises
+        ------
+        SolverFailed
+            If there is no answer.
+        """
+        ...

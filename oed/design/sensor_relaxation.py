@@ -15,6 +15,7 @@ from oed.design.constraints import Constraints
 from oed.design.design import Design
 from oed.design.optimal_design import optimal_design
 from oed.design.polytope import Polytope
+from oed.design.solvers import fast_solver
 from oed.information_sets.information_set import InformationSet
 from robotmodels.common.arrays import Array, BoolArray, IntArray
 from robotmodels.common.errors import SolverFailed
@@ -66,7 +67,7 @@ class Shop:
         self, info: InformationSet, limits: Constraints | Polytope | None, tolerance: float
     ) -> Design:
         """Return a design for what is wanted."""
-        solver = "newton" if self.wanted.smooth else "cvxpy"
+        solver = fast_solver(self.wanted)
         return optimal_design(info, self.wanted, limits, self.prior, tolerance, solver=solver)
 
 

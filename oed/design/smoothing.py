@@ -12,7 +12,7 @@ import numpy as np
 from scipy.linalg import solve_triangular
 
 from oed.criteria.matrix_means import MatrixMean, between
-from oed.design.problem import WhiteProblem
+from oed.design.problem import ScaledProblem
 from robotmodels.common.arrays import Array
 
 
@@ -49,7 +49,7 @@ class Smoothed:
         return np.asarray(self.multipliers @ self.slopes)
 
 
-def smoothed(problem: WhiteProblem, weights: Array, mu: float) -> Smoothed:
+def smoothed(problem: ScaledProblem, weights: Array, mu: float) -> Smoothed:
     """Return the log value at positive weights (n,), and its derivatives.
 
     Raises
@@ -87,7 +87,7 @@ def smoothed(problem: WhiteProblem, weights: Array, mu: float) -> Smoothed:
     )
 
 
-def smoothed_value(problem: WhiteProblem, weights: Array, mu: float) -> float:
+def smoothed_value(problem: ScaledProblem, weights: Array, mu: float) -> float:
     """Return the value of `smoothed` alone."""
     objective, information = problem.objective, problem.information(weights)
     values = [
@@ -130,7 +130,7 @@ def _term(mean: MatrixMean, information: Array, matrices: Array, mu: float) -> _
 
 
 def smoothed_witness(
-    problem: WhiteProblem, weights: Array, mu: float, multipliers: Array
+    problem: ScaledProblem, weights: Array, mu: float, multipliers: Array
 ) -> tuple[Array, ...]:
     """Return the derivative of each term by the information, at the groups' multipliers (G,)."""
     information, witness = problem.information(weights), []

@@ -19,6 +19,7 @@ from oed.criteria.objective import Objective
 from oed.design.certificate import efficiency_bound
 from oed.design.design import Design
 from oed.design.optimal_design import optimal_design
+from oed.design.solvers import fast_solver
 from oed.design.spectrum_polytope import LineLimit, Spectra
 from oed.information_sets.information_set import InformationSet
 from robotmodels.common.arrays import Array, IntArray, read_only
@@ -177,10 +178,9 @@ def _design(
     """Return the best shares of experiments with these powers (k, F) in the positions (k,)."""
     matrices = np.einsum("if,ifab->iab", powers, spectra.lines[owners])
     info = InformationSet(owners[:, None].astype(float), matrices, spectra.names)
-    solver, least = ("newton", 1e-8) if wanted.smooth else ("cvxpy", 1e-6)
-    tolerance = max(tolerance, least)
+    tolerance = max(tolerance, 1e-8 if wanted.smooth else 1e-6)
     try:
-        return optimal_design(info, wanted, None, prior, tolerance, solver=solver)
+        return optimal_design(info, wanted, None, prior, tolerance, solver=fast_solver(wanted))
     except NotIdentifiable as error:
         raise NotIdentifiable(error.names, _REMEDY, error.combinations) from error
 

@@ -8,7 +8,7 @@ the gap is that by the witness of all weights.
 import numpy as np
 
 from oed.criteria.matrix_means import OPEN
-from oed.design.problem import Answer, WhiteProblem
+from oed.design.problem import ScaledProblem, SolverAnswer
 from oed.information_sets.candidates import sensitivities
 from robotmodels.common.arrays import Array
 
@@ -18,7 +18,7 @@ _TIGHT = 1e-6  # room of a row that is used up
 
 
 def trimmed(
-    problem: WhiteProblem, answer: Answer, value: float, loss: float, rounding: float
+    problem: ScaledProblem, answer: SolverAnswer, value: float, loss: float, rounding: float
 ) -> list[tuple[Array, float, bool]]:
     """Return fewer weights (n,), their log value, and whether their information is singular.
 
@@ -26,9 +26,9 @@ def trimmed(
 
     Parameters
     ----------
-    problem : WhiteProblem
+    problem : ScaledProblem
         Problem that was solved.
-    answer : Answer
+    answer : SolverAnswer
         Its answer, whose weights are complete.
     value : float
         log value of all weights.
@@ -52,7 +52,7 @@ def trimmed(
     return [one for one in judged if one[1] >= value - loss]
 
 
-def _without(problem: WhiteProblem, weights: Array, used: Array) -> Array:
+def _without(problem: ScaledProblem, weights: Array, used: Array) -> Array:
     """Return the used weights, changed so that rows stay as far used up as they are.
 
     The change is the least one relative to each weight, or to what is left below its cap.
@@ -65,7 +65,7 @@ def _without(problem: WhiteProblem, weights: Array, used: Array) -> Array:
     return np.asarray(np.maximum(fewer + scale * change, 0.0))
 
 
-def _value(problem: WhiteProblem, weights: Array, rounding: float) -> tuple[float, bool]:
+def _value(problem: ScaledProblem, weights: Array, rounding: float) -> tuple[float, bool]:
     """Return the log value, and whether the information is singular but for rounding."""
     used = np.flatnonzero(weights)
     factors = []

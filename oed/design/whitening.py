@@ -7,7 +7,7 @@ import numpy as np
 
 from oed.criteria.objective import Objective
 from oed.design.coordinates import Coordinates
-from oed.design.problem import Problem, WhiteProblem
+from oed.design.problem import Problem, ScaledProblem
 from robotmodels.common.arrays import Array, BoolArray, IntArray
 
 # An active set must determine every direction at least this well beside all candidates.
@@ -84,7 +84,7 @@ class Whitening:
         """Which weights cannot move, (Q,)."""
         return self.problem.allowed.upper <= self.problem.allowed.lower
 
-    def few(self, active: IntArray) -> WhiteProblem:
+    def few(self, active: IntArray) -> ScaledProblem:
         """Return the problem over the active candidates."""
         allowed, units = self.problem.allowed, self.units[active]
         rows, scales = allowed.rows[:, active] * units, self.row_scales(active)
@@ -93,7 +93,7 @@ class Whitening:
         # The budget alone keeps shares below one.
         caps = np.where(caps < 1.0, caps, np.inf)
         start = _inside(rows, bounds, caps, self.interior[active])
-        return WhiteProblem(
+        return ScaledProblem(
             self.objective, self.base, self.white(active), rows, bounds, caps, start
         )
 

@@ -10,6 +10,7 @@ from oed.design.active_set import solve
 from oed.design.design import Design
 from oed.design.polytope import Polytope
 from oed.design.problem import Problem
+from oed.design.solvers import fast_solver
 from oed.exact.exchange import WholeProblem
 from oed.information_sets.candidates import Candidates, Matrices
 from robotmodels.common.arrays import Array, IntArray
@@ -143,9 +144,8 @@ class Search:
 
     def _solved(self, few: Matrices, allowed: Polytope) -> Design | None:
         problem = Problem(few, self.problem.objective, allowed, self.problem.prior)
-        solver = "newton" if self.problem.objective.smooth else "cvxpy"
         try:
-            design = solve(problem, _GAP, 20, solver, trim=False)
+            design = solve(problem, _GAP, 20, fast_solver(problem.objective), trim=False)
         except IdentificationError:
             return None  # the bound of the node before holds on
         return design if np.isfinite(design.gap) else None

@@ -17,6 +17,7 @@ from oed.design.design import SHOWN, Design
 from oed.design.optimal_design import checked_prior, optimal_design
 from oed.design.polytope import Polytope
 from oed.design.problem import Problem
+from oed.design.solvers import fast_solver
 from oed.exact.exchange import Pool, WholeProblem, exchange, fill
 from oed.exact.minimum_experiments import first_sample, too_few
 from oed.information_sets.candidates import Candidates, check_candidates
@@ -156,8 +157,7 @@ def relaxation(
     allowed = _allowed(n_experiments, constraints, len(info))
     known = checked_prior(prior, info)
     if design is None:
-        solver = "newton" if objective.smooth else "cvxpy"
-        design = optimal_design(info, objective, allowed, known, solver=solver)
+        design = optimal_design(info, objective, allowed, known, solver=fast_solver(objective))
         weights = design.weights
     elif constraints is None:
         weights = float(allowed.bounds[0]) * checked_weights(design.weights, len(info))

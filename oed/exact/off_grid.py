@@ -20,6 +20,7 @@ from oed.design.design import Design
 from oed.design.optimal_design import optimal_design
 from oed.design.polytope import Polytope
 from oed.design.problem import Problem
+from oed.design.solvers import fast_solver
 from oed.exact.local_ascent import Region, climbed, new_positions
 from oed.information_sets.candidates import check_candidates, sensitivities
 from oed.information_sets.compute import information
@@ -198,7 +199,7 @@ def refined_over(
             f"refine: max_rounds {max_rounds!r} and tolerance {tolerance!r} must be positive"
         )
     objective = stated(criterion, info.names, info.samples)
-    solver = "newton" if objective.smooth else "cvxpy"
+    solver = fast_solver(objective)
     solved = partial(optimal_design, criterion=criterion, prior=prior, solver=solver)
     finer = finer[region.usable(finer)] if len(finer) else finer
     check = _joined(info, finer, region.evaluate(finer)) if len(finer) else info

@@ -1,17 +1,18 @@
 """What the solvers of an active set do with awkward candidates, and when one of them fails."""
 
+from dataclasses import replace
+
 import cvxpy as cp
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from random_candidates import information_set, random_set
+from scipy.optimize import minimize, nnls
 
 import oed
-import oed.design.active_set
 from oed.criteria.criteria import objective
-from oed.design.interior_point import barrier
-from oed.design.problem import WhiteProblem
+from oed.design.problem import ScaledProblem, SolverAnswer
 from robotmodels import InvalidInput, SolverFailed
 
 
@@ -57,8 +58,8 @@ def test_barrier_method_against_cvxpy():
     caps = np.where(np.arange(20) % 2, 0.1, np.inf)
     wanted, base = objective("D", info.names), 0.1 * np.eye(3)
     start = np.full(20, 0.02)
-    problem = WhiteProblem(wanted, (base,), (info.matrices,), rows, bounds, caps, start)
-    answer = barrier(problem, 1e-9)
+    problem = ScaledProblem(wanted, (base,), (info.matrices,), rows, bounds, caps, start)
+    answer = oed.Newton().solve(problem, 1e-9)
     w = cp.Variable(20, nonneg=True)
     M = base + cp.reshape(info.matrices.reshape(20, -1).T @ w, (3, 3), order="C")
     limits = rows @ w <= bounds
@@ -78,7 +79,8 @@ def test_both_statements_of_more_parameters_than_one_cone_holds(criterion):
     wanted = {"c": oed.CCriterion(np.arange(12.0)), "Ds": oed.DsCriterion(info.names[:10])}
     design = oed.optimal_design(info, wanted.get(criterion, criterion), solver="newton")
     for form in ("primal", "dual"):
-        other = oed.optimal_design(info, wanted.get(criterion, criterion), form=form)
+        solver = oed.Cvxpy(form, solver="clarabel")
+        other = oed.optimal_design(info, wanted.get(criterion, criterion), solver=solver)
         assert other.solver.startswith("cvxpy, clarabel")
         assert other.gap <= 1e-6
         assert other.value == pytest.approx(design.value, rel=1e-6, abs=1e-6)
@@ -123,7 +125,7 @@ def test_no_method_with_an_answer_says_why(monkeypatch):
     def refuse(problem, **options):
         raise cp.SolverError("no luck")
 
-    monkeypatch.setattr(oed.design.active_set, "barrier", stuck)
+    monkeypatch.setattr(oed.Newton, "solve", stuck)
     with pytest.raises(SolverFailed, match="optimal design: barrier method: no room"):
         oed.optimal_design(random_set(1, 30, 3, 2), solver="newton")
     monkeypatch.setattr(cp.Problem, "solve", refuse)
@@ -141,7 +143,7 @@ def test_cvxpy_is_a_judge_of_its_own(monkeypatch, criterion):
     info = random_set(1, 3000, 6, 1)
     wanted = oed.CCriterion(np.arange(6.0)) if criterion == "c" else criterion
     fast = None if criterion == "E" else oed.optimal_design(info, wanted, solver="newton").value
-    monkeypatch.setattr(oed.design.active_set, "barrier", forbidden)
+    monkeypatch.setattr(oed.Newton, "solve", forbidden)
     design = oed.optimal_design(info, wanted, tolerance=1e-5)
     assert "newton" not in design.solver
     assert ("multiplicative" in design.solver) == (criterion != "E")
@@ -151,3 +153,86 @@ def test_cvxpy_is_a_judge_of_its_own(monkeypatch, criterion):
 def test_no_rounds_no_design():
     with pytest.raises(InvalidInput, match="max_rounds: 0; at least 1 is needed"):
         oed.optimal_design(random_set(1, 30, 3, 2), max_rounds=0)
+
+
+class Slsqp:
+    """A solver of somebody else: SciPy's sequential quadratic programming."""
+
+    first_goal = 0.0
+
+    def __init__(self, spoil=lambda answer: answer):
+        self.spoil, self.calls = spoil, 0
+
+    def check(self, objective):
+        if not objective.smooth:
+            raise InvalidInput(f"criterion {objective.name}: SLSQP needs derivatives")
+
+    def solve(self, problem, goal, near=None):
+        self.calls += 1
+
+        def prices(weights):
+            W = problem.objective.witness(problem.information(weights))
+            return np.einsum("nij,ji->n", problem.matrices[0], W[0]), W
+
+        result = minimize(
+            lambda w: -problem.objective.log_value(problem.information(w)),
+            problem.start,
+            jac=lambda w: -prices(w)[0],
+            bounds=[(1e-9, cap) for cap in problem.caps],
+            constraints={
+                "type": "ineq",
+                "fun": lambda w: problem.bounds - problem.rows @ w,
+                "jac": lambda w: -problem.rows,
+            },
+            method="SLSQP",
+            options={"ftol": 1e-12, "maxiter": 500},
+        )
+        worth, witness = prices(result.x)
+        free = (result.x > 1e-6) & (result.x < problem.caps - 1e-6)
+        multipliers = nnls(problem.rows[:, free].T, worth[free])[0]
+        return self.spoil(SolverAnswer(result.x, multipliers, witness, "SLSQP"))
+
+
+@pytest.mark.parametrize("criterion", ["D", "A"])
+@pytest.mark.parametrize(
+    "constraints",
+    [None, oed.Constraints(experiments=9, most=2, groups={"first": oed.Group(range(20), most=3)})],
+)
+def test_a_solver_of_ones_own(criterion, constraints):
+    info, solver = random_set(5, 40, 3, 2), Slsqp()
+    design = oed.optimal_design(info, criterion, constraints, solver=solver)
+    judge = oed.optimal_design(info, criterion, constraints, solver="newton")
+    assert solver.calls
+    assert design.solver.startswith("SLSQP")
+    assert design.gap <= 1e-6
+    assert design.value == pytest.approx(judge.value, rel=1e-6, abs=2e-6)
+    with pytest.raises(InvalidInput, match="criterion E: SLSQP needs derivatives"):
+        oed.optimal_design(info, "E", solver=solver)
+
+
+@pytest.mark.parametrize(
+    "spoil",
+    [
+        lambda answer: replace(answer, weights=np.full(answer.weights.shape, np.nan)),
+        lambda answer: replace(answer, weights=answer.weights[1:]),
+        lambda answer: replace(answer, weights=np.ones(answer.weights.shape)),
+        lambda answer: replace(answer, witness=(-answer.witness[0],)),
+        lambda answer: replace(answer, row_multipliers=-answer.row_multipliers),
+    ],
+)
+def test_a_wrong_answer_costs_time_and_never_the_certificate(spoil):
+    info = random_set(5, 40, 3, 2)
+    design = oed.optimal_design(info, solver=Slsqp(spoil))
+    assert design.gap <= 1e-6
+    best = oed.optimal_design(info, solver="newton", tolerance=1e-9).value
+    assert best - 3e-6 <= design.value <= best + 3e-9
+
+
+def test_solvers_say_what_they_do_not_know():
+    info = random_set(0, 5, 2, 2)
+    with pytest.raises(InvalidInput, match="solver 3 is neither a name nor a `DesignSolver`"):
+        oed.optimal_design(info, solver=3)
+    with pytest.raises(InvalidInput, match=r"solver 'scz' .*did you mean 'scs'"):
+        oed.Cvxpy(solver="scz")
+    with pytest.raises(InvalidInput, match="first_goal: nan; a number >= 0 is needed"):
+        oed.Newton(first_goal=np.nan)
