@@ -39,6 +39,7 @@ if TYPE_CHECKING:
         rigid_modes,
     )
     from robotmodels.linear.noise import RelativeNoise
+    from robotmodels.linear.residuals import ResidualForm
     from robotmodels.linear.response import frequency_response, linearize, sensitivity
     from robotmodels.linear.spring_network import SpringNetwork
     from robotmodels.records.records import Records, iterate_records, save_records
@@ -62,6 +63,7 @@ _HOMES = {
     "ProcessPool": "common.process_pool",
     "Records": "records.records",
     "RelativeNoise": "linear.noise",
+    "ResidualForm": "linear.residuals",
     "Sphere": "collision.obstacles",
     "SpringNetwork": "linear.spring_network",
     "Surroundings": "collision.surroundings",
@@ -106,6 +108,7 @@ __all__ = [
     "ProcessPool",
     "Records",
     "RelativeNoise",
+    "ResidualForm",
     "SolverFailed",
     "Sphere",
     "SpringNetwork",

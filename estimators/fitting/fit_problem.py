@@ -16,6 +16,7 @@ from estimators.frf.frf_estimate import FrfEstimate, is_full, vec
 from robotmodels.common.arrays import Array, ComplexArray, IntArray, read_only
 from robotmodels.common.errors import InvalidInput, SolverFailed
 from robotmodels.description.parameters import Parameters
+from robotmodels.linear.residuals import ResidualForm
 from robotmodels.linear.response import Elastic, sensitivity
 
 
@@ -159,7 +160,7 @@ class Problem:
 def stated(
     model: Elastic,
     estimate: FrfEstimate,
-    residual: str,
+    residual: str | ResidualForm,
     weights: str | NDArray[Any],
     bounds: tuple[float, float] | Array,
     positions: Sequence[int] | IntArray | None = None,

@@ -204,7 +204,7 @@ def cost_kernel(problem: Problem, network: SpringNetwork) -> "CostKernel":
     if prepared is not None:
         return prepared.at(network)
     estimate, weights = problem.estimate, np.asarray(problem.weights, dtype=float)
-    kernel = CostKernel(network, estimate.omega, estimate.response, weights, problem.kind.name)
+    kernel = CostKernel(network, estimate.omega, estimate.response, weights, problem.kind.form)
     _PREPARED[problem] = kernel
     return kernel
 

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from estimators.fitting.fit_problem import Problem, stated
 from estimators.fitting.linearise import linearise
 from estimators.fitting.priors import Prior
-from estimators.fitting.residuals import find_residual
+from estimators.fitting.residuals import Residual, find_residual
 from estimators.fitting.search import check_effort, search
 from estimators.fitting.start_values import named_start
 from estimators.fitting.trust_region import Outcome
@@ -24,6 +24,7 @@ from robotmodels.common.arrays import Array, ComplexArray, IntArray, read_only
 from robotmodels.common.errors import SolverFailed
 from robotmodels.common.printing import Printed
 from robotmodels.description.parameters import Parameters
+from robotmodels.linear.residuals import RESIDUALS, ResidualForm
 from robotmodels.linear.response import Elastic, frequency_response
 
 
@@ -38,7 +39,7 @@ class Fit(Printed):
     estimate : FrfEstimate
         FRFs that it was fitted to.
     residual : str
-        "nls", "lls" or "lls_magnitude".
+        "nls", "lls", "lls_magnitude", or the name of `own_residual`.
     weights : ndarray or ndarray of complex
         Lambda^-1, (Q, F, m, n) or (Q, F, m n, m n).
     parameters : Parameters
@@ -65,6 +66,8 @@ class Fit(Printed):
         "linear", or the robust loss.
     weighting : str
         The name of the weights; empty for an array.
+    own_residual : ResidualForm or None
+        A residual of the user's own.
     """
 
     model: Elastic
@@ -81,6 +84,12 @@ class Fit(Printed):
     prior: Prior | None = None
     loss: str = "linear"
     weighting: str = ""
+    own_residual: ResidualForm | None = None
+
+    @property
+    def kind(self) -> Residual:
+        """The residual with its derivative and noise."""
+        return find_residual(self.own_residual or self.residual)
 
     @property
     def converged(self) -> bool:
@@ -148,7 +157,7 @@ class Fit(Printed):
 def fit(
     model: Elastic,
     estimate: FrfEstimate,
-    residual: str = "lls",
+    residual: str | ResidualForm = "lls",
     weights: str | NDArray[Any] = "user",
     start: Array | str | None = None,
     bounds: tuple[float, float] | Array = (1e-3, 1e3),
@@ -167,8 +176,8 @@ def fit(
         Robot, or anything with its ``parameters`` and ``network``.
     estimate : FrfEstimate
         FRFs to fit.
-    residual : str
-        "nls" [WM] (4), "lls" [WM] (7) or "lls_magnitude".
+    residual : str or ResidualForm
+        "nls" [WM] (4), "lls" [WM] (7), "lls_magnitude", or one of your own.
     weights : str or ndarray
         "user", "optimal", "optimal_diagonal", "combined", or an array, see
         `estimators.fitting.weights`. Named weights that depend on the FRF, "combined" ones and all
@@ -236,7 +245,7 @@ def reweighted(
     for _ in range(rounds):
         model, estimate, values = fit.model, fit.estimate, fit.parameters.values
         G = np.asarray(frequency_response(model, estimate.positions, estimate.omega, values))
-        array = chosen_weights(weights, estimate, find_residual(fit.residual), G)
+        array = chosen_weights(weights, estimate, fit.kind, G)
         problem = problem_of(replace(fit, weights=array, weighting=weights))
         fit = as_fit(problem, values, search(problem, values, 200, tolerance))
         evaluations += fit.evaluations
@@ -248,7 +257,7 @@ def likelihood_fit(fit: Fit) -> Fit:
 
     exp(-cost) of the result is the likelihood of the stated noise.
     """
-    return reweighted(fit, "optimal", rounds=1 if fit.residual == "nls" else 2)
+    return reweighted(fit, "optimal", rounds=2 if fit.kind.relative else 1)
 
 
 def problem_of(found: Fit) -> Problem:
@@ -256,7 +265,7 @@ def problem_of(found: Fit) -> Problem:
     return Problem(
         model=found.model,
         estimate=found.estimate,
-        kind=find_residual(found.residual),
+        kind=found.kind,
         weights=found.weights,
         bounds=found.bounds,
         prior=found.prior,
@@ -267,7 +276,7 @@ def problem_of(found: Fit) -> Problem:
 
 def as_fit(problem: Problem, start: Array, found: Outcome) -> Fit:
     """Return a search's outcome together with the problem it belongs to."""
-    own = problem.model.parameters
+    own, form = problem.model.parameters, problem.kind.form
     return Fit(
         model=problem.model,
         estimate=problem.estimate,
@@ -283,4 +292,5 @@ def as_fit(problem: Problem, start: Array, found: Outcome) -> Fit:
         prior=problem.prior,
         loss=problem.loss,
         weighting=problem.weighting,
+        own_residual=None if form in RESIDUALS.values() else form,
     )

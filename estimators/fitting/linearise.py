@@ -38,8 +38,7 @@ def linearise(
     root = vec(np.sqrt(curved))
     deviations = estimate.deviations
     if deviations is not None:
-        size = np.where(used, response, 1.0)[:, None]
-        deviations = deviations / size if kind.relative else deviations
+        deviations = deviations * kind.form.slope(np.where(used, response, 1.0))[:, None]
         deviations = np.where(used[:, None], deviations, 0.0)
         deviations = vec(np.sqrt(2) * deviations.real if kind.real else deviations) * root[:, None]
     names = problem.model.parameters.names

@@ -21,6 +21,7 @@ from robotmodels.common.arrays import Array, IntArray
 from robotmodels.common.errors import InvalidInput
 from robotmodels.common.progress import Progress
 from robotmodels.description.parameters import Parameters
+from robotmodels.linear.residuals import ResidualForm
 from robotmodels.linear.response import Elastic
 
 # A start, and what an earlier search from there came to.
@@ -66,7 +67,7 @@ def multistart(
     model: Elastic,
     estimate: FrfEstimate,
     starts: Array | Sequence[Array],
-    residual: str = "lls",
+    residual: str | ResidualForm = "lls",
     weights: str | NDArray[Any] = "user",
     bounds: tuple[float, float] | Array = (1e-3, 1e3),
     max_evaluations: int = 200,

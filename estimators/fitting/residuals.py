@@ -9,57 +9,38 @@ from numpy.typing import NDArray
 from estimators.frf.frf_estimate import is_full, place, vec
 from robotmodels.common.arrays import Array, ComplexArray
 from robotmodels.common.errors import InvalidInput, nearest
-from robotmodels.linear.normal_equations import Residual as Name
+from robotmodels.linear.residuals import ResidualForm, residual_error, residual_form
 
 # Relative error of J/G, two complex products and a division of some epsilons each.
 ROUNDING = 16 * float(np.finfo(float).eps)
 
 
-def nls(measured: ComplexArray, modelled: ComplexArray) -> ComplexArray:
-    """Nonlinear least squares residual, [WM] (4c)."""
-    return np.asarray(measured - modelled)
-
-
-def lls(measured: ComplexArray, modelled: ComplexArray) -> ComplexArray:
-    """Log residual, [WM] (7c); the ratio keeps the phase in (-pi, pi].
-
-    Raises
-    ------
-    InvalidInput
-        If an FRF is zero or not finite, with position, frequency and element.
-    """
-    for name, response in (("measured", measured), ("modelled", modelled)):
-        wrong = np.argwhere(~np.isfinite(response) | (response == 0))
-        if wrong.size:
-            raise InvalidInput(
-                f"{name} FRF: {response[tuple(wrong[0])]} at {place(wrong[0])} has no logarithm; "
-                "give that element the weight zero, or use the residual 'nls'"
-            )
-    return np.asarray(np.log(measured / modelled))
-
-
-def lls_magnitude(measured: ComplexArray, modelled: ComplexArray) -> Array:
-    """Log residual of the magnitudes only: LLSM of [WM] 6, the real part of (7c)."""
-    return np.asarray(lls(measured, modelled).real)
-
-
 @dataclass(frozen=True)
 class Residual:
-    """A residual with its derivative and the noise it passes on.
+    """A residual form with its derivative and the noise it passes on.
 
     Attributes
     ----------
-    name : Name
-        As in `RESIDUALS`.
-    relative : bool
-        Whether it is a logarithm, so that noise and slopes are divided by G.
-    real : bool
-        Whether only the real part counts.
+    form : ResidualForm
+        What is compared, see there for `name`, `relative` and `real`.
     """
 
-    name: Name
-    relative: bool
-    real: bool
+    form: ResidualForm
+
+    @property
+    def name(self) -> str:
+        """What results call it."""
+        return self.form.name
+
+    @property
+    def relative(self) -> bool:
+        """Whether noise and slopes are divided by G."""
+        return self.form.relative
+
+    @property
+    def real(self) -> bool:
+        """Whether only the real part counts."""
+        return self.form.real
 
     def error(
         self, measured: ComplexArray, modelled: ComplexArray, used: NDArray[np.bool_] | None = None
@@ -74,9 +55,15 @@ class Residual:
         if used is not None:
             measured = np.where(used, measured, 1.0 + 0j)
             modelled = np.where(used, modelled, 1.0 + 0j)
-        if not self.relative:
-            return nls(measured, modelled)
-        return lls_magnitude(measured, modelled) if self.real else lls(measured, modelled)
+        if self.relative:
+            for name, response in (("measured", measured), ("modelled", modelled)):
+                wrong = np.argwhere(~np.isfinite(response) | (response == 0))
+                if wrong.size:
+                    raise InvalidInput(
+                        f"{name} FRF: {response[tuple(wrong[0])]} at {place(wrong[0])} has no "
+                        "logarithm; give that element the weight zero, or use the residual 'nls'"
+                    )
+        return residual_error(self.form, measured, modelled)
 
     def jacobian(
         self,
@@ -84,14 +71,14 @@ class Residual:
         sensitivity: ComplexArray,
         used: NDArray[np.bool_] | None = None,
     ) -> Array | ComplexArray:
-        """Return d residual / d ln theta, (Q, F, m, n, p), from dG/d ln theta: -J or -J/G.
+        """Return d residual / d ln theta, (Q, F, m, n, p), from dG/d ln theta.
 
         A magnitude's derivative that is rounding beside the phase's is zero, not information.
         """
         if used is not None:
             modelled = np.where(used, modelled, 1.0 + 0j)
             sensitivity = np.where(used[..., None], sensitivity, 0.0)
-        slope = -sensitivity / modelled[..., None] if self.relative else -sensitivity
+        slope = -self.form.slope(modelled)[..., None] * sensitivity
         if not self.real:
             return np.asarray(slope)
         return np.where(np.abs(slope.real) > ROUNDING * np.abs(slope), slope.real, 0.0)
@@ -109,36 +96,43 @@ class Residual:
         and imaginary parts alike, so Re R is what fits there, and in the optimal weights.
         """
         full = is_full(covariance, response.shape)
-        if self.relative:
-            g = response if used is None else np.where(used, response, 1.0 + 0j)
-            v = vec(g)
-            outer = v[..., :, None] * np.conj(v[..., None, :]) if full else np.abs(g) ** 2
-            covariance = np.asarray(covariance / outer)
+        slope = self.form.slope(response if used is None else np.where(used, response, 1.0 + 0j))
+        v = vec(slope)
+        outer = v[..., :, None] * np.conj(v[..., None, :]) if full else np.abs(slope) ** 2
+        covariance = np.asarray(covariance * outer)
         return np.asarray(covariance.real) if self.real or not full else covariance
 
 
-RESIDUALS: dict[str, Residual] = {
-    "nls": Residual("nls", relative=False, real=False),
-    "lls": Residual("lls", relative=True, real=False),
-    "lls_magnitude": Residual("lls_magnitude", relative=True, real=True),
-}
-
-
-def find_residual(name: str | Residual) -> Residual:
-    """Return the residual called `name`, or `name` itself if it is one.
+def find_residual(residual: str | ResidualForm | Residual) -> Residual:
+    """Return the residual of that name or form, or `residual` itself if it is one.
 
     Raises
     ------
     InvalidInput
-        If there is none of that name.
+        If there is none of that name, or it is no residual.
     """
-    if isinstance(name, Residual):
-        return name
-    if name not in RESIDUALS:
-        raise InvalidInput(
-            f"residual {name!r} is none of {', '.join(RESIDUALS)}{nearest(name, RESIDUALS)}"
-        )
-    return RESIDUALS[name]
+    return residual if isinstance(residual, Residual) else Residual(residual_form(residual))
+
+
+def nls(measured: ComplexArray, modelled: ComplexArray) -> ComplexArray:
+    """Nonlinear least squares residual, [WM] (4c)."""
+    return np.asarray(find_residual("nls").error(measured, modelled), dtype=complex)
+
+
+def lls(measured: ComplexArray, modelled: ComplexArray) -> ComplexArray:
+    """Log residual, [WM] (7c); the ratio keeps the phase in (-pi, pi].
+
+    Raises
+    ------
+    InvalidInput
+        If an FRF is zero or not finite, with position, frequency and element.
+    """
+    return np.asarray(find_residual("lls").error(measured, modelled), dtype=complex)
+
+
+def lls_magnitude(measured: ComplexArray, modelled: ComplexArray) -> Array:
+    """Log residual of the magnitudes only: LLSM of [WM] 6, the real part of (7c)."""
+    return find_residual("lls_magnitude").error(measured, modelled).real
 
 
 def _linear(z: Array) -> tuple[Array, Array, Array]:

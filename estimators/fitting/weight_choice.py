@@ -91,7 +91,7 @@ def own_line_shares(
         return share
     size = np.abs(response) ** 2
     noise = kind.noise(estimate.weight_variance, response, size > 0)
-    floor = FLOOR**2 * (np.ones(response.shape) if kind.relative else size)
+    floor = FLOOR**2 * kind.noise(size, response, size > 0)
     return np.asarray(share * noise / (noise + floor))
 
 

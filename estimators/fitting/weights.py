@@ -9,6 +9,7 @@ from estimators.fitting.residuals import Residual, find_residual
 from estimators.frf.frf_estimate import FrfEstimate, is_full, place, unvec, vec
 from robotmodels.common.arrays import Array, ComplexArray, real_numbers
 from robotmodels.common.errors import InvalidInput
+from robotmodels.linear.residuals import ResidualForm
 
 # Relative error of the model that combined weights allow for where the noise is smaller.
 FLOOR = 0.1
@@ -140,7 +141,7 @@ def check_positive(weights: NDArray[Any], estimate: FrfEstimate, what: str = "we
 
 def optimal_weights(
     estimate: FrfEstimate,
-    residual: str | Residual,
+    residual: str | ResidualForm | Residual,
     response: ComplexArray | None = None,
     minimum_snr: float = 0.0,
     *,
@@ -154,8 +155,8 @@ def optimal_weights(
 
     Parameters
     ----------
-    residual : str or Residual
-        Residual whose noise is to be whitened, "nls", "lls" or "lls_magnitude".
+    residual : str or ResidualForm
+        Residual whose noise is to be whitened, "nls", "lls", "lls_magnitude" or one of your own.
     response : ndarray of complex, (Q, F, m, n), optional
         Response at which (8) is evaluated. None takes the measured FRF as [WM] do; its errors then
         correlate with the weights, a bias of the order of the relative variance. The FRF of a
@@ -187,7 +188,7 @@ def optimal_weights(
 
 def combined_weights(
     estimate: FrfEstimate,
-    residual: str | Residual,
+    residual: str | ResidualForm | Residual,
     shape: Array | None = None,
     floor: float = FLOOR,
     response: ComplexArray | None = None,
@@ -210,7 +211,7 @@ def combined_weights(
         Relative error of the model.
     diagonal : bool
         Use the variances only.
-    residual : str or Residual
+    residual : str or ResidualForm
         As in `optimal_weights`.
     response : ndarray of complex, optional
         As in `optimal_weights`.
@@ -237,7 +238,7 @@ def combined_weights(
     noise = kind.noise(
         estimate.weight_variance if diagonal else estimate.weight_covariance, at, used
     )
-    error = floor**2 * (np.ones(at.shape) if kind.relative else np.abs(at) ** 2)
+    error = floor**2 * kind.noise(np.abs(at) ** 2, at, used)
     if not is_full(noise, at.shape):
         weights: NDArray[Any] = user * _inverse(noise + error, used, estimate)
     else:

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from estimators.fitting.least_squares import Fit
 from estimators.fitting.priors import Prior
-from estimators.fitting.residuals import Residual, find_residual
+from estimators.fitting.residuals import Residual
 from estimators.fitting.weights import square_root, used_elements
 from estimators.frf.frf_estimate import is_full
 from estimators.sampling.likelihood import Noise, line_squares
@@ -173,7 +173,7 @@ class LogPosterior:
         from robotmodels.kernel import CostKernel
 
         weights = np.asarray(self.weights, dtype=float)
-        return CostKernel(self.network, self.omega, self.measured, weights, self.kind.name)
+        return CostKernel(self.network, self.omega, self.measured, weights, self.kind.form)
 
     def __getstate__(self) -> dict[str, Any]:
         # Compiled code works on addresses: another process makes its own.
@@ -208,7 +208,7 @@ def log_posterior(fit: Fit, noise: Noise, prior: Prior | None = None) -> LogPost
         omega=fit.estimate.omega,
         measured=fit.estimate.response,
         weights=fit.weights,
-        kind=find_residual(fit.residual),
+        kind=fit.kind,
         noise=noise,
         prior=prior,
         bounds=read_only(np.log(fit.bounds)),

@@ -6,7 +6,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from estimators.fitting.least_squares import Fit
-from estimators.fitting.residuals import find_residual
 from estimators.fitting.weights import used_elements
 from estimators.frf.frf_estimate import is_full, vec
 from robotmodels.common.arrays import Array
@@ -29,7 +28,7 @@ def sandwich_parts(fit: Fit) -> tuple[Array, Array]:
     """
     if not np.isfinite(fit.cost):
         raise SolverFailed(f"no covariance without a fit: {fit.message}")
-    estimate, kind = fit.estimate, find_residual(fit.residual)
+    estimate, kind = fit.estimate, fit.kind
     used = used_elements(fit.weights, estimate.response.shape)
     G, J = sensitivity(
         fit.model, estimate.positions, estimate.omega, fit.parameters.values, sag=True

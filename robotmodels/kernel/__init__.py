@@ -17,7 +17,8 @@ from robotmodels.kernel.solve import responses
 from robotmodels.kernel.threads import over_threads
 from robotmodels.kernel.workspace import Workspaces, network_tables, workspace
 from robotmodels.linear.noise import RelativeNoise, SeparableNoise
-from robotmodels.linear.normal_equations import NormalEquations, Residual
+from robotmodels.linear.normal_equations import NormalEquations
+from robotmodels.linear.residuals import ResidualForm
 from robotmodels.linear.spring_network import SpringNetwork, shared
 
 __all__ = ["CostKernel", "NormalEquations", "costs", "frequency_response", "information"]
@@ -99,7 +100,7 @@ def costs(
     measured: ComplexArray,
     weights: Array,
     parameters: Array,
-    residual: Residual = "nls",
+    residual: str | ResidualForm = "nls",
 ) -> Array:
     """Return the costs, (W,), of W sets of parameters, (W, p): a `CostKernel` used once."""
     return CostKernel(network, omega, measured, weights, residual)(parameters)

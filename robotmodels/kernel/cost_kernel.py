@@ -2,12 +2,11 @@
 
 from collections.abc import Callable
 from dataclasses import replace
-from typing import get_args
 
 import numpy as np
 
 from robotmodels.common.arrays import Array, ComplexArray
-from robotmodels.common.errors import InvalidInput, nearest
+from robotmodels.common.errors import InvalidInput
 from robotmodels.kernel.adjoint import slopes
 from robotmodels.kernel.cost_cells import Cells, cell_costs
 from robotmodels.kernel.elimination_order import layout, reduced
@@ -17,16 +16,10 @@ from robotmodels.kernel.prepare import prepare_matrices, prepare_targets
 from robotmodels.kernel.simd import LANES
 from robotmodels.kernel.threads import over_threads
 from robotmodels.kernel.workspace import Workspaces, contiguous, network_tables, workspace
-from robotmodels.linear.normal_equations import (
-    NormalEquations,
-    Residual,
-    error,
-    model_slopes,
-    normal_equations,
-)
+from robotmodels.linear.normal_equations import NormalEquations, model_slopes, normal_equations
+from robotmodels.linear.residuals import RESIDUALS, ResidualForm, residual_error, residual_form
 from robotmodels.linear.spring_network import SpringNetwork
 
-_RESIDUALS: tuple[Residual, ...] = get_args(Residual)
 _PIECES = 4  # in which cells are summed
 _SOLVES = 4  # what a cell's normal equations cost, in factorisations
 
@@ -48,8 +41,9 @@ class CostKernel:
         FRFs.
     weights : ndarray, (Q, F, m, n)
         Inverse variances; zero leaves an element out, whatever it is.
-    residual : Residual
-        "nls", "lls" or "lls_magnitude".
+    residual : str or ResidualForm
+        "nls", "lls" or "lls_magnitude", for which there is compiled code, or one of your own, which
+        numpy evaluates.
 
     Raises
     ------
@@ -65,11 +59,13 @@ class CostKernel:
         omega: Array,
         measured: ComplexArray,
         weights: Array,
-        residual: Residual = "nls",
+        residual: str | ResidualForm = "nls",
     ) -> None:
-        self.residual = residual
+        self.residual = residual_form(residual)
         self._omega = positive_frequencies(omega)
-        self._measured, self._weights = _checked(network, self._omega, measured, weights, residual)
+        self._measured, self._weights = _checked(
+            network, self._omega, measured, weights, self.residual
+        )
         self._blocks = -(-self._omega.size // LANES)
         self._targets: tuple[Array, Array, float] | None = None
         self._set(network)
@@ -98,20 +94,22 @@ class CostKernel:
         check_complete(network)
         self.network = network
         full = layout(network)
-        if full is None or not self._measured.size:
+        codes = list(RESIDUALS.values())
+        if full is None or not self._measured.size or self.residual not in codes:
             self._plan = None
             return
         self._plan = reduced(full)
         self._tables = network_tables(network)
         self._spaces = Workspaces(self._plan, network, self._tables)
         coupled = bool(np.any(self._plan.needed[:, 2] >= 0))
-        code = _RESIDUALS.index(self.residual)
-        self._options = len(network.mass), self._blocks, coupled, code
+        self._options = len(network.mass), self._blocks, coupled, codes.index(self.residual)
         exponents = network.coefficient_exponents
         alike = bool(np.all(exponents == exponents[:1]))
         self._exponents = exponents[: 1 if alike else None]
         if self._targets is None:
-            self._targets = prepare_targets(self._omega, *self._of_accelerations(), self.residual)
+            self._targets = prepare_targets(
+                self._omega, *self._of_accelerations(), self.residual.name
+            )
         w, targets, self._constant = self._targets
         matrix, off = prepare_matrices(network, self._omega, full, self._plan)
         self._cells = w, matrix, off, targets
@@ -122,7 +120,9 @@ class CostKernel:
         if self.network.measurement is None:
             return self._measured, self._weights
         factors = self.network.motor_factors(self._omega)[:, None, :]
-        weights = self._weights * np.abs(factors) ** 2 if self.residual == "nls" else self._weights
+        weights = (
+            self._weights * np.abs(factors) ** 2 if not self.residual.relative else self._weights
+        )
         return self._measured / factors, weights
 
     def __call__(self, parameters: Array) -> Array:
@@ -240,19 +240,18 @@ class CostKernel:
         """Return the cost by plain numpy: what the kernel does not know."""
         used = self._weights > 0
         G = self.network.frequency_response(self._omega, theta)[used]
-        apart = error(self._measured[used], G, self.residual)
+        apart = residual_error(self.residual, self._measured[used], G)
         return float(self._weights[used] @ np.abs(apart) ** 2)
 
 
 def _checked(
-    network: SpringNetwork, omega: Array, measured: ComplexArray, weights: Array, residual: str
+    network: SpringNetwork,
+    omega: Array,
+    measured: ComplexArray,
+    weights: Array,
+    residual: ResidualForm,
 ) -> tuple[ComplexArray, Array]:
     """Return measured FRFs and weights as arrays, elements of weight zero replaced by ones."""
-    if residual not in _RESIDUALS:
-        raise InvalidInput(
-            f"residual: {residual!r} is not one of {', '.join(_RESIDUALS)}"
-            f"{nearest(residual, _RESIDUALS)}"
-        )
     n, sensors = network.selector.shape[1], network.measurement
     outputs = n if sensors is None else sensors.position.shape[-2]
     shape = (len(network.mass), omega.size, outputs, n)
@@ -263,12 +262,12 @@ def _checked(
     if not np.all(weights >= 0):
         raise InvalidInput("weights: a weight is negative; inverse variances are needed")
     measured = np.where(weights > 0, measured, 1.0)
-    wrong = ~np.isfinite(measured) | ((measured == 0) & (residual != "nls"))
+    wrong = ~np.isfinite(measured) | ((measured == 0) & residual.relative)
     if wrong.any():
         place = tuple(int(i) for i in np.argwhere(wrong)[0])
         raise InvalidInput(
             f"measured: {measured[place]} at position, frequency, output, input {place}; a finite "
-            f"FRF{'' if residual == 'nls' else ' other than zero'} or the weight zero is needed"
+            f"FRF{' other than zero' if residual.relative else ''} or the weight zero is needed"
         )
     return measured, weights
 

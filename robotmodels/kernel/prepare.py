@@ -10,7 +10,6 @@ from robotmodels.kernel.reduce import reductions
 from robotmodels.kernel.simd import LANES
 from robotmodels.kernel.threads import over_threads
 from robotmodels.kernel.workspace import network_tables, workspace
-from robotmodels.linear.normal_equations import Residual
 from robotmodels.linear.spring_network import SpringNetwork
 
 # The columns of `targets` that hold weights.
@@ -49,7 +48,7 @@ def prepare_matrices(
 
 
 def prepare_targets(
-    omega: Array, measured: ComplexArray, weights: Array, residual: Residual
+    omega: Array, measured: ComplexArray, weights: Array, residual: str
 ) -> tuple[Array, Array, float]:
     """Return omega and targets as `Cells` wants them, and the cost no model can undo."""
     blocks, positions = -(-omega.size // LANES), len(measured)
@@ -62,7 +61,7 @@ def prepare_targets(
 
 
 def targets(
-    omega: Array, measured: ComplexArray, weights: Array, residual: Residual
+    omega: Array, measured: ComplexArray, weights: Array, residual: str
 ) -> tuple[Array, float]:
     """Return what each element i <= j is compared with, and the cost no model can undo."""
     i, j = np.triu_indices(measured.shape[-1])

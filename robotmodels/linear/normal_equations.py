@@ -1,14 +1,12 @@
 """A fit's cost with its gradient and Gauss-Newton matrix, by plain numpy."""
 
 from dataclasses import dataclass
-from typing import Literal
 
 import numpy as np
 
 from robotmodels.common.arrays import Array, ComplexArray
+from robotmodels.linear.residuals import ResidualForm, residual_error
 from robotmodels.linear.spring_network import SpringNetwork
-
-Residual = Literal["nls", "lls", "lls_magnitude"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,23 +31,13 @@ class NormalEquations:
     hessian: Array
 
 
-def error(
-    measured: ComplexArray, modelled: ComplexArray, residual: Residual
-) -> Array | ComplexArray:
-    """Return epsilon: measured - G, or log(measured / G), or its real part, log|measured / G|."""
-    if residual == "nls":
-        return np.asarray(measured - modelled)
-    apart = np.log(measured / modelled)
-    return np.asarray(apart if residual == "lls" else apart.real)
-
-
 def normal_equations(
     network: SpringNetwork,
     omega: Array,
     measured: ComplexArray,
     weights: Array,
     parameters: Array,
-    residual: Residual,
+    residual: ResidualForm,
 ) -> NormalEquations:
     """Return V = sum w |epsilon|^2 and its derivatives; arguments as of `CostKernel`.
 
@@ -58,9 +46,9 @@ def normal_equations(
     used = weights > 0
     G, J = network.sensitivity(omega, parameters)
     G, J, measured = G[used], J[used], measured[used]
-    w, apart = weights[used], error(measured, G, residual)
-    slope: Array | ComplexArray = -J if residual == "nls" else -J / G[:, None]
-    if residual == "lls_magnitude":
+    w, apart = weights[used], residual_error(residual, measured, G)
+    slope: Array | ComplexArray = -residual.slope(G)[:, None] * J
+    if residual.real:
         slope = slope.real
     weighted = w[:, None] * slope.conj()
     return NormalEquations(
@@ -75,7 +63,7 @@ def model_slopes(
     omega: Array,
     measured: ComplexArray,
     weights: Array,
-    residual: Residual,
+    residual: ResidualForm,
 ) -> tuple[Array, Array]:
     """Return dV/dK and dV/dM, (Q, d, d) each; see `CostKernel.model_slopes`.
 
@@ -87,8 +75,7 @@ def model_slopes(
     G = model.frequency_response(omega)
     used = weights > 0
     G, compared = np.where(used, G, 1.0), np.where(used, measured, 1.0)
-    apart = weights * error(compared, G, residual)
-    Y = -apart if residual == "nls" else -apart / np.conj(G)
+    Y = -weights * residual_error(residual, compared, G) * np.conj(residual.slope(G))
     T = Z @ np.conj(Y) @ np.swapaxes(X, -1, -2)
     by_stiffness = -2 * T.real.sum(axis=1)
     by_mass = 2 * np.einsum("f,qfij->qij", np.square(omega), T.real)

@@ -179,7 +179,7 @@ def test_wrong_arguments_are_named():
     with pytest.raises(InvalidInput, match="weights: a weight is negative"):
         kernel.CostKernel(network, OMEGA, G, -np.ones(G.shape))
     with pytest.raises(
-        InvalidInput, match=r"'lss' is not one of nls, lls, lls_magnitude \(did you mean"
+        InvalidInput, match=r"'lss' is none of nls, lls, lls_magnitude \(did you mean"
     ):
         kernel.CostKernel(network, OMEGA, G, np.ones(G.shape), "lss")
     cost = kernel.CostKernel(network, OMEGA, G, np.ones(G.shape))
