@@ -38,7 +38,7 @@ if TYPE_CHECKING:
         resonances,
         rigid_modes,
     )
-    from robotmodels.linear.noise import RelativeNoise
+    from robotmodels.linear.noise import NoiseLaw, RelativeNoise
     from robotmodels.linear.residuals import ResidualForm
     from robotmodels.linear.response import frequency_response, linearize, sensitivity
     from robotmodels.linear.spring_network import SpringNetwork
@@ -58,6 +58,7 @@ _HOMES = {
     "ElasticRobot": "elastic.robot",
     "Imperfections": "simulation.imperfections",
     "LinearModel": "linear.linear_model",
+    "NoiseLaw": "linear.noise",
     "Parameters": "description.parameters",
     "Plane": "collision.obstacles",
     "ProcessPool": "common.process_pool",
@@ -102,6 +103,7 @@ __all__ = [
     "InvalidInput",
     "LinearModel",
     "NoEquilibrium",
+    "NoiseLaw",
     "NotIdentifiable",
     "Parameters",
     "Plane",

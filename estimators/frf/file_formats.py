@@ -35,7 +35,7 @@ from robotmodels.common.errors import InvalidInput
 from robotmodels.data_files.array_schema import ArraySchema, Field
 from robotmodels.data_files.hdf5_file import read_hdf5
 from robotmodels.data_files.matlab_file import read_mat
-from robotmodels.linear.noise import RelativeNoise
+from robotmodels.linear.noise import NoiseLaw
 from robotmodels.records.record_schema import RECORDS, RECORDS_SCHEMA
 from robotmodels.records.records import Records
 
@@ -66,7 +66,7 @@ def write_frf(path: PathLike, estimate: FrfEstimate) -> None:
 
 
 def read_frf(
-    path: PathLike, *, positions: Array | None = None, noise: RelativeNoise | None = None
+    path: PathLike, *, positions: Array | None = None, noise: NoiseLaw | None = None
 ) -> FrfEstimate:
     """Read FRFs that `write_frf` wrote, or another program's UFF file.
 
@@ -74,7 +74,7 @@ def read_frf(
     ----------
     positions : ndarray, (Q, n), rad, optional
         Positions for UFF files that do not say them.
-    noise : RelativeNoise, optional
+    noise : NoiseLaw, optional
         Law of the errors for UFF files that do not hold variances.
 
     Raises

@@ -23,7 +23,7 @@ from estimators.frf.frf_estimate import FrfEstimate
 from robotmodels.common.arrays import Array, ComplexArray, whole_numbers
 from robotmodels.common.errors import InvalidInput
 from robotmodels.data_files.universal_file import files_left_open, read_functions
-from robotmodels.linear.noise import RelativeNoise
+from robotmodels.linear.noise import NoiseLaw
 
 _FRF, _GENERAL = 4, 0
 _ROTATION, _FREQUENCY, _ACCELERATION, _FORCE = 4, 18, 12, 13
@@ -56,7 +56,7 @@ def write_frf(path: Path, estimate: FrfEstimate) -> None:
 
 
 def read_frf(
-    path: Path, positions: Array | None = None, noise: RelativeNoise | None = None
+    path: Path, positions: Array | None = None, noise: NoiseLaw | None = None
 ) -> FrfEstimate:
     """Read FRFs; see `estimators.frf.file_formats.read_frf`."""
     sets = read_functions(path)

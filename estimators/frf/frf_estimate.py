@@ -12,7 +12,7 @@ from estimators.frf.pooled_noise import PooledNoise, pooled_covariances, pooled_
 from robotmodels.common.arrays import Array, ComplexArray, IntArray, read_only
 from robotmodels.common.errors import InvalidInput
 from robotmodels.common.printing import Printed
-from robotmodels.linear.noise import RelativeNoise
+from robotmodels.linear.noise import NoiseLaw
 from robotmodels.linear.response import Elastic, frequency_response
 
 
@@ -207,7 +207,7 @@ def simulate_frf(
     model: Elastic,
     positions: Array,
     omega: Array,
-    noise: RelativeNoise,
+    noise: NoiseLaw,
     rng: np.random.Generator,
     repetitions: Sequence[int] | IntArray | None = None,
 ) -> FrfEstimate:
@@ -225,7 +225,7 @@ def simulate_frf(
         Positions.
     omega : ndarray, (F,), rad/s
         Angular frequencies.
-    noise : RelativeNoise
+    noise : NoiseLaw
         Law of one experiment.
     rng : Generator
         Source of the errors.
@@ -240,7 +240,7 @@ def noisy_frf(
     truth: ComplexArray,
     positions: Array,
     omega: Array,
-    noise: RelativeNoise,
+    noise: NoiseLaw,
     rng: np.random.Generator,
     repetitions: Sequence[int] | IntArray | None = None,
 ) -> FrfEstimate:

@@ -13,7 +13,7 @@ from estimators.frf.frf_estimate import FrfEstimate, noisy_frf
 from estimators.uncertainty.covariance import METHODS, covariance
 from robotmodels.common.arrays import Array, ComplexArray, IntArray
 from robotmodels.common.errors import IdentificationError, InvalidInput, nearest
-from robotmodels.linear.noise import RelativeNoise
+from robotmodels.linear.noise import NoiseLaw
 from robotmodels.linear.response import Elastic, frequency_response
 
 Experiment = Callable[[np.random.Generator], FrfEstimate]
@@ -31,7 +31,7 @@ class FrfExperiment:
         As in `estimators.simulate_frf`.
     omega : ndarray
         As in `estimators.simulate_frf`.
-    noise : RelativeNoise
+    noise : NoiseLaw
         As in `estimators.simulate_frf`.
     repetitions : ndarray of int or None
         As in `estimators.simulate_frf`.
@@ -40,7 +40,7 @@ class FrfExperiment:
     model: Elastic
     positions: Array
     omega: Array
-    noise: RelativeNoise
+    noise: NoiseLaw
     repetitions: IntArray | None = None
 
     @cached_property

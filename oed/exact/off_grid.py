@@ -31,7 +31,7 @@ from robotmodels.common.errors import InvalidInput
 from robotmodels.common.printing import Printed
 from robotmodels.common.progress import Progress
 from robotmodels.elastic.robot import ElasticRobot
-from robotmodels.linear.noise import LoopNoise, RelativeNoise
+from robotmodels.linear.noise import LoopNoise, NoiseLaw
 
 _CLIMBS = 6  # of the best points of the finer set, each round
 _PRECISION = 0.01  # of climbing, as a part of the tolerance
@@ -85,7 +85,7 @@ def refined_design(
     robot: ElasticRobot,
     info: InformationSet,
     omega: Array,
-    noise: RelativeNoise | LoopNoise,
+    noise: NoiseLaw | LoopNoise,
     *,
     limits: Array | None = None,
     surroundings: Surroundings | None = None,
@@ -108,7 +108,7 @@ def refined_design(
         Information of the candidates.
     omega : ndarray, rad/s
         Angular frequencies it was computed for.
-    noise : RelativeNoise or LoopNoise
+    noise : NoiseLaw or LoopNoise
         Noise it was computed for.
     limits : ndarray, (n, 2), optional
         Ranges to stay in; the joints' own if None.

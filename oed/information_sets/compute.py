@@ -13,7 +13,7 @@ from robotmodels.common.arrays import Array, check_memory
 from robotmodels.common.errors import InvalidInput
 from robotmodels.common.progress import Progress
 from robotmodels.linear.equilibrium_sensitivity import Tangents
-from robotmodels.linear.noise import LoopNoise, RelativeNoise, SeparableNoise
+from robotmodels.linear.noise import LoopNoise, NoiseLaw, RelativeNoise, SeparableNoise
 from robotmodels.linear.response import Elastic, check_omega, linearization, sensitivity_about
 from robotmodels.linear.spring_network import SpringNetwork
 
@@ -39,7 +39,7 @@ class ChunkInformation:
     ----------
     robot : Elastic
         As of `oed.information`.
-    noise : RelativeNoise or LoopNoise
+    noise : NoiseLaw or LoopNoise
         As of `oed.information`.
     omega : ndarray, (F,), rad/s
         Angular frequencies.
@@ -49,7 +49,7 @@ class ChunkInformation:
 
     robot: Elastic
     omega: Array
-    noise: RelativeNoise | LoopNoise
+    noise: NoiseLaw | LoopNoise
     sag: bool = False
 
     def __call__(self, positions: Array) -> Array:
@@ -83,8 +83,7 @@ class ChunkInformation:
     def _suits_kernel(self, network: SpringNetwork) -> bool:
         """Return whether the kernel may serve.
 
-        It knows springs, dampers, motors' inertias and motion, and noise that is independent or
-        separable.
+        It knows springs, dampers, motors' inertias and motion, `RelativeNoise` and separable noise.
         """
         simple = isinstance(self.noise, RelativeNoise | SeparableNoise)
         return simple and network.only_springs and network.only_motors
@@ -94,7 +93,7 @@ class ChunkInformation:
         from estimators.uncertainty.sandwich import information
 
         response, jacobian = sensitivity_about(network, tangents, self.omega)
-        if isinstance(self.noise, RelativeNoise):
+        if isinstance(self.noise, NoiseLaw):
             return information(jacobian, 1.0 / self.noise.variance(response))
         return information(jacobian, self.noise.weights(network, self.omega))
 
@@ -104,7 +103,7 @@ def information(
     robot: Elastic,
     positions: Array,
     omega: Array,
-    noise: RelativeNoise | LoopNoise,
+    noise: NoiseLaw | LoopNoise,
     chunk: int = ...,
     executor: Executor | None = ...,
     progress: Progress | None = ...,
@@ -119,7 +118,7 @@ def information(
     robot: Elastic,
     positions: Array,
     omega: Array,
-    noise: RelativeNoise | LoopNoise,
+    noise: NoiseLaw | LoopNoise,
     chunk: int = ...,
     executor: Executor | None = ...,
     progress: Progress | None = ...,
@@ -133,7 +132,7 @@ def information(
     robot: Elastic,
     positions: Array,
     omega: Array,
-    noise: RelativeNoise | LoopNoise,
+    noise: NoiseLaw | LoopNoise,
     chunk: int = 1024,
     executor: Executor | None = None,
     progress: Progress | None = None,
@@ -154,7 +153,7 @@ def information(
         Positions.
     omega : ndarray, (F,), rad/s
         Angular frequencies.
-    noise : RelativeNoise or LoopNoise
+    noise : NoiseLaw or LoopNoise
         The noise law of the FRF estimates; a `ClosedLoopNoise` knows the experiment.
     chunk : int
         The most positions per call of the kernel, which bounds the memory.

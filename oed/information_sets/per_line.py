@@ -4,11 +4,11 @@ import numpy as np
 
 from oed.information_sets.compute import information
 from robotmodels.common.arrays import Array
-from robotmodels.linear.noise import RelativeNoise
+from robotmodels.linear.noise import NoiseLaw
 from robotmodels.linear.response import Elastic, frequency_response
 
 
-def line_information(robot: Elastic, positions: Array, omega: Array, noise: RelativeNoise) -> Array:
+def line_information(robot: Elastic, positions: Array, omega: Array, noise: NoiseLaw) -> Array:
     """Return the information of one experiment in each position at each line, (Q, F, p, p).
 
     The noise law says how precise FRFs are at the power of reference, which is then the unit of
@@ -22,7 +22,7 @@ def line_information(robot: Elastic, positions: Array, omega: Array, noise: Rela
         Positions.
     omega : ndarray, (F,), rad/s
         Angular frequencies.
-    noise : RelativeNoise
+    noise : NoiseLaw
         The noise law at the power of reference.
     """
     lines = np.asarray(omega, dtype=float)

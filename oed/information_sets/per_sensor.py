@@ -7,14 +7,14 @@ from oed.information_sets.information_set import InformationSet
 from robotmodels.common.arrays import Array
 from robotmodels.common.errors import InvalidInput
 from robotmodels.elastic.robot import ElasticRobot
-from robotmodels.linear.noise import RelativeNoise
+from robotmodels.linear.noise import NoiseLaw
 from robotmodels.linear.response import check_omega, sensitivity
 
 _PART = 64  # positions whose sensitivities are held at once
 
 
 def sensor_information(
-    robot: ElasticRobot, positions: Array, omega: Array, noise: RelativeNoise
+    robot: ElasticRobot, positions: Array, omega: Array, noise: NoiseLaw
 ) -> tuple[InformationSet, dict[str, InformationSet]]:
     """Return the information of the motors alone, and what each accelerometer adds, by name.
 
@@ -30,7 +30,7 @@ def sensor_information(
         Positions.
     omega : ndarray, (F,), rad/s
         Angular frequencies.
-    noise : RelativeNoise
+    noise : NoiseLaw
         The noise law of the FRF estimates.
 
     Raises

@@ -19,7 +19,7 @@ from robotmodels.common.arrays import Array, IntArray, read_only
 from robotmodels.common.errors import InvalidInput, NotIdentifiable, SolverFailed
 from robotmodels.common.progress import Progress
 from robotmodels.linear.derived_models import held
-from robotmodels.linear.noise import RelativeNoise
+from robotmodels.linear.noise import NoiseLaw
 from robotmodels.linear.response import Elastic
 
 _SPARE = 3
@@ -32,7 +32,7 @@ def compare_plans(
     positions: Array,
     plans: Mapping[str, IntArray],
     omega: Array,
-    noise: RelativeNoise,
+    noise: NoiseLaw,
     *,
     rng: np.random.Generator,
     runs: int | None = None,
@@ -58,7 +58,7 @@ def compare_plans(
         Experiments (Q,) in each candidate, by name; the first plan is compared with the rest.
     omega : ndarray
         As in `oed.information`, of one experiment.
-    noise : RelativeNoise
+    noise : NoiseLaw
         As in `oed.information`, of one experiment.
     rng : Generator
         Source of all errors.
@@ -139,7 +139,7 @@ class _Series:
     model: Elastic
     positions: Array
     omega: Array
-    noise: RelativeNoise
+    noise: NoiseLaw
     runs: int
     executor: Executor | None
 

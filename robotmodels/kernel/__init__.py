@@ -16,7 +16,7 @@ from robotmodels.kernel.simd import LANES
 from robotmodels.kernel.solve import responses
 from robotmodels.kernel.threads import over_threads
 from robotmodels.kernel.workspace import Workspaces, network_tables, workspace
-from robotmodels.linear.noise import RelativeNoise, SeparableNoise
+from robotmodels.linear.noise import NoiseLaw, RelativeNoise, SeparableNoise
 from robotmodels.linear.normal_equations import NormalEquations
 from robotmodels.linear.residuals import ResidualForm
 from robotmodels.linear.spring_network import SpringNetwork, shared
@@ -57,9 +57,7 @@ def frequency_response(network: SpringNetwork, omega: Array) -> ComplexArray:
     return out
 
 
-def information(
-    network: SpringNetwork, omega: Array, noise: RelativeNoise | SeparableNoise
-) -> Array:
+def information(network: SpringNetwork, omega: Array, noise: NoiseLaw | SeparableNoise) -> Array:
     """Return the Fisher information on ln theta, (Q, p, p), equilibria held fixed.
 
     2 sum_F Re(conj(Psi) Lambda^-1 Psi^T), with Lambda the noise law at the modelled FRF, and Psi
@@ -77,9 +75,10 @@ def information(
     plan = layout(network)
     p = len(network.parameters)
     out = np.empty((len(network.mass), p, p))
-    if not isinstance(noise, RelativeNoise):
+    if isinstance(noise, SeparableNoise):
         return _separable_information(network, plan, w, noise.factors(network, w), out)
-    if plan is None or _differing_gains(network):
+    # A subclass may have another variance than the compiled one.
+    if plan is None or _differing_gains(network) or type(noise) is not RelativeNoise:
         return _reference_information(network, w, noise)
     frequencies, mask = _padded(w)
     spaces = Workspaces(plan, network, network_tables(network))
@@ -167,7 +166,7 @@ def _padded(omega: Array) -> tuple[Array, Array]:
     return filled, mask
 
 
-def _reference_information(network: SpringNetwork, omega: Array, noise: RelativeNoise) -> Array:
+def _reference_information(network: SpringNetwork, omega: Array, noise: NoiseLaw) -> Array:
     """Return the information by plain numpy: what the kernel does not know."""
     G, J = network.sensitivity(omega)
     weights = 1.0 / noise.variance(G)

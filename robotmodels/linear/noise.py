@@ -1,4 +1,4 @@
-"""Noise laws: how uncertain a measured FRF element is, given the FRF."""
+"""Noise laws: how uncertain a measured FRF is, given the FRF or the experiment."""
 
 from dataclasses import dataclass
 from typing import Protocol, runtime_checkable
@@ -8,6 +8,15 @@ import numpy as np
 from robotmodels.common.arrays import Array, ComplexArray
 from robotmodels.common.errors import InvalidInput
 from robotmodels.linear.spring_network import SpringNetwork
+
+
+@runtime_checkable
+class NoiseLaw(Protocol):
+    """A law of circular complex errors, independent over elements, such as `RelativeNoise`."""
+
+    def variance(self, response: ComplexArray) -> Array:
+        """Return the variances (Q, F, m, n) of `response` (Q, F, m, n), all positive."""
+        ...
 
 
 class LoopNoise(Protocol):
