@@ -61,6 +61,7 @@ if TYPE_CHECKING:
     from oed.experiment.multisine import Multisine, band_multisine, fourier_matrix, random_phases
     from oed.experiment.plan_export import export_csv, export_mat
     from oed.experiment.predicted_peaks import Peaks, predicted_peaks
+    from oed.experiment.run_experiment import Plant, SimulatedPlant, run_plan
     from oed.experiment.visiting_order import VisitingOrder, visiting_order
     from oed.information_sets.candidates import InformationSamples
     from oed.information_sets.compute import information
@@ -107,6 +108,7 @@ _HOMES = {
     "Peaks": "experiment.predicted_peaks",
     "PlanComparison": "plan_comparison.plan_comparison",
     "PlanTrial": "plan_comparison.plan_comparison",
+    "Plant": "experiment.run_experiment",
     "RefinedDesign": "exact.off_grid",
     "Region": "exact.local_ascent",
     "Removal": "candidates.screening",
@@ -117,6 +119,7 @@ _HOMES = {
     "ScreenedCandidates": "candidates.screening",
     "Sensor": "design.sensors",
     "SensorDesign": "design.sensors",
+    "SimulatedPlant": "experiment.run_experiment",
     "SolverAnswer": "design.problem",
     "SpectrumDesign": "design.spectrum",
     "StoredInformation": "information_sets.stored_information",
@@ -161,6 +164,7 @@ _HOMES = {
     "refined_design": "exact.off_grid",
     "refined_over": "exact.off_grid",
     "robust_design": "design.robust_design",
+    "run_plan": "experiment.run_experiment",
     "scale": "experiment.amplitude_scaling",
     "score": "exact.plan_score",
     "screened_candidates": "candidates.screening",
@@ -206,6 +210,7 @@ __all__ = [
     "Peaks",
     "PlanComparison",
     "PlanTrial",
+    "Plant",
     "RefinedDesign",
     "Region",
     "Removal",
@@ -216,6 +221,7 @@ __all__ = [
     "ScreenedCandidates",
     "Sensor",
     "SensorDesign",
+    "SimulatedPlant",
     "SolverAnswer",
     "SpectrumDesign",
     "StoredInformation",
@@ -260,6 +266,7 @@ __all__ = [
     "refined_design",
     "refined_over",
     "robust_design",
+    "run_plan",
     "scale",
     "score",
     "screened_candidates",

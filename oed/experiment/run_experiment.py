@@ -1,15 +1,16 @@
-"""The simulation of a planned experiment: visit by visit, from where an earlier run was stopped."""
+"""A plan carried out on a plant: visit by visit, from where an earlier run was stopped."""
 
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from concurrent.futures import Executor
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
 
+from oed.experiment.experiment_plan import ExperimentPlan
 from oed.experiment.prepare import Prepared
 from robotmodels import ElasticRobot
 from robotmodels.common.arrays import Array
@@ -18,6 +19,8 @@ from robotmodels.common.fingerprints import fingerprint
 from robotmodels.common.progress import Progress, StageProgress
 from robotmodels.library.robot_digest import robot_digest
 from robotmodels.records.records import Records, iterate_records, save_records, write_records
+from robotmodels.simulation.controller import Controller
+from robotmodels.simulation.imperfections import Imperfections
 from robotmodels.simulation.simulate import simulate
 
 
@@ -45,6 +48,137 @@ class Outcome:
     seconds: float
 
 
+@runtime_checkable
+class Plant(Protocol):
+    """Whatever turns an experiment plan into records: a simulation, a robot, a folder of files."""
+
+    @property
+    def settings(self) -> object:
+        """Plain data and arrays that records depend on beside the plan.
+
+        An interrupted run goes on where they are the same.
+        """
+        ...
+
+    def measure(
+        self, plan: ExperimentPlan, visit: int, progress: Progress | None = None
+    ) -> Records:
+        """Return the records of one visit, (1, B, E, P, N, n), whatever was measured before.
+
+        `progress` is called with blocks done and their number.
+        """
+        ...
+
+
+@dataclass(frozen=True, eq=False)
+class SimulatedPlant:
+    """A robot simulated in closed loop, see `robotmodels.simulation.simulate.simulate`."""
+
+    robot: ElasticRobot
+    controller: Controller
+    imperfections: Imperfections
+    rng: np.random.Generator
+    executor: Executor | None = None
+
+    @property
+    def settings(self) -> object:
+        """Robot, controller, imperfections and seed."""
+        seeds: Any = self.rng.bit_generator.seed_seq
+        return (
+            (self.controller, self.imperfections),
+            (robot_digest(self.robot), self.robot.parameters.values),
+            (seeds.entropy, seeds.spawn_key, seeds.n_children_spawned),
+        )
+
+    def measure(
+        self, plan: ExperimentPlan, visit: int, progress: Progress | None = None
+    ) -> Records:
+        """Simulate one visit, with random numbers of its own.
+
+        Raises
+        ------
+        InvalidInput, SolverFailed
+            As `robotmodels.simulation.simulate.simulate`.
+        """
+        seeds: Any = self.rng.bit_generator.seed_seq
+        own = np.random.SeedSequence(
+            seeds.entropy,
+            spawn_key=seeds.spawn_key,
+            pool_size=seeds.pool_size,
+            n_children_spawned=seeds.n_children_spawned + visit * plan.blocks,
+        )
+        (records,) = simulate(
+            self.robot,
+            plan.visited[visit : visit + 1],
+            plan.reference(visit)[None],
+            self.controller,
+            lines=plan.multisine.lines,
+            detection=plan.multisine.detection,
+            imperfections=self.imperfections,
+            rng=np.random.Generator(type(self.rng.bit_generator)(own)),
+            periods=plan.periods,
+            transient=plan.transient_periods,
+            executor=self.executor,
+            progress=progress,
+        )
+        return records
+
+
+def run_plan(
+    plan: ExperimentPlan,
+    plant: Plant,
+    folder: Path,
+    progress: Progress | None = None,
+    watch: Callable[[Iterator[Records]], Iterator[Records]] = iter,
+) -> Path:
+    """Carry out a plan: write plan.yaml, plan.h5 and records.h5 into `folder`.
+
+    The records have one entry per visit, in the plan's order: a position that is visited twice
+    appears twice, each time with phases of its own. Visits are written as they end, so that an
+    interrupted run of the same plan goes on with the next.
+
+    Parameters
+    ----------
+    plan : ExperimentPlan
+        The plan, its amplitudes inside the limits.
+    plant : Plant
+        What the plan is carried out on.
+    folder : Path
+        Folder that exists.
+    progress : Progress, optional
+        Called with the number of blocks done and their total.
+    watch : callable, optional
+        Passes on the records of all visits on their way to the file.
+
+    Returns
+    -------
+    Path
+        The file of the records.
+
+    Raises
+    ------
+    InvalidInput
+        If there are files of another plan or plant; and what the plant raises.
+    """
+    plan.save(folder / "plan.yaml")
+    files = [folder / f"visit_{v:05d}.h5" for v in range(len(plan.visited))]
+    recognised = fingerprint((plan, plant.settings))
+    for v, file in enumerate(files):
+        visit = CheckpointFile(file, recognised, "visit", "a visit of another experiment")
+        if file.exists():
+            with visit.reading():
+                continue
+        done, total = v * plan.blocks, len(files) * plan.blocks
+        after = None if progress is None else _after(progress, done, total)
+        records = plant.measure(plan, v, after)
+        with visit.writing() as unfinished:
+            write_records(unfinished, [records], str(file))
+    save_records(folder / "records.h5", watch(_records(files)))
+    for file in files:
+        file.unlink()
+    return folder / "records.h5"
+
+
 def run_experiment(
     prepared: Prepared,
     folder: Path,
@@ -52,11 +186,7 @@ def run_experiment(
     executor: Executor | None = None,
     plant: ElasticRobot | None = None,
 ) -> Outcome:
-    """Write plan.yaml and plan.h5, simulate, and write records.h5 into `folder`.
-
-    The records have one entry per visit, in the plan's order: a position that is visited twice
-    appears twice, each time with phases of its own. Visits are written as they end, so that an
-    interrupted run of the same plan goes on with the next.
+    """Carry out a prepared experiment in simulation, see `run_plan`, and tell what it met.
 
     Parameters
     ----------
@@ -68,15 +198,17 @@ def run_experiment(
     InvalidInput, SolverFailed
         As `robotmodels.simulation.simulate.simulate`.
     """
-    plan = prepared.plan
-    plan.save(folder / "plan.yaml")
-    begun = time.perf_counter()
-    report = None if progress is None else partial(progress, "simulation")
-    files = _simulated_visits(prepared, folder, report, executor, plant)
+    plan, begun = prepared.plan, time.perf_counter()
+    simulated = SimulatedPlant(
+        prepared.robot if plant is None else plant,
+        prepared.controller,
+        prepared.imperfections,
+        prepared.rng,
+        executor,
+    )
     seen = _Seen(len(plan.motors))
-    save_records(folder / "records.h5", seen.watch(_records(files)))
-    for file in files:
-        file.unlink()
+    report = None if progress is None else partial(progress, "simulation")
+    run_plan(plan, simulated, folder, report, seen.watch)
     largest = prepared.scaling.peaks.largest.max(axis=0)
     return Outcome(
         peak_torque=seen.torque,
@@ -86,57 +218,6 @@ def run_experiment(
         saturated=seen.limited / max(seen.experiments, 1),
         seconds=time.perf_counter() - begun,
     )
-
-
-def _simulated_visits(
-    prepared: Prepared,
-    folder: Path,
-    progress: Progress | None,
-    executor: Executor | None,
-    plant: ElasticRobot | None,
-) -> list[Path]:
-    """Simulate the visits that have no file yet; return the files of all."""
-    plan, blocks = prepared.plan, prepared.plan.blocks
-    visits, signals = plan.visited, plan.signals
-    simulated = prepared.robot if plant is None else plant
-    files = [folder / f"visit_{v:05d}.h5" for v in range(len(visits))]
-    told = _fingerprint(prepared, simulated)
-    for v, file in enumerate(files):
-        visit = CheckpointFile(file, told, "visit", "a visit of another experiment")
-        if file.exists():
-            with visit.reading():
-                prepared.rng.spawn(blocks)  # the random numbers of the blocks it holds
-            continue
-        records = simulate(
-            simulated,
-            visits[v : v + 1],
-            signals[v : v + 1],
-            prepared.controller,
-            lines=plan.multisine.lines,
-            detection=plan.multisine.detection,
-            imperfections=prepared.imperfections,
-            rng=prepared.rng,
-            periods=plan.periods,
-            transient=plan.transient_periods,
-            executor=executor,
-            progress=None
-            if progress is None
-            else _after(progress, v * blocks, len(files) * blocks),
-        )
-        with visit.writing() as unfinished:
-            write_records(unfinished, records, str(file))
-    return files
-
-
-def _fingerprint(prepared: Prepared, plant: ElasticRobot) -> str:
-    """Return what tells the visits of one experiment from those of another."""
-    seeds: Any = prepared.rng.bit_generator.seed_seq
-    given = (
-        (prepared.plan, prepared.controller, prepared.imperfections),
-        (robot_digest(plant), plant.parameters.values),
-        (seeds.entropy, seeds.spawn_key, seeds.n_children_spawned),
-    )
-    return fingerprint(given)
 
 
 def _after(progress: Progress, before: int, total: int) -> Progress:
