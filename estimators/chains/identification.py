@@ -20,7 +20,7 @@ from estimators.chains.modes import FittedModes, Shapes, fit_modes, with_excess
 from estimators.chains.parameter_maps import ChainLayout
 from estimators.chains.whitened_frf import Data, prepared, unfrictioned
 from estimators.frf.frf_estimate import FrfEstimate
-from robotmodels.common.arrays import Array, ComplexArray, real_numbers
+from robotmodels.common.arrays import Array, ComplexArray, is_count, real_numbers
 from robotmodels.common.errors import InvalidInput, NotIdentifiable
 from robotmodels.linear.response import check_omega
 
@@ -182,8 +182,7 @@ def _checked(
         )
     if len(omega) < 2 or not (np.diff(omega) > 0).all():
         raise InvalidInput("omega: two or more increasing frequencies are needed")
-    whole = isinstance(n_masses, int | np.integer) and not isinstance(n_masses, bool)
-    if n_masses is not None and not (whole and n_masses >= 2):
+    if n_masses is not None and not is_count(n_masses, 2):
         raise InvalidInput(
             f"n_masses: {n_masses!r}; a chain needs at least 2, a whole number (a single mass has "
             "no spring, and its FRF is 1/mass)"

@@ -78,7 +78,7 @@ class OrderProposal:
     scores: Array
 
 
-def propose_order(data: Data, most: int = MOST_MASSES) -> OrderProposal:
+def propose_order(data: Data) -> OrderProposal:
     """Return the number of masses per chain that the FRFs speak for.
 
     Models of 2, 3, ... masses are fitted until two in a row hold a mode that is not clear. The
@@ -93,7 +93,7 @@ def propose_order(data: Data, most: int = MOST_MASSES) -> OrderProposal:
     if data.undamped:
         return _count_exact(data)
     fits: list[FittedModes] = []
-    for n_masses in range(2, most + 1):
+    for n_masses in range(2, MOST_MASSES + 1):
         count = data.chains * (n_masses - 1)
         if data.size < 4 * (count * (data.chains + 2) + 10):
             break

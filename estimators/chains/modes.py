@@ -219,7 +219,7 @@ def fit_modes(
     return bent if shapes == "complex" or gain > _TURNING * bent.layout.sizes[-1] else found
 
 
-def _distinct(data: Data, layout: ModalLayout, most: int = 2) -> list[Array]:
+def _distinct(data: Data, layout: ModalLayout) -> list[Array]:
     starts = modal_start(data, layout)
     costs = [
         float(np.sum(data.whitened(modal_response(x, layout, data.omega) - data.response) ** 2))
@@ -227,7 +227,7 @@ def _distinct(data: Data, layout: ModalLayout, most: int = 2) -> list[Array]:
     ]
     kept: list[int] = []
     for i in np.argsort(costs):
-        if len(kept) < most and all(costs[i] > 1.01 * costs[k] for k in kept):
+        if len(kept) < 2 and all(costs[i] > 1.01 * costs[k] for k in kept):
             kept.append(int(i))
     return [starts[i] for i in kept]
 

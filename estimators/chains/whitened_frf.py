@@ -11,6 +11,7 @@ from estimators.frf.frf_estimate import FrfEstimate, vec
 from estimators.trust.linearised_fit import LinearisedFit, sandwich
 from robotmodels.common.arrays import Array, ComplexArray
 from robotmodels.common.errors import InvalidInput
+from robotmodels.common.symmetric_matrices import scaled_pinv
 
 _FLOOR = 0.3  # of guessed errors: a share of the largest element of a line
 
@@ -209,9 +210,7 @@ def _along_lines(
     """
     if not len(correlation):
         return covariance
-    size = np.sqrt(np.diagonal(bread))
-    size = np.where(size > 0, size, 1.0)
-    rows = jacobian / size @ np.linalg.pinv(bread / np.outer(size, size), hermitian=True)
+    rows = jacobian @ scaled_pinv(bread)
     power = (np.abs(rows) ** 2).sum(axis=(0, 1))
     total = power.copy()
     for lag, rho in enumerate(correlation[: len(rows) - 1], start=1):

@@ -1,22 +1,90 @@
 """Fast searches: compiled normal equations about equilibria that are frozen, or found anew."""
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 from weakref import WeakKeyDictionary
 
 import numpy as np
 
-from estimators.fitting.equilibrium_gradient import Sag, with_sag
 from estimators.fitting.fit_problem import Problem
 from estimators.fitting.trust_region import Outcome, trust_region
 from estimators.frf.frf_estimate import is_full
 from robotmodels.common.arrays import Array
 from robotmodels.common.errors import IdentificationError, SolverFailed
+from robotmodels.common.symmetric_matrices import scaled_eigh
 from robotmodels.linear.normal_equations import NormalEquations
+from robotmodels.linear.response import BeyondSprings
 from robotmodels.linear.spring_network import SpringNetwork
 
 if TYPE_CHECKING:
     from robotmodels.kernel import CostKernel
+if TYPE_CHECKING:
+    from robotmodels.kernel import CostKernel
+
+
+# Largest change of ln theta over which `Sag.gradient` keeps what it found: an error of a
+# hundredth of a hundredth of the cost's slope.
+NEAR = 0.1
+
+
+@dataclass(frozen=True, eq=False)
+class Sag:
+    """What the equilibria's shift with ln theta changes in stiffness and mass.
+
+    Attributes
+    ----------
+    values : ndarray, (p,)
+        Parameters at which it was found.
+    stiffness, mass : ndarray, (Q, p, d, d)
+        Derivatives by ln theta.
+    """
+
+    values: Array
+    stiffness: Array
+    mass: Array
+
+    def near(self, values: Array) -> bool:
+        """Tell whether no parameter that shifts equilibria differs much at `values` (p,)."""
+        shifts = self.stiffness.any(axis=(0, 2, 3)) | self.mass.any(axis=(0, 2, 3))
+        return bool((np.abs(np.log(values / self.values))[shifts] <= NEAR).all())
+
+    def gradient(self, network: SpringNetwork, kernel: "CostKernel") -> Array:
+        """Return the part of dV/d ln theta, (p,), that frozen equilibria leave out.
+
+        That is the inner product of dV/dK and dV/dM with what the equilibria's shift changes in K
+        and M: the data are looked at once, whatever the number of parameters. A spring gives way
+        in inverse proportion to its stiffness, which carries the shifts to a point nearby.
+
+        Parameters
+        ----------
+        network : SpringNetwork
+            Network at the parameters in question, equilibria found there.
+        kernel : CostKernel
+            The cost about these equilibria.
+        """
+        q, p = self.stiffness.shape[:2]
+        total = np.zeros(p)
+        for change, slope in zip((self.stiffness, self.mass), kernel.model_slopes(), strict=True):
+            total += np.einsum("qpi,qi->p", change.reshape(q, p, -1), slope.reshape(q, -1))
+        return total * self.values / network.parameters.values
+
+
+def with_sag(problem: Problem, values: Array) -> tuple[SpringNetwork, Sag | None]:
+    """Return the network about the equilibria at `values` (p,), and how these shift.
+
+    Raises
+    ------
+    IdentificationError
+        If there is no equilibrium.
+    """
+    model, positions = problem.model, problem.estimate.positions
+    if not isinstance(model, BeyondSprings):
+        return model.network(positions, values), None
+    network, tangents = model.linearization(positions, values, sag=True)
+    if tangents is None:
+        return network, None
+    return network, Sag(values, tangents.stiffness, tangents.mass)
+
 
 # Fewer numbers than this in the Jacobian are faster by numpy than compiled code is loaded.
 WORTHWHILE = 80_000
@@ -147,13 +215,11 @@ def squares(normal: NormalEquations) -> tuple[Array, Array]:
     """
     if not (np.isfinite(normal.cost) and np.isfinite(normal.hessian).all()):
         raise SolverFailed("the model's FRF or its sensitivity is not finite")
-    size = np.sqrt(np.diag(normal.hessian) / 2)
-    size = np.where(size > 0, size, 1.0)
-    values, vectors = np.linalg.eigh(normal.hessian / 2 / np.outer(size, size))
+    s, values, vectors = scaled_eigh(normal.hessian / 2)
     seen = values > len(values) * np.finfo(float).eps * values[-1]
     root = np.sqrt(np.where(seen, values, 1.0))
-    r = np.where(seen, vectors.T @ (normal.gradient / 2 / size) / root, 0.0)
-    J = np.where(seen, root, 0.0)[:, None] * vectors.T * size
+    r = np.where(seen, vectors.T @ (normal.gradient / 2 * s) / root, 0.0)
+    J = np.where(seen, root, 0.0)[:, None] * vectors.T / np.where(s > 0, s, 1.0)
     # A gradient through the equilibria may ask for more than the whole cost: a larger Hessian asks
     # for less.
     if normal.cost > 0 and r @ r > 0.99 * normal.cost:

@@ -17,7 +17,7 @@ from estimators.fitting.search import check_effort, search_or_reason
 from estimators.fitting.search_checkpoint import SearchStore, problem_fingerprint
 from estimators.fitting.trust_region import START_FAILED, STOPPED, Outcome
 from estimators.frf.frf_estimate import FrfEstimate
-from robotmodels.common.arrays import Array, IntArray
+from robotmodels.common.arrays import Array, IntArray, check_above_zero, check_count
 from robotmodels.common.errors import InvalidInput
 from robotmodels.common.progress import Progress
 from robotmodels.description.parameters import Parameters
@@ -57,8 +57,8 @@ def perturbed_starts(
     parameters: Parameters, n: int, decades: float, rng: np.random.Generator
 ) -> Array:
     """Return (n, p) values multiplied by 10^U(-decades, decades), [WM] section 6."""
-    if n < 1 or not (np.isfinite(decades) and decades >= 0):
-        raise InvalidInput(f"perturbed_starts: n = {n}, decades = {decades}; at least 1 and 0")
+    check_count(n, "perturbed_starts: n")
+    check_above_zero(decades, "perturbed_starts: decades", zero=True)
     exponents = rng.uniform(-decades, decades, (n, len(parameters)))
     return np.asarray(parameters.values * 10.0**exponents)
 

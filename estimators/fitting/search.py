@@ -10,7 +10,7 @@ from estimators.fitting.fixed_equilibrium_search import (
     renewed_search,
 )
 from estimators.fitting.trust_region import START_FAILED, Outcome, exact_search
-from robotmodels.common.arrays import Array
+from robotmodels.common.arrays import Array, check_count
 from robotmodels.common.errors import IdentificationError, InvalidInput
 
 
@@ -23,9 +23,7 @@ def check_effort(max_evaluations: int, tolerance: float) -> None:
         Unless evaluations are a whole number >= 1 and the tolerance lies between the rounding error
         and one.
     """
-    whole = isinstance(max_evaluations, int | np.integer) and not isinstance(max_evaluations, bool)
-    if not (whole and max_evaluations >= 1):
-        raise InvalidInput(f"max_evaluations: {max_evaluations!r}; a whole number >= 1 is needed")
+    check_count(max_evaluations, "max_evaluations")
     least = float(np.finfo(float).eps)
     if not least <= tolerance < 1:
         raise InvalidInput(f"tolerance: {tolerance!r}; {least:.2g} to less than 1 is needed")

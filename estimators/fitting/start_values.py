@@ -8,7 +8,7 @@ import numpy as np
 from estimators.fitting.anti_resonances import AGREE, agreed, dip_values, end_inertias, gear_springs
 from estimators.fitting.coarse_search import Group, coarse_search
 from estimators.frf.frf_estimate import FrfEstimate
-from robotmodels.common.arrays import Array, read_only
+from robotmodels.common.arrays import Array, check_above_zero, read_only
 from robotmodels.common.errors import IdentificationError, InvalidInput, nearest
 from robotmodels.common.printing import Printed
 from robotmodels.linear.response import Elastic
@@ -165,8 +165,7 @@ def _checked_drives(drives: Mapping[int, float], gears: dict[int, int]) -> dict[
                 f"start: motor {motor} (counted from 0) has no elastic drive"
                 f"{nearest(str(motor), map(str, gears))}"
             )
-        if not (np.isfinite(value) and value > 0):
-            raise InvalidInput(f"start: stiffness {value:g} of motor {motor} is not positive")
+        check_above_zero(value, f"start: stiffness of motor {motor}")
     return {motor: float(value) for motor, value in drives.items()}
 
 

@@ -74,7 +74,6 @@ def trust_region(
     max_evaluations: int,
     tolerance: float,
     loss: Callable[[Array], Array] | None = None,
-    box: Array | None = None,
 ) -> Outcome:
     """Minimise the squares that `evaluate` gives, inside the problem's bounds, from `start` (p,).
 
@@ -84,27 +83,24 @@ def trust_region(
         Residuals (r,) and their Jacobian by ln theta (r, p) at values (p,).
     loss : callable, optional
         Loss of squared residuals, with its derivatives; none where None.
-    box : ndarray, (2, p), optional
-        Values to stay between instead of the problem's bounds.
     """
     from scipy.optimize import least_squares
 
     # About the start x = 0, so the first trust region is one e-fold whatever the units.
-    bounds = problem.bounds if box is None else box
     point = _Point(evaluate, start)
     chosen: Any = "linear" if loss is None else loss
     found = least_squares(
         point.residuals,
         np.zeros_like(start),
         jac=point.jacobian,
-        bounds=tuple(np.log(bounds / start)),
+        bounds=tuple(np.log(problem.bounds / start)),
         ftol=tolerance,
         xtol=tolerance,
         gtol=tolerance,
         max_nfev=max_evaluations,
         loss=chosen,
     )
-    values = np.clip(start * np.exp(found.x), *bounds)
+    values = np.clip(start * np.exp(found.x), *problem.bounds)
     return Outcome(
         values=values,
         cost=2 * float(found.cost),

@@ -7,8 +7,9 @@ from numpy.typing import NDArray
 
 from estimators.fitting.residuals import Residual, find_residual
 from estimators.frf.frf_estimate import FrfEstimate, is_full, place, unvec, vec
-from robotmodels.common.arrays import Array, ComplexArray, real_numbers
+from robotmodels.common.arrays import Array, ComplexArray, check_above_zero, real_numbers
 from robotmodels.common.errors import InvalidInput
+from robotmodels.common.symmetric_matrices import ROUNDING, scaled_inverse, unit_diagonal_scaling
 from robotmodels.linear.residuals import ResidualForm
 
 # Relative error of the model that combined weights allow for where the noise is smaller.
@@ -55,8 +56,7 @@ def user_weights(
         ("from_omega", from_omega),
         ("minimum_snr", minimum_snr),
     ):
-        if not (np.isfinite(value) and value >= 0):
-            raise InvalidInput(f"weights.{name}: {value!r} is not a number >= 0")
+        check_above_zero(value, f"weights.{name}", zero=True)
     m, n = estimate.response.shape[-2:]
     element = np.where(np.eye(m, n, dtype=bool), diagonal, off_diagonal)
     if elements is not None:
@@ -98,8 +98,7 @@ def clear(estimate: FrfEstimate, minimum_snr: float, response: ComplexArray) -> 
     InvalidInput
         If that is not a number >= 0.
     """
-    if not (np.isfinite(minimum_snr) and minimum_snr >= 0):
-        raise InvalidInput(f"weights.minimum_snr: {minimum_snr!r} is not a number >= 0")
+    check_above_zero(minimum_snr, "weights.minimum_snr", zero=True)
     noise = estimate.pooled_variance
     finite = np.isfinite(estimate.degrees_of_freedom)
     if finite.any():
@@ -223,8 +222,7 @@ def combined_weights(
     InvalidInput
         If the floor is not positive, the user's weights do not fit, or as `optimal_weights`.
     """
-    if not (np.isfinite(floor) and floor > 0):
-        raise InvalidInput(f"weights.floor: {floor!r} is not a positive number")
+    check_above_zero(floor, "weights.floor")
     kind, at = find_residual(residual), _response(estimate, response)
     user = np.asarray(shape)
     if shape is None:
@@ -264,16 +262,15 @@ def _inverse(
     kept = vec(used)
     pairs = kept[..., :, None] & kept[..., None, :]
     noise = np.where(pairs, noise, np.eye(kept.shape[-1]))
-    size = np.sqrt(np.diagonal(noise, axis1=-2, axis2=-1).real)
-    outer = size[..., :, None] * size[..., None, :]
-    smallest = np.linalg.eigvalsh(noise / outer)[..., 0]
-    bad = np.argwhere(smallest < 1e-12)
+    s = unit_diagonal_scaling(noise)
+    smallest = np.linalg.eigvalsh(s[..., :, None] * noise * s[..., None, :])[..., 0]
+    bad = np.argwhere(smallest < ROUNDING)
     if bad.size:
         raise InvalidInput(
             f"covariance: the matrix at {place(bad[0], estimate.omega)} is not positive definite; "
-            f"average over more than {size.shape[-1]} blocks, or keep its diagonal only"
+            f"average over more than {s.shape[-1]} blocks, or keep its diagonal only"
         )
-    inverse = np.linalg.inv(noise / outer) / outer
+    inverse = scaled_inverse(noise)
     inverse = (inverse + np.conj(np.swapaxes(inverse, -1, -2))) / 2
     return np.asarray(np.where(pairs, inverse, 0.0))
 

@@ -20,7 +20,7 @@ from estimators.frf.estimate_frf import (
 from estimators.frf.frf_estimate import FrfEstimate
 from estimators.frf.record_checks import check_periods, check_records
 from estimators.frf.spectra import spectra
-from robotmodels.common.arrays import Array, ComplexArray
+from robotmodels.common.arrays import Array, ComplexArray, check_count
 from robotmodels.common.errors import InvalidInput
 from robotmodels.records.records import Records
 
@@ -71,9 +71,8 @@ def local_frf(
         If the window has too few equations, or they do not determine the FRF.
     """
     check_choice("structure", structure, ("full", "diagonal"))
-    for name, value, least in (("order", order, 0), ("denominator", denominator, 0)):
-        if int(value) != value or value < least:
-            raise InvalidInput(f"{name}: {value!r} is not a whole number of at least {least}")
+    check_count(order, "order", 0)
+    check_count(denominator, "denominator", 0)
 
     def estimated(part: Records, who: str) -> PositionFrf:
         check_records(part, 0, who)

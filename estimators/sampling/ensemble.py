@@ -23,6 +23,8 @@ CHUNK_SHARE = 0.1
 # Shares of the moves; without a proposal the first two share the third's part.
 DE, SNOOKER, INDEPENDENT = 0.4, 0.1, 0.5
 
+GAMMA = 1.7  # of the snooker move, as ter Braak and Vrugt have it
+
 
 class SnookerMove(emcee.moves.RedBlueMove):  # type: ignore[misc]  # emcee has no types
     """Snooker update of ter Braak and Vrugt (2008).
@@ -33,9 +35,8 @@ class SnookerMove(emcee.moves.RedBlueMove):  # type: ignore[misc]  # emcee has n
     it samples another distribution.
     """
 
-    def __init__(self, gamma: float = 1.7) -> None:
+    def __init__(self) -> None:
         super().__init__(nsplits=4)
-        self.gamma = gamma
 
     def get_proposal(
         self, sample: Array, complement: list[Array], random: np.random.RandomState
@@ -50,7 +51,7 @@ class SnookerMove(emcee.moves.RedBlueMove):  # type: ignore[misc]  # emcee has n
         # A walker exactly on z has no line: it stays, with a factor that rejects.
         with np.errstate(invalid="ignore", divide="ignore"):
             direction = delta / before[:, None]
-            along = self.gamma * np.einsum("wp,wp->w", direction, z1 - z2)
+            along = GAMMA * np.einsum("wp,wp->w", direction, z1 - z2)
             proposal = sample + along[:, None] * direction
             after = np.linalg.norm(proposal - z, axis=1)
             factor = (p - 1) * np.log(after / before)

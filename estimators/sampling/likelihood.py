@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from estimators.frf.frf_estimate import is_full, vec
-from robotmodels.common.arrays import Array, ComplexArray
+from robotmodels.common.arrays import Array, ComplexArray, check_above_zero
 from robotmodels.common.errors import InvalidInput, nearest
 
 NOISES = ("known", "unknown")
@@ -37,8 +37,7 @@ class Noise:
             raise InvalidInput(
                 f"noise: {self.kind!r} is none of {', '.join(NOISES)}{nearest(self.kind, NOISES)}"
             )
-        if not (np.isfinite(self.scale) and self.scale > 0):
-            raise InvalidInput(f"scale: {self.scale:g} is not a positive number")
+        check_above_zero(self.scale, "scale")
 
     def of_cost(self, cost: Array, data: int) -> Array:
         """Return log p (W,) from V (W,) and n = `data`."""

@@ -10,6 +10,7 @@ from estimators.sampling.log_posterior import LogPosterior
 from estimators.sampling.log_posterior_gradient import slope
 from estimators.uncertainty.sandwich import sandwich_parts
 from robotmodels.common.arrays import Array
+from robotmodels.common.symmetric_matrices import scaled_eigh
 
 # Heavy enough to cover tails beyond the normal's, light enough for 26 dimensions.
 DOF = 20.0
@@ -58,9 +59,8 @@ def student_t(center: Array, information: Array, dof: float = DOF) -> StudentT:
     Directions without information are given the width BROAD.
     """
     regular = information + np.eye(len(center)) / BROAD**2
-    size = np.sqrt(np.diag(regular))
-    values, vectors = np.linalg.eigh(regular / np.outer(size, size))
-    root = vectors / np.sqrt(np.maximum(values, 1e-15)) / size[:, None]
+    s, values, vectors = scaled_eigh(regular)
+    root = s[:, None] * vectors / np.sqrt(np.maximum(values, 1e-15))
     return StudentT(center, root, dof)
 
 

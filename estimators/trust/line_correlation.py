@@ -100,29 +100,19 @@ def _unbiased(correlations: Array, draws: float) -> Array:
     return np.interp(correlations, rho * factor * hyp2f1(0.5, 0.5, draws / 2 + 1, rho**2), rho)
 
 
-def correlation_of_residuals(fit: LinearisedFit, columns: Lines | None = None) -> LineCorrelation:
+def correlation_of_residuals(fit: LinearisedFit) -> LineCorrelation:
     """Return the correlation along lines of the errors behind the residuals.
 
     The fit makes residuals less correlated than errors are: autocovariances c of r = (I - P) e have
     the expectation B gamma, with gamma those of e, which is solved for gamma.
-
-    Parameters
-    ----------
-    columns : Lines, (Q, F, k, r), optional
-        Directions that are taken out of the residuals beside the parameters.
     """
-    root = np.sqrt(fit.noise_weights)
-    J = fit.jacobian if columns is None else np.concatenate([fit.jacobian, columns], axis=-1)
-    rows = fit.rows if columns is None else fit.estimator(J)
-    residuals = fit.residuals
-    if columns is not None:
-        residuals = residuals - J @ fit.estimates(rows, residuals)
-    white = (root * residuals)[:, None]
+    root, J = np.sqrt(fit.noise_weights), fit.jacobian
+    white = (root * fit.residuals)[:, None]
     lines, p = white.shape[2], J.shape[-1]
     lags = min(lines // 3, max(LAGS, _HIGHEST_ORDER))
     products = lagged_products(white, lags)
     c = np.array([float((np.abs(white) ** 2).sum()), *(2 * q.sum() for q in products)])
-    B = _corrections(fit, root[..., None] * J, rows, root, lags)
+    B = _corrections(fit, root[..., None] * J, fit.rows, root, lags)
     gamma = 2 * np.linalg.lstsq(B, c, rcond=None)[0]  # half of the power in each real number
     data = float(fit.data)
     # What the fit takes away makes lagged products negative on average.

@@ -5,8 +5,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from estimators.trust.line_correlation import LineCorrelation
-from estimators.trust.linearised_fit import SINGULAR, LinearisedFit, Lines
+from estimators.trust.linearised_fit import LinearisedFit, Lines
 from robotmodels.common.arrays import Array
+from robotmodels.common.symmetric_matrices import ROUNDING
 
 _ENOUGH = 10.0
 """Degrees of freedom from which on the scatter of whole positions is looked at."""
@@ -129,7 +130,7 @@ def _white_rows(fit: LinearisedFit, rows: Lines) -> Lines:
     if fit.weights.ndim == 3:
         return np.asarray(rows * np.sqrt(fit.element_variances) * fit.used)
     values, vectors = np.linalg.eigh(fit.weights)
-    seen = values > SINGULAR * values.max(axis=-1, keepdims=True)
+    seen = values > ROUNDING * values.max(axis=-1, keepdims=True)
     root = np.where(seen, np.where(seen, values, 1.0) ** -0.5, 0.0)
     inverse = (vectors * root[..., None, :]) @ np.conj(np.swapaxes(vectors, -1, -2))
     return np.asarray((rows[..., None, :] @ inverse)[..., 0, :])

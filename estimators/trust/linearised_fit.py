@@ -9,9 +9,7 @@ from numpy.typing import NDArray
 
 from robotmodels.common.arrays import Array, ComplexArray
 from robotmodels.common.errors import NotIdentifiable
-
-SINGULAR = 1e-12
-"""Relative eigenvalues of the scaled information below this are rounding errors."""
+from robotmodels.common.symmetric_matrices import ROUNDING, SPREAD, scaled_eigh, scaled_pinv
 
 Lines = NDArray[Any]
 """An array (Q, F, k, ...) over positions, lines and elements of vec(G)."""
@@ -96,13 +94,10 @@ class LinearisedFit:
         flat = self.jacobian.reshape(-1, len(self.names))
         weighted = self.weighted(self.jacobian).reshape(flat.shape)
         normal = (np.conj(flat).T @ weighted).real + self.prior / 2
-        size = np.sqrt(np.diagonal(normal))
-        blind = ~(size > 16 * np.finfo(float).eps * size.max())
-        safe = np.where(blind, 1.0, size)
-        values, vectors = np.linalg.eigh(normal / np.outer(safe, safe))
-        null = np.abs(vectors[:, values < SINGULAR * values[-1]])
+        s, values, vectors = scaled_eigh(normal, SPREAD)
+        null = np.abs(vectors[:, values < ROUNDING * values[-1]])
         share = null.max(axis=1, initial=0.0)
-        return np.asarray(blind | (share > 0.1 * max(float(share.max()), 1e-300)))
+        return np.asarray((s == 0) | (share > 0.1 * max(float(share.max()), 1e-300)))
 
     def weighted(self, columns: Lines) -> Lines:
         """Return W times columns (Q, F, k, r)."""
@@ -118,7 +113,7 @@ class LinearisedFit:
         normal = (adjoint @ flat).real
         if prior is not None:
             normal = normal + prior / 2
-        return np.asarray((_inverse(normal) @ adjoint).reshape(r, *columns.shape[:3]))
+        return np.asarray((scaled_pinv(normal, 1e-13) @ adjoint).reshape(r, *columns.shape[:3]))
 
     def off_parameters(self, columns: Lines) -> Lines:
         """Return columns (Q, F, k, r) less what the parameters can imitate of them."""
@@ -196,14 +191,6 @@ class LinearisedFit:
         return np.asarray(np.diagonal(self.covariance, axis1=-2, axis2=-1).real)
 
 
-def _inverse(matrix: Array) -> Array:
-    """Return the inverse of a symmetric matrix, scaled to unit diagonal; zero where it is blind."""
-    size = np.sqrt(np.diagonal(matrix))
-    size = np.where(size > 0, size, 1.0)
-    outer = np.outer(size, size)
-    return np.asarray(np.linalg.pinv(matrix / outer, hermitian=True, rcond=1e-13) / outer)
-
-
 def sandwich(bread: Array, meat: Array, names: tuple[str, ...]) -> Array:
     """Return bread^-1 meat bread^-1, scaled to unit diagonals before inverting.
 
@@ -212,14 +199,10 @@ def sandwich(bread: Array, meat: Array, names: tuple[str, ...]) -> Array:
     NotIdentifiable
         If the bread is singular, with every parameter that is in its null space.
     """
-    size = np.sqrt(np.diag(bread))
-    # Sensitivities that are zero but for rounding stay zero.
-    blind = ~(size > 16 * np.finfo(float).eps * size.max())
-    size = np.where(blind, 1.0, size)
-    scaled = np.where(blind | blind[:, None], 0.0, bread / np.outer(size, size))
-    values, vectors = np.linalg.eigh(scaled)
+    # Sensitivities that are zero but for rounding count as zero.
+    s, values, vectors = scaled_eigh(bread, SPREAD)
     # Without any information at all, all are blind and all eigenvalues zero.
-    null = values <= SINGULAR * values[-1]
+    null = values <= ROUNDING * values[-1]
     if null.any():
         share = np.linalg.norm(vectors[:, null], axis=1)  # in any basis of the null space
         guilty = share > 0.1 * share.max()
@@ -227,6 +210,7 @@ def sandwich(bread: Array, meat: Array, names: tuple[str, ...]) -> Array:
             tuple(name for name, one in zip(names, guilty, strict=True) if one),
             "add positions or frequencies, free fewer parameters, or fix one of them",
         )
+    outer = np.outer(s, s)
     inverse = (vectors / values) @ vectors.T
-    result = inverse @ (meat / np.outer(size, size)) @ inverse / np.outer(size, size)
+    result = inverse @ (meat * outer) @ inverse * outer
     return np.asarray((result + result.T) / 2)

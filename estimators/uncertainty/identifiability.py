@@ -9,6 +9,7 @@ from estimators.fitting.least_squares import Fit
 from robotmodels.common.arrays import Array, read_only
 from robotmodels.common.errors import InvalidInput
 from robotmodels.common.printing import Printed
+from robotmodels.common.symmetric_matrices import scaled_inverse
 
 # Relative standard deviation above which a direction counts as weak: a factor of 1.35 either way.
 LIMIT = 0.3
@@ -212,9 +213,7 @@ def checked_information(information: Array, p: int) -> Array:
 def bounded_inverse(matrices: Array) -> Array:
     """Return inverses (..., p, p); what is not known at all gets the variance UNKNOWN^2."""
     regular = matrices + np.eye(matrices.shape[-1]) / UNKNOWN**2
-    size = np.sqrt(np.diagonal(regular, axis1=-2, axis2=-1))
-    outer = size[..., :, None] * size[..., None, :]
-    return np.asarray(np.linalg.inv(regular / outer) / outer)
+    return scaled_inverse(regular)
 
 
 def _advice(information: Array, names: tuple[str, ...], limit: float) -> tuple[Advice, ...]:

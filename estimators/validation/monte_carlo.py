@@ -5,7 +5,7 @@ from concurrent.futures import Executor
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,14 +14,67 @@ from estimators.sampling.likelihood import Noise
 from estimators.uncertainty.covariance import Uncertainty
 from estimators.validation.simulated_experiment import INTERVAL_METHODS, Experiment, Recipe
 from robotmodels.common.arrays import Array, BoolArray, IntArray, check_level, read_only
+from robotmodels.common.checkpoint_file import CheckpointFile
 from robotmodels.common.errors import IdentificationError, InvalidInput, SolverFailed, nearest
 from robotmodels.common.fingerprints import fingerprint
 from robotmodels.common.printing import Printed
 from robotmodels.common.progress import Progress
 from robotmodels.linear.response import Elastic, network_of
 
-if TYPE_CHECKING:
-    from estimators.validation.monte_carlo_checkpoint import RunStore
+Run = dict[str, Array] | str
+
+
+class RunStore:
+    """Results of runs in order, in an HDF5 file that is whole at any time.
+
+    Parameters
+    ----------
+    path : Path
+        Path of the file.
+    fingerprint : str
+        Fingerprint of the series, so that another one is not continued.
+    """
+
+    def __init__(self, path: Path, fingerprint: str) -> None:
+        self.file = CheckpointFile(path, fingerprint, "runs", "another series of experiments")
+
+    def load(self) -> list[Run]:
+        """Return the runs that are kept: arrays, or the reason why there are none.
+
+        Raises
+        ------
+        InvalidInput
+            If the file holds something else.
+        """
+        if not self.file.path.exists():
+            return []
+        with self.file.reading() as file:
+            reasons = file["reasons"].asstr()[:]
+            arrays = {name: file[name][:] for name in file if name != "reasons"}
+        return [
+            reason or {name: array[i] for name, array in arrays.items()}
+            for i, reason in enumerate(reasons)
+        ]
+
+    def save(self, runs: Sequence[Run]) -> None:
+        """Write all runs so far.
+
+        Raises
+        ------
+        InvalidInput
+            If the file cannot be written.
+        """
+        import h5py
+
+        shapes = next((run for run in runs if not isinstance(run, str)), {})
+        reasons = [run if isinstance(run, str) else "" for run in runs]
+        with self.file.writing() as file:
+            file.create_dataset("reasons", data=reasons, dtype=h5py.string_dtype())
+            for name, like in shapes.items():
+                nothing = np.full(np.shape(like), np.nan)
+                rows = [nothing if isinstance(run, str) else run[name] for run in runs]
+                file.create_dataset(name, data=np.stack(rows))
+
 
 # Runs between two writes.
 CHUNK = 20
@@ -99,15 +152,12 @@ class MonteCarlo(Printed):
         """Return the coverage over all parameters whose truth is known."""
         return float(np.nanmean(self.coverage(method)))
 
-    def band(self, probability: float = 0.99) -> tuple[float, float]:
-        """Return where the coverage of one exact interval lies with `probability`, binomial."""
+    def band(self) -> tuple[float, float]:
+        """Return where the coverage of one exact interval lies with 99 % probability, binomial."""
         from scipy.stats import binom
 
         n = len(self.estimates)
-        low, high = (
-            float(binom.ppf(tail, n, self.level)) / n
-            for tail in ((1 - probability) / 2, (1 + probability) / 2)
-        )
+        low, high = (float(binom.ppf(tail, n, self.level)) / n for tail in (0.005, 0.995))
         return low, high
 
     def covers(self, method: str) -> BoolArray:
@@ -197,7 +247,6 @@ def monte_carlo(
         If fewer than two runs have an answer, with the first reason.
     """
     _check(runs, methods, level)
-    from estimators.validation.monte_carlo_checkpoint import RunStore
 
     Noise(noise)  # refuses what does not fit before the first run
     recipe = Recipe(experiment, model, residual, weights, tuple(methods), level, noise)
@@ -223,12 +272,12 @@ def monte_carlo(
 def _results(
     recipe: Recipe,
     seeds: IntArray,
-    kept: "RunStore | None",
+    kept: RunStore | None,
     executor: Executor | None,
     progress: Progress | None,
-) -> list[dict[str, Array] | str]:
+) -> list[Run]:
     """Return what each run came to, those first that were kept."""
-    results = [] if kept is None else kept.load()[: len(seeds)]
+    results: list[Run] = [] if kept is None else kept.load()[: len(seeds)]
     while len(results) < len(seeds):
         tasks = [int(s) for s in seeds[len(results) : len(results) + CHUNK]]
         one = partial(Recipe.run, recipe)

@@ -5,7 +5,7 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from robotmodels.common.arrays import Array
+from robotmodels.common.arrays import Array, check_count
 from robotmodels.common.errors import InvalidInput, nearest
 
 # The first joint often turns about the vertical and then changes nothing; the next two carry
@@ -94,9 +94,7 @@ def sobol_positions(
     """
     from scipy.stats import qmc  # takes half a second to import
 
-    whole = isinstance(count, (int, np.integer)) and not isinstance(count, bool)
-    if not whole or count < 1:
-        raise InvalidInput(f"sobol: {count!r} points; a whole number >= 1 is needed")
+    check_count(count, "sobol: points")
     joints = list(robot.motor_joints)
     ranges = _ranges(limits, joints, np.asarray(robot.position_limits, dtype=float))
     sequence = qmc.Sobol(len(joints), scramble=rng is not None, rng=rng)
@@ -125,12 +123,7 @@ def _counts(
                 f"per_joint: {len(counts)} numbers for {len(joints)} joints ({', '.join(joints)})"
             )
     for joint, count in zip(joints, counts, strict=True):
-        whole = isinstance(count, (int, np.integer)) and not isinstance(count, bool)
-        if not whole or count < 1:
-            raise InvalidInput(
-                f"per_joint of joint {joint!r}: {count!r} leaves the grid empty; "
-                "a whole number >= 1 is needed"
-            )
+        check_count(count, f"per_joint of joint {joint!r}")
     return [int(count) for count in counts]
 
 

@@ -1,11 +1,17 @@
 """Candidate positions that bring a tool to points of a box in space."""
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
-from robotmodels.common.arrays import Array, IntArray, read_only, real_numbers
+from robotmodels.common.arrays import (
+    Array,
+    IntArray,
+    check_count,
+    is_count,
+    read_only,
+    real_numbers,
+)
 from robotmodels.common.errors import InvalidInput
 from robotmodels.common.progress import Progress
 from robotmodels.elastic.inverse_kinematics import Tool, inverse_kinematics
@@ -64,13 +70,10 @@ class TaskBox:
                 raise InvalidInput(f"{who}: {key} is zero; a direction is needed")
         if np.any(np.asarray(self.low) > np.asarray(self.high)):
             raise InvalidInput(f"{who}: low {list(self.low)} is above high {list(self.high)}")
-        if len(self.points) != 3 or not all(_whole(count) for count in self.points):
+        if len(self.points) != 3 or not all(map(is_count, self.points)):
             raise InvalidInput(f"{who}: points {self.points!r}; three whole numbers >= 1 needed")
         for key in ("solutions", "starts"):
-            if not _whole(getattr(self, key)):
-                raise InvalidInput(
-                    f"{who}: {key} is {getattr(self, key)!r}; a whole number >= 1 is needed"
-                )
+            check_count(getattr(self, key), f"{who}: {key}")
 
     def targets(self) -> Array:
         """Return the points, (T, 3) [m]; z runs fastest."""
@@ -158,8 +161,3 @@ def task_space_positions(
         target=read_only(np.repeat(np.arange(len(targets)), counts)),
         unreached=read_only(np.flatnonzero(counts == 0)),
     )
-
-
-def _whole(value: Any) -> bool:
-    whole = isinstance(value, (int, np.integer)) and not isinstance(value, bool)
-    return whole and int(value) >= 1

@@ -13,9 +13,9 @@ import numpy as np
 
 from oed.criteria.matrix_means import Kind, MatrixMean
 from oed.criteria.objective import Objective, Term
-from oed.information_sets.null_space import unit_diagonal_scaling
 from robotmodels.common.arrays import Array, real_numbers
 from robotmodels.common.errors import InvalidInput, nearest
+from robotmodels.common.symmetric_matrices import ROUNDING, unit_diagonal_scaling
 
 
 @runtime_checkable
@@ -144,7 +144,7 @@ class ICriterion:
         s = unit_diagonal_scaling(L)
         scaled = s[:, None] * L * s
         eigenvalues, vectors = np.linalg.eigh(0.5 * (scaled + scaled.T))
-        small = 1e-12 * len(L)
+        small = ROUNDING * len(L)
         missing = bool(np.abs(L[s == 0]).max(initial=0.0) > 0)
         if missing or eigenvalues[0] < -small or abs(scaled - scaled.T).max() > 1e3 * small:
             raise InvalidInput(

@@ -15,13 +15,13 @@ from typing import Literal
 import numpy as np
 from scipy.linalg import solve_triangular
 
-from oed.information_sets.null_space import unit_diagonal_scaling
 from robotmodels.common.arrays import Array
+from robotmodels.common.symmetric_matrices import ROUNDING, unit_diagonal_scaling
 
 Kind = Literal["D", "A", "E"]
 
 # Below this a pivot or an eigenvalue of a matrix of unit diagonal is rounding.
-_PIVOT, _EIGENVALUE = 1e-7, 1e-12
+_PIVOT = 1e-7
 OPEN = 1e-9
 """What a singular matrix may leave open of a unit combination and still be said to determine it."""
 
@@ -186,7 +186,7 @@ class MatrixMean:
         B = np.eye(len(s)) if self.combinations is None else self.combinations
         if S is None:
             eigenvalues, vectors = np.linalg.eigh(scaled)
-            known = eigenvalues > _EIGENVALUE * eigenvalues[-1]
+            known = eigenvalues > ROUNDING * eigenvalues[-1]
             # Where a whole diagonal entry is missing only the other parameters can be combined.
             away = np.abs(B[s == 0]).max(initial=0.0) > 0
             units = np.where(s > 0, s, 0.0)[:, None] * B

@@ -16,8 +16,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from oed.criteria.criteria import Criterion
-from oed.criteria.criteria import objective as stated
+from oed.criteria.criteria import Criterion, objective as stated
 from oed.design.constraints import Constraints
 from oed.design.polytope import Polytope
 from oed.design.problem import Problem

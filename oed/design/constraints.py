@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from oed.design.polytope import Polytope
-from robotmodels.common.arrays import Array, real_numbers
+from robotmodels.common.arrays import Array, check_above_zero, real_numbers
 from robotmodels.common.errors import InvalidInput
 
 
@@ -97,10 +97,10 @@ class Constraints:
         rows = []
         if self.experiments is not None or self.time is None:
             total = 1.0 if self.experiments is None else self.experiments
-            _positive(total, "experiments")
+            check_above_zero(total, "constraints: experiments")
             rows.append((f"experiments ({total:g})", np.ones(n), float(total)))
         if self.time is not None:
-            _positive(self.time, "time")
+            check_above_zero(self.time, "constraints: time")
             if self.durations is None:
                 raise InvalidInput("constraints: time needs durations, seconds for each experiment")
             durations = _per_candidate(self.durations, n, "durations")
@@ -147,11 +147,6 @@ class Constraints:
             )
         if len(allowed.rows) > 1:
             allowed.best(np.zeros(len(allowed.lower)))
-
-
-def _positive(value: float, what: str) -> None:
-    if not (np.isfinite(value) and value > 0):
-        raise InvalidInput(f"constraints: {what}: {value!r} is not a number > 0")
 
 
 def _per_candidate(values: ArrayLike, n: int, what: str, infinite: bool = False) -> Array:

@@ -7,13 +7,17 @@ import numpy as np
 
 from oed.criteria.objective import Objective, Term
 from oed.information_sets.null_space import (
-    SPREAD,
     open_combinations,
     unidentifiable,
-    unit_diagonal_scaling,
 )
 from robotmodels.common.arrays import Array
 from robotmodels.common.errors import NotIdentifiable
+from robotmodels.common.symmetric_matrices import (
+    ROUNDING,
+    SPREAD,
+    scaled_eigh,
+    unit_diagonal_scaling,
+)
 
 # Rounding moves white matrices, and so a gap, by some 4e-17 of the condition of all candidates'
 # information of unit diagonal: beyond this no design can be certified to 1e-6.
@@ -22,7 +26,7 @@ _CONDITION = 1e10
 _ROUNDING = 16 * np.finfo(float).eps
 # Of such eigenvalues, the largest that is called open in messages; and what the null space may
 # hold of a unit combination that is determined.
-_OPEN_RATIO, _OPEN = 1e-12, 1e-8
+_OPEN = 1e-8
 _REMEDY = "add positions or frequencies, or fix or tie some of these parameters"
 _COLLINEAR = (
     f"all candidates together tell combinations of them apart by less than 1/{_CONDITION:.0e} of "
@@ -69,13 +73,12 @@ class Coordinates:
         """
         transforms, inverses, condition = [], [], 1.0
         for k, reference in enumerate(references):
-            s = unit_diagonal_scaling(reference)
+            s, eigenvalues, vectors = scaled_eigh(reference)
             small = (s > 0) & (unit_diagonal_scaling(reference, SPREAD) == 0)
             if small.any():
                 raise NotIdentifiable([names[i] for i in np.flatnonzero(small)], _SMALL)
-            eigenvalues, vectors = np.linalg.eigh(s[:, None] * reference * s)
             ratios = eigenvalues / max(eigenvalues[-1], 1.0)
-            weak = vectors[:, ratios <= _OPEN_RATIO]
+            weak = vectors[:, ratios <= ROUNDING]
             if weak.shape[1] and any(
                 _needs(term, s, weak) for term in objective.terms if term.sample == k
             ):

@@ -10,8 +10,7 @@ import numpy as np
 from oed.criteria.criteria import Criterion, objective
 from oed.design.active_set import solve
 from oed.design.constraints import Constraints
-from oed.design.design import SHOWN as SHOWN
-from oed.design.design import Design as Design
+from oed.design.design import SHOWN as SHOWN, Design as Design
 from oed.design.polytope import Polytope
 from oed.design.problem import DesignSolver, Problem
 from oed.design.solvers import design_solver

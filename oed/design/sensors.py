@@ -18,7 +18,7 @@ from oed.design.design import Design
 from oed.design.sensor_relaxation import Shop, relaxed_choice
 from oed.information_sets.candidates import check_candidates
 from oed.information_sets.information_set import InformationSet
-from robotmodels.common.arrays import Array
+from robotmodels.common.arrays import Array, check_above_zero
 from robotmodels.common.errors import InvalidInput, NotIdentifiable
 from robotmodels.common.printing import Printed
 
@@ -155,8 +155,7 @@ def _checked(
     check_candidates(base, "base")
     if not sensors:
         raise InvalidInput("sensors: none given; at least one is needed")
-    if not (np.isfinite(budget) and budget >= 0):
-        raise InvalidInput(f"budget: {budget!r} is not a number >= 0")
+    check_above_zero(budget, "budget", zero=True)
     for name, sensor in sensors.items():
         other = sensor.information
         check_candidates(other, f"sensors: {name}: information")
@@ -165,8 +164,7 @@ def _checked(
                 f"sensors: {name}: {len(other)} candidates and parameters "
                 f"{', '.join(other.names)}; {len(base)} and {', '.join(base.names)} are needed"
             )
-        if not (np.isfinite(sensor.cost) and sensor.cost >= 0):
-            raise InvalidInput(f"sensors: {name}: cost {sensor.cost!r} is not a number >= 0")
+        check_above_zero(sensor.cost, f"sensors: {name}: cost", zero=True)
     costs = np.array([sensor.cost for sensor in sensors.values()])
     added = np.stack([sensor.information.matrices for sensor in sensors.values()])
     return tuple(sensors), costs, added

@@ -7,7 +7,7 @@ import numpy as np
 from scipy.optimize import linprog
 
 from oed.information_sets.information_set import InformationSet
-from robotmodels.common.arrays import Array, IntArray, real_numbers
+from robotmodels.common.arrays import Array, IntArray, check_above_zero, real_numbers
 from robotmodels.common.errors import InvalidInput, SolverFailed
 
 
@@ -79,8 +79,7 @@ class Spectra:
                     f"limits: {name}: cost of shape {cost.shape}; numbers >= 0 of shape "
                     f"{(f,)} or {(n, f)} are needed"
                 )
-            if not (np.isfinite(limit.most) and limit.most > 0):
-                raise InvalidInput(f"limits: {name}: most: {limit.most!r} is not a number > 0")
+            check_above_zero(limit.most, f"limits: {name}: most")
             costs[:, r], bounds[r] = cost, limit.most
         if not line_most > 0:
             raise InvalidInput(f"line_most: {line_most!r} is not a number > 0")

@@ -123,13 +123,13 @@ def best_plans(
     )
 
 
-def _neighbours(problem: WholeProblem, counts: IntArray, most: int = 64) -> list[IntArray]:
+def _neighbours(problem: WholeProblem, counts: IntArray) -> list[IntArray]:
     """Return plans one exchange away, into the candidates of the highest prices."""
     information = problem.information(counts)
     objective = problem.objective
     slope = objective.price(objective.witness(information), information.shape)
     prices = problem.candidates.prices(slope)
-    size = min(most, len(prices))
+    size = min(64, len(prices))
     plans = []
     for entering in np.argpartition(-prices, size - 1)[:size]:
         for leaving in np.flatnonzero(counts > problem.least):

@@ -9,8 +9,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from oed.criteria.criteria import CRITERIA, Criterion
-from oed.criteria.criteria import objective as stated
+from oed.criteria.criteria import CRITERIA, Criterion, objective as stated
 from oed.design.certificate import certify, checked_weights, efficiency_bound, not_negative
 from oed.design.constraints import Constraints
 from oed.design.design import SHOWN, Design
@@ -22,7 +21,7 @@ from oed.exact.exchange import Pool, WholeProblem, exchange, fill
 from oed.exact.minimum_experiments import first_sample, too_few
 from oed.information_sets.candidates import Candidates, check_candidates
 from oed.information_sets.null_space import open_combinations, unidentifiable
-from robotmodels.common.arrays import Array, IntArray, read_only
+from robotmodels.common.arrays import Array, IntArray, check_count, read_only
 from robotmodels.common.errors import InvalidInput, NotIdentifiable
 from robotmodels.common.printing import Printed
 
@@ -225,9 +224,7 @@ def _allowed(
     n_experiments: int | None, constraints: Constraints | None, n_candidates: int
 ) -> Polytope:
     if n_experiments is not None:
-        whole = isinstance(n_experiments, (int, np.integer)) and not isinstance(n_experiments, bool)
-        if not whole or n_experiments < 1:
-            raise InvalidInput(f"n_experiments: {n_experiments!r} is not a whole number >= 1")
+        check_count(n_experiments, "n_experiments")
     number = float(_EXPERIMENTS if n_experiments is None else n_experiments)
     if constraints is None:
         return replace(Polytope.shares(n_candidates), bounds=np.array([number]))

@@ -7,8 +7,8 @@ import numpy as np
 from oed.criteria.matrix_means import MatrixMean
 from oed.criteria.objective import Objective
 from oed.information_sets.candidates import sensitivities
-from oed.information_sets.null_space import unit_diagonal_scaling
 from robotmodels.common.arrays import Array, BoolArray, IntArray
+from robotmodels.common.symmetric_matrices import unit_diagonal_scaling
 
 # Usually the first few decide.
 _FIRST, _BATCH = 4, 32

@@ -8,6 +8,7 @@ from oed.design.polytope import Polytope
 from oed.exact.exchange import WholeProblem
 from oed.information_sets.null_space import weak_directions
 from robotmodels.common.arrays import Array
+from robotmodels.common.symmetric_matrices import ROUNDING
 
 
 def too_few(problem: WholeProblem, n_experiments: int) -> str:
@@ -54,7 +55,7 @@ def _least_experiments(problem: WholeProblem) -> int:
         block = np.arange(start, min(start + 2048, len(problem.candidates)))
         matrices = problem.candidates.take(block).reshape(len(block), -1, p, p)[:, 0]
         eigenvalues = np.linalg.eigvalsh(matrices)
-        ranks = (eigenvalues > 1e-12 * eigenvalues[:, -1:]).sum(axis=1)
+        ranks = (eigenvalues > ROUNDING * eigenvalues[:, -1:]).sum(axis=1)
         largest = max(largest, int(ranks.max()))
     return max(-(-p // largest), 2)
 

@@ -12,8 +12,7 @@ import numpy as np
 
 from oed.candidates.grids import sobol_positions
 from oed.candidates.screening import usable
-from oed.criteria.criteria import Criterion
-from oed.criteria.criteria import objective as stated
+from oed.criteria.criteria import Criterion, objective as stated
 from oed.criteria.objective import Objective
 from oed.design.certificate import certify
 from oed.design.design import Design

@@ -11,10 +11,11 @@ from oed.design.design import Design
 from oed.exact.exact_design import ExactDesign, finished, relaxation
 from oed.exact.gain_bounds import best_addition
 from oed.information_sets.candidates import Candidates, check_candidates
-from oed.information_sets.null_space import unit_diagonal_scaling, weak_directions
+from oed.information_sets.null_space import weak_directions
 from robotmodels.common.arrays import Array, IntArray, read_only, real_numbers
 from robotmodels.common.errors import InvalidInput
 from robotmodels.common.printing import Printed
+from robotmodels.common.symmetric_matrices import scaled_eigh
 
 _CONSIDERED = 512
 _SAME = 1e-6  # [rad] or [m]
@@ -158,8 +159,7 @@ def standard_deviations(information: Array) -> Array:
     of the others does not depend on those.
     """
     matrix = information if information.ndim == 2 else information[0]
-    s = unit_diagonal_scaling(matrix)
-    eigenvalues, vectors = np.linalg.eigh(s[:, None] * matrix * s)
+    s, eigenvalues, vectors = scaled_eigh(matrix)
     null = weak_directions(matrix)
     known = vectors[:, null.shape[1] :] / np.sqrt(eigenvalues[null.shape[1] :])
     std = s * np.linalg.norm(known, axis=1)

@@ -12,7 +12,7 @@ from oed.design.optimal_design import checked_prior
 from oed.exact.exact_design import ExactDesign, exact_design
 from oed.exact.plan_score import standard_deviations
 from oed.information_sets.candidates import Candidates, check_candidates
-from robotmodels.common.arrays import Array, IntArray, read_only
+from robotmodels.common.arrays import Array, IntArray, check_above_zero, read_only
 from robotmodels.common.errors import InvalidInput, NotIdentifiable, nearest
 from robotmodels.common.printing import Printed
 from robotmodels.common.progress import Progress
@@ -259,8 +259,7 @@ def experiments_needed(
         If `std` is not positive, a name is unknown, or `most` experiments are too few (saying what
         they reach).
     """
-    if not (np.isfinite(std) and std > 0):
-        raise InvalidInput(f"std: {std!r}; a positive number is needed (0.01 for one percent)")
+    check_above_zero(std, "std (0.01 for one percent)")
     check_candidates(info)
     chosen = _chosen(info.names, parameters)
     attempt = partial(_attempt, info, known=known, criterion=criterion, constraints=constraints)

@@ -12,7 +12,7 @@ from oed.experiment.moves import Move, MoveLimits, move
 from oed.experiment.multisine import Multisine
 from oed.experiment.plan_files import OrderSection, PlanFile, read_plan, write_plan
 from oed.experiment.visiting_order import VisitingOrder
-from robotmodels.common.arrays import Array, IntArray, read_only
+from robotmodels.common.arrays import Array, IntArray, check_count, read_only
 from robotmodels.common.errors import InvalidInput
 
 
@@ -72,9 +72,7 @@ class ExperimentPlan:
         positions = self.moves.check(self.positions)
         repetitions = checked_repetitions(self.repetitions, len(positions))
         for name, least in (("periods", 1), ("transient_periods", 0)):
-            value = getattr(self, name)
-            if isinstance(value, bool) or not isinstance(value, int) or value < least:
-                raise InvalidInput(f"{name}: {value!r}; a whole number >= {least} is needed")
+            object.__setattr__(self, name, check_count(getattr(self, name), name, least))
         n, visits = len(self.moves.motors), int(repetitions.sum())
         if self.multisine.inputs != n:
             raise InvalidInput(

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from robotmodels.common.arrays import Array, read_only
+from robotmodels.common.arrays import Array, check_above_zero, read_only
 from robotmodels.common.errors import InvalidInput
 
 # Largest slope and curvature of the quintic 10 t^3 - 15 t^4 + 6 t^5 on [0, 1].
@@ -61,8 +61,7 @@ class MoveLimits:
                 raise InvalidInput(f"{key} of moves: shape {given.shape}; ({n},) is needed")
             values = np.array(np.broadcast_to(given, (n,)))
             for name, value in zip(motors, values, strict=True):
-                if not (np.isfinite(value) and value > 0):
-                    raise InvalidInput(f"motor {name!r}: {key} of moves {value:g} is not positive")
+                check_above_zero(value, f"motor {name!r}: {key} of moves")
             object.__setattr__(self, key, read_only(values))
 
     def check(self, positions: Array, what: str = "position") -> Array:
@@ -133,8 +132,7 @@ def move(
     InvalidInput
         If an end lies outside the limits, or the sample time is not positive.
     """
-    if not (np.isfinite(sample_time) and sample_time > 0):
-        raise InvalidInput(f"sample_time: {sample_time!r} s is not a positive time")
+    check_above_zero(sample_time, "sample_time [s]")
     ends = [
         limits.check(np.atleast_2d(e), what)[0] for e, what in ((start, "start"), (goal, "goal"))
     ]

@@ -12,7 +12,14 @@ from typing import Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
-from robotmodels.common.arrays import Array, ComplexArray, IntArray, read_only
+from robotmodels.common.arrays import (
+    Array,
+    ComplexArray,
+    IntArray,
+    check_above_zero,
+    check_count,
+    read_only,
+)
 from robotmodels.common.errors import InvalidInput
 
 Spacing = Literal["linear", "quasi_log"]
@@ -57,11 +64,8 @@ class Multisine:
 
     def __post_init__(self) -> None:
         for name, least in (("samples", 3), ("inputs", 1)):
-            value = getattr(self, name)
-            if isinstance(value, bool) or not isinstance(value, int) or value < least:
-                raise InvalidInput(f"{name}: {value!r}; a whole number >= {least} is needed")
-        if not (np.isfinite(self.sample_time) and self.sample_time > 0):
-            raise InvalidInput(f"sample_time: {self.sample_time!r} s is not a positive time")
+            object.__setattr__(self, name, check_count(getattr(self, name), name, least))
+        check_above_zero(self.sample_time, "sample_time [s]")
         lines = _checked_lines("lines", self.lines, self)
         detection = _checked_lines("detection", self.detection, self)
         if not len(lines):
@@ -210,8 +214,7 @@ def random_phases(grid: Multisine, n_blocks: int, *, rng: np.random.Generator) -
     InvalidInput
         If there is no block.
     """
-    if isinstance(n_blocks, bool) or not isinstance(n_blocks, int) or n_blocks < 1:
-        raise InvalidInput(f"blocks: {n_blocks!r}; a whole number >= 1 is needed")
+    check_count(n_blocks, "blocks")
     return rng.uniform(0.0, 2 * np.pi, (n_blocks, len(grid.lines), grid.inputs))
 
 

@@ -24,8 +24,7 @@ from robotmodels.common.file_paths import reason
 from robotmodels.common.fingerprints import fingerprint
 from robotmodels.common.yaml_files import Strict, read_yaml
 from robotmodels.common.yaml_reader import reads_as_text
-from robotmodels.data_files.array_schema import ArraySchema
-from robotmodels.data_files.array_schema import Field as ArrayField
+from robotmodels.data_files.array_schema import ArraySchema, Field as ArrayField
 from robotmodels.data_files.hdf5_file import open_hdf5
 
 _ARRAYS = ("phases", "amplitudes", "scale")

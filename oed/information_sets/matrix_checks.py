@@ -3,9 +3,9 @@
 import numpy as np
 from numpy.typing import ArrayLike
 
-from oed.information_sets.null_space import SPREAD, unit_diagonal_scaling
 from robotmodels.common.arrays import Array
 from robotmodels.common.errors import InvalidInput
+from robotmodels.common.symmetric_matrices import SPREAD, unit_diagonal_scaling
 
 _SYMMETRY_TOLERANCE = 1e-9
 _MOST_SCALED = 1e100

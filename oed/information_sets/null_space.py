@@ -5,38 +5,28 @@ from collections.abc import Sequence
 import numpy as np
 
 from robotmodels.common.arrays import Array
+from robotmodels.common.symmetric_matrices import (
+    ROUNDING,
+    SPREAD,
+    scaled_eigh,
+    unit_diagonal_scaling,
+)
 
-# Rounding leaves a singular information matrix of unit diagonal with eigenvalues near 1e-15.
-_RANK_TOLERANCE = 1e-12
-SPREAD = 1.0 / (16 * np.finfo(float).eps)
-"""Beyond this ratio of sensitivities, 2.8e14, the smaller one cannot be told from rounding."""
 # Of parts that are equal but for rounding the first is taken, on every processor.
 _TIE = 1e-6
 
 
-def unit_diagonal_scaling(matrices: Array, spread: float = np.inf) -> Array:
-    """Return s, (..., p), such that s_i H_ij s_j has a diagonal of ones, or zero where H_ii is.
-
-    A parameter's unit then has no say in ranks, inverses and determinants. Sensitivities that are
-    smaller than the largest by more than `spread` count as zero.
-    """
-    diagonal = np.abs(np.diagonal(matrices, axis1=-2, axis2=-1))
-    usable = diagonal > diagonal.max(axis=-1, keepdims=True) / spread / spread
-    return np.where(usable, 1.0 / np.sqrt(np.where(usable, diagonal, 1.0)), 0.0)
-
-
-def weak_directions(matrix: Array, tolerance: float = _RANK_TOLERANCE) -> Array:
+def weak_directions(matrix: Array, tolerance: float = ROUNDING) -> Array:
     """Return an orthonormal basis, (p, k), of the null space of the scaled information (p, p).
 
     Eigenvalues up to `tolerance` of the largest one count as zero.
     """
-    s = unit_diagonal_scaling(matrix, SPREAD)
-    eigenvalues, vectors = np.linalg.eigh(s[:, None] * matrix * s)
+    _, eigenvalues, vectors = scaled_eigh(matrix, SPREAD)
     return np.asarray(vectors[:, eigenvalues <= tolerance * max(eigenvalues[-1], 1.0)])
 
 
 def unidentifiable(
-    matrix: Array, names: Sequence[str], tolerance: float = _RANK_TOLERANCE
+    matrix: Array, names: Sequence[str], tolerance: float = ROUNDING
 ) -> tuple[str, ...]:
     """Return the names of the parameters on which `matrix` (p, p) leaves a direction open."""
     part = np.linalg.norm(weak_directions(matrix, tolerance), axis=1)

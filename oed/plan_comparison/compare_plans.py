@@ -10,14 +10,14 @@ import numpy as np
 from estimators.uncertainty.covariance import Uncertainty
 from estimators.validation.monte_carlo import MonteCarlo, monte_carlo
 from estimators.validation.simulated_experiment import FrfExperiment
-from oed.criteria.criteria import Criterion
-from oed.criteria.criteria import objective as stated
+from oed.criteria.criteria import Criterion, objective as stated
 from oed.information_sets.candidates import Candidates, check_candidates
 from oed.information_sets.null_space import unidentifiable
 from oed.plan_comparison.plan_comparison import LEVEL, PlanComparison, PlanTrial, ratio_interval
 from robotmodels.common.arrays import Array, IntArray, read_only
 from robotmodels.common.errors import InvalidInput, NotIdentifiable, SolverFailed
 from robotmodels.common.progress import Progress
+from robotmodels.common.symmetric_matrices import scaled_inverse
 from robotmodels.linear.derived_models import held
 from robotmodels.linear.noise import NoiseLaw
 from robotmodels.linear.response import Elastic
@@ -184,9 +184,7 @@ def _planned(info: Candidates, name: str, counts: IntArray) -> PlanTrial:
     trial = PlanTrial(name, read_only(support), read_only(counts[support]))
     if names := unidentifiable(total, info.names):
         return replace(trial, unidentified=names)
-    size = np.sqrt(np.diagonal(total))
-    covariance = np.linalg.inv(total / np.outer(size, size)) / np.outer(size, size)
-    promised = Uncertainty(info.names, covariance, "Theorem 1")
+    promised = Uncertainty(info.names, scaled_inverse(total), "Theorem 1")
     return replace(trial, information=read_only(total), promised=promised)
 
 

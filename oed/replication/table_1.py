@@ -110,10 +110,10 @@ def groups_of(robot: ElasticRobot) -> Groups:
     return Groups(places(True, 1), places(False, 1), places(True, 2), places(False, 2))
 
 
-def found_share(evaluation: Evaluation, name: str = REFERENCE) -> Array:
-    """Return for each parameter (p,) the part of an estimator's models within [0.5, 2]."""
+def found_share(evaluation: Evaluation) -> Array:
+    """Return for each parameter (p,) the part of the reference's models within [0.5, 2]."""
     low, high = REASONABLE_RANGE
-    relative = evaluation.relative[evaluation.of(name)]
+    relative = evaluation.relative[evaluation.of(REFERENCE)]
     return np.asarray(((relative >= low) & (relative <= high)).mean(axis=0))
 
 

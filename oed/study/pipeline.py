@@ -14,12 +14,14 @@ from estimators.uncertainty.covariance import Uncertainty
 from oed.candidates.screening import ScreenedCandidates
 from oed.study.results import FittedStudy, PlannedStudy, StudyResults
 from oed.study.settings.study_file import Study
-from oed.study.stages import data_stages as study_data
-from oed.study.stages import design_stages as study_design
-from oed.study.stages import fit_stages as study_fits
-from oed.study.stages import measured_design_stages as study_measured
-from oed.study.stages import uncertainty_stages as study_uncertainty
-from oed.study.stages import validation_stages as study_validation
+from oed.study.stages import (
+    data_stages as study_data,
+    design_stages as study_design,
+    fit_stages as study_fits,
+    measured_design_stages as study_measured,
+    uncertainty_stages as study_uncertainty,
+    validation_stages as study_validation,
+)
 from oed.study.stages.comparison_stage import check_comparison, compared
 from oed.study.stages.context import Run
 from oed.study.stages.data_stages import Data, SimulatedExperiment

@@ -25,8 +25,7 @@ def json_schema(kind: str) -> dict[str, Any]:
         For another kind of file.
     """
     from oed.experiment import experiment_file as experiment
-    from oed.study.settings import candidates_settings, design_settings
-    from oed.study.settings import study_file as study
+    from oed.study.settings import candidates_settings, design_settings, study_file as study
     from robotmodels.description import robot_file
 
     shaken = key_words(experiment)

@@ -2,8 +2,12 @@
 
 import numpy as np
 
-from oed.replication.paper import ALL_SPRINGS, REASONABLE_BY_COST, REASONABLE_BY_SPRINGS
-from oed.replication.paper import TABLE_1 as PAPER_TABLE
+from oed.replication.paper import (
+    ALL_SPRINGS,
+    REASONABLE_BY_COST,
+    REASONABLE_BY_SPRINGS,
+    TABLE_1 as PAPER_TABLE,
+)
 from oed.replication.replicate import Replication
 from oed.replication.time_domain_comparison import Rivalry
 from oed.study.settings.replication_settings import ESTIMATORS

@@ -6,7 +6,7 @@ from oed.candidates.screening import ScreenedCandidates
 from oed.study.results import StudyResults
 from reports import text
 from reports.page_elements import Column, Number, Row, Section, Table, filled, numbers, table
-from reports.sections.position_labels import place_numbers
+from reports.sections.plan_labels import place_numbers
 
 
 def section(results: StudyResults) -> Section | None:

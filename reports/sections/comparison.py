@@ -19,7 +19,7 @@ from reports.page_elements import (
     numbers,
     table,
 )
-from reports.sections.cost import cost
+from reports.sections.plan_labels import cost
 from robotmodels.common.arrays import Array
 
 

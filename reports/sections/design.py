@@ -7,7 +7,7 @@ from oed.study.settings.design_settings import DesignChoice
 from reports import text
 from reports.figures import study_figures
 from reports.page_elements import Column, Number, Section, Table, figure, filled, numbers, table
-from reports.sections.cost import cost
+from reports.sections.plan_labels import cost
 from reports.sections.verdict import discredited
 
 

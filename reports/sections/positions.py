@@ -8,8 +8,7 @@ from oed.study.results import StudyResults
 from reports import text
 from reports.figures import robot_pictures
 from reports.page_elements import Cell, Number, Section, Table, filled, numbers, table
-from reports.sections.cost import visit_noun, visits
-from reports.sections.position_labels import place_numbers, prismatic
+from reports.sections.plan_labels import place_numbers, prismatic, visit_noun, visits
 from robotmodels.elastic.rigid_pose import joint_origins
 
 

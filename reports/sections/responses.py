@@ -7,7 +7,7 @@ from oed.study.results import StudyResults
 from reports.figures import response_panels
 from reports.figures.response_panels import lines_drawn
 from reports.page_elements import Figure, Section, figure, filled
-from reports.sections.position_labels import labels
+from reports.sections.plan_labels import labels
 from robotmodels.common.arrays import IntArray
 
 

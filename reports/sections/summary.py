@@ -5,7 +5,7 @@ import numpy as np
 from oed.study.results import StudyResults
 from reports import text
 from reports.page_elements import Section, filled
-from reports.sections.cost import cost, counts
+from reports.sections.plan_labels import cost, counts
 from reports.sections.verdict import usable
 
 

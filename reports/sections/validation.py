@@ -18,7 +18,7 @@ from reports.page_elements import (
     numbers,
     table,
 )
-from reports.sections.position_labels import prismatic
+from reports.sections.plan_labels import prismatic
 
 
 def section(results: StudyResults) -> Section | None:

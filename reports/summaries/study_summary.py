@@ -8,8 +8,8 @@ import numpy as np
 from estimators.trust.trust import Trust
 from oed.study.json_output import promised_document
 from oed.study.results import FittedStudy, PlannedStudy, StudyResults
-from reports.sections.cost import cost
 from reports.sections.fit import reached, reached_words
+from reports.sections.plan_labels import cost
 from reports.sections.verdict import discredited, interval_words, usable
 from reports.summaries.columns import hung, plain, plural
 from reports.text import duration, efficiency, percent

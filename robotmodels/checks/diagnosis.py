@@ -8,6 +8,7 @@ import numpy as np
 from robotmodels.checks.bodies import Body, bodies
 from robotmodels.common.arrays import Array, ComplexArray
 from robotmodels.common.errors import InvalidInput, SolverFailed
+from robotmodels.common.symmetric_matrices import unit_diagonal_scaling
 from robotmodels.description.robot_file import Choice, Hardening
 from robotmodels.elastic.dynamics import gravity, mass_matrices
 from robotmodels.elastic.equilibrium import Equilibrium
@@ -312,11 +313,10 @@ def _inseparable(
     weights = 1 / RelativeNoise().variance(response)
     flat = (np.sqrt(weights)[..., None] * free).reshape(-1, len(names))
     information = (np.conj(flat).T @ flat).real
-    size = np.sqrt(np.diag(information))
-    seen = size > 0
-    correlation = information / np.outer(np.where(seen, size, 1.0), np.where(seen, size, 1.0))
+    s = unit_diagonal_scaling(information)
+    correlation = s[:, None] * information * s
     apart = np.sqrt(np.maximum(1 - correlation**2, np.finfo(float).eps))
-    pairs = np.argwhere(np.triu((apart < 1 / _INSEPARABLE) & np.outer(seen, seen), 1))
+    pairs = np.argwhere(np.triu(apart < 1 / _INSEPARABLE, 1))
     return tuple(InseparablePair((names[i], names[j]), float(1 / apart[i, j])) for i, j in pairs)
 
 

@@ -11,7 +11,7 @@ import coal
 import numpy as np
 import pinocchio as pin
 
-from robotmodels.common.arrays import Array
+from robotmodels.common.arrays import Array, check_above_zero
 from robotmodels.common.errors import InvalidInput
 from robotmodels.common.file_paths import check_file
 from robotmodels.description.ranges import MOST_LENGTH
@@ -87,8 +87,8 @@ def robot_shapes(robot: ElasticRobot, link_radius: float | None = None) -> Robot
         If a shape of the URDF cannot be read, or `link_radius` is not positive or is given although
         the URDF has shapes.
     """
-    if link_radius is not None and not (np.isfinite(link_radius) and link_radius > 0):
-        raise InvalidInput(f"link_radius: {link_radius!r} m; a positive length is needed")
+    if link_radius is not None:
+        check_above_zero(link_radius, "link_radius [m]")
     path = locate(robot.file.urdf, robot.folder)
     drawn, missing = _drawn(robot.rigid, path)
     if drawn and link_radius is not None:

@@ -12,10 +12,9 @@ import coal
 import numpy as np
 import pinocchio as pin
 
-from robotmodels.collision.obstacles import Box, Obstacle, Plane
-from robotmodels.collision.obstacles import floor as floor_at
+from robotmodels.collision.obstacles import Box, Obstacle, Plane, floor as floor_at
 from robotmodels.collision.shapes import RobotShapes, Shape, robot_shapes
-from robotmodels.common.arrays import Array, BoolArray
+from robotmodels.common.arrays import Array, BoolArray, check_above_zero
 from robotmodels.common.errors import InvalidInput, nearest
 from robotmodels.common.progress import Progress
 from robotmodels.elastic.rigid_pose import configurations
@@ -81,8 +80,7 @@ class Surroundings:
                     f"ignored: {link!r} is not a link with a collision shape"
                     f"{nearest(link, links)}; there are {', '.join(links)}"
                 )
-        if not (np.isfinite(self.margin) and self.margin >= 0):
-            raise InvalidInput(f"margin: {self.margin!r} m; a length >= 0 is needed")
+        check_above_zero(self.margin, "margin [m]", zero=True)
         names = [obstacle.name for obstacle in self.obstacles]
         for name in names:
             if names.count(name) > 1:

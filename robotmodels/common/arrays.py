@@ -1,7 +1,9 @@
 """Types of arrays, and checks of numbers that people give."""
 
 import os
-from typing import TypeVar
+from math import isfinite
+from numbers import Real
+from typing import TypeGuard, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -63,6 +65,39 @@ def whole_numbers(values: ArrayLike, what: str) -> IntArray:
         place = f" at {', '.join(map(str, index))} (counted from 0)" if index else ""
         raise InvalidInput(f"{what}: {reals[index]:.17g}{place}; whole numbers are needed")
     return reals.astype(np.int64)
+
+
+def is_count(value: object, least: int = 1) -> TypeGuard[int]:
+    """Tell whether a number of things is whole, and at least `least`; True is no number."""
+    whole = isinstance(value, int | np.integer) and not isinstance(value, bool)
+    return whole and bool(value >= least)  # type: ignore[operator]
+
+
+def check_count(value: object, what: str, least: int = 1) -> int:
+    """Return a number of things, which must be whole and at least `least`.
+
+    Raises
+    ------
+    InvalidInput
+        Starting with `what`.
+    """
+    if not is_count(value, least):
+        raise InvalidInput(f"{what}: {value!r}; a whole number >= {least} is needed")
+    return int(value)
+
+
+def check_above_zero(value: object, what: str, *, zero: bool = False) -> None:
+    """Refuse what is not a finite number above zero, or, with `zero`, from zero on.
+
+    Raises
+    ------
+    InvalidInput
+        Starting with `what`.
+    """
+    finite = isinstance(value, Real) and isfinite(value)
+    if not (finite and (value > 0 or (zero and value == 0))):  # type: ignore[operator]
+        shown = f"{value:g}" if isinstance(value, np.floating) else repr(value)
+        raise InvalidInput(f"{what}: {shown} is not a number {'>=' if zero else '>'} 0")
 
 
 def truth_values(values: ArrayLike, what: str) -> BoolArray:

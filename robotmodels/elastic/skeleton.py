@@ -9,6 +9,7 @@ import pinocchio as pin
 
 from robotmodels.common.arrays import Array, IntArray
 from robotmodels.common.errors import InvalidInput
+from robotmodels.common.symmetric_matrices import ROUNDING, scaled_eigh
 from robotmodels.description.robot_file import RobotFile
 from robotmodels.elastic.arm import Arm
 from robotmodels.elastic.dynamics import mass_and_gravity, mass_matrices
@@ -147,9 +148,8 @@ def check_mass(layout: Layout) -> None:
     for c, motor in zip(layout.motors, layout.file.motors, strict=True):
         if c < layout.arm_size:
             mass[c, c] += motor.inertia * motor.gear_ratio**2
-    scale = np.sqrt(np.maximum(np.diag(mass), np.finfo(float).tiny))
-    values, vectors = np.linalg.eigh(mass / np.outer(scale, scale))
-    if values[0] < 1e-12:
+    _, values, vectors = scaled_eigh(mass)
+    if values[0] < ROUNDING:
         worst = layout.names[int(np.argmax(np.abs(vectors[:, 0])))]
         raise InvalidInput(
             f"a motion about {worst!r} moves no mass: the links beyond it need moments of inertia"

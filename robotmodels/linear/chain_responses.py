@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from robotmodels.common.arrays import Array, ComplexArray
+from robotmodels.common.arrays import Array, ComplexArray, check_above_zero
 from robotmodels.common.errors import InvalidInput
 from robotmodels.linear.coupled_chains import CoupledChains
 from robotmodels.linear.linear_model import LinearModel
@@ -99,8 +99,7 @@ def modally_damped(model: LinearModel, ratio: float) -> LinearModel:
     InvalidInput
         If the ratio is negative, or the mass matrix not positive definite.
     """
-    if not (np.isfinite(ratio) and ratio >= 0):
-        raise InvalidInput(f"ratio: {ratio!r} is not a damping ratio >= 0")
+    check_above_zero(ratio, "damping ratio", zero=True)
     flexible = resonances(model)
     image = model.mass @ flexible.shapes
     damping = (image * (2 * ratio * flexible.frequencies)) @ image.T

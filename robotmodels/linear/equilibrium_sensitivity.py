@@ -1,15 +1,11 @@
 """What frozen equilibria leave out: derivatives of everything but the springs themselves."""
 
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from robotmodels.common.arrays import Array, ComplexArray, IntArray
 from robotmodels.linear.linear_model import LinearModel
-
-if TYPE_CHECKING:
-    pass
 
 
 @dataclass(frozen=True, eq=False)

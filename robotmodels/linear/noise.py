@@ -5,7 +5,7 @@ from typing import Protocol, runtime_checkable
 
 import numpy as np
 
-from robotmodels.common.arrays import Array, ComplexArray
+from robotmodels.common.arrays import Array, ComplexArray, check_above_zero
 from robotmodels.common.errors import InvalidInput
 from robotmodels.linear.spring_network import SpringNetwork
 
@@ -51,9 +51,7 @@ class RelativeNoise:
 
     def __post_init__(self) -> None:
         for name in ("relative", "floor"):
-            value = getattr(self, name)
-            if not (np.isfinite(value) and value >= 0):
-                raise InvalidInput(f"noise.{name}: {value!r} is not a number >= 0")
+            check_above_zero(getattr(self, name), f"noise.{name}", zero=True)
         if self.relative == 0 and self.floor == 0:
             raise InvalidInput("noise: relative and floor are both zero; one must be positive")
 

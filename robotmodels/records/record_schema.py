@@ -1,14 +1,9 @@
 """What files of records hold."""
 
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 from robotmodels.data_files.array_schema import ArraySchema, Field
 from robotmodels.description.ranges import MOST_LENGTH
-
-if TYPE_CHECKING:
-    pass
-
 
 RECORDS_SCHEMA = "records/1"
 NEEDED = "records are"

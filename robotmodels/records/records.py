@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from robotmodels.common.arrays import (
     Array,
     IntArray,
+    check_above_zero,
     read_only,
     real_numbers,
     truth_values,
@@ -164,8 +165,7 @@ def check_periods(periods: int, transient: int) -> None:
 
 
 def _check_shapes(r: Records) -> None:
-    if not (np.isfinite(r.sample_time) and r.sample_time > 0):
-        raise InvalidInput(f"sample_time: {r.sample_time!r} s is not a positive time")
+    check_above_zero(r.sample_time, "sample_time [s]")
     if r.torque.ndim != 6 or 0 in r.torque.shape:
         raise InvalidInput(
             f"torque: shape {r.torque.shape} given; (positions, blocks, runs, periods, "

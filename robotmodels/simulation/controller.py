@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from robotmodels.common.arrays import Array, ComplexArray, read_only
+from robotmodels.common.arrays import Array, ComplexArray, check_above_zero, read_only
 from robotmodels.common.errors import InvalidInput
 from robotmodels.elastic.dynamics import mass_matrices
 from robotmodels.elastic.robot import ElasticRobot
@@ -76,8 +76,7 @@ class Controller:
                 what = "positive" if positive else "a finite number >= 0"
                 raise InvalidInput(f"controller: {name} of motor {i} is {array[i]:g}, not {what}")
             object.__setattr__(self, name, read_only(array))
-        if not (np.isfinite(self.sample_time) and self.sample_time > 0):
-            raise InvalidInput(f"controller: sample_time {self.sample_time!r} is not positive")
+        check_above_zero(self.sample_time, "controller: sample_time")
 
     @property
     def filter_pole(self) -> Array:
@@ -113,8 +112,7 @@ def default_controller(robot: ElasticRobot, sample_time: float) -> Controller:
     InvalidInput
         If the sample time is not positive.
     """
-    if not (np.isfinite(sample_time) and sample_time > 0):
-        raise InvalidInput(f"controller: sample_time {sample_time!r} is not positive")
+    check_above_zero(sample_time, "controller: sample_time")
     slow, fast = _inertias(robot)
     limit = _LARGEST_STEP * fast / sample_time
     ones = np.ones(len(slow))

@@ -1,16 +1,12 @@
 """What a simulated robot does that the linear model knows nothing of."""
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from robotmodels.common.arrays import Array
 from robotmodels.common.errors import InvalidInput
-
-if TYPE_CHECKING:
-    pass
 
 
 @dataclass(frozen=True)

@@ -67,8 +67,7 @@ def _own_direction(own: np.ndarray) -> dict[str, float]:
     By each study's own standard deviation and t quantile; z is that of 38 tests with known noise,
     of which 5.3 have a power of 95 %.
     """
-    from scipy.stats import norm
-    from scipy.stats import t as student
+    from scipy.stats import norm, t as student
 
     own = own[np.isfinite(own[:, 0])]
     estimates, std, dof, tests, _, shift = own.T
@@ -82,8 +81,7 @@ def _own_direction(own: np.ndarray) -> dict[str, float]:
 
 def _outlier_power(cell: Cell) -> float:
     """Return the probability that the exact law of a single line sees an outlier."""
-    from scipy.stats import f as f_law
-    from scipy.stats import ncf
+    from scipy.stats import f as f_law, ncf
     from trust_systems import system
 
     plant = system(cell.system)

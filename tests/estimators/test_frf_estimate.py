@@ -2,7 +2,6 @@ import numpy as np
 import pytest
 from mass_springs import OMEGA, POSITIONS, MassSprings
 
-import estimators
 from estimators import FrfEstimate, simulate_frf
 from estimators.frf.frf_estimate import is_full, unvec, vec
 from robotmodels import InvalidInput, RelativeNoise, frequency_response
@@ -136,14 +135,6 @@ def test_positions_not_measured_are_refused():
         simulate_frf(
             MassSprings(), POSITIONS, OMEGA, NOISE, np.random.default_rng(1), np.array([1, 1, 0])
         )
-
-
-def test_public_names_exist_and_functions_are_not_modules():
-    for name in estimators.__all__:
-        assert callable(getattr(estimators, name)) or name.isupper(), name
-    with pytest.raises(AttributeError, match="no attribute 'nothing'"):
-        _ = estimators.nothing
-    assert set(estimators.__all__) <= set(dir(estimators))
 
 
 def test_an_estimate_is_printed_in_a_line():

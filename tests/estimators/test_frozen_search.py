@@ -5,7 +5,6 @@ import pytest
 from test_least_squares import MODEL, noisy
 
 from estimators import Prior, fit, simulate_frf
-from estimators.fitting.equilibrium_gradient import with_sag
 from estimators.fitting.fit_problem import stated
 from estimators.fitting.fixed_equilibrium_search import (
     CorrectedModel,
@@ -13,6 +12,7 @@ from estimators.fitting.fixed_equilibrium_search import (
     frozen_search,
     hardens,
     squares,
+    with_sag,
 )
 from estimators.fitting.search import search
 from estimators.fitting.trust_region import exact_search

@@ -73,26 +73,6 @@ def test_the_cost_is_wm_4b_and_stationary(residual):
         assert cost(x - step) > found.cost
 
 
-class Counting(MassSprings):
-    """Keeps the parameters it was evaluated at."""
-
-    def __init__(self):
-        super().__init__()
-        object.__setattr__(self, "values", [])
-
-    def network(self, positions, parameters=None):
-        if parameters is not None:
-            self.values.append(tuple(parameters))
-        return super().network(positions, parameters)
-
-
-def test_evaluations_are_counted_and_serve_residual_and_jacobian():
-    model = Counting()
-    weights = user_weights(noisy())
-    found = fit(model, noisy(), start=1.1 * TRUTH, weights=weights)
-    assert found.evaluations == len(set(model.values))
-
-
 def test_elements_without_weight_may_be_zero():
     estimate = exact()
     response = estimate.response.copy()

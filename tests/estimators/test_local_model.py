@@ -78,8 +78,8 @@ def test_averaging_more_blocks_narrows_it():
     ("options", "message"),
     [
         ({"half_width": 1}, r"3 lines with 1 runs give 3 equations for 6 unknowns"),
-        ({"order": -1}, "order: -1 is not a whole number of at least 0"),
-        ({"denominator": 0.5}, "denominator: 0.5 is not a whole number"),
+        ({"order": -1}, "order: -1; a whole number >= 0"),
+        ({"denominator": 0.5}, "denominator: 0.5; a whole number"),
         ({"structure": "half"}, "structure 'half' is none of"),
     ],
 )

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from estimators import FrfExperiment, cross_check, fit, monte_carlo, simulate_frf
-from estimators.validation.monte_carlo_checkpoint import RunStore
+from estimators.validation.monte_carlo import RunStore
 from estimators.validation.simulated_experiment import INTERVAL_METHODS, intervals_of
 from robotmodels import CoupledChains, InvalidInput, RelativeNoise, SolverFailed
 

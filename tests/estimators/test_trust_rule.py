@@ -4,8 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from scipy.stats import chi2, ks_1samp
-from scipy.stats import t as student
+from scipy.stats import chi2, ks_1samp, t as student
 from trust_cells import Cell, linearisation_of, one_step, simulate
 
 import estimators

@@ -10,8 +10,7 @@ import pytest
 from campaign import mutant, run, wrong
 from formats import FORMATS
 from hostile import CASES
-from hypothesis import HealthCheck, given, settings
-from hypothesis import strategies as st
+from hypothesis import HealthCheck, given, settings, strategies as st
 from runner import Runner
 
 MUTANTS = 30

@@ -2,8 +2,7 @@ from itertools import combinations_with_replacement
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from hypothesis import given, settings, strategies as st
 from random_candidates import quadratic_regression, random_set
 
 from oed import Constraints, Group, best_plans
@@ -56,20 +55,6 @@ def test_within_constraints():
     wanted = objective("D", info.names)
     found = [wanted.log_value(plan.information) for plan in best.plans]
     np.testing.assert_allclose(found, expected, atol=1e-6)
-    assert best.proven
-
-
-def test_a_plan_better_than_exchange_finds(monkeypatch):
-    """Begun from a poor plan, the search alone finds the best one."""
-    import oed.exact.best_plans as module
-
-    info = random_set(7, 12, 3, 2)
-    poor = np.bincount([8, 9, 10, 11], minlength=12)
-    monkeypatch.setattr(module, "exchanged", lambda *_: poor)
-    monkeypatch.setattr(module, "_neighbours", lambda *_: [])
-    best = best_plans(info, 4)
-    value = objective("D", info.names).log_value(best.plans[0].information)
-    assert value == pytest.approx(values_of_all(info, 4)[0], abs=1e-6)
     assert best.proven
 
 

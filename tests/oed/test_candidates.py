@@ -58,7 +58,7 @@ def test_joint_without_limits_needs_a_range():
 @pytest.mark.parametrize(
     ("per_joint", "limits", "message"),
     [
-        ((1, 0, 2), None, "per_joint of joint 'elbow': 0 leaves the grid empty"),
+        ((1, 0, 2), None, "per_joint of joint 'elbow': 0; a whole number >= 1"),
         ((1, 2.5, 2), None, "joint 'elbow': 2.5"),
         ({"wrist": True}, None, "joint 'wrist': True"),
         ((1, 2), None, "per_joint: 2 numbers for 3 joints"),
@@ -96,5 +96,5 @@ def test_sobol_points_of_any_number_and_narrowed():
 
 @pytest.mark.parametrize("count", [0, -1, 2.5, True])
 def test_number_of_sobol_points(count):
-    with pytest.raises(InvalidInput, match=r"sobol: .* points; a whole number >= 1"):
+    with pytest.raises(InvalidInput, match=r"sobol: points: .*; a whole number >= 1"):
         sobol_positions(ARM, count)

@@ -3,8 +3,7 @@ import sys
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from hypothesis import given, settings, strategies as st
 from random_candidates import quadratic_regression, random_set
 
 from oed import efficiency_bound, optimal_design, optimality_gap

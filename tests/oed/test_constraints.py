@@ -1,8 +1,7 @@
 import cvxpy as cp
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from hypothesis import given, settings, strategies as st
 from random_candidates import information_set, random_set
 from scipy.optimize import linprog
 

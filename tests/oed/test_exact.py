@@ -3,8 +3,7 @@ from itertools import combinations_with_replacement
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from hypothesis import given, settings, strategies as st
 from random_candidates import information_set, quadratic_regression, random_set
 
 from oed import (
@@ -156,7 +155,7 @@ def test_enough_experiments_kept_from_where_they_would_tell():
 
 @pytest.mark.parametrize("n_experiments", [0, -3, 2.5, True, "15"])
 def test_number_of_experiments(n_experiments):
-    with pytest.raises(InvalidInput, match=r"n_experiments: .* is not a whole number >= 1"):
+    with pytest.raises(InvalidInput, match=r"n_experiments: .*; a whole number >= 1 is needed"):
         exact_design(quadratic_regression(np.linspace(-1, 1, 5)), n_experiments)
 
 

@@ -4,8 +4,7 @@ from dataclasses import dataclass
 import h5py
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 from random_candidates import information_set, random_set
 
 from oed import InformationSet, candidate_positions, information, sobol_positions

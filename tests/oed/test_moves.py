@@ -58,9 +58,9 @@ def test_errors_name_the_motor(start, goal, message):
         ({"positions": [[0, 1]]}, r"shape \(1, 2\); \(2, 2\) is needed"),
         ({"positions": [[0, 1], [1, 0]]}, r"motor 'b': position limits \[1, 0\]"),
         ({"positions": [[0, np.inf], [0, 1]]}, r"motor 'a': position limits \[0, inf\]"),
-        ({"speed": [1, 0]}, "motor 'b': speed of moves 0 is not positive"),
+        ({"speed": [1, 0]}, "motor 'b': speed of moves: 0 is not a number > 0"),
         ({"speed": [1, 1, 1]}, r"speed of moves: shape \(3,\)"),
-        ({"acceleration": np.nan}, "motor 'a': acceleration of moves nan"),
+        ({"acceleration": np.nan}, "motor 'a': acceleration of moves: nan"),
     ],
 )
 def test_errors_of_limits(changed, message):
@@ -71,5 +71,5 @@ def test_errors_of_limits(changed, message):
 
 
 def test_sample_time_must_be_positive():
-    with pytest.raises(InvalidInput, match="sample_time: 0 s is not a positive time"):
+    with pytest.raises(InvalidInput, match=r"sample_time \[s\]: 0 is not a number > 0"):
         move((0, 0), (1, 1), LIMITS, 0)

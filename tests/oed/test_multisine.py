@@ -154,7 +154,7 @@ def test_no_clipping_leaves_the_signals():
         ({"samples": 0}, "samples: 0; a whole number >= 3"),
         ({"samples": 400.0}, r"samples: 400\.0; a whole number"),
         ({"inputs": 0}, "inputs: 0; a whole number >= 1"),
-        ({"sample_time": 0.0}, r"sample_time: 0\.0 s is not a positive time"),
+        ({"sample_time": 0.0}, r"sample_time \[s\]: 0\.0 is not a number > 0"),
         ({"lines": [1, 200]}, "line 200 is not between 1 and the last below .* 199, of 400"),
         ({"lines": [0, 1]}, "line 0 is not between 1"),
         ({"lines": [1, 4]}, "lines: line 4 is even; leave it out or give odd=False"),

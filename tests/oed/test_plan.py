@@ -178,7 +178,7 @@ def test_export_needs_a_ratio_per_motor(tmp_path):
         ({"blocks": 0}, "blocks: 0; a whole number >= 1"),
         ({"repetitions": (1,)}, r"repetitions: shape \(1,\) given; \(2,\), one per position"),
         ({"repetitions": (1, 0)}, "repetitions of position 1: 0; a whole number >= 1"),
-        ({"speed": (1.0, -1.0)}, "motor 'm2': speed of moves -1 is not positive"),
+        ({"speed": (1.0, -1.0)}, "motor 'm2': speed of moves: -1 is not a number > 0"),
     ],
 )
 def test_errors_of_a_plan_take_one_line(keywords, message):

@@ -3,8 +3,7 @@ import pickle
 import cvxpy as cp
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from hypothesis import given, settings, strategies as st
 from random_candidates import information_set, quadratic_regression, random_set
 
 from oed import optimal_design

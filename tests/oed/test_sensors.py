@@ -142,7 +142,7 @@ def test_sensors_that_make_parameters_identifiable():
         ({}, 1.0, "D", "sensors: none given"),
         (shop(1), -1.0, "D", "budget: -1.0 is not a number >= 0"),
         ({"a": Sensor(random_set(0, 5, P, 2))}, 1.0, "D", "sensors: a: 5 candidates"),
-        ({"a": Sensor(BASE, np.nan)}, 1.0, "D", "sensors: a: cost nan is not a number >= 0"),
+        ({"a": Sensor(BASE, np.nan)}, 1.0, "D", "sensors: a: cost: nan is not a number >= 0"),
         (shop(1), 2.0, "F", "criterion 'F' is not known"),
     ],
 )

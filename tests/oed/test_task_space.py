@@ -87,7 +87,7 @@ def test_points_out_of_reach_are_counted(tmp_path):
         ({"low": (0, 0, 2)}, "low .* is above high"),
         ({"points": (1, 0, 1)}, r"points \(1, 0, 1\); three whole numbers"),
         ({"direction": (0, 0, 0)}, "direction is zero"),
-        ({"solutions": 0}, "solutions is 0; a whole number >= 1"),
+        ({"solutions": 0}, "solutions: 0; a whole number >= 1"),
     ],
 )
 def test_bad_boxes(entries, message):

@@ -5,8 +5,7 @@ import re
 import pytest
 
 from oed.experiment import experiment_file as experiment
-from oed.study.settings import candidates_settings, design_settings
-from oed.study.settings import study_file as study
+from oed.study.settings import candidates_settings, design_settings, study_file as study
 from reports.commands.schemas import json_schema, key_words
 from robotmodels.description import robot_file
 

@@ -21,8 +21,7 @@ from reports.figures.svg import LIGHT
 from reports.figures.uncertainty_figures import corner_plot, corner_spans, three_ticks
 from reports.page_elements import Column, Number, Section, filled, numbers, page, table
 from reports.pages import comparison
-from reports.sections import cross_check, residuals
-from reports.sections import identifiability as weak_directions
+from reports.sections import cross_check, identifiability as weak_directions, residuals
 from reports.sections.fit import reached_words
 from reports.sections.verdict import banner, interval_words, quote
 

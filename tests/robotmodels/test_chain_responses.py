@@ -110,7 +110,10 @@ def test_noise_is_on_the_angle_and_the_seed_decides(controller):
     [
         (lambda: chain_response(CHAINS, OMEGA, [3]), "held: chain 3; there are chains 0 to 2"),
         (lambda: position_controlled(CHAINS.linear_model(), [1, 2]), "3 finite numbers >= 0"),
-        (lambda: modally_damped(CHAINS.linear_model(), -1.0), "not a damping ratio"),
+        (
+            lambda: modally_damped(CHAINS.linear_model(), -1.0),
+            "damping ratio: -1.0 is not a number >= 0",
+        ),
         (
             lambda: constrained_response(np.ones((4, 3, 2)), OMEGA, np.ones(3)),
             r"response: shape \(4, 3, 2\)",

@@ -184,9 +184,9 @@ def test_a_mesh_beside_the_urdf_is_found(tmp_path):
 @pytest.mark.parametrize(
     ("entries", "message"),
     [
-        ({"margin": -1.0}, "margin: -1.0 m; a length >= 0"),
+        ({"margin": -1.0}, r"margin \[m\]: -1.0 is not a number >= 0"),
         ({"link_radius": 0.1}, "link_radius: arm.urdf has collision shapes of its own"),
-        ({"link_radius": -0.1}, "link_radius: -0.1 m; a positive length"),
+        ({"link_radius": -0.1}, r"link_radius \[m\]: -0.1 is not a number > 0"),
         ({"floor": np.nan}, "floor is nan; a finite number"),
         ({"ignored": [("hand", "bse")]}, r"'bse' is not a link .*did you mean 'base'"),
         (

@@ -9,7 +9,6 @@ import pytest
 import estimators
 import oed
 import robotmodels
-from robotmodels.common.lazy_exports import loaded_when_used
 
 HEAVY = ("numpy", "scipy", "pydantic", "numba", "pinocchio", "coal", "cvxpy", "emcee")
 
@@ -34,11 +33,8 @@ def test_functions_stay_when_modules_inside_are_imported():
 
 
 def test_an_unknown_name_is_told():
-    with pytest.raises(AttributeError, match="module 'estimators' has no attribute 'fitt'"):
+    with pytest.raises(AttributeError, match="estimators attribute fitt"):
         estimators.fitt  # noqa: B018
-    find, _ = loaded_when_used("robotmodels", {})
-    with pytest.raises(AttributeError, match="'robotmodels' has no attribute 'load_robot'"):
-        find("load_robot")
 
 
 @pytest.mark.parametrize("package", ["robotmodels", "estimators", "oed"])

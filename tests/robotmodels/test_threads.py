@@ -5,8 +5,7 @@ from collections.abc import Iterator
 
 import numba
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 
 from robotmodels.kernel.threads import WORTHWHILE, over_threads
 

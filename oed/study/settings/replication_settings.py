@@ -1,13 +1,10 @@
 """What a study file says of the published study that it repeats."""
 
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 from pydantic import Field
 
 from robotmodels.common.yaml_files import Strict
-
-if TYPE_CHECKING:
-    pass
 
 
 class RivalChoice(Strict):

@@ -1,10 +1,30 @@
-"""How positions are written."""
+"""How the positions of a plan, its visits and its runs are written."""
 
-from oed.study.results import StudyResults
+from oed.study.results import PlannedStudy, StudyResults
 from reports import text
 from reports.page_elements import Number
-from reports.sections.cost import visits
 from robotmodels.common.arrays import Array
+
+
+def counts(results: PlannedStudy) -> dict[str, int]:
+    """Return how many visits and runs; of measured data, how many blocks were averaged."""
+    visits = results.visits
+    return {visit_noun(results): visits, "run": visits * results.runs_per_visit}
+
+
+def cost(results: PlannedStudy) -> str:
+    """Return ``15 visits, 90 runs``."""
+    return ", ".join(text.plural(count, noun) for noun, count in counts(results).items())
+
+
+def visits(results: PlannedStudy, candidate: int) -> str:
+    """Return how often one candidate is visited, ``2 visits``."""
+    return text.plural(int(results.exact.repetitions[candidate]), visit_noun(results))
+
+
+def visit_noun(results: PlannedStudy) -> str:
+    """Return what is counted in a position: of measured data only the blocks are known."""
+    return "block" if results.study.data.measured else "visit"
 
 
 def prismatic(results: StudyResults) -> list[bool]:

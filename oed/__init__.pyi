@@ -1,0 +1,127 @@
+from .candidates.grids import (
+    candidate_positions as candidate_positions,
+    sobol_positions as sobol_positions,
+)
+from .candidates.screening import (
+    Removal as Removal,
+    ScreenedCandidates as ScreenedCandidates,
+    screened_candidates as screened_candidates,
+)
+from .candidates.sources import (
+    Workcell as Workcell,
+    gathered_candidates as gathered_candidates,
+    read_positions as read_positions,
+)
+from .candidates.task_space import (
+    TaskBox as TaskBox,
+    TaskPositions as TaskPositions,
+    task_space_positions as task_space_positions,
+)
+from .criteria.criteria import (
+    AsCriterion as AsCriterion,
+    CCriterion as CCriterion,
+    Criterion as Criterion,
+    DsCriterion as DsCriterion,
+    ICriterion as ICriterion,
+    MixtureCriterion as MixtureCriterion,
+)
+from .criteria.matrix_means import MatrixMean as MatrixMean
+from .criteria.objective import Objective as Objective, Term as Term
+from .criteria.prediction_variance import (
+    log_frf_gradients as log_frf_gradients,
+    log_resonance_gradients as log_resonance_gradients,
+    prediction_matrix as prediction_matrix,
+)
+from .criteria.robust_criteria import (
+    AverageCriterion as AverageCriterion,
+    MaximinCriterion as MaximinCriterion,
+)
+from .design.certificate import (
+    efficiency_bound as efficiency_bound,
+    optimality_gap as optimality_gap,
+)
+from .design.constraints import Constraints as Constraints, Group as Group
+from .design.cvxpy_solver import Cvxpy as Cvxpy
+from .design.design import Design as Design
+from .design.interior_point import Newton as Newton
+from .design.optimal_design import optimal_design as optimal_design
+from .design.problem import (
+    DesignSolver as DesignSolver,
+    ScaledProblem as ScaledProblem,
+    SolverAnswer as SolverAnswer,
+)
+from .design.robust_design import RobustDesign as RobustDesign, robust_design as robust_design
+from .design.sensors import (
+    Sensor as Sensor,
+    SensorDesign as SensorDesign,
+    optimal_sensors as optimal_sensors,
+)
+from .design.spectrum import SpectrumDesign as SpectrumDesign, optimal_spectrum as optimal_spectrum
+from .design.spectrum_polytope import LineLimit as LineLimit
+from .exact.best_plans import BestPlans as BestPlans, best_plans as best_plans
+from .exact.exact_design import ExactDesign as ExactDesign, exact_design as exact_design
+from .exact.local_ascent import Region as Region
+from .exact.off_grid import (
+    RefinedDesign as RefinedDesign,
+    refined_design as refined_design,
+    refined_over as refined_over,
+)
+from .exact.plan_score import Addition as Addition, Score as Score, score as score
+from .exact.sequential import (
+    ExperimentCurve as ExperimentCurve,
+    Needed as Needed,
+    NextExperiments as NextExperiments,
+    experiment_curve as experiment_curve,
+    experiments_needed as experiments_needed,
+    measured_information as measured_information,
+    next_experiments as next_experiments,
+)
+from .experiment.amplitude_scaling import (
+    Binding as Binding,
+    Limits as Limits,
+    Scaling as Scaling,
+    scale as scale,
+)
+from .experiment.draw_plan import (
+    crest_factor as crest_factor,
+    experiment_plan as experiment_plan,
+    reduced_crest as reduced_crest,
+)
+from .experiment.experiment_plan import ExperimentPlan as ExperimentPlan
+from .experiment.moves import Move as Move, MoveLimits as MoveLimits, move as move
+from .experiment.multisine import (
+    Multisine as Multisine,
+    band_multisine as band_multisine,
+    fourier_matrix as fourier_matrix,
+    random_phases as random_phases,
+)
+from .experiment.plan_export import export_csv as export_csv, export_mat as export_mat
+from .experiment.predicted_peaks import Peaks as Peaks, predicted_peaks as predicted_peaks
+from .experiment.run_experiment import (
+    Plant as Plant,
+    SimulatedPlant as SimulatedPlant,
+    run_plan as run_plan,
+)
+from .experiment.visiting_order import (
+    VisitingOrder as VisitingOrder,
+    visiting_order as visiting_order,
+)
+from .information_sets.candidates import InformationSamples as InformationSamples
+from .information_sets.compute import information as information
+from .information_sets.information_set import InformationSet as InformationSet
+from .information_sets.parts import (
+    line_information as line_information,
+    sensor_information as sensor_information,
+    speed_cost as speed_cost,
+)
+from .information_sets.stored_information import StoredInformation as StoredInformation
+from .plan_comparison.baseline_plans import (
+    even_plan as even_plan,
+    grid_plan as grid_plan,
+    random_plan as random_plan,
+)
+from .plan_comparison.compare_plans import compare_plans as compare_plans
+from .plan_comparison.plan_comparison import (
+    PlanComparison as PlanComparison,
+    PlanTrial as PlanTrial,
+)

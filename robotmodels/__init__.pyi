@@ -1,0 +1,51 @@
+from .collision.obstacles import Box as Box, Plane as Plane, Sphere as Sphere
+from .collision.surroundings import Surroundings as Surroundings, surroundings as surroundings
+from .common.errors import (
+    IdentificationError as IdentificationError,
+    IdentificationWarning as IdentificationWarning,
+    InvalidInput as InvalidInput,
+    NoEquilibrium as NoEquilibrium,
+    NotIdentifiable as NotIdentifiable,
+    SolverFailed as SolverFailed,
+)
+from .common.process_pool import ProcessPool as ProcessPool
+from .description.parameters import Parameters as Parameters
+from .elastic.robot import ElasticRobot as ElasticRobot
+from .library import builtin_robots as builtin_robots, load_robot as load_robot
+from .linear.chain_responses import (
+    chain_response as chain_response,
+    constrained_response as constrained_response,
+    modally_damped as modally_damped,
+    position_controlled as position_controlled,
+)
+from .linear.coupled_chains import CoupledChains as CoupledChains
+from .linear.derived_models import AtValues as AtValues
+from .linear.linear_model import LinearModel as LinearModel
+from .linear.modes import (
+    anti_resonances as anti_resonances,
+    clamped as clamped,
+    damped_modes as damped_modes,
+    resonances as resonances,
+    rigid_modes as rigid_modes,
+)
+from .linear.noise import NoiseLaw as NoiseLaw, RelativeNoise as RelativeNoise
+from .linear.residuals import ResidualForm as ResidualForm
+from .linear.response import (
+    frequency_response as frequency_response,
+    linearize as linearize,
+    sensitivity as sensitivity,
+)
+from .linear.spring_network import SpringNetwork as SpringNetwork
+from .records.records import (
+    Records as Records,
+    iterate_records as iterate_records,
+    save_records as save_records,
+)
+from .simulation.controller import (
+    Controller as Controller,
+    default_controller as default_controller,
+)
+from .simulation.imperfections import Imperfections as Imperfections
+from .simulation.linear_simulation import simulate_linear as simulate_linear
+from .simulation.loop_noise import ClosedLoopNoise as ClosedLoopNoise
+from .simulation.simulate import simulate as simulate
