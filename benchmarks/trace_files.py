@@ -2,11 +2,11 @@
 
     python benchmarks/trace_files.py
 
-A file counts if one of its functions returns, or ends, while the marked number is in its hands: in
-an argument or a local variable, or in an element, array or attribute of one, two levels deep. The
-position is one of those in a study file, followed by `oed run` to the page of the report; the
-record's is its position, followed by `oed frf` to that page. Imports and code that only passes by
-do not count.
+A file holds a position if one of its functions ends while a marked number is in its hands: as an
+argument, a local variable or the result, in arrays and lists of any depth. It holds an object with
+the position if that is in a field of one of these, and carries one if it is a field further down.
+One position is of a study file, followed by `oed run` to the page of the report; the other is that
+of a file of records, followed by `oed frf` to the page of its FRFs. Templates count as files.
 """
 
 import contextlib
@@ -24,7 +24,7 @@ ROOT = Path(__file__).resolve().parents[1]
 PACKAGES = tuple(f"{ROOT / name}/" for name in ("robotmodels", "estimators", "oed", "reports"))
 MARK = -1.234567890123
 """An angle that no other number equals."""
-DEPTH = 2
+LEVELS = "held itself", "in a field of an object held", "in a field of such a field"
 MOST_ITEMS = 64
 
 ROBOT = """\
@@ -54,18 +54,18 @@ output: results
 """
 
 
-def holds(value: Any, depth: int = DEPTH) -> bool:
-    """Return whether the marked number is in a value, or `depth` levels below it."""
+def holds(value: Any, depth: int) -> bool:
+    """Return whether the marked number is in a value, or in fields up to `depth` levels below."""
     if isinstance(value, float):
         return value == MARK
     if isinstance(value, np.ndarray):
         return value.dtype.kind == "f" and bool((value == MARK).any())
+    if isinstance(value, tuple | list):
+        return any(holds(item, depth) for item in value[:MOST_ITEMS])
+    if isinstance(value, dict):
+        return len(value) <= MOST_ITEMS and any(holds(item, depth) for item in value.values())
     if depth == 0 or isinstance(value, type):
         return False
-    if isinstance(value, tuple | list):
-        return any(holds(item, depth - 1) for item in value[:MOST_ITEMS])
-    if isinstance(value, dict):
-        return len(value) <= MOST_ITEMS and any(holds(item, depth - 1) for item in value.values())
     module = getattr(type(value), "__module__", "").partition(".")[0]
     if module not in ("robotmodels", "estimators", "oed", "reports"):
         return False
@@ -73,16 +73,19 @@ def holds(value: Any, depth: int = DEPTH) -> bool:
 
 
 @contextlib.contextmanager
-def traced() -> Iterator[set[str]]:
-    """Give the set of files that the marked number passes through meanwhile."""
-    files: set[str] = set()
+def traced() -> Iterator[dict[str, int]]:
+    """Give the files that the marked number passes through meanwhile, with the least depth."""
+    files: dict[str, int] = {}
 
     def look(frame: FrameType, event: str, value: Any) -> None:
         name = frame.f_code.co_filename
-        if event != "return" or name in files or not name.startswith(PACKAGES):
+        if event != "return" or not name.startswith(PACKAGES):
             return
-        if holds(value) or any(map(holds, list(frame.f_locals.values()))):
-            files.add(name)
+        values = [value, *frame.f_locals.values()]
+        for depth in range(files.get(name, len(LEVELS))):
+            if any(holds(item, depth) for item in values):
+                files[name] = depth
+                return
 
     sys.setprofile(look)
     try:
@@ -105,11 +108,14 @@ def run(*words: object) -> None:
                 raise SystemExit(errors.getvalue()) from None
 
 
-def show(title: str, files: set[str]) -> None:
+def show(title: str, files: dict[str, int]) -> None:
     """Print how many files there are, and which."""
-    print(f"{title}: {len(files)} files")
-    for name in sorted(files):
-        print("  ", Path(name).relative_to(ROOT))
+    print(title)
+    for depth, words in enumerate(LEVELS):
+        names = sorted(name for name, least in files.items() if least == depth)
+        print(f"  {words}: {len(names)} files")
+        for name in names:
+            print("    ", Path(name).relative_to(ROOT))
 
 
 def main() -> None:
