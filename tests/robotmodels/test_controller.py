@@ -101,7 +101,7 @@ def test_published_gains() -> None:
         ({"position_gain": np.array([1.0, np.nan])}, "position_gain of motor 1 is nan"),
         ({"filter_time": np.array([np.inf, 0.0])}, "filter_time of motor 0 is inf"),
         ({"position_gain": np.ones(3)}, r"position_gain has shape \(3,\)"),
-        ({"sample_time": 0.0}, "sample_time 0.0"),
+        ({"sample_time": 0.0}, "sample_time: 0.0"),
     ],
 )
 def test_gains_out_of_range(change: dict[str, object], message: str) -> None:
@@ -110,5 +110,5 @@ def test_gains_out_of_range(change: dict[str, object], message: str) -> None:
 
 
 def test_a_sample_time_is_needed() -> None:
-    with pytest.raises(InvalidInput, match="sample_time -1"):
+    with pytest.raises(InvalidInput, match="sample_time: -1"):
         default_controller(robotmodels.load_robot("ur5"), -1.0)

@@ -102,7 +102,7 @@ def test_part_of_an_experiment_may_not(signal: str) -> None:
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        ({"sample_time": 0.0}, "sample_time: 0.0"),
+        ({"sample_time": 0.0}, r"sample_time \[s\]: 0.0"),
         ({"torque": np.zeros((2, 3))}, "torque: shape"),
         ({"positions": np.zeros((2, n))}, r"positions: shape \(2, 2\)"),
         ({"reference": np.zeros((Q, B, E, P, N - 1, n))}, "reference: shape .* is needed"),
