@@ -22,6 +22,9 @@ REPEATED = 3
 Widths are medians, which more runs leave as they are.
 """
 
+UNWRITTEN = ("all_coverage", "scatter_over_std", "bias", "reasons")
+"""Figures that help to find a cause, and that the page has no use for."""
+
 DOCS = Path(__file__).parents[2] / "docs"
 
 
@@ -89,11 +92,11 @@ def _merged(document: dict[str, Any], results: list[dict[str, Any]]) -> dict[str
 
 def _plain(value: Any) -> Any:
     if isinstance(value, dict):
-        return {k: _plain(v) for k, v in value.items()}
+        return {k: _plain(v) for k, v in value.items() if k not in UNWRITTEN}
     if isinstance(value, (list, tuple, np.ndarray)):
         return [_plain(v) for v in value]
     if isinstance(value, (float, np.floating)):
-        return float(f"{value:.4g}") if np.isfinite(value) else None
+        return float(f"{value:.3g}") if np.isfinite(value) else None
     return value
 
 
