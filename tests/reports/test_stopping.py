@@ -12,6 +12,9 @@ import ctypes, os, signal, sys, threading
 from reports.commands import stopping
 from reports.commands.stopping import stoppable, stopping_at_steps, waking, watched_signals
 
+# As in a terminal: what runs the tests may ignore signals, as nohup does.
+signal.signal(signal.SIGHUP, signal.SIG_DFL)
+signal.signal(signal.SIGINT, signal.default_int_handler)
 compared = ctypes.CFUNCTYPE(ctypes.c_int, ctypes.c_void_p, ctypes.c_void_p)
 forever = threading.Event().wait
 
