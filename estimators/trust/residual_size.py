@@ -134,7 +134,7 @@ def line_probabilities(fit: LinearisedFit, factor: Array | float = 1.0) -> Array
         ratio = 2 * ratio
         from scipy.stats import f as f_law
 
-        return np.where(fit.used, f_law.sf(ratio, 1, nu), 1.0)
+        return np.where(fit.used, f_law.sf(ratio, 1, np.minimum(nu, 1e9)), 1.0)
     with np.errstate(invalid="ignore", over="ignore"):
         estimated = (1 + ratio / nu) ** -nu
     return np.where(fit.used, np.where(np.isfinite(nu), estimated, np.exp(-ratio)), 1.0)

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from scipy.stats import chi2, ks_1samp, t as student
+from scipy.stats import chi2, ks_1samp, norm, t as student
 from trust_cells import Cell, linearisation_of, one_step, simulate
 
 import estimators
@@ -88,6 +88,14 @@ def test_a_single_line_has_its_own_degrees_of_freedom():
     dof = line_scatter(fit, rows, white_errors(F)).degrees_of_freedom
     assert dof[0] == pytest.approx(2 * 3)
     assert 2 * 3 * 20 < dof[1] <= 2 * 3 * Q * F
+
+
+def test_probabilities_of_magnitudes_with_declared_noise():
+    """Those of normal numbers; once they were no numbers, and every fit of magnitudes an outlier."""
+    fit, _ = fit_of(np.random.default_rng(2))
+    real = replace(fit, residuals=fit.residuals.real, jacobian=fit.jacobian.real, real=True)
+    expected = 2 * norm.sf(np.sqrt(2) * np.abs(real.residuals))
+    np.testing.assert_allclose(line_probabilities(real), expected, rtol=1e-6)
 
 
 @pytest.mark.parametrize("nu", [1, 2, 5])
