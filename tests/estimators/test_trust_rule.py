@@ -91,7 +91,7 @@ def test_a_single_line_has_its_own_degrees_of_freedom():
 
 
 def test_probabilities_of_magnitudes_with_declared_noise():
-    """Those of normal numbers; once they were no numbers, and every fit of magnitudes an outlier."""
+    """Once they were no numbers, and every fit of magnitudes had an outlier."""
     fit, _ = fit_of(np.random.default_rng(2))
     real = replace(fit, residuals=fit.residuals.real, jacobian=fit.jacobian.real, real=True)
     expected = 2 * norm.sf(np.sqrt(2) * np.abs(real.residuals))
