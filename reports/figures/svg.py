@@ -55,6 +55,8 @@ def inline(draw: Callable[[Palette], Figure], name: str, alt: str) -> Markup:
     with warnings.catch_warnings(), mpl.rc_context(_style(STAND_IN)):
         # Of a name in another script: the page has fonts for it, matplotlib only measures.
         warnings.filterwarnings("ignore", "Glyph .* missing from font")
+        # Of names longer than the figure, which is drawn without that layout.
+        warnings.filterwarnings("ignore", "constrained_layout not applied")
         buffer = io.StringIO()
         figure = draw(STAND_IN)
         figure.savefig(buffer, format="svg", metadata={"Date": None, "Creator": None})
