@@ -91,6 +91,7 @@ class FrfEstimate(Printed):
     response: ComplexArray
     covariance: Array | ComplexArray
     repetitions: IntArray
+    # One number stands for all positions, a sequence for an array: arrays from __post_init__ on.
     degrees_of_freedom: Array = np.inf  # type: ignore[assignment]
     deviations: ComplexArray | None = None
     line_correlation: Array = ()  # type: ignore[assignment]

@@ -33,6 +33,7 @@ class Verdict(str):
         self.reason = reason
         return self
 
+    # str's has one argument; __new__ here has two.
     def __getnewargs__(self) -> tuple[str, str]:  # type: ignore[override]
         return str(self), self.reason
 

@@ -7,7 +7,6 @@ import numpy as np
 from estimators.trust.line_correlation import LineCorrelation
 from estimators.trust.linearised_fit import LinearisedFit, Lines
 from robotmodels.common.arrays import Array
-from robotmodels.common.symmetric_matrices import ROUNDING
 
 _ENOUGH = 10.0
 """Degrees of freedom from which on the scatter of whole positions is looked at."""
@@ -58,10 +57,16 @@ def line_scatter(fit: LinearisedFit, rows: Lines, correlation: LineCorrelation) 
 
     What each line adds to the variance is A C A^H / 2 and has 2 nu real degrees of freedom. Where
     errors are correlated along the lines with R, the sum is multiplied by A R A^H / A A^H, with A
-    in units of the errors; but the scatter of whole positions over the draws
-    is taken where that is larger and has enough degrees of freedom.
+    in units of the errors; but the scatter of whole positions over the draws is taken where that is
+    larger and has enough degrees of freedom.
     """
-    by_line = fit.line_variances(rows)
+    return _line_scatter(fit, rows, fit.line_variances(rows), correlation)
+
+
+def _line_scatter(
+    fit: LinearisedFit, rows: Lines, by_line: Lines, correlation: LineCorrelation
+) -> Scatter:
+    """Return `line_scatter` of rows that add so much by line, (r, Q, F)."""
     nu = fit.parts * fit.degrees_of_freedom
     variance = by_line.sum(axis=(1, 2))
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -93,13 +98,13 @@ def cautious_scatter(fit: LinearisedFit, rows: Lines, correlation: LineCorrelati
     happens to be small looks certain, and other lines then count as many. The neighbours' variances
     know nothing of the line's own.
     """
-    scatter = line_scatter(fit, rows, correlation)
+    own = fit.line_variances(rows)
+    scatter = _line_scatter(fit, rows, own, correlation)
     nu = fit.parts * fit.degrees_of_freedom[:, None]
     if not np.isfinite(nu).any():
         return scatter
     with np.errstate(divide="ignore"):
         variances = np.where(fit.used, 1 / fit.noise_weights, 0.0)
-    own = fit.line_variances(rows)
     larger = np.maximum(own, (np.abs(rows) ** 2 * variances).sum(axis=-1) / 2)
     total = larger.sum(axis=(1, 2))
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -113,7 +118,8 @@ def cautious_scatter(fit: LinearisedFit, rows: Lines, correlation: LineCorrelati
 
 def _correlated_power(fit: LinearisedFit, rows: Lines, coefficients: Array) -> Array:
     """Return A R A^H / A A^H of rows of white errors, (r,)."""
-    white = _white_rows(fit, rows)
+    root = fit.error_root
+    white = rows * root if root.ndim == 3 else (rows[..., None, :] @ root)[..., 0, :]
     lines = white.shape[2]
     power = (np.abs(white) ** 2).sum(axis=(1, 2, 3))
     lag = np.abs(np.arange(lines)[:, None] - np.arange(lines))
@@ -123,14 +129,3 @@ def _correlated_power(fit: LinearisedFit, rows: Lines, coefficients: Array) -> A
     with np.errstate(divide="ignore", invalid="ignore"):
         ratio = total / power
     return np.asarray(np.where(power > 0, np.maximum(ratio, 1e-3), 1.0))
-
-
-def _white_rows(fit: LinearisedFit, rows: Lines) -> Lines:
-    """Return rows A (r, Q, F, k) of errors of unit variance: A W^-1/2 where weights are full."""
-    if fit.weights.ndim == 3:
-        return np.asarray(rows * np.sqrt(fit.element_variances) * fit.used)
-    values, vectors = np.linalg.eigh(fit.weights)
-    seen = values > ROUNDING * values.max(axis=-1, keepdims=True)
-    root = np.where(seen, np.where(seen, values, 1.0) ** -0.5, 0.0)
-    inverse = (vectors * root[..., None, :]) @ np.conj(np.swapaxes(vectors, -1, -2))
-    return np.asarray((rows[..., None, :] @ inverse)[..., 0, :])

@@ -131,9 +131,12 @@ class LinearisedFit:
         With other weights the parameters' errors may be larger than the noise of precise elements,
         which then tells nothing of the residuals' size. This step takes those errors off.
         """
-        other = replace(self, weights=self.noise_weights, scatter_factor=1.0)
-        step = other.estimates(other.rows, self.residuals)
-        return replace(other, residuals=self.residuals - self.jacobian @ step)
+        return replace(self, weights=self.noise_weights, scatter_factor=1.0).after_step()
+
+    def after_step(self) -> "LinearisedFit":
+        """Return the fit after one linear step of its parameters."""
+        step = self.estimates(self.rows, self.residuals)
+        return replace(self, residuals=self.residuals - self.jacobian @ step)
 
     @cached_property
     def squares(self) -> float:
@@ -182,6 +185,16 @@ class LinearisedFit:
         assert self.deviations is not None
         factor = np.sqrt(np.broadcast_to(self.scatter_factor, self.noise_weights.shape))
         return np.asarray(self.deviations.transpose(0, 2, 3, 1) * factor[..., None])
+
+    @cached_property
+    def error_root(self) -> Lines:
+        """Standard deviations of the errors, (Q, F, k); W^-1/2, (Q, F, k, k), of full weights."""
+        if self.weights.ndim == 3:
+            return np.asarray(np.sqrt(self.element_variances) * self.used)
+        values, vectors = np.linalg.eigh(self.weights)
+        seen = values > ROUNDING * values.max(axis=-1, keepdims=True)
+        root = np.where(seen, np.where(seen, values, 1.0) ** -0.5, 0.0)
+        return np.asarray((vectors * root[..., None, :]) @ np.conj(np.swapaxes(vectors, -1, -2)))
 
     @cached_property
     def element_variances(self) -> Array:

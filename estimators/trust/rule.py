@@ -270,8 +270,7 @@ def with_columns(fit: LinearisedFit, name: str, column: Array) -> LinearisedFit:
     prior = np.zeros((p + 1, p + 1))
     prior[:p, :p] = fit.prior
     wider = replace(fit, names=(*fit.names, name), jacobian=J, prior=prior)
-    step = wider.estimates(wider.rows, fit.residuals)
-    return replace(wider, residuals=fit.residuals - J @ step)
+    return wider.after_step()
 
 
 def _smooth_excess(fit: LinearisedFit, correlation: LineCorrelation, size: ResidualSize) -> bool:

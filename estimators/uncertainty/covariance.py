@@ -15,6 +15,7 @@ from estimators.uncertainty.sandwich import sandwich_parts
 from robotmodels.common.arrays import Array, check_level, read_only
 from robotmodels.common.errors import InvalidInput, SolverFailed, nearest
 from robotmodels.common.printing import Printed
+from robotmodels.common.symmetric_matrices import scaled_eigh, unit_diagonal_scaling
 
 _NEGATIVE = 1e-6
 """An eigenvalue of the correlation that is lower is no rounding error."""
@@ -45,6 +46,7 @@ class Uncertainty(Printed):
     names: tuple[str, ...]
     covariance: Array
     method: str
+    # One number stands for all; an array from __post_init__ on.
     degrees_of_freedom: Array = np.inf  # type: ignore[assignment]
 
     def __post_init__(self) -> None:
@@ -60,7 +62,8 @@ class Uncertainty(Printed):
             raise InvalidInput(
                 f"uncertainty: the variance of {self.names[i]} is {covariance[i, i]:g}"
             )
-        if np.linalg.eigvalsh(_correlation(covariance))[0] < -_NEGATIVE:
+        _, eigenvalues, _ = scaled_eigh(covariance)
+        if eigenvalues[0] < -_NEGATIVE:
             raise InvalidInput("uncertainty: the covariance has negative eigenvalues")
         object.__setattr__(self, "covariance", read_only(covariance))
         freedom = np.broadcast_to(np.asarray(self.degrees_of_freedom, dtype=float), (p,)).copy()
@@ -73,8 +76,9 @@ class Uncertainty(Printed):
 
     @property
     def correlation(self) -> Array:
-        """Correlations of ln theta, (p, p)."""
-        return _correlation(self.covariance)
+        """Correlations of ln theta, (p, p); zero where nothing varies."""
+        s = unit_diagonal_scaling(self.covariance)
+        return np.asarray(s[:, None] * self.covariance * s)
 
     def interval(self, values: Array, level: float = 0.95) -> Array:
         """Return lower and upper ends, (p, 2), of the intervals about `values` (p,), SI units."""
@@ -96,13 +100,6 @@ class Uncertainty(Printed):
             f"  {name:<{width}}  {std:.4g}" for name, std in zip(self.names, self.std, strict=True)
         ]
         return "\n".join(lines)
-
-
-def _correlation(covariance: Array) -> Array:
-    """Return a covariance (p, p) scaled to a unit diagonal; zero where nothing varies."""
-    std = np.sqrt(np.diag(covariance))
-    scale = 1 / np.where(std > 0, std, np.inf)
-    return np.asarray(covariance * np.outer(scale, scale))
 
 
 def log_normal_ends(values: Array, std: Array, level: float) -> tuple[Array, Array]:

@@ -28,7 +28,8 @@ from typing import Any, Generic, TypeVar
 
 from robotmodels.common.atomic_files import exclusive_folder, remove, write_text
 from robotmodels.common.checkpoint_file import UnusableCheckpoint
-from robotmodels.common.errors import IdentificationError
+from robotmodels.common.errors import IdentificationError, InvalidInput
+from robotmodels.common.file_paths import check_file
 from robotmodels.common.fingerprints import folder_digest, json_digest
 from robotmodels.common.progress import Progress, StageProgress
 
@@ -162,7 +163,7 @@ class Stages:
         """
         try:
             return run()
-        except Exception as error:
+        except Exception as error:  # also one that nobody foresaw: see above
             self.failures.append(Failure.of(name, error))
             return None
 
@@ -258,15 +259,14 @@ def _fitting(folder: Path, key: str) -> dict[str, Any] | None:
         record = json.loads(_read_small(folder / _RECORD))
         fits = record["key"] == key and record["digest"] == folder_digest(folder, _OWN)
         timed = type(record["seconds"]) is float and 0 <= record["seconds"] < math.inf
-    except (OSError, ValueError, RecursionError, KeyError, TypeError):
+    except (OSError, InvalidInput, ValueError, RecursionError, KeyError, TypeError):
         return None
     return record if fits and timed else None
 
 
 def _read_small(path: Path) -> str:
     """Return the text of a file of a stage's own; a device, or a longer file, is none of them."""
-    if not path.is_file() or path.stat().st_size > _MOST_BYTES:
-        raise FileNotFoundError(path)
+    check_file(path, _MOST_BYTES)
     return path.read_text(encoding="utf-8")
 
 
@@ -274,7 +274,7 @@ def _prepare(part: Path, key: str, fresh: bool) -> None:
     """Make the folder of an unfinished stage; keep what an interrupted run left of the same."""
     try:
         same = _read_small(part / _KEY) == key
-    except (OSError, ValueError):
+    except (OSError, InvalidInput, ValueError):
         same = False
     if same and not fresh:
         return
