@@ -27,18 +27,7 @@ MARK = -1.234567890123
 LEVELS = "held itself", "in a field of an object held", "in a field of such a field"
 MOST_ITEMS = 64
 
-ROBOT = """\
-schema: robot/1
-name: two joints
-urdf: example-robot-data:ur_description/urdf/ur10_robot.urdf
-lock: {shoulder_pan_joint: 0.0, wrist_1_joint: 0.4, wrist_2_joint: 0.8, wrist_3_joint: 0.0}
-motors:
-  - {name: m2, joint: shoulder_lift_joint, gear_ratio: 101, inertia: 3.9e-4, viscous: 2.0e-3}
-  - {name: m3, joint: elbow_joint, gear_ratio: 101, inertia: 2.0e-4, viscous: 1.5e-3}
-springs:
-  - {name: d2, joint: shoulder_lift_joint, axis: drive, stiffness: 4.0e4, damping: 60}
-  - {name: d3, joint: elbow_joint, axis: drive, stiffness: 2.5e4, damping: 37.5}
-"""
+ROBOT = (ROOT / "tests" / "engines" / "two_joints.yaml").read_text(encoding="utf-8")
 STUDY = f"""\
 schema: study/1
 robot: robot.yaml

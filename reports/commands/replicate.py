@@ -2,7 +2,7 @@
 
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeVar
 
 import typer
 
@@ -20,7 +20,8 @@ from robotmodels.common.errors import InvalidInput
 
 if TYPE_CHECKING:
     from oed.study.results import FittedStudy
-    from oed.study.stages.stage_cache import Failure
+
+_Study = TypeVar("_Study", bound="FittedStudy")
 
 
 def register(app: typer.Typer) -> None:
@@ -49,32 +50,34 @@ def replicate(
     from reports.summaries.study_summary import study_json, study_summary
 
     results = compute_study(study, fit_study, workers, fresh, cluster=cluster)
-    failed = write_replication(study, results, workers, fresh, cluster)
-    results = replace(results, failures=results.failures + failed)
+    results = write_replication(study, results, workers, fresh, cluster)
     written = [results.study.output / "published.html"]
     say(lambda: study_summary(results, written), lambda: study_json(results, written), as_json)
     end_with_failures(study, results)
 
 
 def write_replication(
-    study: Path, results: "FittedStudy", workers: int, fresh: bool, cluster: str | None
-) -> "tuple[Failure, ...]":
-    """Write published.json and published.html; return what could not be computed or drawn."""
+    study: Path, results: "_Study", workers: int, fresh: bool, cluster: str | None
+) -> "_Study":
+    """Write published.json and published.html; return the results with what failed of it."""
     from oed.replication.json_output import write_published_json
     from oed.replication.replicate import replicate
     from oed.study.stages.stage_cache import Failure
     from reports.pages.replication_page import write_published
     from robotmodels.common.atomic_files import staged_folder
 
+    def failing(what: str, error: Exception) -> "_Study":
+        return replace(results, failures=(*results.failures, Failure.of(what, error)))
+
     with working(study, workers, cluster) as (progress, executor):
         try:
             replication = replicate(results, progress, executor=executor, fresh=fresh)
         except Exception as error:  # the study is written, whatever comes of its repetition
-            return (Failure.of("published", error),)
+            return failing("published", error)
         with staged_folder(results.study.output) as folder:
             write_published_json(replication, folder / "published.json")
             try:
                 write_published(results, replication, folder / "published.html")
-            except Exception as error:
-                return (Failure.of("published.html", error),)
-    return ()
+            except Exception as error:  # the numbers are written, whatever comes of the page
+                return failing("published.html", error)
+    return results

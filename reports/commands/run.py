@@ -1,7 +1,6 @@
 """``oed run``: a whole study."""
 
 import shlex
-from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -45,8 +44,7 @@ def run(
 
     results = compute_study(study, run_study, workers, fresh, pages, cluster=cluster)
     if results.study.compare_with is not None:
-        failed = write_replication(study, results, workers, fresh, cluster)
-        results = replace(results, failures=results.failures + failed)
+        results = write_replication(study, results, workers, fresh, cluster)
     written = [results.study.output / "report.html"]
     say(lambda: study_summary(results, written), lambda: study_json(results, written), as_json)
     end_with_failures(study, results)

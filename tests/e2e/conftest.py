@@ -13,18 +13,7 @@ from markupsafe import Markup
 from reports import cli, page_elements
 from reports.figures import svg
 
-ROBOT = """\
-schema: robot/1
-name: two joints
-urdf: example-robot-data:ur_description/urdf/ur10_robot.urdf
-lock: {shoulder_pan_joint: 0.0, wrist_1_joint: 0.4, wrist_2_joint: 0.8, wrist_3_joint: 0.0}
-motors:
-  - {name: m2, joint: shoulder_lift_joint, gear_ratio: 101, inertia: 3.9e-4, viscous: 2.0e-3}
-  - {name: m3, joint: elbow_joint, gear_ratio: 101, inertia: 2.0e-4, viscous: 1.5e-3}
-springs:
-  - {name: d2, joint: shoulder_lift_joint, axis: drive, stiffness: 4.0e4, damping: 60}
-  - {name: d3, joint: elbow_joint, axis: drive, stiffness: 2.5e4, damping: 37.5}
-"""
+ROBOT = (Path(__file__).parents[1] / "engines" / "two_joints.yaml").read_text(encoding="utf-8")
 
 STUDY = """\
 schema: study/1

@@ -7,6 +7,7 @@ packages are imported, and the command line explains a robot and computes a smal
 import argparse
 import json
 import os
+import shutil
 import subprocess
 import sys
 import tempfile
@@ -97,6 +98,7 @@ def main() -> int:
     rows, failures, reference = [], 0, None
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
+        shutil.rmtree(REPOSITORY / "build", ignore_errors=True)  # else its modules get in as well
         run("uv", "build", "--quiet", "--wheel", "--out-dir", folder, REPOSITORY)
         (wheel,) = folder.glob("*.whl")
         for version in PYTHONS:
