@@ -111,7 +111,7 @@ def over_positions(
     Raises
     ------
     InvalidInput
-        If there are no records, or the frequencies of positions differ.
+        If there are no records, or frequencies, outputs or motors of positions differ.
     """
     positions, found = [], list[PositionFrf]()
     for count, part in enumerate(each_position(records)):
@@ -120,6 +120,12 @@ def over_positions(
         found.append(estimated(part, who))
         if not np.array_equal(found[0].omega, found[-1].omega):
             raise InvalidInput(f"{who}: its frequencies differ from those of position 1")
+        (m, n), (outputs, motors) = (one.response.shape[1:] for one in (found[0], found[-1]))
+        if (outputs, motors) != (m, n):
+            raise InvalidInput(
+                f"{who}: {outputs} x {motors} FRFs (outputs x motors); "
+                f"those of position 1 are {m} x {n}"
+            )
     if not found:
         raise InvalidInput("records: none given; at least one position is needed")
     return FrfEstimate(

@@ -134,6 +134,9 @@ def test_positions_one_by_one_or_joined():
     other = replace(two, sample_time=1e-3)
     with pytest.raises(InvalidInput, match="position 2: its frequencies differ"):
         estimate_frf([one, other])
+    fewer = replace(two, angle=two.angle[..., :1])
+    with pytest.raises(InvalidInput, match=r"position 2: 1 x 2 FRFs .* position 1 are 2 x 2"):
+        estimate_frf([one, fewer])
 
 
 def test_transients_are_dropped_with_a_warning():
