@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
+from oed.candidates.position_lookup import candidate_at
 from oed.criteria.criteria import Criterion
 from oed.design.design import Design
 from oed.exact.exact_design import ExactDesign, finished, relaxation
@@ -18,7 +19,6 @@ from robotmodels.common.printing import Printed
 from robotmodels.common.symmetric_matrices import scaled_eigh
 
 _CONSIDERED = 512
-_SAME = 1e-6  # [rad] or [m]
 _OPEN = 1e-6  # part of an open combination that counts
 
 
@@ -200,15 +200,10 @@ def _places(info: Candidates, positions: Array) -> IntArray:
         raise InvalidInput(
             f"plan: positions of shape {positions.shape}; (k, {known.shape[1]}) is needed"
         )
-    places = []
-    for i, position in enumerate(positions):
-        away = np.abs(known - position).max(axis=1)
-        nearest = int(np.argmin(away))
-        if away[nearest] > _SAME:
-            raise InvalidInput(
-                f"plan: position {i}, {np.round(position, 4).tolist()}, is not among the "
-                f"candidates; the nearest is candidate {nearest}, {away[nearest]:.3g} away; "
-                "compute the information of the plan's positions too"
-            )
-        places.append(nearest)
-    return np.array(places)
+    remedy = "compute the information of the plan's positions too"
+    return np.array(
+        [
+            candidate_at(known, position, f"plan: position {i}", remedy)
+            for i, position in enumerate(positions)
+        ]
+    )

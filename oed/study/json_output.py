@@ -52,6 +52,7 @@ from estimators.sampling.posterior import Posterior
 from estimators.uncertainty.covariance import Uncertainty
 from oed.plan_comparison.plan_comparison import PlanComparison
 from oed.study.results import FittedStudy, PlannedStudy, StudyResults
+from oed.study.stages.context import frequency_grid
 from oed.study.stages.fit_stages import Search, start_number
 from robotmodels.common.arrays import Array
 from robotmodels.common.atomic_files import write_text
@@ -74,7 +75,7 @@ def design_document(results: PlannedStudy) -> dict[str, Any]:
     design, exact = results.design, results.exact
     support = np.flatnonzero(design.weights)
     study = results.study
-    omega = results.omega if study.frequencies is None else study.frequencies.omega()
+    omega = results.omega if study.frequencies is None else frequency_grid(study.frequencies)
     return {
         **_header("design/1", results),
         "motors": list(results.robot.motor_names),

@@ -156,9 +156,7 @@ def _plan(run: Run) -> _Planned:
     found = study_design.candidates(run)
     info = study_design.candidate_information(run, found)
     plan = study_design.plan(run, info, study_design.sampled_information(run, found))
-    frequencies = run.study.frequencies
-    assert frequencies is not None
-    return _Planned(info, plan, frequencies.omega(), found.value)
+    return _Planned(info, plan, run.omega, found.value)
 
 
 def _source(run: Run) -> _Source:
@@ -198,7 +196,12 @@ def _fits(run: Run, source: _Source) -> _Fits:
     starts = study_fits.starts_of(run)
     searches = {
         estimator.name: study_fits.search(
-            run, estimator, source.data, source.information.value, starts
+            run,
+            estimator,
+            source.data,
+            source.information.value,
+            source.plan.value.used,
+            starts,
         )
         for estimator in run.study.fit.used
     }

@@ -115,7 +115,7 @@ def _responses(results: FittedStudy, published: Replication) -> Section:
     """Show the best models in the position that alone says most."""
     e, estimate = published.evaluation, results.estimate
     single = results.searches["LLS1U"].estimator
-    q = int(positions_of(single, estimate, results.information)[0])
+    q = int(positions_of(single, results.information, results.used)[0])
     position = estimate.positions[q : q + 1]
     chosen = e.values[e.of("LLS15U"), : figures.best_count(e)]
     models = np.array(

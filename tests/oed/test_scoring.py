@@ -58,7 +58,7 @@ def test_samples_are_scored_by_position_index():
         ([0.5, 1], None, r"plan: shape \(2,\); \(k,\) indices"),
         ([0, 2, 4], [1, 0, 1], "repetitions: .*3 whole numbers >= 1"),
         ([0, 2, 4], [1, 1], "repetitions: .*3 whole numbers >= 1"),
-        ([[0.0], [9.0]], None, "position 1, .*nearest is candidate 4, 5 away"),
+        ([[0.0], [9.0]], None, "plan: position 1: .*nearest is candidate 4, .* 5 away"),
         ([[0.0, 1.0]], None, r"positions of shape \(1, 2\); \(k, 1\)"),
     ],
 )

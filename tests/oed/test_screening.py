@@ -6,6 +6,7 @@ from collision_arm import SHAPES, arm, shape
 
 from oed import Workcell, gathered_candidates, screened_candidates
 from oed.study.settings.candidates_settings import Candidates
+from oed.study.stages.candidate_sources import gather
 from oed.study.stages.context import Run
 from oed.study.stages.design_stages import candidates
 from oed.study.stages.stage_cache import open_stages
@@ -164,4 +165,4 @@ def test_candidates_of_a_study_follow_the_meshes_they_are_checked_with(tmp_path)
 )
 def test_mistakes_in_a_study_name_the_key_of_its_section(given, message, tmp_path):
     with pytest.raises(InvalidInput, match=message):
-        Candidates.model_validate(given).gathered(arm(tmp_path))
+        gather(Candidates.model_validate(given), arm(tmp_path))

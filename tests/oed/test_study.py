@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 
 import oed.study.stages.fit_stages
-from estimators.frf.frf_estimate import FrfEstimate
 from oed.information_sets.information_set import InformationSet
 from oed.study.settings.fit_settings import Estimator
 from oed.study.stages.fit_stages import Search, best_likelihood, positions_of, start_number
@@ -77,31 +76,27 @@ def test_nls_with_other_weights_or_positions_is_no_likelihood(refine_to):
         assert found.fit.cost == 100.0
 
 
-def estimate(positions):
-    positions = np.asarray(positions, dtype=float)
-    shape = (len(positions), 2, 1, 1)
-    values = np.arange(np.prod(shape), dtype=float).reshape(shape) + 1
-    once = np.ones(len(positions), dtype=int)
-    return FrfEstimate(positions, np.array([1.0, 2.0]), values + 0j, np.ones(shape), once)
-
-
 INFO = InformationSet(
-    np.array([[1.0], [2.0], [3.0]]),
+    np.array([[1.0], [1.0 + 1e-8], [1.0 + 2e-8]]),  # closer than any tolerance of a look-up
     np.array([np.diag([1.0, 0.0]), np.diag([1.0, 1.0]), np.diag([9.0, 9.0])]),
     ("a", "b"),
 )
 
 
+def positions_used(estimator, candidates):
+    return positions_of(estimator, INFO, np.array(candidates)).tolist()
+
+
 def test_the_best_position_is_that_of_the_data_with_the_largest_information():
     best = LLS.model_copy(update={"positions": "best"})
-    assert positions_of(best, estimate([[2.0], [1.0]]), INFO).tolist() == [0]
-    assert positions_of(best, estimate([[1.0], [2.0], [3.0]]), INFO).tolist() == [2]
+    assert positions_used(best, [1, 0]) == [0]
+    assert positions_used(best, [0, 1, 2]) == [2]
     with pytest.raises(NotIdentifiable, match="b; no single position"):
-        positions_of(best, estimate([[1.0]]), INFO)
+        positions_used(best, [0])
 
 
 def test_positions_by_number():
     some = LLS.model_copy(update={"positions": (0, 2)})
-    assert positions_of(some, estimate([[1.0], [2.0], [3.0]]), INFO).tolist() == [0, 2]
+    assert positions_used(some, [0, 1, 2]) == [0, 2]
     with pytest.raises(InvalidInput, match="lls: there is no position 2; the data have 2"):
-        positions_of(some, estimate([[1.0], [2.0]]), INFO)
+        positions_used(some, [0, 1])

@@ -24,19 +24,12 @@ Without a source it is the usual joint grid.
 
 import math
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Self
+from typing import Annotated, Self
 
 from pydantic import Field, model_validator
 
-from robotmodels.common.errors import InvalidInput
-from robotmodels.common.progress import Progress
 from robotmodels.common.yaml_files import Strict
 from robotmodels.description.ranges import Coordinate, JointLimit, Length, Positive, Vector
-
-if TYPE_CHECKING:
-    from oed.candidates.screening import ScreenedCandidates
-    from robotmodels import ElasticRobot
-    from robotmodels.collision.obstacles import Obstacle
 
 MOST_CANDIDATES = 5_000_000
 """Their positions stay in memory: 240 MB of six joints."""
@@ -57,25 +50,14 @@ class ObstacleChoice(Strict):
 
     @model_validator(mode="after")
     def _one_shape(self) -> Self:
-        given = self.model_fields_set - {"name"}
+        keys = self.model_fields_set - {"name"}
         shapes = ({"normal", "offset"}, {"center", "size"}, {"center", "radius"})
-        if given - {"rpy"} not in shapes or ("rpy" in given and "size" not in given):
+        if keys - {"rpy"} not in shapes or ("rpy" in keys and "size" not in keys):
             raise ValueError(
-                f"obstacle {self.name!r}: {', '.join(sorted(given)) or 'nothing'} given; a plane "
+                f"obstacle {self.name!r}: {', '.join(sorted(keys)) or 'nothing'} given; a plane "
                 "has normal and offset, a box center, size and rpy, a sphere center and radius"
             )
         return self
-
-    def obstacle(self) -> "Obstacle":
-        """Return the obstacle."""
-        from robotmodels.collision.obstacles import Box, Plane, Sphere
-
-        if self.normal is not None and self.offset is not None:
-            return Plane(self.name, self.normal, self.offset)
-        center = self.center or (0.0, 0.0, 0.0)
-        if self.size is not None:
-            return Box(self.name, center, self.size, self.rpy or (0.0, 0.0, 0.0))
-        return Sphere(self.name, center, self.radius or 0.0)
 
 
 class BoxChoice(Strict):
@@ -117,54 +99,3 @@ class Candidates(Strict):
             key = "per_joint" if grid > MOST_CANDIDATES else "candidates"
             raise ValueError(f"{key}: {number} positions; at most {MOST_CANDIDATES} fit")
         return self
-
-    @property
-    def compares_shapes(self) -> bool:
-        """Whether collisions are checked, with the shapes and meshes of the URDF."""
-        return self._own_links or bool(self.obstacles) or self.floor is not None
-
-    @property
-    def _own_links(self) -> bool:
-        if self.self_collision is None:
-            return bool(self.obstacles) or self.floor is not None
-        return self.self_collision
-
-    def gathered(
-        self, robot: "ElasticRobot", progress: Progress | None = None
-    ) -> "ScreenedCandidates":
-        """Return the candidates that `robot` can take.
-
-        Raises
-        ------
-        InvalidInput
-            As `oed.candidates.sources.gathered_candidates`.
-        """
-        from oed.candidates.sources import Workcell, gathered_candidates
-        from oed.candidates.task_space import TaskBox
-
-        cell = Workcell(
-            floor=self.floor,
-            obstacles=[choice.obstacle() for choice in self.obstacles],
-            self_collision=self._own_links,
-            link_radius=self.link_radius,
-            margin=self.margin,
-            ignored=self.ignored,
-            torque_limits=self.torque,
-        )
-        try:
-            return gathered_candidates(
-                robot,
-                per_joint=self.per_joint,
-                limits=self.limits,
-                sobol=self.sobol or 0,
-                boxes=[TaskBox(**box.model_dump()) for box in self.boxes],
-                files=self.files,
-                listed=self.positions,
-                workcell=cell,
-                progress=progress,
-            )
-        except InvalidInput as error:
-            # Of arguments that are this section's keys; files are named by their paths.
-            said = str(error).replace("torque_limits", "torque", 1)
-            section = "candidates." if said.startswith(tuple(type(self).model_fields)) else ""
-            raise InvalidInput(section + said) from error

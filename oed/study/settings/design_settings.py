@@ -28,24 +28,13 @@ about it with standard deviation `std`: one number, or numbers by parameter or k
 ``{stiffness: 0.2, damping: 0.7}``.
 """
 
-from typing import TYPE_CHECKING, Annotated, Literal, Self
+from typing import Annotated, Literal, Self
 
-import numpy as np
 from pydantic import Field, model_validator
 
-from oed.experiment.experiment_file import MoveChoice, per_motor
-from robotmodels.common.arrays import Array, IntArray
-from robotmodels.common.errors import InvalidInput, nearest
+from oed.experiment.experiment_file import MoveChoice
 from robotmodels.common.yaml_files import Strict
 from robotmodels.description.ranges import Coordinate, Count, JointLimit, Seconds
-
-if TYPE_CHECKING:
-    from oed.criteria.criteria import Criterion
-    from oed.design.constraints import Constraints
-    from oed.experiment.moves import MoveLimits
-    from robotmodels import ElasticRobot
-
-_SAME = 1e-6  # [rad] or [m]
 
 Deviation = Annotated[float, Field(ge=1e-6, le=10)]
 
@@ -56,34 +45,6 @@ class Moves(MoveChoice):
     """How the robot moves between positions, and from where."""
 
     home: Annotated[tuple[Coordinate, ...], Field(min_length=1)] | None = None
-
-    def limits(self, robot: "ElasticRobot") -> "MoveLimits":
-        """Return the limits of moves.
-
-        Raises
-        ------
-        InvalidInput
-            For a wrong number of motors.
-        """
-        from oed.experiment.moves import MoveLimits
-
-        motors = tuple(robot.motor_names)
-        return MoveLimits(
-            motors,
-            robot.position_limits,
-            per_motor("design.moves.speed", self.speed, motors),
-            per_motor("design.moves.acceleration", self.acceleration, motors),
-        )
-
-    def start(self, robot: "ElasticRobot", positions: Array) -> Array:
-        """Return where the robot starts and ends, (n,), given the candidates (Q, n)."""
-        if self.home is None:
-            return np.asarray((positions.min(axis=0) + positions.max(axis=0)) / 2)
-        if len(self.home) != len(robot.motor_names):
-            raise InvalidInput(
-                f"design.moves.home: {len(self.home)} angles; {len(robot.motor_names)} are needed"
-            )
-        return np.array(self.home)
 
 
 class GroupChoice(Strict):
@@ -106,28 +67,6 @@ class RobustChoice(Strict):
     kind: Literal["maximin", "average"] = "maximin"
     std: Deviation | Annotated[dict[str, Deviation], Field(min_length=1)]
     samples: Annotated[int, Field(ge=2, le=64)] = 8
-
-    def values(self, robot: "ElasticRobot", rng: np.random.Generator) -> Array:
-        """Return samples of theta, (samples, p) [SI]; parameters without a std stay as they are.
-
-        Raises
-        ------
-        InvalidInput
-            If `std` names neither a parameter nor a kind of them.
-        """
-        names, own = robot.parameters.names, robot.parameters.values
-        given = dict.fromkeys(names, self.std) if isinstance(self.std, float) else self.std
-        kinds = [name.split(".", 1)[-1] for name in names]
-        for key in given:
-            if key not in names and key not in kinds:
-                known = [*dict.fromkeys(kinds), *names]
-                raise InvalidInput(
-                    f"design.robust.std: {key!r} is no free parameter and no kind of them"
-                    f"{nearest(key, known)}"
-                )
-        std = [given.get(n, given.get(k, 0.0)) for n, k in zip(names, kinds, strict=True)]
-        drawn = rng.standard_normal((self.samples - 1, len(own))) * np.array(std)
-        return np.asarray(own * np.exp(np.vstack([np.zeros(len(own)), drawn])))
 
 
 class DesignChoice(Strict):
@@ -175,83 +114,3 @@ class DesignChoice(Strict):
         """Experiments in all; None where only time limits them."""
         counted = self.time is None or "experiments" in self.model_fields_set
         return self.experiments if counted else None
-
-    def wanted(self) -> "str | Criterion":
-        """Return the criterion, for one theta."""
-        from oed.criteria.criteria import AsCriterion, DsCriterion
-
-        if self.criterion == "Ds":
-            return DsCriterion(self.interest)
-        return AsCriterion(self.interest) if self.criterion == "As" else self.criterion
-
-    def constraints(self, robot: "ElasticRobot", positions: Array) -> "Constraints | None":
-        """Return the limits on experiments; None where shares need only sum to one.
-
-        Raises
-        ------
-        InvalidInput
-            Naming the key that fits no joint or no candidate.
-        """
-        from oed.design.constraints import Constraints, Group
-
-        if not self.limited:
-            return None
-        joints = tuple(robot.motor_joints)
-        groups = {}
-        for name, choice in self.groups.items():
-            members = _within(choice.where, positions, joints, f"groups.{name}.where")
-            most = np.inf if choice.most is None else float(choice.most)
-            groups[name] = Group(members.tolist(), most, float(choice.least))
-        forbidden = [
-            _within(where, positions, joints, f"forbidden[{i}]")
-            for i, where in enumerate(self.forbidden)
-        ]
-        return Constraints(
-            experiments=self.number,
-            time=self.time,
-            durations=None if self.time is None else self._durations(robot, positions),
-            most=self.most,
-            mandatory={_place(p, positions, i): 1.0 for i, p in enumerate(self.mandatory)},
-            forbidden=np.concatenate(forbidden).tolist() if forbidden else (),
-            groups=groups,
-        )
-
-    def _durations(self, robot: "ElasticRobot", positions: Array) -> Array:
-        """Return what one experiment in each candidate takes, moves included, (Q,) [s]."""
-        from oed.experiment.moves import move_times
-
-        moves = self.moves or Moves()
-        home = moves.start(robot, positions)
-        ways = move_times(np.atleast_2d(home), positions, moves.limits(robot))[0]
-        return np.asarray((self.measuring or 0.0) + 2 * ways)
-
-
-def _within(where: Ranges, positions: Array, joints: tuple[str, ...], key: str) -> IntArray:
-    """Return the candidates (k,) within ranges of joints."""
-    inside = np.ones(len(positions), dtype=bool)
-    for joint, (low, high) in where.items():
-        if joint not in joints:
-            raise InvalidInput(
-                f"design.{key}: {joint!r} is not a driven joint{nearest(joint, joints)}; "
-                f"there are {', '.join(joints)}"
-            )
-        column = positions[:, joints.index(joint)]
-        inside &= (column >= low) & (column <= high)
-    if not inside.any():
-        raise InvalidInput(f"design.{key}: no candidate lies in these ranges")
-    return np.flatnonzero(inside)
-
-
-def _place(position: tuple[float, ...], positions: Array, number: int) -> int:
-    """Return the candidate at a position."""
-    key = f"design.mandatory[{number}]"
-    if len(position) != positions.shape[1]:
-        raise InvalidInput(f"{key}: {len(position)} angles; {positions.shape[1]} are needed")
-    away = np.abs(positions - np.array(position)).max(axis=1)
-    nearby = int(np.argmin(away))
-    if away[nearby] > _SAME:
-        raise InvalidInput(
-            f"{key}: {list(position)} is not among the candidates; the nearest is "
-            f"{np.round(positions[nearby], 4).tolist()}; name it in candidates.positions too"
-        )
-    return nearby

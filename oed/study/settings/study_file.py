@@ -55,11 +55,9 @@ data are simulated by the noise law; where `compare` is given, with others too, 
 of `robot` and errors by the noise law. Limits of the design bind the plan, not its rivals.
 """
 
-import math
 from pathlib import Path
 from typing import Annotated, Literal, Self
 
-import numpy as np
 from pydantic import Field, model_validator
 
 from oed.experiment.experiment_file import Shaking
@@ -67,11 +65,9 @@ from oed.study.settings.candidates_settings import Candidates
 from oed.study.settings.design_settings import DesignChoice
 from oed.study.settings.fit_settings import FitChoice
 from oed.study.settings.replication_settings import ESTIMATORS, RivalChoice
-from robotmodels.common.arrays import Array
 from robotmodels.common.file_paths import existing_file, output_folder, robot_reference
 from robotmodels.common.yaml_files import Strict, read_yaml
 from robotmodels.description.ranges import Count, Hertz, Index, Positive, Seed
-from robotmodels.linear.noise import RelativeNoise
 
 MOST_DRAWS = 10**9
 """Steps of all walkers of a posterior; a thousandth of them takes some minutes."""
@@ -91,11 +87,6 @@ class Frequencies(Strict):
             raise ValueError(f"high ({self.high:g} Hz) must be above low ({self.low:g} Hz)")
         return self
 
-    def omega(self) -> Array:
-        """Return the grid, (F,) [rad/s]."""
-        space = np.geomspace if self.spacing == "log" else np.linspace
-        return np.asarray(2 * math.pi * space(self.low, self.high, self.count))
-
 
 class Noise(Strict):
     """The noise law of `RelativeNoise`: parts of the element and of the largest element [-]."""
@@ -110,10 +101,6 @@ class Noise(Strict):
                 "relative and floor are both zero; one must be positive, 1e-9 at least"
             )
         return self
-
-    def law(self) -> RelativeNoise:
-        """Return the noise law."""
-        return RelativeNoise(relative=self.relative, floor=self.floor)
 
 
 class DataChoice(Strict):

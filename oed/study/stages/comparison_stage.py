@@ -10,6 +10,7 @@ from oed.plan_comparison.baseline_plans import even_plan, grid_levels, grid_plan
 from oed.plan_comparison.compare_plans import checked_runs, compare_plans
 from oed.plan_comparison.plan_comparison import PlanComparison
 from oed.study.stages.context import Run
+from oed.study.stages.design_limits import criterion_of
 from oed.study.stages.design_stages import Information, Plan
 from oed.study.stages.serialisation import dataclass_files
 from oed.study.stages.stage_cache import Files, Stage
@@ -47,9 +48,6 @@ def compared(run: Run, info: Stage[Information], plan: Stage[Plan]) -> Stage[Pla
     SolverFailed
         If too few experiments of a plan can be fitted.
     """
-    frequencies, noise = run.study.frequencies, run.study.noise
-    assert frequencies is not None
-    assert noise is not None
 
     def compute(folder: Path, report: Progress | None) -> PlanComparison:
         rng = run.rng("comparison")
@@ -58,11 +56,11 @@ def compared(run: Run, info: Stage[Information], plan: Stage[Plan]) -> Stage[Pla
             info.value,
             info.value.positions,
             _plans(run, info.value, plan.value, rng),
-            frequencies.omega(),
-            noise.law(),
+            run.omega,
+            run.noise,
             rng=rng,
             runs=run.study.compare.runs,
-            criterion=run.study.design.wanted(),
+            criterion=criterion_of(run.study.design),
             executor=run.executor,
             progress=report,
             store=folder,

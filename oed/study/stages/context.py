@@ -1,5 +1,6 @@
 """What every stage of a study is given: settings, robots, random numbers, earlier stages."""
 
+import math
 from concurrent.futures import Executor
 from dataclasses import dataclass
 from functools import cached_property
@@ -7,11 +8,12 @@ from typing import Any
 
 import numpy as np
 
-from oed.study.settings.study_file import Study
+from oed.study.settings.study_file import Frequencies, Study
 from oed.study.stages.stage_cache import Stages
 from robotmodels import ElasticRobot
 from robotmodels.common.arrays import Array
 from robotmodels.library.robot_digest import robot_digest
+from robotmodels.linear.noise import RelativeNoise
 
 STREAMS = (
     "data",
@@ -59,6 +61,19 @@ class Run:
         streams = np.random.default_rng(self.study.seed).spawn(len(STREAMS))
         return streams[STREAMS.index(stream)]
 
+    @property
+    def omega(self) -> Array:
+        """Angular frequencies of the design, (F,) [rad/s]; only where data are simulated."""
+        assert self.study.frequencies is not None  # the schema asks for them
+        return frequency_grid(self.study.frequencies)
+
+    @property
+    def noise(self) -> RelativeNoise:
+        """The noise law of the design; only where data are simulated."""
+        law = self.study.noise
+        assert law is not None  # the schema asks for it
+        return RelativeNoise(relative=law.relative, floor=law.floor)
+
     def settings(self, *keys: str) -> dict[str, Any]:
         """Return sections of the study as plain data, for the key of a stage."""
         content = self.study.model_dump(mode="json", by_alias=True)
@@ -73,6 +88,12 @@ class Run:
     def plant_digest(self) -> str:
         """Content of the robot file behind simulated data."""
         return self.robot_digest if self.plant is self.robot else robot_digest(self.plant)
+
+
+def frequency_grid(choice: Frequencies) -> Array:
+    """Return the angular frequencies, ends included, (F,) [rad/s]."""
+    space = np.geomspace if choice.spacing == "log" else np.linspace
+    return np.asarray(2 * math.pi * space(choice.low, choice.high, choice.count))
 
 
 def truth_of(robot: ElasticRobot, plant: ElasticRobot | None) -> Array:

@@ -64,9 +64,6 @@ class SimulatedExperiment:
 
 def noisy_frf(run: Run, info: Stage[Information], plan: Stage[Plan]) -> Stage[Data]:
     """Return FRFs in the plan's positions, in the order of visits, with errors by the noise law."""
-    frequencies, noise = run.study.frequencies, run.study.noise
-    assert frequencies is not None
-    assert noise is not None
 
     def compute(folder: Path, report: Progress | None) -> Data:
         used = plan.value.used
@@ -74,8 +71,8 @@ def noisy_frf(run: Run, info: Stage[Information], plan: Stage[Plan]) -> Stage[Da
             simulate_frf(
                 run.plant,
                 info.value.positions[used],
-                frequencies.omega(),
-                noise.law(),
+                run.omega,
+                run.noise,
                 run.rng("data"),
                 repetitions=plan.value.exact.repetitions[used],
             )

@@ -21,7 +21,15 @@ from oed.information_sets.compute import information
 from oed.information_sets.information_set import InformationSet
 from oed.information_sets.stored_information import StoredInformation
 from oed.study.settings.design_settings import DesignChoice, Moves
+from oed.study.stages.candidate_sources import compares_shapes, gather
 from oed.study.stages.context import Run
+from oed.study.stages.design_limits import (
+    constraints_of,
+    criterion_of,
+    home_position,
+    move_limits,
+    parameter_samples,
+)
 from oed.study.stages.serialisation import INFORMATION, STORE, STORED, dataclass_files
 from oed.study.stages.stage_cache import Stage
 from robotmodels import ElasticRobot
@@ -76,12 +84,12 @@ def candidates(run: Run) -> Stage[ScreenedCandidates]:
     assert choice is not None  # the schema asks for them unless data were measured
 
     def compute(folder: Path, report: Progress | None) -> ScreenedCandidates:
-        return choice.gathered(run.robot, report)
+        return gather(choice, run.robot, report)
 
     inputs = {
         "robot": run.robot_digest,
         "files": [file_digest(file) for file in choice.files],
-        "meshes": mesh_digests(run.robot) if choice.compares_shapes else {},
+        "meshes": mesh_digests(run.robot) if compares_shapes(choice) else {},
         "candidates": choice.model_dump(mode="json", exclude={"files"}),
     }
     return run.stages.run("candidates", inputs, compute, dataclass_files(ScreenedCandidates))
@@ -97,7 +105,7 @@ def sampled_information(run: Run, found: Stage[ScreenedCandidates]) -> list[Stag
     choice = run.study.design.robust
     if choice is None:
         return []
-    values = choice.values(run.robot, run.rng("robust"))
+    values = parameter_samples(choice, run.robot, run.rng("robust"))
     return [
         _information(run, found, f"information-{k}", AtValues(run.robot, values[k]))
         for k in range(1, len(values))
@@ -107,10 +115,7 @@ def sampled_information(run: Run, found: Stage[ScreenedCandidates]) -> list[Stag
 def _information(
     run: Run, found: Stage[ScreenedCandidates], name: str, robot: ElasticRobot | AtValues
 ) -> Stage[Information]:
-    frequencies, noise = run.study.frequencies, run.study.noise
-    assert frequencies is not None
-    assert noise is not None
-    asked = robot, found.value.positions, frequencies.omega(), noise.law()
+    asked = robot, found.value.positions, run.omega, run.noise
 
     def compute(folder: Path, report: Progress | None) -> InformationSet:
         with _of_sample(robot is not run.robot, name):
@@ -154,7 +159,7 @@ def plan(
 
     def compute(folder: Path, report: Progress | None) -> Plan:
         positions = np.asarray(info.value.positions)
-        constraints = choice.constraints(run.robot, positions)
+        constraints = constraints_of(choice, run.robot, positions)
         if choice.robust is None:
             found = _for_one(choice, info.value, constraints)
         else:
@@ -174,12 +179,12 @@ def plan(
 
 def _for_one(choice: DesignChoice, info: Information, constraints: Constraints | None) -> Plan:
     """Return the plan that is best at the robot file's values."""
-    wanted = choice.wanted()
+    criterion = criterion_of(choice)
     design = optimal_design(
-        info, wanted, constraints, tolerance=choice.tolerance, solver=choice.solver
+        info, criterion, constraints, tolerance=choice.tolerance, solver=choice.solver
     )
     number = _number(choice, constraints)
-    exact = exact_design(info, number, design, criterion=wanted, constraints=constraints)
+    exact = exact_design(info, number, design, criterion=criterion, constraints=constraints)
     return Plan(design, exact)
 
 
@@ -187,20 +192,20 @@ def _for_all(
     choice: DesignChoice, kind: str, samples: InformationSamples, constraints: Constraints | None
 ) -> Plan:
     """Return the plan that holds for samples of theta."""
-    wanted = choice.wanted()
+    nominal = criterion_of(choice)
     robust = robust_design(
         samples,
-        wanted,
+        nominal,
         kind,
         constraints=constraints,
         tolerance=choice.tolerance,
         solver=choice.solver,
     )
-    criterion: Criterion = AverageCriterion(wanted)
+    criterion: Criterion = AverageCriterion(nominal)
     if kind == "maximin":
-        base = objective(wanted, samples.names)
+        base = objective(nominal, samples.names)
         values = np.array([base.log_value(matrix) for matrix in robust.design.information])
-        criterion = MaximinCriterion(wanted, (values - np.log(robust.efficiency)).tolist())
+        criterion = MaximinCriterion(nominal, (values - np.log(robust.efficiency)).tolist())
     number = _number(choice, constraints)
     exact = exact_design(
         samples, number, robust.design, criterion=criterion, constraints=constraints
@@ -219,6 +224,6 @@ def _order(run: Run, positions: Array, exact: ExactDesign) -> VisitingOrder | No
     if choice.moves is None and choice.time is None:
         return None
     moves = choice.moves or Moves()
-    home = moves.start(run.robot, positions)
-    places = np.asarray(positions[exact.support])
-    return visiting_order(places, moves.limits(run.robot), home, back=True)
+    home = home_position(moves, run.robot, positions)
+    visited_positions = np.asarray(positions[exact.support])
+    return visiting_order(visited_positions, move_limits(moves, run.robot), home, back=True)

@@ -81,16 +81,22 @@ def search(
     estimator: Estimator,
     data: Stage[Data],
     info: Information,
+    candidates: IntArray,
     starts: Array,
 ) -> Stage[Search]:
     """Return the fits of an estimator from all starts.
+
+    Parameters
+    ----------
+    candidates : ndarray of int, (Q,)
+        Index in `info` of each position of the data.
 
     Raises
     ------
     SolverFailed
         If no start led to an answer.
     """
-    positions = positions_of(estimator, data.value.estimate, info)
+    positions = positions_of(estimator, info, candidates)
     estimate = data.value.estimate.subset(positions)
 
     def compute(folder: Path, report: Progress | None) -> Search:
@@ -158,8 +164,8 @@ def chosen(
     return run.stages.run("result", inputs, compute, Files(_save_chosen, load))
 
 
-def positions_of(estimator: Estimator, estimate: FrfEstimate, info: Information) -> IntArray:
-    """Return which positions of the data an estimator uses.
+def positions_of(estimator: Estimator, info: Information, candidates: IntArray) -> IntArray:
+    """Return which positions of the data, candidates (Q,) of `info`, an estimator uses.
 
     "best" is the single one whose information is largest (D), as LLS1U of [WM] 6.
 
@@ -170,11 +176,11 @@ def positions_of(estimator: Estimator, estimate: FrfEstimate, info: Information)
     NotIdentifiable
         If no single position identifies all parameters.
     """
-    count = len(estimate.positions)
+    count = len(candidates)
     if estimator.positions == "all":
         return np.arange(count)
     if estimator.positions == "best":
-        matrices = list(info.take(np.array([_candidate(info, p) for p in estimate.positions])))
+        matrices = list(info.take(candidates))
         values = [named_criterion("D").value(matrix) for matrix in matrices]
         if not np.isfinite(max(values)):
             raise NotIdentifiable(
@@ -229,14 +235,10 @@ def best_likelihood(
 
 def start_number(starts: Array, run: Fit) -> int:
     """Return which of the starts (N, p), from 0, a run came from."""
-    return int(np.argmin(np.abs(np.log(starts / run.start)).max(axis=1)))
+    return int(np.flatnonzero((starts == run.start).all(axis=1))[0])  # it is the very same array
 
 
 _STORE = "searches.h5"
-
-
-def _candidate(info: Information, position: Array) -> int:
-    return int(np.argmin(np.abs(info.positions - position).max(axis=1)))
 
 
 def _save_search(value: Search, folder: Path) -> None:

@@ -170,10 +170,7 @@ def _measured(run: Run, positions: Array, folder: Path, report: Progress | None)
     """Return FRFs measured as the study's own, once in each position."""
     once, rng = np.ones(len(positions), dtype=np.int64), run.rng("held out")
     if run.study.data.experiment is None:
-        frequencies, noise = run.study.frequencies, run.study.noise
-        assert frequencies is not None
-        assert noise is not None
-        return simulate_frf(run.plant, positions, frequencies.omega(), noise.law(), rng, once)
+        return simulate_frf(run.plant, positions, run.omega, run.noise, rng, once)
     found = shaken(run, positions, once, rng, folder, report)
     estimate = frf_of(run, found.records).estimate
     found.records.unlink()

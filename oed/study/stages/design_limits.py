@@ -1,0 +1,133 @@
+"""Criterion, limits and samples of theta that the section ``design`` of a study file asks for."""
+
+import numpy as np
+
+from oed.candidates.position_lookup import candidate_at
+from oed.criteria.criteria import AsCriterion, Criterion, DsCriterion
+from oed.design.constraints import Constraints, Group
+from oed.experiment.experiment_file import per_motor
+from oed.experiment.moves import MoveLimits, move_times
+from oed.study.settings.design_settings import DesignChoice, Moves, Ranges, RobustChoice
+from robotmodels import ElasticRobot
+from robotmodels.common.arrays import Array, IntArray
+from robotmodels.common.errors import InvalidInput, nearest
+
+
+def criterion_of(choice: DesignChoice) -> str | Criterion:
+    """Return the criterion, for one theta."""
+    if choice.criterion == "Ds":
+        return DsCriterion(choice.interest)
+    return AsCriterion(choice.interest) if choice.criterion == "As" else choice.criterion
+
+
+def constraints_of(
+    choice: DesignChoice, robot: ElasticRobot, positions: Array
+) -> Constraints | None:
+    """Return the limits on experiments in candidates (Q, n); None if shares need only sum to one.
+
+    Raises
+    ------
+    InvalidInput
+        Naming the key that fits no joint or no candidate.
+    """
+    if not choice.limited:
+        return None
+    joints = tuple(robot.motor_joints)
+    groups = {}
+    for name, group in choice.groups.items():
+        members = _within(group.where, positions, joints, f"groups.{name}.where")
+        most = np.inf if group.most is None else float(group.most)
+        groups[name] = Group(members.tolist(), most, float(group.least))
+    forbidden = [
+        _within(where, positions, joints, f"forbidden[{i}]")
+        for i, where in enumerate(choice.forbidden)
+    ]
+    remedy = "name it in candidates.positions too"
+    mandatory = [
+        candidate_at(positions, np.array(position), f"design.mandatory[{i}]", remedy)
+        for i, position in enumerate(choice.mandatory)
+    ]
+    return Constraints(
+        experiments=choice.number,
+        time=choice.time,
+        durations=None if choice.time is None else _durations(choice, robot, positions),
+        most=choice.most,
+        mandatory=dict.fromkeys(mandatory, 1.0),
+        forbidden=np.concatenate(forbidden).tolist() if forbidden else (),
+        groups=groups,
+    )
+
+
+def move_limits(moves: Moves, robot: ElasticRobot) -> MoveLimits:
+    """Return the limits of moves.
+
+    Raises
+    ------
+    InvalidInput
+        For a wrong number of motors.
+    """
+    motors = tuple(robot.motor_names)
+    return MoveLimits(
+        motors,
+        robot.position_limits,
+        per_motor("design.moves.speed", moves.speed, motors),
+        per_motor("design.moves.acceleration", moves.acceleration, motors),
+    )
+
+
+def home_position(moves: Moves, robot: ElasticRobot, positions: Array) -> Array:
+    """Return where the robot starts and ends, (n,), by default amid the candidates (Q, n)."""
+    if moves.home is None:
+        return np.asarray((positions.min(axis=0) + positions.max(axis=0)) / 2)
+    if len(moves.home) != len(robot.motor_names):
+        raise InvalidInput(
+            f"design.moves.home: {len(moves.home)} angles; {len(robot.motor_names)} are needed"
+        )
+    return np.array(moves.home)
+
+
+def parameter_samples(choice: RobustChoice, robot: ElasticRobot, rng: np.random.Generator) -> Array:
+    """Return samples of theta, (samples, p) [SI]; parameters without a std stay as they are.
+
+    Raises
+    ------
+    InvalidInput
+        If `std` names neither a parameter nor a kind of them.
+    """
+    names, values = robot.parameters.names, robot.parameters.values
+    by_key = dict.fromkeys(names, choice.std) if isinstance(choice.std, float) else choice.std
+    kinds = [name.split(".", 1)[-1] for name in names]
+    for key in by_key:
+        if key not in names and key not in kinds:
+            possible = [*dict.fromkeys(kinds), *names]
+            raise InvalidInput(
+                f"design.robust.std: {key!r} is no free parameter and no kind of them"
+                f"{nearest(key, possible)}"
+            )
+    std = [by_key.get(n, by_key.get(k, 0.0)) for n, k in zip(names, kinds, strict=True)]
+    steps = rng.standard_normal((choice.samples - 1, len(values))) * np.array(std)
+    return np.asarray(values * np.exp(np.vstack([np.zeros(len(values)), steps])))
+
+
+def _durations(choice: DesignChoice, robot: ElasticRobot, positions: Array) -> Array:
+    """Return what one experiment in each candidate takes, moves included, (Q,) [s]."""
+    moves = choice.moves or Moves()
+    home = home_position(moves, robot, positions)
+    one_way = move_times(np.atleast_2d(home), positions, move_limits(moves, robot))[0]
+    return np.asarray((choice.measuring or 0.0) + 2 * one_way)
+
+
+def _within(where: Ranges, positions: Array, joints: tuple[str, ...], key: str) -> IntArray:
+    """Return the candidates (k,) within ranges of joints."""
+    inside = np.ones(len(positions), dtype=bool)
+    for joint, (low, high) in where.items():
+        if joint not in joints:
+            raise InvalidInput(
+                f"design.{key}: {joint!r} is not a driven joint{nearest(joint, joints)}; "
+                f"there are {', '.join(joints)}"
+            )
+        column = positions[:, joints.index(joint)]
+        inside &= (column >= low) & (column <= high)
+    if not inside.any():
+        raise InvalidInput(f"design.{key}: no candidate lies in these ranges")
+    return np.flatnonzero(inside)

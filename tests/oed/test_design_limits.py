@@ -1,0 +1,58 @@
+"""What a study file asks of a design, in indices of candidates."""
+
+import numpy as np
+import pytest
+
+from oed.study.settings.design_settings import DesignChoice, RobustChoice
+from oed.study.stages.design_limits import constraints_of, parameter_samples
+from robotmodels import InvalidInput, load_robot
+
+ROBOT = load_robot("manutec_r3")
+POSITIONS = np.linspace(-1, 1, 42).reshape(7, 6)
+
+
+def limits(**keys):
+    return constraints_of(DesignChoice.model_validate(keys), ROBOT, POSITIONS)
+
+
+def test_no_limits_but_the_number_are_none():
+    assert limits(experiments=3) is None
+
+
+@pytest.mark.parametrize("error", [0.0, 1e-13, -4e-7])
+def test_mandatory_positions_are_candidates_by_index(error):
+    mandatory = (POSITIONS[[4, 1]] + error).tolist()
+    assert limits(mandatory=mandatory).mandatory == {4: 1.0, 1: 1.0}
+
+
+def test_a_mandatory_position_that_is_no_candidate_is_named_beside_the_nearest():
+    away = POSITIONS[5] + 1e-3
+    message = r"design.mandatory\[1\]: .* the nearest is candidate 5, .* 0.001 away; name it in"
+    with pytest.raises(InvalidInput, match=message):
+        limits(mandatory=[POSITIONS[0].tolist(), away.tolist()])
+    with pytest.raises(InvalidInput, match=r"design.mandatory\[0\]: 2 angles; 6 are needed"):
+        limits(mandatory=[[0.0, 1.0]])
+
+
+def test_ranges_choose_candidates_by_joint():
+    joint = ROBOT.motor_joints[0]
+    where = {joint: [POSITIONS[1, 0], POSITIONS[3, 0]]}
+    chosen = limits(forbidden=[where], groups={"some": {"where": where, "most": 2}})
+    assert list(chosen.forbidden) == [1, 2, 3]
+    assert list(chosen.groups["some"].members) == [1, 2, 3]
+    with pytest.raises(InvalidInput, match=r"forbidden\[0\]: no candidate lies in these ranges"):
+        limits(forbidden=[{joint: [5.0, 6.0]}])
+
+
+def test_samples_of_theta_spread_by_name_or_kind_about_the_robot_files_values():
+    choice = RobustChoice(std={"stiffness": 0.2}, samples=64)
+    samples = parameter_samples(choice, ROBOT, np.random.default_rng(0))
+    logs = np.log(samples / ROBOT.parameters.values)
+    springs = np.array([name.endswith("stiffness") for name in ROBOT.parameters.names])
+    assert not logs[0].any()
+    assert not logs[:, ~springs].any()
+    # 63 normal draws: a chi square law of 63 degrees beyond these ends is one in a thousand.
+    assert ((logs[1:, springs].std(axis=0) > 0.14) & (logs[1:, springs].std(axis=0) < 0.27)).all()
+    unknown = RobustChoice(std={"stifness": 0.2})
+    with pytest.raises(InvalidInput, match="std: 'stifness' is no free parameter"):
+        parameter_samples(unknown, ROBOT, np.random.default_rng(0))
