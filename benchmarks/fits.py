@@ -142,7 +142,7 @@ def peer_times(problem: Problem) -> dict[str, Any]:
 def run_peer(peer: str, problem: Problem) -> tuple[list[Array], float]:
     """Return what a peer computes in its own environment, and its time [s]."""
     net = problem.network
-    free = [i for i, row in enumerate(net.exponents[0][: len(net.ends)]) if row.any()]
+    free = [i for i, row in enumerate(net.exponents[0][: len(net.nodes)]) if row.any()]
     fields = ("mass", "stiffness", "damping", "selector", "spring_stiffness", "spring_damping")
     with tempfile.TemporaryDirectory() as folder:
         source, target = Path(folder, "data.npz"), Path(folder, "out.npz")

@@ -110,7 +110,7 @@ def part(net: SpringNetwork, n_positions: int) -> SpringNetwork:
         **arrays,
         damping=net.damping,
         selector=net.selector,
-        ends=net.ends,
+        nodes=net.nodes,
         parameters=net.parameters,
     )
 
@@ -193,7 +193,7 @@ def peer_python(name: str = "linearisation", packages: Sequence[str] = PACKAGES)
 def peer_times(net: SpringNetwork, expected: Array) -> dict[str, Any]:
     """Return each peer's times per position [s] and its distance from the kernel's matrices."""
     python = peer_python()
-    free = [i for i, row in enumerate(net.exponents[0][: len(net.ends)]) if row.any()]
+    free = [i for i, row in enumerate(net.exponents[0][: len(net.nodes)]) if row.any()]
     result = {}
     with tempfile.TemporaryDirectory() as folder:
         source, target = Path(folder, "network.npz"), Path(folder, "out.npz")

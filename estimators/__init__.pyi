@@ -49,7 +49,7 @@ from .frf.method_comparison import (
 )
 from .frf.record_checks import Settling as Settling, settling as settling
 from .frf.rigid_body_check import RigidLimit as RigidLimit, check_rigid_limit as check_rigid_limit
-from .sampling.convergence import Target as Target
+from .sampling.convergence import StoppingCriterion as StoppingCriterion
 from .sampling.importance_sampling import (
     ImportanceSample as ImportanceSample,
     importance_sample as importance_sample,

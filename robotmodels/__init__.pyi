@@ -19,7 +19,7 @@ from .linear.chain_responses import (
     position_controlled as position_controlled,
 )
 from .linear.coupled_chains import CoupledChains as CoupledChains
-from .linear.derived_models import AtValues as AtValues
+from .linear.derived_models import WithParameters as WithParameters
 from .linear.linear_model import LinearModel as LinearModel
 from .linear.modes import (
     anti_resonances as anti_resonances,

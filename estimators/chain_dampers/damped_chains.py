@@ -129,7 +129,7 @@ class DampedChains:
             damping=(S * now.friction) @ S.T,
             stiffness=bare.stiffness,
             selector=S,
-            ends=bare.ends,
+            nodes=bare.nodes,
             spring_stiffness=bare.spring_stiffness,
             spring_damping=bare.spring_damping,
             exponents=exponents,
@@ -140,7 +140,7 @@ class DampedChains:
         )
 
     def linearization(
-        self, positions: Array, parameters: Array | None = None, *, sag: bool = True
+        self, positions: Array, parameters: Array | None = None, *, equilibrium_shift: bool = True
     ) -> tuple[SpringNetwork, Tangents]:
         """Return `network` and `tangents`.
 
@@ -149,10 +149,12 @@ class DampedChains:
         InvalidInput
             As `network`.
         """
-        return self.network(positions, parameters), self.tangents(positions, parameters, sag=sag)
+        return self.network(positions, parameters), self.tangents(
+            positions, parameters, equilibrium_shift=equilibrium_shift
+        )
 
     def tangents(
-        self, positions: Array, parameters: Array | None = None, *, sag: bool = True
+        self, positions: Array, parameters: Array | None = None, *, equilibrium_shift: bool = True
     ) -> Tangents:
         """Return the derivatives by masses, couplings, friction and delay; nothing sags here.
 

@@ -55,7 +55,7 @@ def chain_start_values(robot: ElasticRobot, estimate: FrfEstimate, position: int
             robot.parameters.names, f"{robot.name} has no spring behind a motor to begin with"
         )
     data = _between(estimate, position, motors)
-    modes = _modes(data, len(network.ends))
+    modes = _modes(data, len(network.nodes))
     inertia = _motor_inertias(network)[motors]
     weights = modes.shapes**2
     stiffness = inertia**2 * (weights * modes.omega[:, None] ** 2).sum(axis=0)
@@ -72,7 +72,7 @@ def _drives(network: SpringNetwork) -> tuple[IntArray, IntArray]:
     coordinates = [int(np.argmax(np.abs(column))) for column in network.selector.T]
     motors, springs = [], []
     for motor, coordinate in enumerate(coordinates):
-        own = np.flatnonzero((network.ends == coordinate).any(axis=1))
+        own = np.flatnonzero((network.nodes == coordinate).any(axis=1))
         if len(own) == 1:
             motors.append(motor)
             springs.append(int(own[0]))
@@ -123,7 +123,7 @@ def _scaled(
     robot: ElasticRobot, network: SpringNetwork, springs: IntArray, stiffness: Array, damping: Array
 ) -> Array:
     """Return the robot's parameters with its springs at these places scaled to fit."""
-    s = len(network.ends)
+    s = len(network.nodes)
     own = np.concatenate([network.spring_stiffness[0], network.spring_damping[0]])
     factors = np.full(2 * s, np.nan)
     factors[springs] = np.log(stiffness / own[springs])

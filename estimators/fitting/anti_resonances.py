@@ -21,7 +21,7 @@ def gear_springs(network: SpringNetwork) -> dict[int, int]:
     motors = {int(np.argmax(np.abs(column))): i for i, column in enumerate(network.selector.T)}
     return {
         motors[end]: s
-        for s, ends in enumerate(network.ends.tolist())
+        for s, ends in enumerate(network.nodes.tolist())
         for end in ends
         if end in motors and -1 not in ends
     }
@@ -31,7 +31,7 @@ def end_inertias(network: SpringNetwork) -> Array:
     """Return the rigid inertias at both ends of springs, (s, 2, Q); infinite at the ground."""
     inertia = np.diagonal(network.linear_model().mass, axis1=1, axis2=2).T
     ground = np.full((1, inertia.shape[1]), np.inf)
-    return np.concatenate([inertia, ground])[network.ends]  # the end -1 is the last
+    return np.concatenate([inertia, ground])[network.nodes]  # the end -1 is the last
 
 
 def dip_values(
@@ -44,7 +44,7 @@ def dip_values(
     both : ndarray, (2, Q)
         Inertias at its ends.
     """
-    ends = network.ends[s].tolist()
+    ends = network.nodes[s].tolist()
     own = int(np.argmax(np.abs(network.selector[:, motor])))
     rotor, arm = both[ends.index(own)], both[1 - ends.index(own)]
     found = []

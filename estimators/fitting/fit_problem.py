@@ -82,7 +82,7 @@ class Problem:
         The residuals of the prior come last.
         """
         G, J = sensitivity(
-            self.model, self.estimate.positions, self.estimate.omega, values, sag=True
+            self.model, self.estimate.positions, self.estimate.omega, values, equilibrium_shift=True
         )
         error = whiten(self.root, self.kind.error(self.estimate.response, G, self.used))
         slope = whiten(self.root, self.kind.jacobian(G, J, self.used))

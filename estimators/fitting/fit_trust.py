@@ -217,7 +217,7 @@ def _fixed_numbers(
     elements = dict(zip(robot.elements.names, robot.elements.at(values), strict=True))
     wider = whole.parameters
     theta = np.array([elements.get(n, v) for n, v in zip(wider.names, wider.values, strict=True)])
-    _, J = sensitivity(whole, positions, omega, theta, sag=True)
+    _, J = sensitivity(whole, positions, omega, theta, equilibrium_shift=True)
     for i, name in enumerate(wider.names):
         if name not in robot.parameters.names:
             yield name, "relative", J[..., i]

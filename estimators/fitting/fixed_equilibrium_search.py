@@ -13,7 +13,7 @@ from robotmodels.common.arrays import Array
 from robotmodels.common.errors import IdentificationError, SolverFailed
 from robotmodels.common.symmetric_matrices import scaled_eigh
 from robotmodels.linear.normal_equations import NormalEquations
-from robotmodels.linear.response import BeyondSprings
+from robotmodels.linear.response import HasEquilibriumDerivatives
 from robotmodels.linear.spring_network import SpringNetwork
 
 if TYPE_CHECKING:
@@ -22,19 +22,19 @@ if TYPE_CHECKING:
     from robotmodels.kernel import CostKernel
 
 
-# Largest change of ln theta over which `Sag.gradient` keeps what it found: an error of a
+# Largest change of ln theta over which `EquilibriumShift.gradient` is carried: an error of a
 # hundredth of a hundredth of the cost's slope.
 NEAR = 0.1
 
 
 @dataclass(frozen=True, eq=False)
-class Sag:
-    """What the equilibria's shift with ln theta changes in stiffness and mass.
+class EquilibriumShift:
+    """Derivatives of stiffness and mass through the shift of the equilibria with ln theta.
 
     Attributes
     ----------
     values : ndarray, (p,)
-        Parameters at which it was found.
+        Parameters at which it was computed.
     stiffness, mass : ndarray, (Q, p, d, d)
         Derivatives by ln theta.
     """
@@ -58,7 +58,7 @@ class Sag:
         Parameters
         ----------
         network : SpringNetwork
-            Network at the parameters in question, equilibria found there.
+            Network at the parameters in question, about their equilibria.
         kernel : CostKernel
             The cost about these equilibria.
         """
@@ -69,7 +69,9 @@ class Sag:
         return total * self.values / network.parameters.values
 
 
-def with_sag(problem: Problem, values: Array) -> tuple[SpringNetwork, Sag | None]:
+def network_and_shift(
+    problem: Problem, values: Array
+) -> tuple[SpringNetwork, EquilibriumShift | None]:
     """Return the network about the equilibria at `values` (p,), and how these shift.
 
     Raises
@@ -78,12 +80,12 @@ def with_sag(problem: Problem, values: Array) -> tuple[SpringNetwork, Sag | None
         If there is no equilibrium.
     """
     model, positions = problem.model, problem.estimate.positions
-    if not isinstance(model, BeyondSprings):
+    if not isinstance(model, HasEquilibriumDerivatives):
         return model.network(positions, values), None
-    network, tangents = model.linearization(positions, values, sag=True)
+    network, tangents = model.linearization(positions, values, equilibrium_shift=True)
     if tangents is None:
         return network, None
-    return network, Sag(values, tangents.stiffness, tangents.mass)
+    return network, EquilibriumShift(values, tangents.stiffness, tangents.mass)
 
 
 # Fewer numbers than this in the Jacobian are faster by numpy than compiled code is loaded.
@@ -127,7 +129,7 @@ def renewed_search(
     """
 
     def evaluate(values: Array) -> tuple[Array, Array]:
-        return CorrectedModel(problem, *with_sag(problem, values))(values)
+        return CorrectedModel(problem, *network_and_shift(problem, values))(values)
 
     return trust_region(problem, evaluate, start, max_evaluations, tolerance)
 
@@ -162,9 +164,9 @@ def frozen_search(
     """
     values, spent, cost, gain = start, 0, np.inf, np.inf
     best, least = start, np.inf  # of V itself, about equilibria of its own
-    sag: Sag | None = None
+    shift: EquilibriumShift | None = None
     for nth in range(ROUNDS):
-        model = CorrectedModel(problem, network, sag if nth else None)
+        model = CorrectedModel(problem, network, shift if nth else None)
         allowed = max(tolerance, ROUGH) if nth == 0 else tolerance
         found = trust_region(problem, model, values, max(max_evaluations - spent, 2), allowed)
         spent += found.evaluations
@@ -182,7 +184,7 @@ def frozen_search(
         if nth and model.cost > cost * (1 + tolerance):
             break
         cost = model.cost if nth else cost
-        values, network, sag = _reachable(problem, values, found.values, network, sag)
+        values, network, shift = _reachable(problem, values, found.values, network, shift)
     found = renewed_search(problem, best, max_evaluations - spent, tolerance)
     return replace(found, evaluations=spent + found.evaluations)
 
@@ -238,13 +240,15 @@ class CorrectedModel:
         Cost at the network's own parameters.
     """
 
-    def __init__(self, problem: Problem, network: SpringNetwork, sag: Sag | None) -> None:
+    def __init__(
+        self, problem: Problem, network: SpringNetwork, shift: EquilibriumShift | None
+    ) -> None:
         self.problem = problem
         self.centre = network.parameters.values
         self.kernel = cost_kernel(problem, network)
         self.shift = np.zeros(len(self.centre))
-        if sag is not None:
-            self.shift = sag.gradient(network, self.kernel)
+        if shift is not None:
+            self.shift = shift.gradient(network, self.kernel)
         self.cost = np.nan
 
     def __call__(self, values: Array) -> tuple[Array, Array]:
@@ -286,14 +290,18 @@ def _with_prior(problem: Problem, values: Array, data: NormalEquations) -> Norma
 
 
 def _reachable(
-    problem: Problem, values: Array, wanted: Array, network: SpringNetwork, sag: Sag | None
-) -> tuple[Array, SpringNetwork, Sag | None]:
+    problem: Problem,
+    values: Array,
+    wanted: Array,
+    network: SpringNetwork,
+    shift: EquilibriumShift | None,
+) -> tuple[Array, SpringNetwork, EquilibriumShift | None]:
     """Return `wanted`, or the first of its halvings towards `values` that has an equilibrium."""
     for _ in range(HALVINGS):
         try:
-            if sag is not None and sag.near(wanted):
-                return wanted, problem.model.network(problem.estimate.positions, wanted), sag
-            return wanted, *with_sag(problem, wanted)
+            if shift is not None and shift.near(wanted):
+                return wanted, problem.model.network(problem.estimate.positions, wanted), shift
+            return wanted, *network_and_shift(problem, wanted)
         except IdentificationError:
             wanted = np.sqrt(values * wanted)
-    return values, network, sag
+    return values, network, shift

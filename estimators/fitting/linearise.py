@@ -68,4 +68,6 @@ def linearise(
 def sensitivities(problem: Problem, values: Array) -> tuple[ComplexArray, ComplexArray]:
     """Return the FRF at `values`, (Q, F, m, n), and its derivatives, (Q, F, m, n, p)."""
     estimate = problem.estimate
-    return sensitivity(problem.model, estimate.positions, estimate.omega, values, sag=True)
+    return sensitivity(
+        problem.model, estimate.positions, estimate.omega, values, equilibrium_shift=True
+    )

@@ -192,7 +192,7 @@ def _springs(
     reduced = np.exp(-np.mean(np.log((1 / inertias).sum(axis=1)), axis=1))
     arm = np.array([np.exp(np.mean(np.log(max(inertias[s], key=np.sum)))) for s in known])
     frequency = float(np.exp(np.mean(np.log(np.array(list(known.values())) / arm)) / 2))
-    torsion = network.ends.min(axis=1) < 0
+    torsion = network.nodes.min(axis=1) < 0
     stiffness = reduced * np.where(torsion, TORSIONS * frequency, frequency) ** 2
     for s in unseen:
         stiffness[s] = reduced[s] * frequency * max(frequency, top)
@@ -209,7 +209,7 @@ def _groups(
 
     A gear's damper keeps its ratio to the spring.
     """
-    count = len(network.ends)
+    count = len(network.nodes)
     groups = []
     for s, found in dips.items():
         values = np.sort(np.concatenate([x for x, _ in found]))
@@ -227,7 +227,7 @@ def _roughness(network: SpringNetwork, gears: set[int], given: set[int]) -> Arra
 
     What is neither spring nor damper is as well known as it was.
     """
-    count = len(network.ends)
+    count = len(network.nodes)
     rows = np.array(
         [
             ROUGH_GIVEN if s in given else ROUGH_GEAR if s in gears else ROUGH_TORSION

@@ -20,7 +20,7 @@ BURN_IN_TIMES = 3.0
 
 
 @dataclass(frozen=True)
-class Target:
+class StoppingCriterion:
     """When to stop.
 
     Attributes
@@ -43,7 +43,7 @@ class Target:
 
 
 @dataclass(frozen=True, eq=False)
-class Diagnosis:
+class ChainConvergence:
     """What chains (E, T, W, p) tell about themselves.
 
     Attributes
@@ -71,7 +71,9 @@ class Diagnosis:
     needed: int
 
 
-def diagnose(names: tuple[str, ...], chains: Array, target: Target) -> Diagnosis:
+def assess_convergence(
+    names: tuple[str, ...], chains: Array, target: StoppingCriterion
+) -> ChainConvergence:
     """Return burn-in and convergence of chains (E, T, W, p).
 
     Three autocorrelation times are left out, at most half of the chain.
@@ -99,11 +101,11 @@ def diagnose(names: tuple[str, ...], chains: Array, target: Target) -> Diagnosis
     short = ""
     if not (found.max() <= target.r_hat and ess.min() >= target.ess):
         short = f"short of R-hat {target.r_hat:g} and effective size {target.ess:.0f}"
-    return Diagnosis(burn, tau, found, ess, tuple(faults), short, int(np.ceil(needed)))
+    return ChainConvergence(burn, tau, found, ess, tuple(faults), short, int(np.ceil(needed)))
 
 
-def enough(chains: Array, target: Target) -> bool:
-    """Return whether `diagnose` would find no fault, the cheapest questions first."""
+def has_converged(chains: Array, target: StoppingCriterion) -> bool:
+    """Return whether `assess_convergence` would find no fault, the cheapest questions first."""
     burn, tau = burn_in(chains)
     kept = chains[:, burn:]
     e, t, w, _ = kept.shape

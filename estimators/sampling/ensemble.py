@@ -153,7 +153,7 @@ def run_ensembles(
     starts: Array,
     seeds: IntArray,
     limit: int,
-    enough: Callable[[Array], bool] | None = None,
+    has_converged: Callable[[Array], bool] | None = None,
     store: Store | None = None,
     progress: Progress | None = None,
     executor: Executor | None = None,
@@ -170,7 +170,7 @@ def run_ensembles(
         Seeds.
     limit : int
         Snapshots after which to stop in any case.
-    enough : callable, optional
+    has_converged : callable, optional
         Told the chains so far, whether to stop; None goes on to the limit.
     store : Store, optional
         Where the chains are kept, and from where they go on.
@@ -197,7 +197,9 @@ def run_ensembles(
                 store.save(chains)
             if progress is not None:
                 progress(per_snapshot * mark, per_snapshot * limit)
-        if enough is not None and enough(np.stack([c.walkers[:mark] for c in chains])):
+        if has_converged is not None and has_converged(
+            np.stack([c.walkers[:mark] for c in chains])
+        ):
             break
     if progress is not None:
         progress(per_snapshot * mark, per_snapshot * mark)

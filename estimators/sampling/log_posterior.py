@@ -253,7 +253,7 @@ def has_noise_weights(fit: Fit) -> bool:
 
 def side_by_side(network: SpringNetwork, parameters: Array, omega: Array) -> ComplexArray:
     """Return FRFs (w, Q, F, m, n) at parameters (w, p), equilibria held fixed."""
-    w, s = len(parameters), len(network.ends)
+    w, s = len(parameters), len(network.nodes)
     own = network.inertances
     friction = own is not None and bool(own.exponents[: len(own.friction)].any())
     if not network.only_motors or friction:

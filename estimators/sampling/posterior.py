@@ -9,7 +9,7 @@ import numpy as np
 from estimators.fitting.least_squares import Fit
 from estimators.fitting.priors import Prior
 from estimators.sampling.chain_checkpoint import Store
-from estimators.sampling.convergence import Target, diagnose, enough
+from estimators.sampling.convergence import StoppingCriterion, assess_convergence, has_converged
 from estimators.sampling.ensemble import (
     Sampler,
     check_starts,
@@ -118,7 +118,7 @@ def sample_posterior(
     noise: str = "known",
     scale: float | None = None,
     prior: Prior | None = None,
-    target: Target | None = None,
+    target: StoppingCriterion | None = None,
     starts: Array | None = None,
     backend: str | Path | None = None,
     progress: Progress | None = None,
@@ -183,7 +183,7 @@ def sample_posterior(
         rngs = [np.random.default_rng(int(seed)) for seed in seeds]
         first = np.stack([drawn_starts(proposal, density, walkers, one) for one in rngs])
     check_starts(density, first)
-    aim, store = target or Target(), None
+    aim, store = target or StoppingCriterion(), None
     if backend is not None:
         told = _fingerprint(fit, density, seeds, walkers, thin, starts)
         store = Store(Path(backend), told)
@@ -192,7 +192,7 @@ def sample_posterior(
         first,
         seeds,
         steps // thin,
-        lambda so_far: enough(so_far, aim),
+        lambda so_far: has_converged(so_far, aim),
         store,
         progress,
         executor,
@@ -206,10 +206,10 @@ def judged(
     thin: int,
     acceptance: float,
     noise: Noise,
-    target: Target | None = None,
+    target: StoppingCriterion | None = None,
 ) -> Posterior:
     """Return the posterior of chains (E, T, W, p): burn-in left out, convergence examined."""
-    found = diagnose(names, chains, target or Target())
+    found = assess_convergence(names, chains, target or StoppingCriterion())
     steps = int(np.ceil(found.needed * thin / 100) * 100)
     message = "converged"
     if found.faults:

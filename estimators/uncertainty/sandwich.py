@@ -31,7 +31,7 @@ def sandwich_parts(fit: Fit) -> tuple[Array, Array]:
     estimate, kind = fit.estimate, fit.kind
     used = used_elements(fit.weights, estimate.response.shape)
     G, J = sensitivity(
-        fit.model, estimate.positions, estimate.omega, fit.parameters.values, sag=True
+        fit.model, estimate.positions, estimate.omega, fit.parameters.values, equilibrium_shift=True
     )
     psi = kind.jacobian(G, J, used)
     noise = kind.noise(estimate.covariance, G, used)

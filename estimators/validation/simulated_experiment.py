@@ -154,9 +154,11 @@ def _posterior(fit: Fit, level: float, rng: np.random.Generator, noise: str) -> 
     sample = importance_sample(fit, rng=rng, draws=DRAWS, noise=noise)
     if sample.trusted and sample.ess >= ESS:
         return sample.uncertainty().std, np.log(sample.interval(level))
-    from estimators.sampling.convergence import Target
+    from estimators.sampling.convergence import StoppingCriterion
     from estimators.sampling.posterior import sample_posterior
 
     walkers = max(2 * len(fit.parameters), 16)
-    posterior = sample_posterior(fit, rng=rng, walkers=walkers, target=Target(ess=ESS), noise=noise)
+    posterior = sample_posterior(
+        fit, rng=rng, walkers=walkers, target=StoppingCriterion(ess=ESS), noise=noise
+    )
     return posterior.uncertainty().std, np.log(posterior.interval(level))

@@ -10,6 +10,7 @@ import numpy as np
 
 from oed.information_sets.information_set import InformationSet
 from robotmodels.common.arrays import Array, check_memory
+from robotmodels.common.deprecation import renamed_keywords
 from robotmodels.common.errors import InvalidInput
 from robotmodels.common.progress import Progress
 from robotmodels.linear.equilibrium_sensitivity import Tangents
@@ -43,14 +44,14 @@ class ChunkInformation:
         As of `oed.information`.
     omega : ndarray, (F,), rad/s
         Angular frequencies.
-    sag : bool
+    equilibrium_shift : bool
         Whether equilibria shift with ln theta, as in `robotmodels.sensitivity`.
     """
 
     robot: Elastic
     omega: Array
     noise: NoiseLaw | LoopNoise
-    sag: bool = False
+    equilibrium_shift: bool = False
 
     def __call__(self, positions: Array) -> Array:
         """Return the information, (Q, p, p)."""
@@ -59,9 +60,11 @@ class ChunkInformation:
     def prepare(self, positions: Array) -> Prepared:
         """Return the positions and the linearisation there; None where `finish` makes it."""
         if len(positions) <= _GENERAL:
-            return positions, linearization(self.robot, positions, sag=self.sag)
+            return positions, linearization(
+                self.robot, positions, equilibrium_shift=self.equilibrium_shift
+            )
         # For the general way these are too many; what bars the kernel does so everywhere.
-        if self.sag or not self._suits_kernel(self.robot.network(positions[:_FEW])):
+        if self.equilibrium_shift or not self._suits_kernel(self.robot.network(positions[:_FEW])):
             return positions, None
         return positions, (self.robot.network(positions), None)
 
@@ -109,7 +112,7 @@ def information(
     progress: Progress | None = ...,
     store: None = ...,
     *,
-    sag: bool = ...,
+    equilibrium_shift: bool = ...,
 ) -> InformationSet: ...
 
 
@@ -124,10 +127,11 @@ def information(
     progress: Progress | None = ...,
     *,
     store: str | os.PathLike[str],
-    sag: bool = ...,
+    equilibrium_shift: bool = ...,
 ) -> "StoredInformation": ...
 
 
+@renamed_keywords(since="0.2", sag="equilibrium_shift")
 def information(
     robot: Elastic,
     positions: Array,
@@ -138,12 +142,13 @@ def information(
     progress: Progress | None = None,
     store: str | os.PathLike[str] | None = None,
     *,
-    sag: bool = False,
+    equilibrium_shift: bool = False,
 ) -> "InformationSet | StoredInformation":
     """Return the information of one experiment in each position, equilibria held fixed.
 
     For the built-in robots the latter changes no standard deviation by more than 0.3 % (15 random
-    positions, 2 to 80 Hz); for soft robots under heavy loads it may, and `sag` is exact.
+    positions, 2 to 80 Hz); for soft robots under heavy loads it may, and `equilibrium_shift` is
+    exact.
 
     Parameters
     ----------
@@ -164,7 +169,7 @@ def information(
     store : str or os.PathLike[str], optional
         Path of a file for more matrices than memory holds; they are written as they come and read
         in chunks, see `store`.
-    sag : bool
+    equilibrium_shift : bool
         Whether equilibria shift with ln theta, as in `robotmodels.sensitivity`: exact, and a
         hundred times slower.
 
@@ -187,7 +192,7 @@ def information(
     # Several of them, where there are enough positions, for there to be something that overlaps.
     size = min(chunk, max(-(-len(positions) // 4), _WORTHWHILE))
     chunks = [positions[start : start + size] for start in range(0, len(positions), size)]
-    work = ChunkInformation(robot, check_omega(omega), noise, sag)
+    work = ChunkInformation(robot, check_omega(omega), noise, equilibrium_shift)
     found: Iterable[Array]
     if executor is None and len(chunks) == 1:
         found = map(work, chunks)

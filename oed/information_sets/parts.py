@@ -51,7 +51,7 @@ def sensor_information(
     rows = [slice(0, motors), *(slice(r, r + 1) for r in range(motors, len(names)))]
     parts = []
     for start in range(0, len(positions), _PART):
-        G, J = sensitivity(robot, positions[start : start + _PART], omega, sag=False)
+        G, J = sensitivity(robot, positions[start : start + _PART], omega, equilibrium_shift=False)
         parts.append(
             [estimators.information(J[:, :, r], 1.0 / noise.variance(G[:, :, r])) for r in rows]
         )

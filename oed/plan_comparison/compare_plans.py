@@ -18,7 +18,7 @@ from robotmodels.common.arrays import Array, IntArray, read_only
 from robotmodels.common.errors import InvalidInput, NotIdentifiable, SolverFailed
 from robotmodels.common.progress import Progress
 from robotmodels.common.symmetric_matrices import scaled_inverse
-from robotmodels.linear.derived_models import held
+from robotmodels.linear.derived_models import with_fixed_equilibria
 from robotmodels.linear.noise import NoiseLaw
 from robotmodels.linear.response import Elastic
 
@@ -152,7 +152,7 @@ class _Series:
     ) -> tuple[MonteCarlo, bool]:
         """Return repeated experiments by a plan, and whether equilibria were held."""
         places = np.asarray(self.positions[trial.support])
-        fitted, p = held(self.model, places), len(self.model.parameters)
+        fitted, p = with_fixed_equilibria(self.model, places), len(self.model.parameters)
         experiment = FrfExperiment(fitted, places, self.omega, self.noise, trial.repetitions)
         _ = experiment.response  # found here: the processes of a pool need not repeat it
         found = monte_carlo(

@@ -113,7 +113,7 @@ def _springs(d: Diagnosis, file: RobotFile) -> list[str]:
     for s, given in zip(d.springs, file.springs, strict=True):
         k = f"{s.name}.stiffness"
         rest, damping = states.get(k) or states[f"{k}.low"], states[f"{s.name}.damping"]
-        load = (_sag(s), _small(s.torque) + (" N" if s.linear else ""))
+        load = (_deflection(s), _small(s.torque) + (" N" if s.linear else ""))
         row = (s.name, f"{s.place} {s.axis}", _kilo(rest.value, rest.unit), _state(rest))
         rows.append((*row, _plainly(damping), _state(damping), *load))
         if isinstance(given.stiffness, Hardening):
@@ -122,7 +122,7 @@ def _springs(d: Diagnosis, file: RobotFile) -> list[str]:
             rows.append(("", "  under its load", _kilo(s.stiffness, high.unit), *[""] * 5))
     header = (
         *("springs", "at, about", "stiffness\nkN m/rad", "", "damping\nN m s/rad", ""),
-        *("sag", "holds\nN m"),
+        *("deflection", "holds\nN m"),
     )
     ties = [f"{p.name} to {p.tied_to}" for p in d.parameters if p.tied_to]
     tied = wrapped(f"tied: {', '.join(ties)}") if ties else []
@@ -234,10 +234,10 @@ def _value(value: float, unit: str) -> str:
     return f"{number(value / factor)} {pretty}"
 
 
-def _sag(spring: SpringState) -> str:
+def _deflection(spring: SpringState) -> str:
     if spring.linear:
-        return f"{decimals(1e3 * spring.sag)} mm"
-    return f"{decimals(float(np.degrees(spring.sag)))}°"
+        return f"{decimals(1e3 * spring.deflection)} mm"
+    return f"{decimals(float(np.degrees(spring.deflection)))}°"
 
 
 def _angle(value: float, prismatic: bool) -> str:

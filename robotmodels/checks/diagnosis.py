@@ -110,7 +110,7 @@ class SpringState:
         Where it cuts the link; None at a joint.
     linear : bool
         Whether it is a spring of a prismatic joint, in N/m and m.
-    sag : float, rad or m
+    deflection : float, rad or m
         Elongation under gravity.
     torque : float, N m or N
         Spring torque of that elongation.
@@ -125,7 +125,7 @@ class SpringState:
     place: str
     at: tuple[float, float, float] | None
     linear: bool
-    sag: float
+    deflection: float
     torque: float
     rest: float
     stiffness: float
@@ -262,7 +262,7 @@ def diagnose(
     model = linearize(everything, position)
     modes, overdamped, failed = _modes(model, network)
     omega = np.geomspace(low, high, FREQUENCIES)
-    slopes = sensitivity(everything, position[None], omega, sag=False)
+    slopes = sensitivity(everything, position[None], omega, equilibrium_shift=False)
     return Diagnosis(
         robot=robot.name,
         source=robot.file.source,
@@ -362,7 +362,7 @@ def _springs(robot: ElasticRobot, at: Equilibrium) -> tuple[SpringState, ...]:
                 place=str(spring.joint or spring.link),
                 at=spring.at,
                 linear=robot.elements.linear(spring),
-                sag=float(at.elongations[0, i]),
+                deflection=float(at.elongations[0, i]),
                 torque=-float(torques[0, c]),
                 rest=k.low if isinstance(k, Hardening) else k,
                 stiffness=float(at.slopes[0, i]),

@@ -9,7 +9,7 @@ from robotmodels.checks.diagnosis import Diagnosis
 
 # A parameter that changes no response by more than this, per relative change, drowns in noise.
 LEAST_SENSITIVITY = 0.01
-LARGEST_SAG = (np.radians(1.0), 0.005)  # [rad], [m]; real gears wind up by a tenth of that
+LARGEST_DEFLECTION = (np.radians(1.0), 0.005)  # [rad], [m]; real gears wind up by a tenth of that
 LARGEST_SOFTENING = 0.05
 MOST_PAIRS = 3
 REFLECTED = 20.0  # motor inertia on the arm side and what it moves: of the same order by design
@@ -97,14 +97,20 @@ def inseparable(d: Diagnosis) -> Iterator[Suspicion]:
         )
 
 
-def large_sag(d: Diagnosis) -> Iterator[Suspicion]:
+def large_deflection(d: Diagnosis) -> Iterator[Suspicion]:
     """Springs that give way by more than 1 degree, or 5 mm."""
     for s in d.springs:
-        if abs(s.sag) > LARGEST_SAG[s.linear]:
-            sag = f"{1e3 * s.sag:.3g} mm" if s.linear else f"{np.degrees(s.sag):.3g} degrees"
+        if abs(s.deflection) > LARGEST_DEFLECTION[s.linear]:
+            deflection = (
+                f"{1e3 * s.deflection:.3g} mm"
+                if s.linear
+                else f"{np.degrees(s.deflection):.3g} degrees"
+            )
             limit = "5 mm" if s.linear else "1 degree"
             yield Suspicion(
-                "large sag", (s.name,), f"{s.name} gives way by {sag}, more than {limit}"
+                "large deflection",
+                (s.name,),
+                f"{s.name} gives way by {deflection}, more than {limit}",
             )
 
 
@@ -173,7 +179,7 @@ _RULES = (
     undivided_modes,
     unexcited,
     inseparable,
-    large_sag,
+    large_deflection,
     softened,
     inconsistent_inertia,
     line_mass,

@@ -8,6 +8,7 @@ import numpy as np
 import pinocchio as pin
 
 from robotmodels.common.arrays import Array, real_numbers
+from robotmodels.common.deprecation import renamed_keywords
 from robotmodels.common.errors import InvalidInput
 from robotmodels.description.parameters import Parameters
 from robotmodels.description.robot_file import RobotFile, Spring
@@ -193,33 +194,37 @@ class ElasticRobot:
             damping=rest.damping,
             stiffness=rest.stiffness,
             selector=rest.selector,
-            ends=self.layout.ends,
+            nodes=self.layout.nodes,
             spring_stiffness=at.slopes,
             spring_damping=np.tile(self.elements.dampings(theta), (len(rest.mass), 1)),
             exponents=self.elements.exponents(theta, at.elongations),
             parameters=Parameters(self.parameters.names, theta, self.parameters.units),
             measurement=None if plain else rest.measurement,
             inertances=self.elements.inertances(theta, self.layout.motors),
-            beyond=tuple(self.parameters.names[j] for j in self.elements.extra_columns),
+            non_spring_parameters=tuple(
+                self.parameters.names[j] for j in self.elements.extra_columns
+            ),
         )
 
+    @renamed_keywords(since="0.2", sag="equilibrium_shift")
     def tangents(
-        self, positions: Array, parameters: Array | None = None, *, sag: bool = True
+        self, positions: Array, parameters: Array | None = None, *, equilibrium_shift: bool = True
     ) -> Tangents | None:
         """Return what the network's own sensitivities leave out; None if that is nothing.
 
-        With `sag`, how the equilibrium's shift with ln theta changes everything; always, the
-        direct effect of parameters that are neither spring nor damper.
+        With `equilibrium_shift`, how the equilibrium's shift with ln theta changes everything;
+        always, the direct effect of parameters that are neither spring nor damper.
 
         Raises
         ------
         NoEquilibrium, InvalidInput
             As `equilibrium`.
         """
-        return self.linearization(positions, parameters, sag=sag)[1]
+        return self.linearization(positions, parameters, equilibrium_shift=equilibrium_shift)[1]
 
+    @renamed_keywords(since="0.2", sag="equilibrium_shift")
     def linearization(
-        self, positions: Array, parameters: Array | None = None, *, sag: bool = True
+        self, positions: Array, parameters: Array | None = None, *, equilibrium_shift: bool = True
     ) -> tuple[SpringNetwork, Tangents | None]:
         """Return `network` and `tangents` about the same equilibria, found once.
 
@@ -232,15 +237,17 @@ class ElasticRobot:
         at = self.equilibrium(positions, theta)
         rest = self._skeleton(theta, at.coordinates)
         network = self._network(at, theta, rest)
-        if not sag and not self.elements.extra_columns:
+        if not equilibrium_shift and not self.elements.extra_columns:
             return network, None
-        return network, self._tangents(at, theta, rest, sag)
+        return network, self._tangents(at, theta, rest, equilibrium_shift)
 
-    def _tangents(self, at: Equilibrium, theta: Array, rest: Skeleton, sag: bool) -> Tangents:
+    def _tangents(
+        self, at: Equilibrium, theta: Array, rest: Skeleton, equilibrium_shift: bool
+    ) -> Tangents:
         extra = self.elements.extra_columns
         shift = np.zeros((*at.coordinates.shape, len(theta)))
         fixed = differentiate(self._skeleton, rest, theta, at.coordinates, shift, extra)
-        if not sag:
+        if not equilibrium_shift:
             return fixed
         load = self.elements.torque_derivatives(theta, at.elongations)  # (Q, s, p)
         arm, sprung, held = self.layout.arm_size, self.layout.sprung, self.layout.held
@@ -259,7 +266,7 @@ class ElasticRobot:
         # The network's exponents hold each spring's torque; correct for its change.
         slide = shift[:, sprung] + load / at.slopes[..., None]
         hardening = law.stiffening(at.elongations)[..., None] * slide
-        ends = incidence(self.layout.ends, self.layout.size)
+        ends = incidence(self.layout.nodes, self.layout.size)
         change = np.einsum("qsp,si,sj->qpij", hardening, ends, ends, optimize=True)
         return tangents.stiffened(change)
 

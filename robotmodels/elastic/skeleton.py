@@ -68,7 +68,7 @@ class Layout:
         return [own.get(i, int(self.drives[i])) for i in range(len(self.file.motors))]
 
     @cached_property
-    def ends(self) -> IntArray:
+    def nodes(self) -> IntArray:
         """Coordinates that each spring joins, (s, 2); -1 is the ground."""
         motor_of = {spring: motor for motor, spring in enumerate(self.drive_springs)}
         ends = []
@@ -82,7 +82,7 @@ class Layout:
     @cached_property
     def sprung(self) -> IntArray:
         """Arm coordinate that each spring holds, (s,)."""
-        return self.ends[:, 0]
+        return self.nodes[:, 0]
 
 
 _ORDER = {"position": 0, "velocity": 1, "acceleration": 2}

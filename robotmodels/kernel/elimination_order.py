@@ -59,7 +59,7 @@ def layout(network: SpringNetwork) -> Layout | None:
 
     It knows motors that act on one coordinate each, and their motions as outputs.
     """
-    S, ends = np.asarray(network.selector), np.asarray(network.ends)
+    S, ends = np.asarray(network.selector), np.asarray(network.nodes)
     n = S.shape[1]
     if not network.only_motors or np.any(np.count_nonzero(S, axis=0) != 1):
         return None
@@ -73,7 +73,10 @@ def layout(network: SpringNetwork) -> Layout | None:
     ]
     moving = [] if network.inertances is None else network.inertances.coordinates.tolist()
     inertances = np.array(
-        [len(network.ends) + moving.index(m) if m in moving else -1 for m in motors[:, 0].tolist()],
+        [
+            len(network.nodes) + moving.index(m) if m in moving else -1
+            for m in motors[:, 0].tolist()
+        ],
         dtype=np.int64,
     )
     ends = np.concatenate([ends.reshape(-1, 2), [(c, INERTANCE) for c in moving] or ends[:0]])
@@ -100,7 +103,7 @@ def layout(network: SpringNetwork) -> Layout | None:
 
 
 def _terms(ends: IntArray, order: IntArray, motors: IntArray, driven: list[int]) -> IntArray:
-    """Return term, row, and the other row or a code, (terms, 3), from the terms' `ends`."""
+    """Return term, row, and the other row or a code, (terms, 3), from the terms' `nodes`."""
     row = {c: i for i, c in enumerate(order.tolist()) if c >= 0}
     own: dict[int, tuple[int, int]] = {}  # terms of eliminated motors
     for (_, spring, inertance), c in zip(motors.tolist(), driven, strict=True):
@@ -138,10 +141,10 @@ def _eliminated(network: SpringNetwork, acted: IntArray) -> IntArray:
     taken = {int(c) for c in acted}
     coupled = _coupled(network, acted)
     for i, c in enumerate(acted):
-        springs = np.flatnonzero(np.any(network.ends == c, axis=1))
+        springs = np.flatnonzero(np.any(network.nodes == c, axis=1))
         if len(springs) != 1 or coupled[i]:
             continue
-        other = _other_end(network.ends[springs[0]], c)
+        other = _other_end(network.nodes[springs[0]], c)
         if other >= 0 and other != c and other not in taken:
             motors[i] = c, springs[0]
             taken.add(other)

@@ -6,6 +6,7 @@ from functools import cached_property
 import numpy as np
 
 from robotmodels.common.arrays import Array, IntArray, read_only, real_numbers
+from robotmodels.common.deprecation import renamed_keywords
 from robotmodels.common.errors import InvalidInput, nearest
 from robotmodels.description.parameters import Parameters
 from robotmodels.linear.equilibrium_sensitivity import Tangents
@@ -148,7 +149,7 @@ class CoupledChains:
             damping=zeros[0],
             stiffness=zeros,
             selector=selector,
-            ends=chains._ends,
+            nodes=chains._nodes,
             spring_stiffness=np.tile(chains.springs.ravel(), (q, 1)),
             spring_damping=np.tile(chains._dampings, (q, 1)),
             exponents=exponents,
@@ -156,8 +157,9 @@ class CoupledChains:
             inertances=inertances,
         )
 
+    @renamed_keywords(since="0.2", sag="equilibrium_shift")
     def linearization(
-        self, positions: Array, parameters: Array | None = None, *, sag: bool = True
+        self, positions: Array, parameters: Array | None = None, *, equilibrium_shift: bool = True
     ) -> tuple[SpringNetwork, Tangents | None]:
         """Return `network` and `tangents`.
 
@@ -166,10 +168,13 @@ class CoupledChains:
         InvalidInput
             As `at`.
         """
-        return self.network(positions, parameters), self.tangents(positions, parameters, sag=sag)
+        return self.network(positions, parameters), self.tangents(
+            positions, parameters, equilibrium_shift=equilibrium_shift
+        )
 
+    @renamed_keywords(since="0.2", sag="equilibrium_shift")
     def tangents(
-        self, positions: Array, parameters: Array | None = None, *, sag: bool = True
+        self, positions: Array, parameters: Array | None = None, *, equilibrium_shift: bool = True
     ) -> Tangents | None:
         """Return the derivatives by free couplings, None where none is free; nothing sags here.
 
@@ -220,7 +225,7 @@ class CoupledChains:
         return Inertances(own, np.zeros(len(own)), np.diag(self.mass_matrix)[own], exponents)
 
     @cached_property
-    def _ends(self) -> IntArray:
+    def _nodes(self) -> IntArray:
         """Coordinates that each spring joins, (s, 2)."""
         numbers = np.arange(self.masses.size).reshape(self.masses.shape)
         return np.stack([numbers[:, :-1].ravel(), numbers[:, 1:].ravel()], axis=1)

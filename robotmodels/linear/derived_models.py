@@ -5,14 +5,15 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from robotmodels.common.arrays import Array
+from robotmodels.common.deprecation import renamed_keywords
 from robotmodels.description.parameters import Parameters
 from robotmodels.linear.equilibrium_sensitivity import Tangents
-from robotmodels.linear.response import BeyondSprings, Elastic
+from robotmodels.linear.response import Elastic, HasEquilibriumDerivatives
 from robotmodels.linear.spring_network import SpringNetwork
 
 
 @dataclass(frozen=True, eq=False)
-class AtValues:
+class WithParameters:
     """An elastic system whose own parameter values are others: a robot as it might be.
 
     Attributes
@@ -36,28 +37,34 @@ class AtValues:
         """Return the spring network about the equilibria at `positions` (Q, n)."""
         return self.model.network(positions, self._own(parameters))
 
+    @renamed_keywords(since="0.2", sag="equilibrium_shift")
     def tangents(
-        self, positions: Array, parameters: Array | None = None, *, sag: bool = True
+        self, positions: Array, parameters: Array | None = None, *, equilibrium_shift: bool = True
     ) -> Tangents | None:
         """Return what the network's sensitivities leave out."""
-        if not isinstance(self.model, BeyondSprings):
+        if not isinstance(self.model, HasEquilibriumDerivatives):
             return None
-        return self.model.tangents(positions, self._own(parameters), sag=sag)
+        return self.model.tangents(
+            positions, self._own(parameters), equilibrium_shift=equilibrium_shift
+        )
 
+    @renamed_keywords(since="0.2", sag="equilibrium_shift")
     def linearization(
-        self, positions: Array, parameters: Array | None = None, *, sag: bool = True
+        self, positions: Array, parameters: Array | None = None, *, equilibrium_shift: bool = True
     ) -> tuple[SpringNetwork, Tangents | None]:
         """Return `network` and `tangents` about the same equilibria."""
-        if not isinstance(self.model, BeyondSprings):
+        if not isinstance(self.model, HasEquilibriumDerivatives):
             return self.network(positions, parameters), None
-        return self.model.linearization(positions, self._own(parameters), sag=sag)
+        return self.model.linearization(
+            positions, self._own(parameters), equilibrium_shift=equilibrium_shift
+        )
 
     def _own(self, parameters: Array | None) -> Array:
         return np.asarray(self.values) if parameters is None else parameters
 
 
 @dataclass(frozen=True, eq=False)
-class Held:
+class FixedEquilibriumModel:
     """An elastic system in some positions, whose equilibria do not follow its parameters.
 
     FRFs at the system's own values are its own; close to them it differs as information matrices
@@ -85,7 +92,7 @@ class Held:
         moved = self.fixed.inertances
         if moved is not None:
             first, second = self.fixed.coefficients_at(parameters)
-            s = len(self.fixed.ends)
+            s = len(self.fixed.nodes)
             moved = replace(moved, friction=first[0, s:], inertia=second[0, s:])
         return replace(
             self.fixed,
@@ -96,7 +103,7 @@ class Held:
         )
 
 
-def held(system: Elastic, positions: Array) -> Elastic:
+def with_fixed_equilibria(system: Elastic, positions: Array) -> Elastic:
     """Return `system` in `positions` with equilibria held, or itself where that would mislead.
 
     It would if parameters act beyond springs, dampers and inertias of single coordinates, or if a
@@ -104,4 +111,4 @@ def held(system: Elastic, positions: Array) -> Elastic:
     """
     network = system.network(positions)
     linear = bool(np.isin(network.exponents, (0.0, 1.0)).all())
-    return Held(network) if network.only_springs and linear else system
+    return FixedEquilibriumModel(network) if network.only_springs and linear else system

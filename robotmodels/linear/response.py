@@ -6,6 +6,7 @@ from typing import Protocol, runtime_checkable
 import numpy as np
 
 from robotmodels.common.arrays import Array, ComplexArray, real_numbers
+from robotmodels.common.deprecation import renamed_keywords
 from robotmodels.common.errors import IdentificationError, InvalidInput
 from robotmodels.description.parameters import Parameters
 from robotmodels.linear.equilibrium_sensitivity import Tangents
@@ -25,16 +26,16 @@ class Elastic(Protocol):
 
 
 @runtime_checkable
-class BeyondSprings(Protocol):
+class HasEquilibriumDerivatives(Protocol):
     """An elastic system whose parameters act through more than its springs."""
 
     def tangents(
-        self, positions: Array, parameters: Array | None = None, *, sag: bool = True
+        self, positions: Array, parameters: Array | None = None, *, equilibrium_shift: bool = True
     ) -> Tangents | None:
         """Return what the network's sensitivities leave out."""
 
     def linearization(
-        self, positions: Array, parameters: Array | None = None, *, sag: bool = True
+        self, positions: Array, parameters: Array | None = None, *, equilibrium_shift: bool = True
     ) -> tuple[SpringNetwork, Tangents | None]:
         """Return `network` and `tangents` about the same equilibria."""
 
@@ -82,18 +83,19 @@ def frequency_response(
     return robot.network(positions, parameters).frequency_response(check_omega(omega))
 
 
+@renamed_keywords(since="0.2", sag="equilibrium_shift")
 def sensitivity(
     robot: Elastic,
     positions: Array,
     omega: Array,
     parameters: Array | None = None,
     *,
-    sag: bool = True,
+    equilibrium_shift: bool = True,
 ) -> tuple[ComplexArray, ComplexArray]:
     """Return G, (Q, F, m, n), and J = dG/d ln theta, (Q, F, m, n, p).
 
-    With `sag` the derivatives are exact; without it the equilibria are held fixed, which is
-    faster. For the built-in robots (120 random positions, 2 to 80 Hz) that changes no derivative
+    With `equilibrium_shift` the derivatives are exact; without it the equilibria are fixed, which
+    is faster. For the built-in robots (120 random positions, 2 to 80 Hz) that changes no derivative
     by more than 5 % of the parameter's largest, and standard deviations from 15 positions by less
     than 0.3 %; for a hardening gear under load it may change a derivative by half, as its slope
     follows its load.
@@ -104,11 +106,17 @@ def sensitivity(
         As `frequency_response`.
     """
     omega = check_omega(omega)
-    return sensitivity_about(*linearization(robot, positions, parameters, sag=sag), omega)
+    return sensitivity_about(
+        *linearization(robot, positions, parameters, equilibrium_shift=equilibrium_shift), omega
+    )
 
 
 def linearization(
-    robot: Elastic, positions: Array, parameters: Array | None = None, *, sag: bool = True
+    robot: Elastic,
+    positions: Array,
+    parameters: Array | None = None,
+    *,
+    equilibrium_shift: bool = True,
 ) -> tuple[SpringNetwork, Tangents | None]:
     """Return any elastic system's network, and what its sensitivities leave out.
 
@@ -117,9 +125,9 @@ def linearization(
     NoEquilibrium, InvalidInput
         As `frequency_response`.
     """
-    if not isinstance(robot, BeyondSprings):
+    if not isinstance(robot, HasEquilibriumDerivatives):
         return robot.network(positions, parameters), None
-    return robot.linearization(positions, parameters, sag=sag)
+    return robot.linearization(positions, parameters, equilibrium_shift=equilibrium_shift)
 
 
 def sensitivity_about(

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from robotmodels.common.arrays import Array, ComplexArray, IntArray
+from robotmodels.common.deprecation import renamed_attributes
 from robotmodels.common.errors import InvalidInput
 from robotmodels.description.parameters import Parameters
 from robotmodels.linear.linear_model import LinearModel, Measurement
@@ -42,6 +43,7 @@ class Inertances:
     exponents: Array
 
 
+@renamed_attributes("0.2", ends="nodes", beyond="non_spring_parameters")
 @dataclass(frozen=True, eq=False)
 class SpringNetwork:
     """A skeleton (mass, gravity, bearing friction) at Q equilibria, and s spring-damper pairs.
@@ -59,8 +61,8 @@ class SpringNetwork:
         Stiffness matrix without the terms.
     selector : ndarray, (d, n)
         As in `LinearModel`.
-    ends : ndarray of int, (s, 2)
-        The two coordinates each spring joins; -1 is the ground (passive torsions).
+    nodes : ndarray of int, (s, 2)
+        The two coordinates that each spring joins; -1 is the ground (passive torsions).
     spring_stiffness, spring_damping : ndarray, (Q, s)
         At `parameters.values`; a nonlinear spring's stiffness differs from position to position.
     exponents : ndarray, (Q, 2 s, p)
@@ -72,22 +74,22 @@ class SpringNetwork:
         As in `LinearModel`, with leading axis Q; None for motor accelerations.
     inertances : Inertances or None
         r of them, alike at all positions; None where no inertia is free.
-    beyond : tuple of str
-        Names of free parameters that act on more than the terms.
+    non_spring_parameters : tuple of str
+        Names of free parameters that also change mass, gravity or outputs.
     """
 
     mass: Array
     damping: Array
     stiffness: Array
     selector: Array
-    ends: IntArray
+    nodes: IntArray
     spring_stiffness: Array
     spring_damping: Array
     exponents: Array
     parameters: Parameters
     measurement: Measurement | None = None
     inertances: Inertances | None = None
-    beyond: tuple[str, ...] = ()
+    non_spring_parameters: tuple[str, ...] = ()
 
     @property
     def only_springs(self) -> bool:
@@ -102,7 +104,7 @@ class SpringNetwork:
         return tuple(
             name
             for name, acting in zip(self.parameters.names, acts, strict=True)
-            if name in self.beyond or not acting
+            if name in self.non_spring_parameters or not acting
         )
 
     @property
@@ -132,7 +134,7 @@ class SpringNetwork:
         """Derivative of ln(first, second coefficients) of the terms, (Q, 2 (s + r), p)."""
         if self.inertances is None:
             return self.exponents
-        s, r = len(self.ends), len(self.inertances.coordinates)
+        s, r = len(self.nodes), len(self.inertances.coordinates)
         own = np.broadcast_to(
             self.inertances.exponents, (len(self.mass), *self.inertances.exponents.shape)
         )
@@ -162,7 +164,7 @@ class SpringNetwork:
 
     def incidence(self) -> Array:
         """Return a, (s, d): a spring's elongation is a @ q."""
-        return incidence(self.ends, self.mass.shape[-1])
+        return incidence(self.nodes, self.mass.shape[-1])
 
     def coefficients_at(self, parameters: Array | None = None) -> tuple[Array, Array]:
         """Return both coefficients of the terms, (Q, s + r), at `parameters`."""
@@ -175,7 +177,7 @@ class SpringNetwork:
 
     def springs(self, parameters: Array | None = None) -> tuple[Array, Array]:
         """Return the (Q, s) stiffnesses and dampings at `parameters`, equilibria held fixed."""
-        s = len(self.ends)
+        s = len(self.nodes)
         first, second = self.coefficients_at(parameters)
         return first[:, :s], second[:, :s]
 
@@ -183,7 +185,7 @@ class SpringNetwork:
         """Return mass, (Q, d, d), and damping, (d, d) or (Q, d, d), of all but the springs."""
         if self.inertances is None:
             return self.mass, self.damping
-        e, s = self._moves(), len(self.ends)
+        e, s = self._moves(), len(self.nodes)
         friction, inertia = (
             np.einsum("qs,si,sj->qij", x[:, s:], e, e) for x in self.coefficients_at(parameters)
         )
@@ -191,7 +193,7 @@ class SpringNetwork:
 
     def linear_model(self, parameters: Array | None = None) -> LinearModel:
         """Return the linear models, leading axis Q, at `parameters`."""
-        a, s = self.incidence(), len(self.ends)
+        a, s = self.incidence(), len(self.nodes)
         first, second = self.coefficients_at(parameters)
         mass, damping = self.unsprung(parameters)
         return LinearModel(
@@ -252,7 +254,7 @@ def shared(array: NDArray[_T]) -> NDArray[_T]:
 
 
 def incidence(ends: IntArray, size: int) -> Array:
-    """Return a, (s, size), for springs between the coordinates `ends` (s, 2); -1 is the ground."""
+    """Return a, (s, size), for springs between the coordinates `nodes` (s, 2); -1 is the ground."""
     a = np.zeros((len(ends), size))
     for row, (first, second) in zip(a, ends, strict=True):
         row[first] = 1.0

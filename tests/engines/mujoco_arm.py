@@ -151,10 +151,10 @@ class MujocoArm:
     # Linear model
 
     def linear_model(
-        self, position: np.ndarray, factors: dict[str, float], *, sag: bool = True
+        self, position: np.ndarray, factors: dict[str, float], *, gravity_shift: bool = True
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-        """Return mass, damping, stiffness and selector; without `sag` at unloaded springs."""
-        q = self.equilibrium(position, factors) if sag else self.rest(position)
+        """Return mass, damping, stiffness, selector; unloaded without `gravity_shift`."""
+        q = self.equilibrium(position, factors) if gravity_shift else self.rest(position)
         a = self.elongations()
         slope = self._springs(a @ q, factors)[1]
         c = [s.damping * factors.get(f"{s.name}.damping", 1.0) for s in self.file.springs]
@@ -172,12 +172,12 @@ class MujocoArm:
         omega: np.ndarray,
         factors: dict[str, float] | None = None,
         *,
-        sag: bool = True,
+        gravity_shift: bool = True,
     ) -> np.ndarray:
         """Return G, (Q, F, m, n): motor torque to motor and sensor accelerations, dense solves."""
         response = []
         for position in positions:
-            M, D, K, S = self.linear_model(position, factors or {}, sag=sag)
+            M, D, K, S = self.linear_model(position, factors or {}, gravity_shift=gravity_shift)
             tilt, acceleration = self._sensors(position, factors or {})
             w = np.asarray(omega)[:, None, None]
             X = np.linalg.solve(K - w**2 * M + 1j * w * D, np.broadcast_to(S, (len(w), *S.shape)))

@@ -34,7 +34,7 @@ class LogLinear:
             damping=np.zeros((1, 1)),
             stiffness=np.zeros((len(rows), 1, 1)),
             selector=np.ones((1, 1)),
-            ends=np.array([[0, -1]]),
+            nodes=np.array([[0, -1]]),
             spring_stiffness=np.exp(rows @ np.log(theta))[:, None],
             spring_damping=np.zeros((len(rows), 1)),
             exponents=exponents,

@@ -41,7 +41,7 @@ class MassSprings:
             damping=damping,
             stiffness=np.zeros((q, 4, 4)),
             selector=np.eye(4)[:, :2],
-            ends=np.array([[2, 0], [3, 1], [2, 3]]),
+            nodes=np.array([[2, 0], [3, 1], [2, 3]]),
             spring_stiffness=np.tile(theta[:3], (q, 1)),
             spring_damping=np.tile(theta[3:], (q, 1)),
             exponents=np.tile(np.eye(6), (q, 1, 1)),

@@ -18,7 +18,7 @@ from estimators import (
     EarlyStop,
     FrfExperiment,
     Prior,
-    Target,
+    StoppingCriterion,
     fit,
     monte_carlo,
     multistart,
@@ -102,7 +102,7 @@ POSTERIOR = {
     "noise": ("known", ["unknown"]),
     "scale": (0.9, [1.1, None]),
     "prior": (None, [PRIOR]),
-    "target": (Target(r_hat=1.001, ess=1e6), [Target(r_hat=5.0, ess=10.0)]),
+    "target": (StoppingCriterion(r_hat=1.001, ess=1e6), [StoppingCriterion(r_hat=5.0, ess=10.0)]),
     "starts": (None, [CHAIN_STARTS, 1.0001 * CHAIN_STARTS]),
 }
 MONTE_CARLO = {

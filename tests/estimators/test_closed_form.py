@@ -7,7 +7,7 @@ from scipy.stats import norm, t
 
 from estimators import covariance, importance_sample, profile_likelihood, sample_posterior
 from estimators.fitting.priors import Prior
-from estimators.sampling.convergence import Target, effective_size, r_hat
+from estimators.sampling.convergence import StoppingCriterion, effective_size, r_hat
 
 
 @pytest.fixture(scope="module")
@@ -23,7 +23,11 @@ def found(estimate):
 @pytest.fixture(scope="module")
 def posterior(found):
     return sample_posterior(
-        found, rng=np.random.default_rng(1), walkers=32, scale=1.0, target=Target(ess=2000)
+        found,
+        rng=np.random.default_rng(1),
+        walkers=32,
+        scale=1.0,
+        target=StoppingCriterion(ess=2000),
     )
 
 
@@ -105,7 +109,11 @@ def test_priors_are_the_closed_form(estimate):
         assert np.log([p.mode for p in profiles]) == pytest.approx(expected, abs=1e-3)
         assert [p.std for p in profiles] == pytest.approx(width, rel=0.01)
     posterior = sample_posterior(
-        found, rng=np.random.default_rng(4), walkers=16, scale=1.0, target=Target(ess=600)
+        found,
+        rng=np.random.default_rng(4),
+        walkers=16,
+        scale=1.0,
+        target=StoppingCriterion(ess=600),
     )
     assert posterior.uncertainty().std == pytest.approx(width, rel=3.5 / np.sqrt(1200))
 

@@ -27,7 +27,7 @@ class Pair:
             damping=np.diag([3.0, 3.0, 0.0, 0.0]),
             stiffness=np.zeros((q, 4, 4)),
             selector=np.eye(4)[:, :2],
-            ends=np.array([[0, 2], [1, 3], [2, 3]]),
+            nodes=np.array([[0, 2], [1, 3], [2, 3]]),
             spring_stiffness=np.tile(theta[:3], (q, 1)),
             spring_damping=np.tile(theta[3:], (q, 1)),
             exponents=np.tile(np.eye(6), (q, 1, 1)),

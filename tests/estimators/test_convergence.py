@@ -3,12 +3,12 @@ import pytest
 from arviz_stats.base.array import array_stats
 
 from estimators.sampling.convergence import (
-    Target,
+    StoppingCriterion,
+    assess_convergence,
     autocorrelation_time,
     burn_in,
-    diagnose,
     effective_size,
-    enough,
+    has_converged,
     r_hat,
 )
 from robotmodels import InvalidInput
@@ -43,39 +43,39 @@ def test_r_hat_and_effective_sizes_are_those_of_arviz_stats():
 
 def test_long_chains_are_enough_and_short_ones_are_not():
     long, short = autoregression(0.5, 200), autoregression(0.95, 60)
-    assert enough(long, Target())
-    assert diagnose(NAMES, long, Target()).faults == ()
-    assert not enough(short, Target())
-    found = diagnose(NAMES, short, Target())
+    assert has_converged(long, StoppingCriterion())
+    assert assess_convergence(NAMES, long, StoppingCriterion()).faults == ()
+    assert not has_converged(short, StoppingCriterion())
+    found = assess_convergence(NAMES, short, StoppingCriterion())
     assert "fewer than 10 autocorrelation times" in found.faults[-1]
     assert found.needed > 60
     # What it says is needed is enough.
-    assert enough(autoregression(0.95, 4 * found.needed), Target())
+    assert has_converged(autoregression(0.95, 4 * found.needed), StoppingCriterion())
 
 
 def test_targets_that_are_missed_are_named():
     x = autoregression(0.5, 200)
-    found = diagnose(NAMES, x, Target(ess=1e6))
+    found = assess_convergence(NAMES, x, StoppingCriterion(ess=1e6))
     assert found.faults == ()
     assert found.short == "short of R-hat 1.01 and effective size 1000000"
     assert found.needed > 10_000
-    assert not enough(x, Target(ess=1e6))
-    assert not enough(x, Target(r_hat=1.0 + 1e-9))
+    assert not has_converged(x, StoppingCriterion(ess=1e6))
+    assert not has_converged(x, StoppingCriterion(r_hat=1.0 + 1e-9))
     with pytest.raises(InvalidInput, match=r"target: R-hat 0\.9 and effective size 10"):
-        Target(0.9, 10.0)
+        StoppingCriterion(0.9, 10.0)
 
 
 def test_ensembles_that_disagree_do_not_claim_convergence():
     x = autoregression(0.5, 200)
     x[0, ..., 1] += 1.0
-    found = diagnose(NAMES, x, Target())
+    found = assess_convergence(NAMES, x, StoppingCriterion())
     assert "R-hat" in found.faults[0]
     assert "for b" in found.faults[0]
-    assert not enough(x, Target())
+    assert not has_converged(x, StoppingCriterion())
 
 
 def test_few_draws_are_a_fault():
-    found = diagnose(NAMES, autoregression(0.5, 60, 2, 2), Target())
+    found = assess_convergence(NAMES, autoregression(0.5, 60, 2, 2), StoppingCriterion())
     assert any("effective sample size" in fault for fault in found.faults)
 
 

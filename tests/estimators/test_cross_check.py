@@ -22,7 +22,7 @@ from estimators import (
     sample_posterior,
     simulate_frf,
 )
-from estimators.sampling.convergence import Target
+from estimators.sampling.convergence import StoppingCriterion
 from robotmodels import InvalidInput, RelativeNoise, SpringNetwork
 
 
@@ -33,7 +33,9 @@ def good():
 
 @pytest.fixture(scope="module")
 def posterior(good):
-    return sample_posterior(good, rng=np.random.default_rng(0), walkers=16, target=Target(ess=600))
+    return sample_posterior(
+        good, rng=np.random.default_rng(0), walkers=16, target=StoppingCriterion(ess=600)
+    )
 
 
 def test_on_good_data_all_methods_agree(good, posterior):
@@ -169,9 +171,9 @@ def test_a_cost_with_other_weights_is_no_likelihood():
     uneven[0, 0] = 1e4
     weighted = fit(MODEL, data, "nls", uneven)
     rng = np.random.default_rng(1)
-    own = sample_posterior(weighted, rng=rng, walkers=16, target=Target(ess=400))
+    own = sample_posterior(weighted, rng=rng, walkers=16, target=StoppingCriterion(ess=400))
     likelihood = likelihood_fit(weighted)
-    sampled = sample_posterior(likelihood, rng=rng, walkers=16, target=Target(ess=400))
+    sampled = sample_posterior(likelihood, rng=rng, walkers=16, target=StoppingCriterion(ess=400))
     table = cross_check(weighted, posterior=sampled, own_cost=own)
     (note,) = (note for note in table.notes if "no likelihood" in note)
     assert note.startswith("own cost")

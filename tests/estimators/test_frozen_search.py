@@ -11,8 +11,8 @@ from estimators.fitting.fixed_equilibrium_search import (
     can_compile,
     frozen_search,
     hardens,
+    network_and_shift,
     squares,
-    with_sag,
 )
 from estimators.fitting.search import search
 from estimators.fitting.trust_region import exact_search
@@ -56,8 +56,8 @@ def test_cost_and_gradient_are_those_of_the_whitened_residuals(robot, estimate, 
     problem = stated(robot, estimate, residual, "user", BOUNDS, None, known(robot))
     values = far(robot)
     f, slope = problem.evaluate(values)
-    network, sag = with_sag(problem, values)
-    r, J = CorrectedModel(problem, network, sag)(values)
+    network, equilibrium_shift = network_and_shift(problem, values)
+    r, J = CorrectedModel(problem, network, equilibrium_shift)(values)
     assert np.isclose(r @ r, f @ f, rtol=1e-12)
     gradient = slope.T @ f
     assert np.abs(J.T @ r - gradient).max() < 1e-9 * np.abs(gradient).max()
@@ -99,16 +99,19 @@ def test_shifts_of_equilibria_carry_to_a_point_nearby(robot, estimate):
     problem = stated(robot, estimate, "lls", "user", BOUNDS)
     values = robot.parameters.values
     near = values * np.exp(0.03 * np.random.default_rng(3).uniform(-1, 1, len(values)))
-    _, sag = with_sag(problem, values)
-    network, exact = with_sag(problem, near)
-    assert sag.near(near)
+    _, equilibrium_shift = network_and_shift(problem, values)
+    network, exact = network_and_shift(problem, near)
+    assert equilibrium_shift.near(near)
     kernel = CorrectedModel(problem, network, None).kernel
     expected = exact.gradient(network, kernel)
-    apart = np.abs(sag.gradient(network, kernel) - expected).max() / np.abs(expected).max()
+    apart = (
+        np.abs(equilibrium_shift.gradient(network, kernel) - expected).max()
+        / np.abs(expected).max()
+    )
     assert apart < 2e-3  # of equilibria's part of the gradient
     stiff, damped = (np.array([end in n for n in robot.parameters.names]) for end in (".st", ".da"))
-    assert not sag.near(np.where(stiff, 1.2, 1.0) * values)
-    assert sag.near(np.where(damped, 9.0, 1.0) * values)  # dampers shift nothing
+    assert not equilibrium_shift.near(np.where(stiff, 1.2, 1.0) * values)
+    assert equilibrium_shift.near(np.where(damped, 9.0, 1.0) * values)  # dampers shift nothing
 
 
 def test_large_problems_of_springs_are_compiled(robot, estimate):
@@ -214,8 +217,8 @@ class Weak:
             raise NoEquilibrium("gives way")
         return self.robot.network(positions, parameters)
 
-    def tangents(self, positions, parameters=None, *, sag=True):
-        return self.robot.tangents(positions, parameters, sag=sag)
+    def tangents(self, positions, parameters=None, *, equilibrium_shift=True):
+        return self.robot.tangents(positions, parameters, equilibrium_shift=equilibrium_shift)
 
 
 def test_where_there_is_no_equilibrium_the_way_is_halved(robot, estimate):

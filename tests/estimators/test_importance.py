@@ -6,7 +6,7 @@ from test_least_squares import MODEL
 from test_profile import noisy
 
 from estimators import fit, importance_sample, sample_posterior
-from estimators.sampling.convergence import Target
+from estimators.sampling.convergence import StoppingCriterion
 from estimators.sampling.importance_sampling import smoothed
 from robotmodels import InvalidInput, SolverFailed
 
@@ -18,7 +18,7 @@ def test_importance_sampling_agrees_with_emcee():
         found, rng=np.random.default_rng(0), progress=lambda done, total: told.append((done, total))
     )
     posterior = sample_posterior(
-        found, rng=np.random.default_rng(1), walkers=24, target=Target(ess=1500)
+        found, rng=np.random.default_rng(1), walkers=24, target=StoppingCriterion(ess=1500)
     )
     assert sample.trusted
     assert "trusted" in str(sample)

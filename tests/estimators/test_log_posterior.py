@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from estimators import covariance, fit, sample_posterior, simulate_frf
-from estimators.sampling.convergence import Target
+from estimators.sampling.convergence import StoppingCriterion
 from estimators.sampling.likelihood import Noise
 from estimators.sampling.log_posterior import log_posterior
 from robotmodels import CoupledChains, ElasticRobot, RelativeNoise, load_robot
@@ -31,7 +31,7 @@ def test_free_masses_widen_the_posterior_as_theorem_1_says(chains_fit):
         ensembles=2,
         walkers=10,
         thin=2,
-        target=Target(ess=400),
+        target=StoppingCriterion(ess=400),
     )
     ratio = covariance(chains_fit).std / posterior.uncertainty().std
     assert chains_fit.parameters.names == ("K1", "c1", "m1", "m2")

@@ -8,7 +8,7 @@ from test_least_squares import MODEL, TRUTH, exact
 
 from estimators import covariance, fit, sample_posterior, simulate_frf
 from estimators.fitting.priors import Prior
-from estimators.sampling.convergence import Target
+from estimators.sampling.convergence import StoppingCriterion
 from estimators.sampling.ensemble import Sampler, run_ensembles
 from estimators.sampling.likelihood import Noise
 from estimators.sampling.log_posterior import log_posterior
@@ -32,7 +32,7 @@ class Normal:
 
 
 NAMES = ("a", "b", "c", "d")
-KNOWN, FEW = Noise(), Target(ess=400)
+KNOWN, FEW = Noise(), StoppingCriterion(ess=400)
 
 
 def run(target, steps=600, seed=0):
@@ -103,7 +103,7 @@ def test_the_posterior_is_as_wide_as_theorem_1(found):
         rng=np.random.default_rng(0),
         ensembles=2,
         walkers=24,
-        target=Target(ess=1500),
+        target=StoppingCriterion(ess=1500),
         progress=lambda done, total: told.append((done, total)),
     )
     assert posterior.converged, posterior.message

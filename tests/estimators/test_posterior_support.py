@@ -16,7 +16,7 @@ class Fragile(MassSprings):
     """Its network is made anew for each k1, and does not exist below the weakest."""
 
     def network(self, positions, parameters=None):
-        return replace(super().network(positions, parameters), beyond=("k1",))
+        return replace(super().network(positions, parameters), non_spring_parameters=("k1",))
 
 
 def fitted(weakest=0.0):

@@ -13,7 +13,7 @@ from two_axes import TwoAxes
 import estimators
 import oed
 from robotmodels import ProcessPool, RelativeNoise
-from robotmodels.linear.derived_models import Held
+from robotmodels.linear.derived_models import FixedEquilibriumModel
 
 OMEGA = 2 * np.pi * np.geomspace(3.0, 30.0, 8)
 NOISE = RelativeNoise(0.03, 0.01)
@@ -34,7 +34,7 @@ class Deadly:
         if self.mark is not None and elsewhere and not self.mark.exists():
             self.mark.touch()
             os.kill(os.getpid(), signal.SIGKILL)
-        return Held(TwoAxes().network(positions)).network(positions, parameters)
+        return FixedEquilibriumModel(TwoAxes().network(positions)).network(positions, parameters)
 
 
 def information(model, executor):

@@ -40,7 +40,7 @@ class TwoMasses:
             damping=np.zeros((q, 2, 2)),
             stiffness=np.zeros((q, 2, 2)),
             selector=np.array([[1.0], [0.0]]),
-            ends=np.array([[0, 1]]),
+            nodes=np.array([[0, 1]]),
             spring_stiffness=np.full((q, 1), k),
             spring_damping=np.full((q, 1), c),
             exponents=np.tile(np.eye(2), (q, 1, 1)),
@@ -104,7 +104,7 @@ def test_information_with_equilibria_that_shift_is_that_of_exact_sensitivities(c
     expected = 2 * np.einsum("qfmna,qfmn,qfmnb->qab", J.conj(), weight, J, optimize=True).real
     size = np.sqrt(np.einsum("qaa->qa", expected))
     size = size[:, :, None] * size[:, None, :]
-    exact = information(robot, positions, OMEGA[:2], NOISE, sag=True).matrices
+    exact = information(robot, positions, OMEGA[:2], NOISE, equilibrium_shift=True).matrices
     held = information(robot, positions, OMEGA[:2], NOISE).matrices
     assert np.abs((exact - expected) / size).max() < 1e-12
     assert np.abs((held - expected) / size).max() > 1e-6

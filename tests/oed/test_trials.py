@@ -16,7 +16,7 @@ from oed.plan_comparison.plan_comparison import (
     std_interval,
 )
 from robotmodels import InvalidInput, NotIdentifiable, RelativeNoise, SolverFailed, load_robot
-from robotmodels.linear.derived_models import Held, held
+from robotmodels.linear.derived_models import FixedEquilibriumModel, with_fixed_equilibria
 from robotmodels.linear.response import frequency_response
 
 OMEGA = 2 * np.pi * np.geomspace(3.0, 30.0, 8)
@@ -75,8 +75,8 @@ def test_plans_of_nothing():
 
 def test_held_equilibria_give_the_networks_own_responses_at_other_values():
     robot, positions = load_robot("manutec_r3"), np.array([[0.1, 0.4, -0.9, 0.2, 0.5, 0.0]])
-    found = held(robot, positions)
-    assert isinstance(found, Held)
+    found = with_fixed_equilibria(robot, positions)
+    assert isinstance(found, FixedEquilibriumModel)
     own = frequency_response(robot, positions, OMEGA)
     np.testing.assert_array_equal(frequency_response(found, positions, OMEGA), own)
     values = robot.parameters.values * np.linspace(0.8, 1.3, len(robot.parameters))
@@ -85,7 +85,7 @@ def test_held_equilibria_give_the_networks_own_responses_at_other_values():
     np.testing.assert_allclose(response, expected, rtol=1e-10)
     # Its gears harden: their slopes follow the load.
     hardening = load_robot("manutec_r3_hardening")
-    assert held(hardening, positions) is hardening
+    assert with_fixed_equilibria(hardening, positions) is hardening
 
 
 def scattered(covariance, n, rng):

@@ -35,7 +35,7 @@ class TwoAxes:
             damping=np.diag([0, 0, 5e-3, 2e-3]) @ np.diag([0, 0, *RATIOS**2]),
             stiffness=np.zeros_like(mass),
             selector=np.vstack([np.zeros((2, 2)), np.diag(RATIOS)]),
-            ends=np.array([[0, 2], [1, 3]]),
+            nodes=np.array([[0, 2], [1, 3]]),
             spring_stiffness=np.tile(self.parameters.values, (len(mass), 1)),
             spring_damping=np.tile([10.0, 6.0], (len(mass), 1)),
             exponents=np.tile(np.vstack([np.eye(2), np.zeros((2, 2))]), (len(mass), 1, 1)),

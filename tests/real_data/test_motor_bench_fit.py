@@ -42,16 +42,16 @@ class Bench:
         exponents[:, 0, 0] = exponents[:, 2, 1] = exponents[:, 3, -1] = 1.0
         return replace(
             bare,
-            ends=np.array([*bare.ends.tolist(), [1, -1]]),
+            nodes=np.array([*bare.nodes.tolist(), [1, -1]]),
             spring_stiffness=np.append(bare.spring_stiffness, np.zeros((q, 1)), axis=1),
             spring_damping=np.append(bare.spring_damping, np.full((q, 1), theta[-1]), axis=1),
             exponents=exponents,
             parameters=Parameters(self.parameters.names, theta, self.parameters.units),
         )
 
-    def tangents(self, positions, parameters=None, *, sag=True):
+    def tangents(self, positions, parameters=None, *, equilibrium_shift=True):
         theta = self.parameters.check(parameters)
-        found = self.chains.tangents(positions, theta[:-1], sag=sag)
+        found = self.chains.tangents(positions, theta[:-1], equilibrium_shift=equilibrium_shift)
         wider = {
             name: np.concatenate([array, np.zeros_like(array[:, :1])], axis=1)
             for name, array in vars(found).items()
@@ -61,8 +61,10 @@ class Bench:
             found, **wider, ln_gain=np.zeros((len(theta), 1)), delay=np.append(found.delay, 0.0)
         )
 
-    def linearization(self, positions, parameters=None, *, sag=True):
-        return self.network(positions, parameters), self.tangents(positions, parameters, sag=sag)
+    def linearization(self, positions, parameters=None, *, equilibrium_shift=True):
+        return self.network(positions, parameters), self.tangents(
+            positions, parameters, equilibrium_shift=equilibrium_shift
+        )
 
 
 def model(delay=1e-4):

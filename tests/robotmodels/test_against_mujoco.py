@@ -128,7 +128,7 @@ def test_exact_sensitivities(name: str) -> None:
 def test_sensitivities_without_sag_are_not_exact() -> None:
     """A negative control: the tolerance above would notice."""
     c = case("split")
-    found = sensitivity(c.robot, c.positions, OMEGA, sag=False)[1]
+    found = sensitivity(c.robot, c.positions, OMEGA, equilibrium_shift=False)[1]
     assert relative(found, expected_sensitivity("split"), (1, 2, 3)) > 1e-3
 
 
@@ -136,7 +136,7 @@ def test_responses_without_sag_are_not_exact() -> None:
     """A negative control: linearised where the springs are unloaded."""
     c = case("ur10")
     found = frequency_response(c.robot, c.positions, OMEGA)
-    expected = c.judge.frequency_response(c.positions, OMEGA, sag=False)
+    expected = c.judge.frequency_response(c.positions, OMEGA, gravity_shift=False)
     assert relative(found, expected, (2, 3)) > 1e-4
 
 

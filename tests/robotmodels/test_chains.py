@@ -153,11 +153,15 @@ def test_every_position_is_alike() -> None:
 
 
 @pytest.mark.parametrize("extra", [(), ("m1", "m2", "m6", "m9", "m3_6", "m6_9")])
-@pytest.mark.parametrize("sag", [True, False])
-def test_sensitivities_against_central_differences(extra: tuple[str, ...], sag: bool) -> None:
+@pytest.mark.parametrize("equilibrium_shift", [True, False])
+def test_sensitivities_against_central_differences(
+    extra: tuple[str, ...], equilibrium_shift: bool
+) -> None:
     chains = with_dampers(*extra, couplings=NEGATIVE)
     theta = chains.parameters.values * 1.2
-    J = robotmodels.sensitivity(chains, NOWHERE, OMEGA, theta, sag=sag)[1]
+    J = robotmodels.sensitivity(chains, NOWHERE, OMEGA, theta, equilibrium_shift=equilibrium_shift)[
+        1
+    ]
     step = 1e-5
     for i in range(len(theta)):
         up, down = theta.copy(), theta.copy()

@@ -131,7 +131,7 @@ def test_scatter_of_simulated_frfs() -> None:
 def test_designs_know_the_excitation() -> None:
     noise = law()
     info = oed.information(ROBOT, POSITIONS, OMEGA, noise)
-    _, J = robotmodels.sensitivity(ROBOT, POSITIONS, OMEGA, sag=False)
+    _, J = robotmodels.sensitivity(ROBOT, POSITIONS, OMEGA, equilibrium_shift=False)
     psi = np.swapaxes(J, 2, 3).reshape(2, len(OMEGA), 36, -1)
     inverse = np.linalg.inv(noise.covariance(ROBOT.network(POSITIONS), OMEGA))
     expected = 2 * np.einsum("qfip,qfij,qfjr->qpr", psi.conj(), inverse, psi).real

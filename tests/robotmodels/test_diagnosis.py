@@ -43,8 +43,8 @@ def test_the_body_of_a_pendulum(level: Diagnosis) -> None:
 def test_motor_and_spring_of_a_pendulum_carry_its_weight(level: Diagnosis) -> None:
     (motor,), (spring,) = level.motors, level.springs
     sag = -WEIGHT / K  # to first order
-    assert spring.sag == pytest.approx(sag, rel=1e-4)
-    assert spring.torque == pytest.approx(K * spring.sag)
+    assert spring.deflection == pytest.approx(sag, rel=1e-4)
+    assert spring.torque == pytest.approx(K * spring.deflection)
     assert motor.torque == pytest.approx(WEIGHT / RATIO, rel=1e-4)
     assert motor.reflected == pytest.approx(ROTOR * RATIO**2)
     assert motor.load == pytest.approx(INERTIA)
@@ -69,7 +69,7 @@ def test_gravity_stiffens_a_hanging_pendulum_and_softens_an_upright_one() -> Non
     for angle, sign in ((-np.pi / 2, 1.0), (np.pi / 2, -1.0)):
         (spring,) = diagnose(built(PENDULUM), np.array([angle])).springs
         assert spring.gravity == pytest.approx(sign * WEIGHT)
-        assert spring.sag == pytest.approx(0.0, abs=1e-9)
+        assert spring.deflection == pytest.approx(0.0, abs=1e-9)
 
 
 def test_overdamped_modes_have_two_real_poles() -> None:
@@ -187,7 +187,7 @@ def test_a_tied_spring_is_excited_with_its_group() -> None:
 
 def test_a_weak_spring_sags_and_is_softened() -> None:
     weak = built(with_spring(PENDULUM, "g", stiffness=300.0))
-    assert ("large sag", ("g",)) in rules(diagnose(weak, np.zeros(1)))
+    assert ("large deflection", ("g",)) in rules(diagnose(weak, np.zeros(1)))
     assert ("softened by gravity", ("g",)) in rules(diagnose(weak, np.array([1.5])))
     assert ("softened by gravity", ("g",)) not in rules(diagnose(weak, np.array([-1.5])))
 

@@ -132,7 +132,7 @@ def test_an_undriven_joint_can_rest_on_its_drive_spring() -> None:
     robot = built(changed(WALL, motors=motors))
     network = robot.network(np.zeros((1, 4)))
     spring = [s.name for s in robot.file.springs].index("d5")
-    assert network.ends[spring].tolist() == [robot.coordinate_names.index("wrist_2_joint"), -1]
+    assert network.nodes[spring].tolist() == [robot.coordinate_names.index("wrist_2_joint"), -1]
 
 
 def test_a_joint_needs_a_motor_a_spring_or_a_lock() -> None:

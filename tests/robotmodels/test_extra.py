@@ -101,7 +101,7 @@ def test_sensitivities_of_speed_and_angle_are_integrals_of_the_accelerations():
 def test_the_shift_of_the_equilibrium_is_what_the_cheaper_mode_leaves_out():
     robot = ur10()
     exact = robotmodels.sensitivity(robot, POSITIONS, OMEGA)[1]
-    cheap = robotmodels.sensitivity(robot, POSITIONS, OMEGA, sag=False)[1]
+    cheap = robotmodels.sensitivity(robot, POSITIONS, OMEGA, equilibrium_shift=False)[1]
     difference = np.abs(exact - cheap).max(axis=(0, 1, 2, 3))
     difference /= np.abs(exact).max(axis=(0, 1, 2, 3))
     names = np.array(robot.parameters.names)

@@ -75,7 +75,7 @@ def test_a_rigid_drive_may_have_a_free_inertia():
     robot = _with(robotmodels.load_robot("manutec_r3"), extra=["m5.inertia", "m5.viscous"])
     assert robot.elements.free_motors == [4]
     positions = _positions(robot, 2)
-    G, J = robotmodels.sensitivity(robot, positions, OMEGA, sag=False)
+    G, J = robotmodels.sensitivity(robot, positions, OMEGA, equilibrium_shift=False)
     size = np.abs(J).max(axis=(0, 1, 2, 3))
     found = _differences(robot, positions)[..., -2:]
     assert np.max(np.abs(J[..., -2:] - found) / size[-2:]) < 1e-6
@@ -84,8 +84,8 @@ def test_a_rigid_drive_may_have_a_free_inertia():
 
 def test_information_takes_the_fast_path(manutec):
     positions = _positions(manutec)
-    assert manutec.tangents(positions, sag=False) is None
-    G, J = robotmodels.sensitivity(manutec, positions, OMEGA, sag=False)
+    assert manutec.tangents(positions, equilibrium_shift=False) is None
+    G, J = robotmodels.sensitivity(manutec, positions, OMEGA, equilibrium_shift=False)
     _check_information(manutec, positions, G, J)
 
 

@@ -80,8 +80,8 @@ def _equal_modes(rng):
     """Return three equal robots of one motor and one torsion: every mode is triple."""
     network = robot(rng, n_positions=1, n=3, n_torsions=3, n_free_torsions=3)
     mass = np.eye(9)
-    mass[network.ends[:3, 0], network.ends[3:, 0]] = 0.3
-    mass[network.ends[3:, 0], network.ends[:3, 0]] = 0.3
+    mass[network.nodes[:3, 0], network.nodes[3:, 0]] = 0.3
+    mass[network.nodes[3:, 0], network.nodes[:3, 0]] = 0.3
     same = np.ones_like(network.spring_stiffness)
     return replace(
         network,
@@ -94,7 +94,7 @@ def _equal_modes(rng):
 
 def _uneven(rng):
     network = _small(rng)
-    factors = 10.0 ** rng.choice([-6, 0, 6], (2, 1, len(network.ends)))
+    factors = 10.0 ** rng.choice([-6, 0, 6], (2, 1, len(network.nodes)))
     return replace(
         network,
         spring_stiffness=network.spring_stiffness * factors[0],

@@ -70,7 +70,7 @@ def test_flexible_modes_can_be_seen(robot: ElasticRobot) -> None:
 def test_every_parameter_acts_on_the_frf(robot: ElasticRobot) -> None:
     omega = HZ * np.geomspace(2, 80, 6)
     positions = random_positions(robot, 3)
-    G, J = robotmodels.sensitivity(robot, positions, omega, sag=False)
+    G, J = robotmodels.sensitivity(robot, positions, omega, equilibrium_shift=False)
     effect = np.abs(J).max(axis=(0, 1, 2, 3)) / np.abs(G).max()
     assert effect.min() > 1e-5, robot.parameters.names[int(effect.argmin())]
 
@@ -80,7 +80,7 @@ def test_holding_the_equilibria_changes_as_little_as_documented(robot: ElasticRo
     omega = HZ * np.geomspace(2, 80, 40)
     positions = random_positions(robot, 15)
     G, exact = robotmodels.sensitivity(robot, positions, omega)
-    fixed = robotmodels.sensitivity(robot, positions, omega, sag=False)[1]
+    fixed = robotmodels.sensitivity(robot, positions, omega, equilibrium_shift=False)[1]
     axes = (0, 1, 2, 3)
     assert (np.abs(exact - fixed).max(axes) < 0.05 * np.abs(exact).max(axes)).all()
     weight = 1 / np.sqrt(robotmodels.RelativeNoise().variance(G))[..., None]

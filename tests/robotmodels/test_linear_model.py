@@ -84,7 +84,7 @@ class Springs:
             damping=np.zeros((2, 2)),
             stiffness=np.zeros((q, 2, 2)),
             selector=np.array([[0.0], [RATIO]]),
-            ends=np.array([[0, 1]]),
+            nodes=np.array([[0, 1]]),
             spring_stiffness=np.full((q, 1), theta[0]),
             spring_damping=np.full((q, 1), theta[1]),
             exponents=np.tile(np.eye(2), (q, 1, 1)),

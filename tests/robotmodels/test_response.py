@@ -66,7 +66,7 @@ def test_sensitivities_without_sag_hold_the_equilibria(name: str) -> None:
     robot = ROBOTS[name]()
     positions = random_positions(robot, 3)
     theta = robot.parameters.values
-    J = sensitivity(robot, positions, OMEGA, sag=False)[1]
+    J = sensitivity(robot, positions, OMEGA, equilibrium_shift=False)[1]
     exact = sensitivity(robot, positions, OMEGA)[1]
     assert error(J, exact) > 1e-5
     network = robot.network(positions)

@@ -38,7 +38,7 @@ from robotmodels.common.errors import InvalidInput, NoEquilibrium
 from robotmodels.common.fingerprints import file_digest
 from robotmodels.common.progress import Progress
 from robotmodels.library.robot_digest import mesh_digests
-from robotmodels.linear.derived_models import AtValues
+from robotmodels.linear.derived_models import WithParameters
 
 Information = InformationSet | StoredInformation
 
@@ -107,13 +107,13 @@ def sampled_information(run: Run, found: Stage[ScreenedCandidates]) -> list[Stag
         return []
     values = parameter_samples(choice, run.robot, run.rng("robust"))
     return [
-        _information(run, found, f"information-{k}", AtValues(run.robot, values[k]))
+        _information(run, found, f"information-{k}", WithParameters(run.robot, values[k]))
         for k in range(1, len(values))
     ]
 
 
 def _information(
-    run: Run, found: Stage[ScreenedCandidates], name: str, robot: ElasticRobot | AtValues
+    run: Run, found: Stage[ScreenedCandidates], name: str, robot: ElasticRobot | WithParameters
 ) -> Stage[Information]:
     asked = robot, found.value.positions, run.omega, run.noise
 

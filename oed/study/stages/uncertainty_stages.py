@@ -8,7 +8,7 @@ from typing import TypeVar
 import numpy as np
 
 from estimators.fitting.least_squares import Fit, likelihood_fit
-from estimators.sampling.convergence import Target
+from estimators.sampling.convergence import StoppingCriterion
 from estimators.sampling.importance_sampling import importance_sample
 from estimators.sampling.log_posterior import has_noise_weights
 from estimators.sampling.posterior import Posterior, check_sizes, sample_posterior
@@ -103,7 +103,7 @@ def _sampled(
             walkers=choice.walkers,
             steps=choice.steps,
             thin=THIN,
-            target=Target(r_hat=choice.r_hat, ess=choice.ess),
+            target=StoppingCriterion(r_hat=choice.r_hat, ess=choice.ess),
             backend=folder / "posterior.h5",
             progress=report,
             executor=run.executor,
