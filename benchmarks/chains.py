@@ -11,7 +11,8 @@ import time
 import numpy as np
 
 from estimators.chains.identification import identify_chains
-from estimators.chains.inverse_eigenvalue import first_components, lanczos_chain
+from estimators.chains.inverse_eigenvalue import lanczos_chain
+from estimators.chains.pole_zero_spectra import first_components
 from robotmodels.common.errors import IdentificationError
 from robotmodels.linear.chain_responses import chain_response, modally_damped
 from robotmodels.linear.coupled_chains import CoupledChains
@@ -63,7 +64,7 @@ def size(count, length):
     poles = np.concatenate([[0.0], resonances(model).squares])
     for i in range(count):
         first = first_components(poles, anti_resonances(model, i) ** 2)
-        lanczos_chain(poles, first, chains.masses[i, 0], length, chains.masses[i].sum())
+        lanczos_chain(poles, first**2, chains.masses[i, 0], length, chains.masses[i].sum())
     spectra = time.perf_counter() - begun
     omega = np.linspace(0.02, 1.1, 60 * length) * np.sqrt(poles[-1])
     begun = time.perf_counter()

@@ -7,7 +7,16 @@ from .chains.identified_chains import (
     ChainIdentification as ChainIdentification,
     predict_masses as predict_masses,
 )
+from .chains.inverse_eigenvalue import (
+    LanczosStep as LanczosStep,
+    coupled_inertia as coupled_inertia,
+    lanczos_chain as lanczos_chain,
+    lanczos_step as lanczos_step,
+    without_first_mass as without_first_mass,
+)
+from .chains.pole_zero_spectra import first_components as first_components
 from .chains.start_values_from_chains import chain_start_values as chain_start_values
+from .chains.stepwise import StepwiseChain as StepwiseChain, stepwise_chain as stepwise_chain
 from .fitting.fit_files import read_fits as read_fits, write_fits as write_fits
 from .fitting.least_squares import (
     Fit as Fit,

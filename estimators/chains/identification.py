@@ -1,14 +1,15 @@
 """Inverse eigenvalue identification of coupled chains from FRFs, [HBH] in full, with covariance."""
 
 from dataclasses import replace
-from typing import Any
+from typing import Any, Literal, get_args
 
 import numpy as np
 from numpy.typing import NDArray
 
-from estimators.chains.chain_estimate import inverse_estimate, structured_estimate
 from estimators.chains.identified_chains import ChainIdentification
+from estimators.chains.inverse_estimate import inverse_estimate
 from estimators.chains.modal_model import modal_response
+from estimators.chains.mode_search import Shapes, fit_modes
 from estimators.chains.model_order import (
     OrderProposal,
     WrongModeCount,
@@ -16,13 +17,17 @@ from estimators.chains.model_order import (
     check_not_too_many,
     propose_order,
 )
-from estimators.chains.modes import FittedModes, Shapes, fit_modes, with_excess
+from estimators.chains.modes import FittedModes, with_excess
 from estimators.chains.parameter_maps import ChainLayout
+from estimators.chains.structured_estimate import structured_cost, structured_estimate
 from estimators.chains.whitened_frf import Data, prepared, unfrictioned
 from estimators.frf.frf_estimate import FrfEstimate
 from robotmodels.common.arrays import Array, ComplexArray, is_count, real_numbers
-from robotmodels.common.errors import InvalidInput, NotIdentifiable
+from robotmodels.common.errors import InvalidInput, NotIdentifiable, nearest
 from robotmodels.linear.response import check_omega
+
+Method = Literal["likelihood", "lanczos", "stepwise"]
+"""How masses and springs follow from the modes; see `identify_chains`."""
 
 # FRFs whose imaginary part is below this share are computed for undamped chains, not measured.
 _ROUNDING = 1e-10
@@ -37,6 +42,7 @@ def identify_chains(
     covariance: NDArray[Any] | None = None,
     first_masses: Array | None = None,
     distortion: Array | None = None,
+    method: Method = "likelihood",
 ) -> ChainIdentification:
     """Identify masses, springs and couplings of chains from their motors' FRFs.
 
@@ -58,6 +64,12 @@ def identify_chains(
     distortion : ndarray, (F, M, M), optional
         Standard deviations of one block's FRF by nonlinear distortion, see `Distortion.level`:
         lines at the low end that friction distorts are left out, others count less.
+    method : {"likelihood", "lanczos", "stepwise"}
+        "lanczos" solves the inverse eigenvalue problem of the fitted modes by the Lanczos recursion
+        to the end, "stepwise" as [HBH] section 3.4 prints it: couplings by (7) and (8), one or two
+        masses at a time by (13) to (22). Both take just as many numbers as there are unknowns.
+        "likelihood" goes on from there to the chains that are most likely by all data, with
+        intervals and a verdict.
 
     Raises
     ------
@@ -71,7 +83,7 @@ def identify_chains(
     data = _checked(omega, response, n_masses, covariance)
     motors = None if first_masses is None else _checked_motors(first_masses, data.chains)
     data, left_out = unfrictioned(data, distortion)
-    return _identified(data, n_masses, motors, left_out)
+    return _identified(data, n_masses, motors, left_out, method)
 
 
 def chains_from_frf(
@@ -83,6 +95,7 @@ def chains_from_frf(
     distortion: Array | None = None,
     sample_time: float | None = None,
     delay: float = 0.0,
+    method: Method = "likelihood",
 ) -> ChainIdentification:
     """Identify chains as `identify_chains` does, from FRFs and what is known of their errors.
 
@@ -99,6 +112,8 @@ def chains_from_frf(
         no torque was held.
     delay : float, s
         Delay that the estimate was corrected for.
+    method : {"likelihood", "lanczos", "stepwise"}
+        As in `identify_chains`.
 
     Raises
     ------
@@ -117,19 +132,25 @@ def chains_from_frf(
         errors = image_size(data, sample_time)
         rough = _modes(data.with_error(errors**2), _layout(data, n_masses)[0])[0]
         data = data.without(held_images(rough, sample_time, delay))
-    return _identified(data, n_masses, motors, left_out)
+    return _identified(data, n_masses, motors, left_out, method)
 
 
 def _identified(
-    data: Data, n_masses: int | None, motors: Array | None, left_out: int
+    data: Data, n_masses: int | None, motors: Array | None, left_out: int, method: Method
 ) -> ChainIdentification:
+    if method not in get_args(Method):
+        raise InvalidInput(
+            f"method: {method!r} is not known{nearest(method, get_args(Method))}; "
+            f"{', '.join(get_args(Method))} are"
+        )
     layout, order = _layout(data, n_masses)
-    found, excess = _modes(data, layout)
-    inverse = inverse_estimate(found, layout, motors)
-    if data.undamped:
-        return ChainIdentification(found, inverse, inverse, found.cost, order, left_out, 0.0)
-    structured, cost = structured_estimate(found, inverse, motors)
-    return ChainIdentification(found, inverse, structured, cost, order, left_out, excess)
+    modes, excess = _modes(data, layout)
+    inverse = inverse_estimate(modes, layout, motors, method == "stepwise")
+    if method != "likelihood" or data.undamped:
+        cost = structured_cost(modes, inverse)
+        return ChainIdentification(modes, inverse, inverse, cost, order, left_out, excess)
+    structured, cost = structured_estimate(modes, inverse, motors)
+    return ChainIdentification(modes, inverse, structured, cost, order, left_out, excess)
 
 
 def _layout(data: Data, n_masses: int | None) -> tuple[ChainLayout, OrderProposal | None]:

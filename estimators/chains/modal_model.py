@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from estimators.chains.inverse_eigenvalue import zeros_between
+from estimators.chains.pole_zero_spectra import zeros_between
 from robotmodels.common.arrays import Array, ComplexArray
 
 
@@ -172,23 +172,58 @@ def _evaluate(
     return np.asarray(G), (P, s, late, h, slope_omega, slope_zeta)
 
 
-def anti_resonance_squares(inertia: Array, omega: Array, shapes: Array) -> Array:
-    """Return each chain's squared anti-resonances, (M, n), from the undamped modal model.
+def modal_anti_resonances(x: Array, layout: ModalLayout) -> Array:
+    """Return each chain's undamped anti-resonances, (M, n), in rising order [rad/s]."""
+    return np.sqrt([zeros for zeros, _, _ in chain_spectra(x, layout)])
 
-    Parameters
-    ----------
-    inertia : ndarray, (M, M)
-        Rigid inertia.
-    omega : ndarray, (n,), rad/s
-        Resonances.
-    shapes : ndarray, (n, M)
-        Mode shapes at the motors.
+
+def anti_resonance_slopes(x: Array, layout: ModalLayout) -> Array:
+    """Return their derivatives by the structure of x, (M, n, p) [rad/s per unit].
+
+    Along sum_r w_r/(lambda_r - zero) = 0 a zero moves with the poles, each by its share of
+    w/(lambda - zero)^2, and with the weights.
     """
+    J, omega, phi, *_ = layout.split(x)
+    inverse = np.linalg.inv(J)
+    inertias, n = layout.sizes[0], layout.modes
+    rows, columns = np.triu_indices(layout.chains)
+    slopes = np.zeros((layout.chains, n, layout.structure))
+    for i, (zeros, distances, weights) in enumerate(chain_spectra(x, layout)):
+        pull, by_weight = _zero_slopes(distances, weights)
+        # w_0 is an element of the inverse inertia matrix, w_r = phi^2, lambda = omega^2.
+        change = -inverse[i, rows] * inverse[columns, i] * np.where(rows == columns, 1.0, 2.0)
+        slopes[i, :, :inertias] = by_weight[:, :1] * change
+        slopes[i, :, inertias : inertias + n] = pull[:, 1:] * 2 * omega**2
+        at = inertias + n + np.arange(n) * layout.chains + i
+        slopes[i][:, at] = by_weight[:, 1:] * 2 * phi[:, i]
+        slopes[i] /= 2 * np.sqrt(zeros)[:, None]
+    return slopes
+
+
+def _zero_slopes(distances: Array, weights: Array) -> tuple[Array, Array]:
+    """Return derivatives of zeros by poles and by weights, both (n, n + 1)."""
+    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+        pull = weights / distances**2
+        pull = pull / pull.sum(axis=1, keepdims=True)
+        by_weight = -pull * distances / weights
+    # A zero that a mode without weight cancels moves with its pole.
+    cancelled = distances == 0
+    alone = cancelled.any(axis=1)
+    pull[alone] = cancelled[alone] / cancelled[alone].sum(axis=1, keepdims=True)
+    by_weight[alone] = 0.0
+    return pull, np.nan_to_num(by_weight)
+
+
+def chain_spectra(x: Array, layout: ModalLayout) -> list[tuple[Array, Array, Array]]:
+    """Return each chain's squared zeros (n,), the poles' distances above them and weights.
+
+    Distances are (n, n + 1), weights (n + 1,), the rigid pole first.
+    """
+    J, omega, phi, *_ = layout.split(x)
+    rigid = np.diag(np.linalg.inv(J))
     poles = np.concatenate([[0.0], omega**2])
-    rigid = np.diag(np.linalg.inv(inertia))
-    return np.array(
-        [
-            zeros_between(poles, np.concatenate([[rigid[i]], shapes[:, i] ** 2]))
-            for i in range(len(inertia))
-        ]
-    )
+    spectra = []
+    for i in range(layout.chains):
+        weights = np.concatenate([rigid[i : i + 1], phi[:, i] ** 2])
+        spectra.append((*zeros_between(poles, weights), weights))
+    return spectra

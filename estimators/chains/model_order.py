@@ -6,7 +6,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from estimators.chains.modes import FittedModes, fit_modes
+from estimators.chains.mode_search import fit_modes
+from estimators.chains.modes import FittedModes
 from estimators.chains.whitened_frf import Data
 from robotmodels.common.arrays import Array, ComplexArray
 from robotmodels.common.errors import InvalidInput, NotIdentifiable

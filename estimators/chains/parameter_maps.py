@@ -97,10 +97,8 @@ def inverse_map(
     masses, springs = [], []
     for i in range(layout.chains):
         weights = np.concatenate([rigid[i : i + 1], phi[:, i] ** 2])
-        total = weights.sum()
-        mass = 1 / total if first_masses is None else first_masses[i]
-        first = np.sqrt(weights / total)
-        m, k = lanczos_chain(poles, first, mass, layout.masses, J[i, i])
+        mass = 1 / weights.sum() if first_masses is None else first_masses[i]
+        m, k = lanczos_chain(poles, weights, mass, layout.masses, J[i, i])
         masses.append(m)
         springs.append(k)
     return layout.join(np.array(masses), np.array(springs), J)

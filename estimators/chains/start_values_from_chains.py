@@ -2,8 +2,9 @@
 
 import numpy as np
 
+from estimators.chains.mode_search import fit_modes
 from estimators.chains.model_order import clear_modes
-from estimators.chains.modes import FittedModes, fit_modes
+from estimators.chains.modes import FittedModes
 from estimators.chains.whitened_frf import Data, prepared
 from estimators.frf.frf_estimate import FrfEstimate
 from robotmodels.common.arrays import Array, IntArray

@@ -5,8 +5,10 @@ import pytest
 from chain_cases import CHAINS, COUPLINGS, MASSES, OMEGA, SPRINGS, noisy
 
 from estimators.chains.identification import identify_chains
-from estimators.chains.inverse_eigenvalue import coupled_inertia, first_components, stepwise_chain
+from estimators.chains.inverse_eigenvalue import coupled_inertia
 from estimators.chains.model_order import WrongModeCount
+from estimators.chains.pole_zero_spectra import first_components
+from estimators.chains.stepwise import stepwise_chain
 from robotmodels.common.errors import InvalidInput, NotIdentifiable
 from robotmodels.linear.chain_responses import chain_response, modally_damped
 from robotmodels.linear.coupled_chains import CoupledChains
