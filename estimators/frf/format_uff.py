@@ -22,7 +22,7 @@ from estimators.frf.file_schemas import read_freedom, stored_freedom
 from estimators.frf.frf_estimate import FrfEstimate
 from robotmodels.common.arrays import Array, ComplexArray, whole_numbers
 from robotmodels.common.errors import InvalidInput
-from robotmodels.data_files.universal_file import files_left_open, read_functions
+from robotmodels.data_files.universal_file import ignore_unclosed_files, read_functions
 from robotmodels.linear.noise import NoiseLaw
 
 _FRF, _GENERAL = 4, 0
@@ -171,7 +171,7 @@ def _write_sets(path: Path, sets: list[dict[str, Any]]) -> None:
         with path.open("wb") as file:
             for one in sets:
                 single.unlink(missing_ok=True)
-                with files_left_open():
+                with ignore_unclosed_files():
                     pyuff.UFF(str(single)).write_sets(one, mode="add")
                 content = single.read_bytes()
                 numbers = 3 if np.iscomplexobj(one["data"]) else 2

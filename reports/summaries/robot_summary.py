@@ -79,7 +79,7 @@ def _bodies(d: Diagnosis, file: RobotFile) -> list[str]:
     cuts: dict[tuple[str, tuple[float, ...]], list[str]] = {}
     for spring in d.springs:
         if spring.at is not None:
-            cuts.setdefault((spring.place, spring.at), []).append(spring.name)
+            cuts.setdefault((spring.attached_to, spring.at), []).append(spring.name)
     for (link, at), springs in cuts.items():
         lines += wrapped(f"cut through {link} at ({vector(at, 3)}) m: {', '.join(springs)}")
     return lines
@@ -114,7 +114,7 @@ def _springs(d: Diagnosis, file: RobotFile) -> list[str]:
         k = f"{s.name}.stiffness"
         rest, damping = states.get(k) or states[f"{k}.low"], states[f"{s.name}.damping"]
         load = (_deflection(s), _small(s.torque) + (" N" if s.linear else ""))
-        row = (s.name, f"{s.place} {s.axis}", _kilo(rest.value, rest.unit), _state(rest))
+        row = (s.name, f"{s.attached_to} {s.axis}", _kilo(rest.value, rest.unit), _state(rest))
         rows.append((*row, _plainly(damping), _state(damping), *load))
         if isinstance(given.stiffness, Hardening):
             high, reached = states[f"{k}.high"], f"  at {given.stiffness.torque:g} N m"

@@ -104,8 +104,8 @@ def _link(robot: ElasticRobot, joint: str) -> tuple[str, str]:
     """Return the link that `joint` or the cut of spring `joint` moves, and which part of it."""
     cut = next((s for s in robot.file.springs if s.name == joint and s.link is not None), None)
     if cut is not None:
-        place = (cut.link, cut.at)
-        springs = [s.name for s in robot.file.springs if (s.link, s.at) == place]
+        cut_point = (cut.link, cut.at)
+        springs = [s.name for s in robot.file.springs if (s.link, s.at) == cut_point]
         return str(cut.link), f"beyond {', '.join(springs)}"
     moved = robot.rigid.getJointId(joint)
     links = [f.name for f in robot.rigid.frames if f.parentJoint == moved and f.type == pin.BODY]

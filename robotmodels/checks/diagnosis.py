@@ -104,7 +104,7 @@ class SpringState:
     ----------
     name, axis : str
         As in the robot file.
-    place : str
+    attached_to : str
         Its joint, or the link it cuts.
     at : tuple of (float, float, float) or None, m
         Where it cuts the link; None at a joint.
@@ -114,7 +114,7 @@ class SpringState:
         Elongation under gravity.
     torque : float, N m or N
         Spring torque of that elongation.
-    rest, stiffness : float, N m/rad or N/m
+    unloaded_stiffness, stiffness : float, N m/rad or N/m
         Its slope unloaded and under this load.
     gravity : float, N m/rad or N/m
         What gravity adds to the stiffness of its coordinate.
@@ -122,12 +122,12 @@ class SpringState:
 
     name: str
     axis: str
-    place: str
+    attached_to: str
     at: tuple[float, float, float] | None
     linear: bool
     deflection: float
     torque: float
-    rest: float
+    unloaded_stiffness: float
     stiffness: float
     gravity: float
 
@@ -315,9 +315,11 @@ def _inseparable(
     information = (np.conj(flat).T @ flat).real
     s = unit_diagonal_scaling(information)
     correlation = s[:, None] * information * s
-    apart = np.sqrt(np.maximum(1 - correlation**2, np.finfo(float).eps))
-    pairs = np.argwhere(np.triu(apart < 1 / _INSEPARABLE, 1))
-    return tuple(InseparablePair((names[i], names[j]), float(1 / apart[i, j])) for i, j in pairs)
+    uncorrelated = np.sqrt(np.maximum(1 - correlation**2, np.finfo(float).eps))
+    pairs = np.argwhere(np.triu(uncorrelated < 1 / _INSEPARABLE, 1))
+    return tuple(
+        InseparablePair((names[i], names[j]), float(1 / uncorrelated[i, j])) for i, j in pairs
+    )
 
 
 def _motors(
@@ -359,12 +361,12 @@ def _springs(robot: ElasticRobot, at: Equilibrium) -> tuple[SpringState, ...]:
             SpringState(
                 name=spring.name,
                 axis=spring.axis,
-                place=str(spring.joint or spring.link),
+                attached_to=str(spring.joint or spring.link),
                 at=spring.at,
                 linear=robot.elements.linear(spring),
                 deflection=float(at.elongations[0, i]),
                 torque=-float(torques[0, c]),
-                rest=k.low if isinstance(k, Hardening) else k,
+                unloaded_stiffness=k.low if isinstance(k, Hardening) else k,
                 stiffness=float(at.slopes[0, i]),
                 gravity=float(slopes[0, c, c]),
             )

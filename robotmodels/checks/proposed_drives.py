@@ -185,10 +185,10 @@ def idle_joints(robot: ElasticRobot) -> tuple[str, ...]:
     parts = 0.2 + 0.4 * (np.arange(1, len(low) + 1) * _GOLDEN % 1)
     position = low + parts * (high - low)
     try:
-        given = linearize(robot, position).frequency_response(_OMEGA)
+        reference = linearize(robot, position).frequency_response(_OMEGA)
         moved = linearize(robot, position + _STEP * np.diag(high - low)).frequency_response(_OMEGA)
     except NoEquilibrium:
         return ()
-    change = np.abs(moved - given).max(axis=(1, 2, 3))
-    idle = change < _CHANGE * np.abs(given).max()
+    change = np.abs(moved - reference).max(axis=(1, 2, 3))
+    idle = change < _CHANGE * np.abs(reference).max()
     return tuple(name for name, still in zip(robot.motor_joints, idle, strict=True) if still)

@@ -117,12 +117,12 @@ def large_deflection(d: Diagnosis) -> Iterator[Suspicion]:
 def softened(d: Diagnosis) -> Iterator[Suspicion]:
     """Springs of which gravity takes more than 5 % of the stiffness, directly or by its load."""
     for s in d.springs:
-        left = (s.stiffness + s.gravity) / s.rest
-        if left < 1 - LARGEST_SOFTENING:
+        share = (s.stiffness + s.gravity) / s.unloaded_stiffness
+        if share < 1 - LARGEST_SOFTENING:
             yield Suspicion(
                 "softened by gravity",
                 (s.name,),
-                f"{s.name} keeps {100 * left:.3g} % of its stiffness at rest",
+                f"{s.name} keeps {100 * share:.3g} % of its stiffness at rest",
             )
 
 

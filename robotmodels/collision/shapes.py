@@ -120,13 +120,13 @@ def mesh_files(robot: ElasticRobot) -> dict[str, Path | None]:
 
 def _drawn(rigid: pin.Model, path: Path) -> tuple[tuple[Shape, ...], tuple[str, ...]]:
     """Return the shapes of a URDF, and a sentence on each mesh that is not there."""
-    robot, missing = _with_meshes_found(path)
+    robot, missing = _with_absolute_meshes(path)
     xml = ET.tostring(robot, encoding="unicode")
     try:
         geometry = pin.buildGeomFromUrdfString(rigid, xml, pin.COLLISION)
     except (ValueError, RuntimeError) as error:
-        said = " ".join(str(error).split()).partition("message: ")
-        raise InvalidInput(f"{path}: collision shapes: {said[2] or said[0]}") from None
+        parts = " ".join(str(error).split()).partition("message: ")
+        raise InvalidInput(f"{path}: collision shapes: {parts[2] or parts[0]}") from None
     shapes = []
     for item in geometry.geometryObjects:
         link = rigid.frames[item.parentFrame].name
@@ -156,7 +156,7 @@ def _convex_hull(mesh: coal.BVHModelBase, who: str) -> coal.CollisionGeometry:
     return mesh.convex
 
 
-def _with_meshes_found(path: Path) -> tuple[ET.Element, tuple[str, ...]]:
+def _with_absolute_meshes(path: Path) -> tuple[ET.Element, tuple[str, ...]]:
     """Return the URDF with absolute mesh paths, without the meshes not found, and their names."""
     robot = checked_urdf(path, shapes=True)
     missing = []
@@ -165,14 +165,14 @@ def _with_meshes_found(path: Path) -> tuple[ET.Element, tuple[str, ...]]:
             mesh = collision.find("geometry/mesh")
             if mesh is None:
                 continue
-            given = mesh.get("filename", "")
-            found = _mesh_file(given, path)
-            if found is None:
-                missing.append(f"link {link.get('name')!r}: its mesh {given} is not found")
+            filename = mesh.get("filename", "")
+            file = _mesh_file(filename, path)
+            if file is None:
+                missing.append(f"link {link.get('name')!r}: its mesh {filename} is not found")
                 link.remove(collision)
             else:
-                _check_mesh(found)
-                mesh.set("filename", str(found))
+                _check_mesh(file)
+                mesh.set("filename", str(file))
     return robot, tuple(missing)
 
 
@@ -191,23 +191,24 @@ def _check_mesh(path: Path) -> None:
             raise InvalidInput(f"{path}: <{tag}> has {wrong[0][:40]!r}; whole numbers are needed")
 
 
-def _mesh_file(given: str, urdf: Path) -> Path | None:
+def _mesh_file(filename: str, urdf: Path) -> Path | None:
     """Return where a mesh is.
 
     A ``package://NAME/...`` is sought in folders NAME, or that hold NAME, around the URDF and on
     ROS's search paths, and stays inside NAME; another path starts at the URDF's folder.
     """
-    if not given.startswith(_PACKAGE):
-        path = urdf.parent / given.removeprefix("file://")
+    if not filename.startswith(_PACKAGE):
+        path = urdf.parent / filename.removeprefix("file://")
         return path if os.path.isfile(path) else None
-    inside = Path(given.removeprefix(_PACKAGE))
+    inside = Path(filename.removeprefix(_PACKAGE))
     if not inside.parts or inside.is_absolute() or ".." in inside.parts:
         raise InvalidInput(
-            f"{urdf}: mesh {given!r}: package:// and the path of a file inside a package is needed"
+            f"{urdf}: mesh {filename!r}: package:// and the path of a file inside a package is "
+            "needed"
         )
     ros = ("ROS_PACKAGE_PATH", "AMENT_PREFIX_PATH")
-    places = [Path(p) for v in ros for p in os.environ.get(v, "").split(os.pathsep) if p]
-    for folder in (*urdf.parents, *places, *(p / "share" for p in places)):
+    roots = [Path(p) for v in ros for p in os.environ.get(v, "").split(os.pathsep) if p]
+    for folder in (*urdf.parents, *roots, *(p / "share" for p in roots)):
         candidates = [folder / inside]
         if folder.name == inside.parts[0]:
             candidates.append(folder.parent / inside)

@@ -94,7 +94,7 @@ class Surroundings:
     @cached_property
     def built_touching(self) -> tuple[tuple[str, str], ...]:
         """Links that are not compared because they are built to touch."""
-        return tuple(dict.fromkeys(self._names(pair) for pair in self._apart[1]))
+        return tuple(dict.fromkeys(self._names(pair) for pair in self._pair_lists[1]))
 
     def touching(self, positions: Array, progress: Progress | None = None) -> BoolArray:
         """Return which of `pairs` touch, (Q, pairs), at `positions` (Q, n) within their limits."""
@@ -121,13 +121,13 @@ class Surroundings:
     @cached_property
     def _checker(self) -> "_Checker":
         shapes = self.shapes.shapes
-        pairs = list(self._apart[0])
+        pairs = list(self._pair_lists[0])
         for j in range(len(shapes), len(self._things)):
             pairs += [(i, j) for i, shape in enumerate(shapes) if shape.joint]
         return _Checker(self.robot.rigid, self._things, pairs, self.margin)
 
     @cached_property
-    def _apart(self) -> tuple[list[tuple[int, int]], list[tuple[int, int]]]:
+    def _pair_lists(self) -> tuple[list[tuple[int, int]], list[tuple[int, int]]]:
         """Return the pairs of link shapes to compare, and those built to touch."""
         if not (self.self_collision and self.shapes.solid):
             return [], []
@@ -200,11 +200,11 @@ class _Checker:
         first, second = self.shapes[i].mesh, self.shapes[j].mesh
         if first is None or second is None:
             return None
-        at = [coal.Transform3s(p.rotation, p.translation) for p in self._places(i, j)]
+        at = [coal.Transform3s(p.rotation, p.translation) for p in self._placements(i, j)]
         result = coal.CollisionResult()
         return bool(coal.collide(first, at[0], second, at[1], self.request, result))
 
-    def _places(self, i: int, j: int) -> tuple[pin.SE3, pin.SE3]:
+    def _placements(self, i: int, j: int) -> tuple[pin.SE3, pin.SE3]:
         return self.placed.oMg[i], self.placed.oMg[j]
 
 

@@ -62,8 +62,8 @@ def whole_numbers(values: ArrayLike, what: str) -> IntArray:
     wrong = ~(np.abs(reals) <= _LARGEST_WHOLE) | (reals != np.rint(reals))
     if wrong.any():
         index = tuple(int(i) for i in np.argwhere(wrong)[0])
-        place = f" at {', '.join(map(str, index))} (counted from 0)" if index else ""
-        raise InvalidInput(f"{what}: {reals[index]:.17g}{place}; whole numbers are needed")
+        location = f" at {', '.join(map(str, index))} (counted from 0)" if index else ""
+        raise InvalidInput(f"{what}: {reals[index]:.17g}{location}; whole numbers are needed")
     return reals.astype(np.int64)
 
 

@@ -39,10 +39,10 @@ class NotIdentifiable(IdentificationError):
         self.remedy = remedy
         self.combinations = tuple(combinations)
         more = len(self.combinations) - _MOST_COMBINATIONS
-        said = ", ".join(self.combinations[:_MOST_COMBINATIONS])
-        said += f" and {more} more" if more > 0 else ""
+        directions = ", ".join(self.combinations[:_MOST_COMBINATIONS])
+        directions += f" and {more} more" if more > 0 else ""
         # Single names would only be said twice.
-        opened = f" (open: {said})" if set(self.combinations) - set(self.names) else ""
+        opened = f" (open: {directions})" if set(self.combinations) - set(self.names) else ""
         super().__init__(f"not identifiable: {', '.join(self.names)}{opened}; {remedy}")
 
     def __reduce__(self) -> tuple[type["NotIdentifiable"], tuple[object, ...]]:
@@ -54,7 +54,7 @@ class SolverFailed(IdentificationError):
     """A numerical solver ended without a usable answer."""
 
 
-def nearest(word: str, known: Iterable[str]) -> str:
+def nearest(word: str, words: Iterable[str]) -> str:
     """Return `` (did you mean 'x'?)`` for the known word nearest to `word`, or nothing."""
-    matches = get_close_matches(word, list(known), n=1, cutoff=0.5)
+    matches = get_close_matches(word, list(words), n=1, cutoff=0.5)
     return f" (did you mean {matches[0]!r}?)" if matches else ""

@@ -38,10 +38,10 @@ def existing_file(path: Path, key: str, file: Path) -> Path:
     InvalidInput
         If there is no such file.
     """
-    found = absolute(path.resolve().parent, file)
-    if not os.path.isfile(found):
-        raise InvalidInput(f"{path}: {key}: {found}: no such file")
-    return found
+    target = absolute(path.resolve().parent, file)
+    if not os.path.isfile(target):
+        raise InvalidInput(f"{path}: {key}: {target}: no such file")
+    return target
 
 
 def absolute(beside: Path, path: str | Path) -> Path:

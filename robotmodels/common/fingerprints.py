@@ -11,12 +11,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 
-def fingerprint(given: object, computed: object = ()) -> str:
+def fingerprint(inputs: object, computed: object = ()) -> str:
     """Return the SHA-256 of plain data, arrays, and dataclasses, tuples and mappings of them.
 
     Parameters
     ----------
-    given : object
+    inputs : object
         Every bit of an array counts, and its shape.
     computed : object
         Five digits of an array's numbers count, whatever the order of its additions.
@@ -26,7 +26,7 @@ def fingerprint(given: object, computed: object = ()) -> str:
     TypeError
         For anything else, which could change without a trace.
     """
-    plain, arrays = _parted(given)
+    plain, arrays = _parted(inputs)
     digest = hashlib.sha256(repr(plain).encode())
     for array in arrays:
         digest.update(repr(array.shape).encode())

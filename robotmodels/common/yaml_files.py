@@ -104,8 +104,8 @@ def parse(document: Node, schema: type[_Section], source: str) -> _Section:
             f"study; {needed(schema)} is needed here"
         )
     if not isinstance(content, dict):
-        found = "nothing" if content is None else type(content).__name__
-        raise InvalidInput(f"{source}: a mapping of keys to values is needed, found {found}")
+        kind = "nothing" if content is None else type(content).__name__
+        raise InvalidInput(f"{source}: a mapping of keys to values is needed, found {kind}")
     if other := misplaced(content, schema):
         raise InvalidInput(f"{source}: {other}")
     try:
@@ -123,10 +123,10 @@ def parse(document: Node, schema: type[_Section], source: str) -> _Section:
 def _meant(details: list[Any]) -> list[Any]:
     """Drop what is said about "a number" where a mapping was given instead, as it may be."""
     mappings = {e["loc"][:-1] for e in details if isinstance(e["input"], dict) and _branch(e)}
-    kept = [e for e in details if not (_branch(e) and e["loc"][:-1] in mappings)]
+    unambiguous = [e for e in details if not (_branch(e) and e["loc"][:-1] in mappings)]
     # Likewise what is said about a mapping where a number was given.
-    numbers = {e["loc"][:-1] for e in kept if _branch(e)}
-    return [e for e in kept if _branch(e) or e["loc"][:-1] not in numbers] or details
+    numbers = {e["loc"][:-1] for e in unambiguous if _branch(e)}
+    return [e for e in unambiguous if _branch(e) or e["loc"][:-1] not in numbers] or details
 
 
 def _branch(error: Any) -> bool:
@@ -136,13 +136,13 @@ def _branch(error: Any) -> bool:
 
 def _one_line(error: Any, schema: type[BaseModel], content: dict[str, Any]) -> str:
     key = _dotted(error["loc"])
-    found, kind = error["input"], error["type"]
+    value, kind = error["input"], error["type"]
     if kind == "extra_forbidden":
-        known = _known_keys(schema, error["loc"][:-1])
-        right = nearest(str(error["loc"][-1]), known) or f"; known are {', '.join(known)}"
+        keys = _schema_keys(schema, error["loc"][:-1])
+        right = nearest(str(error["loc"][-1]), keys) or f"; known are {', '.join(keys)}"
         return f"unknown key {key!r}{_owner(error, content)}{right}"
     if kind == "missing" and isinstance(error["loc"][-1], int):
-        return f"{_dotted(error['loc'][:-1])}: too few numbers, found {list(found)}"
+        return f"{_dotted(error['loc'][:-1])}: too few numbers, found {list(value)}"
     if kind == "missing":
         return f"missing key {key!r}{_owner(error, content)}"
     if kind == "value_error":
@@ -152,7 +152,7 @@ def _one_line(error: Any, schema: type[BaseModel], content: dict[str, Any]) -> s
         message = _PLAIN[kind].format(**error.get("ctx", {}))
     else:
         message = error["msg"][0].lower() + error["msg"][1:]
-    return f"{key}{_owner(error, content)}: {message}, found {_brief(found)}"
+    return f"{key}{_owner(error, content)}: {message}, found {_brief(value)}"
 
 
 # Python's words for what a YAML file holds, put plainly.
@@ -175,8 +175,8 @@ _PLAIN = {
 }
 
 
-def _brief(found: object) -> str:
-    text = repr(list(found) if isinstance(found, tuple) else found)
+def _brief(value: object) -> str:
+    text = repr(list(value) if isinstance(value, tuple) else value)
     text = re.sub(r"\b(True|False)\b", lambda word: word[0].lower(), text)
     return text if len(text) <= 60 else f"{text[:57]}..."
 
@@ -208,7 +208,7 @@ def _dotted(location: tuple[str | int, ...]) -> str:
 _TYPES = ("float", "constrained-float", "list[", "tuple[")
 
 
-def _known_keys(schema: type[BaseModel], location: tuple[str | int, ...]) -> list[str]:
+def _schema_keys(schema: type[BaseModel], location: tuple[str | int, ...]) -> list[str]:
     """Return the keys that `schema` knows at `location`."""
     current: Any = schema
     for part in location:
@@ -238,8 +238,8 @@ _KINDS = {
 
 def needed(schema: type[BaseModel]) -> str:
     """Return ``a study (YAML, schema: study/1)`` for what `schema` reads; "YAML" for a section."""
-    wanted = _wanted(schema)
-    return f"{_name(wanted)} (YAML, schema: {wanted})" if wanted else "YAML"
+    name = _schema_name(schema)
+    return f"{_name(name)} (YAML, schema: {name})" if name else "YAML"
 
 
 def misplaced(content: dict[str, Any], schema: type[BaseModel]) -> str:
@@ -250,19 +250,19 @@ def misplaced(content: dict[str, Any], schema: type[BaseModel]) -> str:
     content : dict of str to Any
         Content of the file.
     """
-    wanted, found = _wanted(schema), content.get("schema")
-    if not wanted or not isinstance(found, str) or _kind(found) == _kind(wanted):
+    expected, actual = _schema_name(schema), content.get("schema")
+    if not expected or not isinstance(actual, str) or _kind(actual) == _kind(expected):
         return ""
-    if _kind(found) not in _KINDS:
+    if _kind(actual) not in _KINDS:
         return ""
-    command = _KINDS[_kind(found)][1]
+    command = _KINDS[_kind(actual)][1]
     return (
-        f"this is {_name(found)} (schema: {found}), which `{command}` takes; "
+        f"this is {_name(actual)} (schema: {actual}), which `{command}` takes; "
         f"{needed(schema)} is needed here"
     )
 
 
-def _wanted(schema: type[BaseModel]) -> str:
+def _schema_name(schema: type[BaseModel]) -> str:
     """Return the ``schema`` that a file must state, nothing for a section of a file."""
     field = schema.model_fields.get("schema_")
     return str(get_args(field.annotation)[0]) if field else ""

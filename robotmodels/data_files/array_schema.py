@@ -115,18 +115,18 @@ class Field:
         """
         if self.kind == "text":
             return array
-        given = np.asarray(array)
-        if self.kind != "complex" and np.iscomplexobj(given):
+        stored = np.asarray(array)
+        if self.kind != "complex" and np.iscomplexobj(stored):
             raise InvalidInput(f"{where}: complex numbers; {_WORDS[self.kind]} are needed")
-        given = given.reshape(shape)
+        stored = stored.reshape(shape)
         if self.kind == "whole":
-            values: NDArray[Any] = whole_numbers(given, where)
+            values: NDArray[Any] = whole_numbers(stored, where)
         elif self.kind == "truth":
-            values = truth_values(given, where)
+            values = truth_values(stored, where)
         else:
             with np.errstate(over="ignore"):  # long doubles; infinities are told below
-                kind = complex if np.iscomplexobj(given) else float
-                values = given.astype(kind, copy=False)
+                kind = complex if np.iscomplexobj(stored) else float
+                values = stored.astype(kind, copy=False)
         if self.finite:
             self._refuse(~np.isfinite(values), values, where, "a finite number")
         if self.kind in ("real", "whole"):
@@ -137,8 +137,8 @@ class Field:
     def _refuse(self, wrong: Any, values: Any, where: str, right: str) -> None:
         if np.any(wrong):
             index = tuple(int(i) for i in np.argwhere(wrong)[0])
-            place = f" at {listed_index(self.axes, index)}" if index else ""
-            raise InvalidInput(f"{where}: {values[index]}{place}; {right} is needed")
+            location = f" at {listed_index(self.axes, index)}" if index else ""
+            raise InvalidInput(f"{where}: {values[index]}{location}; {right} is needed")
 
 
 def listed_index(axes: tuple[str, ...], index: tuple[int, ...]) -> str:

@@ -98,15 +98,15 @@ class CsvTable:
         if len(self.values) != rows:
             axes = " x ".join(map(str, lengths))
             raise InvalidInput(f"{self.where}: {len(self.values)} rows; {axes} = {rows} are needed")
-        found = self.column([name for name in index if name])
+        indices = self.column([name for name in index if name])
         counted = [i for i, name in enumerate(index) if name]
         expected = np.indices(tuple(lengths)).reshape(len(lengths), -1).T[:, counted]
-        wrong = (found != expected).any(axis=1)
+        wrong = (indices != expected).any(axis=1)
         if wrong.any():
             row = int(np.argmax(wrong))
             raise InvalidInput(
                 f"{self.where}: row {row} of the table (counted from 0): indices "
-                f"{', '.join(f'{i:g}' for i in found[row])}; {expected[row].tolist()} are needed "
+                f"{', '.join(f'{i:g}' for i in indices[row])}; {expected[row].tolist()} are needed "
                 "there; a row is missing or out of order"
             )
 

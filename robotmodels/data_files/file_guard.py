@@ -55,8 +55,8 @@ def library_errors(where: object, container: str, *more: type[Exception]) -> Ite
         raise
     except LIBRARY_ERRORS + more as error:
         why = "not enough memory" if isinstance(error, MemoryError) else reason(error)
-        said = why[:200] or type(error).__name__
-        raise InvalidInput(f"{where}: not {container} ({said})") from None
+        cause = why[:200] or type(error).__name__
+        raise InvalidInput(f"{where}: not {container} ({cause})") from None
 
 
 def listed(names: Iterable[object]) -> str:

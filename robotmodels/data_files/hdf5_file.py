@@ -58,8 +58,8 @@ class Hdf5Group:
         """Refuse a file whose attribute ``schema`` is not `needed`."""
         schema = self._attribute_value(_SCHEMA)
         if not isinstance(schema, str) or schema != needed:
-            said = schema if schema is None else str(schema)[:60]
-            raise InvalidInput(f"{self.where}: 'schema' is {said!r}; {needed!r} is needed")
+            actual = schema if schema is None else str(schema)[:60]
+            raise InvalidInput(f"{self.where}: 'schema' is {actual!r}; {needed!r} is needed")
 
     def group(self, name: str) -> "Hdf5Group":
         """Return a group in this one.
@@ -182,10 +182,10 @@ class Hdf5Group:
 
         with library_errors(where, _CONTAINER):
             if h5py.check_string_dtype(dataset.dtype).length is None:
-                place = dataset.id.get_offset()
-                if place is None and dataset.size:
+                offset = dataset.id.get_offset()
+                if offset is None and dataset.size:
                     raise InvalidInput(f"{where}: text in chunks; it is needed in one piece")
-                check_text_dataset(*_source(dataset), place or 0, dataset.size)
+                check_text_dataset(*_source(dataset), offset or 0, dataset.size)
             texts = np.asarray(dataset.asstr()[()])
         return str(texts[()]) if texts.ndim == 0 else tuple(map(str, texts.ravel()))
 

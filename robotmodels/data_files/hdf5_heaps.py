@@ -27,11 +27,11 @@ def check_heaps(source: Path) -> None:
     InvalidInput
         If there is one.
     """
-    if any(_object_sizes(source, place) is None for place in _places(source, _SIGNATURE)):
+    if any(_object_sizes(source, offset) is None for offset in _offsets(source, _SIGNATURE)):
         raise _damaged(source)
 
 
-def check_text_dataset(source: Path, base: int, place: int, count: int) -> None:
+def check_text_dataset(source: Path, base: int, offset: int, count: int) -> None:
     """Refuse references to more text than there is where they lead.
 
     Only references that are read are judged: others may look like them.
@@ -40,7 +40,7 @@ def check_text_dataset(source: Path, base: int, place: int, count: int) -> None:
     ----------
     base : int
         What addresses count from.
-    place : int
+    offset : int
         Place of the first of them in the file.
     count : int
         Count of references, one after the other.
@@ -51,7 +51,7 @@ def check_text_dataset(source: Path, base: int, place: int, count: int) -> None:
         If there is one.
     """
     with source.open("rb") as file:
-        file.seek(place)
+        file.seek(offset)
         references = file.read(count * _REFERENCE.size)
     whole = len(references) // _REFERENCE.size * _REFERENCE.size
     most, heaps = source.stat().st_size, dict[int, dict[int, int]]()
@@ -66,9 +66,10 @@ def check_text_attribute(source: Path, base: int, name: str, count: int) -> None
     """Do likewise for `count` references in each attribute called `name`."""
     word = name.encode() + b"\0"
     with source.open("rb") as file:
-        for place in _places(source, word):
+        for offset in _offsets(source, word):
             for version in (1, 2, 3):
-                start = place - _MESSAGE.size - (version == 3)  # the third tells the characters too
+                # Version 3 tells the characters too.
+                start = offset - _MESSAGE.size - (version == 3)
                 if start < 0:
                     continue
                 file.seek(start)
@@ -77,25 +78,25 @@ def check_text_attribute(source: Path, base: int, name: str, count: int) -> None
                     continue
                 step = 8 if version == 1 else 1
                 skipped = sum(-(-size // step) * step for size in header[2:])
-                check_text_dataset(source, base, place + skipped, count)
+                check_text_dataset(source, base, offset + skipped, count)
 
 
 def _damaged(source: Path) -> InvalidInput:
     return InvalidInput(f"{source}: not a sound HDF5 file (a heap of text is damaged)")
 
 
-def _places(source: Path, word: bytes) -> Iterator[int]:
+def _offsets(source: Path, word: bytes) -> Iterator[int]:
     """Yield where `word` is in a file."""
     with source.open("rb") as file:
-        start, kept = 0, b""
+        start, tail = 0, b""
         while chunk := file.read(_CHUNK):
-            data = kept + chunk
+            data = tail + chunk
             at = data.find(word)
             while at >= 0:
                 yield start + at
                 at = data.find(word, at + 1)
-            kept = data[1 - len(word) :]
-            start += len(data) - len(kept)
+            tail = data[1 - len(word) :]
+            start += len(data) - len(tail)
 
 
 def _object_sizes(source: Path, start: int) -> dict[int, int] | None:
@@ -106,17 +107,17 @@ def _object_sizes(source: Path, start: int) -> dict[int, int] | None:
         if file.read(len(_SIGNATURE)) != _SIGNATURE:
             return None
         stop = start + int.from_bytes(file.read(LENGTHS), "little")
-        place = start + _HEADER
-        while place + _OBJECT.size <= stop:
-            file.seek(place)
+        offset = start + _HEADER
+        while offset + _OBJECT.size <= stop:
+            file.seek(offset)
             header = file.read(_OBJECT.size)
             if len(header) < _OBJECT.size:
                 return None
             index, _, size = _OBJECT.unpack(header)
             needed = size if index == 0 else _OBJECT.size + (size + 7) // 8 * 8
-            if not 0 < needed <= stop - place:
+            if not 0 < needed <= stop - offset:
                 return None
             if index:
                 sizes[index] = size
-            place += needed
+            offset += needed
     return sizes

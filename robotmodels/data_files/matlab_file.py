@@ -59,11 +59,11 @@ def _read(
     stored: Mapping[str, StoredArray], schema: ArraySchema, name: str, where: str
 ) -> dict[str, Any]:
     if "schema" in stored:
-        said = ArraySchema({"schema": Field(kind="text")}).read(
+        actual = ArraySchema({"schema": Field(kind="text")}).read(
             {"schema": stored["schema"]}, where
         )["schema"]
-        if said != name:
-            raise InvalidInput(f"{where}: 'schema' is {said[:60]!r}; {name!r} is needed")
+        if actual != name:
+            raise InvalidInput(f"{where}: 'schema' is {actual[:60]!r}; {name!r} is needed")
     values = ArraySchema({"schema": Field(kind="text"), **schema.fields}).read(stored, where)
     del values["schema"]
     return values

@@ -34,7 +34,7 @@ def read_functions(path: PathLike) -> list[dict[str, Any]]:
     source = Path(path)
     check_file(source)
     # pyuff raises nothing more particular than Exception.
-    with library_errors(source, _CONTAINER, Exception), files_left_open():
+    with library_errors(source, _CONTAINER, Exception), ignore_unclosed_files():
         file = pyuff.UFF(str(source))
         numbers = [i for i, kind in enumerate(file.get_set_types()) if kind == _FUNCTION]
         functions = [file.read_sets(i) for i in numbers]
@@ -44,7 +44,7 @@ def read_functions(path: PathLike) -> list[dict[str, Any]]:
 
 
 @contextmanager
-def files_left_open() -> Iterator[None]:
+def ignore_unclosed_files() -> Iterator[None]:
     """Accept that pyuff leaves its files to be closed when it is done with them."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", ResourceWarning)

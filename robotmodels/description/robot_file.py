@@ -227,13 +227,13 @@ class RobotFile(Strict):
         for joint, count in Counter(m.joint for m in self.motors).items():
             if count > 1:
                 raise ValueError(f"joint {joint!r} has {count} motors; one at most")
-        for (place, axis), count in Counter((_place(s), s.axis) for s in self.springs).items():
+        for (owner, axis), count in Counter((_owner(s), s.axis) for s in self.springs).items():
             if count > 1:
-                raise ValueError(f"{place} has {count} springs about axis {axis!r}; one at most")
+                raise ValueError(f"{owner} has {count} springs about axis {axis!r}; one at most")
         return self
 
 
-def _place(spring: Spring) -> str:
+def _owner(spring: Spring) -> str:
     return f"joint {spring.joint!r}" if spring.joint else f"link {spring.link!r} at {spring.at}"
 
 

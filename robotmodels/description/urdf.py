@@ -34,12 +34,12 @@ def locate(urdf: str, beside: Path) -> Path:
         if not os.path.isfile(path):
             raise InvalidInput(f"urdf: {path}: no such file")
         return path
-    wanted = "/robots/" + urdf.removeprefix(_PACKAGE_PREFIX)
+    ending = "/robots/" + urdf.removeprefix(_PACKAGE_PREFIX)
     files = importlib.metadata.files("example-robot-data") or []
-    known = [str(f) for f in files if f.suffix == ".urdf"]
-    match = next((f for f in files if str(f).endswith(wanted)), None)
+    urdfs = [str(f) for f in files if f.suffix == ".urdf"]
+    match = next((f for f in files if str(f).endswith(ending)), None)
     if match is None:
-        names = {k.split("/robots/")[-1] for k in known}
+        names = {k.split("/robots/")[-1] for k in urdfs}
         raise InvalidInput(
             f"urdf: {urdf}: no such file in example-robot-data"
             f"{nearest(urdf.removeprefix(_PACKAGE_PREFIX), names)}"
@@ -92,12 +92,12 @@ def _mend_locked_frame(model: pin.Model, whole: pin.Model, name: str) -> None:
     carrier = whole.frames[whole.getFrameId(name, pin.JOINT)].parentFrame
     frame = model.frames[model.getFrameId(name, pin.FIXED_JOINT)]
     frame.parentFrame = model.getFrameId(whole.frames[carrier].name, pin.BODY)
-    own = whole.inertias[joint].toDynamicParameters()
+    inertia = whole.inertias[joint].toDynamicParameters()
     for other in whole.frames:
         if other.type == pin.FIXED_JOINT and other.parentJoint == joint:
-            own = own - other.placement.act(other.inertia).toDynamicParameters()
-    massive = own[0] > 1e-12
-    frame.inertia = pin.Inertia.FromDynamicParameters(own) if massive else pin.Inertia.Zero()
+            inertia = inertia - other.placement.act(other.inertia).toDynamicParameters()
+    massive = inertia[0] > 1e-12
+    frame.inertia = pin.Inertia.FromDynamicParameters(inertia) if massive else pin.Inertia.Zero()
 
 
 def _check_locked(model: pin.Model, joint: pin.JointModel, name: str, angle: float) -> None:
@@ -112,8 +112,8 @@ def unknown_joint(what: str, name: str, joints: list[str], locked: Iterable[str]
     """Return the message for a joint that does not move, with those that do."""
     if name in locked:
         return f"{what} is held under 'lock'; a locked joint has neither motor nor springs"
-    known = ", ".join(joints) or "none"
-    return f"{what} is not a moving joint of the URDF{nearest(name, joints)}; there are {known}"
+    names = ", ".join(joints) or "none"
+    return f"{what} is not a moving joint of the URDF{nearest(name, joints)}; there are {names}"
 
 
 def check_inertia(inertia: pin.Inertia, who: str) -> None:

@@ -61,8 +61,8 @@ def checked_urdf(path: Path, *, shapes: bool = False) -> ET.Element:
 def mimics(path: Path) -> dict[str, str]:
     """Return which joints of a URDF follow which others (``<mimic>``)."""
     joints = read_xml(path).findall("joint")
-    found = ((str(j.get("name")), j.find("mimic")) for j in joints)
-    return {name: str(mimic.get("joint")) for name, mimic in found if mimic is not None}
+    elements = ((str(j.get("name")), j.find("mimic")) for j in joints)
+    return {name: str(mimic.get("joint")) for name, mimic in elements if mimic is not None}
 
 
 def _check_tree(robot: ET.Element) -> None:

@@ -38,11 +38,11 @@ class Arm:
     @cached_property
     def carries(self) -> BoolArray:
         """Whether the joint of one coordinate moves that of another, or is it, (d, d)."""
-        place = [joint.idx_v for joint in self.model.joints]
-        found = np.zeros((self.model.nv, self.model.nv), dtype=bool)
+        column = [joint.idx_v for joint in self.model.joints]
+        carries = np.zeros((self.model.nv, self.model.nv), dtype=bool)
         for chain in list(self.model.supports)[1:]:
-            found[[place[joint] for joint in list(chain)[1:]], place[chain[-1]]] = True
-        return found
+            carries[[column[joint] for joint in list(chain)[1:]], column[chain[-1]]] = True
+        return carries
 
     @property
     def serial(self) -> bool:
@@ -52,8 +52,8 @@ class Arm:
     @cached_property
     def carrier_first(self) -> IntArray:
         """Place of each entry i, j of a (d, d) matrix, or of j, i where that one carries it."""
-        places = np.arange(self.carries.size).reshape(self.carries.shape)
-        return np.where(self.carries, places, places.T).ravel()
+        entries = np.arange(self.carries.size).reshape(self.carries.shape)
+        return np.where(self.carries, entries, entries.T).ravel()
 
 
 def build_arm(file: RobotFile, rigid: pin.Model) -> Arm:

@@ -45,8 +45,8 @@ class Gravity:
     def slopes(self) -> Array:
         """The derivatives dg/dq, (Q, d, d), symmetric [N m/rad, N/rad or N/m]."""
         products = self.turned.transpose(1, 2, 0) @ self.moments.transpose(1, 0, 2).copy()
-        places = self.arm.carrier_first
-        slopes = products.reshape(-1, places.size)[:, places]
+        entries = self.arm.carrier_first
+        slopes = products.reshape(-1, entries.size)[:, entries]
         if not self.arm.serial:
             slopes *= (self.arm.carries | self.arm.carries.T).ravel()
         return np.asarray(slopes.reshape(products.shape))
@@ -89,7 +89,7 @@ def mass_and_gravity(arm: Arm, coordinates: Array, size: int) -> tuple[Array, Gr
     model, data = arm.model, arm.model.createData()
     axes, moments = np.empty((2, *coordinates.shape, 6))
     mass = np.zeros((len(coordinates), size, size))
-    own = mass[:, : model.nv, : model.nv]
+    arm_mass = mass[:, : model.nv, : model.nv]
     # On the way to the mass matrix, columns of Ag become the momentum of all that a joint moves.
     turning, moving, matrix = (
         _columns(a, k) for a, k in ((data.J, 6), (data.Ag, 6), (data.M, model.nv))
@@ -98,7 +98,7 @@ def mass_and_gravity(arm: Arm, coordinates: Array, size: int) -> tuple[Array, Gr
         pin.crba(model, data, q, pin.Convention.WORLD)
         axes[i] = turning
         moments[i] = moving
-        own[i] = matrix
+        arm_mass[i] = matrix
     return mass, _gravity(arm, axes, moments[..., :3])
 
 

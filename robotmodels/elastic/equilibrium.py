@@ -46,13 +46,13 @@ class Labels:
         Each of the s springs.
     forces : sequence of bool
         Whether it is forces that bend it, as at a prismatic joint, instead of torques.
-    place : callable
+    position : callable
         Place of the position with an index.
     """
 
     springs: Sequence[str]
     forces: Sequence[bool]
-    place: Callable[[int], str]
+    position: Callable[[int], str]
 
     def load(self, spring: int, torques: Array) -> str:
         """Return what gravity loads a spring with, such as ``torque of 3 N m``."""
@@ -61,7 +61,7 @@ class Labels:
 
 
 def find_equilibrium(
-    arm: Arm, start: Array, sprung: IntArray, held: IntArray, law: SpringLaws, labels: Labels
+    arm: Arm, start: Array, sprung: IntArray, fixed: IntArray, law: SpringLaws, labels: Labels
 ) -> Equilibrium:
     """Find the coordinates at which springs and gravity balance, by Newton's method.
 
@@ -73,7 +73,7 @@ def find_equilibrium(
         Coordinates with unloaded springs.
     sprung : ndarray of int, (s,)
         The coordinate that each spring holds.
-    held : ndarray of int
+    fixed : ndarray of int
         Coordinates that rigid drives hold.
     law : SpringLaws
         Law of the springs.
@@ -88,7 +88,7 @@ def find_equilibrium(
     q = _first_guess(arm, start, sprung, law)
     moving = np.arange(len(q))  # positions whose Newton iteration has not ended
     for _ in range(30):
-        here = _balance(arm, start[moving], q[moving], sprung, held, law)
+        here = _balance(arm, start[moving], q[moving], sprung, fixed, law)
         try:
             step = here.step()
         except np.linalg.LinAlgError:  # singular, hence not stable either
@@ -117,10 +117,10 @@ def _first_guess(arm: Arm, start: Array, sprung: IntArray, law: SpringLaws) -> A
     hundredth, of the error.
     """
     load = gravity(arm, start)
-    deflection, held = np.zeros(start.shape), load.torques
+    deflection, torques = np.zeros(start.shape), load.torques
     for _ in range(3):
-        deflection[:, sprung] = law.elongations(-held[:, sprung])
-        held = load.torques + load.slopes_times(deflection)
+        deflection[:, sprung] = law.elongations(-torques[:, sprung])
+        torques = load.torques + load.slopes_times(deflection)
     # Where a spring is weak, Newton does better from the unloaded coordinates.
     deflection[np.abs(deflection).max(axis=1, initial=0.0) > LARGEST_DEFLECTION] = 0.0
     return np.asarray(start + deflection)
@@ -172,13 +172,13 @@ class _Balance:
 
 
 def _balance(
-    arm: Arm, start: Array, q: Array, sprung: IntArray, held: IntArray, law: SpringLaws
+    arm: Arm, start: Array, q: Array, sprung: IntArray, fixed: IntArray, law: SpringLaws
 ) -> _Balance:
     torques, slopes = law((q - start)[:, sprung])
     load = gravity(arm, q)
     residual = load.torques.copy()
     residual[:, sprung] += torques
-    residual[:, held] = 0.0
+    residual[:, fixed] = 0.0
     stiffness = np.full(residual.shape, np.inf)
     stiffness[:, sprung] = slopes
     return _Balance(load, residual, stiffness)
@@ -190,7 +190,7 @@ def _gives_way(
     worst = int(np.argmax(np.abs(bent[i] - start[i])[sprung]))
     torques = gravity_torques(arm, start[[i]])[0, sprung]
     return NoEquilibrium(
-        f"no static equilibrium at {labels.place(i)}: {labels.springs[worst]} gives way under a "
+        f"no static equilibrium at {labels.position(i)}: {labels.springs[worst]} gives way under a "
         f"gravity {labels.load(worst, torques)}; it is too weak for the load"
     )
 
@@ -209,7 +209,7 @@ def _check_stable(
         worst = int(np.argmax(np.abs(vectors[i, sprung, 0])))
         load = labels.load(worst, here.load.torques[at, sprung])
         raise NoEquilibrium(
-            f"the equilibrium at {labels.place(int(moving[at]))} is not stable: gravity overcomes "
-            f"{labels.springs[worst]}: its {load} there rises faster than the spring's; "
+            f"the equilibrium at {labels.position(int(moving[at]))} is not stable: gravity "
+            f"overcomes {labels.springs[worst]}: its {load} there rises faster than the spring's; "
             "it is too weak for the load"
         ) from None

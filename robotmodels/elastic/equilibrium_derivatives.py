@@ -65,14 +65,14 @@ def differentiate(
     )
 
 
-def _arrays(rest: "Skeleton") -> dict[str, Array]:
+def _arrays(skeleton: "Skeleton") -> dict[str, Array]:
     return {
-        "mass": rest.mass,
-        "damping": rest.damping,
-        "stiffness": rest.stiffness,
-        "gravity": rest.gravity,
-        "position": rest.measurement.position,
-        "acceleration": rest.measurement.acceleration,
-        "ln_gain": np.log(rest.measurement.gain),
-        "delay": np.array(rest.measurement.delay),
+        "mass": skeleton.mass,
+        "damping": skeleton.damping,
+        "stiffness": skeleton.stiffness,
+        "gravity": skeleton.gravity,
+        "position": skeleton.measurement.position,
+        "acceleration": skeleton.measurement.acceleration,
+        "ln_gain": np.log(skeleton.measurement.gain),
+        "delay": np.array(skeleton.measurement.delay),
     }

@@ -180,19 +180,19 @@ class Elements:
             return None
         motors = [self.file.motors[i] for i in self.free_motors]
         values, none = self.at(theta), np.zeros(len(theta))
-        found: dict[str, list[float]] = {e: [] for e in _INERTIAL}
+        coefficients: dict[str, list[float]] = {e: [] for e in _INERTIAL}
         exponents: dict[str, list[Array]] = {e: [] for e in _INERTIAL}
         for motor in motors:
             for element, value in (("viscous", motor.viscous), ("inertia", motor.inertia)):
                 name = f"{motor.name}.{element}"
                 free = name in self._extra
                 row = self.names.index(name) if free else -1
-                found[element].append((values[row] if free else value) * motor.gear_ratio**2)
+                coefficients[element].append((values[row] if free else value) * motor.gear_ratio**2)
                 exponents[element].append(self.ties[row] if free else none)
         return Inertances(
             coordinates=np.array([coordinates[i] for i in self.free_motors], dtype=np.int64),
-            friction=np.array(found["viscous"]),
-            inertia=np.array(found["inertia"]),
+            friction=np.array(coefficients["viscous"]),
+            inertia=np.array(coefficients["inertia"]),
             exponents=np.array(exponents["viscous"] + exponents["inertia"]),
         )
 
@@ -250,25 +250,25 @@ class Elements:
 
     @cached_property
     def _low(self) -> list[int]:
-        return [self._place(s.name, "stiffness", "stiffness.low") for s in self.file.springs]
+        return [self._row(s.name, "stiffness", "stiffness.low") for s in self.file.springs]
 
     @cached_property
     def _high(self) -> list[int]:
-        return [self._place(s.name, "stiffness", "stiffness.high") for s in self.file.springs]
+        return [self._row(s.name, "stiffness", "stiffness.high") for s in self.file.springs]
 
     @cached_property
     def _damping(self) -> list[int]:
-        return [self._place(s.name, "damping") for s in self.file.springs]
+        return [self._row(s.name, "damping") for s in self.file.springs]
 
-    def _place(self, spring: str, *endings: str) -> int:
+    def _row(self, spring: str, *endings: str) -> int:
         return next(
             self.names.index(f"{spring}.{e}") for e in endings if f"{spring}.{e}" in self.names
         )
 
 
-def _meant(name: str, known: Collection[str]) -> str:
+def _meant(name: str, names: Collection[str]) -> str:
     """Return what `name` may stand for: entries below it, or one spelt like it; or nothing."""
-    below = [entry for entry in known if entry.startswith(f"{name}.")]
+    below = [entry for entry in names if entry.startswith(f"{name}.")]
     if below:
         return f" (did you mean {' or '.join(map(repr, below))}?)"
-    return nearest(name, known)
+    return nearest(name, names)

@@ -15,7 +15,7 @@ from robotmodels.elastic.segments import link_frame
 
 _ACCURACY = 1e-6  # [m], and [rad] of the direction
 _ITERATIONS = 60
-_APART = 0.1  # [rad] or [m]: closer solutions are one
+_SAME_SOLUTION = 0.1  # [rad] or [m]: closer solutions are one
 # Joints that do not move the tool leave the normal matrix without an inverse but for the damping.
 _LEAST_DAMPING = 1e-8
 
@@ -87,17 +87,17 @@ def inverse_kinematics(
     reach = _Reach(robot, tool)
     low, high = robot.position_limits.T
     unit = None if direction is None else np.asarray(direction) / np.linalg.norm(direction)
-    found: list[Array] = []
+    distinct: list[Array] = []
     for start in low + rng.random((starts, len(low))) * (high - low):
         position = _search(reach, start, np.asarray(point, dtype=float), unit, low, high)
         if position is None:
             continue
         position = _turned_back(position, reach.turns, low, high)
-        if all(np.abs(position - other).max() > _APART for other in found):
-            found.append(position)
-        if len(found) == solutions:
+        if all(np.abs(position - other).max() > _SAME_SOLUTION for other in distinct):
+            distinct.append(position)
+        if len(distinct) == solutions:
             break
-    return np.array(found).reshape(-1, len(low))
+    return np.array(distinct).reshape(-1, len(low))
 
 
 class _Reach:

@@ -170,9 +170,11 @@ class ElasticRobot:
         labels = Labels(
             springs=[_called(spring) for spring in self.file.springs],
             forces=[self.elements.linear(spring) for spring in self.file.springs],
-            place=lambda i: f"position {i}, {np.round(positions[i], 3).tolist()}",
+            position=lambda i: f"position {i}, {np.round(positions[i], 3).tolist()}",
         )
-        return find_equilibrium(layout.arm, start, layout.sprung, layout.held, laws, labels)
+        return find_equilibrium(
+            layout.arm, start, layout.sprung, layout.fixed_coordinates, laws, labels
+        )
 
     def network(self, positions: Array, parameters: Array | None = None) -> SpringNetwork:
         """Return the spring network about the equilibria at `positions` (Q, n).
@@ -186,20 +188,24 @@ class ElasticRobot:
         at = self.equilibrium(positions, theta)
         return self._network(at, theta, self._skeleton(theta, at.coordinates))
 
-    def _network(self, at: Equilibrium, theta: Array, rest: Skeleton) -> SpringNetwork:
+    def _network(self, at: Equilibrium, theta: Array, matrices: Skeleton) -> SpringNetwork:
         plain = self.file.output == "acceleration" and not self.file.accelerometers
-        plain = plain and rest.measurement.delay == 0 and bool(np.all(rest.measurement.gain == 1))
+        plain = (
+            plain
+            and matrices.measurement.delay == 0
+            and bool(np.all(matrices.measurement.gain == 1))
+        )
         return SpringNetwork(
-            mass=rest.mass,
-            damping=rest.damping,
-            stiffness=rest.stiffness,
-            selector=rest.selector,
+            mass=matrices.mass,
+            damping=matrices.damping,
+            stiffness=matrices.stiffness,
+            selector=matrices.selector,
             nodes=self.layout.nodes,
             spring_stiffness=at.slopes,
-            spring_damping=np.tile(self.elements.dampings(theta), (len(rest.mass), 1)),
+            spring_damping=np.tile(self.elements.dampings(theta), (len(matrices.mass), 1)),
             exponents=self.elements.exponents(theta, at.elongations),
             parameters=Parameters(self.parameters.names, theta, self.parameters.units),
-            measurement=None if plain else rest.measurement,
+            measurement=None if plain else matrices.measurement,
             inertances=self.elements.inertances(theta, self.layout.motors),
             non_spring_parameters=tuple(
                 self.parameters.names[j] for j in self.elements.extra_columns
@@ -235,31 +241,35 @@ class ElasticRobot:
         """
         theta = self.parameters.check(parameters)
         at = self.equilibrium(positions, theta)
-        rest = self._skeleton(theta, at.coordinates)
-        network = self._network(at, theta, rest)
+        matrices = self._skeleton(theta, at.coordinates)
+        network = self._network(at, theta, matrices)
         if not equilibrium_shift and not self.elements.extra_columns:
             return network, None
-        return network, self._tangents(at, theta, rest, equilibrium_shift)
+        return network, self._tangents(at, theta, matrices, equilibrium_shift)
 
     def _tangents(
-        self, at: Equilibrium, theta: Array, rest: Skeleton, equilibrium_shift: bool
+        self, at: Equilibrium, theta: Array, matrices: Skeleton, equilibrium_shift: bool
     ) -> Tangents:
         extra = self.elements.extra_columns
         shift = np.zeros((*at.coordinates.shape, len(theta)))
-        fixed = differentiate(self._skeleton, rest, theta, at.coordinates, shift, extra)
+        fixed = differentiate(self._skeleton, matrices, theta, at.coordinates, shift, extra)
         if not equilibrium_shift:
             return fixed
         load = self.elements.torque_derivatives(theta, at.elongations)  # (Q, s, p)
-        arm, sprung, held = self.layout.arm_size, self.layout.sprung, self.layout.held
-        K = rest.stiffness[:, :arm, :arm].copy()
+        arm, sprung, fixed_coordinates = (
+            self.layout.arm_size,
+            self.layout.sprung,
+            self.layout.fixed_coordinates,
+        )
+        K = matrices.stiffness[:, :arm, :arm].copy()
         K[:, sprung, sprung] += at.slopes
         force = np.swapaxes(fixed.gravity, 1, 2)[:, :arm].copy()
         force[:, sprung] += load
-        force[:, held] = K[:, held, :] = K[:, :, held] = 0.0
-        K[:, held, held] = 1.0
+        force[:, fixed_coordinates] = K[:, fixed_coordinates, :] = K[:, :, fixed_coordinates] = 0.0
+        K[:, fixed_coordinates, fixed_coordinates] = 1.0
         shift = np.asarray(-np.linalg.solve(K, force))
         moved = [j for j in range(len(theta)) if j in extra or shift[..., j].any()]
-        tangents = differentiate(self._skeleton, rest, theta, at.coordinates, shift, moved)
+        tangents = differentiate(self._skeleton, matrices, theta, at.coordinates, shift, moved)
         law = self.elements.laws(theta)
         if law.linear:
             return tangents
@@ -279,8 +289,8 @@ class ElasticRobot:
             if motor.joint not in joints:
                 what = f"motor {motor.name!r}: {motor.joint!r}"
                 raise InvalidInput(unknown_joint(what, motor.joint, joints, self.file.lock))
-        held = {*self.motor_joints, *(s.joint for s in self.file.springs if s.axis == "drive")}
-        loose = [j for j in joints if j not in held]
+        supported = {*self.motor_joints, *(s.joint for s in self.file.springs if s.axis == "drive")}
+        loose = [j for j in joints if j not in supported]
         if loose:
             raise InvalidInput(
                 f"joints without motor or drive spring: {', '.join(loose)}; "
@@ -296,5 +306,5 @@ class ElasticRobot:
 
 def _called(spring: Spring) -> str:
     """Return what errors call a spring."""
-    place = f"joint {spring.joint!r}" if spring.joint else f"link {spring.link!r}"
-    return f"spring {spring.name!r} of {place}"
+    attached_to = f"joint {spring.joint!r}" if spring.joint else f"link {spring.link!r}"
+    return f"spring {spring.name!r} of {attached_to}"

@@ -54,7 +54,7 @@ def segments(file: RobotFile, rigid: pin.Model, joint: int) -> list[Segment]:
     InvalidInput
         If a cut cannot be made or leaves a part that no body can be.
     """
-    parts = [Segment(pin.SE3.Identity(), _own_inertias(rigid, joint))]
+    parts = [Segment(pin.SE3.Identity(), _link_inertias(rigid, joint))]
     for springs in _cuts(file, rigid, joint):
         parts.append(_cut(rigid, parts, springs, fixed_to_ground=joint == 0))
     payload = file.payload
@@ -106,13 +106,13 @@ def check_bodies(file: RobotFile, rigid: pin.Model) -> None:
             who = f"spring {spring.name!r}: 'distal'"
             check_moments(spring.distal.mass, _matrix(spring.distal), who)
         if spring.link is not None:
-            _check_place(rigid, spring)
+            _check_cut_point(rigid, spring)
 
 
-def _own_inertias(rigid: pin.Model, joint: int) -> dict[int, Array]:
+def _link_inertias(rigid: pin.Model, joint: int) -> dict[int, Array]:
     """Return the inertial parameters of the links that `joint` moves, each without the others."""
-    own: dict[int, Array] = {}
-    rest, first = rigid.inertias[joint].toDynamicParameters(), None
+    inertias: dict[int, Array] = {}
+    remainder, first = rigid.inertias[joint].toDynamicParameters(), None
     for i, frame in enumerate(rigid.frames):
         if frame.parentJoint != joint or frame.type != pin.BODY:
             continue
@@ -121,9 +121,9 @@ def _own_inertias(rigid: pin.Model, joint: int) -> dict[int, Array]:
         if frame.parentFrame == 0 or holder.type != pin.FIXED_JOINT:
             first = i
             continue
-        own[i] = holder.placement.act(holder.inertia).toDynamicParameters()
-        rest = rest - own[i]
-    return own if first is None else {first: rest} | own
+        inertias[i] = holder.placement.act(holder.inertia).toDynamicParameters()
+        remainder = remainder - inertias[i]
+    return inertias if first is None else {first: remainder} | inertias
 
 
 def _cuts(file: RobotFile, rigid: pin.Model, joint: int) -> list[list[Spring]]:
@@ -158,10 +158,10 @@ def _cut(
     far = {i: near.links.pop(i) for i in list(near.links) if _descends(rigid, i, link)}
     if distal:
         part = _placed(rigid, link, distal[0])
-        left = far[link] - part
-        if np.abs(left).max() > 1e-12 * np.abs(part).max():
-            check_inertia(_inertia(left), f"{who}: what its cut leaves of link {name!r}")
-            near.stubs.append(left)
+        remainder = far[link] - part
+        if np.abs(remainder).max() > 1e-12 * np.abs(part).max():
+            check_inertia(_inertia(remainder), f"{who}: what its cut leaves of link {name!r}")
+            near.stubs.append(remainder)
         far[link] = part
     at = rigid.frames[link].placement * pin.SE3(np.eye(3), np.array(springs[0].at))
     return Segment(at, far, springs, near)
@@ -194,7 +194,7 @@ def _part_name(rigid: pin.Model, joint: int, parts: list[Segment], part: Segment
     return body
 
 
-def _check_place(rigid: pin.Model, spring: Spring) -> None:
+def _check_cut_point(rigid: pin.Model, spring: Spring) -> None:
     """Refuse a cut far outside its link; an elastic foundation may be anywhere."""
     link = link_frame(rigid, str(spring.link), f"spring {spring.name!r}")
     frame = rigid.frames[link]
@@ -226,11 +226,11 @@ def _extent(rigid: pin.Model, link: int) -> tuple[Array, Array]:
             else:
                 placement = other.placement
             points.append(frame.placement.actInv(placement).translation)
-    own = frame.placement.actInv(_inertia(_own_inertias(rigid, frame.parentJoint)[link]))
-    if own.mass > 0:
-        second = np.trace(own.inertia) / 2 - np.diag(own.inertia)
-        half = np.sqrt(3 * np.maximum(second, 0.0) / own.mass)
-        points += [own.lever - half, own.lever + half]
+    link_inertia = frame.placement.actInv(_inertia(_link_inertias(rigid, frame.parentJoint)[link]))
+    if link_inertia.mass > 0:
+        second = np.trace(link_inertia.inertia) / 2 - np.diag(link_inertia.inertia)
+        half = np.sqrt(3 * np.maximum(second, 0.0) / link_inertia.mass)
+        points += [link_inertia.lever - half, link_inertia.lever + half]
     return np.min(points, axis=0), np.max(points, axis=0)
 
 

@@ -56,7 +56,7 @@ class Layout:
         return [i for i, spring in enumerate(self.drive_springs) if spring is not None]
 
     @cached_property
-    def held(self) -> IntArray:
+    def fixed_coordinates(self) -> IntArray:
         """Arm coordinates that rigid drives hold still."""
         rigid = [d for d, s in zip(self.drives, self.drive_springs, strict=True) if s is None]
         return np.array(rigid, dtype=np.int64)
@@ -64,8 +64,8 @@ class Layout:
     @cached_property
     def motors(self) -> list[int]:
         """Coordinate of each motor: its own behind a spring, the joint's where it is rigid."""
-        own = {m: self.arm_size + i for i, m in enumerate(self.elastic_motors)}
-        return [own.get(i, int(self.drives[i])) for i in range(len(self.file.motors))]
+        shafts = {m: self.arm_size + i for i, m in enumerate(self.elastic_motors)}
+        return [shafts.get(i, int(self.drives[i])) for i in range(len(self.file.motors))]
 
     @cached_property
     def nodes(self) -> IntArray:

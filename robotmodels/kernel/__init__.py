@@ -131,8 +131,8 @@ def _separable_information(
     def run(start: int, stop: int) -> None:
         space, buffer = workspace(plan, network, tables), aligned(4 * len(plan.motors) ** 2)
         weights = [(address(x), x[0].nbytes if len(x) > 1 else 0) for x in doubles]
-        places = address(frequencies), *weights, address(buffer), omega.size
-        separable_informations(space.at, *places, start, stop, address(out))
+        arrays = address(frequencies), *weights, address(buffer), omega.size
+        separable_informations(space.at, *arrays, start, stop, address(out))
 
     over_threads(run, len(out), work_per_item=2 * frequencies.size // LANES)
     return out
@@ -151,9 +151,9 @@ def _inverse(matrices: ComplexArray) -> ComplexArray:
     diagonal = np.einsum("qfii->qfi", matrices)
     if np.count_nonzero(matrices) > np.count_nonzero(diagonal):
         return np.asarray(np.linalg.inv(matrices), dtype=complex)
-    found = np.zeros(matrices.shape, dtype=complex)
-    np.einsum("qfii->qfi", found)[:] = 1.0 / diagonal
-    return found
+    inverses = np.zeros(matrices.shape, dtype=complex)
+    np.einsum("qfii->qfi", inverses)[:] = 1.0 / diagonal
+    return inverses
 
 
 def _padded(omega: Array) -> tuple[Array, Array]:

@@ -21,28 +21,28 @@ def answers(work, columns):
     """Write X, the answer of all coordinates to the motors' torques, row by row to `columns`."""
     n = work.n
     for r in range(work.pad, work.size):
-        place = 2 * n * integer(work.order, r)
+        row = 2 * n * integer(work.order, r)
         for j in range(n):
             y = load_complex(work.receptance, r * work.wide + 2 * j)
-            store(columns, place + 2 * j, y * load_complex(work.wind, 6 * j))
+            store(columns, row + 2 * j, y * load_complex(work.wind, 6 * j))
     for i in range(n):
         motor = integer(work.motors, 3 * i)
         if motor >= 0:
             back = splat(1.0 / scalar(work.gears, i))
             for j in range(n):
-                own = motor_response(work, min(i, j), max(i, j))
-                store(columns, 2 * (n * motor + j), own * back)
+                response = motor_response(work, min(i, j), max(i, j))
+                store(columns, 2 * (n * motor + j), response * back)
 
 
 @compiled
 def weigh_elements(work, symmetric):
     """Write P, half of rho off the diagonal, to `symmetric`."""
     n, zero = work.n, pack(splat(0.0), splat(0.0))
-    own, e = n * (n + 1) * work.m, 0
+    offset, e = n * (n + 1) * work.m, 0
     for i in range(n):
         for j in range(i, n):
             scale = load_complex(work.roots, e)
-            rho = fma_conjugate(load_complex(work.rows, own + e), scale, zero)
+            rho = fma_conjugate(load_complex(work.rows, offset + e), scale, zero)
             if i != j:
                 rho = rho * splat(0.5)
             store(symmetric, 2 * (n * i + j), rho)
@@ -53,7 +53,7 @@ def weigh_elements(work, symmetric):
 @compiled
 def add_products(work, columns, symmetric, sums, w):
     """Add -2 Re(X P X^T), and -w^2 times that, to the sums of coordinates a >= b."""
-    n, zero, place = work.n, pack(splat(0.0), splat(0.0)), 0
+    n, zero, index = work.n, pack(splat(0.0), splat(0.0)), 0
     for a in range(work.d):
         for j in range(n):
             y = zero
@@ -67,9 +67,9 @@ def add_products(work, columns, symmetric, sums, w):
                 y = load_complex(work.elongation, 2 * j)
                 x = load_complex(columns, 2 * (n * b + j))
                 total = fma(y.real, x.real, total) - y.imag * x.imag
-            store(sums, place, load(sums, place) + total)
-            store(sums, place + 1, load(sums, place + 1) - total * w * w)
-            place += 2
+            store(sums, index, load(sums, index) + total)
+            store(sums, index + 1, load(sums, index + 1) - total * w * w)
+            index += 2
 
 
 @compiled
@@ -84,8 +84,8 @@ def _slopes(work, cells, options, columns, sums, start, stop, out):
     symmetric = columns + BYTES * 2 * d * work.n
     for q in range(start, stop):
         pack_position(work, q)
-        for place in range(d * (d + 1)):
-            store(sums, place, splat(0.0))
+        for index in range(d * (d + 1)):
+            store(sums, index, splat(0.0))
         for cell in range(q * blocks, (q + 1) * blocks):
             w = load(cells.omega, cell)
             solve(work, q, w)
@@ -96,14 +96,14 @@ def _slopes(work, cells, options, columns, sums, start, stop, out):
             answers(work, columns)
             weigh_elements(work, symmetric)
             add_products(work, columns, symmetric, sums, w)
-        place = 0
+        index = 0
         for a in range(d):
             for b in range(a + 1):
                 for part in range(2):
-                    x = lane_sum(load(sums, place + part))
+                    x = lane_sum(load(sums, index + part))
                     put(out, ((2 * q + part) * d + a) * d + b, x)
                     put(out, ((2 * q + part) * d + b) * d + a, x)
-                place += 2
+                index += 2
 
 
 def _cached(sources):

@@ -93,7 +93,7 @@ def fetch(work, cells, cell):
 
 
 @compiled
-def place_springs(work, cells, cell, coupled, stiffness, damping):
+def subtract_springs(work, cells, cell, coupled, stiffness, damping):
     """Put the cell's matrix and the free springs where the factorisation looks for them."""
     size = work.size
     w = load(cells.omega, cell)
@@ -115,8 +115,8 @@ def place_springs(work, cells, cell, coupled, stiffness, damping):
         store(work.diagonal, 2 * i, load_complex(work.diagonal, 2 * i) + spring)
         if j >= 0:
             store(work.diagonal, 2 * j, load_complex(work.diagonal, 2 * j) + spring)
-            place = max(i, j) * (max(i, j) + 1) + 2 * min(i, j)
-            store(work.matrix, place, load_complex(work.matrix, place) - spring)
+            index = max(i, j) * (max(i, j) + 1) + 2 * min(i, j)
+            store(work.matrix, index, load_complex(work.matrix, index) - spring)
             store(work.off, i, load(work.off, i) + spring.real + spring.imag)
             store(work.off, j, load(work.off, j) + spring.real + spring.imag)
     motor_terms(work, w, stiffness, damping)
@@ -126,13 +126,13 @@ def place_springs(work, cells, cell, coupled, stiffness, damping):
 def solve_cell(work, cells, cell, coupled, stiffness, damping, first):
     """Write the rows of A^-1 from `first` on."""
     size = work.size
-    place_springs(work, cells, cell, coupled, stiffness, damping)
+    subtract_springs(work, cells, cell, coupled, stiffness, damping)
     source = work.matrix if coupled else cells.matrix + 8 * LANES * cell * size * (size + 1)
     worst = factor(work, source)
     back_substitute(work, first)
     if any_negative(worst):
         store(work.worst, 0, worst)
-        place_springs(work, cells, cell, coupled, stiffness, damping)
+        subtract_springs(work, cells, cell, coupled, stiffness, damping)
         for lane in range(LANES):
             if scalar(work.worst, lane) < 0.0:
                 solve_lane(work, source, first, lane)
@@ -146,8 +146,8 @@ def nls(work, cells, cell):
     t = 3 * cell * (n * (n + 1) // 2)
     for i in range(n):
         for j in range(i, n):
-            apart = motor_response(work, i, j) - load_complex(cells.targets, t)
-            total = fma(square(apart), load(cells.targets, t + 2), total)
+            error = motor_response(work, i, j) - load_complex(cells.targets, t)
+            total = fma(square(error), load(cells.targets, t + 2), total)
             t += 3
     return total
 
@@ -171,14 +171,14 @@ def lls(work, cells, cell):
         for j in range(i, n):
             weight = load(cells.targets, t + 1)
             x = settled(motor_response(work, i, j), weight)
-            apart = half_log(square(x)) - load(cells.targets, t)
-            total = fma(apart * apart, weight, total)
+            error = half_log(square(x)) - load(cells.targets, t)
+            total = fma(error * error, weight, total)
             phase = angle(x)
-            apart = wrap(phase - load(cells.targets, t + 2))
-            total = fma(apart * apart, load(cells.targets, t + 3), total)
+            error = wrap(phase - load(cells.targets, t + 2))
+            total = fma(error * error, load(cells.targets, t + 3), total)
             if i != j:
-                apart = wrap(phase - load(cells.targets, t + 4))
-                total = fma(apart * apart, load(cells.targets, t + 5), total)
+                error = wrap(phase - load(cells.targets, t + 4))
+                total = fma(error * error, load(cells.targets, t + 5), total)
             t += 6
     return total
 
@@ -193,8 +193,8 @@ def magnitudes(work, cells, cell):
         for j in range(i, n):
             weight = load(cells.targets, t + 1)
             x = settled(motor_response(work, i, j), weight)
-            apart = half_log(square(x)) - load(cells.targets, t)
-            total = fma(apart * apart, weight, total)
+            error = half_log(square(x)) - load(cells.targets, t)
+            total = fma(error * error, weight, total)
             t += 2
     return total
 

@@ -160,11 +160,11 @@ class CostKernel:
                 self.network, self._omega, self._measured, self._weights, theta, self.residual
             )
         p = len(theta)
-        found = self._sum(cell_normals, theta[None], 1 + p + p * p, (), _SOLVES)
+        sums = self._sum(cell_normals, theta[None], 1 + p + p * p, (), _SOLVES)
         return NormalEquations(
-            cost=float(self._constant + found[0]),
-            gradient=found[1 : 1 + p],
-            hessian=found[1 + p :].reshape(p, p),
+            cost=float(self._constant + sums[0]),
+            gradient=sums[1 : 1 + p],
+            hessian=sums[1 + p :].reshape(p, p),
         )
 
     def model_slopes(self) -> tuple[Array, Array]:
@@ -240,8 +240,8 @@ class CostKernel:
         """Return the cost by plain numpy: what the kernel does not know."""
         used = self._weights > 0
         G = self.network.frequency_response(self._omega, theta)[used]
-        apart = residual_error(self.residual, self._measured[used], G)
-        return float(self._weights[used] @ np.abs(apart) ** 2)
+        error = residual_error(self.residual, self._measured[used], G)
+        return float(self._weights[used] @ np.abs(error) ** 2)
 
 
 def _checked(
@@ -264,9 +264,9 @@ def _checked(
     measured = np.where(weights > 0, measured, 1.0)
     wrong = ~np.isfinite(measured) | ((measured == 0) & residual.relative)
     if wrong.any():
-        place = tuple(int(i) for i in np.argwhere(wrong)[0])
+        index = tuple(int(i) for i in np.argwhere(wrong)[0])
         raise InvalidInput(
-            f"measured: {measured[place]} at position, frequency, output, input {place}; a finite "
+            f"measured: {measured[index]} at position, frequency, output, input {index}; a finite "
             f"FRF{' other than zero' if residual.relative else ''} or the weight zero is needed"
         )
     return measured, weights
@@ -298,6 +298,6 @@ def positive_frequencies(omega: Array) -> Array:
     w = np.asarray(omega, dtype=float)
     wrong = ~(np.isfinite(w) & (w > 0))
     if w.ndim != 1 or wrong.any():
-        found = f"shape {w.shape}" if w.ndim != 1 else f"{w[wrong][0]:g}"
-        raise InvalidInput(f"omega: {found}; a list of positive frequencies [rad/s] is needed")
+        fault = f"shape {w.shape}" if w.ndim != 1 else f"{w[wrong][0]:g}"
+        raise InvalidInput(f"omega: {fault}; a list of positive frequencies [rad/s] is needed")
     return w

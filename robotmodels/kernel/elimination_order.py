@@ -105,25 +105,28 @@ def layout(network: SpringNetwork) -> Layout | None:
 def _terms(ends: IntArray, order: IntArray, motors: IntArray, driven: list[int]) -> IntArray:
     """Return term, row, and the other row or a code, (terms, 3), from the terms' `nodes`."""
     row = {c: i for i, c in enumerate(order.tolist()) if c >= 0}
-    own: dict[int, tuple[int, int]] = {}  # terms of eliminated motors
+    motor_terms: dict[int, tuple[int, int]] = {}  # terms of eliminated motors
     for (_, spring, inertance), c in zip(motors.tolist(), driven, strict=True):
-        own |= {spring: (row[c], MOTOR), inertance: (row[c], MOTOR_INERTANCE)}
+        motor_terms |= {spring: (row[c], MOTOR), inertance: (row[c], MOTOR_INERTANCE)}
     row |= {code: code for code in (GROUND, INERTANCE)}
     return np.array(
-        [(t, *own.get(t, (row.get(a), row.get(b)))) for t, (a, b) in enumerate(ends.tolist())],
+        [
+            (t, *motor_terms.get(t, (row.get(a), row.get(b))))
+            for t, (a, b) in enumerate(ends.tolist())
+        ],
         dtype=np.int64,
     ).reshape(-1, 3)
 
 
 def reduced(plan: Layout) -> Layout:
     """Return the layout of what is left when rows before `plan.first` have been eliminated."""
-    kept = plan.order[plan.first :]
-    pad = -len(kept) % BLOCK
+    remaining = plan.order[plan.first :]
+    pad = -len(remaining) % BLOCK
     needed = plan.needed.copy()
     needed[:, 1:] += np.where(needed[:, 1:] >= 0, pad - plan.first, 0)
     return replace(
         plan,
-        order=np.concatenate([np.full(pad, -1, dtype=np.int64), kept]),
+        order=np.concatenate([np.full(pad, -1, dtype=np.int64), remaining]),
         pad=pad,
         first=pad,
         inner=plan.inner[:0],

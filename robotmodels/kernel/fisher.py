@@ -21,7 +21,7 @@ from robotmodels.kernel.sensitivity_products import (
     clear,
     elongate,
     fill_block,
-    pair_place,
+    pair_offset,
     project,
     spread,
 )
@@ -132,7 +132,7 @@ def accumulate_six(work, w):
         for t in range(s + 1):
             p = product(a, work.elongation + BYTES * work.wide * t, work.roots)
             none = splat(0.0)
-            add(work.sums + BYTES * pair_place(s, t), (p.real, p.imag, none, none), w, False)
+            add(work.sums + BYTES * pair_offset(s, t), (p.real, p.imag, none, none), w, False)
 
 
 @compiled
@@ -192,16 +192,16 @@ def parts(x, y):
 @compiled
 def accumulate_pairs(work, w):
     """Add the products of all pairs of springs at the frequencies `w` to their sums."""
-    place = work.sums
+    target = work.sums
     for s in range(0, work.m, 2):
         for t in range(0, s + 1, 2):
             p, q, r, u = inner(work, s, t, 0)
             e, f, g, h = inner(work, s, t, 1)
-            add(place, parts(p, e), w, False)
-            add(place + 4 * BYTES, parts(q, f), w, False)
-            add(place + 8 * BYTES, parts(r, g), w, False)
-            add(place + 12 * BYTES, parts(u, h), w, False)
-            place += 16 * BYTES
+            add(target, parts(p, e), w, False)
+            add(target + 4 * BYTES, parts(q, f), w, False)
+            add(target + 8 * BYTES, parts(r, g), w, False)
+            add(target + 12 * BYTES, parts(u, h), w, False)
+            target += 16 * BYTES
 
 
 @compiled

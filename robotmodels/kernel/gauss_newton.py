@@ -16,7 +16,7 @@ from robotmodels.kernel.sensitivity_products import (
     elongate,
     exponent_row,
     fill_block,
-    pair_place,
+    pair_offset,
     project,
     spread,
 )
@@ -31,15 +31,15 @@ def nls_rows(work, cells, cell):
     n = work.n
     total = splat(0.0)
     elements = n * (n + 1) // 2
-    t, e, own = 3 * cell * elements, 0, 2 * work.m * elements
+    t, e, first = 3 * cell * elements, 0, 2 * work.m * elements
     for i in range(n):
         for j in range(i, n):
             weight = load(cells.targets, t + 2)
             scale = root(weight)
-            apart = motor_response(work, i, j) - load_complex(cells.targets, t)
-            total = fma(square(apart), weight, total)
+            error = motor_response(work, i, j) - load_complex(cells.targets, t)
+            total = fma(square(error), weight, total)
             store(work.roots, e, pack(scale, splat(0.0)))
-            store(work.rows, own + e, apart * scale)
+            store(work.rows, first + e, error * scale)
             t += 3
             e += 2
     return total
@@ -51,14 +51,14 @@ def lls_rows(work, cells, cell, phases):
     n = work.n
     total, zero = splat(0.0), splat(0.0)
     elements, each = n * (n + 1) // 2, 6 if phases else 2
-    t, e, own = each * cell * elements, 0, 2 * work.m * elements
+    t, e, first = each * cell * elements, 0, 2 * work.m * elements
     for i in range(n):
         for j in range(i, n):
             weight = load(cells.targets, t + 1)
             scale = root(weight)
             x = settled(motor_response(work, i, j), weight)
-            apart, turned = half_log(square(x)) - load(cells.targets, t), zero
-            total = fma(apart * apart, weight, total)
+            error, turned = half_log(square(x)) - load(cells.targets, t), zero
+            total = fma(error * error, weight, total)
             if phases:
                 phase = angle(x)
                 for k in range(t + 2, t + 6, 2):
@@ -68,7 +68,7 @@ def lls_rows(work, cells, cell, phases):
                     turned = fma(turn, share, turned)
                 turned = where_greater(weight, zero, turned / scale, zero)
             store(work.roots, e, inverse(x, 1.0) * scale)
-            store(work.rows, own + e, pack(apart * scale, turned))
+            store(work.rows, first + e, pack(error * scale, turned))
             t += each
             e += 2
     return total
@@ -80,11 +80,11 @@ def add_gradient(work, q, stiffness, damping, out):
     for i in range(2 * work.m):
         t = i % work.m
         s = integer(work.needed, 3 * t)
-        place = pair_place(work.m, t)
+        offset = pair_offset(work.m, t)
         if i < work.m:
-            x = -2.0 * scalar(stiffness, s) * lane_sum(load(work.sums, place))
+            x = -2.0 * scalar(stiffness, s) * lane_sum(load(work.sums, offset))
         else:
-            x = 2.0 * scalar(damping, s) * lane_sum(load(work.sums, place + 1))
+            x = 2.0 * scalar(damping, s) * lane_sum(load(work.sums, offset + 1))
         row = exponent_row(work, q, i)
         for a in range(work.p):
             put(out, a, scalar(out, a) + x * scalar(row, a))

@@ -183,9 +183,9 @@ def back_substitute(work, first):
     matrix, Y, wide, size = work.matrix, work.receptance, work.wide, work.size
     zero = pack(splat(0.0), splat(0.0))
     for i in range(size - 1, first - 1, -1):
-        own = i - (size - work.n)
+        motor_row = i - (size - work.n)
         scale = load_complex(work.inverse, 2 * i)
-        c = max(own, 0) // BLOCK * 2 * BLOCK
+        c = max(motor_row, 0) // BLOCK * 2 * BLOCK
         # The row just finished comes last: nothing waits for it until then.
         while c + 4 * BLOCK <= wide:
             y0, y1, y2, y3, y4, y5 = zero, zero, zero, zero, zero, zero
@@ -214,14 +214,14 @@ def back_substitute(work, first):
             store(Y, i * wide + c, y0 * scale)
             store(Y, i * wide + c + 2, y1 * scale)
             store(Y, i * wide + c + 4, y2 * scale)
-        if own >= 0:
+        if motor_row >= 0:
             y0 = zero
-            for j in range(own + 1, work.n):
+            for j in range(motor_row + 1, work.n):
                 k = size - work.n + j
                 y1 = load_complex(Y, i * wide + 2 * j)
-                store(Y, k * wide + 2 * own, y1)
+                store(Y, k * wide + 2 * motor_row, y1)
                 y0 = fma(load_complex(matrix, k * (k + 1) + 2 * i), y1, y0)
-            store(Y, i * wide + 2 * own, y0 * scale - scale)
+            store(Y, i * wide + 2 * motor_row, y0 * scale - scale)
 
 
 @compiled
@@ -235,8 +235,8 @@ def solve_lane(work, source, first, lane):
     for i in range(size):
         for j in range(i + 1):
             start = work.diagonal if i == j else source
-            place = LANES * (2 * i if i == j else i * (i + 1) + 2 * j) + lane
-            dense[i, j] = complex(scalar(start, place), scalar(start, place + LANES))
+            entry = LANES * (2 * i if i == j else i * (i + 1) + 2 * j) + lane
+            dense[i, j] = complex(scalar(start, entry), scalar(start, entry + LANES))
             dense[j, i] = dense[i, j]
     for j in range(n):
         dense[size - n + j, size + j] = 1.0
@@ -253,9 +253,9 @@ def solve_lane(work, source, first, lane):
             for k in range(i + 1, size):
                 y -= dense[i, k] * dense[k, size + j]
             dense[i, size + j] = y / dense[i, i]
-            place = LANES * (i * work.wide + 2 * j) + lane
-            put(work.receptance, place, dense[i, size + j].real)
-            put(work.receptance, place + LANES, dense[i, size + j].imag)
+            entry = LANES * (i * work.wide + 2 * j) + lane
+            put(work.receptance, entry, dense[i, size + j].real)
+            put(work.receptance, entry + LANES, dense[i, size + j].imag)
 
 
 @compiled

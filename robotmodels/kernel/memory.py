@@ -26,11 +26,11 @@ from robotmodels.kernel.simd import (
 )
 
 
-def aligned(places: int) -> Array:
-    """Return a zeroed buffer of `places` vectors that starts at a multiple of 64 bytes."""
-    raw = np.zeros(places * LANES + LANES)
+def aligned(count: int) -> Array:
+    """Return a zeroed buffer of `count` vectors that starts at a multiple of 64 bytes."""
+    raw = np.zeros(count * LANES + LANES)
     start = (-raw.ctypes.data % BYTES) // 8
-    return raw[start : start + places * LANES]
+    return raw[start : start + count * LANES]
 
 
 def address(array: Array | IntArray) -> int:
@@ -46,9 +46,9 @@ def address(array: Array | IntArray) -> int:
     return int(array.ctypes.data)
 
 
-def _pointer(builder, element, start, place):
-    """Return a pointer to element `place` behind the address `start`."""
-    return builder.gep(builder.inttoptr(start, element.as_pointer()), [place])
+def _pointer(builder, element, start, index):
+    """Return a pointer to element `index` behind the address `start`."""
+    return builder.gep(builder.inttoptr(start, element.as_pointer()), [index])
 
 
 def _next(builder, pointer):
@@ -56,8 +56,8 @@ def _next(builder, pointer):
 
 
 @intrinsic
-def load(typingctx, start, place):
-    """Return the real vector at `place`."""
+def load(typingctx, start, index):
+    """Return the real vector at `index`."""
 
     def codegen(context, builder, sig, args):
         return builder.load(_pointer(builder, VECTOR, *args), align=BYTES)
@@ -66,8 +66,8 @@ def load(typingctx, start, place):
 
 
 @intrinsic
-def load_complex(typingctx, start, place):
-    """Return the complex vector at `place` and the next."""
+def load_complex(typingctx, start, index):
+    """Return the complex vector at `index` and the next."""
 
     def codegen(context, builder, sig, args):
         pointer = _pointer(builder, VECTOR, *args)
@@ -79,8 +79,8 @@ def load_complex(typingctx, start, place):
 
 
 @intrinsic
-def store(typingctx, start, place, value):
-    """Write a real vector to `place`, or a complex one to `place` and the next."""
+def store(typingctx, start, index, value):
+    """Write a real vector to `index`, or a complex one to `index` and the next."""
 
     def codegen(context, builder, sig, args):
         pointer = _pointer(builder, VECTOR, *args[:2])
@@ -96,8 +96,8 @@ def store(typingctx, start, place, value):
 
 
 @intrinsic
-def prefetch(typingctx, start, place):
-    """Ask for the vector at `place` to be brought to the nearest cache."""
+def prefetch(typingctx, start, index):
+    """Ask for the vector at `index` to be brought to the nearest cache."""
 
     def codegen(context, builder, sig, args):
         pointer = builder.bitcast(_pointer(builder, VECTOR, *args), ir.IntType(8).as_pointer())
@@ -114,8 +114,8 @@ def prefetch(typingctx, start, place):
 
 
 @intrinsic
-def scalar(typingctx, start, place):
-    """Return the double at `place`, counted in doubles."""
+def scalar(typingctx, start, index):
+    """Return the double at `index`, counted in doubles."""
 
     def codegen(context, builder, sig, args):
         return builder.load(_pointer(builder, ir.DoubleType(), *args))
@@ -124,8 +124,8 @@ def scalar(typingctx, start, place):
 
 
 @intrinsic
-def integer(typingctx, start, place):
-    """Return the integer at `place`, counted in integers of 64 bits."""
+def integer(typingctx, start, index):
+    """Return the integer at `index`, counted in integers of 64 bits."""
 
     def codegen(context, builder, sig, args):
         return builder.load(_pointer(builder, ir.IntType(64), *args))
@@ -134,8 +134,8 @@ def integer(typingctx, start, place):
 
 
 @intrinsic
-def put(typingctx, start, place, value):
-    """Write a double to `place`, counted in doubles."""
+def put(typingctx, start, index, value):
+    """Write a double to `index`, counted in doubles."""
 
     def codegen(context, builder, sig, args):
         builder.store(args[2], _pointer(builder, ir.DoubleType(), *args[:2]))

@@ -26,15 +26,15 @@ def prepare_matrices(
     blocks, size = -(-omega.size // LANES), len(plan.order)
     cells = blocks * len(network.mass)
     matrix, off = aligned(cells * size * (size + 1)), aligned(cells * size)
-    held = network_tables(network)
+    tables = network_tables(network)
     for coefficients in (3, 4):
-        held[coefficients] = held[coefficients].copy()
-        held[coefficients][:, full.needed[:, 0]] = 0.0
+        tables[coefficients] = tables[coefficients].copy()
+        tables[coefficients][:, full.needed[:, 0]] = 0.0
     w = vectors(omega[None, :, None], blocks)
     went_well = []
 
     def run(start: int, stop: int) -> None:
-        space = workspace(full, network, held)
+        space = workspace(full, network, tables)
         out = address(matrix), address(off)
         well = reductions(space.at, address(w), blocks, plan.pad, start, stop, *out)
         went_well.append(well)

@@ -10,7 +10,7 @@ from robotmodels.kernel.solve import assemble_arm, pack_position
 
 
 @inlined
-def place_of(i, j):
+def triangle_offset(i, j):
     """Return the place of entry i, j <= i of a triangle."""
     return i * (i + 1) + 2 * j
 
@@ -20,15 +20,15 @@ def eliminate_front(work):
     """Eliminate the rows before the first one needed, without pivoting; return the guard."""
     worst, matrix = splat(1.0), work.matrix
     for k in range(work.pad, work.first):
-        pivot = load_complex(matrix, place_of(k, k))
+        pivot = load_complex(matrix, triangle_offset(k, k))
         worst = guard(worst, pivot, square(load_complex(work.diagonal, 2 * k)), load(work.off, k))
         scale = inverse(pivot, -1.0)
         for i in range(k + 1, work.size):
-            ratio = load_complex(matrix, place_of(i, k)) * scale
+            ratio = load_complex(matrix, triangle_offset(i, k)) * scale
             for j in range(k + 1, i + 1):
-                place = place_of(i, j)
-                left = load_complex(matrix, place_of(j, k))
-                store(matrix, place, fma(ratio, left, load_complex(matrix, place)))
+                index = triangle_offset(i, j)
+                other = load_complex(matrix, triangle_offset(j, k))
+                store(matrix, index, fma(ratio, other, load_complex(matrix, index)))
     return worst
 
 
@@ -43,8 +43,8 @@ def keep(work, pad, matrix, off):
         for j in range(i + 1):
             x = pack(splat(1.0 if i == j else 0.0), splat(0.0))
             if j >= pad:
-                x = load_complex(work.matrix, place_of(row, work.first + j - pad))
-            store(matrix, place_of(i, j), x)
+                x = load_complex(work.matrix, triangle_offset(row, work.first + j - pad))
+            store(matrix, triangle_offset(i, j), x)
             if i != j:
                 big = square(x)
                 store(off, i, maximum(load(off, i), big))
@@ -65,11 +65,11 @@ def _reductions(work, omega, blocks, pad, start, stop, matrix, off):
             pack_position(work, cell // blocks)
         assemble_arm(work, load(omega, cell % blocks))
         for i in range(work.size):
-            store(work.matrix, place_of(i, i), load_complex(work.diagonal, 2 * i))
+            store(work.matrix, triangle_offset(i, i), load_complex(work.diagonal, 2 * i))
         if any_negative(eliminate_front(work)):
             return False
-        place = BYTES * cell * size
-        keep(work, pad, matrix + place * (size + 1), off + place)
+        offset = BYTES * cell * size
+        keep(work, pad, matrix + offset * (size + 1), off + offset)
     return True
 
 

@@ -28,8 +28,8 @@ def elongate(work, w):
         if b == MOTOR_INERTANCE:
             turn = rate * splat(1.0 / scalar(work.gears, a - driven))
             for j in range(work.n):
-                own = motor_response(work, min(a - driven, j), max(a - driven, j))
-                store(work.elongation, out + 2 * j, own * pack(turn, turn))
+                response = motor_response(work, min(a - driven, j), max(a - driven, j))
+                store(work.elongation, out + 2 * j, response * pack(turn, turn))
             continue
         factor = pack(splat(1.0), splat(0.0))
         if b == MOTOR:
@@ -43,9 +43,9 @@ def elongate(work, w):
             y = y * load_complex(work.wind, 3 * j)
             store(work.elongation, out + j, y * factor)
         if b == MOTOR:
-            own = out + 2 * (a - driven)
+            index = out + 2 * (a - driven)
             gone = load_complex(work.wind, 6 * (a - driven) + 4)
-            store(work.elongation, own, load_complex(work.elongation, own) - gone)
+            store(work.elongation, index, load_complex(work.elongation, index) - gone)
 
 
 @inlined
@@ -54,7 +54,7 @@ def spread(work, real):
 
     Where roots are `real`, the first vector of the two counts.
     """
-    n, v, place = work.n, work.elongation, 0
+    n, v, entry = work.n, work.elongation, 0
     for s in range(work.m):
         e = 0
         for i in range(n):
@@ -62,8 +62,8 @@ def spread(work, real):
             for j in range(i, n):
                 y = x * load_complex(v, s * work.wide + 2 * j)
                 y = y * load(work.roots, e) if real else y * load_complex(work.roots, e)
-                store(work.rows, place, y)
-                place += 2
+                store(work.rows, entry, y)
+                entry += 2
                 e += 2
 
 
@@ -109,7 +109,7 @@ def half_tile(work, s, t):
 
 
 @inlined
-def add(place, parts, w, real):
+def add(target, parts, w, real):
     """Add the products of two rows to their sums.
 
     With P the product that conjugates the first: Re P, w Im P and w^2 Re P, in the last of four
@@ -118,45 +118,45 @@ def add(place, parts, w, real):
     """
     both, across, back, other = parts
     if real:
-        store(place, 2, fma(back, w, load(place, 2)))
+        store(target, 2, fma(back, w, load(target, 2)))
     else:
         both = both + other
         across, other = across - back, both
-    store(place, 0, load(place, 0) + both)
-    store(place, 1, fma(across, w, load(place, 1)))
-    store(place, 3, fma(other * w, w, load(place, 3)))
+    store(target, 0, load(target, 0) + both)
+    store(target, 1, fma(across, w, load(target, 1)))
+    store(target, 3, fma(other * w, w, load(target, 3)))
 
 
 @compiled
 def accumulate(work, count, w, real):
     """Add the products of all pairs of the first `count` rows at the frequencies `w`."""
-    place = work.sums
+    target = work.sums
     for s in range(0, count - 1, 2):
         for t in range(0, s + 1, 2):
             p, q, r, u = tile(work, s, t)
-            add(place, p, w, real)
-            add(place + 4 * BYTES, q, w, real)
-            add(place + 8 * BYTES, r, w, real)
-            add(place + 12 * BYTES, u, w, real)
-            place += 16 * BYTES
+            add(target, p, w, real)
+            add(target + 4 * BYTES, q, w, real)
+            add(target + 8 * BYTES, r, w, real)
+            add(target + 12 * BYTES, u, w, real)
+            target += 16 * BYTES
     if count % 2 == 1:
         for t in range(0, count, 2):
             p, q = half_tile(work, count - 1, t)
-            add(place, p, w, real)
-            add(place + 4 * BYTES, q, w, real)
-            place += 16 * BYTES
+            add(target, p, w, real)
+            add(target + 4 * BYTES, q, w, real)
+            target += 16 * BYTES
 
 
 @compiled
 def clear(work):
     """Set the sums to zero."""
     pairs = (work.m + 2) // 2
-    for place in range(8 * pairs * (pairs + 1)):
-        store(work.sums, place, splat(0.0))
+    for index in range(8 * pairs * (pairs + 1)):
+        store(work.sums, index, splat(0.0))
 
 
 @inlined
-def pair_place(s, t):
+def pair_offset(s, t):
     """Return where the sums of rows s and t are; their tile must not lie above the diagonal."""
     a, b = s // 2, t // 2
     return 16 * (a * (a + 1) // 2 + b) + 8 * (s % 2) + 4 * (t % 2)
@@ -176,14 +176,14 @@ def fill_block(work, stiffness, damping, real):
         for j in range(i + 1):
             t = integer(work.needed, 3 * j)
             other_k, other_c = scalar(stiffness, t), scalar(damping, t)
-            place = pair_place(i, j)
-            put_pair(block, 2 * m, i, j, k * other_k * lane_sum(load(work.sums, place)))
-            across = lane_sum(load(work.sums, place + 1))
-            back = lane_sum(load(work.sums, place + 2)) if real else -across
+            offset = pair_offset(i, j)
+            put_pair(block, 2 * m, i, j, k * other_k * lane_sum(load(work.sums, offset)))
+            across = lane_sum(load(work.sums, offset + 1))
+            back = lane_sum(load(work.sums, offset + 2)) if real else -across
             put_pair(block, 2 * m, i, m + j, -k * other_c * across)
             if i != j:
                 put_pair(block, 2 * m, j, m + i, -c * other_k * back)
-            dampers = c * other_c * lane_sum(load(work.sums, place + 3))
+            dampers = c * other_c * lane_sum(load(work.sums, offset + 3))
             put_pair(block, 2 * m, m + i, m + j, dampers)
 
 
@@ -217,8 +217,8 @@ def project(work, q, out):
     for e in range(list_exponents(work, q)):
         i, a = int(scalar(work.listed, 3 * e)), int(scalar(work.listed, 3 * e + 1))
         x = scalar(work.listed, 3 * e + 2)
-        place = a * (p + 1)
-        put(out, place, scalar(out, place) + x * x * scalar(block, i * (width + 1)))
+        entry = a * (p + 1)
+        put(out, entry, scalar(out, entry) + x * x * scalar(block, i * (width + 1)))
         for f in range(e):
             j, b = int(scalar(work.listed, 3 * f)), int(scalar(work.listed, 3 * f + 1))
             y = x * scalar(work.listed, 3 * f + 2) * scalar(block, i * width + j)

@@ -63,23 +63,23 @@ def pack_motors(work, q):
     for i in range(work.n):
         a = integer(work.motors, 3 * i)
         if a >= 0:
-            own = a * (work.d + 1)
-            place = q * work.d * work.d + own
-            put(work.arms, 3 * i, scalar(work.mass, place))
-            put(work.arms, 3 * i + 1, scalar(work.damping, q * work.damping_step + own))
-            put(work.arms, 3 * i + 2, scalar(work.stiffness, place))
+            diagonal = a * (work.d + 1)
+            index = q * work.d * work.d + diagonal
+            put(work.arms, 3 * i, scalar(work.mass, index))
+            put(work.arms, 3 * i + 1, scalar(work.damping, q * work.damping_step + diagonal))
+            put(work.arms, 3 * i + 2, scalar(work.stiffness, index))
 
 
 @compiled
 def add_spring(triangle, x, i, j):
     """Add `x` to a packed symmetric matrix where a spring joins rows `i` and `j` (or ground)."""
-    place = i * (i + 3) // 2
-    put(triangle, place, scalar(triangle, place) + x)
+    index = i * (i + 3) // 2
+    put(triangle, index, scalar(triangle, index) + x)
     if j >= 0:
-        place = j * (j + 3) // 2
-        put(triangle, place, scalar(triangle, place) + x)
-        place = max(i, j) * (max(i, j) + 1) // 2 + min(i, j)
-        put(triangle, place, scalar(triangle, place) - x)
+        index = j * (j + 3) // 2
+        put(triangle, index, scalar(triangle, index) + x)
+        index = max(i, j) * (max(i, j) + 1) // 2 + min(i, j)
+        put(triangle, index, scalar(triangle, index) - x)
 
 
 @compiled
@@ -119,11 +119,11 @@ def motor_terms(work, w, stiffness, damping):
         if t >= 0:
             inertia += scalar(damping, t)
             friction += scalar(stiffness, t)
-        held = splat(scalar(work.arms, 3 * i + 2))
-        rest = pack(fma(minus, splat(inertia), held), w * splat(friction))
+        support = splat(scalar(work.arms, 3 * i + 2))
+        shaft = pack(fma(minus, splat(inertia), support), w * splat(friction))
         spring = pack(splat(scalar(stiffness, s)), w * splat(scalar(damping, s)))
-        z = inverse(rest + spring, 1.0)
-        slip = rest * z
+        z = inverse(shaft + spring, 1.0)
+        slip = shaft * z
         row = 2 * (work.size - work.n + i)
         store(work.wind, 6 * i, spring * z * gear)
         store(work.wind, 6 * i + 2, slip)
@@ -195,11 +195,11 @@ def _responses(work, omega, frequencies, start, stop, out):
                 for j in range(i + 1):
                     store(work.panel, 0, motor_response(work, i, j) * (splat(0.0) - w * w))
                     for lane in range(min(LANES, frequencies - b * LANES)):
-                        place = (q * frequencies + b * LANES + lane) * n
+                        row = (q * frequencies + b * LANES + lane) * n
                         for part in range(2):
                             x = scalar(work.panel, part * LANES + lane)
-                            put(out, 2 * ((place + i) * n + j) + part, x)
-                            put(out, 2 * ((place + j) * n + i) + part, x)
+                            put(out, 2 * ((row + i) * n + j) + part, x)
+                            put(out, 2 * ((row + j) * n + i) + part, x)
 
 
 def _cached(sources):

@@ -178,7 +178,7 @@ def _doubles(size: int, n: int, m: int, p: int) -> list[Array]:
 def _vectors(size: int, n: int, m: int, columns: int) -> list[Array]:
     """Return the buffers of vectors, in the order of `Work`; a complex one takes two places."""
     elements, pairs = n * (n + 1), (m + 2) // 2
-    places = (
+    counts = (
         size * (size + 1),
         2 * size,
         size,
@@ -192,4 +192,4 @@ def _vectors(size: int, n: int, m: int, columns: int) -> list[Array]:
         max(elements, 4 * n) * pairs * 2,
         8 * pairs * (pairs + 1),
     )
-    return [aligned(count) for count in places]
+    return [aligned(count) for count in counts]

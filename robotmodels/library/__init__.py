@@ -25,10 +25,10 @@ def load_robot(name: str | Path) -> ElasticRobot:
     if str(name) in builtin_robots():
         path = _FOLDER / f"{name}.yaml"
     elif (path := Path(name)).suffix not in (".yaml", ".yml") and not path.exists():
-        known = builtin_robots()
+        names = builtin_robots()
         raise InvalidInput(
-            f"robot {str(name)!r} is neither a built-in robot{nearest(str(name), known)} "
-            f"nor the path of a robot file; built in are {', '.join(known)}"
+            f"robot {str(name)!r} is neither a built-in robot{nearest(str(name), names)} "
+            f"nor the path of a robot file; built in are {', '.join(names)}"
         )
     if path.suffix in (".urdf", ".xacro"):
         raise InvalidInput(

@@ -30,12 +30,12 @@ class WithParameters:
     @property
     def parameters(self) -> Parameters:
         """The free parameters."""
-        own = self.model.parameters
-        return Parameters(own.names, np.asarray(self.values), own.units)
+        parameters_of = self.model.parameters
+        return Parameters(parameters_of.names, np.asarray(self.values), parameters_of.units)
 
     def network(self, positions: Array, parameters: Array | None = None) -> SpringNetwork:
         """Return the spring network about the equilibria at `positions` (Q, n)."""
-        return self.model.network(positions, self._own(parameters))
+        return self.model.network(positions, self._values_or(parameters))
 
     @renamed_keywords(since="0.2", sag="equilibrium_shift")
     def tangents(
@@ -45,7 +45,7 @@ class WithParameters:
         if not isinstance(self.model, HasEquilibriumDerivatives):
             return None
         return self.model.tangents(
-            positions, self._own(parameters), equilibrium_shift=equilibrium_shift
+            positions, self._values_or(parameters), equilibrium_shift=equilibrium_shift
         )
 
     @renamed_keywords(since="0.2", sag="equilibrium_shift")
@@ -56,10 +56,10 @@ class WithParameters:
         if not isinstance(self.model, HasEquilibriumDerivatives):
             return self.network(positions, parameters), None
         return self.model.linearization(
-            positions, self._own(parameters), equilibrium_shift=equilibrium_shift
+            positions, self._values_or(parameters), equilibrium_shift=equilibrium_shift
         )
 
-    def _own(self, parameters: Array | None) -> Array:
+    def _values_or(self, parameters: Array | None) -> Array:
         return np.asarray(self.values) if parameters is None else parameters
 
 
@@ -87,7 +87,7 @@ class FixedEquilibriumModel:
         """Return the network at other values; `positions` are those it was made for."""
         if parameters is None:
             return self.fixed
-        own = self.fixed.parameters
+        nominal = self.fixed.parameters
         stiffness, damping = self.fixed.springs(parameters)
         moved = self.fixed.inertances
         if moved is not None:
@@ -99,7 +99,7 @@ class FixedEquilibriumModel:
             spring_stiffness=stiffness,
             spring_damping=damping,
             inertances=moved,
-            parameters=Parameters(own.names, np.array(parameters, dtype=float), own.units),
+            parameters=Parameters(nominal.names, np.array(parameters, dtype=float), nominal.units),
         )
 
 

@@ -48,8 +48,8 @@ class Measurement:
         parts = self.position, self.velocity, self.acceleration
         order = int(np.argmax([np.any(part) for part in parts]))
         for k, part in enumerate(parts):
-            wanted = selector.T if k == order else np.zeros_like(selector.T)
-            if part.shape[-2:] != wanted.shape or not np.array_equiv(part, wanted):
+            expected = selector.T if k == order else np.zeros_like(selector.T)
+            if part.shape[-2:] != expected.shape or not np.array_equiv(part, expected):
                 return None
         return order
 

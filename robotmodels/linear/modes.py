@@ -174,9 +174,9 @@ def damped_modes(model: LinearModel, rigid: int | None = None) -> DampedModes:
     slow = 2 * _rigid_count(model, rigid)
     order = np.argsort(np.abs(poles), kind="stable")
     _check_pairs(poles[order], slow)
-    kept = [i for i in order[slow:] if poles[i].imag >= 0]
-    shapes = vectors[:d, kept]
-    return DampedModes(poles[kept], root @ (shapes / np.linalg.norm(shapes, axis=0)))
+    flexible = [i for i in order[slow:] if poles[i].imag >= 0]
+    shapes = vectors[:d, flexible]
+    return DampedModes(poles[flexible], root @ (shapes / np.linalg.norm(shapes, axis=0)))
 
 
 def _check_pairs(poles: ComplexArray, slow: int) -> None:

@@ -46,14 +46,14 @@ def normal_equations(
     used = weights > 0
     G, J = network.sensitivity(omega, parameters)
     G, J, measured = G[used], J[used], measured[used]
-    w, apart = weights[used], residual_error(residual, measured, G)
+    w, error = weights[used], residual_error(residual, measured, G)
     slope: Array | ComplexArray = -residual.slope(G)[:, None] * J
     if residual.real:
         slope = slope.real
     weighted = w[:, None] * slope.conj()
     return NormalEquations(
-        cost=float(w @ np.abs(apart) ** 2),
-        gradient=2 * (weighted.T @ apart).real,
+        cost=float(w @ np.abs(error) ** 2),
+        gradient=2 * (weighted.T @ error).real,
         hessian=2 * (weighted.T @ slope).real,
     )
 

@@ -135,10 +135,10 @@ class SpringNetwork:
         if self.inertances is None:
             return self.exponents
         s, r = len(self.nodes), len(self.inertances.coordinates)
-        own = np.broadcast_to(
+        inertial = np.broadcast_to(
             self.inertances.exponents, (len(self.mass), *self.inertances.exponents.shape)
         )
-        parts = [self.exponents[:, :s], own[:, :r], self.exponents[:, s:], own[:, r:]]
+        parts = [self.exponents[:, :s], inertial[:, :r], self.exponents[:, s:], inertial[:, r:]]
         return np.concatenate(parts, axis=1)
 
     @property
@@ -155,11 +155,15 @@ class SpringNetwork:
         """First and second coefficients of the terms, (Q, s + r), at the network's parameters."""
         if self.inertances is None:
             return self.spring_stiffness, self.spring_damping
-        own = self.inertances
-        shape = len(self.mass), len(own.coordinates)
+        inertances = self.inertances
+        shape = len(self.mass), len(inertances.coordinates)
         return (
-            np.concatenate([self.spring_stiffness, np.broadcast_to(own.friction, shape)], axis=1),
-            np.concatenate([self.spring_damping, np.broadcast_to(own.inertia, shape)], axis=1),
+            np.concatenate(
+                [self.spring_stiffness, np.broadcast_to(inertances.friction, shape)], axis=1
+            ),
+            np.concatenate(
+                [self.spring_damping, np.broadcast_to(inertances.inertia, shape)], axis=1
+            ),
         )
 
     def incidence(self) -> Array:

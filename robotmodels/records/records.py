@@ -180,10 +180,10 @@ def _check_shapes(r: Records) -> None:
         "saturated": [(*axes[:4], n)],
     }
     for name, shapes in needed.items():
-        found = getattr(r, name).shape
-        if found not in shapes:
+        shape = getattr(r, name).shape
+        if shape not in shapes:
             raise InvalidInput(
-                f"{name}: shape {found} does not fit torque {r.torque.shape}; "
+                f"{name}: shape {shape} does not fit torque {r.torque.shape}; "
                 f"{' or '.join(map(str, shapes))} is needed"
             )
 
@@ -217,9 +217,9 @@ def _check_values(r: Records) -> None:
 def _refuse(wrong: NDArray[np.bool_], name: str, axes: tuple[str, ...]) -> None:
     if wrong.any():
         index = np.argwhere(wrong)[0]
-        place = ", ".join(f"{axis} {i}" for axis, i in zip(axes, index, strict=True))
+        location = ", ".join(f"{axis} {i}" for axis, i in zip(axes, index, strict=True))
         raise InvalidInput(
-            f"{name}: not a finite number at {place} (counted from 0), {int(wrong.sum())} in all; "
+            f"{name}: not a finite number at {location} (from 0), {int(wrong.sum())} in all; "
             "a run that is missing is NaN throughout, torque and angle alike"
         )
 

@@ -140,10 +140,10 @@ def _inertias(robot: ElasticRobot) -> tuple[Array, Array]:
     coordinates[:, layout.drives] = low + (high - low) * (1 + spread) / 2
     arm = mass_matrices(robot.arm, coordinates)
     square = np.array([m.gear_ratio**2 for m in robot.file.motors])
-    own = np.array([m.inertia for m in robot.file.motors])
-    slow = own + arm[:, layout.drives, layout.drives].max(axis=0) / square
+    rotors = np.array([m.inertia for m in robot.file.motors])
+    slow = rotors + arm[:, layout.drives, layout.drives].max(axis=0) / square
     mass = np.zeros((len(arm), layout.size, layout.size))
     mass[:, : layout.arm_size, : layout.arm_size] = arm
-    mass[:, layout.motors, layout.motors] += own * square
+    mass[:, layout.motors, layout.motors] += rotors * square
     mobility = np.linalg.inv(mass)[:, layout.motors, layout.motors].max(axis=0)
     return slow, 1 / (mobility * square)

@@ -80,14 +80,14 @@ class SampledLoop:
         seen = [*range(n), *range(3 * n, 4 * n)]
         both = np.block([[self.step, self.drive], [self.outputs[seen], self.through[seen]]])
         state = np.zeros((len(self.step), runs))
-        kept = np.empty((periods * N, 2 * n, runs))
+        samples = np.empty((periods * N, 2 * n, runs))
         for k in range((transient + periods) * N):
             noise = std[:, None] * rng.standard_normal((n, runs))
             after = both @ np.concatenate([state, references[k % N], noise])
             state = after[: len(state)]
             if k >= transient * N:
-                kept[k - transient * N] = after[len(state) :]
-        return kept
+                samples[k - transient * N] = after[len(state) :]
+        return samples
 
 
 def sampled_loop(model: LinearModel, controller: Controller) -> SampledLoop:
@@ -121,14 +121,14 @@ def sampled_loop(model: LinearModel, controller: Controller) -> SampledLoop:
     error = reference - controller.position_gain[:, None] * seen - w
     i = i + integral * error
     torque = controller.speed_gain[:, None] * (error + i)
-    held = _held(model, T)
-    moved = held[:, : 2 * d] @ motion + held[:, 2 * d :] @ torque
+    transition = _zero_order_hold(model, T)
+    moved = transition[:, : 2 * d] @ motion + transition[:, 2 * d :] @ torque
     step = np.concatenate([moved, w, i, seen, *([angle, way[:-n]] if late else [])])
     output = np.concatenate([torque, speed, angle, seen])
     return SampledLoop(step[:, :size], step[:, size:], output[:, :size], output[:, size:])
 
 
-def _held(model: LinearModel, time: float) -> Array:
+def _zero_order_hold(model: LinearModel, time: float) -> Array:
     """Return coordinates and speeds after a time, (2 d, 2 d + n), from them and held torques."""
     from scipy.linalg import expm
 

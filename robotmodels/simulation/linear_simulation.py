@@ -68,9 +68,9 @@ def simulate_linear(
     B, E, N, _ = signals.shape
     references = np.moveaxis(signals.reshape(B * E, N, n), 0, -1)
     std = np.broadcast_to(np.asarray(angle_noise, dtype=float), (n,))
-    kept = loop.run(references, std, rng, transient, periods)
+    trace = loop.run(references, std, rng, transient, periods)
     # (P N, 2 n, B E) to (1, B, E, P, N, 2 n)
-    samples = kept.reshape(periods, N, 2 * n, B, E).transpose(3, 4, 0, 1, 2)[None]
+    samples = trace.reshape(periods, N, 2 * n, B, E).transpose(3, 4, 0, 1, 2)[None]
     return Records(
         positions=np.zeros((1, n)),
         sample_time=controller.sample_time,

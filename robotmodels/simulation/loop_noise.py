@@ -210,14 +210,14 @@ class ClosedLoopNoise:
         """Return the covariance (Q, F, n, n) of the angles' errors, as DFTs of one period."""
         z = np.exp(1j * self.omega * self.controller.sample_time)
         window, blocks = self.periods * self.samples, self.averages // self.periods
-        found = []
+        covariances = []
         for q in range(len(model.mass)):
             loop = sampled_loop(model.at(q), self.controller)
             try:
-                found.append(window_noise(loop, z, window, self.angle_noise))
+                covariances.append(window_noise(loop, z, window, self.angle_noise))
             except SolverFailed as error:
                 raise SolverFailed(f"position {q}: {error}") from None
-        return np.asarray(found) / (blocks * self.periods**2)
+        return np.asarray(covariances) / (blocks * self.periods**2)
 
     def covariance(self, network: SpringNetwork, omega: Array) -> ComplexArray:
         """Return the covariances of vec(Ĝ), (Q, F, n n, n n), columns stacked.

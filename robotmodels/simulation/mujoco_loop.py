@@ -222,12 +222,12 @@ def _rub(engine: Engine, drives: Drives, impulses: Array, h: float) -> None:
             c = drives.coordinate[j]
             bound = h * drives.friction[j] * abs(drives.ratio[j])
             before = impulses[j] if sweep > 0 else 0.0
-            wanted = before - engine.qvel[c] / drives.mobility[c, j]
-            impulses[j] = min(max(wanted, -bound), bound)
-            given = impulses[j] - before
-            change = max(change, abs(given) / bound)
+            needed = before - engine.qvel[c] / drives.mobility[c, j]
+            impulses[j] = min(max(needed, -bound), bound)
+            impulse = impulses[j] - before
+            change = max(change, abs(impulse) / bound)
             for i in range(len(engine.qvel)):
-                change_of_speed = drives.mobility[i, j] * given
+                change_of_speed = drives.mobility[i, j] * impulse
                 engine.qvel[i] += change_of_speed
                 engine.qpos[i] += 0.5 * h * change_of_speed
         if change < 1e-9:

@@ -76,9 +76,9 @@ def build_plant(file: RobotFile, urdf: Path) -> PlantModel:
     model = PlantBuilder(file, read_tree(urdf)).compile()
     names = [model.joint(i).name for i in range(model.njnt)]
     tendons = [model.tendon(i).name for i in range(model.ntendon)]
-    own = [m.name if m.name in names else m.joint for m in file.motors]
+    joint_names = [m.name if m.name in names else m.joint for m in file.motors]
     gears = [tendons.index(m.joint) if m.joint in tendons else -1 for m in file.motors]
-    where = [int(model.joint(name).qposadr[0]) for name in own]
+    where = [int(model.joint(name).qposadr[0]) for name in joint_names]
     return PlantModel(model, mujoco.MjData(model), np.array(where), np.array(gears))
 
 
@@ -137,8 +137,8 @@ class PlantBuilder:
         try:
             return self.spec.compile()
         except ValueError as error:
-            said = " ".join(str(error).split())
-            raise InvalidInput(f"MuJoCo, which simulates, refuses the robot: {said}") from None
+            cause = " ".join(str(error).split())
+            raise InvalidInput(f"MuJoCo, which simulates, refuses the robot: {cause}") from None
 
     def _add_motor(self, motor: Motor, spring: Spring) -> None:
         """Add a motor on its own hinge and the gear that joins it to its joint."""
@@ -160,8 +160,8 @@ class PlantBuilder:
         for point, springs in self._cuts(link).items():
             beyond = next((_from_body(s.distal) for s in springs if s.distal), None)
             distal = beyond or inertial
-            rest = inertial.minus(beyond) if inertial and beyond else None
-            _set_inertia(body, _shift(rest, frame))
+            remainder = inertial.minus(beyond) if inertial and beyond else None
+            _set_inertia(body, _shift(remainder, frame))
             at = np.array(point)
             body = body.add_body(name=f"{link} beyond {point}", pos=frame + at)
             for spring in springs:
@@ -179,14 +179,14 @@ class PlantBuilder:
 
     def _add_joint(self, joint: Joint, parent: mujoco.MjsBody, frame: Array) -> None:
         position, rotation = joint.position, joint.rotation
-        held = joint.name in self.file.lock
-        if held and joint.kind == "prismatic":
+        locked = joint.name in self.file.lock
+        if locked and joint.kind == "prismatic":
             position = position + rotation.apply(self.file.lock[joint.name] * joint.axis)
-        elif held:
+        elif locked:
             rotation = rotation * Rotation.from_rotvec(self.file.lock[joint.name] * joint.axis)
         quaternion = rotation.as_quat(scalar_first=True)
         body = parent.add_body(name=joint.child, pos=frame + position, quat=quaternion)
-        if joint.kind != "fixed" and not held:
+        if joint.kind != "fixed" and not locked:
             for spring in self.file.springs:
                 if spring.joint == joint.name and spring.axis != "drive":
                     _add_torsion(body, spring)

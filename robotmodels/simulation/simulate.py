@@ -83,7 +83,7 @@ def simulate(
     check_periods(periods, transient)
     for name in ("backlash", "angle_noise", "torque_disturbance", "torque_limit"):
         imperfections.per_motor(name, positions.shape[1])
-    places = list(product(range(len(positions)), range(signals.shape[1])))
+    blocks_of_positions = list(product(range(len(positions)), range(signals.shape[1])))
     blocks = [
         Block(
             robot,
@@ -96,7 +96,9 @@ def simulate(
             periods,
             f"position {i + 1}, block {b + 1}",
         )
-        for (i, b), seed in zip(places, rng.spawn(len(places)), strict=True)
+        for (i, b), seed in zip(
+            blocks_of_positions, rng.spawn(len(blocks_of_positions)), strict=True
+        )
     ]
     blank = _blank(positions, signals, controller, lines, detection)
     return _positions(blocks, blank, executor, progress)

@@ -59,20 +59,20 @@ def run_block(block: Block) -> tuple[Array, Array, NDArray[np.bool_]]:
     register_mujoco()
     robot, controller, flaws = block.robot, block.controller, block.imperfections
     plant = build_plant(robot.file, locate(robot.file.urdf, robot.folder))
-    rest, hold = find_rest(plant, robot, block.position, block.where)
+    state, hold = static_state(plant, robot, block.position, block.where)
     if not flaws.nonlinear_gears:
-        linearise_gears(plant, rest)
-    steps = substeps(plant, robot.file, rest, controller.sample_time)
+        linearise_gears(plant, state)
+    steps = substeps(plant, robot.file, state, controller.sample_time)
     n = len(hold)
-    rest = open_gears(plant, rest, flaws.per_motor("backlash", n))
-    engine, drives = _engine(plant), _drives(plant, robot, rest, flaws)
+    state = open_gears(plant, state, flaws.per_motor("backlash", n))
+    engine, drives = _engine(plant), _drives(plant, robot, state, flaws)
     law = _law(controller, hold / drives.gain)
     _, N, _ = block.signals.shape
     total = (block.transient + block.periods) * N
-    kept = (block.periods, N, n)
+    shape = (block.periods, N, n)
     results: list[Any] = []
     for e, signal in enumerate(block.signals):
-        engine.qpos[:], engine.qvel[:], engine.applied[:] = rest, 0.0, 0.0
+        engine.qpos[:], engine.qvel[:], engine.applied[:] = state, 0.0, 0.0
         errors, disturbance = (
             block.rng.normal(size=(total, n)) * flaws.per_motor(name, n)
             for name in ("angle_noise", "torque_disturbance")
@@ -85,7 +85,7 @@ def run_block(block: Block) -> tuple[Array, Array, NDArray[np.bool_]]:
         )
         if good < total:
             raise _lost(f"{block.where}, run {e + 1}", good * controller.sample_time)
-        results.append([trace[block.transient * N :].reshape(kept) for trace in traces])
+        results.append([trace[block.transient * N :].reshape(shape) for trace in traces])
     torque, angle, limited = (np.stack(part) for part in zip(*results, strict=True))
     return torque, angle, limited
 
@@ -113,10 +113,10 @@ def _engine(plant: PlantModel) -> Engine:
     return Engine(*addresses(plant), data.qpos, data.qvel, data.qfrc_applied, data.qacc_smooth)
 
 
-def _drives(plant: PlantModel, robot: ElasticRobot, rest: Array, flaws: Imperfections) -> Drives:
+def _drives(plant: PlantModel, robot: ElasticRobot, state: Array, flaws: Imperfections) -> Drives:
     motors = robot.file.motors
     n = len(motors)
-    unit = np.zeros((len(rest), n))
+    unit = np.zeros((len(state), n))
     unit[plant.motors, np.arange(n)] = 1.0
     return Drives(
         np.asarray(plant.motors, dtype=np.int64),
@@ -124,14 +124,14 @@ def _drives(plant: PlantModel, robot: ElasticRobot, rest: Array, flaws: Imperfec
         np.array([m.torque_gain for m in motors]),
         flaws.per_motor("torque_limit", n),
         flaws.friction * np.array([m.coulomb for m in motors]),
-        np.asarray(np.linalg.solve(plant.mass(rest), unit)),
+        np.asarray(np.linalg.solve(plant.mass(state), unit)),
     )
 
 
 _SAFETY = 1.15  # of poles, for positions nearby
 
 
-def find_rest(
+def static_state(
     plant: PlantModel, robot: ElasticRobot, position: Array, where: str
 ) -> tuple[Array, Array]:
     """Return the coordinates (d,) at which the motors stand at `position`, and their torques (n,).
@@ -167,10 +167,10 @@ def find_rest(
     raise NoEquilibrium(f"{where}: the springs cannot carry the robot's weight")
 
 
-def linearise_gears(plant: PlantModel, rest: Array) -> None:
-    """Replace the gears' characteristics by their tangents at `rest`, the torques kept."""
+def linearise_gears(plant: PlantModel, state: Array) -> None:
+    """Replace the gears' characteristics by their tangents at `state`, the torques kept."""
     model = plant.model
-    plant.static_forces(rest)
+    plant.static_forces(state)
     for i in range(model.ntendon):
         x = float(plant.data.ten_length[i])
         low, (_, cubic) = model.tendon_stiffness[i], model.tendon_stiffnesspoly[i]
@@ -179,29 +179,29 @@ def linearise_gears(plant: PlantModel, rest: Array) -> None:
         model.tendon_lengthspring[i] = x - (low + cubic * x**2) * x / slope
 
 
-def open_gears(plant: PlantModel, rest: Array, gaps: Array) -> Array:
-    """Give the gears their gaps (n,); return `rest` with each motor moved to the flank it needs."""
-    rest = rest.copy()
-    plant.static_forces(rest)
+def open_gears(plant: PlantModel, state: Array, gaps: Array) -> Array:
+    """Give the gears their gaps (n,); return `state` with each motor at the flank that it loads."""
+    state = state.copy()
+    plant.static_forces(state)
     for motor, gear, gap in zip(plant.motors, plant.gears, gaps, strict=True):
         if gear >= 0 and gap > 0:
             middle = plant.model.tendon_lengthspring[gear].mean()
             side = np.sign(plant.data.ten_length[gear] - middle)
             plant.model.tendon_lengthspring[gear] = middle + gap * np.array([-0.5, 0.5])
-            rest[motor] -= side * gap / 2
-    return rest
+            state[motor] -= side * gap / 2
+    return state
 
 
-def substeps(plant: PlantModel, file: RobotFile, rest: Array, sample_time: float) -> int:
+def substeps(plant: PlantModel, file: RobotFile, state: Array, sample_time: float) -> int:
     """Return the least number of steps per sample with which the integration is stable."""
-    poles = _SAFETY * _poles(plant, file, rest) * sample_time
+    poles = _SAFETY * _poles(plant, file, state) * sample_time
     count = 1
     while (np.abs(np.polyval(STABILITY, poles / count)) > 1 + 1e-9).any():
         count += 1
     return count
 
 
-def _poles(plant: PlantModel, file: RobotFile, rest: Array) -> ComplexArray:
+def _poles(plant: PlantModel, file: RobotFile, state: Array) -> ComplexArray:
     """Return the poles, gravity left out, hardening springs at their hardest [rad/s]."""
     d = plant.model.nv
     damping, stiffness = np.zeros((2, d, d))
@@ -216,7 +216,7 @@ def _poles(plant: PlantModel, file: RobotFile, rest: Array) -> ComplexArray:
         damping += spring.damping * np.outer(a, a)
     for motor, c in zip(file.motors, plant.motors, strict=True):
         damping[c, c] += motor.viscous * motor.gear_ratio**2
-    both = np.linalg.solve(plant.mass(rest), np.hstack([stiffness, damping]))
+    both = np.linalg.solve(plant.mass(state), np.hstack([stiffness, damping]))
     companion = np.block([[np.zeros((d, d)), np.eye(d)], [-both]])
     poles = np.linalg.eigvals(companion)
     # Rigid modes are at zero but for rounding, which may put them to the right of it.

@@ -23,8 +23,8 @@ class Inertial:
         """Return what is left when `part` is taken away (parallel-axis theorem)."""
         mass = self.mass - part.mass
         com = (self.mass * self.com - part.mass * part.com) / mass
-        left = self.about_origin() - part.about_origin()
-        return Inertial(mass, com, left - _steiner(mass, com))
+        remainder = self.about_origin() - part.about_origin()
+        return Inertial(mass, com, remainder - _steiner(mass, com))
 
     def about_origin(self) -> Array:
         """Return the inertia about the origin of the link frame."""

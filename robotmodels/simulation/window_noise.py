@@ -55,8 +55,8 @@ def window_noise(loop: SampledLoop, z: ComplexArray, samples: int, std: Array) -
     transient = np.moveaxis(np.tensordot(basis.conj(), z[:, None] * flipped, 1), 0, 2)
     cross = np.tensordot(transient, change, 1) @ np.moveaxis(states * std**2, 1, 0)
     both = cross + np.conj(np.swapaxes(cross, -1, -2))
-    left = np.tensordot(transient, spread, 1) @ np.conj(np.swapaxes(transient, -1, -2))
-    return np.asarray(samples * np.diag(std**2) + both + left)
+    remainder = np.tensordot(transient, spread, 1) @ np.conj(np.swapaxes(transient, -1, -2))
+    return np.asarray(samples * np.diag(std**2) + both + remainder)
 
 
 def _state_change(step: Array, excited: Array, samples: int) -> tuple[Array, Array]:

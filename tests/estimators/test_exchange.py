@@ -88,7 +88,7 @@ def test_universal_files_keep_variances_and_the_last_but_one_bit_of_frequencies(
 def test_universal_files_are_what_the_format_says(tmp_path):
     path, estimate = tmp_path / "frf.uff", frf()
     write_frf(path, estimate)
-    with files_left_open():
+    with ignore_unclosed_files():
         sets = pyuff.UFF(str(path)).read_sets()
     one = next(s for s in sets if s["func_type"] == 4 and s["rsp_node"] == 2 and s["ref_node"] == 3)
     assert (one["rsp_dir"], one["ref_dir"], one["ver_num"]) == (4, 4, 1)
@@ -124,13 +124,13 @@ def foreign(path, change=lambda sets: sets):
         for i in (10, 20)
         for j in (10, 20)
     ]
-    with files_left_open():
+    with ignore_unclosed_files():
         for one in change(sets):
             pyuff.UFF(str(path)).write_sets(one, mode="add")
 
 
 @contextmanager
-def files_left_open():
+def ignore_unclosed_files():
     """pyuff does not close its files; they close when it is done with them."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", ResourceWarning)

@@ -25,7 +25,7 @@ from robotmodels import (
 from robotmodels.description.urdf import locate
 from robotmodels.simulation.imperfections import IDEAL
 from robotmodels.simulation.mujoco_model import build_plant
-from robotmodels.simulation.simulate_block import find_rest
+from robotmodels.simulation.simulate_block import static_state
 
 
 @pytest.fixture(scope="module")
@@ -74,14 +74,14 @@ def test_cuts_foundations_and_hardening_gears(nonlinear: bool) -> None:
 def test_rest_is_the_robots_equilibrium() -> None:
     robot = built(SPLIT)
     plant = build_plant(robot.file, locate(robot.file.urdf, robot.folder))
-    rest, hold = find_rest(plant, robot, UR10_POSITION[0], "")
+    rest, hold = static_state(plant, robot, UR10_POSITION[0], "")
     found = dict(zip(plant.names, rest, strict=True))
     expected = robot.equilibrium(UR10_POSITION).coordinates[0]
     for name, value in zip(robot.coordinate_names, expected, strict=False):
         assert abs(found[name] - value) < 1e-9
     level = pendulum()
     plant = build_plant(level.file, locate(level.file.urdf, level.folder))
-    _, torque = find_rest(plant, level, np.zeros(1), "")
+    _, torque = static_state(plant, level, np.zeros(1), "")
     body = level.rigid.inertias[1]
     sag = level.equilibrium(np.zeros((1, 1))).coordinates[0, 0]
     assert abs(torque[0]) == pytest.approx(9.81 * body.mass * body.lever[0] * np.cos(sag) / 50)
@@ -119,7 +119,7 @@ def test_large_motions_follow_mujocos_own_steps(amplitude: float, tolerance: flo
     )
     plant = build_plant(robot.file, locate(robot.file.urdf, robot.folder))
     model, data = plant.model, plant.data
-    data.qpos[:], _ = find_rest(plant, robot, position, "")
+    data.qpos[:], _ = static_state(plant, robot, position, "")
     data.qvel[:] = 0.0
     model.opt.integrator, model.opt.timestep = mujoco.mjtIntegrator.mjINT_RK4, T / 4
     ratio = np.array([m.gear_ratio for m in robot.file.motors])
