@@ -10,7 +10,7 @@ from estimators.chains.identified_chains import ChainIdentification
 from estimators.fitting.least_squares import Fit, fit
 from estimators.uncertainty.covariance import Uncertainty, covariance
 from robotmodels.common.arrays import Array, ComplexArray
-from robotmodels.common.printing import Printed
+from robotmodels.common.printing import ReprHtml
 from robotmodels.linear.modes import resonances
 
 _LEAST = 1e-2  # of the mean damper, to begin with
@@ -18,7 +18,7 @@ _GAIN = 3.0  # in cost for each number more that modes have free
 
 
 @dataclass(frozen=True, eq=False)
-class DamperFit(Printed):
+class DamperFit(ReprHtml):
     """Chains with dampers, motor friction and delay, all fitted together.
 
     Attributes

@@ -22,14 +22,14 @@ from estimators.trust.linearised_fit import LinearisedFit
 from estimators.trust.trust import Trust
 from robotmodels.common.arrays import Array, ComplexArray, IntArray, read_only
 from robotmodels.common.errors import SolverFailed
-from robotmodels.common.printing import Printed
+from robotmodels.common.printing import ReprHtml
 from robotmodels.description.parameters import Parameters
 from robotmodels.linear.residuals import RESIDUALS, ResidualForm
 from robotmodels.linear.response import Elastic, frequency_response
 
 
 @dataclass(frozen=True, eq=False)
-class Fit(Printed):
+class Fit(ReprHtml):
     """The end of one search, converged or not.
 
     Attributes

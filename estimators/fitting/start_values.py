@@ -10,7 +10,7 @@ from estimators.fitting.coarse_search import Group, coarse_search
 from estimators.frf.frf_estimate import FrfEstimate
 from robotmodels.common.arrays import Array, check_above_zero, read_only
 from robotmodels.common.errors import IdentificationError, InvalidInput, nearest
-from robotmodels.common.printing import Printed
+from robotmodels.common.printing import ReprHtml
 from robotmodels.linear.response import Elastic
 from robotmodels.linear.spring_network import SpringNetwork
 
@@ -26,7 +26,7 @@ STARTS = ("physics", "chains")
 
 
 @dataclass(frozen=True, eq=False)
-class StartValues(Printed):
+class StartValues(ReprHtml):
     """Rough values of parameters, and how rough.
 
     Attributes

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from estimators.frf.pooled_noise import PooledNoise, pooled_covariances, pooled_noise
 from robotmodels.common.arrays import Array, ComplexArray, IntArray, read_only
 from robotmodels.common.errors import InvalidInput
-from robotmodels.common.printing import Printed
+from robotmodels.common.printing import ReprHtml
 from robotmodels.linear.noise import NoiseLaw
 from robotmodels.linear.response import Elastic, frequency_response
 
@@ -57,7 +57,7 @@ _MOST = 1e20  # response, and standard deviation from its inverse on: costs squa
 
 
 @dataclass(frozen=True, eq=False)
-class FrfEstimate(Printed):
+class FrfEstimate(ReprHtml):
     """FRF estimates in Q positions at F frequencies, and how far to trust them.
 
     Attributes

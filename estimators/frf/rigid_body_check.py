@@ -92,7 +92,7 @@ def rigid_response(network: SpringNetwork, omega: Array) -> ComplexArray:
     w = omega[:, None, None]
     M, D, K = (
         np.expand_dims(np.broadcast_to(T.T @ a @ T, (len(network.mass), *[T.shape[1]] * 2)), 1)
-        for a in (*network.unsprung(), network.stiffness)
+        for a in (*network.without_springs(), network.stiffness)
     )
     A = K - w**2 * M + 1j * w * D
     S = T.T @ network.selector + 0j

@@ -12,7 +12,7 @@ from estimators.sampling.student_t_proposal import DOF, laplace
 from estimators.uncertainty.covariance import Uncertainty
 from robotmodels.common.arrays import Array, check_level, read_only
 from robotmodels.common.errors import InvalidInput, SolverFailed
-from robotmodels.common.printing import Printed
+from robotmodels.common.printing import ReprHtml
 from robotmodels.common.progress import Progress
 
 # Draws evaluated between two reports of progress.
@@ -20,7 +20,7 @@ BATCH = 2000
 
 
 @dataclass(frozen=True, eq=False)
-class ImportanceSample(Printed):
+class ImportanceSample(ReprHtml):
     """Weighted draws of ln theta.
 
     Attributes

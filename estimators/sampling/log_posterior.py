@@ -270,11 +270,11 @@ def side_by_side(network: SpringNetwork, parameters: Array, omega: Array) -> Com
 
     # One network of w Q positions: the kernel has no axis for parameters.
     each = [network.coefficients_at(theta) for theta in parameters]
-    unsprung = [network.unsprung(theta) for theta in parameters]
-    damping = unsprung[0][1]
+    without_springs = [network.without_springs(theta) for theta in parameters]
+    damping = without_springs[0][1]
     wide = replace(
         network,
-        mass=np.concatenate([mass for mass, _ in unsprung]),
+        mass=np.concatenate([mass for mass, _ in without_springs]),
         damping=damping if damping.ndim == 2 else damping[0],
         stiffness=np.tile(network.stiffness, (w, 1, 1)),
         spring_stiffness=np.concatenate([first[:, :s] for first, _ in each]),

@@ -24,14 +24,14 @@ from estimators.uncertainty.covariance import Uncertainty
 from robotmodels.common.arrays import Array, IntArray, check_level, check_memory, read_only
 from robotmodels.common.errors import InvalidInput
 from robotmodels.common.fingerprints import fingerprint
-from robotmodels.common.printing import Printed
+from robotmodels.common.printing import ReprHtml
 from robotmodels.common.progress import Progress
 
 _COPIES = 2  # of the chains, while they are joined
 
 
 @dataclass(frozen=True, eq=False)
-class Posterior(Printed):
+class Posterior(ReprHtml):
     """Draws of ln theta, and whether to trust them.
 
     Attributes

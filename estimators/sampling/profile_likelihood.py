@@ -25,12 +25,12 @@ from estimators.sampling.profile_search import (
 from estimators.sampling.student_t_proposal import laplace, student_t
 from estimators.uncertainty.sandwich import sandwich_parts
 from robotmodels.common.arrays import Array, check_level, read_only
-from robotmodels.common.printing import Printed
+from robotmodels.common.printing import ReprHtml
 from robotmodels.common.progress import Progress
 
 
 @dataclass(frozen=True, eq=False)
-class Profile(Printed):
+class Profile(ReprHtml):
     """The profile likelihood interval of one parameter.
 
     Attributes

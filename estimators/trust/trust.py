@@ -11,13 +11,13 @@ from estimators.trust.intervals import VERDICTS, Interval, Verdict, interval_doc
 from estimators.trust.line_scatter import Scatter
 from estimators.trust.residual_size import ResidualSize
 from robotmodels.common.arrays import Array, read_only
-from robotmodels.common.printing import Printed
+from robotmodels.common.printing import ReprHtml
 
 LEVEL = 0.95
 
 
 @dataclass(frozen=True, eq=False)
-class Trust(Printed):
+class Trust(ReprHtml):
     """The recommended intervals of a fit and the verdict on it, as plain arrays and words.
 
     Attributes

@@ -14,7 +14,7 @@ from estimators.trust.residual_size import residual_size
 from estimators.uncertainty.sandwich import sandwich_parts
 from robotmodels.common.arrays import Array, check_level, read_only
 from robotmodels.common.errors import InvalidInput, SolverFailed, nearest
-from robotmodels.common.printing import Printed
+from robotmodels.common.printing import ReprHtml
 from robotmodels.common.symmetric_matrices import scaled_eigh, unit_diagonal_scaling
 
 _NEGATIVE = 1e-6
@@ -28,7 +28,7 @@ METHODS = {
 
 
 @dataclass(frozen=True, eq=False)
-class Uncertainty(Printed):
+class Uncertainty(ReprHtml):
     """Covariance of ln theta, so that standard deviations are relative ones.
 
     Attributes

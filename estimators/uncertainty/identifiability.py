@@ -8,7 +8,7 @@ import numpy as np
 from estimators.fitting.least_squares import Fit
 from robotmodels.common.arrays import Array, read_only
 from robotmodels.common.errors import InvalidInput
-from robotmodels.common.printing import Printed
+from robotmodels.common.printing import ReprHtml
 from robotmodels.common.symmetric_matrices import scaled_inverse
 
 # Relative standard deviation above which a direction counts as weak: a factor of 1.35 either way.
@@ -42,7 +42,7 @@ class Advice:
 
 
 @dataclass(frozen=True, eq=False)
-class Identifiability(Printed):
+class Identifiability(ReprHtml):
     """What an information matrix says about p parameters.
 
     Attributes

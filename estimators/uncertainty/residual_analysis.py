@@ -12,7 +12,7 @@ from estimators.trust.residual_size import residual_size
 from estimators.trust.rule import find_correlation
 from robotmodels.common.arrays import IMPROBABLE, Array, IntArray
 from robotmodels.common.errors import InvalidInput, SolverFailed
-from robotmodels.common.printing import Printed
+from robotmodels.common.printing import ReprHtml
 
 LAGS = 5
 # Probability that a position is called outlying though all is noise.
@@ -20,7 +20,7 @@ FALSE_ALARM = 0.01
 
 
 @dataclass(frozen=True, eq=False)
-class ResidualAnalysis(Printed):
+class ResidualAnalysis(ReprHtml):
     """Squared residuals over what the noise lets expect after the fit, and tests of them.
 
     Attributes

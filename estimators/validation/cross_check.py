@@ -11,7 +11,7 @@ from estimators.trust.trust import Trust
 from estimators.uncertainty.covariance import Uncertainty, covariance
 from robotmodels.common.arrays import Array, read_only
 from robotmodels.common.errors import InvalidInput, NotIdentifiable
-from robotmodels.common.printing import Printed
+from robotmodels.common.printing import ReprHtml
 
 if TYPE_CHECKING:
     from estimators.sampling.importance_sampling import ImportanceSample
@@ -32,7 +32,7 @@ _APART = 1.0  # good fits a standard deviation and more apart are different answ
 
 
 @dataclass(frozen=True, eq=False)
-class CrossCheck(Printed):
+class CrossCheck(ReprHtml):
     """Standard deviations of ln theta by every method, beside the recommended ones.
 
     Attributes

@@ -17,7 +17,7 @@ from robotmodels.common.arrays import Array, BoolArray, IntArray, check_level, r
 from robotmodels.common.checkpoint_file import CheckpointFile
 from robotmodels.common.errors import IdentificationError, InvalidInput, SolverFailed, nearest
 from robotmodels.common.fingerprints import fingerprint
-from robotmodels.common.printing import Printed
+from robotmodels.common.printing import ReprHtml
 from robotmodels.common.progress import Progress
 from robotmodels.linear.response import Elastic, network_of
 
@@ -81,7 +81,7 @@ CHUNK = 20
 
 
 @dataclass(frozen=True, eq=False)
-class MonteCarlo(Printed):
+class MonteCarlo(ReprHtml):
     """What came out of N repeated experiments, runs without an answer left out.
 
     Attributes

@@ -8,7 +8,7 @@ import numpy as np
 from robotmodels.collision.surroundings import Surroundings
 from robotmodels.common.arrays import Array, BoolArray, IntArray, read_only, real_numbers
 from robotmodels.common.errors import InvalidInput
-from robotmodels.common.printing import Printed
+from robotmodels.common.printing import ReprHtml
 from robotmodels.common.progress import Progress
 from robotmodels.description.ranges import MOST_LENGTH
 from robotmodels.elastic.rigid_pose import holding_torques, unloaded
@@ -39,7 +39,7 @@ class Removal:
 
 
 @dataclass(frozen=True, eq=False)
-class ScreenedCandidates(Printed):
+class ScreenedCandidates(ReprHtml):
     """Positions that a robot can take, and what was removed.
 
     Attributes

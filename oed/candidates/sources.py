@@ -19,7 +19,13 @@ from robotmodels.common.arrays import Array, real_numbers
 from robotmodels.common.errors import InvalidInput, nearest
 from robotmodels.common.file_paths import check_file
 from robotmodels.common.progress import Progress
-from robotmodels.common.yaml_files import MOST_CHARACTERS, Strict, parse, read_text, yaml_document
+from robotmodels.common.yaml_files import (
+    MOST_CHARACTERS,
+    FileSection,
+    parse,
+    read_text,
+    yaml_document,
+)
 from robotmodels.common.yaml_reader import Node
 from robotmodels.data_files.file_guard import library_errors
 from robotmodels.description.ranges import Coordinate
@@ -42,7 +48,7 @@ class Motorised(Protocol):
         ...
 
 
-class PositionList(Strict, extra="ignore"):
+class PositionList(FileSection, extra="ignore"):
     """Positions in a YAML file [rad or m]."""
 
     positions: list[list[Coordinate]]

@@ -5,14 +5,14 @@ from dataclasses import dataclass
 
 from oed.design.certificate import efficiency_bound
 from robotmodels.common.arrays import Array, IntArray
-from robotmodels.common.printing import Printed
+from robotmodels.common.printing import ReprHtml
 
 SHOWN = 8
 """Candidates that a design names when it is printed."""
 
 
 @dataclass(frozen=True, eq=False)
-class Design(Printed):
+class Design(ReprHtml):
     """Weights of the candidates, with their certificate.
 
     Attributes

@@ -18,13 +18,13 @@ from oed.design.optimal_design import optimal_design
 from oed.information_sets.candidates import Candidates, InformationSamples
 from robotmodels.common.arrays import Array, read_only
 from robotmodels.common.errors import InvalidInput, nearest
-from robotmodels.common.printing import Printed
+from robotmodels.common.printing import ReprHtml
 
 KINDS = ("average", "maximin")
 
 
 @dataclass(frozen=True, eq=False)
-class RobustDesign(Printed):
+class RobustDesign(ReprHtml):
     """A robust design beside the nominal one.
 
     Attributes

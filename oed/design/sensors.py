@@ -20,7 +20,7 @@ from oed.information_sets.candidates import check_candidates
 from oed.information_sets.information_set import InformationSet
 from robotmodels.common.arrays import Array, check_above_zero
 from robotmodels.common.errors import InvalidInput, NotIdentifiable
-from robotmodels.common.printing import Printed
+from robotmodels.common.printing import ReprHtml
 
 _MOST_TRIED = 256
 
@@ -42,7 +42,7 @@ class Sensor:
 
 
 @dataclass(frozen=True, eq=False)
-class SensorDesign(Printed):
+class SensorDesign(ReprHtml):
     """A choice of sensors with its design, certified.
 
     Attributes

@@ -24,13 +24,13 @@ from oed.design.spectrum_polytope import LineLimit, Spectra
 from oed.information_sets.information_set import InformationSet
 from robotmodels.common.arrays import Array, IntArray, read_only
 from robotmodels.common.errors import InvalidInput, NotIdentifiable, SolverFailed
-from robotmodels.common.printing import Printed
+from robotmodels.common.printing import ReprHtml
 
 _REMEDY = "add positions or lines, or fix or tie some of these parameters"
 
 
 @dataclass(frozen=True, eq=False)
-class SpectrumDesign(Printed):
+class SpectrumDesign(ReprHtml):
     """Shares of the experiments and the powers of their lines, certified.
 
     Attributes

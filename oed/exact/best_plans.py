@@ -18,12 +18,12 @@ from oed.exact.exchange import WholeProblem
 from oed.information_sets.candidates import Candidates
 from robotmodels.common.arrays import Array, IntArray
 from robotmodels.common.errors import InvalidInput
-from robotmodels.common.printing import Printed
+from robotmodels.common.printing import ReprHtml
 from robotmodels.common.progress import Progress
 
 
 @dataclass(frozen=True, eq=False)
-class BestPlans(Printed):
+class BestPlans(ReprHtml):
     """The best different plans.
 
     Attributes

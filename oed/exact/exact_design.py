@@ -23,14 +23,14 @@ from oed.information_sets.candidates import Candidates, check_candidates
 from oed.information_sets.null_space import open_combinations, unidentifiable
 from robotmodels.common.arrays import Array, IntArray, check_count, read_only
 from robotmodels.common.errors import InvalidInput, NotIdentifiable
-from robotmodels.common.printing import Printed
+from robotmodels.common.printing import ReprHtml
 
 _POOL = 256  # candidates that exchanges begin with, at least
 _EXPERIMENTS = 15  # where nothing says how many
 
 
 @dataclass(frozen=True, eq=False)
-class ExactDesign(Printed):
+class ExactDesign(ReprHtml):
     """Whole experiments per candidate, with a certified efficiency.
 
     Attributes

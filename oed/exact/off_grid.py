@@ -27,7 +27,7 @@ from oed.information_sets.information_set import InformationSet
 from robotmodels.collision.surroundings import Surroundings
 from robotmodels.common.arrays import Array, BoolArray
 from robotmodels.common.errors import InvalidInput
-from robotmodels.common.printing import Printed
+from robotmodels.common.printing import ReprHtml
 from robotmodels.common.progress import Progress
 from robotmodels.elastic.robot import ElasticRobot
 from robotmodels.linear.noise import LoopNoise, NoiseLaw
@@ -37,7 +37,7 @@ _PRECISION = 0.01  # of climbing, as a part of the tolerance
 
 
 @dataclass(frozen=True, eq=False)
-class RefinedDesign(Printed):
+class RefinedDesign(ReprHtml):
     """A design whose support lies between the candidates it began with.
 
     Attributes

@@ -15,7 +15,7 @@ from oed.information_sets.candidates import Candidates, check_candidates
 from oed.information_sets.null_space import weak_directions
 from robotmodels.common.arrays import Array, IntArray, read_only, real_numbers
 from robotmodels.common.errors import InvalidInput
-from robotmodels.common.printing import Printed
+from robotmodels.common.printing import ReprHtml
 from robotmodels.common.symmetric_matrices import scaled_eigh
 
 _CONSIDERED = 512
@@ -42,7 +42,7 @@ class Addition:
 
 
 @dataclass(frozen=True, eq=False)
-class Score(Printed):
+class Score(ReprHtml):
     """A plan judged.
 
     Attributes

@@ -14,12 +14,12 @@ from oed.exact.plan_score import standard_deviations
 from oed.information_sets.candidates import Candidates, check_candidates
 from robotmodels.common.arrays import Array, IntArray, check_above_zero, read_only
 from robotmodels.common.errors import InvalidInput, NotIdentifiable, nearest
-from robotmodels.common.printing import Printed
+from robotmodels.common.printing import ReprHtml
 from robotmodels.common.progress import Progress
 
 
 @dataclass(frozen=True, eq=False)
-class NextExperiments(Printed):
+class NextExperiments(ReprHtml):
     """The best experiments to add, and what they are expected to bring.
 
     Attributes
@@ -44,7 +44,7 @@ class NextExperiments(Printed):
 
 
 @dataclass(frozen=True, eq=False)
-class ExperimentCurve(Printed):
+class ExperimentCurve(ReprHtml):
     """Plans of growing numbers of experiments: what each further one buys.
 
     Attributes
@@ -76,7 +76,7 @@ class ExperimentCurve(Printed):
 
 
 @dataclass(frozen=True, eq=False)
-class Needed(Printed):
+class Needed(ReprHtml):
     """How many experiments a wanted accuracy takes.
 
     Attributes

@@ -8,14 +8,14 @@ from pydantic import ConfigDict, Field
 
 from robotmodels.common.arrays import Array, IntArray
 from robotmodels.common.errors import InvalidInput
-from robotmodels.common.yaml_files import Strict, parse
+from robotmodels.common.yaml_files import FileSection, parse
 from robotmodels.common.yaml_reader import Node
 from robotmodels.data_files.json_text import read_json
 
 _MOST_VISITS = 1_000_000  # to one position
 
 
-class _Part(Strict):
+class _Part(FileSection):
     """What an experiment needs of a design file, which holds more for other programs."""
 
     model_config = ConfigDict(extra="ignore")

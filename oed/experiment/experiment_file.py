@@ -58,7 +58,7 @@ from oed.experiment.design_file import designed_positions
 from robotmodels.common.arrays import Array, IntArray
 from robotmodels.common.errors import InvalidInput
 from robotmodels.common.file_paths import absolute, output_folder, robot_reference
-from robotmodels.common.yaml_files import Strict, read_yaml
+from robotmodels.common.yaml_files import FileSection, read_yaml
 from robotmodels.description.ranges import (
     Coordinate,
     Count,
@@ -76,7 +76,7 @@ PositiveEach = Positive | Annotated[list[Positive], Field(min_length=1)]
 NonNegativeEach = NonNegative | Annotated[list[NonNegative], Field(min_length=1)]
 
 
-class MultisineChoice(Strict):
+class MultisineChoice(FileSection):
     """Lines of the speed reference: band [Hz], sampling [s], what is left out."""
 
     band: tuple[Hertz, Hertz]
@@ -115,7 +115,7 @@ class MultisineChoice(Strict):
         return round(self.period / self.sample_time)
 
 
-class LimitChoice(Strict):
+class LimitChoice(FileSection):
     """What the linear model may predict at most; per motor, at least one of the three."""
 
     torque: PositiveEach | None = None
@@ -131,14 +131,14 @@ class LimitChoice(Strict):
         return self
 
 
-class MoveChoice(Strict):
+class MoveChoice(FileSection):
     """Largest speed and acceleration between positions, arm side, per motor."""
 
     speed: PositiveEach = 1.0
     acceleration: PositiveEach = 2.0
 
 
-class ControllerChoice(Strict):
+class ControllerChoice(FileSection):
     """Gains of the cascaded controller, per motor; see `robotmodels.Controller`."""
 
     speed_gain: PositiveEach
@@ -147,7 +147,7 @@ class ControllerChoice(Strict):
     filter_time: NonNegativeEach = 0.0
 
 
-class ImperfectionChoice(Strict):
+class ImperfectionChoice(FileSection):
     """What the simulated robot has that its linear model has not; see `Imperfections`."""
 
     friction: NonNegative = 1.0
@@ -159,7 +159,7 @@ class ImperfectionChoice(Strict):
     nonlinear_gears: bool = True
 
 
-class Shaking(Strict):
+class Shaking(FileSection):
     """How a robot is shaken in its positions: the keys that a study's ``experiment`` has too."""
 
     multisine: MultisineChoice

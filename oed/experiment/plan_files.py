@@ -22,7 +22,7 @@ from robotmodels.common.atomic_files import atomic_write
 from robotmodels.common.errors import InvalidInput
 from robotmodels.common.file_paths import reason
 from robotmodels.common.fingerprints import fingerprint
-from robotmodels.common.yaml_files import Strict, read_yaml
+from robotmodels.common.yaml_files import FileSection, read_yaml
 from robotmodels.common.yaml_reader import reads_as_text
 from robotmodels.data_files.array_schema import ArraySchema, Field as ArrayField
 from robotmodels.data_files.hdf5_file import open_hdf5
@@ -39,7 +39,7 @@ _FILE = ArraySchema(
 Count = Annotated[int, Field(ge=0, le=10**9)]
 
 
-class MultisineSection(Strict):
+class MultisineSection(FileSection):
     """Lines of the multisine."""
 
     samples: Count
@@ -49,7 +49,7 @@ class MultisineSection(Strict):
     detection: list[Count]
 
 
-class MovesSection(Strict):
+class MovesSection(FileSection):
     """Limits of the moves, arm side."""
 
     positions: list[tuple[float, float]]
@@ -58,7 +58,7 @@ class MovesSection(Strict):
     start: list[float]
 
 
-class OrderSection(Strict):
+class OrderSection(FileSection):
     """How the positions came to be in this order, see `VisitingOrder`."""
 
     order: list[int]
@@ -67,7 +67,7 @@ class OrderSection(Strict):
     optimal: bool
 
 
-class PlanFile(Strict):
+class PlanFile(FileSection):
     """A plan file, ``schema: plan/1``."""
 
     schema_: Literal["plan/1"] = Field(alias="schema")

@@ -8,14 +8,14 @@ import numpy as np
 from oed.experiment.moves import MoveLimits, move_times
 from robotmodels.common.arrays import Array, IntArray, read_only
 from robotmodels.common.errors import InvalidInput
-from robotmodels.common.printing import Printed
+from robotmodels.common.printing import ReprHtml
 
 _EXACT = 12  # positions up to which all orders are considered
 _STARTS = 6
 
 
 @dataclass(frozen=True, eq=False)
-class VisitingOrder(Printed):
+class VisitingOrder(ReprHtml):
     """An order of positions.
 
     Attributes

@@ -12,7 +12,7 @@ from oed.information_sets.null_space import open_combinations, unidentifiable, w
 from robotmodels.common.arrays import Array, IntArray, read_only
 from robotmodels.common.atomic_files import atomic_write
 from robotmodels.common.errors import InvalidInput
-from robotmodels.common.printing import Printed
+from robotmodels.common.printing import ReprHtml
 from robotmodels.data_files.array_schema import ArraySchema, Field
 from robotmodels.data_files.hdf5_file import open_hdf5
 
@@ -29,7 +29,7 @@ _FILE = ArraySchema(
 
 
 @dataclass(frozen=True, eq=False)
-class InformationSet(Printed):
+class InformationSet(ReprHtml):
     """The information of one experiment in each of Q candidate positions.
 
     Attributes

@@ -24,7 +24,7 @@ from robotmodels.common.arrays import Array, IntArray
 from robotmodels.common.atomic_files import atomic_write
 from robotmodels.common.errors import InvalidInput
 from robotmodels.common.file_paths import check_file
-from robotmodels.common.yaml_files import Strict, parse
+from robotmodels.common.yaml_files import FileSection, parse
 from robotmodels.common.yaml_reader import Node
 from robotmodels.data_files.json_text import parse_json
 
@@ -32,7 +32,7 @@ _FORMAT, _HEADER = "oed-information/1", 65536
 _CHUNK_BYTES = 8 * 2**20
 
 
-class StoreHeader(Strict):
+class StoreHeader(FileSection):
     """The first line of a store."""
 
     format: Literal["oed-information/1"]

@@ -8,7 +8,7 @@ from estimators.uncertainty.covariance import Uncertainty
 from estimators.validation.monte_carlo import MonteCarlo
 from oed.criteria.objective import Objective
 from robotmodels.common.arrays import Array, BoolArray, IntArray
-from robotmodels.common.printing import Printed
+from robotmodels.common.printing import ReprHtml
 
 LEVEL = 0.95
 
@@ -56,7 +56,7 @@ class PlanTrial:
 
 
 @dataclass(frozen=True, eq=False)
-class PlanComparison(Printed):
+class PlanComparison(ReprHtml):
     """A plan against its rivals, the plan first.
 
     Efficiencies say how many experiments of the plan are worth as much as one of a rival, by the

@@ -6,7 +6,7 @@ from types import ModuleType
 from typing import Any
 
 from robotmodels.common.errors import InvalidInput, nearest
-from robotmodels.common.yaml_files import Strict
+from robotmodels.common.yaml_files import FileSection
 
 KINDS = ("study", "experiment", "robot")
 
@@ -29,7 +29,7 @@ def json_schema(kind: str) -> dict[str, Any]:
     from robotmodels.description import robot_file
 
     shaken = key_words(experiment)
-    kinds: dict[str, tuple[type[Strict], Words]] = {
+    kinds: dict[str, tuple[type[FileSection], Words]] = {
         "study": (
             study.Study,
             key_words(study)

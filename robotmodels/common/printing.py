@@ -33,7 +33,7 @@ def _escaped(character: re.Match[str]) -> str:
     return f"\\u{ord(character[0]):04x}"
 
 
-class Printed:
+class ReprHtml:
     """A result that a notebook shows as `print` does."""
 
     def _repr_html_(self) -> str:

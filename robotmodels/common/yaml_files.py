@@ -15,13 +15,13 @@ MOST_CHARACTERS = 4_000_000
 """Size of a YAML file [bytes]; longer lists of positions fit into CSV or NumPy's files."""
 
 
-class Strict(BaseModel):
+class FileSection(BaseModel):
     """A section of a file: unknown keys are refused, values cannot be changed."""
 
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
 
 
-_Section = TypeVar("_Section", bound=Strict)
+_Section = TypeVar("_Section", bound=FileSection)
 
 
 def read_yaml(path: Path, schema: type[_Section]) -> _Section:

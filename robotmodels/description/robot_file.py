@@ -52,7 +52,7 @@ from typing import Annotated, Literal, Self
 
 from pydantic import AfterValidator, BeforeValidator, Field, model_validator
 
-from robotmodels.common.yaml_files import Strict, read_yaml
+from robotmodels.common.yaml_files import FileSection, read_yaml
 from robotmodels.description.ranges import (
     LEAST_DIRECTION,
     Damping,
@@ -102,7 +102,7 @@ Inertia = Annotated[
 ]
 
 
-class Motor(Strict):
+class Motor(FileSection):
     """A motor; its values are on the motor shaft."""
 
     name: Name
@@ -122,7 +122,7 @@ class Motor(Strict):
         return self
 
 
-class Hardening(Strict):
+class Hardening(FileSection):
     """A cubic spring: slope `low` at rest, `high` where its torque is `torque`."""
 
     low: Stiffness
@@ -130,7 +130,7 @@ class Hardening(Strict):
     torque: Annotated[float, Field(ge=1e-9, le=1e12)]
 
 
-class Body(Strict):
+class Body(FileSection):
     """Mass [kg], centre of mass [m] in the link frame, inertia about it [kg m^2]."""
 
     mass: Mass
@@ -138,7 +138,7 @@ class Body(Strict):
     inertia: Inertia
 
 
-class Spring(Strict):
+class Spring(FileSection):
     """A spring-damper pair on the arm side, at a joint or at a cut through a link."""
 
     name: Name
@@ -168,7 +168,7 @@ class Spring(Strict):
         return self
 
 
-class Choice(Strict):
+class Choice(FileSection):
     """Which parameters are free; default: every stiffness, then every damping."""
 
     fixed: list[str] = []
@@ -182,7 +182,7 @@ class Payload(Body):
     link: str
 
 
-class Accelerometer(Strict):
+class Accelerometer(FileSection):
     """A sensor on a link: where it sits and along which axis it measures, in the link frame.
 
     Like a payload, it moves with the part beyond the last cut through its link.
@@ -200,7 +200,7 @@ class Accelerometer(Strict):
         return self
 
 
-class RobotFile(Strict):
+class RobotFile(FileSection):
     """A robot file, ``schema: robot/1``."""
 
     schema_: Literal["robot/1"] = Field(alias="schema")

@@ -11,13 +11,13 @@ frequency, whatever changes.
 from robotmodels.kernel.cost_cells import LLS, NLS
 from robotmodels.kernel.gauss_newton import lls_rows, nls_rows
 from robotmodels.kernel.ldlt import SOURCES, compiled, entry
-from robotmodels.kernel.memory import integer, load, load_complex, put, scalar, store
+from robotmodels.kernel.memory import integer, load, load_complex, scalar, store, store_scalar
 from robotmodels.kernel.simd import BYTES, fma, fma_conjugate, lane_sum, pack, splat
 from robotmodels.kernel.solve import motor_response, pack_position, solve
 
 
 @compiled
-def answers(work, columns):
+def unit_responses(work, columns):
     """Write X, the answer of all coordinates to the motors' torques, row by row to `columns`."""
     n = work.n
     for r in range(work.pad, work.size):
@@ -35,7 +35,7 @@ def answers(work, columns):
 
 
 @compiled
-def weigh_elements(work, symmetric):
+def element_weights(work, symmetric):
     """Write P, half of rho off the diagonal, to `symmetric`."""
     n, zero = work.n, pack(splat(0.0), splat(0.0))
     offset, e = n * (n + 1) * work.m, 0
@@ -93,16 +93,16 @@ def _slopes(work, cells, options, columns, sums, start, stop, out):
                 nls_rows(work, cells, cell)
             else:
                 lls_rows(work, cells, cell, residual == LLS)
-            answers(work, columns)
-            weigh_elements(work, symmetric)
+            unit_responses(work, columns)
+            element_weights(work, symmetric)
             add_products(work, columns, symmetric, sums, w)
         index = 0
         for a in range(d):
             for b in range(a + 1):
                 for part in range(2):
                     x = lane_sum(load(sums, index + part))
-                    put(out, ((2 * q + part) * d + a) * d + b, x)
-                    put(out, ((2 * q + part) * d + b) * d + a, x)
+                    store_scalar(out, ((2 * q + part) * d + a) * d + b, x)
+                    store_scalar(out, ((2 * q + part) * d + b) * d + a, x)
                 index += 2
 
 

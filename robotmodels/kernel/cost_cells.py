@@ -31,9 +31,9 @@ from robotmodels.kernel.memory import (
     load,
     load_complex,
     prefetch,
-    put,
     scalar,
     store,
+    store_scalar,
 )
 from robotmodels.kernel.simd import LANES, any_negative, fma, lane_sum, pack, splat, where_greater
 from robotmodels.kernel.solve import motor_response, motor_terms, pack_motors
@@ -85,7 +85,7 @@ def parted(values: ComplexArray) -> Array:
 
 
 @inlined
-def fetch(work, cells, cell):
+def prefetch_cell(work, cells, cell):
     """Bring a cell's matrix near while another is worked on; none is too many."""
     entries = work.size * (work.size + 1)
     for e in range(entries):
@@ -153,7 +153,7 @@ def nls(work, cells, cell):
 
 
 @inlined
-def settled(x, weight):
+def one_without_weight(x, weight):
     """Return x, or one where it has no weight: there, a logarithm may not exist."""
     zero = splat(0.0)
     return pack(
@@ -170,7 +170,7 @@ def lls(work, cells, cell):
     for i in range(n):
         for j in range(i, n):
             weight = load(cells.targets, t + 1)
-            x = settled(motor_response(work, i, j), weight)
+            x = one_without_weight(motor_response(work, i, j), weight)
             error = half_log(square(x)) - load(cells.targets, t)
             total = fma(error * error, weight, total)
             phase = angle(x)
@@ -192,7 +192,7 @@ def magnitudes(work, cells, cell):
     for i in range(n):
         for j in range(i, n):
             weight = load(cells.targets, t + 1)
-            x = settled(motor_response(work, i, j), weight)
+            x = one_without_weight(motor_response(work, i, j), weight)
             error = half_log(square(x)) - load(cells.targets, t)
             total = fma(error * error, weight, total)
             t += 2
@@ -219,7 +219,7 @@ def _cell_costs(work, cells, stiffness, damping, walkers, options, start, stop, 
                 squares = lls(work, cells, cell)
             else:
                 squares = magnitudes(work, cells, cell)
-            put(out, walker, scalar(out, walker) + lane_sum(squares))
+            store_scalar(out, walker, scalar(out, walker) + lane_sum(squares))
 
 
 def _cached(sources):

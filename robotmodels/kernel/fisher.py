@@ -14,16 +14,16 @@ the way, but the six h have to stay in registers, so they are spelled out.
 import numpy as np
 
 from robotmodels.kernel.ldlt import SOURCES, compiled, entry, inlined, square
-from robotmodels.kernel.memory import load, load_complex, put, scalar, store
+from robotmodels.kernel.memory import load, load_complex, scalar, store, store_scalar
 from robotmodels.kernel.sensitivity_products import (
     accumulate,
     add,
     clear,
-    elongate,
     fill_block,
+    outer_products,
     pair_offset,
     project,
-    spread,
+    spring_elongations,
 )
 from robotmodels.kernel.simd import BYTES, LANES, fma, fma_conjugate, maximum, pack, splat
 from robotmodels.kernel.solve import motor_response, pack_position, solve
@@ -33,7 +33,7 @@ _TWICE = float(np.sqrt(2.0))
 
 
 @compiled
-def weigh(work, relative, floor, mask, squared):
+def relative_weights(work, relative, floor, mask, squared):
     """Write w^2 over the noise law's standard deviation of each element of G, w^2 cancelled.
 
     Or its square. Element i, j > i counts for its mirror image too: `mask` is one, or zero to leave
@@ -67,17 +67,17 @@ def _informations(work, omega, mask, frequencies, relative, floor, start, stop, 
         for b in range(-(-frequencies // LANES)):
             w = load(omega, b)
             solve(work, q, w)
-            weigh(work, relative, floor, load(mask, b), six)
-            elongate(work, w)
+            relative_weights(work, relative, floor, load(mask, b), six)
+            spring_elongations(work, w)
             if six:
                 accumulate_six(work, w)
             else:
-                spread(work, True)
+                outer_products(work, True)
                 accumulate(work, work.m, w, False)
         springs = 8 * q * work.s
         fill_block(work, work.spring_stiffness + springs, work.spring_damping + springs, False)
         for e in range(size):
-            put(out, q * size + e, 0.0)
+            store_scalar(out, q * size + e, 0.0)
         project(work, q, out + 8 * q * size)
 
 
@@ -136,7 +136,7 @@ def accumulate_six(work, w):
 
 
 @compiled
-def gather(work, source, at, frequencies, weights):
+def load_weights(work, source, at, frequencies, weights):
     """Write (n, n) complex matrices of eight frequencies as vectors, zero beyond the last one.
 
     `source` is where the doubles of (F, n, n, 2) begin, `at` the first of the eight.
@@ -146,11 +146,11 @@ def gather(work, source, at, frequencies, weights):
         for lane in range(LANES):
             f = at + lane
             x = scalar(source, f * entries + e) if f < frequencies else 0.0
-            put(weights, e * LANES + lane, x)
+            store_scalar(weights, e * LANES + lane, x)
 
 
 @compiled
-def turn(work, weights):
+def apply_weights(work, weights):
     """Write U v and Y v of every needed spring; U and Y, by row, are at `weights`."""
     n, zero = work.n, pack(splat(0.0), splat(0.0))
     for s in range(work.m):
@@ -219,15 +219,15 @@ def _separable_informations(work, omega, inputs, outputs, weights, frequencies, 
         for b in range(blocks):
             w = load(omega, b)
             solve(work, q, w)
-            elongate(work, w)
-            gather(work, inputs[0] + inputs[1] * q, b * LANES, frequencies, weights)
-            gather(work, outputs[0] + outputs[1] * q, b * LANES, frequencies, upper)
-            turn(work, weights)
+            spring_elongations(work, w)
+            load_weights(work, inputs[0] + inputs[1] * q, b * LANES, frequencies, weights)
+            load_weights(work, outputs[0] + outputs[1] * q, b * LANES, frequencies, upper)
+            apply_weights(work, weights)
             accumulate_pairs(work, w)
         springs = 8 * q * work.s
         fill_block(work, work.spring_stiffness + springs, work.spring_damping + springs, False)
         for e in range(size):
-            put(out, q * size + e, 0.0)
+            store_scalar(out, q * size + e, 0.0)
         project(work, q, out + 8 * q * size)
 
 

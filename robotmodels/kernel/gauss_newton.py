@@ -7,18 +7,18 @@ the others are the gradient, theirs among each other the Gauss-Newton matrix.
 # numba compiles what follows and infers its types:
 # mypy: allow-untyped-decorators, allow-untyped-defs, allow-untyped-calls
 
-from robotmodels.kernel.cost_cells import LLS, NLS, fetch, settled, solve_cell
+from robotmodels.kernel.cost_cells import LLS, NLS, one_without_weight, prefetch_cell, solve_cell
 from robotmodels.kernel.ldlt import SOURCES, compiled, entry, inverse, square
-from robotmodels.kernel.memory import integer, load, load_complex, put, scalar, store
+from robotmodels.kernel.memory import integer, load, load_complex, scalar, store, store_scalar
 from robotmodels.kernel.sensitivity_products import (
     accumulate,
     clear,
-    elongate,
     exponent_row,
     fill_block,
+    outer_products,
     pair_offset,
     project,
-    spread,
+    spring_elongations,
 )
 from robotmodels.kernel.simd import fma, lane_sum, pack, root, splat, where_greater
 from robotmodels.kernel.solve import motor_response, pack_motors
@@ -56,19 +56,19 @@ def lls_rows(work, cells, cell, phases):
         for j in range(i, n):
             weight = load(cells.targets, t + 1)
             scale = root(weight)
-            x = settled(motor_response(work, i, j), weight)
-            error, turned = half_log(square(x)) - load(cells.targets, t), zero
+            x = one_without_weight(motor_response(work, i, j), weight)
+            error, phase_error = half_log(square(x)) - load(cells.targets, t), zero
             total = fma(error * error, weight, total)
             if phases:
                 phase = angle(x)
                 for k in range(t + 2, t + 6, 2):
-                    turn = wrap(phase - load(cells.targets, k))
+                    shift = wrap(phase - load(cells.targets, k))
                     share = load(cells.targets, k + 1)
-                    total = fma(turn * turn, share, total)
-                    turned = fma(turn, share, turned)
-                turned = where_greater(weight, zero, turned / scale, zero)
+                    total = fma(shift * shift, share, total)
+                    phase_error = fma(shift, share, phase_error)
+                phase_error = where_greater(weight, zero, phase_error / scale, zero)
             store(work.roots, e, inverse(x, 1.0) * scale)
-            store(work.rows, first + e, pack(error * scale, turned))
+            store(work.rows, first + e, pack(error * scale, phase_error))
             t += each
             e += 2
     return total
@@ -87,7 +87,7 @@ def add_gradient(work, q, stiffness, damping, out):
             x = 2.0 * scalar(damping, s) * lane_sum(load(work.sums, offset + 1))
         row = exponent_row(work, q, i)
         for a in range(work.p):
-            put(out, a, scalar(out, a) + x * scalar(row, a))
+            store_scalar(out, a, scalar(out, a) + x * scalar(row, a))
 
 
 @compiled
@@ -104,16 +104,16 @@ def _cell_normals(work, cells, stiffness, damping, options, start, stop, out):
         if cell == start or cell % blocks == 0:
             pack_motors(work, q)
             clear(work)
-        fetch(work, cells, cell + 1)
+        prefetch_cell(work, cells, cell + 1)
         solve_cell(work, cells, cell, coupled, k, c, work.first)
         if residual == NLS:
             squares = nls_rows(work, cells, cell)
         else:
             squares = lls_rows(work, cells, cell, residual == LLS)
-        put(out, 0, scalar(out, 0) + lane_sum(squares))
+        store_scalar(out, 0, scalar(out, 0) + lane_sum(squares))
         w = load(cells.omega, cell)
-        elongate(work, w)
-        spread(work, False)
+        spring_elongations(work, w)
+        outer_products(work, False)
         accumulate(work, work.m + 1, w, real)
         if cell == stop - 1 or (cell + 1) % blocks == 0:
             fill_block(work, k, c, real)

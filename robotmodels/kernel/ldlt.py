@@ -15,7 +15,7 @@ import numpy as np
 from numba import njit
 
 from robotmodels.kernel.elimination_order import BLOCK
-from robotmodels.kernel.memory import load, load_complex, put, scalar, store
+from robotmodels.kernel.memory import load, load_complex, scalar, store, store_scalar
 from robotmodels.kernel.simd import BYTES, LANES, fma, maximum, minimum, pack, splat
 
 SMALL_PIVOT = 1e-4
@@ -254,8 +254,8 @@ def solve_lane(work, source, first, lane):
                 y -= dense[i, k] * dense[k, size + j]
             dense[i, size + j] = y / dense[i, i]
             entry = LANES * (i * work.wide + 2 * j) + lane
-            put(work.receptance, entry, dense[i, size + j].real)
-            put(work.receptance, entry + LANES, dense[i, size + j].imag)
+            store_scalar(work.receptance, entry, dense[i, size + j].real)
+            store_scalar(work.receptance, entry + LANES, dense[i, size + j].imag)
 
 
 @compiled

@@ -134,7 +134,7 @@ def integer(typingctx, start, index):
 
 
 @intrinsic
-def put(typingctx, start, index, value):
+def store_scalar(typingctx, start, index, value):
     """Write a double to `index`, counted in doubles."""
 
     def codegen(context, builder, sig, args):

@@ -33,7 +33,7 @@ def eliminate_front(work):
 
 
 @compiled
-def keep(work, pad, matrix, off):
+def store_reduced(work, pad, matrix, off):
     """Write what is left, below `pad` rows of the unit matrix, and its rows' largest entries."""
     size = pad + work.size - work.first
     for i in range(size):
@@ -69,7 +69,7 @@ def _reductions(work, omega, blocks, pad, start, stop, matrix, off):
         if any_negative(eliminate_front(work)):
             return False
         offset = BYTES * cell * size
-        keep(work, pad, matrix + offset * (size + 1), off + offset)
+        store_reduced(work, pad, matrix + offset * (size + 1), off + offset)
     return True
 
 

@@ -12,13 +12,13 @@ a coordinate are spring and damper of its rate.
 
 from robotmodels.kernel.elimination_order import INERTANCE, MOTOR, MOTOR_INERTANCE
 from robotmodels.kernel.ldlt import compiled, inlined
-from robotmodels.kernel.memory import integer, load, load_complex, put, scalar, store
+from robotmodels.kernel.memory import integer, load, load_complex, scalar, store, store_scalar
 from robotmodels.kernel.simd import BYTES, fma, lane_sum, pack, root, splat
 from robotmodels.kernel.solve import motor_response
 
 
 @compiled
-def elongate(work, w):
+def spring_elongations(work, w):
     """Write v = X^T a of every needed spring, and of an inertance its rate, sqrt(j w) X^T e."""
     driven, wide = work.size - work.n, work.wide
     rate = root(splat(0.5) * w)
@@ -26,10 +26,10 @@ def elongate(work, w):
         a, b = integer(work.needed, 3 * s + 1), integer(work.needed, 3 * s + 2)
         first, second, out = a * wide, b * wide, s * wide
         if b == MOTOR_INERTANCE:
-            turn = rate * splat(1.0 / scalar(work.gears, a - driven))
+            scale = rate * splat(1.0 / scalar(work.gears, a - driven))
             for j in range(work.n):
                 response = motor_response(work, min(a - driven, j), max(a - driven, j))
-                store(work.elongation, out + 2 * j, response * pack(turn, turn))
+                store(work.elongation, out + 2 * j, response * pack(scale, scale))
             continue
         factor = pack(splat(1.0), splat(0.0))
         if b == MOTOR:
@@ -49,7 +49,7 @@ def elongate(work, w):
 
 
 @inlined
-def spread(work, real):
+def outer_products(work, real):
     """Write a_s, the elements i <= j of v_s v_s^T times the `roots` of their weights.
 
     Where roots are `real`, the first vector of the two counts.
@@ -177,21 +177,21 @@ def fill_block(work, stiffness, damping, real):
             t = integer(work.needed, 3 * j)
             other_k, other_c = scalar(stiffness, t), scalar(damping, t)
             offset = pair_offset(i, j)
-            put_pair(block, 2 * m, i, j, k * other_k * lane_sum(load(work.sums, offset)))
+            store_pair(block, 2 * m, i, j, k * other_k * lane_sum(load(work.sums, offset)))
             across = lane_sum(load(work.sums, offset + 1))
             back = lane_sum(load(work.sums, offset + 2)) if real else -across
-            put_pair(block, 2 * m, i, m + j, -k * other_c * across)
+            store_pair(block, 2 * m, i, m + j, -k * other_c * across)
             if i != j:
-                put_pair(block, 2 * m, j, m + i, -c * other_k * back)
+                store_pair(block, 2 * m, j, m + i, -c * other_k * back)
             dampers = c * other_c * lane_sum(load(work.sums, offset + 3))
-            put_pair(block, 2 * m, m + i, m + j, dampers)
+            store_pair(block, 2 * m, m + i, m + j, dampers)
 
 
 @inlined
-def put_pair(matrix, width, i, j, x):
+def store_pair(matrix, width, i, j, x):
     """Write a symmetric entry."""
-    put(matrix, i * width + j, x)
-    put(matrix, j * width + i, x)
+    store_scalar(matrix, i * width + j, x)
+    store_scalar(matrix, j * width + i, x)
 
 
 @compiled
@@ -203,9 +203,9 @@ def list_exponents(work, q):
         for a in range(work.p):
             x = scalar(row, a)
             if x != 0.0:
-                put(work.listed, 3 * count, float(i))
-                put(work.listed, 3 * count + 1, float(a))
-                put(work.listed, 3 * count + 2, x)
+                store_scalar(work.listed, 3 * count, float(i))
+                store_scalar(work.listed, 3 * count + 1, float(a))
+                store_scalar(work.listed, 3 * count + 2, x)
                 count += 1
     return count
 
@@ -218,12 +218,12 @@ def project(work, q, out):
         i, a = int(scalar(work.listed, 3 * e)), int(scalar(work.listed, 3 * e + 1))
         x = scalar(work.listed, 3 * e + 2)
         entry = a * (p + 1)
-        put(out, entry, scalar(out, entry) + x * x * scalar(block, i * (width + 1)))
+        store_scalar(out, entry, scalar(out, entry) + x * x * scalar(block, i * (width + 1)))
         for f in range(e):
             j, b = int(scalar(work.listed, 3 * f)), int(scalar(work.listed, 3 * f + 1))
             y = x * scalar(work.listed, 3 * f + 2) * scalar(block, i * width + j)
-            put(out, a * p + b, scalar(out, a * p + b) + y)
-            put(out, b * p + a, scalar(out, b * p + a) + y)
+            store_scalar(out, a * p + b, scalar(out, a * p + b) + y)
+            store_scalar(out, b * p + a, scalar(out, b * p + a) + y)
 
 
 @inlined

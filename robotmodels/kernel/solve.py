@@ -19,7 +19,7 @@ from robotmodels.kernel.ldlt import (
     inverse,
     solve_lane,
 )
-from robotmodels.kernel.memory import integer, load, load_complex, put, scalar, store
+from robotmodels.kernel.memory import integer, load, load_complex, scalar, store, store_scalar
 from robotmodels.kernel.simd import LANES, any_negative, fma, pack, splat
 
 
@@ -42,7 +42,7 @@ def pack_position(work, q):
                     x = scalar(tables[t], a * d + b)
                 elif i == j and t == 2:
                     x = 1.0
-                put(work.packed, t * triangle + i * (i + 1) // 2 + j, x)
+                store_scalar(work.packed, t * triangle + i * (i + 1) // 2 + j, x)
     for e in range(work.n_inner):
         s, i, j = (
             integer(work.inner, 3 * e),
@@ -65,21 +65,23 @@ def pack_motors(work, q):
         if a >= 0:
             diagonal = a * (work.d + 1)
             index = q * work.d * work.d + diagonal
-            put(work.arms, 3 * i, scalar(work.mass, index))
-            put(work.arms, 3 * i + 1, scalar(work.damping, q * work.damping_step + diagonal))
-            put(work.arms, 3 * i + 2, scalar(work.stiffness, index))
+            store_scalar(work.arms, 3 * i, scalar(work.mass, index))
+            store_scalar(
+                work.arms, 3 * i + 1, scalar(work.damping, q * work.damping_step + diagonal)
+            )
+            store_scalar(work.arms, 3 * i + 2, scalar(work.stiffness, index))
 
 
 @compiled
 def add_spring(triangle, x, i, j):
     """Add `x` to a packed symmetric matrix where a spring joins rows `i` and `j` (or ground)."""
     index = i * (i + 3) // 2
-    put(triangle, index, scalar(triangle, index) + x)
+    store_scalar(triangle, index, scalar(triangle, index) + x)
     if j >= 0:
         index = j * (j + 3) // 2
-        put(triangle, index, scalar(triangle, index) + x)
+        store_scalar(triangle, index, scalar(triangle, index) + x)
         index = max(i, j) * (max(i, j) + 1) // 2 + min(i, j)
-        put(triangle, index, scalar(triangle, index) - x)
+        store_scalar(triangle, index, scalar(triangle, index) - x)
 
 
 @compiled
@@ -89,11 +91,11 @@ def bound_rows(work):
     for t in range(3):
         start = work.bounds + 8 * t * size
         for i in range(size):
-            put(start, i, 0.0)
+            store_scalar(start, i, 0.0)
             for j in range(i):
                 x = abs(scalar(work.packed, t * triangle + i * (i + 1) // 2 + j))
-                put(start, i, max(scalar(start, i), x))
-                put(start, j, max(scalar(start, j), x))
+                store_scalar(start, i, max(scalar(start, i), x))
+                store_scalar(start, j, max(scalar(start, j), x))
 
 
 @inlined
@@ -198,8 +200,8 @@ def _responses(work, omega, frequencies, start, stop, out):
                         row = (q * frequencies + b * LANES + lane) * n
                         for part in range(2):
                             x = scalar(work.panel, part * LANES + lane)
-                            put(out, 2 * ((row + i) * n + j) + part, x)
-                            put(out, 2 * ((row + j) * n + i) + part, x)
+                            store_scalar(out, 2 * ((row + i) * n + j) + part, x)
+                            store_scalar(out, 2 * ((row + j) * n + i) + part, x)
 
 
 def _cached(sources):

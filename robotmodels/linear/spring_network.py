@@ -185,7 +185,7 @@ class SpringNetwork:
         first, second = self.coefficients_at(parameters)
         return first[:, :s], second[:, :s]
 
-    def unsprung(self, parameters: Array | None = None) -> tuple[Array, Array]:
+    def without_springs(self, parameters: Array | None = None) -> tuple[Array, Array]:
         """Return mass, (Q, d, d), and damping, (d, d) or (Q, d, d), of all but the springs."""
         if self.inertances is None:
             return self.mass, self.damping
@@ -199,7 +199,7 @@ class SpringNetwork:
         """Return the linear models, leading axis Q, at `parameters`."""
         a, s = self.incidence(), len(self.nodes)
         first, second = self.coefficients_at(parameters)
-        mass, damping = self.unsprung(parameters)
+        mass, damping = self.without_springs(parameters)
         return LinearModel(
             mass=mass,
             damping=damping + np.einsum("qs,si,sj->qij", second[:, :s], a, a),

@@ -47,7 +47,7 @@ _FARTHEST = 1.0  # from its start, beyond which a motor is not under control [ra
 _SWEEPS = 50  # of Gauss and Seidel over motors that friction couples (rigid drives)
 
 
-class Engine(NamedTuple):
+class MujocoState(NamedTuple):
     """MuJoCo's model and data: addresses, and views of the data's arrays (d,)."""
 
     model: int
@@ -77,7 +77,7 @@ class Drives(NamedTuple):
     mobility: Array
 
 
-class Law(NamedTuple):
+class ControllerGains(NamedTuple):
     """The numbers of a `Controller`, and the torques that hold the arm, (n,)."""
 
     speed_gain: Array
@@ -97,9 +97,9 @@ class Sensing(NamedTuple):
 
 @njit(nogil=True, cache=True)
 def run(
-    engine: Engine,
+    engine: MujocoState,
     drives: Drives,
-    law: Law,
+    gains: ControllerGains,
     sensing: Sensing,
     reference: Array,
     disturbance: Array,
@@ -131,12 +131,12 @@ def run(
             if not abs(true_angle[k, j] - start[j]) < _FARTHEST * abs(drives.ratio[j]):
                 return torque, angle, limited, k
             y = _measured(true_angle, true_speed, k, j, sensing, sample_time, start[j])
-            pole = law.filter_pole[j]
+            pole = gains.filter_pole[j]
             speed[j] = pole * speed[j] + (1 - pole) * (y - last[j]) / sample_time
             last[j] = y
-            error = reference[k, j] + law.position_gain[j] * (start[j] - y) - speed[j]
-            step = sample_time * law.integral_rate[j] * error
-            u = law.speed_gain[j] * (error + integral[j] + step) + law.hold[j]
+            error = reference[k, j] + gains.position_gain[j] * (start[j] - y) - speed[j]
+            step = sample_time * gains.integral_rate[j] * error
+            u = gains.speed_gain[j] * (error + integral[j] + step) + gains.hold[j]
             limited[k, j] = abs(u) > drives.limit[j]
             if limited[k, j]:
                 u = np.sign(u) * drives.limit[j]
@@ -179,7 +179,12 @@ def _delayed(
 
 @njit(nogil=True, cache=True)
 def _advance(
-    engine: Engine, drives: Drives, impulses: Array, duration: float, substeps: int, work: Array
+    engine: MujocoState,
+    drives: Drives,
+    impulses: Array,
+    duration: float,
+    substeps: int,
+    work: Array,
 ) -> None:
     """Advance by one sample: geometry in its middle, Runge-Kutta steps, friction after each."""
     q, v = engine.qpos, engine.qvel
@@ -203,11 +208,11 @@ def _advance(
             for i in range(d):
                 q[i] += _B[stage] * slope_q[i]
                 v[i] += _B[stage] * slope_v[i]
-        _rub(engine, drives, impulses, h)
+        apply_coulomb_friction(engine, drives, impulses, h)
 
 
 @njit(nogil=True, cache=True)
-def _rub(engine: Engine, drives: Drives, impulses: Array, h: float) -> None:
+def apply_coulomb_friction(engine: MujocoState, drives: Drives, impulses: Array, h: float) -> None:
     """Brake the motors by Coulomb friction: stop each one if the impulse at hand can do it.
 
     The impulse is that of a force that was constant over the step h, so it moves the motors too:

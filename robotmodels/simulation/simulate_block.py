@@ -13,7 +13,14 @@ from robotmodels.description.urdf import locate
 from robotmodels.elastic.robot import ElasticRobot
 from robotmodels.simulation.controller import Controller
 from robotmodels.simulation.imperfections import Imperfections
-from robotmodels.simulation.mujoco_loop import STABILITY, Drives, Engine, Law, Sensing, run
+from robotmodels.simulation.mujoco_loop import (
+    STABILITY,
+    ControllerGains,
+    Drives,
+    MujocoState,
+    Sensing,
+    run,
+)
 from robotmodels.simulation.mujoco_model import PlantModel, addresses, build_plant, register_mujoco
 
 
@@ -65,8 +72,8 @@ def run_block(block: Block) -> tuple[Array, Array, NDArray[np.bool_]]:
     steps = substeps(plant, robot.file, state, controller.sample_time)
     n = len(hold)
     state = open_gears(plant, state, flaws.per_motor("backlash", n))
-    engine, drives = _engine(plant), _drives(plant, robot, state, flaws)
-    law = _law(controller, hold / drives.gain)
+    engine, drives = _mujoco_state(plant), _drives(plant, robot, state, flaws)
+    gains = _controller_gains(controller, hold / drives.gain)
     _, N, _ = block.signals.shape
     total = (block.transient + block.periods) * N
     shape = (block.periods, N, n)
@@ -81,7 +88,7 @@ def run_block(block: Block) -> tuple[Array, Array, NDArray[np.bool_]]:
         reference = np.ascontiguousarray(np.tile(signal, (block.transient + block.periods, 1)))
         sensing = Sensing(robot.file.delay / controller.sample_time, flaws.quantisation, errors)
         *traces, good = run(
-            engine, drives, law, sensing, reference, disturbance, controller.sample_time, steps
+            engine, drives, gains, sensing, reference, disturbance, controller.sample_time, steps
         )
         if good < total:
             raise _lost(f"{block.where}, run {e + 1}", good * controller.sample_time)
@@ -98,8 +105,8 @@ def _lost(where: str, after: float) -> SolverFailed:
     )
 
 
-def _law(controller: Controller, hold: Array) -> Law:
-    return Law(
+def _controller_gains(controller: Controller, hold: Array) -> ControllerGains:
+    return ControllerGains(
         np.array(controller.speed_gain),
         1 / np.array(controller.integral_time),
         np.array(controller.position_gain),
@@ -108,9 +115,9 @@ def _law(controller: Controller, hold: Array) -> Law:
     )
 
 
-def _engine(plant: PlantModel) -> Engine:
+def _mujoco_state(plant: PlantModel) -> MujocoState:
     data = plant.data
-    return Engine(*addresses(plant), data.qpos, data.qvel, data.qfrc_applied, data.qacc_smooth)
+    return MujocoState(*addresses(plant), data.qpos, data.qvel, data.qfrc_applied, data.qacc_smooth)
 
 
 def _drives(plant: PlantModel, robot: ElasticRobot, state: Array, flaws: Imperfections) -> Drives:

@@ -28,7 +28,7 @@ from typing import Annotated, Self
 
 from pydantic import Field, model_validator
 
-from robotmodels.common.yaml_files import Strict
+from robotmodels.common.yaml_files import FileSection
 from robotmodels.description.ranges import Coordinate, JointLimit, Length, Positive, Vector
 
 MOST_CANDIDATES = 5_000_000
@@ -37,7 +37,7 @@ MOST_CANDIDATES = 5_000_000
 Points = Annotated[int, Field(ge=1, le=MOST_CANDIDATES)]
 
 
-class ObstacleChoice(Strict):
+class ObstacleChoice(FileSection):
     """A plane (normal, offset), a box (center, size, rpy) or a sphere (center, radius)."""
 
     name: str
@@ -60,7 +60,7 @@ class ObstacleChoice(Strict):
         return self
 
 
-class BoxChoice(Strict):
+class BoxChoice(FileSection):
     """Points in a box that a tool is to reach, see `oed.candidates.task_space.TaskBox`."""
 
     link: str
@@ -73,7 +73,7 @@ class BoxChoice(Strict):
     solutions: Annotated[int, Field(ge=1, le=100)] = 4
 
 
-class Candidates(Strict):
+class Candidates(FileSection):
     """Sources of candidate positions, and what the robot must not touch."""
 
     per_joint: Annotated[dict[str, Points], Field(min_length=1)] | None = None

@@ -33,7 +33,7 @@ from typing import Annotated, Literal, Self
 from pydantic import Field, model_validator
 
 from oed.experiment.experiment_file import MoveChoice
-from robotmodels.common.yaml_files import Strict
+from robotmodels.common.yaml_files import FileSection
 from robotmodels.description.ranges import Coordinate, Count, JointLimit, Seconds
 
 Deviation = Annotated[float, Field(ge=1e-6, le=10)]
@@ -47,7 +47,7 @@ class Moves(MoveChoice):
     home: Annotated[tuple[Coordinate, ...], Field(min_length=1)] | None = None
 
 
-class GroupChoice(Strict):
+class GroupChoice(FileSection):
     """Limits on the experiments in candidates within ranges of joints."""
 
     where: Ranges
@@ -61,7 +61,7 @@ class GroupChoice(Strict):
         return self
 
 
-class RobustChoice(Strict):
+class RobustChoice(FileSection):
     """Samples of theta for which a design is to hold, the robot file's values first."""
 
     kind: Literal["maximin", "average"] = "maximin"
@@ -69,7 +69,7 @@ class RobustChoice(Strict):
     samples: Annotated[int, Field(ge=2, le=64)] = 8
 
 
-class DesignChoice(Strict):
+class DesignChoice(FileSection):
     """What to maximise and within what limits; see the module."""
 
     criterion: Literal["D", "A", "E", "Ds", "As"] = "D"

@@ -5,13 +5,13 @@ from typing import Annotated, Literal, Self
 from pydantic import Field, model_validator
 
 from robotmodels.common.errors import nearest
-from robotmodels.common.yaml_files import Strict
+from robotmodels.common.yaml_files import FileSection
 from robotmodels.description.ranges import Index, NonNegative
 
 Residual = Literal["nls", "lls", "lls_magnitude"]
 
 
-class WeightChoice(Strict):
+class WeightChoice(FileSection):
     """User-defined weights: of elements on and off the diagonal, zero below a frequency [Hz]."""
 
     diagonal: NonNegative = 1.0
@@ -19,7 +19,7 @@ class WeightChoice(Strict):
     low: NonNegative = 0.0
 
 
-class Estimator(Strict):
+class Estimator(FileSection):
     """An estimator: residual, weights, and which of the plan's positions, counted from 0.
 
     `reweight` repeats the best fit with optimal weights at its own FRF.
@@ -32,7 +32,7 @@ class Estimator(Strict):
     reweight: bool = False
 
 
-class FitChoice(Strict):
+class FitChoice(FileSection):
     """Estimators, each from the same starts, perturbed by 10^U(-decades, decades)."""
 
     residuals: Annotated[tuple[Residual, ...], Field(min_length=1)] = ("lls", "nls")

@@ -4,10 +4,10 @@ from typing import Annotated
 
 from pydantic import Field
 
-from robotmodels.common.yaml_files import Strict
+from robotmodels.common.yaml_files import FileSection
 
 
-class RivalChoice(Strict):
+class RivalChoice(FileSection):
     """How many starts of the time-domain rival, at each distance from the truth [decades]."""
 
     starts: Annotated[int, Field(ge=1, le=1000)] = 3

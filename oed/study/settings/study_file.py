@@ -66,14 +66,14 @@ from oed.study.settings.design_settings import DesignChoice
 from oed.study.settings.fit_settings import FitChoice
 from oed.study.settings.replication_settings import ESTIMATORS, RivalChoice
 from robotmodels.common.file_paths import existing_file, output_folder, robot_reference
-from robotmodels.common.yaml_files import Strict, read_yaml
+from robotmodels.common.yaml_files import FileSection, read_yaml
 from robotmodels.description.ranges import Count, Hertz, Index, Positive, Seed
 
 MOST_DRAWS = 10**9
 """Steps of all walkers of a posterior; a thousandth of them takes some minutes."""
 
 
-class Frequencies(Strict):
+class Frequencies(FileSection):
     """The frequency grid [Hz], ends included."""
 
     low: Hertz
@@ -88,7 +88,7 @@ class Frequencies(Strict):
         return self
 
 
-class Noise(Strict):
+class Noise(FileSection):
     """The noise law of `RelativeNoise`: parts of the element and of the largest element [-]."""
 
     relative: Annotated[float, Field(ge=0, le=1e3)]
@@ -103,7 +103,7 @@ class Noise(Strict):
         return self
 
 
-class DataChoice(Strict):
+class DataChoice(FileSection):
     """Where the FRFs come from; from the noise law where none of the first three is given."""
 
     experiment: Shaking | None = None
@@ -128,7 +128,7 @@ class DataChoice(Strict):
         return self.records is not None or self.frf is not None
 
 
-class PosteriorChoice(Strict):
+class PosteriorChoice(FileSection):
     """Independent ensembles of emcee walkers, and when they have done enough steps.
 
     They stop when R-hat is at most `r_hat` and the effective sample size of every parameter at
@@ -151,7 +151,7 @@ class PosteriorChoice(Strict):
         return self
 
 
-class ValidationChoice(Strict):
+class ValidationChoice(FileSection):
     """Which positions check predictions instead of being fitted.
 
     Of simulated data `count` candidates that the plan does not use; of measured data some of their
@@ -171,7 +171,7 @@ class ValidationChoice(Strict):
         return self
 
 
-class CompareChoice(Strict):
+class CompareChoice(FileSection):
     """Rivals of the plan, and how many experiments are simulated by each plan."""
 
     random: Annotated[int, Field(ge=0, le=100)] = 3
@@ -181,7 +181,7 @@ class CompareChoice(Strict):
     runs: Annotated[int, Field(ge=0, le=100_000)] | None = None
 
 
-class Study(Strict):
+class Study(FileSection):
     """A study file, ``schema: study/1``; paths in it are relative to the file."""
 
     schema_: Literal["study/1"] = Field(alias="schema")
