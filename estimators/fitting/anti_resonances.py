@@ -45,9 +45,9 @@ def dip_values(
         Inertias at its ends.
     """
     ends = network.nodes[s].tolist()
-    own = int(np.argmax(np.abs(network.selector[:, motor])))
-    rotor, arm = both[ends.index(own)], both[1 - ends.index(own)]
-    found = []
+    shaft = int(np.argmax(np.abs(network.selector[:, motor])))
+    rotor, arm = both[ends.index(shaft)], both[1 - ends.index(shaft)]
+    dips = []
     # What lies below the noise shows no dips of its own.
     size = np.abs(estimate.response[:, :, motor, motor])
     noise = MINIMUM_SNR * np.sqrt(estimate.variance[:, :, motor, motor])
@@ -56,8 +56,8 @@ def dip_values(
         if not omega.size:
             inertia = 1 / (1 / arm[q] + 1 / rotor[q])
             omega, depth = _dips(-level, estimate.omega)
-        found.append((np.log(inertia * omega**2), np.minimum(depth, DEEP)))
-    return found
+        dips.append((np.log(inertia * omega**2), np.minimum(depth, DEEP)))
+    return dips
 
 
 def _dips(level: Array, omega: Array) -> tuple[Array, Array]:
@@ -68,25 +68,25 @@ def _dips(level: Array, omega: Array) -> tuple[Array, Array]:
     return omega[dips], shape["prominences"]
 
 
-def agreed(found: list[tuple[Array, Array]]) -> float:
+def agreed(dips: list[tuple[Array, Array]]) -> float:
     """Return exp of the value that most positions have, or nearly; not a number without two.
 
     Parameters
     ----------
-    found : list of tuple of (ndarray, ndarray)
+    dips : list of tuple of (ndarray, ndarray)
         Logarithms of candidates and their weights, for each position.
     """
 
     def support(value: float) -> Array:
         """Return the best weight for a value in each position, (Q,)."""
         return np.array(
-            [np.max(w * np.exp(-(((x - value) / AGREE) ** 2) / 2), initial=0.0) for x, w in found]
+            [np.max(w * np.exp(-(((x - value) / AGREE) ** 2) / 2), initial=0.0) for x, w in dips]
         )
 
-    candidates = np.concatenate([x for x, _ in found])
+    candidates = np.concatenate([x for x, _ in dips])
     if not candidates.size:
         return np.nan
     best = max(candidates.tolist(), key=lambda value: float(support(value).sum()))
-    near = [x[np.argmin(np.abs(x - best))] for x, _ in found if x.size]
+    near = [x[np.argmin(np.abs(x - best))] for x, _ in dips if x.size]
     near = [x for x in near if abs(x - best) < 2 * AGREE]
-    return float(np.exp(np.median(near))) if len(near) >= min(2, len(found)) else np.nan
+    return float(np.exp(np.median(near))) if len(near) >= min(2, len(dips)) else np.nan

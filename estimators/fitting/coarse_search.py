@@ -52,9 +52,11 @@ def coarse_search(
     acting = exponents.any(axis=1)
     inverse = np.zeros(exponents.T.shape)
     inverse[:, acting] = np.linalg.pinv(exponents[acting])
-    own = np.concatenate([network.spring_stiffness, network.spring_damping], axis=1)
+    coefficients = np.concatenate([network.spring_stiffness, network.spring_damping], axis=1)
     with np.errstate(divide="ignore"):
-        level = np.mean(np.log(own), axis=0) - exponents @ np.log(network.parameters.values)
+        level = np.mean(np.log(coefficients), axis=0) - exponents @ np.log(
+            network.parameters.values
+        )
     x = np.log(start)
     least = error(x)
     for _ in range(_SWEEPS):
@@ -88,8 +90,8 @@ def _error(network: SpringNetwork, estimate: FrfEstimate) -> Callable[[Array], f
         except (IdentificationError, np.linalg.LinAlgError):
             return np.inf
         with np.errstate(divide="ignore", invalid="ignore"):
-            apart = np.abs(measured - np.log(np.abs(G)))[used]
-        mean = float(np.sum(weights[used] * apart) / np.sum(weights)) if used.any() else 0.0
+            deviation = np.abs(measured - np.log(np.abs(G)))[used]
+        mean = float(np.sum(weights[used] * deviation) / np.sum(weights)) if used.any() else 0.0
         return mean if np.isfinite(mean) else np.inf
 
     return error

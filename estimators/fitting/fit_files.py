@@ -38,9 +38,9 @@ _FIT = ArraySchema(
         "bounds": Field(("", "parameter"), finite=False),
         "positions": Field(("position", "coordinate")),
         "weighting": Field((), "text", attribute=True, optional=True),
-        "prior_names": Field(("known",), "text", attribute=True, optional=True),
-        "prior_values": Field(("known",), optional=True),
-        "prior_std": Field(("known",), optional=True),
+        "prior_names": Field(("prior",), "text", attribute=True, optional=True),
+        "prior_values": Field(("prior",), optional=True),
+        "prior_std": Field(("prior",), optional=True),
     }
 )
 
@@ -67,11 +67,11 @@ def write_fits(path: str | Path, fits: Sequence[Fit]) -> None:
         file.attrs["schema"] = SCHEMA
         file.create_dataset("names", data=list(names), dtype=h5py.string_dtype())
         for i, one in enumerate(fits):
-            place = _place(one.weights, weights)
-            if place == len(weights):
+            index = _weights_index(one.weights, weights)
+            if index == len(weights):
                 weights.append(one.weights)
-                file[f"weights_{place}"] = one.weights
-            _write_fit(file.create_group(f"fit_{i:05d}"), one, place)
+                file[f"weights_{index}"] = one.weights
+            _write_fit(file.create_group(f"fit_{i:05d}"), one, index)
 
 
 def read_fits(path: str | Path, model: Elastic, estimate: FrfEstimate) -> tuple[Fit, ...]:
@@ -105,12 +105,12 @@ def read_fits(path: str | Path, model: Elastic, estimate: FrfEstimate) -> tuple[
         return tuple(_read_fit(file.group(g), contents, model, estimate, estimates) for g in groups)
 
 
-def _place(weights: Array | ComplexArray, known: list[Array | ComplexArray]) -> int:
+def _weights_index(weights: Array | ComplexArray, stored: list[Array | ComplexArray]) -> int:
     """Return where the weights are among the known ones, the end if they are new."""
-    for i, other in enumerate(known):
+    for i, other in enumerate(stored):
         if weights is other or (weights.shape == other.shape and np.array_equal(weights, other)):
             return i
-    return len(known)
+    return len(stored)
 
 
 def _write_fit(group: Any, one: Fit, weights: int) -> None:
@@ -140,12 +140,12 @@ def _read_fit(
     estimate: FrfEstimate,
     estimates: dict[bytes, FrfEstimate],
 ) -> Fit:
-    stored, own = group.read(_FIT), model.parameters
+    stored, parameters = group.read(_FIT), model.parameters
     key = stored["positions"].tobytes()
     if key not in estimates:
-        chosen = _chosen(group.where, stored["positions"], estimate)
-        whole = len(chosen) == len(estimate.positions)
-        estimates[key] = estimate if whole else estimate.subset(chosen)
+        indices = _position_indices(group.where, stored["positions"], estimate)
+        whole = len(indices) == len(estimate.positions)
+        estimates[key] = estimate if whole else estimate.subset(indices)
     weights = shared.get(stored["weights"])
     if stored["weights"] == "names" or weights is None:
         raise InvalidInput(f"{group.where}: weights {stored['weights'][:60]!r} are not in the file")
@@ -162,7 +162,7 @@ def _read_fit(
             estimate=estimates[key],
             residual=find_residual(stored["residual"]).name,
             weights=read_only(weights),
-            parameters=Parameters(own.names, stored["values"], own.units),
+            parameters=Parameters(parameters.names, stored["values"], parameters.units),
             cost=stored["cost"],
             start=read_only(stored["start"]),
             bounds=read_only(stored["bounds"]),
@@ -194,7 +194,7 @@ def _prior(stored: dict[str, Any]) -> Prior | None:
     return Prior(*(stored[name] for name in names))
 
 
-def _chosen(path: str, positions: Array, estimate: FrfEstimate) -> IntArray:
+def _position_indices(path: str, positions: Array, estimate: FrfEstimate) -> IntArray:
     """Return which of the estimate's positions a fit used."""
     if positions.shape == estimate.positions.shape and np.array_equal(
         positions, estimate.positions
@@ -202,7 +202,7 @@ def _chosen(path: str, positions: Array, estimate: FrfEstimate) -> IntArray:
         return np.arange(len(positions))
     if not len(positions):
         raise InvalidInput(f"{path}: positions: none; a fit used one at least")
-    chosen = []
+    indices = []
     for position in positions:
         same = np.flatnonzero(
             [p.shape == position.shape and bool((p == position).all()) for p in estimate.positions]
@@ -212,5 +212,5 @@ def _chosen(path: str, positions: Array, estimate: FrfEstimate) -> IntArray:
                 f"{path}: a fit used position [{', '.join(f'{x:.5g}' for x in position)}], which "
                 "the estimate does not have"
             )
-        chosen.append(int(same[0]))
-    return np.array(chosen)
+        indices.append(int(same[0]))
+    return np.array(indices)

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from estimators.fitting.priors import Prior
 from estimators.fitting.residuals import Residual, check_loss, find_residual, robust_loss
-from estimators.fitting.weight_choice import chosen_weights
+from estimators.fitting.weight_choice import evaluate_weights
 from estimators.fitting.weights import square_root, used_elements, whiten
 from estimators.frf.frf_estimate import FrfEstimate, is_full, vec
 from robotmodels.common.arrays import Array, ComplexArray, IntArray, read_only
@@ -67,8 +67,8 @@ class Problem:
         object.__setattr__(self, "root", square_root(self.weights, shape))
         parameters = self.model.parameters
         data = int(used.sum()) * (1 if self.kind.real else 2)
-        known = 0 if self.prior is None else len(self.prior.columns(parameters.names))
-        if data + known < len(parameters):
+        prior_rows = 0 if self.prior is None else len(self.prior.columns(parameters.names))
+        if data + prior_rows < len(parameters):
             raise InvalidInput(
                 f"fit: {len(parameters)} parameters but only {data} real data carry weight; "
                 "add positions or frequencies, or free fewer parameters"
@@ -131,8 +131,8 @@ class Problem:
             through = self.root @ matrix @ np.conj(np.swapaxes(self.root, -1, -2))
             variance = np.diagonal(through, axis1=-2, axis2=-1).real
         else:
-            own = np.diagonal(noise, axis1=-2, axis2=-1).real if full else vec(noise)
-            variance = vec(self.weights) * own
+            line_noise = np.diagonal(noise, axis1=-2, axis2=-1).real if full else vec(noise)
+            variance = vec(self.weights) * line_noise
         half = np.ravel(variance) / 2  # each of real and imaginary part
         return half if self.kind.real else np.concatenate([half, half])
 
@@ -157,7 +157,7 @@ class Problem:
         return values
 
 
-def stated(
+def make_fit_problem(
     model: Elastic,
     estimate: FrfEstimate,
     residual: str | ResidualForm,
@@ -175,15 +175,15 @@ def stated(
         For unknown names, misfitting arrays or too few data.
     """
     kind = find_residual(residual)
-    chosen: Array | ComplexArray = chosen_weights(weights, estimate, kind)
+    weight_values: Array | ComplexArray = evaluate_weights(weights, estimate, kind)
     if positions is not None:
         _check_positions(positions)
-        estimate, chosen = estimate.subset(positions), chosen[np.asarray(positions)]
+        estimate, weight_values = estimate.subset(positions), weight_values[np.asarray(positions)]
     return Problem(
         model=model,
         estimate=estimate,
         kind=kind,
-        weights=chosen,
+        weights=weight_values,
         bounds=read_only(_checked_bounds(bounds, model.parameters)),
         prior=prior,
         loss=check_loss(loss),
@@ -193,10 +193,10 @@ def stated(
 
 def _check_positions(positions: Sequence[int] | IntArray) -> None:
     """Refuse what is no choice of positions; the estimate knows how many there are."""
-    chosen = np.asarray(positions)
-    if chosen.ndim != 1 or not (np.issubdtype(chosen.dtype, np.integer) or not chosen.size):
+    indices = np.asarray(positions)
+    if indices.ndim != 1 or not (np.issubdtype(indices.dtype, np.integer) or not indices.size):
         raise InvalidInput(f"positions: {positions!r}; numbers of positions, from 0, are needed")
-    values, counts = np.unique(chosen, return_counts=True)
+    values, counts = np.unique(indices, return_counts=True)
     if (counts > 1).any():
         raise InvalidInput(
             f"positions: {values[counts > 1][0]} is given twice; its data would count twice"
@@ -205,20 +205,20 @@ def _check_positions(positions: Sequence[int] | IntArray) -> None:
 
 def _checked_bounds(bounds: tuple[float, float] | Array, parameters: Parameters) -> Array:
     """Return the bounds' values, (2, p)."""
-    given = np.asarray(bounds, dtype=float)
-    if given.shape == (2,):
-        if not 0 < given[0] < given[1] < np.inf:
+    limits = np.asarray(bounds, dtype=float)
+    if limits.shape == (2,):
+        if not 0 < limits[0] < limits[1] < np.inf:
             raise InvalidInput(f"bounds: {bounds} are not factors 0 < low < high")
-        return np.outer(given, parameters.values)
-    if given.shape != (2, len(parameters)):
+        return np.outer(limits, parameters.values)
+    if limits.shape != (2, len(parameters)):
         raise InvalidInput(
-            f"bounds: shape {given.shape}; two factors or (2, {len(parameters)}) values are needed"
+            f"bounds: shape {limits.shape}; two factors or (2, {len(parameters)}) values are needed"
         )
-    wrong = ~((given[0] > 0) & (given[0] < given[1]) & (given[1] < np.inf))
+    wrong = ~((limits[0] > 0) & (limits[0] < limits[1]) & (limits[1] < np.inf))
     if wrong.any():
         i = int(np.argmax(wrong))
         raise InvalidInput(
-            f"bounds: {parameters.names[i]} between {given[0, i]:g} and {given[1, i]:g}; "
+            f"bounds: {parameters.names[i]} between {limits[0, i]:g} and {limits[1, i]:g}; "
             "0 < low < high is needed"
         )
-    return given
+    return limits

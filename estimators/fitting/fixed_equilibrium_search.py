@@ -168,39 +168,41 @@ def frozen_search(
     for nth in range(ROUNDS):
         model = CorrectedModel(problem, network, shift if nth else None)
         allowed = max(tolerance, ROUGH) if nth == 0 else tolerance
-        found = trust_region(problem, model, values, max(max_evaluations - spent, 2), allowed)
-        spent += found.evaluations
-        end = replace(found, evaluations=spent)
+        outcome = trust_region(problem, model, values, max(max_evaluations - spent, 2), allowed)
+        spent += outcome.evaluations
+        end = replace(outcome, evaluations=spent)
         if model.cost < least:
             best, least = values, model.cost
         if nth:
-            before, gain = gain, model.cost - found.cost
+            before, gain = gain, model.cost - outcome.cost
             ratio = gain / before if np.isfinite(before) and before > gain else 1.0
             next_gain = gain * ratio
-            if found.status and next_gain <= tolerance * found.cost:
+            if outcome.status and next_gain <= tolerance * outcome.cost:
                 return end
-        if not (nth == 0 or found.status) or spent > max_evaluations - 2:
+        if not (nth == 0 or outcome.status) or spent > max_evaluations - 2:
             return _unfinished(problem, end, best, least)
         if nth and model.cost > cost * (1 + tolerance):
             break
         cost = model.cost if nth else cost
-        values, network, shift = _reachable(problem, values, found.values, network, shift)
-    found = renewed_search(problem, best, max_evaluations - spent, tolerance)
-    return replace(found, evaluations=spent + found.evaluations)
+        values, network, shift = _reachable(problem, values, outcome.values, network, shift)
+    outcome = renewed_search(problem, best, max_evaluations - spent, tolerance)
+    return replace(outcome, evaluations=spent + outcome.evaluations)
 
 
 def _unfinished(problem: Problem, end: Outcome, best: Array, least: float) -> Outcome:
     """Return where a search without evaluations left ends, or the `best` point before it.
 
-    The cost is the one about its own equilibria, not those held last.
+    The cost is the one about its own equilibria, not the last ones that were fixed.
     """
     end = replace(end, status=0, message=OUT_OF_EVALUATIONS)
     try:
         residuals, _ = problem.evaluate(end.values)
     except IdentificationError:
         return replace(end, values=best, cost=least)
-    own = float(residuals @ residuals)
-    return replace(end, cost=own) if own <= least else replace(end, values=best, cost=least)
+    cost_at_end = float(residuals @ residuals)
+    if cost_at_end <= least:
+        return replace(end, cost=cost_at_end)
+    return replace(end, values=best, cost=least)
 
 
 def squares(normal: NormalEquations) -> tuple[Array, Array]:
@@ -227,8 +229,8 @@ def squares(normal: NormalEquations) -> tuple[Array, Array]:
     if normal.cost > 0 and r @ r > 0.99 * normal.cost:
         excess = np.sqrt(r @ r / (0.99 * normal.cost))
         r, J = r / excess, J * excess
-    rest = np.sqrt(max(normal.cost - float(r @ r), 0.0))
-    return np.append(r, rest), np.vstack([J, np.zeros(len(values))])
+    remainder = np.sqrt(max(normal.cost - float(r @ r), 0.0))
+    return np.append(r, remainder), np.vstack([J, np.zeros(len(values))])
 
 
 class CorrectedModel:
@@ -253,13 +255,13 @@ class CorrectedModel:
 
     def __call__(self, values: Array) -> tuple[Array, Array]:
         """Return residuals (p + 1,) and their Jacobian by ln theta at `values` (p,)."""
-        found = self.kernel.normal_equations(values)
+        normal = self.kernel.normal_equations(values)
         linear = float(self.shift @ np.log(values / self.centre))
-        found = replace(found, cost=found.cost + linear, gradient=found.gradient + self.shift)
-        found = _with_prior(self.problem, values, found)
+        normal = replace(normal, cost=normal.cost + linear, gradient=normal.gradient + self.shift)
+        normal = _with_prior(self.problem, values, normal)
         if np.isnan(self.cost):
-            self.cost = found.cost
-        return squares(found)
+            self.cost = normal.cost
+        return squares(normal)
 
 
 # Data are prepared once for all starts: most of what a kernel does before its first evaluation.
@@ -292,16 +294,16 @@ def _with_prior(problem: Problem, values: Array, data: NormalEquations) -> Norma
 def _reachable(
     problem: Problem,
     values: Array,
-    wanted: Array,
+    target: Array,
     network: SpringNetwork,
     shift: EquilibriumShift | None,
 ) -> tuple[Array, SpringNetwork, EquilibriumShift | None]:
-    """Return `wanted`, or the first of its halvings towards `values` that has an equilibrium."""
+    """Return `target`, or the first of its halvings towards `values` that has an equilibrium."""
     for _ in range(HALVINGS):
         try:
-            if shift is not None and shift.near(wanted):
-                return wanted, problem.model.network(problem.estimate.positions, wanted), shift
-            return wanted, *network_and_shift(problem, wanted)
+            if shift is not None and shift.near(target):
+                return target, problem.model.network(problem.estimate.positions, target), shift
+            return target, *network_and_shift(problem, target)
         except IdentificationError:
-            wanted = np.sqrt(values * wanted)
+            target = np.sqrt(values * target)
     return values, network, shift

@@ -8,14 +8,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from estimators.fitting.fit_problem import Problem, stated
+from estimators.fitting.fit_problem import Problem, make_fit_problem
 from estimators.fitting.linearise import linearise
 from estimators.fitting.priors import Prior
 from estimators.fitting.residuals import Residual, find_residual
 from estimators.fitting.search import check_effort, search
 from estimators.fitting.start_values import named_start
 from estimators.fitting.trust_region import Outcome
-from estimators.fitting.weight_choice import chosen_weights
+from estimators.fitting.weight_choice import evaluate_weights
 from estimators.frf.frf_estimate import FrfEstimate
 from estimators.trust.intervals import Interval, Verdict
 from estimators.trust.linearised_fit import LinearisedFit
@@ -99,10 +99,10 @@ class Fit(ReprHtml):
     @property
     def at_bounds(self) -> dict[str, str]:
         """Names of parameters that stopped at a bound, with "lower" or "upper"."""
-        held = np.isclose(self.parameters.values, self.bounds, rtol=1e-6, atol=0)
+        at_bound = np.isclose(self.parameters.values, self.bounds, rtol=1e-6, atol=0)
         return {
             name: "lower" if low else "upper"
-            for name, low, high in zip(self.parameters.names, *held, strict=True)
+            for name, low, high in zip(self.parameters.names, *at_bound, strict=True)
             if low or high
         }
 
@@ -209,7 +209,7 @@ def fit(
         If the model has no FRF at the start.
     """
     check_effort(max_evaluations, tolerance)
-    problem = stated(model, estimate, residual, weights, bounds, positions, prior, loss)
+    problem = make_fit_problem(model, estimate, residual, weights, bounds, positions, prior, loss)
     if isinstance(start, str):
         start = np.clip(named_start(start, model, problem.estimate), *problem.bounds)
     begin = problem.checked_start(start)
@@ -245,7 +245,7 @@ def reweighted(
     for _ in range(rounds):
         model, estimate, values = fit.model, fit.estimate, fit.parameters.values
         G = np.asarray(frequency_response(model, estimate.positions, estimate.omega, values))
-        array = chosen_weights(weights, estimate, fit.kind, G)
+        array = evaluate_weights(weights, estimate, fit.kind, G)
         problem = problem_of(replace(fit, weights=array, weighting=weights))
         fit = as_fit(problem, values, search(problem, values, 200, tolerance))
         evaluations += fit.evaluations
@@ -260,35 +260,35 @@ def likelihood_fit(fit: Fit) -> Fit:
     return reweighted(fit, "optimal", rounds=2 if fit.kind.relative else 1)
 
 
-def problem_of(found: Fit) -> Problem:
+def problem_of(fitted: Fit) -> Problem:
     """Return the problem that a fit is the end of."""
     return Problem(
-        model=found.model,
-        estimate=found.estimate,
-        kind=found.kind,
-        weights=found.weights,
-        bounds=found.bounds,
-        prior=found.prior,
-        loss=found.loss,
-        weighting=found.weighting,
+        model=fitted.model,
+        estimate=fitted.estimate,
+        kind=fitted.kind,
+        weights=fitted.weights,
+        bounds=fitted.bounds,
+        prior=fitted.prior,
+        loss=fitted.loss,
+        weighting=fitted.weighting,
     )
 
 
-def as_fit(problem: Problem, start: Array, found: Outcome) -> Fit:
+def as_fit(problem: Problem, start: Array, outcome: Outcome) -> Fit:
     """Return a search's outcome together with the problem it belongs to."""
-    own, form = problem.model.parameters, problem.kind.form
+    parameters, form = problem.model.parameters, problem.kind.form
     return Fit(
         model=problem.model,
         estimate=problem.estimate,
         residual=problem.kind.name,
         weights=problem.weights,
-        parameters=Parameters(own.names, found.values, own.units),
-        cost=found.cost,
+        parameters=Parameters(parameters.names, outcome.values, parameters.units),
+        cost=outcome.cost,
         start=read_only(start),
         bounds=problem.bounds,
-        status=found.status,
-        message=found.message,
-        evaluations=found.evaluations,
+        status=outcome.status,
+        message=outcome.message,
+        evaluations=outcome.evaluations,
         prior=problem.prior,
         loss=problem.loss,
         weighting=problem.weighting,

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from estimators.fitting.fit_problem import Problem, stated
+from estimators.fitting.fit_problem import Problem, make_fit_problem
 from estimators.fitting.least_squares import Fit, as_fit
 from estimators.fitting.priors import Prior
 from estimators.fitting.search import check_effort, search_or_reason
@@ -105,16 +105,18 @@ def multistart(
         As `fit`; if there is no start; if the store holds searches of something else.
     """
     check_effort(max_evaluations, tolerance)
-    problem = stated(model, estimate, residual, weights, bounds, positions, prior, loss)
+    problem = make_fit_problem(model, estimate, residual, weights, bounds, positions, prior, loss)
     points = [problem.checked_start(np.asarray(start, dtype=float)) for start in starts]
     if not points:
         raise InvalidInput("multistart: no starts were given")
-    kept = None
+    checkpoint = None
     if store is not None:
-        kept = SearchStore(Path(store), problem_fingerprint(problem, max_evaluations, tolerance))
-    runs = _Runs(problem, max_evaluations, tolerance, executor, kept)
-    found = _all_searched(runs, points, early_stop, progress)
-    fits = [as_fit(problem, point, found[i]) for i, point in enumerate(points)]
+        checkpoint = SearchStore(
+            Path(store), problem_fingerprint(problem, max_evaluations, tolerance)
+        )
+    runs = _Runs(problem, max_evaluations, tolerance, executor, checkpoint)
+    outcomes = _all_searched(runs, points, early_stop, progress)
+    fits = [as_fit(problem, point, outcomes[i]) for i, point in enumerate(points)]
     return tuple(fits[i] for i in order_of_costs([one.cost for one in fits]))
 
 
@@ -138,12 +140,12 @@ def _all_searched(
     runs: "_Runs", points: list[Array], early_stop: EarlyStop | None, progress: Progress | None
 ) -> dict[int, Outcome]:
     """Return what the search from each start came to."""
-    found: dict[int, Outcome] = {}
+    outcomes: dict[int, Outcome] = {}
 
     def finish(i: int, outcome: Outcome) -> None:
-        found[i] = outcome
+        outcomes[i] = outcome
         if progress is not None:
-            progress(len(found), len(points))
+            progress(len(outcomes), len(points))
 
     begun: dict[int, Outcome | None] = dict.fromkeys(range(len(points)))
     stage, limit = "whole", runs.max_evaluations
@@ -152,7 +154,7 @@ def _all_searched(
         stage = f"after {early_stop.evaluations}"
     for i, outcome in runs.searches(stage, points, begun, limit):
         finish(i, outcome)
-    return found
+    return outcomes
 
 
 @dataclass(frozen=True, eq=False)
@@ -231,7 +233,7 @@ def _begin(
     everyone: dict[int, Outcome | None] = dict.fromkeys(range(len(points)))
     first = dict(runs.searches(f"first {limit}", points, everyone, limit))
     least = min(outcome.cost for outcome in first.values())
-    rest: dict[int, Outcome | None] = {}
+    unfinished: dict[int, Outcome | None] = {}
     for i, outcome in sorted(first.items()):
         if outcome.status != 0 or limit == max_evaluations:
             finish(i, outcome)
@@ -242,23 +244,23 @@ def _begin(
             )
             finish(i, replace(outcome, status=STOPPED, message=message))
         else:
-            rest[i] = outcome
-    return rest
+            unfinished[i] = outcome
+    return unfinished
 
 
 def _search_several(
     problem: Problem, begun: list[_Begun], *, limit: int, tolerance: float
 ) -> list[Outcome]:
     """Search from starts, or from where earlier searches ended."""
-    found = []
+    outcomes = []
     for start, before in begun:
         if before is None:
-            found.append(search_or_reason(problem, start, limit, tolerance))
+            outcomes.append(search_or_reason(problem, start, limit, tolerance))
             continue
         after = search_or_reason(problem, before.values, limit - before.evaluations, tolerance)
         if after.status == START_FAILED:
-            found.append(replace(before, message=f"not pursued: {after.message}"))
+            outcomes.append(replace(before, message=f"not pursued: {after.message}"))
         else:
             spent = before.evaluations + after.evaluations
-            found.append(replace(after, evaluations=spent))
-    return found
+            outcomes.append(replace(after, evaluations=spent))
+    return outcomes

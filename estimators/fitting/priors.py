@@ -61,8 +61,8 @@ class Prior:
 
     def standardised(self, names: tuple[str, ...], values: Array) -> Array:
         """Return z = ln(theta/value)/std, (..., k), at `values` (..., p) of `names`."""
-        chosen = np.asarray(values)[..., self.columns(names)]
-        return np.asarray(np.log(chosen / self.values) / self.std)
+        selected = np.asarray(values)[..., self.columns(names)]
+        return np.asarray(np.log(selected / self.values) / self.std)
 
     def cost(self, names: tuple[str, ...], values: Array) -> Array:
         """Return sum z^2/2, (...), minus the log density but for a constant."""

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from estimators.frf.frf_estimate import is_full, place, vec
+from estimators.frf.frf_estimate import is_full, location, vec
 from robotmodels.common.arrays import Array, ComplexArray
 from robotmodels.common.errors import InvalidInput, nearest
 from robotmodels.linear.residuals import ResidualForm, residual_error, residual_form
@@ -60,7 +60,7 @@ class Residual:
                 wrong = np.argwhere(~np.isfinite(response) | (response == 0))
                 if wrong.size:
                     raise InvalidInput(
-                        f"{name} FRF: {response[tuple(wrong[0])]} at {place(wrong[0])} has no "
+                        f"{name} FRF: {response[tuple(wrong[0])]} at {location(wrong[0])} has no "
                         "logarithm; give that element the weight zero, or use the residual 'nls'"
                     )
         return residual_error(self.form, measured, modelled)

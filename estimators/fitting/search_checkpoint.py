@@ -15,13 +15,13 @@ from robotmodels.linear.response import network_of
 def problem_fingerprint(problem: Problem, max_evaluations: int, tolerance: float) -> str:
     """Return a number that changes with anything that changes the outcome of a search."""
     estimate = problem.estimate
-    given = (
+    inputs = (
         (problem.kind.name, problem.loss, problem.prior, max_evaluations, tolerance),
         (problem.model.parameters, problem.bounds, problem.weights),
         (estimate.positions, estimate.omega, estimate.response),
         None if problem.loss == "linear" else estimate.covariance,
     )
-    return fingerprint(given, network_of(problem.model, estimate.positions))
+    return fingerprint(inputs, network_of(problem.model, estimate.positions))
 
 
 class SearchStore:
@@ -36,21 +36,21 @@ class SearchStore:
     def __init__(self, path: Path, fingerprint: str) -> None:
         other = "searches of another model, estimate or setting"
         self.file = CheckpointFile(path, fingerprint, "searches", other)
-        self._kept: dict[tuple[str, bytes], tuple[Array, Outcome]] = {}
+        self._outcomes: dict[tuple[str, bytes], tuple[Array, Outcome]] = {}
         if path.exists():
             self._read()
 
     def load(self, stage: str, start: Array) -> Outcome | None:
         """Return the outcome of `start` (p,), or None."""
-        found = self._kept.get((stage, start.tobytes()))
-        return None if found is None else found[1]
+        entry = self._outcomes.get((stage, start.tobytes()))
+        return None if entry is None else entry[1]
 
     def append(self, stage: str, start: Array, outcome: Outcome) -> None:
         """Add an outcome; the file is replaced by a new one."""
         import h5py
 
-        self._kept[stage, start.tobytes()] = start, outcome
-        rows = [(stage, *row) for (stage, _), row in self._kept.items()]
+        self._outcomes[stage, start.tobytes()] = start, outcome
+        rows = [(stage, *row) for (stage, _), row in self._outcomes.items()]
         text = h5py.string_dtype()
         with self.file.writing() as file:
             file.create_dataset("stage", data=[s for s, _, _ in rows], dtype=text)
@@ -69,4 +69,4 @@ class SearchStore:
                 file["starts"][()], *texts, *columns, strict=True
             ):
                 outcome = Outcome(values, float(cost), int(status), message, int(evaluations))
-                self._kept[stage, start.tobytes()] = start, outcome
+                self._outcomes[stage, start.tobytes()] = start, outcome

@@ -21,7 +21,7 @@ DAMPING_RATIO = 0.03
 # Standard deviations of ln theta: rms errors on the built-in robots, rounded up.
 ROUGH_GEAR, ROUGH_TORSION, ROUGH_DAMPER = 0.2, 0.7, 0.8
 # Of stiffnesses that are given.
-ROUGH_GIVEN = 0.1
+ROUGH_DRIVE = 0.1
 STARTS = ("physics", "chains")
 
 
@@ -97,26 +97,32 @@ def physics_start(
             f"{network.selector.shape[1]} motors"
         )
     gears = gear_springs(network)
-    given = _checked_drives(drives or {}, gears)
+    drive_stiffness = _checked_drives(drives or {}, gears)
     inertias = end_inertias(network)
     dips = {
         motor: dip_values(network, inertias[s], estimate, motor, s) for motor, s in gears.items()
     }
-    stiffness = {motor: agreed(found) for motor, found in dips.items()} | given
-    known = {gears[motor]: value for motor, value in stiffness.items() if np.isfinite(value)}
-    if not known:
+    stiffness = {motor: agreed(motor_dips) for motor, motor_dips in dips.items()} | drive_stiffness
+    gear_stiffness = {
+        gears[motor]: value for motor, value in stiffness.items() if np.isfinite(value)
+    }
+    if not gear_stiffness:
         low, high = estimate.omega[[0, -1]] / (2 * np.pi)
         raise InvalidInput(
             f"start: no motor's FRF has an anti-resonance or a resonance from {low:.3g} to "
             f"{high:.3g} Hz; give start values, or measure further up"
         )
-    unseen = set(gears.values()) - set(known)
-    guess = _springs(network, inertias, known, unseen, estimate.omega[-1])
-    open_dips = {gears[motor]: found for motor, found in dips.items() if motor not in given}
+    unseen = set(gears.values()) - set(gear_stiffness)
+    guess = _springs(network, inertias, gear_stiffness, unseen, estimate.omega[-1])
+    open_dips = {
+        gears[motor]: motor_dips
+        for motor, motor_dips in dips.items()
+        if motor not in drive_stiffness
+    }
     groups = _groups(network, open_dips, set(gears.values()))
     first = _as_parameters(network, *guess)
     values = coarse_search(_about(model, network, estimate, first), estimate, first, groups)
-    std = _roughness(network, set(gears.values()), {gears[motor] for motor in given})
+    std = _roughness(network, set(gears.values()), {gears[motor] for motor in drive_stiffness})
     return StartValues(network.parameters.names, read_only(values), read_only(std))
 
 
@@ -172,7 +178,7 @@ def _checked_drives(drives: Mapping[int, float], gears: dict[int, int]) -> dict[
 def _springs(
     network: SpringNetwork,
     inertias: Array,
-    known: dict[int, float],
+    gear_stiffness: dict[int, float],
     unseen: set[int],
     top: float,
 ) -> tuple[Array, Array]:
@@ -182,7 +188,7 @@ def _springs(
     ----------
     inertias : ndarray, (s, 2, Q)
         Inertias at their ends.
-    known : dict of int to float
+    gear_stiffness : dict of int to float
         Stiffnesses of gears.
     unseen : set of int
         The other gears.
@@ -190,13 +196,13 @@ def _springs(
         End of the band.
     """
     reduced = np.exp(-np.mean(np.log((1 / inertias).sum(axis=1)), axis=1))
-    arm = np.array([np.exp(np.mean(np.log(max(inertias[s], key=np.sum)))) for s in known])
-    frequency = float(np.exp(np.mean(np.log(np.array(list(known.values())) / arm)) / 2))
+    arm = np.array([np.exp(np.mean(np.log(max(inertias[s], key=np.sum)))) for s in gear_stiffness])
+    frequency = float(np.exp(np.mean(np.log(np.array(list(gear_stiffness.values())) / arm)) / 2))
     torsion = network.nodes.min(axis=1) < 0
     stiffness = reduced * np.where(torsion, TORSIONS * frequency, frequency) ** 2
     for s in unseen:
         stiffness[s] = reduced[s] * frequency * max(frequency, top)
-    for s, value in known.items():
+    for s, value in gear_stiffness.items():
         stiffness[s] = value
     natural = np.sqrt(stiffness / reduced)
     return stiffness, 2 * DAMPING_RATIO * stiffness / natural
@@ -211,10 +217,10 @@ def _groups(
     """
     count = len(network.nodes)
     groups = []
-    for s, found in dips.items():
-        values = np.sort(np.concatenate([x for x, _ in found]))
-        apart = np.flatnonzero(np.diff(values) > AGREE) + 1
-        candidates = tuple(float(np.median(part)) for part in np.split(values, apart) if part.size)
+    for s, gear_dips in dips.items():
+        values = np.sort(np.concatenate([x for x, _ in gear_dips]))
+        gaps = np.flatnonzero(np.diff(values) > AGREE) + 1
+        candidates = tuple(float(np.median(part)) for part in np.split(values, gaps) if part.size)
         groups.append(Group((s, count + s), candidates))
     torsions = [s for s in range(count) if s not in gears]
     if torsions:
@@ -222,7 +228,7 @@ def _groups(
     return [*groups, Group(tuple(range(count, 2 * count)))]
 
 
-def _roughness(network: SpringNetwork, gears: set[int], given: set[int]) -> Array:
+def _roughness(network: SpringNetwork, gears: set[int], measured_gears: set[int]) -> Array:
     """Return standard deviations of ln theta (p,), the largest where a parameter acts on several.
 
     What is neither spring nor damper is as well known as it was.
@@ -230,7 +236,7 @@ def _roughness(network: SpringNetwork, gears: set[int], given: set[int]) -> Arra
     count = len(network.nodes)
     rows = np.array(
         [
-            ROUGH_GIVEN if s in given else ROUGH_GEAR if s in gears else ROUGH_TORSION
+            ROUGH_DRIVE if s in measured_gears else ROUGH_GEAR if s in gears else ROUGH_TORSION
             for s in range(count)
         ]
         + [ROUGH_DAMPER] * count
@@ -245,9 +251,9 @@ def _as_parameters(network: SpringNetwork, stiffness: Array, damping: Array) -> 
     theta = network.parameters.values
     exponents = network.exponents.mean(axis=0)
     now = np.concatenate([network.spring_stiffness, network.spring_damping], axis=1)
-    wanted = np.concatenate([stiffness, damping])
+    coefficients = np.concatenate([stiffness, damping])
     with np.errstate(divide="ignore"):
-        change = np.log(wanted) - np.mean(np.log(now), axis=0)
+        change = np.log(coefficients) - np.mean(np.log(now), axis=0)
     acting = exponents.any(axis=1) & np.isfinite(change)
     step = np.linalg.lstsq(exponents[acting], change[acting], rcond=None)[0]
     return np.asarray(theta * np.exp(step))

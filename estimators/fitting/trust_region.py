@@ -88,8 +88,8 @@ def trust_region(
 
     # About the start x = 0, so the first trust region is one e-fold whatever the units.
     point = _Point(evaluate, start)
-    chosen: Any = "linear" if loss is None else loss
-    found = least_squares(
+    loss_name: Any = "linear" if loss is None else loss
+    solution = least_squares(
         point.residuals,
         np.zeros_like(start),
         jac=point.jacobian,
@@ -98,20 +98,20 @@ def trust_region(
         xtol=tolerance,
         gtol=tolerance,
         max_nfev=max_evaluations,
-        loss=chosen,
+        loss=loss_name,
     )
-    values = np.clip(start * np.exp(found.x), *problem.bounds)
+    values = np.clip(start * np.exp(solution.x), *problem.bounds)
     return Outcome(
         values=values,
-        cost=2 * float(found.cost),
-        status=int(found.status),
-        message=_message(problem, found),
+        cost=2 * float(solution.cost),
+        status=int(solution.status),
+        message=_message(problem, solution),
         evaluations=point.evaluations,
     )
 
 
-def _message(problem: Problem, found: Any) -> str:
+def _message(problem: Problem, solution: Any) -> str:
     names = problem.model.parameters.names
-    stuck = [name for name, side in zip(names, found.active_mask, strict=True) if side]
+    stuck = [name for name, side in zip(names, solution.active_mask, strict=True) if side]
     at = f"; at a bound: {', '.join(stuck)}" if stuck else ""
-    return str(found.message).rstrip(".") + at
+    return str(solution.message).rstrip(".") + at

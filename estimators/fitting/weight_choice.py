@@ -14,14 +14,14 @@ from estimators.fitting.weights import (
     optimal_weights,
     user_weights,
 )
-from estimators.frf.frf_estimate import FrfEstimate, is_full, place
+from estimators.frf.frf_estimate import FrfEstimate, is_full, location
 from robotmodels.common.arrays import Array, ComplexArray
 from robotmodels.common.errors import InvalidInput, nearest
 
 KINDS = ("user", "optimal", "optimal_diagonal", "combined")
 
 
-def chosen_weights(
+def evaluate_weights(
     weights: str | NDArray[Any],
     estimate: FrfEstimate,
     kind: Residual,
@@ -114,11 +114,12 @@ def _check_matrices(array: NDArray[Any], estimate: FrfEstimate) -> None:
     bad = np.argwhere(~(skew <= 1e-9 * size[..., :, None] * size[..., None, :]).all(axis=(-2, -1)))
     if bad.size:
         raise InvalidInput(
-            f"weights: the matrix at {place(bad[0], estimate.omega)} is not Hermitian and finite"
+            f"weights: the matrix at {location(bad[0], estimate.omega)} is not Hermitian and finite"
         )
     eigenvalues = np.linalg.eigvalsh(array)
     bad = np.argwhere(eigenvalues[..., 0] < -1e-12 * np.abs(eigenvalues[..., -1]))
     if bad.size:
         raise InvalidInput(
-            f"weights: the matrix at {place(bad[0], estimate.omega)} is not positive semidefinite"
+            f"weights: the matrix at {location(bad[0], estimate.omega)} is not positive "
+            "semidefinite"
         )

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from estimators.fitting.residuals import Residual, find_residual
-from estimators.frf.frf_estimate import FrfEstimate, is_full, place, unvec, vec
+from estimators.frf.frf_estimate import FrfEstimate, is_full, location, unvec, vec
 from robotmodels.common.arrays import Array, ComplexArray, check_above_zero, real_numbers
 from robotmodels.common.errors import InvalidInput
 from robotmodels.common.symmetric_matrices import ROUNDING, scaled_inverse, unit_diagonal_scaling
@@ -66,9 +66,9 @@ def user_weights(
     return np.asarray(np.where(good, element, 0.0))
 
 
-def _checked_elements(given: NDArray[Any], shape: tuple[int, ...]) -> Array:
+def _checked_elements(mask: NDArray[Any], shape: tuple[int, ...]) -> Array:
     """Return weights of the elements (m, n) of every FRF."""
-    elements = real_numbers(given, "weights.elements")
+    elements = real_numbers(mask, "weights.elements")
     if elements.shape != shape:
         beyond = [k for k, (a, b) in enumerate(zip(elements.shape, shape, strict=False)) if a > b]
         last = tuple(k - 1 for k in elements.shape)
@@ -133,7 +133,7 @@ def check_positive(weights: NDArray[Any], estimate: FrfEstimate, what: str = "we
     wrong = np.argwhere(~(np.isfinite(weights) & (weights >= 0)))
     if wrong.size:
         raise InvalidInput(
-            f"{what}: {weights[tuple(wrong[0])]:g} at {place(wrong[0], estimate.omega)} "
+            f"{what}: {weights[tuple(wrong[0])]:g} at {location(wrong[0], estimate.omega)} "
             "is not a number >= 0"
         )
 
@@ -259,16 +259,16 @@ def _inverse(
     if not is_full(noise, used.shape):
         return np.asarray(np.where(used, 1.0 / np.where(used, noise, 1.0), 0.0))
     # Elements left out must not correlate with the others either.
-    kept = vec(used)
-    pairs = kept[..., :, None] & kept[..., None, :]
-    noise = np.where(pairs, noise, np.eye(kept.shape[-1]))
+    mask = vec(used)
+    pairs = mask[..., :, None] & mask[..., None, :]
+    noise = np.where(pairs, noise, np.eye(mask.shape[-1]))
     s = unit_diagonal_scaling(noise)
     smallest = np.linalg.eigvalsh(s[..., :, None] * noise * s[..., None, :])[..., 0]
     bad = np.argwhere(smallest < ROUNDING)
     if bad.size:
         raise InvalidInput(
-            f"covariance: the matrix at {place(bad[0], estimate.omega)} is not positive definite; "
-            f"average over more than {s.shape[-1]} blocks, or keep its diagonal only"
+            f"covariance: the matrix at {location(bad[0], estimate.omega)} is not positive "
+            f"definite; average over more than {s.shape[-1]} blocks, or keep its diagonal only"
         )
     inverse = scaled_inverse(noise)
     inverse = (inverse + np.conj(np.swapaxes(inverse, -1, -2))) / 2

@@ -119,20 +119,20 @@ def distortion(
         If there are less than two periods, or as `estimate_frf` does.
     """
     settings = _Settings(method, hold, delay, transient)
-    found = [
+    estimates = [
         _of_position(part, f"position {count + 1}", settings)
         for count, part in enumerate(each_position(records))
     ]
-    if not found:
+    if not estimates:
         raise InvalidInput("records: none given; at least one position is needed")
-    last = found[-1]
-    stacked = {name: np.array([one.levels[name] for one in found]) for name in last.levels}
+    last = estimates[-1]
+    stacked = {name: np.array([one.levels[name] for one in estimates]) for name in last.levels}
     return Distortion(
-        positions=np.array([one.position for one in found]),
+        positions=np.array([one.position for one in estimates]),
         omega=last.omega,
         odd_omega=last.odd_omega,
         even_omega=last.even_omega,
-        blocks=np.array([one.blocks for one in found], dtype=np.int64),
+        blocks=np.array([one.blocks for one in estimates], dtype=np.int64),
         **stacked,
     )
 
@@ -164,22 +164,22 @@ def _of_position(part: Records, who: str, settings: _Settings) -> _Position:
         As `distortion`.
     """
     method, hold, delay, transient = settings
-    found = usable_spectra(part, who, method, hold=hold, delay=delay, transient=transient)
-    if found.periods < 2:
+    measured = usable_spectra(part, who, method, hold=hold, delay=delay, transient=transient)
+    if measured.periods < 2:
         raise InvalidInput(f"{who}: one period; distortion needs at least 2, to see the noise")
-    response, noise, _ = with_deviations(found, method, "noise", who)
+    response, noise, _ = with_deviations(measured, method, "noise", who)
     total = np.full(response.shape, np.nan)
-    if len(found.present) > 1:
-        total = variances(with_deviations(found, method, "total", who)[1])
-    levels = {"noise": variances(noise), "total": total, "output": _rms(found)}
+    if len(measured.present) > 1:
+        total = variances(with_deviations(measured, method, "total", who)[1])
+    levels = {"noise": variances(noise), "total": total, "output": _rms(measured)}
     lines = detection_lines(part)
-    first = part.torque.shape[3] - found.periods
+    first = part.torque.shape[3] - measured.periods
     for name, k in zip(("odd", "even"), lines, strict=True):
         between = spectra(part, 0, k, hold, delay, first)
-        levels |= _between(name, between, found.omega, response)
+        levels |= _between(name, between, measured.omega, response)
     unit = 2 * np.pi / (part.samples * part.sample_time)
     odd, even = (np.asarray(unit * k, dtype=float) for k in lines)
-    return _Position(part.positions[0], found.omega, odd, even, len(found.present), levels)
+    return _Position(part.positions[0], measured.omega, odd, even, len(measured.present), levels)
 
 
 def detection_lines(records: Records) -> tuple[IntArray, IntArray]:
@@ -195,21 +195,23 @@ def detection_lines(records: Records) -> tuple[IntArray, IntArray]:
     return inside[inside % 2 == 1], even
 
 
-def _rms(found: Spectra) -> Array:
+def _rms(measured: Spectra) -> Array:
     """Return the rms (F, m) of period-averaged outputs over the runs that are present."""
-    power = np.abs(found.output.mean(axis=1)) ** 2
-    return np.asarray(np.sqrt(power.sum(axis=(0, 3)) / found.present.sum()))
+    power = np.abs(measured.output.mean(axis=1)) ** 2
+    return np.asarray(np.sqrt(power.sum(axis=(0, 3)) / measured.present.sum()))
 
 
-def _between(name: str, found: Spectra, omega: Array, response: ComplexArray) -> dict[str, Array]:
-    count = int(found.present.sum())
-    G = interpolated(found.omega, omega, response)
-    error = (found.output - G @ found.input).mean(axis=1)
+def _between(
+    name: str, measured: Spectra, omega: Array, response: ComplexArray
+) -> dict[str, Array]:
+    count = int(measured.present.sum())
+    G = interpolated(measured.omega, omega, response)
+    error = (measured.output - G @ measured.input).mean(axis=1)
     power = (np.abs(error) ** 2).sum(axis=(0, 3)) / count
-    alone = found.noise_output - G @ found.noise_input
+    alone = measured.noise_output - G @ measured.noise_input
     noise = (np.abs(alone) ** 2).mean(axis=1).sum(axis=(0, 3)) / count
     return {
         name: np.sqrt(power),
         f"{name}_noise": np.sqrt(noise),
-        f"{name}_raw": _rms(found),
+        f"{name}_raw": _rms(measured),
     }

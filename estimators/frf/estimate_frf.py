@@ -77,11 +77,11 @@ def estimate_frf(
     check_choice("structure", structure, ("full", "diagonal"))
 
     def estimated(part: Records, who: str) -> PositionFrf:
-        found = usable_spectra(part, who, method, hold=hold, delay=delay, transient=transient)
-        response, draws, freedom = with_deviations(found, method, covariance, who)
+        measured = usable_spectra(part, who, method, hold=hold, delay=delay, transient=transient)
+        response, draws, freedom = with_deviations(measured, method, covariance, who)
         error = structured(covariance_of(draws), structure, response.shape[1])
-        count = len(found.present)
-        return PositionFrf(found.omega, response, error, count, freedom, draws.swapaxes(0, 1))
+        count = len(measured.present)
+        return PositionFrf(measured.omega, response, error, count, freedom, draws.swapaxes(0, 1))
 
     return over_positions(records, estimated)
 
@@ -113,40 +113,44 @@ def over_positions(
     InvalidInput
         If there are no records, or frequencies, outputs or motors of positions differ.
     """
-    positions, found = [], list[PositionFrf]()
+    positions, estimates = [], list[PositionFrf]()
     for count, part in enumerate(each_position(records)):
         who = f"position {count + 1}"
         positions.append(part.positions[0])
-        found.append(estimated(part, who))
-        if not np.array_equal(found[0].omega, found[-1].omega):
+        estimates.append(estimated(part, who))
+        if not np.array_equal(estimates[0].omega, estimates[-1].omega):
             raise InvalidInput(f"{who}: its frequencies differ from those of position 1")
-        (m, n), (outputs, motors) = (one.response.shape[1:] for one in (found[0], found[-1]))
+        (m, n), (outputs, motors) = (
+            one.response.shape[1:] for one in (estimates[0], estimates[-1])
+        )
         if (outputs, motors) != (m, n):
             raise InvalidInput(
                 f"{who}: {outputs} x {motors} FRFs (outputs x motors); "
                 f"those of position 1 are {m} x {n}"
             )
-    if not found:
+    if not estimates:
         raise InvalidInput("records: none given; at least one position is needed")
     return FrfEstimate(
         np.array(positions),
-        found[0].omega,
-        np.array([one.response for one in found]),
-        np.array([one.covariance for one in found]),
-        np.array([one.repetitions for one in found], dtype=np.int64),
-        np.array([one.degrees_of_freedom for one in found]),
-        stacked_deviations([one.deviations for one in found]),
-        mean_correlation([one.line_correlation for one in found]),
+        estimates[0].omega,
+        np.array([one.response for one in estimates]),
+        np.array([one.covariance for one in estimates]),
+        np.array([one.repetitions for one in estimates], dtype=np.int64),
+        np.array([one.degrees_of_freedom for one in estimates]),
+        stacked_deviations([one.deviations for one in estimates]),
+        mean_correlation([one.line_correlation for one in estimates]),
     )
 
 
 def stacked_deviations(draws: Sequence[ComplexArray | None]) -> ComplexArray | None:
     """Return the draws (R, F, m, n) of positions as one (Q, R, F, m, n), zeros filled in."""
-    known = [one for one in draws if one is not None]
-    if len(known) < len(draws):
+    available = [one for one in draws if one is not None]
+    if len(available) < len(draws):
         return None
-    most = max(len(one) for one in known)
-    return np.stack([np.pad(one, [(0, most - len(one)), (0, 0), (0, 0), (0, 0)]) for one in known])
+    most = max(len(one) for one in available)
+    return np.stack(
+        [np.pad(one, [(0, most - len(one)), (0, 0), (0, 0), (0, 0)]) for one in available]
+    )
 
 
 def mean_correlation(correlations: Sequence[Array]) -> Array:
@@ -180,9 +184,9 @@ def usable_spectra(
         As `estimate_frf` does.
     """
     check_records(records, 0, who)
-    found = spectra(records, hold=hold, delay=delay)
-    check_periods(found, who)
-    n, E = found.input.shape[-2:]
+    measured = spectra(records, hold=hold, delay=delay)
+    check_periods(measured, who)
+    n, E = measured.input.shape[-2:]
     if n > E:
         raise InvalidInput(
             f"{who}: {E} runs a block for {n} motors; {n} are needed, or "
@@ -193,17 +197,17 @@ def usable_spectra(
             f"{who}: {E} runs a block for {n} motors; {method} needs {n}, "
             f"{' and '.join(SUMMING)} take any number"
         )
-    if method == "jio" and not found.reference.any():
+    if method == "jio" and not measured.reference.any():
         raise InvalidInput(f"{who}: jio needs the reference, which is zero; use another method")
-    first = first_period(found, transient, who)
-    found = spectra(records, hold=hold, delay=delay, first=first) if first else found
-    found = _without_missing(found, method, who)
-    _check_inputs(found, method, records.lines.astype(float), who)
-    return found
+    first = first_period(measured, transient, who)
+    measured = spectra(records, hold=hold, delay=delay, first=first) if first else measured
+    measured = _without_missing(measured, method, who)
+    _check_inputs(measured, method, records.lines.astype(float), who)
+    return measured
 
 
 def with_deviations(
-    found: Spectra, method: str, covariance: str, who: str
+    measured: Spectra, method: str, covariance: str, who: str
 ) -> tuple[ComplexArray, ComplexArray, float]:
     """Return the FRF (F, m, n), draws (F, R, m, n) of its error, and their degrees of freedom.
 
@@ -214,8 +218,8 @@ def with_deviations(
     InvalidInput
         If there are too few blocks, or periods, for a covariance.
     """
-    B, P = found.input.shape[:2]
-    Y, U, R = (a.swapaxes(0, 1) for a in found.averaged())
+    B, P = measured.input.shape[:2]
+    Y, U, R = (a.swapaxes(0, 1) for a in measured.averaged())
     if covariance == "total":
         if B < 2:
             raise InvalidInput(
@@ -228,9 +232,9 @@ def with_deviations(
         if P < 2:
             raise InvalidInput(f"{who}: one period; a noise covariance needs at least 2")
         response = find_method(method)(Y, U, R)
-        noise = [np.moveaxis(a, 2, 0) for a in (found.noise_output, found.noise_input)]
+        noise = [np.moveaxis(a, 2, 0) for a in (measured.noise_output, measured.noise_input)]
         draws = noise_deviations(method, response, noise[0], noise[1], U, R)
-        freedom = float(found.noise_bins * found.present.sum())
+        freedom = float(measured.noise_bins * measured.present.sum())
     return response, above_rounding(draws, response), freedom
 
 
@@ -260,33 +264,33 @@ def variances(draws: ComplexArray) -> Array:
     return np.asarray((np.abs(draws) ** 2).sum(axis=1))
 
 
-def first_period(found: Spectra, transient: Transient, who: str) -> int:
+def first_period(measured: Spectra, transient: Transient, who: str) -> int:
     """Return how many periods to drop: so many, or those not settled ("auto"), with a warning."""
     if transient != "auto":
         return transient
-    judged = settling(found)
-    if judged.first:
+    settled = settling(measured)
+    if settled.first:
         warn(
-            f"{who}: the first {judged.first} of {found.periods} periods dropped: they differ "
-            f"from later ones by {judged.deviations[0]:.2g} of the signal, more than chance allows"
+            f"{who}: the first {settled.first} of {measured.periods} periods dropped: they differ "
+            f"from later ones by {settled.deviations[0]:.2g} of the signal, more than chance allows"
         )
-    if not judged.settled:
+    if not settled.settled:
         warn(f"{who}: no period agrees with the later ones; the runs never settled")
-    return judged.first
+    return settled.first
 
 
-def _without_missing(found: Spectra, method: str, who: str) -> Spectra:
-    some, every = np.asarray(found.present.any(axis=1)), found.complete
+def _without_missing(measured: Spectra, method: str, who: str) -> Spectra:
+    some, every = np.asarray(measured.present.any(axis=1)), measured.complete
     partial = some & ~every
     if method in SUMMING or not partial.any():
-        return found.blocks(some)
+        return measured.blocks(some)
     warn(
         f"{who}: blocks {_numbers(partial)} lack runs and are left out; "
         f"{' and '.join(SUMMING)} would use what they have"
     )
     if not every.any():
         raise InvalidInput(f"{who}: no block is complete, as {method} needs")
-    return found.blocks(every)
+    return measured.blocks(every)
 
 
 def _numbers(which: NDArray[np.bool_]) -> str:
@@ -294,22 +298,22 @@ def _numbers(which: NDArray[np.bool_]) -> str:
     return ", ".join(str(i + 1) for i in np.flatnonzero(which))
 
 
-def _check_inputs(found: Spectra, method: str, lines: Array, who: str) -> None:
-    averaged = found.input.mean(axis=1)  # (B, F, n, E)
+def _check_inputs(measured: Spectra, method: str, lines: Array, who: str) -> None:
+    averaged = measured.input.mean(axis=1)  # (B, F, n, E)
     if method in SUMMING:
         together = np.concatenate(list(averaged), axis=-1)
-        check_condition(together, found.omega, lines, who)
+        check_condition(together, measured.omega, lines, who)
         if method == "jio":
-            references = np.concatenate(list(found.reference[:, 0]), axis=-1)
-            check_condition(references, found.omega, lines, who, "references")
+            references = np.concatenate(list(measured.reference[:, 0]), axis=-1)
+            check_condition(references, measured.omega, lines, who, "references")
         return
     for b, block in enumerate(averaged):
-        check_condition(block, found.omega, lines, f"{who}, block {b + 1}")
+        check_condition(block, measured.omega, lines, f"{who}, block {b + 1}")
 
 
-def check_choice(name: str, value: str, known: tuple[str, ...]) -> None:
+def check_choice(name: str, value: str, choices: tuple[str, ...]) -> None:
     """Refuse a value that is not one of those known."""
-    if value not in known:
+    if value not in choices:
         raise InvalidInput(
-            f"{name} {value!r} is none of {', '.join(known)}{nearest(str(value), known)}"
+            f"{name} {value!r} is none of {', '.join(choices)}{nearest(str(value), choices)}"
         )

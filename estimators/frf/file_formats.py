@@ -31,6 +31,7 @@ from estimators.frf.file_schemas import (
 from estimators.frf.frf_estimate import FrfEstimate
 from robotmodels.common.arrays import Array
 from robotmodels.common.atomic_files import atomic_write
+from robotmodels.common.deprecation import renamed_keywords
 from robotmodels.common.errors import InvalidInput
 from robotmodels.data_files.array_schema import ArraySchema, Field
 from robotmodels.data_files.hdf5_file import read_hdf5
@@ -131,12 +132,13 @@ def read_records(path: PathLike) -> Records:
     return _read(path, readers)
 
 
-def write_distortion(path: PathLike, found: Distortion) -> None:
+@renamed_keywords("0.2", found="distortion")
+def write_distortion(path: PathLike, distortion: Distortion) -> None:
     """Write distortion levels to HDF5 or .mat."""
     writers = {".h5": _write_hdf5, ".mat": _write_mat}
     write = writers[_kind(path, writers)]
     with atomic_write(path) as unfinished:
-        write(unfinished, _contents(found), DISTORTION_SCHEMA)
+        write(unfinished, _contents(distortion), DISTORTION_SCHEMA)
 
 
 def read_distortion(path: PathLike) -> Distortion:
@@ -154,11 +156,11 @@ def read_distortion(path: PathLike) -> Distortion:
     return _read(path, readers)
 
 
-def _kind(path: PathLike, known: Mapping[str, Any]) -> str:
+def _kind(path: PathLike, endings: Mapping[str, Any]) -> str:
     suffix = Path(path).suffix.lower()
     suffix = {".hdf5": ".h5", ".unv": ".uff"}.get(suffix, suffix)
-    if suffix not in known:
-        raise InvalidInput(f"{path}: ending {suffix!r} is none of {', '.join(known)}")
+    if suffix not in endings:
+        raise InvalidInput(f"{path}: ending {suffix!r} is none of {', '.join(endings)}")
     return suffix
 
 

@@ -41,17 +41,17 @@ def write_frf(path: Path, estimate: FrfEstimate) -> None:
     for q in range(Q):
         for i, j in np.ndindex(m, n):
             title = f"position {q + 1}, output {i + 1}, input {j + 1}"
-            place = {"ver_num": q + 1, "rsp_node": i + 1, "ref_node": j + 1}
-            sets.append(_function(_FRF, _NAME, title, hertz, estimate.response[q, :, i, j], place))
+            nodes = {"ver_num": q + 1, "rsp_node": i + 1, "ref_node": j + 1}
+            sets.append(_function(_FRF, _NAME, title, hertz, estimate.response[q, :, i, j], nodes))
             values = estimate.variance[q, :, i, j]
-            sets.append(_function(_GENERAL, "variance", title, hertz, values, place))
-        place = {"ver_num": q + 1, "rsp_node": 0, "ref_node": 0}
-        sets.append(_vector("positions", estimate.positions[q], place))
-    place = {"ver_num": 0, "rsp_node": 0, "ref_node": 0}
-    sets.append(_vector("repetitions", estimate.repetitions.astype(float), place))
+            sets.append(_function(_GENERAL, "variance", title, hertz, values, nodes))
+        nodes = {"ver_num": q + 1, "rsp_node": 0, "ref_node": 0}
+        sets.append(_vector("positions", estimate.positions[q], nodes))
+    nodes = {"ver_num": 0, "rsp_node": 0, "ref_node": 0}
+    sets.append(_vector("repetitions", estimate.repetitions.astype(float), nodes))
     freedom = stored_freedom(estimate.degrees_of_freedom)
     if freedom is not None:
-        sets.append(_vector("degrees of freedom", freedom, place))
+        sets.append(_vector("degrees of freedom", freedom, nodes))
     _write_sets(path, sets)
 
 
@@ -115,10 +115,10 @@ def _positions(functions: list[dict[str, Any]], numbers: list[int]) -> Array:
 
 
 def _function(
-    kind: int, name: str, title: str, x: Array, data: NDArray[Any], place: dict[str, int]
+    kind: int, name: str, title: str, x: Array, data: NDArray[Any], nodes: dict[str, int]
 ) -> dict[str, Any]:
     ordinate, divisor = (_ACCELERATION, _FORCE) if kind == _FRF else (0, 0)
-    return place | {
+    return nodes | {
         "type": 58,
         "binary": 1,
         "id1": name,
@@ -127,8 +127,8 @@ def _function(
         "rsp_dir": _ROTATION,
         "ref_dir": _ROTATION,
         "abscissa_spacing": 0,
-        "abscissa_spec_data_type": _FREQUENCY if place["rsp_node"] else 0,
-        "abscissa_axis_units_lab": "Hz" if place["rsp_node"] else "NONE",
+        "abscissa_spec_data_type": _FREQUENCY if nodes["rsp_node"] else 0,
+        "abscissa_axis_units_lab": "Hz" if nodes["rsp_node"] else "NONE",
         "ordinate_spec_data_type": ordinate,
         "ordinate_axis_units_lab": "rad/s^2" if kind == _FRF else "NONE",
         "orddenom_spec_data_type": divisor,
@@ -138,11 +138,11 @@ def _function(
     }
 
 
-def _vector(name: str, values: Array, place: dict[str, int]) -> dict[str, Any]:
+def _vector(name: str, values: Array, nodes: dict[str, int]) -> dict[str, Any]:
     """Return a function of the index; a second point is added to a single one, as pyuff needs."""
     data = np.append(values, 0.0) if len(values) == 1 else values
     return _function(
-        _GENERAL, name, f"{len(values)} values", np.arange(1.0, len(data) + 1), data, place
+        _GENERAL, name, f"{len(values)} values", np.arange(1.0, len(data) + 1), data, nodes
     )
 
 
@@ -225,14 +225,14 @@ def _gathered(sets: list[dict[str, Any]], axes: list[list[Any]], x: Array) -> Co
             raise InvalidInput(f"{who}: its frequencies differ from those of the first function")
         if _version(s) not in numbers or response not in outputs or reference not in inputs:
             raise InvalidInput(f"{who}: no frequency response function is there")
-        place = (
+        element = (
             numbers.index(_version(s)),
             outputs.index(response),
             inputs.index(reference),
         )
-        if not np.isnan(values[place]).all():
+        if not np.isnan(values[element]).all():
             raise InvalidInput(f"{who}: given twice")
-        values[place] = s["data"]
+        values[element] = s["data"]
     gap = np.argwhere(np.isnan(values).all(axis=-1))
     if len(gap):
         q, i, j = gap[0]

@@ -45,8 +45,8 @@ def is_full(per_line: NDArray[Any], shape: tuple[int, ...]) -> bool:
     )
 
 
-def place(index: Sequence[int] | NDArray[np.intp], omega: Array | None = None) -> str:
-    """Name a place of a (Q, F, ...) array: position, frequency and, if given, element."""
+def location(index: Sequence[int] | NDArray[np.intp], omega: Array | None = None) -> str:
+    """Return words for an index of a (Q, F, ...) array: position, frequency, element."""
     q, f = int(index[0]), int(index[1])
     line = f"frequency {f}" if omega is None else f"frequency {f} ({omega[f]:.6g} rad/s)"
     element = f", element ({int(index[2])}, {int(index[3])})" if len(index) == 4 else ""
@@ -278,13 +278,13 @@ def _check_axes(positions: Array, omega: Array, response: ComplexArray) -> None:
     broken = np.argwhere(~np.isfinite(response))
     if broken.size:
         raise InvalidInput(
-            f"response: {response[tuple(broken[0])]} at {place(broken[0], omega)} is not finite"
+            f"response: {response[tuple(broken[0])]} at {location(broken[0], omega)} is not finite"
         )
     large = np.argwhere(~((np.abs(response.real) <= _MOST) & (np.abs(response.imag) <= _MOST)))
     if large.size:
         raise InvalidInput(
-            f"response: {response[tuple(large[0])]:.3g} at {place(large[0], omega)} is beyond any "
-            f"robot; at most {_MOST:g} is possible"
+            f"response: {response[tuple(large[0])]:.3g} at {location(large[0], omega)} is beyond "
+            f"any robot; at most {_MOST:g} is possible"
         )
 
 
@@ -300,7 +300,7 @@ def _checked_covariance(
     wrong = np.argwhere(~((elements >= _MOST**-2) & (elements <= _MOST**2)))
     if wrong.size:
         raise InvalidInput(
-            f"covariance: the variance at {place(wrong[0], omega)} is "
+            f"covariance: the variance at {location(wrong[0], omega)} is "
             f"{elements[tuple(wrong[0])]:g}, a positive number is needed (from {_MOST**-2:g} to "
             f"{_MOST**2:g})"
         )
@@ -312,24 +312,24 @@ def _checked_covariance(
         bad = np.argwhere(~(skew <= 1e-9 * size).all(axis=(-2, -1)))
         if bad.size:
             raise InvalidInput(
-                f"covariance: the matrix at {place(bad[0], omega)} is not Hermitian and finite"
+                f"covariance: the matrix at {location(bad[0], omega)} is not Hermitian and finite"
             )
     return covariance
 
 
 def _checked_repetitions(repetitions: Sequence[int] | IntArray, count: int) -> IntArray:
-    given = np.asarray(repetitions)
-    if given.shape != (count,) or not np.issubdtype(given.dtype, np.integer):
+    counts = np.asarray(repetitions)
+    if counts.shape != (count,) or not np.issubdtype(counts.dtype, np.integer):
         raise InvalidInput(
-            f"repetitions: {given.dtype} of shape {given.shape}; one whole number for each of "
+            f"repetitions: {counts.dtype} of shape {counts.shape}; one whole number for each of "
             f"{count} positions is needed"
         )
-    if (given < 1).any():
-        q = int(np.argmax(given < 1))
+    if (counts < 1).any():
+        q = int(np.argmax(counts < 1))
         raise InvalidInput(
-            f"repetitions: {given[q]} at position {q}; leave out positions that are not measured"
+            f"repetitions: {counts[q]} at position {q}; leave out positions that are not measured"
         )
-    return given.astype(np.int64)
+    return counts.astype(np.int64)
 
 
 def _checked_freedom(degrees_of_freedom: Array | float, count: int) -> Array:
@@ -365,7 +365,7 @@ def _checked_deviations(deviations: ComplexArray, variance: Array) -> ComplexArr
     if wrong.size:
         at = tuple(wrong[0])
         raise InvalidInput(
-            f"deviations: their squares add up to {power[at]:g} at {place(wrong[0])}, the variance "
-            f"there is {variance[at]:g}"
+            f"deviations: their squares add up to {power[at]:g} at {location(wrong[0])}, the "
+            f"variance there is {variance[at]:g}"
         )
     return deviations

@@ -140,13 +140,13 @@ def measured_frf(
     signals: dict[str, Any] = {"delay": delay, "hold": hold}
     if local:
         method = covariance = _LOCAL
-    with _collected() as said:
+    with _collected() as messages:
         source = _source(path, elastic)
         with _stage(report, "FRFs"):
             visits = _visits(source, method, covariance, structure, signals)
             estimate, missing = merge_visits(visits), source.missing
         with _stage(report, "distortion"):
-            apart = _distortion(source, method, signals)
+            levels = _distortion(source, method, signals)
         modelled = None if elastic is None else _modelled(estimate, elastic, path)
         ranking = _comparison(source.first, runs, signals, report) if compare else None
     return MeasuredFrf(
@@ -157,11 +157,11 @@ def measured_frf(
         covariance,
         delay,
         estimate,
-        apart,
+        levels,
         elastic,
         modelled,
         ranking,
-        tuple(said),
+        tuple(messages),
     )
 
 
@@ -215,17 +215,17 @@ def _modelled(estimate: FrfEstimate, robot: "ElasticRobot", path: Path) -> Compl
 @contextmanager
 def _collected() -> Iterator[list[str]]:
     """Give a list of the warnings about the data, each once; others go where they would."""
-    said: list[str] = []
+    messages: list[str] = []
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always", IdentificationWarning)
-        yield said
+        yield messages
     for warning in caught:
         if not issubclass(warning.category, IdentificationWarning):
             warnings.warn_explicit(
                 warning.message, warning.category, warning.filename, warning.lineno
             )
-        elif str(warning.message) not in said:
-            said.append(str(warning.message))
+        elif str(warning.message) not in messages:
+            messages.append(str(warning.message))
 
 
 class _Source:

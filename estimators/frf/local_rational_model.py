@@ -76,23 +76,25 @@ def local_frf(
 
     def estimated(part: Records, who: str) -> PositionFrf:
         check_records(part, 0, who)
-        found = spectra(part, hold=hold, delay=delay)
-        check_periods(found, who)
-        first = first_period(found, transient, who)
-        found = spectra(part, hold=hold, delay=delay, first=first) if first else found
-        Y, U, _ = found.averaged()
-        used = found.present.reshape(-1)
+        measured = spectra(part, hold=hold, delay=delay)
+        check_periods(measured, who)
+        first = first_period(measured, transient, who)
+        measured = spectra(part, hold=hold, delay=delay, first=first) if first else measured
+        Y, U, _ = measured.averaged()
+        used = measured.present.reshape(-1)
         Y, U = (np.concatenate(list(a), axis=-1)[..., used] for a in (Y, U))
         width = _window(half_width, U.shape, order, denominator, who)
         response, error, correlation = _all_lines(
-            Y, U, found.omega, (order, denominator, width), who
+            Y, U, measured.omega, (order, denominator, width), who
         )
         shaped = structured(_above_rounding(error, response), structure, response.shape[1])
-        repetitions = int(found.present.any(axis=1).sum())
+        repetitions = int(measured.present.any(axis=1).sum())
         freedom = _degrees_of_freedom(
             width * U.shape[2], U.shape[1], Y.shape[1], order, denominator
         )
-        return PositionFrf(found.omega, response, shaped, repetitions, freedom, None, correlation)
+        return PositionFrf(
+            measured.omega, response, shaped, repetitions, freedom, None, correlation
+        )
 
     return over_positions(records, estimated)
 
@@ -105,8 +107,8 @@ def _window(
     unknown = n * (order + 1) + denominator
     least = -(-(unknown + 1) // runs)
     if half_width is None:
-        wanted = max(-(-(unknown + 4) // runs), order + denominator + 2)
-        width = min(lines, wanted + 1 - wanted % 2)
+        needed = max(-(-(unknown + 4) // runs), order + denominator + 2)
+        width = min(lines, needed + 1 - needed % 2)
     else:
         width = min(lines, 2 * half_width + 1)
     if width < max(least, order + 1):
@@ -197,18 +199,18 @@ def one_line(
     inverse = inverse[:, : inputs.shape[1]]  # G at the line itself
     Y = np.stack([_columns(outputs * step[:, None, None] ** d) for d in range(denominator + 1)])
     through = Y @ inverse
-    rest = Y - Y @ np.conj(span.T) @ span
-    basis = rest[1:].reshape(denominator, rest[0].size).T
+    remainder = Y - Y @ np.conj(span.T) @ span
+    basis = remainder[1:].reshape(denominator, remainder[0].size).T
     gram = np.linalg.inv(np.conj(basis.T) @ basis)
-    a = np.concatenate([[1.0], -gram @ np.conj(basis.T) @ rest[0].reshape(-1)])
-    error = np.tensordot(a, rest, 1)
+    a = np.concatenate([[1.0], -gram @ np.conj(basis.T) @ remainder[0].reshape(-1)])
+    error = np.tensordot(a, remainder, 1)
     data, m = regressors.shape[1], outputs.shape[1]
     freedom = _degrees_of_freedom(data, inputs.shape[1], m, order, denominator)
     noise = error @ np.conj(error.T) / freedom
     # vec(V W) has covariance conj(W^H W) kron noise; the denominator's errors add theirs.
     covariance = np.kron(np.conj(np.conj(inverse.T) @ inverse), noise)
     columns = np.swapaxes(through[1:], 1, 2).reshape(denominator, through[0].size).T
-    middle = np.einsum("aic,ij,bjc->ab", np.conj(rest[1:]), noise, rest[1:])
+    middle = np.einsum("aic,ij,bjc->ab", np.conj(remainder[1:]), noise, remainder[1:])
     covariance = covariance + columns @ gram @ middle @ gram @ np.conj(columns.T)
     return np.asarray(np.tensordot(a, through, 1)), np.asarray(covariance), inverse
 
@@ -240,18 +242,18 @@ def interpolated(at: Array, omega: Array, response: ComplexArray) -> ComplexArra
     right = np.clip(np.searchsorted(omega, at), 1, len(omega) - 1)
     step = np.clip((at - omega[right - 1]) / (omega[right] - omega[right - 1]), 0.0, 1.0)
     weight = step[:, None, None]
-    found = (1 - weight) * response[right - 1] + weight * response[right]
+    values = (1 - weight) * response[right - 1] + weight * response[right]
     if len(omega) < _AROUND:
-        return np.asarray(found)
+        return np.asarray(values)
     unit = np.broadcast_to(np.eye(response.shape[2]) + 0j, (_AROUND, *[response.shape[2]] * 2))
     for k, frequency in enumerate(at):
         start = int(np.clip(right[k] - _AROUND // 2, 0, len(omega) - _AROUND))
         window = slice(start, start + _AROUND)
-        apart = (omega[window] - frequency) / np.abs(omega[window] - frequency).max()
+        offset = (omega[window] - frequency) / np.abs(omega[window] - frequency).max()
         try:
-            better, *_ = one_line(response[window], unit, apart, 2, 2)
+            better, *_ = one_line(response[window], unit, offset, 2, 2)
         except np.linalg.LinAlgError:
             continue
         if np.abs(better).max() < _WILD * np.abs(response[window]).max():
-            found[k] = better
-    return np.asarray(found)
+            values[k] = better
+    return np.asarray(values)

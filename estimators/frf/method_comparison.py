@@ -123,7 +123,7 @@ def measured_loop(
     InvalidInput
         If there are too few runs to tell noise from signal, or as `estimators.estimate_frf` does.
     """
-    found = usable_spectra(
+    measured = usable_spectra(
         records.at(index),
         f"position {index + 1}",
         "jio",
@@ -131,7 +131,7 @@ def measured_loop(
         delay=delay,
         transient=transient,
     )
-    Y, U, R = (np.moveaxis(a, 0, 1) for a in found.averaged())  # (F, B, ., E)
+    Y, U, R = (np.moveaxis(a, 0, 1) for a in measured.averaged())  # (F, B, ., E)
     _, B, n, E = R.shape
     freedom = B * E - n
     if freedom < Y.shape[2]:
@@ -220,8 +220,8 @@ def compare_methods(
             estimates = find_method(name)(*signals)[:, 0]
             middle = np.median(estimates.real, axis=0) + 1j * np.median(estimates.imag, axis=0)
             bias[i, f] = np.linalg.norm(middle - loop.response[f])
-            apart = np.linalg.norm(estimates - loop.response[f], axis=(-2, -1))
-            error[i, f] = np.median(apart)
+            distance = np.linalg.norm(estimates - loop.response[f], axis=(-2, -1))
+            error[i, f] = np.median(distance)
     size = np.linalg.norm(loop.response, axis=(-2, -1))
     return Comparison(tuple(methods), bias, error, size)
 

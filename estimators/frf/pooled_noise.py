@@ -116,8 +116,8 @@ def pooled_covariances(
         return covariance
     root = np.sqrt(pooled)
     white = covariance / (root[..., :, None] * root[..., None, :])
-    apart = np.abs(np.arange(F)[:, None] - np.arange(F))
-    others = apart > _correlated_lines(lag_one)
+    distance = np.abs(np.arange(F)[:, None] - np.arange(F))
+    others = distance > _correlated_lines(lag_one)
     count = others.sum(axis=1)
     mean = np.einsum("fg,qgij->qfij", others / np.maximum(count, 1)[:, None], white)
     size = np.sqrt(np.diagonal(mean, axis1=-2, axis2=-1).real)
@@ -134,8 +134,8 @@ def pooled_covariances(
 def _neighbour_mean(values: Array, width: int, left_out: int) -> Array:
     """Return the mean over neighbouring lines (axis 1), but for the nearest and the line itself."""
     index = np.arange(values.shape[1])
-    apart = np.abs(index[:, None] - index)
-    near = (apart <= width + left_out) & (apart > left_out)
+    distance = np.abs(index[:, None] - index)
+    near = (distance <= width + left_out) & (distance > left_out)
     share = near / near.sum(axis=1, keepdims=True)
     return np.asarray(np.moveaxis(np.tensordot(share, values, axes=(1, 1)), 0, 1))
 

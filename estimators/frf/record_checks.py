@@ -65,12 +65,12 @@ def _check_reference(
     size = np.abs(used).max(initial=0.0)
     if size == 0:
         return  # not recorded
-    apart = np.abs(used - used[:, :1]).max(axis=(0, 2, 3))
-    if apart.max() > 1e-6 * size:
-        period = int(np.argmax(apart > 1e-6 * size))
+    change = np.abs(used - used[:, :1]).max(axis=(0, 2, 3))
+    if change.max() > 1e-6 * size:
+        period = int(np.argmax(change > 1e-6 * size))
         raise InvalidInput(
             f"{who}: the reference is not periodic: period {period + 1} differs from period 1 by "
-            f"{apart[period] / size:.2g} of its largest value; are there {records.samples} "
+            f"{change[period] / size:.2g} of its largest value; are there {records.samples} "
             "samples a period?"
         )
     share = _share(used[:, 0], records)
@@ -101,9 +101,9 @@ def _share(signal: Array, records: Records) -> float:
     return float(power[records.lines - 1].sum() / power.sum())
 
 
-def check_periods(found: Spectra, who: str) -> None:
+def check_periods(measured: Spectra, who: str) -> None:
     """Warn if periods differ more than they agree."""
-    for name, signal in (("torque", found.input), ("angle", found.output)):
+    for name, signal in (("torque", measured.input), ("angle", measured.output)):
         mean = signal.mean(axis=1, keepdims=True)
         scatter = np.abs(signal - mean) ** 2
         if scatter.mean() > np.mean(np.abs(mean) ** 2):
@@ -175,7 +175,7 @@ class Settling:
         return self.first < len(self.p_values) or not len(self.p_values)
 
 
-def settling(found: Spectra, level: float = LEVEL, negligible: float = NEGLIGIBLE) -> Settling:
+def settling(measured: Spectra, level: float = LEVEL, negligible: float = NEGLIGIBLE) -> Settling:
     """Find the first period without a transient.
 
     A period's difference from the mean of the K later ones has, without a transient, (1 + 1/K)
@@ -191,11 +191,11 @@ def settling(found: Spectra, level: float = LEVEL, negligible: float = NEGLIGIBL
         Transients below this part of the signal are kept.
     """
     check_level(level, "settling")
-    signal = np.concatenate([found.input, found.output], axis=3)[found.present.any(axis=1)]
+    signal = np.concatenate([measured.input, measured.output], axis=3)[measured.present.any(axis=1)]
     P = signal.shape[1]
     p_values, deviations = [], []
     for p in range(P - 2):
-        chance, deviation = _compare(signal[:, p], signal[:, p + 1 :], found)
+        chance, deviation = _compare(signal[:, p], signal[:, p + 1 :], measured)
         p_values.append(chance)
         deviations.append(deviation)
     unsettled = [a < level and b > negligible for a, b in zip(p_values, deviations, strict=True)]
@@ -203,19 +203,19 @@ def settling(found: Spectra, level: float = LEVEL, negligible: float = NEGLIGIBL
     return Settling(first, np.array(p_values), np.array(deviations))
 
 
-def _compare(period: ComplexArray, later: ComplexArray, found: Spectra) -> tuple[float, float]:
+def _compare(period: ComplexArray, later: ComplexArray, measured: Spectra) -> tuple[float, float]:
     """Return the chance of a difference so large, and its size, of (B, F, c, E) spectra."""
     K = later.shape[1]
     mean = later.mean(axis=1)
     # Channels differ in size and unit, lines in noise: sums over experiments only.
-    apart = (np.abs(period - mean) ** 2).sum(axis=(0, 3))
+    difference = (np.abs(period - mean) ** 2).sum(axis=(0, 3))
     scatter = (np.abs(later - mean[:, None]) ** 2).sum(axis=(0, 1, 4)) / (K - 1)
     size = (np.abs(mean) ** 2).sum(axis=(0, 3))
     # Line by line: a transient is slow, and would drown in the acceleration at high frequencies.
-    parts = np.divide(apart, size, out=np.zeros_like(apart), where=size > 0)
+    parts = np.divide(difference, size, out=np.zeros_like(difference), where=size > 0)
     relative = float(np.sqrt(parts.mean(axis=0).max()))
-    experiments = int(found.present.sum())
-    ratio, degrees = _ratios(apart / (1 + 1 / K), scatter, size, (experiments, K))
+    experiments = int(measured.present.sum())
+    ratio, degrees = _ratios(difference / (1 + 1 / K), scatter, size, (experiments, K))
     if not ratio.size:
         return 1.0, relative
     below = max(degrees * (K - 1), 5)
@@ -226,19 +226,21 @@ def _compare(period: ComplexArray, later: ComplexArray, found: Spectra) -> tuple
     return float(ndtr(-score)), relative
 
 
-def _ratios(apart: Array, scatter: Array, size: Array, count: tuple[int, int]) -> tuple[Array, int]:
+def _ratios(
+    difference: Array, scatter: Array, size: Array, count: tuple[int, int]
+) -> tuple[Array, int]:
     """Return F ratios (groups of lines, channels) and the degrees of freedom of what is above.
 
     Channels that do not change at all, such as torques in open loop, are left out.
     """
     experiments, later = count
     rounding = _ROUNDING**2 * size
-    moving = ((apart > rounding) | (scatter > rounding)).any(axis=0)
-    apart, scatter, rounding = (a[:, moving] for a in (apart, scatter, rounding))
-    lines = len(apart)
+    moving = ((difference > rounding) | (scatter > rounding)).any(axis=0)
+    difference, scatter, rounding = (a[:, moving] for a in (difference, scatter, rounding))
+    lines = len(difference)
     group = min(lines, int(np.ceil(_DEGREES / (2 * experiments * (later - 1)))))
     starts = np.arange(0, lines - group + 1, group)
     # Without any scatter among the later periods a difference is beyond doubt.
     scatter = np.maximum(scatter, rounding)
-    above, below = (np.add.reduceat(a[: starts[-1] + group], starts) for a in (apart, scatter))
+    above, below = (np.add.reduceat(a[: starts[-1] + group], starts) for a in (difference, scatter))
     return np.asarray(above / np.where(below > 0, below, 1.0)), 2 * experiments * group

@@ -58,36 +58,36 @@ def merge_visits(estimate: FrfEstimate) -> FrfEstimate:
     )
 
 
-def merge_distortion(found: Distortion) -> Distortion:
+def merge_distortion(distortion: Distortion) -> Distortion:
     """Return noise and distortion levels of the FRFs that `merge_visits` gives.
 
     Variances are those of the mean; levels of motion are root mean squares over visits.
     """
-    visits = visits_of(found.positions)
-    if len(visits) == len(found.positions):
-        return found
-    weights = _shares(found.blocks, visits)
+    visits = visits_of(distortion.positions)
+    if len(visits) == len(distortion.positions):
+        return distortion
+    weights = _shares(distortion.blocks, visits)
     squares = [w**2 for w in weights]
     levels: dict[str, Any] = {
-        name: np.sqrt(_sums(getattr(found, name) ** 2, visits, weights)) for name in _LEVELS
+        name: np.sqrt(_sums(getattr(distortion, name) ** 2, visits, weights)) for name in _LEVELS
     }
     return replace(
-        found,
-        positions=found.positions[[v[0] for v in visits]],
-        noise=_sums(found.noise, visits, squares),
-        total=_sums(found.total, visits, squares),
-        blocks=np.array([found.blocks[v].sum() for v in visits]),
+        distortion,
+        positions=distortion.positions[[v[0] for v in visits]],
+        noise=_sums(distortion.noise, visits, squares),
+        total=_sums(distortion.total, visits, squares),
+        blocks=np.array([distortion.blocks[v].sum() for v in visits]),
         **levels,
     )
 
 
-def distortion_in(found: Distortion, positions: IntArray) -> Distortion:
+def distortion_in(distortion: Distortion, positions: IntArray) -> Distortion:
     """Return the noise and distortion levels in some positions (k,), counted from 0."""
-    chosen: dict[str, Any] = {
-        name: getattr(found, name)[positions]
+    levels: dict[str, Any] = {
+        name: getattr(distortion, name)[positions]
         for name in ("positions", "noise", "total", "blocks", *_LEVELS)
     }
-    return replace(found, **chosen)
+    return replace(distortion, **levels)
 
 
 def _shares(counts: IntArray, visits: Sequence[IntArray]) -> list[Array]:

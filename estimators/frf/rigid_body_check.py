@@ -104,31 +104,31 @@ def rigid_response(network: SpringNetwork, omega: Array) -> ComplexArray:
 def _judge(ratio: ComplexArray, network: SpringNetwork) -> list[str]:
     """Say which simple mix-up explains the ratios, if any is needed; motors alike in one line."""
     gears = np.abs(network.selector).max(axis=0)
-    said: dict[str, list[int]] = {}
+    motors_by_finding: dict[str, list[int]] = {}
     for i, value in enumerate(ratio):
         if not np.isfinite(value):
             continue
         angle = abs(float(np.angle(value, deg=True)))
         if angle > 120:
             text = "the FRF has the wrong sign; turn the torque's or the angle's"
-            said.setdefault(text, []).append(i)
+            motors_by_finding.setdefault(text, []).append(i)
         elif angle > 60:
             text = (
                 "the phase is more than 60 degrees off the rigid robot's; angle, speed or "
                 "acceleration mixed up, a delay, or friction"
             )
-            said.setdefault(text, []).append(i)
+            motors_by_finding.setdefault(text, []).append(i)
         if not 1 / PLAUSIBLE < abs(value) < PLAUSIBLE:
-            said.setdefault(_units(abs(value), float(gears[i])), []).append(i)
+            motors_by_finding.setdefault(_units(abs(value), float(gears[i])), []).append(i)
     return [
         f"low frequencies, {_motors(motors)}: {text.format(_sizes(ratio[motors]))}"
-        for text, motors in said.items()
+        for text, motors in motors_by_finding.items()
     ]
 
 
 def _units(size: float, gear: float) -> str:
     """Say which factor between units is near `size`, or near 1 / `size`."""
-    known = {
+    units = {
         "degrees for radians": 180 / np.pi,
         "revolutions for radians": 2 * np.pi,
         "milli-units": 1e3,
@@ -137,7 +137,7 @@ def _units(size: float, gear: float) -> str:
     }
     close = [
         name
-        for name, factor in known.items()
+        for name, factor in units.items()
         if factor > PLAUSIBLE and abs(abs(np.log(size)) - np.log(factor)) < _NEAR
     ]
     why = f" ({' or '.join(close)}?)" if close else ""
@@ -189,5 +189,7 @@ def _diagonal(matrices: ComplexArray) -> ComplexArray:
 
 
 def _median(values: ComplexArray) -> complex:
-    kept = values[np.isfinite(values)]
-    return complex(np.median(kept.real), np.median(kept.imag)) if kept.size else complex(np.nan)
+    finite = values[np.isfinite(values)]
+    return (
+        complex(np.median(finite.real), np.median(finite.imag)) if finite.size else complex(np.nan)
+    )

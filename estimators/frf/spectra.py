@@ -141,8 +141,10 @@ def _transfer(
 ) -> tuple[ComplexArray, ComplexArray]:
     """Return what turns coefficients of torque samples and of angles into U and Y."""
     half = omega * sample_time / 2
-    held = np.sinc(half / np.pi) * np.exp(-1j * half) if hold else np.ones(omega.shape, complex)
-    return np.asarray(held), np.asarray(-(omega**2) * np.exp(1j * omega * delay))
+    hold_factor = (
+        np.sinc(half / np.pi) * np.exp(-1j * half) if hold else np.ones(omega.shape, complex)
+    )
+    return np.asarray(hold_factor), np.asarray(-(omega**2) * np.exp(1j * omega * delay))
 
 
 def _neighbours(lines: IntArray, periods: int) -> IntArray:

@@ -79,17 +79,17 @@ def assess_convergence(
     Three autocorrelation times are left out, at most half of the chain.
     """
     burn, tau = burn_in(chains)
-    kept = chains[:, burn:]
-    e, t, w, _ = kept.shape
-    found, ess = r_hat(kept), effective_size(kept)
+    used = chains[:, burn:]
+    e, t, w, _ = used.shape
+    r_hats, ess = r_hat(used), effective_size(used)
     per_snapshot = np.nanmin(ess) / t if np.isfinite(ess).any() else e * w / tau.max()
     needed = max(TIMES * tau.max(), target.ess / per_snapshot) + burn
-    if not found.max() <= R_HAT:
+    if not r_hats.max() <= R_HAT:
         needed = max(needed, 2 * chains.shape[1])
-    worst, least = names[int(np.argmax(found))], names[int(np.argmin(ess))]
+    worst, least = names[int(np.argmax(r_hats))], names[int(np.argmin(ess))]
     faults = []
-    if not found.max() <= R_HAT:
-        faults.append(f"R-hat {found.max():.3f} for {worst} (at most {R_HAT:g})")
+    if not r_hats.max() <= R_HAT:
+        faults.append(f"R-hat {r_hats.max():.3f} for {worst} (at most {R_HAT:g})")
     if not ess.min() >= ESS:
         faults.append(f"effective sample size {ess.min():.0f} for {least} (at least {ESS:.0f})")
     if t < TIMES * tau.max():
@@ -99,21 +99,21 @@ def assess_convergence(
             f"snapshots for {slow}"
         )
     short = ""
-    if not (found.max() <= target.r_hat and ess.min() >= target.ess):
+    if not (r_hats.max() <= target.r_hat and ess.min() >= target.ess):
         short = f"short of R-hat {target.r_hat:g} and effective size {target.ess:.0f}"
-    return ChainConvergence(burn, tau, found, ess, tuple(faults), short, int(np.ceil(needed)))
+    return ChainConvergence(burn, tau, r_hats, ess, tuple(faults), short, int(np.ceil(needed)))
 
 
 def has_converged(chains: Array, target: StoppingCriterion) -> bool:
     """Return whether `assess_convergence` would find no fault, the cheapest questions first."""
     burn, tau = burn_in(chains)
-    kept = chains[:, burn:]
-    e, t, w, _ = kept.shape
+    used = chains[:, burn:]
+    e, t, w, _ = used.shape
     if t < TIMES * tau.max() or e * t * w / tau.max() < target.ess:
         return False
-    if not effective_size(kept).min() >= target.ess:
+    if not effective_size(used).min() >= target.ess:
         return False
-    return bool(r_hat(kept).max() <= target.r_hat)
+    return bool(r_hat(used).max() <= target.r_hat)
 
 
 def burn_in(chains: Array) -> tuple[int, Array]:

@@ -55,8 +55,8 @@ class SnookerMove(emcee.moves.RedBlueMove):  # type: ignore[misc]  # emcee has n
             proposal = sample + along[:, None] * direction
             after = np.linalg.norm(proposal - z, axis=1)
             factor = (p - 1) * np.log(after / before)
-        apart = (before > 0) & (after > 0)
-        return np.where(apart[:, None], proposal, sample), np.where(apart, factor, -np.inf)
+        distinct = (before > 0) & (after > 0)
+        return np.where(distinct[:, None], proposal, sample), np.where(distinct, factor, -np.inf)
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,10 +77,10 @@ class IndependentMove:
 
 def moves(proposal: StudentT | None) -> list[tuple[emcee.moves.Move, float]]:
     """Return emcee's weighted moves: DE, corrected snooker, and independent ones if possible."""
-    rest = 1.0 if proposal is None else 1.0 - INDEPENDENT
+    remaining = 1.0 if proposal is None else 1.0 - INDEPENDENT
     mix = [
-        (emcee.moves.DEMove(), rest * DE / (DE + SNOOKER)),
-        (SnookerMove(), rest * SNOOKER / (DE + SNOOKER)),
+        (emcee.moves.DEMove(), remaining * DE / (DE + SNOOKER)),
+        (SnookerMove(), remaining * SNOOKER / (DE + SNOOKER)),
     ]
     if proposal is not None:
         mix.append((emcee.moves.MHMove(IndependentMove(proposal)), INDEPENDENT))
@@ -232,7 +232,7 @@ def drawn_starts(
     are for `check_starts` to refuse.
     """
     low, high = density.bounds
-    found = np.empty((walkers, len(low)))
+    starts = np.empty((walkers, len(low)))
     missing = np.ones(walkers, dtype=bool)
     for shrink in 0.8 ** np.arange(ROUNDS):
         draws = proposal.center + shrink * (proposal.draw(walkers, rng) - proposal.center)
@@ -241,14 +241,14 @@ def drawn_starts(
         # What is wider than the bounds twice over is spread evenly.
         outside = (draws < low) | (draws > high)
         draws = np.where(outside, rng.uniform(low, high, draws.shape), draws)
-        found[missing] = draws[missing]
-        missing[missing] = ~np.isfinite(density(found[missing]))
+        starts[missing] = draws[missing]
+        missing[missing] = ~np.isfinite(density(starts[missing]))
         if not missing.any():
             break
-    return found
+    return starts
 
 
-def given_starts(
+def checked_starts(
     starts: Array | None, density: LogPosterior, ensembles: int, walkers: int
 ) -> Array | None:
     """Return a user's `starts`, (W, p) or (E, W, p) [SI], as (E, W, p) of ln theta, or None.

@@ -165,11 +165,11 @@ def smoothed(raw: Array) -> tuple[Array, float]:
     statistics: Any = array_stats  # has no types
     # Draws outside the support have no weight and no part in the tail.
     with np.errstate(all="ignore"):
-        found, k = statistics.psislw(-raw[positive])
-    if not np.isfinite(found).all():
+        log_weights, k = statistics.psislw(-raw[positive])
+    if not np.isfinite(log_weights).all():
         # The tail's weights vanish beside the largest: no Pareto law fits them, and arviz-stats
         # returns the prior's k, near zero.
-        found, k = raw[positive], np.inf
+        log_weights, k = raw[positive], np.inf
     result = np.full(len(raw), -np.inf)
-    result[positive] = found - np.logaddexp.reduce(found)
+    result[positive] = log_weights - np.logaddexp.reduce(log_weights)
     return result, float(k)

@@ -139,9 +139,11 @@ class LogPosterior:
             if not finite.any():
                 yield np.full((len(G), 1), np.inf)
                 continue
-            found = line_squares(self.root, self.kind.error(self.measured, G[finite], self.used))
-            squares = np.full((len(G), found[0].size), np.inf)
-            squares[finite] = found.reshape(len(found), -1)
+            finite_squares = line_squares(
+                self.root, self.kind.error(self.measured, G[finite], self.used)
+            )
+            squares = np.full((len(G), finite_squares[0].size), np.inf)
+            squares[finite] = finite_squares.reshape(len(finite_squares), -1)
             yield squares
 
     def _responses(self, parameters: Array) -> Iterator[ComplexArray]:
@@ -153,7 +155,9 @@ class LogPosterior:
         q, d = self.network.mass.shape[:2]
         together = max(1, BATCH // (q * len(self.omega) * d**2))
         for first in range(0, len(parameters), together):
-            yield side_by_side(self.network, parameters[first : first + together], self.omega)
+            yield batched_frequency_response(
+                self.network, parameters[first : first + together], self.omega
+            )
 
     def _response_anew(self, theta: Array) -> ComplexArray:
         """Return the FRF with the equilibria and the skeleton of theta."""
@@ -251,11 +255,15 @@ def has_noise_weights(fit: Fit) -> bool:
     return bool((np.abs(np.log(np.where(ratio > 0, ratio, 1.0))) < SAME_WEIGHTS).all())
 
 
-def side_by_side(network: SpringNetwork, parameters: Array, omega: Array) -> ComplexArray:
+def batched_frequency_response(
+    network: SpringNetwork, parameters: Array, omega: Array
+) -> ComplexArray:
     """Return FRFs (w, Q, F, m, n) at parameters (w, p), equilibria held fixed."""
     w, s = len(parameters), len(network.nodes)
-    own = network.inertances
-    friction = own is not None and bool(own.exponents[: len(own.friction)].any())
+    inertances = network.inertances
+    friction = inertances is not None and bool(
+        inertances.exponents[: len(inertances.friction)].any()
+    )
     if not network.only_motors or friction:
         models = [network.linear_model(theta) for theta in parameters]
         batch = LinearModel(

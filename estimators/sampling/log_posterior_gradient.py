@@ -40,23 +40,23 @@ def slope(target: LogPosterior, ln_theta: Array) -> Slope:
         If the model has no FRF there.
     """
     theta = np.exp(ln_theta)
-    found = (_written_out if target.kernel is None else _compiled)(target, theta)
+    likelihood = (_written_out if target.kernel is None else _compiled)(target, theta)
     if target.prior is None:
-        return found
+        return likelihood
     names, prior = target.names, target.prior
     return Slope(
-        found.value + float(prior.cost(names, theta)),
-        found.gradient + prior.slope(names).T @ prior.standardised(names, theta),
-        found.hessian + prior.information(names),
+        likelihood.value + float(prior.cost(names, theta)),
+        likelihood.gradient + prior.slope(names).T @ prior.standardised(names, theta),
+        likelihood.hessian + prior.information(names),
     )
 
 
 def _compiled(target: LogPosterior, theta: Array) -> Slope:
     assert target.kernel is not None
-    found = target.kernel.normal_equations(theta)
-    value = float(target.noise.of_cost(np.array([found.cost]), target.data)[0])
-    factor = target.noise.curvature(found.cost, target.data)
-    return Slope(-value, factor * found.gradient, factor * found.hessian)
+    normal = target.kernel.normal_equations(theta)
+    value = float(target.noise.of_cost(np.array([normal.cost]), target.data)[0])
+    factor = target.noise.curvature(normal.cost, target.data)
+    return Slope(-value, factor * normal.gradient, factor * normal.hessian)
 
 
 def _written_out(target: LogPosterior, theta: Array) -> Slope:

@@ -13,8 +13,8 @@ from estimators.sampling.convergence import StoppingCriterion, assess_convergenc
 from estimators.sampling.ensemble import (
     Sampler,
     check_starts,
+    checked_starts,
     drawn_starts,
-    given_starts,
     run_ensembles,
 )
 from estimators.sampling.likelihood import Noise
@@ -178,7 +178,7 @@ def sample_posterior(
     density = posterior_density(fit, noise=noise, scale=scale, prior=prior)
     proposal = laplace(fit, density)
     seeds = rng.integers(2**32, size=ensembles, dtype=np.int64)
-    first = given_starts(starts, density, ensembles, walkers)
+    first = checked_starts(starts, density, ensembles, walkers)
     if first is None:
         rngs = [np.random.default_rng(int(seed)) for seed in seeds]
         first = np.stack([drawn_starts(proposal, density, walkers, one) for one in rngs])
@@ -197,10 +197,10 @@ def sample_posterior(
         progress,
         executor,
     )
-    return judged(density.names, chains, thin, acceptance, density.noise, aim)
+    return posterior_of_chains(density.names, chains, thin, acceptance, density.noise, aim)
 
 
-def judged(
+def posterior_of_chains(
     names: tuple[str, ...],
     chains: Array,
     thin: int,
@@ -209,24 +209,24 @@ def judged(
     target: StoppingCriterion | None = None,
 ) -> Posterior:
     """Return the posterior of chains (E, T, W, p): burn-in left out, convergence examined."""
-    found = assess_convergence(names, chains, target or StoppingCriterion())
-    steps = int(np.ceil(found.needed * thin / 100) * 100)
+    convergence = assess_convergence(names, chains, target or StoppingCriterion())
+    steps = int(np.ceil(convergence.needed * thin / 100) * 100)
     message = "converged"
-    if found.faults:
-        message = f"not converged: {'; '.join(found.faults)}; run about {steps} steps"
-    elif found.short:
-        message = f"converged, {found.short}: that takes about {steps} steps"
+    if convergence.faults:
+        message = f"not converged: {'; '.join(convergence.faults)}; run about {steps} steps"
+    elif convergence.short:
+        message = f"converged, {convergence.short}: that takes about {steps} steps"
     return Posterior(
         names,
-        read_only(chains[:, found.burn_in :]),
-        found.r_hat,
-        found.ess,
-        found.autocorrelation_time * thin,
-        found.burn_in * thin,
+        read_only(chains[:, convergence.burn_in :]),
+        convergence.r_hat,
+        convergence.ess,
+        convergence.autocorrelation_time * thin,
+        convergence.burn_in * thin,
         chains.shape[1] * thin,
         acceptance,
         noise,
-        not found.faults,
+        not convergence.faults,
         message,
     )
 
@@ -259,10 +259,10 @@ def _fingerprint(
 ) -> str:
     """Return a digest of what the chains depend on; rounded where computed, not given."""
     estimate = fit.estimate
-    given = (
+    inputs = (
         (fit.residual, density.names, density.noise.kind, density.prior),
         (estimate.positions, estimate.omega, estimate.response),
         (seeds, walkers, thin, starts),
     )
     computed = (fit.weights, fit.parameters.values, fit.bounds, np.array(density.noise.scale))
-    return fingerprint(given, (computed, density.network))
+    return fingerprint(inputs, (computed, density.network))

@@ -13,9 +13,9 @@ from estimators.fitting.priors import Prior
 from estimators.sampling.log_posterior import LogPosterior, posterior_density
 from estimators.sampling.profile_search import (
     AT_BOUND,
+    CROSSED,
     FAILED,
     FLAT,
-    FOUND,
     Deviance,
     Point,
     end_of_interval,
@@ -79,7 +79,7 @@ class Profile(ReprHtml):
 
     def __str__(self) -> str:
         notes = {
-            FOUND: "",
+            CROSSED: "",
             FLAT: " (flat up to the bound)",
             AT_BOUND: " (the mode is at this bound)",
             FAILED: " (search failed)",
@@ -139,23 +139,23 @@ def profile_likelihood(
         If the fit's cost is not finite.
     """
     check_level(level, "profile")
-    chosen = fit.parameters.names if names is None else tuple(names)
-    columns = [fit.parameters.index(name) for name in chosen]
-    known = noise == "known" and scale is None
-    if known:
+    selected = fit.parameters.names if names is None else tuple(names)
+    columns = [fit.parameters.index(name) for name in selected]
+    noise_known = noise == "known" and scale is None
+    if noise_known:
         scale = _mean_scale(fit)
     density = posterior_density(fit, noise=noise, scale=scale, prior=prior)
-    factors = adjustments(fit, density.noise.scale) if known else np.ones(len(fit.parameters))
+    factors = adjustments(fit, density.noise.scale) if noise_known else np.ones(len(fit.parameters))
     start = laplace(fit, density)
     unit = np.sqrt(np.sum(start.root**2, axis=1))
     one = partial(_profile, density, start.center, unit, level, points)
     tasks = [(i, float(factors[i])) for i in columns]
-    found = []
+    profiles = []
     for profile in map(one, tasks) if executor is None else executor.map(one, tasks):
-        found.append(profile)
+        profiles.append(profile)
         if progress is not None:
-            progress(len(found), len(tasks))
-    return tuple(found)
+            progress(len(profiles), len(tasks))
+    return tuple(profiles)
 
 
 def _mean_scale(fit: Fit) -> float:
@@ -212,7 +212,7 @@ def _curve(
 ) -> Array:
     """Return (2, points) places and the rise of -2 log p over the minimum, adjusted."""
     at = mode.x[i]
-    low, high = (at + 2 * (end - at) if found == FOUND else end for end, found in ends)
+    low, high = (at + 2 * (end - at) if status == CROSSED else end for end, status in ends)
     low, high = np.nan_to_num(np.clip([low, high], *deviance.limits[:, i]), nan=at)
     grid = np.linspace(low, high, points)
     rises = np.full(points, np.nan)

@@ -10,7 +10,7 @@ from estimators.sampling.log_posterior_gradient import slope
 from robotmodels.common.arrays import Array
 from robotmodels.common.errors import IdentificationError
 
-FOUND, FLAT, AT_BOUND, FAILED = "found", "flat", "bound", "failed"
+CROSSED, FLAT, AT_BOUND, FAILED = "found", "flat", "bound", "failed"
 
 # Of -2 log p; the ends of an interval are then good to a thousandth of a standard deviation.
 TOLERANCE, ROUNDING = 1e-6, 1e-13
@@ -131,7 +131,7 @@ def end_of_interval(
             continue
         root = float(np.sqrt(max(there.value - mode.value, 0.0)))
         if abs(root - target) < ROOT_TOLERANCE:
-            return to, FOUND
+            return to, CROSSED
         if root < target:
             if distance == farthest:
                 return limit, FLAT

@@ -161,13 +161,13 @@ def element_correlation(fit: LinearisedFit) -> float:
         diagonal = np.diagonal(white, axis1=-2, axis2=-1).real
         return _at_least_one(squares, float((diagonal**2).sum()))
     draws = (root[:, None] * fit.deviations).transpose(0, 2, 1, 3)  # (Q, F, R, k)
-    apart = min(5, draws.shape[1] - 1)
-    if apart < 1:
+    lag = min(5, draws.shape[1] - 1)
+    if lag < 1:
         return 1.0
     # All pairs of draws, so that few blocks suffice.
-    inner = np.conj(draws[:, :-apart]) @ np.swapaxes(draws[:, apart:], -1, -2)
+    inner = np.conj(draws[:, :-lag]) @ np.swapaxes(draws[:, lag:], -1, -2)
     power = (np.abs(draws) ** 2).sum(axis=2)
-    total = float((power[:, :-apart] * power[:, apart:]).sum())
+    total = float((power[:, :-lag] * power[:, lag:]).sum())
     return _at_least_one(float((np.abs(inner) ** 2).sum()), total)
 
 
@@ -236,9 +236,9 @@ def autoregressive(correlations: Array, data: float, lines: int) -> Array:
             order, best = k, model
     result = np.zeros(lines)
     result[0] = 1.0
-    known = min(order, lines - 1)
-    result[1 : known + 1] = correlations[:known]
-    for lag in range(known + 1, lines):
+    copied = min(order, lines - 1)
+    result[1 : copied + 1] = correlations[:copied]
+    for lag in range(copied + 1, lines):
         result[lag] = best @ result[lag - order : lag][::-1] if order else 0.0
     return result
 

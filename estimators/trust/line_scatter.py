@@ -98,17 +98,17 @@ def cautious_scatter(fit: LinearisedFit, rows: Lines, correlation: LineCorrelati
     happens to be small looks certain, and other lines then count as many. The neighbours' variances
     know nothing of the line's own.
     """
-    own = fit.line_variances(rows)
-    scatter = _line_scatter(fit, rows, own, correlation)
+    line_variance = fit.line_variances(rows)
+    scatter = _line_scatter(fit, rows, line_variance, correlation)
     nu = fit.parts * fit.degrees_of_freedom[:, None]
     if not np.isfinite(nu).any():
         return scatter
     with np.errstate(divide="ignore"):
         variances = np.where(fit.used, 1 / fit.noise_weights, 0.0)
-    larger = np.maximum(own, (np.abs(rows) ** 2 * variances).sum(axis=-1) / 2)
+    larger = np.maximum(line_variance, (np.abs(rows) ** 2 * variances).sum(axis=-1) / 2)
     total = larger.sum(axis=(1, 2))
     with np.errstate(divide="ignore", invalid="ignore"):
-        factor = total / own.sum(axis=(1, 2))
+        factor = total / line_variance.sum(axis=(1, 2))
         dof = total**2 / (larger**2 / nu).sum(axis=(1, 2)) / correlation.inflation
     return Scatter(
         scatter.variance * np.nan_to_num(factor, nan=1.0),

@@ -227,8 +227,8 @@ def with_prior(fit: LinearisedFit, scatter: Scatter) -> Scatter:
     J = fit.jacobian.reshape(-1, len(fit.names))
     # Re(A J) = I - N^-1 (prior/2): what is left of the identity is the prior's.
     share = np.eye(len(fit.names)) - (rows @ J).real
-    known = np.linalg.pinv(fit.prior, hermitian=True)
-    more = np.einsum("ij,jk,ik->i", share, known, share)
+    prior_covariance = np.linalg.pinv(fit.prior, hermitian=True)
+    more = np.einsum("ij,jk,ik->i", share, prior_covariance, share)
     total = scatter.variance + more
     with np.errstate(divide="ignore", invalid="ignore"):
         dof = np.where(

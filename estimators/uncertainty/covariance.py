@@ -143,7 +143,7 @@ def covariance(fit: Fit, method: str = "theorem1", lags: int | None = None) -> U
     if method == "scaled" and fit.loss != "linear":
         raise InvalidInput(f"covariance: loss {fit.loss!r}; 'scaled' is defined for 'linear' only")
     names, prior = fit.parameters.names, fit.prior
-    known = np.zeros((len(names),) * 2) if prior is None else prior.information(names)
+    prior_information = np.zeros((len(names),) * 2) if prior is None else prior.information(names)
     freedom = np.full(len(names), np.inf)
     if method == "empirical":
         bread, meat = empirical_parts(fit, lags)
@@ -151,23 +151,25 @@ def covariance(fit: Fit, method: str = "theorem1", lags: int | None = None) -> U
         bread, meat = sandwich_parts(fit)
         slope, square = loss_factors(fit.loss)
         bread, meat = slope * bread, square * meat
-    whole = sandwich(bread + known, meat + known, names)
+    whole = sandwich(bread + prior_information, meat + prior_information, names)
     if method != "empirical":
         linear, white = fit.linearise(), white_errors(len(fit.estimate.omega))
         freedom = line_scatter(linear, linear.rows, white).degrees_of_freedom
         if method == "scaled":
             whole = sandwich(
-                bread + known, residual_size(linear, white).ratio * meat + known, names
+                bread + prior_information,
+                residual_size(linear, white).ratio * meat + prior_information,
+                names,
             )
     return Uncertainty(names, whole, f"{METHODS[method]}, {fit.residual}{_doubts(fit)}", freedom)
 
 
 def _doubts(fit: Fit) -> str:
     """Return why a fit's covariance may not hold, in brackets; nothing if there is no reason."""
-    said = [] if fit.converged else ["the fit has not converged"]
+    doubts = [] if fit.converged else ["the fit has not converged"]
     if fit.at_bounds:
-        said.append(f"at a bound, as if free: {', '.join(fit.at_bounds)}")
-    return f" ({'; '.join(said)})" if said else ""
+        doubts.append(f"at a bound, as if free: {', '.join(fit.at_bounds)}")
+    return f" ({'; '.join(doubts)})" if doubts else ""
 
 
 def _check_method(method: str, lags: int | None) -> None:
@@ -207,8 +209,8 @@ def empirical_parts(fit: Fit, lags: int | None = None) -> tuple[Array, Array]:
             "needs lags >= 0 and more lines than parameters"
         )
     error, slope = problem.evaluate(fit.parameters.values)
-    known = 0 if fit.prior is None else len(fit.prior.names)
-    error, slope = error[: len(error) - known], slope[: len(error) - known]
+    prior_rows = 0 if fit.prior is None else len(fit.prior.names)
+    error, slope = error[: len(error) - prior_rows], slope[: len(error) - prior_rows]
     _, first, second = problem.robust(error**2)
     bread = 2 * (slope.T * (first + 2 * second * error**2)) @ slope
     parts = 1 if problem.kind.real else 2

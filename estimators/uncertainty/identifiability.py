@@ -80,8 +80,8 @@ class Identifiability(ReprHtml):
     def direction_std(self) -> Array:
         """Standard deviations of the directions, (p,), smallest first."""
         with np.errstate(divide="ignore"):
-            found = 1 / self.singular_values
-        return np.where(found < UNKNOWN / 2, found, np.inf)
+            std = 1 / self.singular_values
+        return np.where(std < UNKNOWN / 2, std, np.inf)
 
     @property
     def price(self) -> Array:
@@ -95,7 +95,7 @@ class Identifiability(ReprHtml):
         """Return the weak directions in words, the weakest first."""
         order = np.argsort(-self.direction_std, kind="stable")
         return tuple(
-            f"{in_names(self.directions[k], self.names)} is {_known(self.direction_std[k])}"
+            f"{in_names(self.directions[k], self.names)} is {_precision(self.direction_std[k])}"
             for k in order
             if self.direction_std[k] > self.limit
         )
@@ -139,8 +139,8 @@ def identifiability(
     with np.errstate(divide="ignore"):
         alone = 1 / np.sqrt(np.diag(matrix))
     correlation = covariance / np.outer(std, std)
-    left = np.maximum(1 - correlation**2, 1e-24)
-    inflation = 1 / np.sqrt(left)
+    uncorrelated = np.maximum(1 - correlation**2, 1e-24)
+    inflation = 1 / np.sqrt(uncorrelated)
     np.fill_diagonal(inflation, 1.0)
     return Identifiability(
         names=tuple(names),
@@ -177,7 +177,7 @@ def in_names(direction: Array, names: Sequence[str]) -> str:
     return " ".join(f"{names[i]}^{direction[i]:+.2f}" for i in order)
 
 
-def _known(std: float) -> str:
+def _precision(std: float) -> str:
     return f"known to {100 * std:.2g} %" if np.isfinite(std) else "not known at all"
 
 
@@ -224,9 +224,9 @@ def _advice(information: Array, names: tuple[str, ...], limit: float) -> tuple[A
         std = min(1 / np.sqrt(max(values[0], UNKNOWN**-2)), UNKNOWN)
         if std <= limit:
             break
-        step, kept, mixing = _step(vectors[:, 0], names, std if std < UNKNOWN / 2 else np.inf)
+        step, remaining, mixing = _step(vectors[:, 0], names, std if std < UNKNOWN / 2 else np.inf)
         steps.append(step)
-        information, names = mixing.T @ information @ mixing, kept
+        information, names = mixing.T @ information @ mixing, remaining
     return tuple(steps)
 
 
@@ -239,15 +239,15 @@ def _step(
     count = int(np.searchsorted(shares, SHARE)) + 1
     guilty = [names[i] for i in order[:count]]
     first = int(order[0])
-    kept = tuple(name for i, name in enumerate(names) if i != first)
+    remaining = tuple(name for i, name in enumerate(names) if i != first)
     mixing = np.delete(np.eye(len(names)), first, axis=1)
     if count == 2 and direction[order[0]] * direction[order[1]] < 0 and _alike(*guilty):
-        mixing[first, kept.index(guilty[1])] = 1.0
-        text = f"tie {guilty[0]} and {guilty[1]}: their ratio is {_known(std)}"
-        return Advice("tie", tuple(guilty), std, text), kept, mixing
-    said = guilty[0] if count == 1 else in_names(direction, names)
-    text = f"fix {guilty[0]}, or measure it otherwise: {said} is {_known(std)}"
-    return Advice("fix", (guilty[0],), std, text), kept, mixing
+        mixing[first, remaining.index(guilty[1])] = 1.0
+        text = f"tie {guilty[0]} and {guilty[1]}: their ratio is {_precision(std)}"
+        return Advice("tie", tuple(guilty), std, text), remaining, mixing
+    quantity = guilty[0] if count == 1 else in_names(direction, names)
+    text = f"fix {guilty[0]}, or measure it otherwise: {quantity} is {_precision(std)}"
+    return Advice("fix", (guilty[0],), std, text), remaining, mixing
 
 
 def _alike(first: str, second: str) -> bool:

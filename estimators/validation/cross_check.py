@@ -28,7 +28,7 @@ _NEAR_BOUND = 0.1  # standard deviations between a bound and the ends of a poste
 _ASYMMETRY = 1.25  # one tail of a normal interval of 95 % then has 4 % instead of 2.5 %
 _SKEWNESS = 0.5
 _SAME_COST = 1.0  # minima whose 2 V differ by less than one sigma of the noise are equally good
-_APART = 1.0  # good fits a standard deviation and more apart are different answers
+_DISTINCT = 1.0  # good fits a standard deviation and more apart are different answers
 
 
 @dataclass(frozen=True, eq=False)
@@ -250,7 +250,7 @@ def _open(
         for i in np.flatnonzero((low < bounds[0] + margin) | (high > bounds[1] - margin)):
             reasons.setdefault(int(i), "the posterior reaches a bound of the fit")
     if scatter is not None:
-        for i in np.flatnonzero(~(scatter <= _APART * trust.std)):
+        for i in np.flatnonzero(~(scatter <= _DISTINCT * trust.std)):
             reason = f"fits as good as the best scatter by {scatter[i] / trust.std[i]:.2g} std"
             reasons.setdefault(int(i), reason)
     return reasons
@@ -269,13 +269,13 @@ def _agreement(table: dict[str, Array], names: tuple[str, ...]) -> list[str]:
             ratio = stds / table[RECOMMENDED]
         if method in (RECOMMENDED, "multistart") or not np.isfinite(ratio).any():
             continue
-        apart = [names[i] for i in np.flatnonzero(_disagreement(stds, table[RECOMMENDED]))]
+        differing = [names[i] for i in np.flatnonzero(_disagreement(stds, table[RECOMMENDED]))]
         span = f"{np.nanmin(ratio):.2f} to {np.nanmax(ratio):.2f} times the recommended one"
         what = f"{method}: standard deviations are {span}"
         if method == "own cost":
             what += "; the weights are not those of the noise, so exp(-cost) is no likelihood"
-        elif apart:
-            what += f", beyond a quarter for {_few(apart)}"
+        elif differing:
+            what += f", beyond a quarter for {_few(differing)}"
         notes.append(what)
     return notes
 
@@ -311,5 +311,5 @@ def _covering(monte_carlo: "MonteCarlo | None") -> tuple[str, ...] | None:
     """Return the methods that cover the truth often enough for every parameter."""
     if monte_carlo is None or not monte_carlo.methods:
         return None
-    known = np.isfinite(monte_carlo.truth)
-    return tuple(m for m in monte_carlo.methods if bool(monte_carlo.covers(m)[known].all()))
+    finite = np.isfinite(monte_carlo.truth)
+    return tuple(m for m in monte_carlo.methods if bool(monte_carlo.covers(m)[finite].all()))

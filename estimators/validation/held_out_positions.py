@@ -104,8 +104,8 @@ def validate(
     parts = np.stack([J.real, J.imag], axis=-2)
     shape = parts @ uncertainty.covariance @ np.swapaxes(parts, -1, -2)
     shape = shape + held_out.pooled_variance[..., None, None] / 2 * np.eye(2)
-    apart = np.stack([error.real, error.imag], axis=-1)
-    squares = np.sum(apart * np.linalg.solve(shape, apart[..., None])[..., 0], axis=-1)
+    error_parts = np.stack([error.real, error.imag], axis=-1)
+    squares = np.sum(error_parts * np.linalg.solve(shape, error_parts[..., None])[..., 0], axis=-1)
     inside = -np.expm1(-squares / 2)[..., None] <= levels  # chi square of two degrees
     by_position = inside.mean(axis=(1, 2, 3))
     misfit, probability = _joint(error, J, held_out, uncertainty)
@@ -141,9 +141,11 @@ def _joint(
     stated = held_out.variance / held_out.pooled_variance
     ratio = float(white @ white - explained) / white.size / float(stated.mean())
     nu = held_out.degrees_of_freedom[:, None, None, None]
-    known = np.where(np.isfinite(nu), nu, 1e9)
-    numerator = white.size * stated.mean() ** 2 / (stated**2 * known / (known + 1)).mean()
-    denominator = numerator * float(known.mean())
+    finite_freedom = np.where(np.isfinite(nu), nu, 1e9)
+    numerator = (
+        white.size * stated.mean() ** 2 / (stated**2 * finite_freedom / (finite_freedom + 1)).mean()
+    )
+    denominator = numerator * float(finite_freedom.mean())
     below = float(f_law.cdf(ratio, numerator, denominator))
     above = float(f_law.sf(ratio, numerator, denominator))
     return ratio, 2 * min(below, above)

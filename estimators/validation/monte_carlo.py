@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from estimators.sampling.likelihood import Noise
 from estimators.uncertainty.covariance import Uncertainty
-from estimators.validation.simulated_experiment import INTERVAL_METHODS, Experiment, Recipe
+from estimators.validation.simulated_experiment import INTERVAL_METHODS, Experiment, RunSettings
 from robotmodels.common.arrays import Array, BoolArray, IntArray, check_level, read_only
 from robotmodels.common.checkpoint_file import CheckpointFile
 from robotmodels.common.errors import IdentificationError, InvalidInput, SolverFailed, nearest
@@ -249,10 +249,12 @@ def monte_carlo(
     _check(runs, methods, level)
 
     Noise(noise)  # refuses what does not fit before the first run
-    recipe = Recipe(experiment, model, residual, weights, tuple(methods), level, noise)
+    settings = RunSettings(experiment, model, residual, weights, tuple(methods), level, noise)
     seeds = rng.integers(2**63 - 1, size=runs, dtype=np.int64)
-    kept = None if store is None else RunStore(Path(store), _fingerprint(recipe, int(seeds[0])))
-    results = _results(recipe, seeds, kept, executor, progress)
+    checkpoint = (
+        None if store is None else RunStore(Path(store), _fingerprint(settings, int(seeds[0])))
+    )
+    results = _results(settings, seeds, checkpoint, executor, progress)
     good = [r for r in results if not isinstance(r, str)]
     failures = tuple(r for r in results if isinstance(r, str))
     if len(good) < 2:
@@ -270,20 +272,20 @@ def monte_carlo(
 
 
 def _results(
-    recipe: Recipe,
+    settings: RunSettings,
     seeds: IntArray,
-    kept: RunStore | None,
+    checkpoint: RunStore | None,
     executor: Executor | None,
     progress: Progress | None,
 ) -> list[Run]:
-    """Return what each run came to, those first that were kept."""
-    results: list[Run] = [] if kept is None else kept.load()[: len(seeds)]
+    """Return the result of each run, those of the checkpoint first."""
+    results: list[Run] = [] if checkpoint is None else checkpoint.load()[: len(seeds)]
     while len(results) < len(seeds):
         tasks = [int(s) for s in seeds[len(results) : len(results) + CHUNK]]
-        one = partial(Recipe.run, recipe)
+        one = partial(RunSettings.run, settings)
         results += map(one, tasks) if executor is None else executor.map(one, tasks)
-        if kept is not None:
-            kept.save(results)
+        if checkpoint is not None:
+            checkpoint.save(results)
         if progress is not None:
             progress(len(results), len(seeds))
     return results
@@ -301,12 +303,12 @@ def _check(runs: int, methods: Sequence[str], level: float) -> None:
     check_level(level, "monte_carlo")
 
 
-def _fingerprint(recipe: Recipe, seed: int) -> str:
+def _fingerprint(settings: RunSettings, seed: int) -> str:
     """Return what tells one series from another: its settings, model and first experiment."""
-    settings = (recipe.residual, recipe.weights, recipe.methods, recipe.level)
-    given = (settings, recipe.noise, seed, recipe.model.parameters)
+    choices = (settings.residual, settings.weights, settings.methods, settings.level)
+    inputs = (choices, settings.noise, seed, settings.model.parameters)
     try:
-        first = recipe.experiment(np.random.default_rng(seed))
+        first = settings.experiment(np.random.default_rng(seed))
     except IdentificationError as error:
-        return fingerprint((given, str(error)))
-    return fingerprint(given, (first, network_of(recipe.model, first.positions)))
+        return fingerprint((inputs, str(error)))
+    return fingerprint(inputs, (first, network_of(settings.model, first.positions)))

@@ -117,8 +117,8 @@ def predict_frf(
         lower, upper = log_normal_ends(np.abs(G), magnitude, level)
     else:
         responses = _responses(model, positions, omega, spread)
-        apart = np.log(responses / G)
-        magnitude, phase = apart.real.std(axis=0, ddof=1), apart.imag.std(axis=0, ddof=1)
+        log_ratio = np.log(responses / G)
+        magnitude, phase = log_ratio.real.std(axis=0, ddof=1), log_ratio.imag.std(axis=0, ddof=1)
         lower, upper = _quantiles(np.abs(responses), level)
     return FrfBand(np.asarray(omega), G, magnitude, phase, lower, upper, level)
 
@@ -165,9 +165,9 @@ def predict_modes(
         std = np.sqrt(np.einsum("...p,pr,...r->...", slope, spread.covariance, slope))
         lower, upper = log_normal_ends(fitted, std, level)
     else:
-        found = np.stack([modes(np.exp(x)) for x in _thinned(spread)])
-        std = np.log(found).std(axis=0, ddof=1)
-        lower, upper = _quantiles(found, level)
+        draws = np.stack([modes(np.exp(x)) for x in _thinned(spread)])
+        std = np.log(draws).std(axis=0, ddof=1)
+        lower, upper = _quantiles(draws, level)
     return ModeBand(fitted, std, lower, upper, level)
 
 
@@ -238,14 +238,14 @@ def workspace_map(
     for first in range(0, len(positions), chunk):
         some = positions[first : first + chunk]
         band = predict_frf(model, values, some, omega, uncertainty)
-        known = predict_modes(model, values, some, uncertainty)
-        own = np.diagonal(band.magnitude_std, axis1=-2, axis2=-1)
+        predicted = predict_modes(model, values, some, uncertainty)
+        diagonal = np.diagonal(band.magnitude_std, axis1=-2, axis2=-1)
         rows.append(
             (
-                known.frequencies[:, :modes],
-                known.std[:, :modes],
-                np.sqrt(np.mean(own**2, axis=(1, 2))),
-                own.max(axis=(1, 2)),
+                predicted.frequencies[:, :modes],
+                predicted.std[:, :modes],
+                np.sqrt(np.mean(diagonal**2, axis=(1, 2))),
+                diagonal.max(axis=(1, 2)),
             )
         )
         if progress is not None:

@@ -56,7 +56,7 @@ class FrfExperiment:
 
 
 @dataclass(frozen=True, eq=False)
-class Recipe:
+class RunSettings:
     """What is done with every simulated experiment; arguments of `monte_carlo`."""
 
     experiment: Experiment
@@ -72,19 +72,19 @@ class Recipe:
         rng = np.random.default_rng(seed)
         p = len(self.model.parameters)
         try:
-            found = fit(self.model, self.experiment(rng), self.residual, self.weights)
-            if not found.converged:
-                return f"not converged: {found.message}"
+            fitted = fit(self.model, self.experiment(rng), self.residual, self.weights)
+            if not fitted.converged:
+                return f"not converged: {fitted.message}"
             stds, ends = np.empty((len(self.methods), p)), np.empty((len(self.methods), p, 2))
             for i, method in enumerate(self.methods):
-                stds[i], ends[i] = intervals_of(found, method, self.level, rng, noise=self.noise)
+                stds[i], ends[i] = intervals_of(fitted, method, self.level, rng, noise=self.noise)
         except (IdentificationError, np.linalg.LinAlgError) as error:
             return str(error)
         return {
-            "estimates": np.log(found.parameters.values),
+            "estimates": np.log(fitted.parameters.values),
             "stds": stds,
             "intervals": ends,
-            "costs": np.array(found.cost),
+            "costs": np.array(fitted.cost),
         }
 
 

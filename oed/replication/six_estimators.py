@@ -12,7 +12,7 @@ from functools import partial
 
 import numpy as np
 
-from estimators.fitting.fit_problem import Problem, stated
+from estimators.fitting.fit_problem import Problem, make_fit_problem
 from estimators.fitting.fixed_equilibrium_search import can_compile, cost_kernel
 from estimators.fitting.multistart import order_of_costs
 from estimators.fitting.weights import MINIMUM_SNR, optimal_weights
@@ -131,7 +131,9 @@ def evaluate(
     """
     optimal = optimal_weights(estimate, "lls", minimum_snr=MINIMUM_SNR, diagonal=True)
     weights = user, np.asarray(optimal.real)
-    problems = tuple(stated(robot, estimate, "lls", weight, _BOUNDS) for weight in weights)
+    problems = tuple(
+        make_fit_problem(robot, estimate, "lls", weight, _BOUNDS) for weight in weights
+    )
     fits = [run for name in ESTIMATORS for run in searches[name].runs]
     judge = partial(_costs, problems)
     values = [fit.parameters.values for fit in fits]

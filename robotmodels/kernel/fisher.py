@@ -18,12 +18,12 @@ from robotmodels.kernel.memory import load, load_complex, scalar, store, store_s
 from robotmodels.kernel.sensitivity_products import (
     accumulate,
     add,
-    clear,
     fill_block,
     outer_products,
     pair_offset,
     project,
     spring_elongations,
+    zero_sums,
 )
 from robotmodels.kernel.simd import BYTES, LANES, fma, fma_conjugate, maximum, pack, splat
 from robotmodels.kernel.solve import motor_response, pack_position, solve
@@ -63,7 +63,7 @@ def _informations(work, omega, mask, frequencies, relative, floor, start, stop, 
     size, six = work.p * work.p, work.n == MOTORS
     for q in range(start, stop):
         pack_position(work, q)
-        clear(work)
+        zero_sums(work)
         for b in range(-(-frequencies // LANES)):
             w = load(omega, b)
             solve(work, q, w)
@@ -215,7 +215,7 @@ def _separable_informations(work, omega, inputs, outputs, weights, frequencies, 
     upper = weights + BYTES * 2 * work.n * work.n
     for q in range(start, stop):
         pack_position(work, q)
-        clear(work)
+        zero_sums(work)
         for b in range(blocks):
             w = load(omega, b)
             solve(work, q, w)

@@ -12,13 +12,13 @@ from robotmodels.kernel.ldlt import SOURCES, compiled, entry, inverse, square
 from robotmodels.kernel.memory import integer, load, load_complex, scalar, store, store_scalar
 from robotmodels.kernel.sensitivity_products import (
     accumulate,
-    clear,
     exponent_row,
     fill_block,
     outer_products,
     pair_offset,
     project,
     spring_elongations,
+    zero_sums,
 )
 from robotmodels.kernel.simd import fma, lane_sum, pack, root, splat, where_greater
 from robotmodels.kernel.solve import motor_response, pack_motors
@@ -103,7 +103,7 @@ def _cell_normals(work, cells, stiffness, damping, options, start, stop, out):
         k, c = stiffness + 8 * work.s * q, damping + 8 * work.s * q
         if cell == start or cell % blocks == 0:
             pack_motors(work, q)
-            clear(work)
+            zero_sums(work)
         prefetch_cell(work, cells, cell + 1)
         solve_cell(work, cells, cell, coupled, k, c, work.first)
         if residual == NLS:

@@ -148,7 +148,7 @@ def accumulate(work, count, w, real):
 
 
 @compiled
-def clear(work):
+def zero_sums(work):
     """Set the sums to zero."""
     pairs = (work.m + 2) // 2
     for index in range(8 * pairs * (pairs + 1)):

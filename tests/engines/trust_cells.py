@@ -17,7 +17,7 @@ import estimators
 from estimators.fitting.least_squares import Fit, problem_of
 from estimators.fitting.linearise import linearise
 from estimators.fitting.residuals import find_residual
-from estimators.fitting.weight_choice import chosen_weights
+from estimators.fitting.weight_choice import evaluate_weights
 from estimators.frf.averaging import contrasts, covariance_of
 from estimators.frf.frf_estimate import FrfEstimate, vec
 from estimators.frf.repeated_visits import merge_visits
@@ -297,7 +297,7 @@ def one_step(
 ) -> tuple[LinearisedFit, np.ndarray]:
     """Return the fit after one Gauss-Newton step, and the step in ln theta."""
     kind = find_residual(cell.residual)
-    weights = chosen_weights(cell.weights, estimate, kind, at.response)
+    weights = evaluate_weights(cell.weights, estimate, kind, at.response)
     model = system(cell.system).model
     values = model.parameters.values * np.exp(at.shift)
     fit = Fit(

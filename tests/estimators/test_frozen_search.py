@@ -5,7 +5,7 @@ import pytest
 from test_least_squares import MODEL, noisy
 
 from estimators import Prior, fit, simulate_frf
-from estimators.fitting.fit_problem import stated
+from estimators.fitting.fit_problem import make_fit_problem
 from estimators.fitting.fixed_equilibrium_search import (
     CorrectedModel,
     can_compile,
@@ -53,7 +53,7 @@ def frozen(problem, start, evaluations=200, tolerance=1e-10):
 
 @pytest.mark.parametrize("residual", ["nls", "lls", "lls_magnitude"])
 def test_cost_and_gradient_are_those_of_the_whitened_residuals(robot, estimate, residual):
-    problem = stated(robot, estimate, residual, "user", BOUNDS, None, known(robot))
+    problem = make_fit_problem(robot, estimate, residual, "user", BOUNDS, None, known(robot))
     values = far(robot)
     f, slope = problem.evaluate(values)
     network, equilibrium_shift = network_and_shift(problem, values)
@@ -72,7 +72,7 @@ def test_cost_and_gradient_are_those_of_the_whitened_residuals(robot, estimate, 
     ("residual", "weights"), [("nls", "optimal"), ("lls", "user"), ("lls_magnitude", "combined")]
 )
 def test_the_exact_search_finds_nothing_better(robot, estimate, residual, weights):
-    problem = stated(robot, estimate, residual, weights, BOUNDS, None, known(robot))
+    problem = make_fit_problem(robot, estimate, residual, weights, BOUNDS, None, known(robot))
     fast = frozen(problem, far(robot, decades=0.15), 200, 1e-12)
     assert fast.status > 0
     slow = exact_search(problem, fast.values, 4, 1e-12)
@@ -89,14 +89,14 @@ def stands(problem, found):
 
 
 def test_a_point_beside_the_minimum_does_not_stand(robot, estimate):
-    problem = stated(robot, estimate, "lls", "user", BOUNDS)
+    problem = make_fit_problem(robot, estimate, "lls", "user", BOUNDS)
     fast = frozen(problem, robot.parameters.values)
     assert stands(problem, fast)
     assert not stands(problem, replace(fast, values=fast.values * 1.001))
 
 
 def test_shifts_of_equilibria_carry_to_a_point_nearby(robot, estimate):
-    problem = stated(robot, estimate, "lls", "user", BOUNDS)
+    problem = make_fit_problem(robot, estimate, "lls", "user", BOUNDS)
     values = robot.parameters.values
     near = values * np.exp(0.03 * np.random.default_rng(3).uniform(-1, 1, len(values)))
     _, equilibrium_shift = network_and_shift(problem, values)
@@ -120,12 +120,14 @@ def test_large_problems_of_springs_are_compiled(robot, estimate):
     large = simulate_frf(robot, estimate.positions, omega, RelativeNoise(0.03, 0.01), rng)
     network = robot.network(large.positions)
     assert not hardens(network)
-    problem = stated(robot, large, "nls", "optimal", BOUNDS)
+    problem = make_fit_problem(robot, large, "nls", "optimal", BOUNDS)
     assert can_compile(problem, network)
-    assert not can_compile(stated(robot, estimate, "nls", "optimal", BOUNDS), network)
-    assert not can_compile(stated(robot, large, "nls", "optimal", BOUNDS, loss="huber"), network)
+    assert not can_compile(make_fit_problem(robot, estimate, "nls", "optimal", BOUNDS), network)
+    assert not can_compile(
+        make_fit_problem(robot, large, "nls", "optimal", BOUNDS, loss="huber"), network
+    )
     full = np.broadcast_to(np.eye(36) + 0j, (3, 30, 36, 36))
-    assert not can_compile(stated(robot, large, "nls", full, BOUNDS), network)
+    assert not can_compile(make_fit_problem(robot, large, "nls", full, BOUNDS), network)
     fast = fit(robot, large, "nls", "optimal", 1.1 * robot.parameters.values)
     assert fast.converged
     slow = exact_search(problem, fast.parameters.values, 10, 1e-12)
@@ -143,7 +145,7 @@ def test_hardening_gears_are_searched_with_equilibria_found_anew(residual, weigh
     positions = low + (high - low) * rng.uniform(0.2, 0.8, (2, len(low)))
     frfs = simulate_frf(robot, positions, OMEGA, RelativeNoise(), rng)
     assert hardens(robot.network(positions))
-    problem = stated(robot, frfs, residual, weights, BOUNDS, None, None)
+    problem = make_fit_problem(robot, frfs, residual, weights, BOUNDS, None, None)
     start = far(robot, decades=0.05)
     monkeypatch.setattr("estimators.fitting.fixed_equilibrium_search.WORTHWHILE", 0)
     fast = search(problem, start, 200, 1e-12)
@@ -154,7 +156,7 @@ def test_hardening_gears_are_searched_with_equilibria_found_anew(residual, weigh
 def test_bounds_hold_and_are_told(robot, estimate):
     bounds = np.outer([0.1, 10.0], robot.parameters.values)
     bounds[:, 0] = robot.parameters.values[0] * np.array([1.3, 10.0])
-    problem = stated(robot, estimate, "nls", "optimal", bounds)
+    problem = make_fit_problem(robot, estimate, "nls", "optimal", bounds)
     found = frozen(problem, robot.parameters.values * 1.5)
     name = robot.parameters.names[0]
     assert found.values[0] >= bounds[0, 0]
@@ -162,7 +164,7 @@ def test_bounds_hold_and_are_told(robot, estimate):
 
 
 def test_running_out_of_evaluations_is_told(robot, estimate):
-    problem = stated(robot, estimate, "nls", "optimal", BOUNDS)
+    problem = make_fit_problem(robot, estimate, "nls", "optimal", BOUNDS)
     for limit in (2, 3, 7):
         found = frozen(problem, far(robot), limit)
         assert found.status == 0
@@ -191,7 +193,7 @@ class Misleading:
 def test_no_point_on_the_way_is_better_than_the_end(seed, evaluations):
     """Where equilibria are frozen, a step may lose when they are found anew."""
     model = Misleading()
-    problem = stated(model, noisy(), "nls", "optimal", BOUNDS)
+    problem = make_fit_problem(model, noisy(), "nls", "optimal", BOUNDS)
     end = frozen(problem, far(MODEL, seed, 0.2), evaluations)
     costs = []
     for values in (end.values, *model.visited.copy()):
@@ -225,7 +227,7 @@ def test_where_there_is_no_equilibrium_the_way_is_halved(robot, estimate):
     truth = robot.parameters.values
     # The optimum lies beyond what the robot can bear.
     weak = Weak(robot, 1.2 * truth[0])
-    problem = stated(weak, estimate, "nls", "optimal", BOUNDS)
+    problem = make_fit_problem(weak, estimate, "nls", "optimal", BOUNDS)
     found = frozen(problem, 2.0 * truth)
     assert weak.refused
     assert 1.2 <= found.values[0] / truth[0] < 1.3

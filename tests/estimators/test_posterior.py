@@ -12,7 +12,7 @@ from estimators.sampling.convergence import StoppingCriterion
 from estimators.sampling.ensemble import Sampler, run_ensembles
 from estimators.sampling.likelihood import Noise
 from estimators.sampling.log_posterior import log_posterior
-from estimators.sampling.posterior import judged
+from estimators.sampling.posterior import posterior_of_chains
 from robotmodels import InvalidInput, RelativeNoise, SolverFailed
 
 
@@ -49,7 +49,7 @@ def normal_chains():
 def test_a_normal_posterior_is_found(normal_chains):
     target = Normal()
     chains, acceptance = normal_chains
-    posterior = judged(NAMES, chains, 5, acceptance, KNOWN, FEW)
+    posterior = posterior_of_chains(NAMES, chains, 5, acceptance, KNOWN, FEW)
     assert posterior.converged, posterior.message
     truth = target.root @ target.root.T
     std = np.sqrt(np.diag(truth))
@@ -67,7 +67,7 @@ def test_a_normal_posterior_is_found(normal_chains):
 
 def test_short_chains_do_not_claim_convergence():
     chains, _ = run(Normal(), steps=75)
-    posterior = judged(NAMES, chains, 5, 0.3, KNOWN)
+    posterior = posterior_of_chains(NAMES, chains, 5, 0.3, KNOWN)
     assert not posterior.converged
     assert "fewer than 10 autocorrelation times" in posterior.message
     assert "run about" in posterior.message
@@ -78,7 +78,7 @@ def test_ensembles_that_disagree_do_not_claim_convergence(normal_chains):
     chains, _ = normal_chains
     shifted = chains.copy()
     shifted[0, ..., 2] += 2 * chains[..., 2].std()
-    posterior = judged(NAMES, shifted, 5, 0.3, KNOWN)
+    posterior = posterior_of_chains(NAMES, shifted, 5, 0.3, KNOWN)
     assert not posterior.converged
     assert "R-hat" in posterior.message
     assert "for c" in posterior.message
@@ -186,7 +186,7 @@ def test_settings_that_cannot_work_are_named(found, arguments, message):
 
 
 def test_levels_lie_between_zero_and_one(found):
-    posterior = judged(NAMES, run(Normal(), steps=100)[0], 5, 0.3, KNOWN)
+    posterior = posterior_of_chains(NAMES, run(Normal(), steps=100)[0], 5, 0.3, KNOWN)
     with pytest.raises(InvalidInput, match="level 0"):
         posterior.interval(0.0)
 

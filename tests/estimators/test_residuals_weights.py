@@ -13,7 +13,7 @@ from estimators import (
     user_weights,
 )
 from estimators.fitting.residuals import find_residual
-from estimators.fitting.weight_choice import chosen_weights
+from estimators.fitting.weight_choice import evaluate_weights
 from estimators.fitting.weights import square_root, used_elements, whiten
 from robotmodels import InvalidInput, RelativeNoise, frequency_response, sensitivity
 from robotmodels.linear.residuals import RESIDUALS
@@ -141,10 +141,10 @@ def test_named_weights_leave_out_what_is_below_10_db_where_a_logarithm_is_taken(
     noisy[1, 4, 0, 1] = 0.11 * np.abs(estimate.response[1, 4, 0, 1]) ** 2
     noisy[1, 5, 0, 1] = 0.09 * np.abs(estimate.response[1, 5, 0, 1]) ** 2
     given = with_covariance(estimate, noisy)
-    weights = chosen_weights(name, given, find_residual("lls"))
+    weights = evaluate_weights(name, given, find_residual("lls"))
     assert weights[1, 4, 0, 1] == 0
     assert weights[1, 5, 0, 1] > 0
-    assert (chosen_weights(name, given, find_residual("nls")) > 0).all()
+    assert (evaluate_weights(name, given, find_residual("nls")) > 0).all()
 
 
 def test_optimal_weights_of_a_measured_zero():
@@ -179,10 +179,10 @@ def test_whitening_squares_to_the_weighted_sum(estimate):
 
 def test_chosen_weights_take_names_and_arrays(estimate):
     lls_kind, magnitude = find_residual("lls"), find_residual("lls_magnitude")
-    assert (chosen_weights("user", estimate, lls_kind) == user_weights(estimate)).all()
+    assert (evaluate_weights("user", estimate, lls_kind) == user_weights(estimate)).all()
     full = full_covariance(estimate.response.shape)
-    assert (chosen_weights(full, estimate, lls_kind) == full).all()
-    assert (chosen_weights(full, estimate, magnitude) == full.real).all()
+    assert (evaluate_weights(full, estimate, lls_kind) == full).all()
+    assert (evaluate_weights(full, estimate, magnitude) == full.real).all()
     full[0, 0] = np.diag([1, 0, 2, 3])
     assert (used_elements(full, estimate.response.shape)[0, 0] == [[1, 1], [0, 1]]).all()
 
@@ -218,7 +218,7 @@ def _weights(kind):
 )
 def test_wrong_weights_are_named(estimate, kind, message):
     with pytest.raises(InvalidInput, match=message):
-        chosen_weights(_weights(kind), estimate, find_residual("nls"))
+        evaluate_weights(_weights(kind), estimate, find_residual("nls"))
 
 
 @pytest.mark.parametrize(
@@ -265,7 +265,7 @@ def test_combined_weights_of_a_full_covariance(estimate):
     root = np.diag(np.sqrt(shape[1, 3].flatten(order="F")))
     assert np.allclose(found[1, 3], root @ np.linalg.inv(covariance[1, 3] + np.diag(error)) @ root)
     assert found.shape == covariance.shape
-    named = chosen_weights("combined", correlated, find_residual("lls"))
+    named = evaluate_weights("combined", correlated, find_residual("lls"))
     assert named.shape == estimate.response.shape
 
 
@@ -275,14 +275,14 @@ def test_optimal_weights_from_the_variances_alone(estimate):
     few[2, 6] *= 1 + 0j
     correlated = with_covariance(estimate, few)
     assert np.allclose(optimal_weights(correlated, "nls", diagonal=True), 1 / correlated.variance)
-    named = chosen_weights("optimal_diagonal", correlated, find_residual("nls"))
+    named = evaluate_weights("optimal_diagonal", correlated, find_residual("nls"))
     assert np.allclose(named, 1 / correlated.variance)
 
 
 def test_one_weight_per_element(estimate):
     elements = np.array([[1.0, 0.0], [0.2, 3.0]])
     assert (user_weights(estimate, elements=elements, minimum_snr=0.0) == elements).all()
-    assert (chosen_weights(elements, estimate, find_residual("nls")) == elements).all()
+    assert (evaluate_weights(elements, estimate, find_residual("nls")) == elements).all()
 
 
 @pytest.mark.parametrize(
