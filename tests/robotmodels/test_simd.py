@@ -30,7 +30,7 @@ def _arithmetic(x, y, out):
     memory.store(out, 20, vector_math.log(a))
     memory.store(out, 22, vector_math.split_exponent(d * d))
     memory.store(out, 24, simd.pack(vector_math.inverse_root(d * d), simd.root(d * d)))
-    memory.put(out, 26 * simd.LANES, memory.scalar(x, 3) + simd.lane_sum(d))
+    memory.store_scalar(out, 26 * simd.LANES, memory.scalar(x, 3) + simd.lane_sum(d))
     return simd.any_negative(d)
 
 
