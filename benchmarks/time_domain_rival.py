@@ -15,7 +15,7 @@ from linearisation import HERE, machine
 
 from oed.replication.json_output import rivalry_document
 from oed.replication.time_domain_comparison import compare
-from oed.study.settings.replication_settings import RivalChoice
+from oed.study.settings.study_file import RivalChoice
 
 RESULTS = HERE / "results" / "time_domain_rival.json"
 

@@ -69,8 +69,8 @@ from .exact.off_grid import (
 from .exact.plan_score import Addition as Addition, Score as Score, score as score
 from .exact.sequential import (
     ExperimentCurve as ExperimentCurve,
-    Needed as Needed,
     NextExperiments as NextExperiments,
+    RequiredExperiments as RequiredExperiments,
     experiment_curve as experiment_curve,
     experiments_needed as experiments_needed,
     measured_information as measured_information,
@@ -123,5 +123,5 @@ from .plan_comparison.baseline_plans import (
 from .plan_comparison.compare_plans import compare_plans as compare_plans
 from .plan_comparison.plan_comparison import (
     PlanComparison as PlanComparison,
-    PlanTrial as PlanTrial,
+    SimulatedPlan as SimulatedPlan,
 )

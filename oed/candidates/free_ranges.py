@@ -89,13 +89,13 @@ def _peeled(positions: Array, free: BoolArray, ranges: Array) -> Array:
             float(np.quantile(positions[inside, joint], (_PEEL, 1 - _PEEL)[end]))
             for joint, end in peels
         ]
-        kept = [
+        remaining = [
             inside & ((positions[:, joint] <= cut) if end else (positions[:, joint] >= cut))
             for (joint, end), cut in zip(peels, cuts, strict=True)
         ]
-        if not kept or not free[inside].any():
+        if not remaining or not free[inside].any():
             return np.array(ranges, dtype=float)
-        best = int(np.argmax([free[left].mean() for left in kept]))
+        best = int(np.argmax([free[subset].mean() for subset in remaining]))
         narrowed[peels[best]] = cuts[best]
-        inside = kept[best]
+        inside = remaining[best]
     return narrowed

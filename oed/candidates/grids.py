@@ -1,4 +1,4 @@
-"""Candidate positions: where the robot could be excited."""
+"""Candidate positions: grids of them, and which of them a position named from outside is."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any, Protocol
@@ -13,7 +13,11 @@ from robotmodels.common.errors import InvalidInput, nearest
 _USUAL_POINTS = (1, 6, 6, 4)
 
 
-class Jointed(Protocol):
+SAME_POSITION = 1e-6
+"""Largest difference of any angle [rad or m]: files and people round."""
+
+
+class HasJoints(Protocol):
     """A robot with named driven joints that have limits."""
 
     @property
@@ -28,7 +32,7 @@ class Jointed(Protocol):
 
 
 def candidate_positions(
-    robot: Jointed,
+    robot: HasJoints,
     per_joint: int | Sequence[int] | Mapping[str, int] | None = None,
     limits: Sequence[Sequence[float]] | Mapping[str, Sequence[float]] | Array | None = None,
 ) -> Array:
@@ -36,7 +40,7 @@ def candidate_positions(
 
     Parameters
     ----------
-    robot : Jointed
+    robot : HasJoints
         Gives the names and limits of its n driven joints.
     per_joint : int, sequence of int or mapping of str to int, optional
         Points per joint: one number for all, n numbers, or numbers by joint name (1 for joints not
@@ -68,7 +72,7 @@ def candidate_positions(
 
 
 def sobol_positions(
-    robot: Jointed,
+    robot: HasJoints,
     count: int,
     limits: Sequence[Sequence[float]] | Mapping[str, Sequence[float]] | Array | None = None,
     rng: np.random.Generator | None = None,
@@ -77,7 +81,7 @@ def sobol_positions(
 
     Parameters
     ----------
-    robot : Jointed
+    robot : HasJoints
         Gives the names and limits of its n driven joints.
     count : int
         Number of points; powers of two are the most even.
@@ -102,6 +106,40 @@ def sobol_positions(
     points = sequence.random_base2((int(count) + first - 1).bit_length())[first:]
     low, high = ranges.T
     return np.asarray(low + points[:count] * (high - low))
+
+
+def candidate_at(positions: Array, position: Array, name: str, remedy: str) -> int:
+    """Return the index of the candidate at a position.
+
+    For positions that come from outside only: what is computed carries the candidate's index.
+
+    Parameters
+    ----------
+    positions : ndarray, (Q, n), rad or m
+        Candidates.
+    position : ndarray, (n,), rad or m
+        Angles of one of them, to within `SAME_POSITION`.
+    name : str
+        What messages call the position.
+    remedy : str
+        What to do where no candidate is there.
+
+    Raises
+    ------
+    InvalidInput
+        Naming the position, if it has another number of angles or is no candidate.
+    """
+    if position.shape != positions.shape[1:]:
+        raise InvalidInput(f"{name}: {position.size} angles; {positions.shape[1]} are needed")
+    distances = np.abs(positions - position).max(axis=1)
+    closest = int(np.argmin(distances))
+    if not distances[closest] <= SAME_POSITION:
+        raise InvalidInput(
+            f"{name}: {np.round(position, 4).tolist()} is not among the candidates; the nearest is "
+            f"candidate {closest}, {np.round(positions[closest], 4).tolist()}, "
+            f"{distances[closest]:.3g} away; {remedy}"
+        )
+    return closest
 
 
 def _counts(
@@ -130,10 +168,10 @@ def _counts(
 def _ranges(
     limits: Sequence[Sequence[float]] | Mapping[str, Sequence[float]] | Array | None,
     joints: list[str],
-    own: Array,
+    joint_limits: Array,
 ) -> Array:
     """Return the range of each joint, (n, 2), checked against its own limits."""
-    ranges = own.copy()
+    ranges = joint_limits.copy()
     if isinstance(limits, Mapping):
         _check_names("limits", limits, joints)
         for joint, pair in limits.items():
@@ -144,7 +182,7 @@ def _ranges(
                 f"limits: {len(limits)} ranges for {len(joints)} joints ({', '.join(joints)})"
             )
         ranges[:] = [_pair(joint, pair) for joint, pair in zip(joints, limits, strict=True)]
-    for joint, (low, high), (lowest, highest) in zip(joints, ranges, own, strict=True):
+    for joint, (low, high), (lowest, highest) in zip(joints, ranges, joint_limits, strict=True):
         if not np.isfinite([low, high]).all():
             raise InvalidInput(
                 f"limits of joint {joint!r}: [{low:g}, {high:g}] is not a finite range; "
@@ -169,8 +207,8 @@ def _pair(joint: str, pair: Sequence[float] | Array) -> Array:
     return array
 
 
-def _check_names(argument: str, given: Mapping[str, object], joints: list[str]) -> None:
-    for name in given:
+def _check_names(argument: str, by_joint: Mapping[str, object], joints: list[str]) -> None:
+    for name in by_joint:
         if name not in joints:
             raise InvalidInput(
                 f"{argument}: {name!r} is not a driven joint{nearest(name, joints)}; "

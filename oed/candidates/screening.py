@@ -7,6 +7,7 @@ import numpy as np
 
 from robotmodels.collision.surroundings import Surroundings
 from robotmodels.common.arrays import Array, BoolArray, IntArray, read_only, real_numbers
+from robotmodels.common.deprecation import renamed_attributes
 from robotmodels.common.errors import InvalidInput
 from robotmodels.common.printing import ReprHtml
 from robotmodels.common.progress import Progress
@@ -38,6 +39,7 @@ class Removal:
     count: int
 
 
+@renamed_attributes("0.2", kept="indices", given="proposed")
 @dataclass(frozen=True, eq=False)
 class ScreenedCandidates(ReprHtml):
     """Positions that a robot can take, and what was removed.
@@ -45,11 +47,11 @@ class ScreenedCandidates(ReprHtml):
     Attributes
     ----------
     positions : ndarray, (Q, n)
-        Positions that are left.
-    kept : ndarray of int, (Q,)
-        Their places among those given.
-    given : int
-        Number of positions given.
+        Positions that the robot can take.
+    indices : ndarray of int, (Q,)
+        Their indices among the proposed positions.
+    proposed : int
+        Number of proposed positions.
     removed : dict of str to int
         Number of positions by reason, each under the first that applies, in this order.
     removals : tuple of Removal
@@ -59,8 +61,8 @@ class ScreenedCandidates(ReprHtml):
     """
 
     positions: Array
-    kept: IntArray
-    given: int
+    indices: IntArray
+    proposed: int
     removed: dict[str, int]
     removals: tuple[Removal, ...]
     notes: tuple[str, ...]
@@ -69,7 +71,7 @@ class ScreenedCandidates(ReprHtml):
         return len(self.positions)
 
     def __str__(self) -> str:
-        return _summary(len(self), self.given, self.removed)
+        return _summary(len(self), self.proposed, self.removed)
 
 
 def screened_candidates(
@@ -109,7 +111,7 @@ def screened_candidates(
     notes: tuple[str, ...] = ("collisions are not checked",)
     if surroundings is not None:
         notes = (*surroundings.shapes.notes, "the ways between positions are not checked")
-    if not len(screen.left):
+    if not len(screen.remaining):
         summary = _summary(0, len(positions), screen.removed)
         worst = max(screen.removals, key=lambda removal: removal.count)
         units = "; positions are in rad, or m" if worst.reason == "joint limits" else ""
@@ -117,9 +119,9 @@ def screened_candidates(
             f"{summary}; most often {worst.reason}, {worst.what} ({worst.count}){units}"
         )
     return ScreenedCandidates(
-        positions=read_only(positions[screen.left]),
-        kept=read_only(screen.left),
-        given=len(positions),
+        positions=read_only(positions[screen.remaining]),
+        indices=read_only(screen.remaining),
+        proposed=len(positions),
         removed=screen.removed,
         removals=tuple(sorted(screen.removals, key=lambda removal: -removal.count)),
         notes=notes,
@@ -141,24 +143,24 @@ def usable(
         If there is no position, or shapes or signs do not fit.
     """
     positions = _checked(positions, list(robot.motor_names))
-    kept = np.zeros(len(positions), dtype=bool)
-    kept[_screened(robot, positions, surroundings, torque_limits).left] = True
-    return kept
+    mask = np.zeros(len(positions), dtype=bool)
+    mask[_screened(robot, positions, surroundings, torque_limits).remaining] = True
+    return mask
 
 
 @dataclass(eq=False)
 class _Screen:
-    """Positions left so far, by index, and what removed the others."""
+    """Positions that remain so far, by index, and the reasons of the others' removal."""
 
-    left: IntArray
+    remaining: IntArray
     removed: dict[str, int] = field(default_factory=dict)
     removals: list[Removal] = field(default_factory=list)
 
     def remove(self, reason: str, whats: Sequence[str], wrong: BoolArray) -> None:
-        """Remove those of the positions left with any True in their row of (left, whats)."""
-        gone = wrong.any(axis=1)
-        self.removed[reason] = int(gone.sum())
-        self.left = self.left[~gone]
+        """Remove the remaining positions with any True in their row of (remaining, whats)."""
+        removed = wrong.any(axis=1)
+        self.removed[reason] = int(removed.sum())
+        self.remaining = self.remaining[~removed]
         counts = wrong.sum(axis=0)
         self.removals += [
             Removal(reason, what, int(count))
@@ -171,9 +173,9 @@ class _Screen:
         pairs = surroundings.pairs
         whats = [f"{pair.first!r} and {pair.second!r}" for pair in pairs]
         for reason in ("obstacle", "self-collision"):
-            chosen = [k for k, p in enumerate(pairs) if p.obstacle == (reason == "obstacle")]
-            wrong = touching[:, chosen]
-            self.remove(reason, [whats[k] for k in chosen], wrong)
+            columns = [k for k, p in enumerate(pairs) if p.obstacle == (reason == "obstacle")]
+            wrong = touching[:, columns]
+            self.remove(reason, [whats[k] for k in columns], wrong)
             touching = touching[~wrong.any(axis=1)]
 
 
@@ -184,28 +186,28 @@ def _screened(
     torque_limits: float | Sequence[float] | Array | None,
     progress: Progress | None = None,
 ) -> _Screen:
-    """Return what is left after all checks."""
+    """Return the positions that remain after all checks."""
     screen = _Screen(np.arange(len(positions)))
     screen.remove("duplicate", ["an earlier position"], _repeated(positions))
     low, high = robot.position_limits.T
-    left = positions[screen.left]
-    inside = (left >= low - _SLACK) & (left <= high + _SLACK)
+    angles = positions[screen.remaining]
+    inside = (angles >= low - _SLACK) & (angles <= high + _SLACK)
     screen.remove("joint limits", [f"joint {joint!r}" for joint in robot.motor_joints], ~inside)
     if torque_limits is not None:
         limits = _torque_limits(torque_limits, robot.motor_names)
-        torques = np.abs(holding_torques(robot, unloaded(robot, positions[screen.left])))
+        torques = np.abs(holding_torques(robot, unloaded(robot, positions[screen.remaining])))
         screen.remove(
             "holding torque", [f"motor {m!r}" for m in robot.motor_names], torques > limits
         )
     if surroundings is not None:
-        touching = surroundings.touching(positions[screen.left], progress)
+        touching = surroundings.touching(positions[screen.remaining], progress)
         screen.remove_pairs(surroundings, touching)
     return screen
 
 
-def _summary(left: int, given: int, removed: dict[str, int]) -> str:
+def _summary(remaining: int, proposed: int, removed: dict[str, int]) -> str:
     why = ", ".join(f"{count} {reason}" for reason, count in removed.items() if count)
-    line = f"{left} of {given} candidate positions are left"
+    line = f"{remaining} of {proposed} candidate positions are left"
     return f"{line}; removed: {why}" if why else line
 
 
@@ -237,8 +239,8 @@ def _repeated(positions: Array) -> BoolArray:
     return repeated
 
 
-def _torque_limits(given: float | Sequence[float] | Array, motors: Sequence[str]) -> Array:
-    limits = real_numbers(given, "torque_limits")
+def _torque_limits(torque_limits: float | Sequence[float] | Array, motors: Sequence[str]) -> Array:
+    limits = real_numbers(torque_limits, "torque_limits")
     if limits.shape not in ((), (len(motors),)):
         raise InvalidInput(
             f"torque_limits: shape {limits.shape}; one number or ({len(motors)},) is needed"

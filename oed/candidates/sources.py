@@ -34,7 +34,7 @@ from robotmodels.elastic.robot import ElasticRobot
 _NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)(e[+-]?\d+)?|[+-]?(nan|inf)", re.IGNORECASE | re.ASCII)
 
 
-class Motorised(Protocol):
+class HasMotors(Protocol):
     """A robot with named motors and joints."""
 
     @property
@@ -54,7 +54,7 @@ class PositionList(FileSection, extra="ignore"):
     positions: list[list[Coordinate]]
 
 
-def read_positions(path: str | Path, robot: Motorised) -> Array:
+def read_positions(path: str | Path, robot: HasMotors) -> Array:
     """Return the positions of a file, (Q, n) [rad or m].
 
     ``.csv``: a position per line, and if the first line is words, a column for each motor or joint
@@ -84,7 +84,7 @@ def read_positions(path: str | Path, robot: Motorised) -> Array:
     return positions
 
 
-def _read_csv(path: Path, robot: Motorised) -> list[list[float]]:
+def _read_csv(path: Path, robot: HasMotors) -> list[list[float]]:
     with (
         library_errors(path, "a table of numbers as text", csv.Error),
         path.open(newline="", encoding="utf-8-sig") as file,
@@ -108,15 +108,15 @@ def _read_csv(path: Path, robot: Motorised) -> list[list[float]]:
     return rows
 
 
-def _columns(path: Path, header: list[str], robot: Motorised) -> list[int]:
+def _columns(path: Path, header: list[str], robot: HasMotors) -> list[int]:
     """Return which column each motor's positions are in."""
     names = list(robot.motor_names), list(robot.motor_joints)
     for name in header:
         if name not in names[0] and name not in names[1]:
-            known = (*names[0], *names[1])
+            possible = (*names[0], *names[1])
             raise InvalidInput(
                 f"{path}: column {name[:60]!r} is neither a motor nor a driven joint"
-                f"{nearest(name, known)}; there are {', '.join(known)}"
+                f"{nearest(name, possible)}; there are {', '.join(possible)}"
             )
     columns = []
     for motor, joint in zip(*names, strict=True):
@@ -129,15 +129,15 @@ def _columns(path: Path, header: list[str], robot: Motorised) -> list[int]:
     return columns
 
 
-def _read_yaml(path: Path, _: Motorised) -> Any:
-    wanted = "a list of positions"
-    document = yaml_document(read_text(path, MOST_CHARACTERS, wanted), str(path), wanted)
+def _read_yaml(path: Path, _: HasMotors) -> Any:
+    content = "a list of positions"
+    document = yaml_document(read_text(path, MOST_CHARACTERS, content), str(path), content)
     if isinstance(document.content, list):
         document = Node(1, {"positions": document.content}, {"positions": document})
     return parse(document, PositionList, str(path)).positions
 
 
-def _read_npy(path: Path, _: Motorised) -> Any:
+def _read_npy(path: Path, _: HasMotors) -> Any:
     with library_errors(path, "a NumPy array file", TokenError):
         # Mapped, so that a shape beyond the end of the file is noticed before memory is taken.
         return np.lib.format.open_memmap(path, mode="r")
@@ -247,25 +247,25 @@ def gathered_candidates(
     """
     cell = Workcell(self_collision=False) if workcell is None else workcell
     boxes, files = tuple(boxes), tuple(files)
-    found, notes = [], []
+    parts, notes = [], []
     if per_joint is not None or not (sobol or boxes or files or len(listed)):
-        found.append(candidate_positions(robot, per_joint, limits))
+        parts.append(candidate_positions(robot, per_joint, limits))
     if sobol:
-        found.append(sobol_positions(robot, sobol, limits, rng))
+        parts.append(sobol_positions(robot, sobol, limits, rng))
     starts = np.random.default_rng(0) if rng is None else rng
     for box in boxes:
         reached = task_space_positions(robot, box, starts)
-        found.append(reached.positions)
+        parts.append(reached.positions)
         if len(reached.unreached):
             notes.append(
                 f"{len(reached.unreached)} of {len(reached.targets)} points of the task box on "
                 f"{box.link!r} are out of reach"
             )
-    found += [read_positions(path, robot) for path in files]
-    found += [_by_hand(listed, robot)] if len(listed) else []
+    parts += [read_positions(path, robot) for path in files]
+    parts += [_by_hand(listed, robot)] if len(listed) else []
     screened = screened_candidates(
         robot,
-        np.concatenate(found),
+        np.concatenate(parts),
         cell.surroundings(robot),
         torque_limits=cell.torque_limits,
         progress=progress,

@@ -134,9 +134,9 @@ def task_space_positions(
     """
     tool, targets = Tool(box.link, box.at, box.axis), box.targets()
     direction = None if box.direction is None else np.asarray(box.direction, dtype=float)
-    found = []
+    solutions = []
     for i, target in enumerate(targets):
-        found.append(
+        solutions.append(
             inverse_kinematics(
                 robot,
                 tool,
@@ -149,14 +149,14 @@ def task_space_positions(
         )
         if progress is not None:
             progress(i + 1, len(targets))
-    counts = np.array([len(positions) for positions in found])
+    counts = np.array([len(positions) for positions in solutions])
     if not counts.any():
         raise InvalidInput(
             f"task box on {box.link!r}: none of its {len(targets)} points is within reach; "
             f"low {list(box.low)}, high {list(box.high)} m, in the root link's frame"
         )
     return TaskPositions(
-        positions=read_only(np.concatenate(found)),
+        positions=read_only(np.concatenate(solutions)),
         targets=read_only(targets),
         target=read_only(np.repeat(np.arange(len(targets)), counts)),
         unreached=read_only(np.flatnonzero(counts == 0)),

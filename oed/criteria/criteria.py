@@ -93,15 +93,17 @@ class DsCriterion:
         InvalidInput
             If a name is unknown or repeated, or there is none.
         """
-        wanted = (self.interest,) if isinstance(self.interest, str) else tuple(self.interest)
-        if not wanted or len(set(wanted)) != len(wanted):
-            raise InvalidInput(f"criterion {self.name}: interest {wanted!r}; distinct names needed")
-        for name in wanted:
+        interest = (self.interest,) if isinstance(self.interest, str) else tuple(self.interest)
+        if not interest or len(set(interest)) != len(interest):
+            raise InvalidInput(
+                f"criterion {self.name}: interest {interest!r}; distinct names needed"
+            )
+        for name in interest:
             if name not in names:
                 raise InvalidInput(
                     f"criterion {self.name}: parameter {name!r} is not known{nearest(name, names)}"
                 )
-        selector = np.eye(len(names))[:, [list(names).index(name) for name in wanted]]
+        selector = np.eye(len(names))[:, [list(names).index(name) for name in interest]]
         return Objective(self.name, ((Term(MatrixMean(self.kind, selector)),),))
 
 
@@ -187,7 +189,7 @@ class MixtureCriterion:
         """
         if not len(self.criteria):
             raise InvalidInput("criterion mixture: criteria: none given; at least one is needed")
-        parts = [objective(c, names, samples) for c in self.criteria]
+        parts = [objective_of(c, names, samples) for c in self.criteria]
         shares = checked_shares(self.shares, len(parts), f"criterion {self.name}")
         for part in parts:
             if len(part.groups) > 1:
@@ -202,7 +204,7 @@ class MixtureCriterion:
         return Objective(self.name, (terms,))
 
 
-def objective(wanted: str | Criterion, names: Sequence[str], samples: int = 1) -> Objective:
+def objective_of(criterion: str | Criterion, names: Sequence[str], samples: int = 1) -> Objective:
     """Return the objective of a criterion, or of a criterion's name.
 
     With several samples of theta a criterion that knows nothing of them is averaged over them, as
@@ -213,11 +215,15 @@ def objective(wanted: str | Criterion, names: Sequence[str], samples: int = 1) -
     InvalidInput
         If there is no criterion of that name, or it does not fit the parameters.
     """
-    if not isinstance(wanted, str | Criterion):
-        raise InvalidInput(f"criterion {wanted!r} is neither a name nor a criterion")
-    found = criterion(wanted) if isinstance(wanted, str) else wanted.objective(names, samples)
-    unaware = len(found.groups) == 1 and all(term.sample == 0 for term in found.terms)
-    return averaged(found, np.full(samples, 1.0 / samples)) if unaware and samples > 1 else found
+    if not isinstance(criterion, str | Criterion):
+        raise InvalidInput(f"criterion {criterion!r} is neither a name nor a criterion")
+    single = (
+        named_criterion(criterion)
+        if isinstance(criterion, str)
+        else criterion.objective(names, samples)
+    )
+    unaware = len(single.groups) == 1 and all(term.sample == 0 for term in single.terms)
+    return averaged(single, np.full(samples, 1.0 / samples)) if unaware and samples > 1 else single
 
 
 def averaged(one: Objective, shares: Array) -> Objective:
@@ -230,7 +236,7 @@ def averaged(one: Objective, shares: Array) -> Objective:
     return Objective(one.name, (group,))
 
 
-def criterion(name: str) -> Objective:
+def named_criterion(name: str) -> Objective:
     """Return the criterion of that name.
 
     Raises

@@ -59,8 +59,8 @@ class MatrixMean:
         U, sizes = U[:, used], sizes[used]
         B = np.eye(len(factor)) if self.combinations is None else self.combinations
         inside = U.T @ B
-        left = np.linalg.norm(B - U @ inside, axis=0)
-        if (left > OPEN * np.linalg.norm(B, axis=0)).any():
+        open_part = np.linalg.norm(B - U @ inside, axis=0)
+        if (open_part > OPEN * np.linalg.norm(B, axis=0)).any():
             return -np.inf
         return self._of_root(inside / sizes[:, None])
 
@@ -186,14 +186,14 @@ class MatrixMean:
         B = np.eye(len(s)) if self.combinations is None else self.combinations
         if S is None:
             eigenvalues, vectors = np.linalg.eigh(scaled)
-            known = eigenvalues > ROUNDING * eigenvalues[-1]
+            regular = eigenvalues > ROUNDING * eigenvalues[-1]
             # Where a whole diagonal entry is missing only the other parameters can be combined.
             away = np.abs(B[s == 0]).max(initial=0.0) > 0
             units = np.where(s > 0, s, 0.0)[:, None] * B
-            left = np.linalg.norm(vectors[:, ~known].T @ units, axis=0)
-            if away or (left > OPEN * np.linalg.norm(units, axis=0)).any():
+            open_part = np.linalg.norm(vectors[:, ~regular].T @ units, axis=0)
+            if away or (open_part > OPEN * np.linalg.norm(units, axis=0)).any():
                 return None
-            S = (vectors[:, known] / np.sqrt(eigenvalues[known])).T
+            S = (vectors[:, regular] / np.sqrt(eigenvalues[regular])).T
         S = S * s
         return S, S @ B
 

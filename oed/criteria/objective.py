@@ -20,6 +20,7 @@ from scipy.special import logsumexp
 
 from oed.criteria.matrix_means import MatrixMean
 from robotmodels.common.arrays import Array
+from robotmodels.common.deprecation import renamed_attributes
 
 # (p, p), (K, p, p), or one matrix for each of K samples of theta.
 Information = Array | Sequence[Array]
@@ -34,6 +35,7 @@ class Term:
     sample: int = 0
 
 
+@renamed_attributes("0.2", price="summed_by_sample")
 @dataclass(frozen=True, eq=False)
 class Objective:
     """A criterion ready for numbers; greater is better.
@@ -75,7 +77,7 @@ class Objective:
 
         Where groups tie, or E's smallest eigenvalue is multiple, it is one of several.
         """
-        log_gradient = self.price(self.witness(information), information.shape)
+        log_gradient = self.log_gradient(information)
         if not self._plain:
             return log_gradient
         mean, factor = self.terms[0].mean, abs(self.value(information))
@@ -119,7 +121,11 @@ class Objective:
             for t in group
         )
 
-    def price(self, witness: Sequence[Array], shape: tuple[int, ...]) -> Array:
+    def log_gradient(self, information: Array) -> Array:
+        """Return the derivative of `log_value` by M, of M's shape, as `gradient`."""
+        return self.summed_by_sample(self.witness(information), information.shape)
+
+    def summed_by_sample(self, witness: Sequence[Array], shape: tuple[int, ...]) -> Array:
         """Return the sum of a witness's matrices for each sample, of the information's shape."""
         total = np.zeros(shape)
         stack = total.reshape(-1, *shape[-2:])

@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from oed.criteria.criteria import Criterion, averaged, checked_shares, objective
+from oed.criteria.criteria import Criterion, averaged, checked_shares, objective_of
 from oed.criteria.objective import Objective, Term
 from robotmodels.common.arrays import real_numbers
 from robotmodels.common.errors import InvalidInput
@@ -90,7 +90,7 @@ def _of_one(criterion: str | Criterion, names: Sequence[str], name: str) -> Obje
     """Return a criterion of one sample."""
     if isinstance(criterion, AverageCriterion | MaximinCriterion):
         raise InvalidInput(f"criterion {name}: {criterion.name} is robust already")
-    return objective(criterion, names)
+    return objective_of(criterion, names)
 
 
 def _name(criterion: str | Criterion) -> str:

@@ -8,7 +8,7 @@ from oed.design.certificate import Certificate, bounded
 from oed.design.design import Design
 from oed.design.interior_point import Newton
 from oed.design.multiplicative import NAME, multiplicative
-from oed.design.problem import DesignSolver, Problem, ScaledProblem, SolverAnswer
+from oed.design.problem import DesignProblem, DesignSolver, ScaledProblem, SolverAnswer
 from oed.design.solvers import checked_answer
 from oed.design.trimming import trimmed
 from oed.design.whitening import Whitening, largest
@@ -39,17 +39,17 @@ class _Round:
 
 
 def solve(
-    problem: Problem,
+    problem: DesignProblem,
     tolerance: float,
     max_rounds: int,
     solver: DesignSolver,
     trim: bool = True,
 ) -> Design:
-    """Return the best design that is found; the caller judges its gap.
+    """Return the design of the smallest gap; the caller decides whether the gap will do.
 
     Parameters
     ----------
-    problem : Problem
+    problem : DesignProblem
         What is maximised.
     tolerance : float
         Gap that ends the search.
@@ -143,7 +143,7 @@ class _Search:
                 self.failures.append(str(error))
                 return
             name = current.answer.method + ("" if self.methods else self.scouted)
-            if not any(known.startswith(current.answer.method) for known in self.methods):
+            if not any(method.startswith(current.answer.method) for method in self.methods):
                 self.methods.append(name)
             if self.best is None or current.certificate.gap < self.best.certificate.gap:
                 self.best = current
@@ -175,12 +175,12 @@ class _Search:
             rounds=self.rounds,
             solver=", ".join(self.methods),
             witness=whitening.coordinates.witness(whitening.objective, best.answer.witness),
-            sensitivity=read_only(best.certificate.prices),
+            sensitivity=read_only(best.certificate.sensitivity),
             multipliers=dict(zip(allowed.names, map(float, rows), strict=True)),
         )
 
     def _round(self, few: ScaledProblem, answer: SolverAnswer) -> _Round:
-        """Complete an answer's weights and price all candidates."""
+        """Complete an answer's weights and certify them over all candidates."""
         # Conic solvers leave weights of no sign; regular information needs every one of them.
         least = 0.01 * self.tolerance / len(self.active)
         weights = few.completed(np.maximum(answer.weights, least))
@@ -212,7 +212,7 @@ class _Search:
         return certificate
 
     def _larger(self, current: _Round, least: float) -> IntArray | None:
-        """Return the active set and candidates worth most above their price, or None."""
+        """Return the active set with the candidates of the largest excess, None if all is small."""
         whitening, active = self.whitening, current.active
         excess = self._excess(current, active)
         worst = largest(excess, 2 * whitening.batch)
@@ -223,11 +223,11 @@ class _Search:
         return whitening.distinct(both, len(active) + whitening.batch)
 
     def _excess(self, current: _Round, active: IntArray) -> Array:
-        """Return what a share of each candidate is worth above its price, (Q,); -inf if active."""
+        """Return each derivative less its cost by the multipliers, (Q,); -inf if active."""
         whitening = self.whitening
         rows = current.answer.row_multipliers / whitening.row_scales(current.active)
-        priced = rows @ whitening.problem.allowed.rows
-        excess = (current.certificate.prices - priced) * whitening.units
+        cost = rows @ whitening.problem.allowed.rows
+        excess = (current.certificate.sensitivity - cost) * whitening.units
         excess[active] = -np.inf
         excess[whitening.closed] = -np.inf
         return np.asarray(excess)
@@ -318,7 +318,7 @@ def _finely(few: ScaledProblem, near: SolverAnswer, tolerance: float) -> Array |
 
 
 def _spread(used: IntArray, weights: Array, precise: Array | None) -> Array:
-    """Return weights (n,) with `precise` ones in the used places, if there are any."""
+    """Return weights (n,) with those of the used candidates replaced by `precise` ones, if any."""
     spread = weights.copy()
     if precise is not None:
         spread[used] = precise

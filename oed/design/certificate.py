@@ -1,4 +1,4 @@
-"""How far a design can be from the optimum: a bound that does not care who made the design.
+"""How far a design can be from the optimum: a bound that holds whatever solver made the design.
 
 An objective's value f is concave and proportional to the information. So for any positive
 semidefinite W_j, with c from `Objective.log_polar`, no allowed weights w' have a value above
@@ -16,10 +16,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from oed.criteria.criteria import Criterion, objective as stated
+from oed.criteria.criteria import Criterion, objective_of
 from oed.design.constraints import Constraints
 from oed.design.polytope import Polytope
-from oed.design.problem import Problem
+from oed.design.problem import DesignProblem
 from oed.design.whitening import Whitening
 from oed.information_sets.candidates import Matrices
 from robotmodels.common.arrays import Array, real_numbers
@@ -36,26 +36,26 @@ class Certificate:
         No allowed weights have more than (1 + gap) times the design's value.
     log_bound : float
         No allowed weights have a larger log value.
-    prices : ndarray, (Q,)
-        What a unit of each weight adds to the log value, the sensitivity function.
+    sensitivity : ndarray, (Q,)
+        The sensitivity function: derivative of the log value by each weight.
     """
 
     gap: float
     log_bound: float
-    prices: Array
+    sensitivity: Array
 
 
 def certify(
-    problem: Problem,
+    problem: DesignProblem,
     weights: Array,
     witness: Sequence[Array] | None = None,
     multipliers: Array | None = None,
 ) -> Certificate:
-    """Return the certificate of weights (Q,), whoever chose them.
+    """Return the certificate of any weights (Q,).
 
     Parameters
     ----------
-    problem : Problem
+    problem : DesignProblem
         Problem that the design solves.
     weights : ndarray
         Weights of the design.
@@ -101,15 +101,15 @@ def bounded(
     problem, objective = whitening.problem, whitening.objective
     p, K = len(problem.candidates.names), len(whitening.base)
     raw = whitening.coordinates.witness(objective, witness)
-    weight = problem.objective.price(raw, (p, p) if K == 1 else (K, p, p))
-    prices = problem.candidates.prices(weight)
+    weight = problem.objective.summed_by_sample(raw, (p, p) if K == 1 else (K, p, p))
+    sensitivity = problem.candidates.directional_derivatives(weight)
     prior = 0.0 if problem.prior is None else float(np.vdot(weight, problem.prior))
-    most = prior + problem.allowed.most(prices, multipliers)
+    most = prior + problem.allowed.upper_bound(sensitivity, multipliers)
     if not most > 0:
-        return Certificate(np.inf, np.inf, prices)
+        return Certificate(np.inf, np.inf, sensitivity)
     log_bound = float(np.log(most)) - objective.log_polar(witness)
     gap = float(np.expm1(log_bound - value))
-    return Certificate(gap, log_bound + whitening.constant, prices)
+    return Certificate(gap, log_bound + whitening.constant, sensitivity)
 
 
 def optimality_gap(
@@ -158,8 +158,8 @@ def optimality_gap(
             raise InvalidInput("weights: they violate the constraints")
     matrices = np.asarray(matrices, dtype=float)
     candidates = Matrices(tuple(str(i) for i in range(matrices.shape[-1])), matrices)
-    objective = stated(criterion, candidates.names, candidates.samples)
-    return certify(Problem(candidates, objective, allowed, prior), shares, witness).gap
+    objective = objective_of(criterion, candidates.names, candidates.samples)
+    return certify(DesignProblem(candidates, objective, allowed, prior), shares, witness).gap
 
 
 def efficiency_bound(gap: float) -> float:

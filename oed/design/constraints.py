@@ -135,7 +135,7 @@ class Constraints:
 
     def _check(self, allowed: Polytope) -> None:
         """Refuse what no design can satisfy."""
-        if self.mandatory and allowed.room[0] < 0:
+        if self.mandatory and allowed.slack[0] < 0:
             raise InvalidInput(
                 f"constraints: mandatory experiments do not fit into {allowed.names[0]}"
             )
@@ -146,7 +146,7 @@ class Constraints:
                 f"for {possible:g}"
             )
         if len(allowed.rows) > 1:
-            allowed.best(np.zeros(len(allowed.lower)))
+            allowed.best_extreme_point(np.zeros(len(allowed.lower)))
 
 
 def _per_candidate(values: ArrayLike, n: int, what: str, infinite: bool = False) -> Array:

@@ -149,8 +149,8 @@ def _needs(term: Term, s: Array, null: Array) -> bool:
     if np.abs(B[s == 0]).max(initial=0.0) > 0:
         return True
     units = s[:, None] * B
-    left_open = np.linalg.norm(null.T @ units, axis=0)
-    return bool((left_open > _OPEN * np.linalg.norm(units, axis=0)).any())
+    open_part = np.linalg.norm(null.T @ units, axis=0)
+    return bool((open_part > _OPEN * np.linalg.norm(units, axis=0)).any())
 
 
 def _congruent(transform: Array, matrices: Array) -> Array:

@@ -1,8 +1,9 @@
-"""The multiplicative algorithm: sure steps towards a design, rough ones and fine ones.
+"""The multiplicative algorithm: monotone steps towards a design.
 
-Each multiplies every share by a power of what it is worth (Silvey, Titterington and Torsney 1978;
-Yu 2010: the value never falls). They find candidates that matter for cvxpy to begin with, and make
-its weights precise: an error that is invisible in the value shows in the derivative by its root.
+Each multiplies every share by a power of its directional derivative (Silvey, Titterington and
+Torsney 1978; Yu 2010: the value never falls). They select the candidates that cvxpy begins with,
+and make its weights precise: an error that is invisible in the value shows in the derivative by its
+root.
 """
 
 import numpy as np
@@ -26,7 +27,7 @@ def multiplicative(
     problem : ScaledProblem
         Its objective must be smooth, of one group.
     goal : float
-        What a candidate may be worth above all, when steps end.
+        Steps end where no derivative exceeds the mean one by a larger part.
     weights : ndarray, (n,), optional
         Weights to begin with, equal ones if None.
     steps : int
@@ -38,11 +39,13 @@ def multiplicative(
     for step in range(steps + 1):
         witness = problem.objective.witness(problem.information(weights))
         parts = zip(terms, witness, strict=True)
-        worth = np.sum([sensitivities(W, problem.matrices[t.sample]) for t, W in parts], axis=0)
-        level = float(weights @ worth)
-        if step == steps or worth.max() <= (1.0 + goal) * level:
+        derivatives = np.sum(
+            [sensitivities(W, problem.matrices[t.sample]) for t, W in parts], axis=0
+        )
+        level = float(weights @ derivatives)
+        if step == steps or derivatives.max() <= (1.0 + goal) * level:
             break
         least = np.minimum(weights, _LEAST)
-        weights = np.maximum(weights * np.maximum(worth, 0.0) ** power, least)
+        weights = np.maximum(weights * np.maximum(derivatives, 0.0) ** power, least)
         weights = weights / weights.sum()
     return SolverAnswer(weights, np.array([level]), witness, NAME)

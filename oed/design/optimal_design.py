@@ -1,18 +1,18 @@
 """The relaxed design: how many of the experiments go to each candidate position, not yet whole.
 
 Maximising a concave criterion of sum_i w_i H_i over weights w is convex. Few candidates carry
-weight, so the problem is solved over an active set; the certificate prices all others and says
+weight, so the problem is solved over an active set; the certificate checks all others and says
 when none of them could help. Size is then no matter.
 """
 
 import numpy as np
 
-from oed.criteria.criteria import Criterion, objective
+from oed.criteria.criteria import Criterion, objective_of
 from oed.design.active_set import solve
 from oed.design.constraints import Constraints
 from oed.design.design import SHOWN as SHOWN, Design as Design
 from oed.design.polytope import Polytope
-from oed.design.problem import DesignSolver, Problem
+from oed.design.problem import DesignProblem, DesignSolver
 from oed.design.solvers import design_solver
 from oed.information_sets.candidates import Candidates, check_candidates
 from robotmodels.common.arrays import Array, real_numbers
@@ -69,10 +69,10 @@ def optimal_design(
     method = design_solver(solver, form)
     if not tolerance > 0:
         raise InvalidInput(f"tolerance: {tolerance!r} is not a number > 0")
-    wanted = objective(criterion, info.names, info.samples)
-    method.check(wanted)
-    problem = Problem(
-        info, wanted, allowed_weights(constraints, len(info)), checked_prior(prior, info)
+    objective = objective_of(criterion, info.names, info.samples)
+    method.check(objective)
+    problem = DesignProblem(
+        info, objective, allowed_weights(constraints, len(info)), checked_prior(prior, info)
     )
     design = solve(problem, tolerance, max_rounds, method)
     if not design.gap <= tolerance:
@@ -104,15 +104,15 @@ def checked_prior(prior: Array | None, info: Candidates) -> Array | None:
     if prior is None:
         return None
     p = len(info.names)
-    given = real_numbers(prior, "prior")
+    matrix = real_numbers(prior, "prior")
     shapes = [(p, p)] if info.samples == 1 else [(p, p), (info.samples, p, p)]
-    if given.shape not in shapes or not np.isfinite(given).all():
+    if matrix.shape not in shapes or not np.isfinite(matrix).all():
         raise InvalidInput(
-            f"prior: shape {given.shape}; finite numbers of shape {shapes[0]} needed"
+            f"prior: shape {matrix.shape}; finite numbers of shape {shapes[0]} needed"
         )
-    scale = np.abs(given).max()
-    if np.abs(given - np.swapaxes(given, -1, -2)).max() > 1e-9 * scale:
+    scale = np.abs(matrix).max()
+    if np.abs(matrix - np.swapaxes(matrix, -1, -2)).max() > 1e-9 * scale:
         raise InvalidInput("prior: the matrix is not symmetric")
-    if np.linalg.eigvalsh(given).min() < -1e-9 * scale:
+    if np.linalg.eigvalsh(matrix).min() < -1e-9 * scale:
         raise InvalidInput("prior: the matrix is not positive semidefinite")
-    return given if info.samples == 1 else np.broadcast_to(given, (info.samples, p, p)).copy()
+    return matrix if info.samples == 1 else np.broadcast_to(matrix, (info.samples, p, p)).copy()

@@ -44,8 +44,8 @@ class Polytope:
         return cls(np.ones((1, n_candidates)), np.ones(1), zero, free, ("experiments",))
 
     @property
-    def room(self) -> Array:
-        """What the rows leave beyond the lower weights, (m,)."""
+    def slack(self) -> Array:
+        """Slack of the rows at the lower weights, (m,)."""
         return np.asarray(self.bounds - self.rows @ self.lower)
 
     def violation(self, weights: Array) -> float:
@@ -56,22 +56,22 @@ class Polytope:
         below = (self.lower - weights) / np.maximum(self.lower, weights.max(initial=1e-12))
         return float(max(over.max(), above.max(initial=0.0), below.max()))
 
-    def most(self, prices: Array, multipliers: Array | None = None) -> float:
-        """Return an upper bound on prices'w over all allowed w; the largest itself if m = 1.
+    def upper_bound(self, coefficients: Array, multipliers: Array | None = None) -> float:
+        """Return an upper bound on c'w over all allowed w; the largest itself if m = 1.
 
-        Any multipliers y >= 0 (m,) of the rows give one, (prices - R'y)'w + b'y, to be maximised
+        Any multipliers y >= 0 (m,) of the rows give one, (c - R'y)'w + b'y, to be maximised
         over the budget and the limits alone, a fractional knapsack solved by sorting. The best ones
         make it the largest; a linear program finds them if they are not given.
         """
         if len(self.rows) == 1:
-            return self._knapsack(prices)
+            return self._knapsack(coefficients)
         if multipliers is None:
-            multipliers = self.best(prices)[1]
+            multipliers = self.best_extreme_point(coefficients)[1]
         y = np.maximum(multipliers[1:], 0.0)
-        return self._knapsack(prices - y @ self.rows[1:]) + float(y @ self.bounds[1:])
+        return self._knapsack(coefficients - y @ self.rows[1:]) + float(y @ self.bounds[1:])
 
-    def best(self, prices: Array) -> tuple[Array, Array]:
-        """Return weights (Q,) that maximise prices'w, and the rows' multipliers (m,).
+    def best_extreme_point(self, coefficients: Array) -> tuple[Array, Array]:
+        """Return weights (Q,) that maximise c'w, and the rows' multipliers (m,).
 
         Raises
         ------
@@ -81,13 +81,15 @@ class Polytope:
             If HiGHS gives no answer for another reason.
         """
         if len(self.rows) == 1:
-            return self._fill(prices), np.zeros(1)
-        scale = np.abs(prices).max() or 1.0
+            return self._fill(coefficients), np.zeros(1)
+        scale = np.abs(coefficients).max() or 1.0
         try:
-            best = _linear_program(-prices / scale, self.rows, self.bounds, self._intervals)
+            solution = _linear_program(
+                -coefficients / scale, self.rows, self.bounds, self._intervals
+            )
         except InvalidInput:
             raise InvalidInput(f"constraints: no design satisfies {self.conflict()}") from None
-        return np.asarray(best.x), np.asarray(-scale * best.ineqlin.marginals)
+        return np.asarray(solution.x), np.asarray(-scale * solution.ineqlin.marginals)
 
     def interior(self, units: Array) -> tuple[Array, Array]:
         """Return bounds beyond the lower weights, (m,), and shares (Q,) with room in every row.
@@ -95,7 +97,7 @@ class Polytope:
         Where rows leave no room together, as a pair that makes an equation, the bounds are a little
         wider than allowed. Shares are weights over `units`.
         """
-        bounds = self.room
+        bounds = self.slack
         if len(self.rows) == 1:
             return bounds, np.zeros(len(units))
         rows = self.rows * units
@@ -106,29 +108,29 @@ class Polytope:
         limits = [*((0.0, cap) for cap in caps.tolist()), (None, 1.0)]
         goal = np.append(np.zeros(len(units)), -1.0)
         for _ in range(len(rows) + 1):
-            most = _linear_program(goal, table, bounds / scales, limits)
-            if most.x[-1] >= 0.5 * _WIDENED:
+            solution = _linear_program(goal, table, bounds / scales, limits)
+            if solution.x[-1] >= 0.5 * _WIDENED:
                 break
             # The rows that together leave none are those of positive multipliers.
-            bounds = bounds + np.where(most.ineqlin.marginals < -1e-9, _WIDENED * scales, 0.0)
-        return bounds, np.asarray(most.x[:-1])
+            bounds = bounds + np.where(solution.ineqlin.marginals < -1e-9, _WIDENED * scales, 0.0)
+        return bounds, np.asarray(solution.x[:-1])
 
     def conflict(self) -> str:
         """Return the names of rows that together with the limits allow no weights.
 
-        Rows are left out one by one as long as the rest still conflicts.
+        Rows are left out one by one as long as the others still conflict.
         """
-        kept = list(range(len(self.rows)))
+        conflicting = list(range(len(self.rows)))
         for row in reversed(range(len(self.rows))):
-            fewer = [r for r in kept if r != row]
+            fewer = [r for r in conflicting if r != row]
             if fewer and not self._feasible(fewer):
-                kept = fewer
-        return " together with ".join(self.names[r] for r in kept)
+                conflicting = fewer
+        return " together with ".join(self.names[r] for r in conflicting)
 
-    def _feasible(self, kept: list[int]) -> bool:
+    def _feasible(self, rows: list[int]) -> bool:
         zero = np.zeros(len(self.lower))
         try:
-            _linear_program(zero, self.rows[kept], self.bounds[kept], self._intervals)
+            _linear_program(zero, self.rows[rows], self.bounds[rows], self._intervals)
         except InvalidInput:
             return False
         return True
@@ -137,30 +139,30 @@ class Polytope:
     def _intervals(self) -> list[tuple[float, float]]:
         return list(zip(self.lower.tolist(), self.upper.tolist(), strict=True))
 
-    def _knapsack(self, prices: Array) -> float:
+    def _knapsack(self, coefficients: Array) -> float:
         free = np.isinf(self.upper)
         if free.all():
-            # All that is left goes to the best price for the budget.
-            best = float((prices / self.rows[0]).max())
-            room = float(self.bounds[0] - self.rows[0] @ self.lower)
-            return float(prices @ self.lower) + room * max(best, 0.0)
-        return float(prices @ self._fill(prices))
+            # All of the budget goes to the largest coefficient per cost.
+            ratio = float((coefficients / self.rows[0]).max())
+            slack = float(self.bounds[0] - self.rows[0] @ self.lower)
+            return float(coefficients @ self.lower) + slack * max(ratio, 0.0)
+        return float(coefficients @ self._fill(coefficients))
 
-    def _fill(self, prices: Array) -> Array:
-        """Return the weights that maximise prices'w by the budget and the limits alone."""
+    def _fill(self, coefficients: Array) -> Array:
+        """Return the weights that maximise c'w by the budget and the limits alone."""
         cost = self.rows[0]
         weights = self.lower.copy()
-        room = float(self.bounds[0] - cost @ self.lower)
+        slack = float(self.bounds[0] - cost @ self.lower)
         if np.isinf(self.upper).all():
-            best = int(np.argmax(prices / cost))
-            if prices[best] > 0:
-                weights[best] += room / cost[best]
+            index = int(np.argmax(coefficients / cost))
+            if coefficients[index] > 0:
+                weights[index] += slack / cost[index]
             return weights
-        order = np.argsort(-prices / cost, kind="stable")
-        order = order[prices[order] > 0]
-        wanted = cost[order] * (self.upper - self.lower)[order]
-        before = np.concatenate([[0.0], np.cumsum(wanted)[:-1]]) if len(order) else wanted
-        weights[order] += np.minimum(wanted, np.maximum(room - before, 0.0)) / cost[order]
+        order = np.argsort(-coefficients / cost, kind="stable")
+        order = order[coefficients[order] > 0]
+        demand = cost[order] * (self.upper - self.lower)[order]
+        before = np.concatenate([[0.0], np.cumsum(demand)[:-1]]) if len(order) else demand
+        weights[order] += np.minimum(demand, np.maximum(slack - before, 0.0)) / cost[order]
         return weights
 
 

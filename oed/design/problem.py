@@ -1,4 +1,8 @@
-"""The problem of a design, the same in coordinates of order one on few candidates, its solver."""
+"""A design problem, the scaled problem over a few candidates that solvers see, and the solver.
+
+A design takes three shapes: `DesignProblem` over all candidates (`ExactProblem` in whole numbers),
+`ScaledProblem` with its `SolverAnswer`, and the `Design` with its certificate.
+"""
 
 from dataclasses import dataclass
 from typing import Protocol, runtime_checkable
@@ -8,11 +12,11 @@ import numpy as np
 from oed.criteria.objective import Objective
 from oed.design.polytope import Polytope
 from oed.information_sets.candidates import Candidates
-from robotmodels.common.arrays import Array
+from robotmodels.common.arrays import Array, IntArray
 
 
 @dataclass(frozen=True, eq=False)
-class Problem:
+class DesignProblem:
     """Maximise objective(prior + sum_i w_i H_i) over the allowed weights.
 
     Attributes
@@ -32,10 +36,10 @@ class Problem:
     allowed: Polytope
     prior: Array | None = None
 
-    def information(self, weights: Array) -> Array:
+    def information(self, weights: Array | IntArray) -> Array:
         """Return the prior and sum_i w_i H_i, (p, p) or (K, p, p)."""
-        own = self.candidates.combined(weights)
-        return own if self.prior is None else own + self.prior
+        total = self.candidates.combined(np.asarray(weights, dtype=float))
+        return total if self.prior is None else total + self.prior
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,9 +49,9 @@ class ScaledProblem:
     Attributes
     ----------
     objective : Objective
-        Its samples are the places of `base` and `matrices`.
+        Each term's `sample` is an index into `base` and `matrices`.
     base : tuple of ndarray
-        Base for each sample, (r, r), information there is already.
+        Information that does not depend on the weights, (r, r) for each sample.
     matrices : tuple of ndarray
         Matrices for each sample, (n, r, r), of the candidates.
     rows, bounds : ndarray, (m, n)
@@ -91,14 +95,14 @@ class ScaledProblem:
 
 @dataclass(frozen=True, eq=False)
 class SolverAnswer:
-    """What a method says of a white problem.
+    """The solution of a scaled problem, by one method.
 
     Attributes
     ----------
     weights : ndarray, (n,)
         Weights.
     row_multipliers : ndarray, (m,)
-        None negative, what a unit of each bound would add to the log value.
+        Multipliers of the rows, not negative: derivative of the log value by each bound.
     witness : tuple of ndarray
         One (r, r) for each term, the derivative of the log value, or its equal in the dual.
     method : str

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from oed.criteria.criteria import Criterion, objective
+from oed.criteria.criteria import Criterion, objective_of
 from oed.criteria.robust_criteria import AverageCriterion, MaximinCriterion
 from oed.design.design import Design
 from oed.design.optimal_design import optimal_design
@@ -45,9 +45,11 @@ class RobustDesign(ReprHtml):
     nominal_efficiency: Array
 
     def __str__(self) -> str:
-        kept = ", ".join(f"{value:.3f}" for value in self.efficiency)
+        robust = ", ".join(f"{value:.3f}" for value in self.efficiency)
         nominal = ", ".join(f"{value:.3f}" for value in self.nominal_efficiency)
-        return f"{self.design}\n  keeps at each sample {kept}\n  the nominal design keeps {nominal}"
+        return (
+            f"{self.design}\n  keeps at each sample {robust}\n  the nominal design keeps {nominal}"
+        )
 
 
 def robust_design(
@@ -86,15 +88,15 @@ def robust_design(
         raise InvalidInput('shares: they weigh an average; kind "maximin" has none')
     if not isinstance(samples, InformationSamples):
         samples = InformationSamples(tuple(samples))
-    base = objective(criterion, samples.names)
+    base = objective_of(criterion, samples.names)
     # They are only compared with: whoever finds them, the certificate is the same.
     fast = options | {"solver": "newton"} if base.smooth else options
     local = [optimal_design(one, criterion, **fast) for one in samples.sets]
     best = [base.log_value(design.information) for design in local]
-    wanted: Criterion = AverageCriterion(criterion, shares)
+    robust_criterion: Criterion = AverageCriterion(criterion, shares)
     if kind == "maximin":
-        wanted = MaximinCriterion(criterion, best)
-    design = optimal_design(samples, wanted, **options)
+        robust_criterion = MaximinCriterion(criterion, best)
+    design = optimal_design(samples, robust_criterion, **options)
     prior = design.information - samples.combined(design.weights)
     nominal = samples.combined(local[0].weights) + prior
 

@@ -1,9 +1,9 @@
-"""What no choice of sensors within a budget can exceed.
+"""An upper bound on every choice of sensors within a budget.
 
 In the relaxation each experiment may use its own sensors, and only their mean cost keeps to the
 budget. Its columns are positions with the sensors used there; at multipliers y of the mean cost the
-dearest column of position q has the price tr(W H_q0) + sum_s max(0, tr(W H_qs) - y c_s), so that
-the few columns that matter are found one round after the other.
+best column of position q has the value tr(W H_q0) + sum_s max(0, tr(W H_qs) - y c_s), so that
+the few columns that matter are generated one round after the other.
 """
 
 from dataclasses import dataclass
@@ -25,8 +25,8 @@ _TOLERANCE = 1e-4  # of the bound, in the logarithm of the efficiency
 
 
 @dataclass(frozen=True, eq=False)
-class Shop:
-    """What can be bought, and what is wanted of it.
+class SensorProblem:
+    """Sensors to choose from within a budget, and the objective.
 
     Attributes
     ----------
@@ -38,8 +38,8 @@ class Shop:
         Costs of the sensors.
     budget : float
         Largest sum of costs.
-    wanted : Objective
-        What is maximised.
+    objective : Objective
+        Function of the information that is maximised.
     prior : ndarray or None
         (p, p) or None.
     """
@@ -48,7 +48,7 @@ class Shop:
     added: Array
     costs: Array
     budget: float
-    wanted: Objective
+    objective: Objective
     prior: Array | None = None
 
     def matrices(self, positions: IntArray, used: BoolArray) -> Array:
@@ -58,71 +58,71 @@ class Shop:
 
     def design(self, used: BoolArray, tolerance: float) -> Design:
         """Return the best design with the same sensors (S,) everywhere."""
-        places = np.arange(len(self.base))
-        matrices = self.matrices(places, np.broadcast_to(used, (len(places), len(used))))
+        every = np.arange(len(self.base))
+        matrices = self.matrices(every, np.broadcast_to(used, (len(every), len(used))))
         info = InformationSet(self.base.positions, matrices, self.base.names)
-        return self.solved(info, None, tolerance)
+        return self.optimal(info, None, tolerance)
 
-    def solved(
+    def optimal(
         self, info: InformationSet, limits: Constraints | Polytope | None, tolerance: float
     ) -> Design:
-        """Return a design for what is wanted."""
-        solver = fast_solver(self.wanted)
-        return optimal_design(info, self.wanted, limits, self.prior, tolerance, solver=solver)
+        """Return the optimal design over columns `info`."""
+        solver = fast_solver(self.objective)
+        return optimal_design(info, self.objective, limits, self.prior, tolerance, solver=solver)
 
 
-def relaxed_choice(shop: Shop, reached: float) -> tuple[float, Array]:
+def relaxed_choice(problem: SensorProblem, reached: float) -> tuple[float, Array]:
     """Return an upper bound on the log value of every choice, and the sensors' shares of use.
 
     Parameters
     ----------
-    shop : Shop
-        What can be bought.
+    problem : SensorProblem
+        Sensors and budget.
     reached : float
-        log value of the best choice known; the bound is no less.
+        Log value of the best choice so far; the bound is no less.
     """
-    positions = np.repeat(np.arange(len(shop.base)), 2)
-    used = np.zeros((len(positions), len(shop.costs)), dtype=bool)
+    positions = np.repeat(np.arange(len(problem.base)), 2)
+    used = np.zeros((len(positions), len(problem.costs)), dtype=bool)
     used[1::2] = True
-    bound, usage = np.inf, np.zeros(len(shop.costs))
+    bound, usage = np.inf, np.zeros(len(problem.costs))
     for _ in range(_ROUNDS):
         try:
-            design = _over(shop, positions, used)
+            design = _over(problem, positions, used)
         except SolverFailed:
             break
-        limit, prices, worth = _priced(shop, design)
+        limit, derivatives, reduced = _bounded(problem, design)
         bound = min(bound, limit)
         usage = np.asarray(design.weights @ used)
-        if bound <= shop.wanted.log_value(design.information) + _TOLERANCE:
+        if bound <= problem.objective.log_value(design.information) + _TOLERANCE:
             break
-        dearest = np.argsort(-prices)[: 2 * len(shop.base.names)]
-        kept = design.support
-        positions = np.concatenate([positions[kept], dearest])
-        used = np.concatenate([used[kept], worth[dearest] > 0])
+        best = np.argsort(-derivatives)[: 2 * len(problem.base.names)]
+        support = design.support
+        positions = np.concatenate([positions[support], best])
+        used = np.concatenate([used[support], reduced[best] > 0])
     return max(bound, reached), usage
 
 
-def _over(shop: Shop, positions: IntArray, used: BoolArray) -> Design:
+def _over(problem: SensorProblem, positions: IntArray, used: BoolArray) -> Design:
     """Return the best shares of columns whose mean cost is within the budget."""
-    places = positions[:, None].astype(float)
-    info = InformationSet(places, shop.matrices(positions, used), shop.base.names)
+    labels = positions[:, None].astype(float)
+    info = InformationSet(labels, problem.matrices(positions, used), problem.base.names)
     n = len(positions)
     limits = Polytope(
-        np.stack([np.ones(n), used @ shop.costs]),
-        np.array([1.0, shop.budget]),
+        np.stack([np.ones(n), used @ problem.costs]),
+        np.array([1.0, problem.budget]),
         np.zeros(n),
         np.full(n, np.inf),
         ("experiments", "cost"),
     )
-    return shop.solved(info, limits, 0.1 * _TOLERANCE)
+    return problem.optimal(info, limits, 0.1 * _TOLERANCE)
 
 
-def _priced(shop: Shop, design: Design) -> tuple[float, Array, Array]:
-    """Return the bound at a design's prices, each position's (Q,), and what sensors add (Q, S)."""
-    weight = shop.wanted.price(design.witness, design.information.shape)
+def _bounded(problem: SensorProblem, design: Design) -> tuple[float, Array, Array]:
+    """Return the bound, values of the best columns (Q,) and reduced ones of sensors (Q, S)."""
+    weight = problem.objective.summed_by_sample(design.witness, design.information.shape)
     y = max(design.multipliers["cost"], 0.0)
-    worth = np.tensordot(shop.added, weight).T - y * shop.costs
-    prices = np.tensordot(shop.base.matrices, weight) + np.maximum(worth, 0.0).sum(axis=1)
-    known = 0.0 if shop.prior is None else float(np.vdot(weight, shop.prior))
-    most = known + float(prices.max()) + y * shop.budget
-    return float(np.log(most) - shop.wanted.log_polar(design.witness)), prices, worth
+    reduced = np.tensordot(problem.added, weight).T - y * problem.costs
+    derivatives = np.tensordot(problem.base.matrices, weight) + np.maximum(reduced, 0.0).sum(axis=1)
+    prior_value = 0.0 if problem.prior is None else float(np.vdot(weight, problem.prior))
+    most = prior_value + float(derivatives.max()) + y * problem.budget
+    return float(np.log(most) - problem.objective.log_polar(design.witness)), derivatives, reduced

@@ -13,12 +13,13 @@ from itertools import combinations
 
 import numpy as np
 
-from oed.criteria.criteria import Criterion, objective
+from oed.criteria.criteria import Criterion, objective_of
 from oed.design.design import Design
-from oed.design.sensor_relaxation import Shop, relaxed_choice
+from oed.design.sensor_relaxation import SensorProblem, relaxed_choice
 from oed.information_sets.candidates import check_candidates
 from oed.information_sets.information_set import InformationSet
 from robotmodels.common.arrays import Array, check_above_zero
+from robotmodels.common.deprecation import renamed_attributes
 from robotmodels.common.errors import InvalidInput, NotIdentifiable
 from robotmodels.common.printing import ReprHtml
 
@@ -41,14 +42,15 @@ class Sensor:
     cost: float = 1.0
 
 
+@renamed_attributes("0.2", chosen="sensors", keep="relative_efficiency")
 @dataclass(frozen=True, eq=False)
 class SensorDesign(ReprHtml):
     """A choice of sensors with its design, certified.
 
     Attributes
     ----------
-    chosen : tuple of str
-        Names of the sensors.
+    sensors : tuple of str
+        Names of the chosen sensors.
     cost : float
         Cost of all of them.
     design : Design
@@ -57,31 +59,31 @@ class SensorDesign(ReprHtml):
         Certified lower bound against every choice within the budget.
     relaxed_efficiency : float
         Against the relaxation, in which sensors move from position to position.
-    keep : mapping of str to float
-        For each chosen sensor the efficiency that would be left without it, below one, and for
-        each other one what its purchase would raise it to; each with its own best positions.
+    relative_efficiency : mapping of str to float
+        Efficiency relative to this choice: of each chosen sensor without it, below one, of each
+        other sensor with it besides; each with its own best positions.
     usage : mapping of str to float
         Of the relaxation: share of the experiments that would use each sensor.
     tried : int
         Choices judged.
     """
 
-    chosen: tuple[str, ...]
+    sensors: tuple[str, ...]
     cost: float
     design: Design
     efficiency: float
     relaxed_efficiency: float
-    keep: Mapping[str, float]
+    relative_efficiency: Mapping[str, float]
     usage: Mapping[str, float]
     tried: int
 
     def __str__(self) -> str:
         lines = [
-            f"{', '.join(self.chosen) or 'no sensors'} for {self.cost:g}, {self.tried} choices "
+            f"{', '.join(self.sensors) or 'no sensors'} for {self.cost:g}, {self.tried} choices "
             f"judged by {self.design.criterion}, efficiency >= {self.efficiency:.4f}"
         ]
-        for name, factor in self.keep.items():
-            what = "without it" if name in self.chosen else "with it"
+        for name, factor in self.relative_efficiency.items():
+            what = "without it" if name in self.sensors else "with it"
             lines.append(f"  {name:<12} {what} {factor:.3f} of the efficiency")
         return "\n".join(lines)
 
@@ -122,28 +124,31 @@ def optimal_sensors(
         As `optimal_design`.
     """
     names, costs, added = _checked(base, sensors, budget)
-    shop = Shop(base, added, costs, budget, objective(criterion, base.names), prior)
-    shop.design(np.ones(len(names), dtype=bool), tolerance)  # refuses what no sensor mends
-    judged = _Judged(shop, tolerance)
-    best, all_tried = _search(costs, budget, judged.value)
-    found = judged.design(best)
-    if found is None:
+    problem = SensorProblem(base, added, costs, budget, objective_of(criterion, base.names), prior)
+    # All sensors together: names the parameters that no choice can identify.
+    problem.design(np.ones(len(names), dtype=bool), tolerance)
+    evaluated = _EvaluatedChoices(problem, tolerance)
+    best, all_tried = _search(costs, budget, evaluated.value)
+    design = evaluated.design(best)
+    if design is None:
         raise NotIdentifiable(
             base.unidentifiable(), f"budget: {budget:g} buys no sensors that identify them"
         )
-    tried, own = len(judged.designs), judged.value(best)
-    keep = {name: float(np.exp(judged.value(best ^ {s}) - own)) for s, name in enumerate(names)}
-    bound, usage = own, np.zeros(len(names))
+    tried, value = len(evaluated.designs), evaluated.value(best)
+    relative_efficiency = {
+        name: float(np.exp(evaluated.value(best ^ {s}) - value)) for s, name in enumerate(names)
+    }
+    bound, usage = value, np.zeros(len(names))
     if costs.min() <= budget:
-        bound, usage = relaxed_choice(shop, own)
-    relaxed = min(1.0, float(np.exp(own - bound)))
+        bound, usage = relaxed_choice(problem, value)
+    relaxed = min(1.0, float(np.exp(value - bound)))
     return SensorDesign(
-        chosen=tuple(names[s] for s in sorted(best)),
+        sensors=tuple(names[s] for s in sorted(best)),
         cost=float(costs[sorted(best)].sum()),
-        design=found,
-        efficiency=found.efficiency if all_tried else relaxed,
+        design=design,
+        efficiency=design.efficiency if all_tried else relaxed,
         relaxed_efficiency=relaxed,
-        keep=keep,
+        relative_efficiency=relative_efficiency,
         usage=dict(zip(names, usage.tolist(), strict=True)),
         tried=tried,
     )
@@ -170,19 +175,19 @@ def _checked(
     return tuple(sensors), costs, added
 
 
-class _Judged:
-    """Choices of sensors with their best designs, each found once; None leaves something open."""
+class _EvaluatedChoices:
+    """Choices of sensors with their best designs, each computed once; None if not identifiable."""
 
-    def __init__(self, shop: Shop, tolerance: float) -> None:
-        self.shop, self.tolerance = shop, tolerance
+    def __init__(self, problem: SensorProblem, tolerance: float) -> None:
+        self.problem, self.tolerance = problem, tolerance
         self.designs: dict[frozenset[int], Design | None] = {}
 
     def design(self, choice: frozenset[int]) -> Design | None:
         if choice not in self.designs:
-            used = np.zeros(len(self.shop.costs), dtype=bool)
+            used = np.zeros(len(self.problem.costs), dtype=bool)
             used[sorted(choice)] = True
             try:
-                self.designs[choice] = self.shop.design(used, self.tolerance)
+                self.designs[choice] = self.problem.design(used, self.tolerance)
             except NotIdentifiable:
                 self.designs[choice] = None
         return self.designs[choice]
@@ -190,7 +195,7 @@ class _Judged:
     def value(self, choice: frozenset[int]) -> float:
         """Return the log value of the best design with these sensors."""
         design = self.design(choice)
-        return -np.inf if design is None else self.shop.wanted.log_value(design.information)
+        return -np.inf if design is None else self.problem.objective.log_value(design.information)
 
 
 def _search(

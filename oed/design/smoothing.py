@@ -112,14 +112,14 @@ def _term(mean: MatrixMean, information: Array, matrices: Array, mu: float) -> _
         value, slopes, curvature = mean.second_order(information, matrices)
         return _Term(value, slopes, -curvature)
     T, U, ratios, largest, log_det = _spectrum(mean, information)
-    s, left = _largest_size(ratios, mu)
-    G = _dual_root(T, U, left)
+    s, remainders = _largest_size(ratios, mu)
+    G = _dual_root(T, U, remainders)
     white = between(G.T, matrices, G)
     flat = white.reshape(len(white), -1)
-    inner = s * ratios / left  # of G's columns along B, times s
+    inner = s * ratios / remainders  # of G's columns along B, times s
     k = len(ratios)
     diagonal = np.einsum("ijj->ij", white)
-    value = np.log(s) - np.log(largest) + mu * (log_det + float(np.log(left).sum()))
+    value = np.log(s) - np.log(largest) + mu * (log_det + float(np.log(remainders).sum()))
     return _Term(
         float(value),
         mu * diagonal.sum(axis=1),
@@ -146,9 +146,9 @@ def smoothed_witness(
     return tuple(witness)
 
 
-def _dual_root(inverse_root: Array, basis: Array, left: Array) -> Array:
+def _dual_root(inverse_root: Array, basis: Array, remainders: Array) -> Array:
     """Return G with G G' the inverse of M - s B B', of `_spectrum` and 1 - s l."""
-    columns = [basis / np.sqrt(left), _complement(basis)]
+    columns = [basis / np.sqrt(remainders), _complement(basis)]
     return np.asarray(inverse_root.T @ np.concatenate(columns, axis=1))
 
 
@@ -157,8 +157,8 @@ def _value(mean: MatrixMean, information: Array, mu: float) -> float:
     if mean.kind != "E":
         return mean.log_value(information)
     _, _, ratios, largest, log_det = _spectrum(mean, information)
-    s, left = _largest_size(ratios, mu)
-    return float(np.log(s) - np.log(largest) + mu * (log_det + float(np.log(left).sum())))
+    s, remainders = _largest_size(ratios, mu)
+    return float(np.log(s) - np.log(largest) + mu * (log_det + float(np.log(remainders).sum())))
 
 
 def _spectrum(mean: MatrixMean, information: Array) -> tuple[Array, Array, Array, float, float]:
@@ -185,14 +185,14 @@ def _largest_size(ratios: Array, mu: float) -> tuple[float, Array]:
     low, high = d, d * len(ratios)
     high = min(high, 1.0)
     for _ in range(100):
-        left = (1.0 - ratios) + d * ratios
+        remainders = (1.0 - ratios) + d * ratios
         s = 1.0 - d
-        excess = mu * float((s * ratios / left).sum()) - 1.0
+        excess = mu * float((s * ratios / remainders).sum()) - 1.0
         if excess > 0:
             low = d
         else:
             high = d
-        slope = -mu * float((ratios / left + s * ratios**2 / left**2).sum())
+        slope = -mu * float((ratios / remainders + s * ratios**2 / remainders**2).sum())
         step = d - excess / slope
         following = step if low < step < high else 0.5 * (low + high)
         if abs(following - d) <= 1e-15 * d:

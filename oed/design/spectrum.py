@@ -4,8 +4,8 @@ The information of an experiment is linear in the power of each line, and so are
 powers P_f of a position's lines between zero and their own limits, and C P <= c for every limit
 (mean squares of torques and speeds, total power), the experiments in a position fill a polytope; a
 design shares the experiments between corners of these polytopes. The corners are too many to list:
-the dearest one of each position, by the prices of the present design, is found when it is needed,
-and when none is dearer than the design allows, no other spectrum in any position could help.
+the best one of each position, by the gradient at the present design, is generated when it is
+needed, and when none gains more than the design allows, no other spectrum in any position helps.
 """
 
 from collections.abc import Mapping
@@ -14,13 +14,13 @@ from functools import partial
 
 import numpy as np
 
-from oed.criteria.criteria import Criterion, objective
+from oed.criteria.criteria import Criterion, objective_of
 from oed.criteria.objective import Objective
 from oed.design.certificate import efficiency_bound
 from oed.design.design import Design
 from oed.design.optimal_design import optimal_design
 from oed.design.solvers import fast_solver
-from oed.design.spectrum_polytope import LineLimit, Spectra
+from oed.design.spectrum_polytope import LineLimit, SpectrumPolytopes
 from oed.information_sets.information_set import InformationSet
 from robotmodels.common.arrays import Array, IntArray, read_only
 from robotmodels.common.errors import InvalidInput, NotIdentifiable, SolverFailed
@@ -131,71 +131,77 @@ def optimal_spectrum(
     """
     if max_rounds < 1:
         raise InvalidInput(f"max_rounds: {max_rounds!r}; at least 1 is needed")
-    shapes = Spectra.checked(lines, names, limits, line_most)
-    wanted = objective(criterion, names)
-    solved = partial(_design, shapes, wanted, prior)
-    flat = shapes.flat()
+    polytopes = SpectrumPolytopes.checked(lines, names, limits, line_most)
+    objective = objective_of(criterion, names)
+    optimal = partial(_design, polytopes, objective, prior)
+    flat = polytopes.flat()
     owners, powers = np.arange(len(flat)), flat
-    start = design = solved(owners, powers, tolerance)
+    start = design = optimal(owners, powers, tolerance)
     for done in range(1, max_rounds + 1):
-        gap, more, corners = _priced(shapes, wanted, design, prior, tolerance)
+        gap, more, corners = _certified(polytopes, objective, design, prior, tolerance)
         if gap <= tolerance:
-            return _answer(shapes, owners, powers, design, start, wanted, gap, done)
+            return _answer(polytopes, owners, powers, design, start, objective, gap, done)
         used = design.support
         owners = np.concatenate([owners[used], more])
         powers = np.concatenate([powers[used], corners])
-        design = solved(owners, powers, 0.01 * tolerance)
+        design = optimal(owners, powers, 0.01 * tolerance)
     raise SolverFailed(
         f"optimal spectrum: the certified gap is {gap:.2g} after {max_rounds} rounds, above the "
         f"tolerance {tolerance:.2g}; allow more rounds or a larger tolerance"
     )
 
 
-def _priced(
-    spectra: Spectra, wanted: Objective, design: Design, prior: Array | None, tolerance: float
+def _certified(
+    polytopes: SpectrumPolytopes,
+    objective: Objective,
+    design: Design,
+    prior: Array | None,
+    tolerance: float,
 ) -> tuple[float, IntArray, Array]:
-    """Return the gap over all spectra, and the positions and powers of the dearest ones."""
+    """Return the gap over all spectra, and the positions and powers of the best ones."""
     information = design.information
-    # Without a derivative, as for E, the solver's witness is the one that prices well.
-    witness = wanted.witness(information) if wanted.smooth else design.witness
-    weight = wanted.price(witness, information.shape)
-    prices = np.tensordot(spectra.lines, weight)
-    known = 0.0 if prior is None else float(np.vdot(weight, prior))
-    level = float(np.vdot(weight, information)) - known
-    dearest, corners, owners = spectra.dearest(prices, level + 0.1 * tolerance)
-    bound = np.log(known + dearest) - wanted.log_polar(witness)
-    return float(np.expm1(bound - wanted.log_value(information))), owners, corners
+    # Without a unique derivative, as for E, the solver's witness gives the tighter bound.
+    witness = objective.witness(information) if objective.smooth else design.witness
+    weight = objective.summed_by_sample(witness, information.shape)
+    gains = np.tensordot(polytopes.lines, weight)
+    prior_value = 0.0 if prior is None else float(np.vdot(weight, prior))
+    level = float(np.vdot(weight, information)) - prior_value
+    largest, corners, owners = polytopes.best_extreme_points(gains, level + 0.1 * tolerance)
+    bound = np.log(prior_value + largest) - objective.log_polar(witness)
+    return float(np.expm1(bound - objective.log_value(information))), owners, corners
 
 
 def _design(
-    spectra: Spectra,
-    wanted: Objective,
+    polytopes: SpectrumPolytopes,
+    objective: Objective,
     prior: Array | None,
     owners: IntArray,
     powers: Array,
     tolerance: float,
 ) -> Design:
     """Return the best shares of experiments with these powers (k, F) in the positions (k,)."""
-    matrices = np.einsum("if,ifab->iab", powers, spectra.lines[owners])
-    info = InformationSet(owners[:, None].astype(float), matrices, spectra.names)
-    tolerance = max(tolerance, 1e-8 if wanted.smooth else 1e-6)
+    matrices = np.einsum("if,ifab->iab", powers, polytopes.lines[owners])
+    info = InformationSet(owners[:, None].astype(float), matrices, polytopes.names)
+    tolerance = max(tolerance, 1e-8 if objective.smooth else 1e-6)
     try:
-        return optimal_design(info, wanted, None, prior, tolerance, solver=fast_solver(wanted))
+        return optimal_design(
+            info, objective, None, prior, tolerance, solver=fast_solver(objective)
+        )
     except NotIdentifiable as error:
         raise NotIdentifiable(error.names, _REMEDY, error.combinations) from error
 
 
 def _answer(
-    spectra: Spectra,
+    polytopes: SpectrumPolytopes,
     owners: IntArray,
     powers: Array,
     design: Design,
     start: Design,
-    wanted: Objective,
+    objective: Objective,
     gap: float,
     rounds: int,
 ) -> SpectrumDesign:
-    n, f = spectra.lines.shape[:2]
+    n, f = polytopes.lines.shape[:2]
     weights, power = np.zeros(n), np.zeros((n, f))
     np.add.at(weights, owners, design.weights)
     np.add.at(power, owners, design.weights[:, None] * powers)
@@ -208,7 +214,7 @@ def _answer(
         gap=gap,
         information=design.information,
         criterion=design.criterion,
-        names=spectra.names,
-        uniform_efficiency=wanted.efficiency(start.information, design.information),
+        names=polytopes.names,
+        uniform_efficiency=objective.efficiency(start.information, design.information),
         rounds=rounds,
     )

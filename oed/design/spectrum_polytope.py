@@ -1,4 +1,4 @@
-"""What spectra an experiment in each position may have, and the dearest of them by given prices."""
+"""The spectra that an experiment in each position may have, and the best for a linear objective."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -29,7 +29,7 @@ class LineLimit:
 
 
 @dataclass(frozen=True, eq=False)
-class Spectra:
+class SpectrumPolytopes:
     """The polytopes of the spectra that each position may have.
 
     Attributes
@@ -57,7 +57,7 @@ class Spectra:
         names: tuple[str, ...],
         limits: Mapping[str, LineLimit],
         line_most: float,
-    ) -> "Spectra":
+    ) -> "SpectrumPolytopes":
         """Return the polytopes of limits on `lines`.
 
         Raises
@@ -96,50 +96,50 @@ class Spectra:
             level = np.minimum((self.bounds / sums).min(axis=1, initial=np.inf), self.line_most)
         return np.repeat(level[:, None], self.lines.shape[1], axis=1)
 
-    def dearest(self, prices: Array, level: float) -> tuple[float, Array, IntArray]:
-        """Return a bound on the price of any spectrum, the dearest spectra, and their positions.
+    def best_extreme_points(self, gains: Array, level: float) -> tuple[float, Array, IntArray]:
+        """Return a bound on the gain of any spectrum, the best spectra, and their positions.
 
-        Each single limit bounds what a position can cost; a linear program is solved only where
-        that leaves a chance of more than `level`. At most 2p spectra that are dearer are returned.
+        Each single limit bounds the gain of a position; a linear program is solved only where
+        that bound exceeds `level`. At most 2p spectra, all of larger gains, are returned.
 
         Parameters
         ----------
-        prices : ndarray, (Q, F)
-            Prices of a unit of power.
+        gains : ndarray, (Q, F)
+            Gain of a unit of power: tr(W H) of a line in a position.
         """
-        single = [self._single(prices, r) for r in range(len(self.bounds))]
+        single = [self._single(gains, r) for r in range(len(self.bounds))]
         bounds = np.stack([bound for bound, _ in single])
         lowest = np.argmin(bounds, axis=0)
         value = bounds.min(axis=0)
-        spectra = np.stack([s for _, s in single])[lowest, np.arange(len(prices))]
+        spectra = np.stack([s for _, s in single])[lowest, np.arange(len(gains))]
         taken = np.einsum("qrf,qf->qr", self.costs, spectra)
         inside = (taken <= self.bounds * (1 + 1e-12)).all(axis=1)
-        dear: list[int] = []
+        best: list[int] = []
         for q in np.argsort(-value):
-            if len(dear) == 2 * len(self.names) or value[q] <= level:
+            if len(best) == 2 * len(self.names) or value[q] <= level:
                 break
             if not inside[q]:
-                value[q], spectra[q] = self._program(prices[q], q)
+                value[q], spectra[q] = self._program(gains[q], q)
             if value[q] > level:
-                dear.append(int(q))
-        chosen = np.array(dear, dtype=np.int64)
-        return float(value.max()), spectra[chosen], chosen
+                best.append(int(q))
+        indices = np.array(best, dtype=np.int64)
+        return float(value.max()), spectra[indices], indices
 
-    def _single(self, prices: Array, row: int) -> tuple[Array, Array]:
-        """Return the largest prices (Q,) under one limit, and the spectra (Q, F): knapsacks."""
-        cost, gain = self.costs[:, row], np.maximum(prices, 0.0)
+    def _single(self, gains: Array, row: int) -> tuple[Array, Array]:
+        """Return the largest gains (Q,) under one limit, and the spectra (Q, F): knapsacks."""
+        cost, gain = self.costs[:, row], np.maximum(gains, 0.0)
         with np.errstate(divide="ignore", invalid="ignore"):
             ratio = np.where(gain > 0, gain / cost, -np.inf)
         order = np.argsort(-ratio, axis=1, kind="stable")
         sorted_cost = np.take_along_axis(cost, order, axis=1)
         with np.errstate(invalid="ignore"):
-            wanted = np.where(sorted_cost > 0, sorted_cost * self.line_most, 0.0)
-        before = np.zeros_like(wanted)
-        before[:, 1:] = np.cumsum(wanted, axis=1)[:, :-1]
-        left = np.maximum(self.bounds[row] - before, 0.0)
+            demand = np.where(sorted_cost > 0, sorted_cost * self.line_most, 0.0)
+        before = np.zeros_like(demand)
+        before[:, 1:] = np.cumsum(demand, axis=1)[:, :-1]
+        slack = np.maximum(self.bounds[row] - before, 0.0)
         with np.errstate(divide="ignore", invalid="ignore"):
             power = np.where(
-                sorted_cost > 0, np.minimum(wanted, left) / sorted_cost, self.line_most
+                sorted_cost > 0, np.minimum(demand, slack) / sorted_cost, self.line_most
             )
         power[np.take_along_axis(gain, order, axis=1) <= 0] = 0.0
         spectra = np.zeros_like(power)
@@ -147,19 +147,21 @@ class Spectra:
         with np.errstate(invalid="ignore"):
             return np.where(gain > 0, gain * spectra, 0.0).sum(axis=1), spectra
 
-    def _program(self, prices: Array, position: int) -> tuple[float, Array]:
-        """Return the dearest spectrum of one position under all limits."""
+    def _program(self, gains: Array, position: int) -> tuple[float, Array]:
+        """Return a bound on the gain of one position under all limits, and the best spectrum."""
         top = None if np.isinf(self.line_most) else self.line_most
-        found = linprog(
-            -prices, A_ub=self.costs[position], b_ub=self.bounds, bounds=[(0.0, top)] * len(prices)
+        solution = linprog(
+            -gains, A_ub=self.costs[position], b_ub=self.bounds, bounds=[(0.0, top)] * len(gains)
         )
-        if found.x is None:
-            raise SolverFailed(f"optimal spectrum: HiGHS: {found.message}")
+        if solution.x is None:
+            raise SolverFailed(f"optimal spectrum: HiGHS: {solution.message}")
         # The dual value is the bound, whatever the precision of the spectrum.
-        y = np.maximum(-found.ineqlin.marginals, 0.0)
-        paid = y @ self.costs[position]
+        y = np.maximum(-solution.ineqlin.marginals, 0.0)
+        line_costs = y @ self.costs[position]
         if top is not None:
-            return float(y @ self.bounds + top * np.maximum(prices - paid, 0.0).sum()), found.x
-        wanted = prices > 0
-        stretch = float((prices[wanted] / paid[wanted]).max(initial=1.0))
-        return stretch * float(y @ self.bounds), found.x
+            return float(
+                y @ self.bounds + top * np.maximum(gains - line_costs, 0.0).sum()
+            ), solution.x
+        useful = gains > 0
+        stretch = float((gains[useful] / line_costs[useful]).max(initial=1.0))
+        return stretch * float(y @ self.bounds), solution.x

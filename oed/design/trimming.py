@@ -1,7 +1,7 @@
-"""Leave out the small weights that a barrier method keeps, where they are not needed.
+"""Set the small weights of a barrier method to zero, where they are not needed.
 
-At the optimum either a weight or what its candidate costs above its price is zero. Where the
-optimum is singular, the information of what is left is too; its derivative is then not unique, and
+At the optimum either a weight or its reduced cost is zero (complementarity). Where the optimum is
+singular, the information of the remaining weights is too; its derivative is then not unique, and
 the gap is that by the witness of all weights.
 """
 
@@ -39,17 +39,17 @@ def trimmed(
     """
     weights = answer.weights
     terms = zip(problem.objective.terms, answer.witness, strict=True)
-    worth = np.sum([sensitivities(W, problem.matrices[t.sample]) for t, W in terms], axis=0)
-    excess = answer.row_multipliers @ problem.rows - worth
+    derivatives = np.sum([sensitivities(W, problem.matrices[t.sample]) for t, W in terms], axis=0)
+    excess = answer.row_multipliers @ problem.rows - derivatives
     limits = (np.maximum(excess, loss), *(share * weights.max() for share in _SHARES))
     choices = [_without(problem, weights, weights > least) for least in limits]
     by_size = {int(np.count_nonzero(choice)): choice for choice in choices}
-    judged = [
+    evaluated = [
         (by_size[size], *_value(problem, by_size[size], max(_RANK, rounding)))
         for size in sorted(by_size)
         if size < np.count_nonzero(weights)
     ]
-    return [one for one in judged if one[1] >= value - loss]
+    return [one for one in evaluated if one[1] >= value - loss]
 
 
 def _without(problem: ScaledProblem, weights: Array, used: Array) -> Array:
@@ -72,9 +72,9 @@ def _value(problem: ScaledProblem, weights: Array, rounding: float) -> tuple[flo
     for base, H in zip(problem.base, problem.matrices, strict=True):
         parts = np.concatenate([weights[used, None, None] * H[used], base[None]])
         eigenvalues, vectors = np.linalg.eigh(parts)
-        own = (eigenvalues > rounding * eigenvalues[:, -1:]) & (eigenvalues > 0)
-        roots = vectors * np.sqrt(np.where(own, eigenvalues, 0.0))[:, None, :]
-        factors.append(np.swapaxes(roots, 1, 2)[own].T)
+        significant = (eigenvalues > rounding * eigenvalues[:, -1:]) & (eigenvalues > 0)
+        roots = vectors * np.sqrt(np.where(significant, eigenvalues, 0.0))[:, None, :]
+        factors.append(np.swapaxes(roots, 1, 2)[significant].T)
     values = [
         sum(t.share * t.mean.log_value_of_factor(factors[t.sample]) for t in group)
         for group in problem.objective.groups

@@ -1,4 +1,4 @@
-"""A design's problem in numbers of order one, and the part of it over a few candidates."""
+"""Scaling of a design problem to order one, and its restriction to a few candidates."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -7,7 +7,7 @@ import numpy as np
 
 from oed.criteria.objective import Objective
 from oed.design.coordinates import Coordinates
-from oed.design.problem import Problem, ScaledProblem
+from oed.design.problem import DesignProblem, ScaledProblem
 from robotmodels.common.arrays import Array, BoolArray, IntArray
 
 # An active set must determine every direction at least this well beside all candidates.
@@ -27,7 +27,7 @@ class Whitening:
 
     Attributes
     ----------
-    problem : Problem
+    problem : DesignProblem
         As it is.
     coordinates : Coordinates
         Coordinates in which information is of order one.
@@ -43,7 +43,7 @@ class Whitening:
         Of the rows, beyond the lower weights, and shares (Q,) that leave room.
     """
 
-    problem: Problem
+    problem: DesignProblem
     coordinates: Coordinates
     objective: Objective
     constant: float
@@ -53,7 +53,7 @@ class Whitening:
     interior: Array
 
     @classmethod
-    def of(cls, problem: Problem) -> "Whitening":
+    def of(cls, problem: DesignProblem) -> "Whitening":
         """Return the map, after the rank check.
 
         Raises
@@ -62,7 +62,7 @@ class Whitening:
             Naming the parameters that all candidates together leave open.
         """
         allowed, candidates = problem.allowed, problem.candidates
-        room = max(float(allowed.room[0]), 1e-12 * float(allowed.bounds[0]))
+        room = max(float(allowed.slack[0]), 1e-12 * float(allowed.bounds[0]))
         units = room / allowed.rows[0]
         usable = allowed.upper > allowed.lower
         equal = np.where(usable, units, 0.0) / max(int(usable.sum()), 1)
@@ -112,19 +112,23 @@ class Whitening:
     def first_active(self) -> IntArray:
         """Return some candidates of largest trace that determine everything and obey the rows."""
         allowed, K = self.problem.allowed, len(self.base)
-        price = self.prices([np.eye(len(M)) for M in self.base])
-        active = self.distinct(largest(price, 2 * self.batch), self.batch)
+        derivatives = self.directional_derivatives([np.eye(len(M)) for M in self.base])
+        active = self.distinct(largest(derivatives, 2 * self.batch), self.batch)
         if len(allowed.rows) > 1 or np.isfinite(allowed.upper).any():
-            vertex = allowed.best(np.where(self.closed, 0.0, price) / self.units)[0]
+            vertex = allowed.best_extreme_point(
+                np.where(self.closed, 0.0, derivatives) / self.units
+            )[0]
             needed = ((vertex > allowed.lower) | (self.interior > 0)) & ~self.closed
             active = np.union1d(active, np.flatnonzero(needed))
         open_count = int((~self.closed).sum())
         while len(active) < open_count and not self.determined(active):
-            # What the chosen ones leave open is priced highest.
+            # Candidates that inform on the directions still open have the largest derivatives.
             mean = self._mean(active)
-            price = self.prices([np.linalg.inv(M + _WEAKEST * np.eye(len(M))) / K for M in mean])
-            price[active] = -np.inf
-            active = np.concatenate([active, largest(price, max(self.batch // 4, 1))])
+            derivatives = self.directional_derivatives(
+                [np.linalg.inv(M + _WEAKEST * np.eye(len(M))) / K for M in mean]
+            )
+            derivatives[active] = -np.inf
+            active = np.concatenate([active, largest(derivatives, max(self.batch // 4, 1))])
         return np.asarray(active)
 
     def determined(self, active: IntArray) -> bool:
@@ -156,17 +160,20 @@ class Whitening:
         stack = H.reshape(len(H), -1, p, p) * self.units[indices, None, None, None]
         return self.coordinates.matrices(np.asarray(stack))
 
-    def prices(self, white: Sequence[Array]) -> Array:
-        """Return what a share of each candidate is worth by one matrix for each sample, (Q,).
+    def directional_derivatives(self, white: Sequence[Array]) -> Array:
+        """Return tr(W_k H_ik) of a share of each candidate, summed over samples k, (Q,).
 
-        -inf where there is no room.
+        -inf where the weight cannot grow.
         """
         pairs = zip(self.coordinates.transforms, white, strict=True)
         weight = np.stack([T.T @ W @ T for T, W in pairs])
         candidates = self.problem.candidates
-        prices: Array = candidates.prices(weight if len(weight) > 1 else weight[0]) * self.units
-        prices[self.closed] = -np.inf
-        return prices
+        derivatives: Array = (
+            candidates.directional_derivatives(weight if len(weight) > 1 else weight[0])
+            * self.units
+        )
+        derivatives[self.closed] = -np.inf
+        return derivatives
 
 
 def _inside(rows: Array, bounds: Array, caps: Array, inside: Array) -> Array:
@@ -207,17 +214,17 @@ def distinct(flat: Array) -> IntArray:
     direction = np.random.default_rng(0).standard_normal(flat.shape[1])
     keys = flat @ (direction / np.linalg.norm(direction))
     order = np.argsort(keys, kind="stable")
-    apart = np.diff(keys[order]) > _DUPLICATE * np.sqrt(flat.shape[1])
-    alone = np.append(True, apart) & np.append(apart, True)
-    kept: list[int] = order[alone].tolist()
-    near = order[~alone]
-    for group in np.split(near, np.flatnonzero(np.append(True, apart)[~alone])[1:]):
+    separated = np.diff(keys[order]) > _DUPLICATE * np.sqrt(flat.shape[1])
+    single = np.append(True, separated) & np.append(separated, True)
+    first: list[int] = order[single].tolist()
+    near = order[~single]
+    for group in np.split(near, np.flatnonzero(np.append(True, separated)[~single])[1:]):
         remaining = np.sort(group)
         while len(remaining):
-            kept.append(int(remaining[0]))
-            away = np.abs(flat[remaining] - flat[remaining[0]]).max(axis=1) > _DUPLICATE
-            remaining = remaining[away]
-    return np.sort(np.array(kept))
+            first.append(int(remaining[0]))
+            differs = np.abs(flat[remaining] - flat[remaining[0]]).max(axis=1) > _DUPLICATE
+            remaining = remaining[differs]
+    return np.sort(np.array(first))
 
 
 def largest(values: Array, count: int) -> IntArray:
@@ -226,7 +233,7 @@ def largest(values: Array, count: int) -> IntArray:
     if count == 0:
         return np.zeros(0, dtype=np.int64)
     some = np.argpartition(-values, count - 1)[:count]
-    # Of equal values at the end the partition takes any; the first ones are wanted.
+    # Of equal values at the end the partition takes any; here the first ones count.
     last = values[some].min()
     above = np.flatnonzero(values > last)
     ties = np.flatnonzero(values == last)[: count - len(above)]

@@ -1,8 +1,8 @@
 """The best whole plans, and the proof that they are: branch and bound over repetitions.
 
 Every node limits how often each candidate is used. Its relaxed optimum bounds all plans in it, and
-the same tangent says how much each candidate costs at least: what would bring a plan below those
-already found is ruled out before branching. On the whole set this leaves few candidates.
+the same tangent bounds what an experiment in each candidate loses: candidates that would bring a
+plan below the best ones so far are ruled out before branching. Few of the whole set remain.
 """
 
 from dataclasses import dataclass
@@ -12,9 +12,9 @@ import numpy as np
 from oed.criteria.criteria import Criterion
 from oed.design.constraints import Constraints
 from oed.design.design import Design
-from oed.exact.branch_and_bound import Search
-from oed.exact.exact_design import ExactDesign, exchanged, finished, relaxation
-from oed.exact.exchange import WholeProblem
+from oed.exact.branch_and_bound import BranchAndBound
+from oed.exact.exact_design import ExactDesign, as_exact_design, improve_by_exchange, relax
+from oed.exact.exchange import ExactProblem
 from oed.information_sets.candidates import Candidates
 from robotmodels.common.arrays import Array, IntArray
 from robotmodels.common.errors import InvalidInput
@@ -98,40 +98,40 @@ def best_plans(
     """
     if plans < 1:
         raise InvalidInput(f"plans: {plans!r}; at least one is needed")
-    problem, prices, weights, bound = relaxation(
+    problem, derivatives, weights, bound = relax(
         info, n_experiments, design, criterion=criterion, constraints=constraints, prior=prior
     )
-    first = exchanged(problem, prices, weights)
-    finished(problem, first, bound, per_experiment=True)  # refuses too few experiments
-    search = Search(problem, plans, max_nodes, progress)
-    search.keep(first)
+    first = improve_by_exchange(problem, derivatives, weights)
+    as_exact_design(problem, first, bound, per_experiment=True)  # refuses too few experiments
+    search = BranchAndBound(problem, plans, max_nodes, progress)
+    search.offer(first)
     for repetitions in _neighbours(problem, first):
-        search.keep(repetitions)
+        search.offer(repetitions)
     best_bound = min(bound, search.run())
-    found = sorted(search.found.values(), key=lambda pair: -pair[0])
+    ranked = sorted(search.plans.values(), key=lambda pair: -pair[0])
     result = [
-        finished(problem, counts, best_bound, per_experiment=constraints is None)
-        for _, counts in found
+        as_exact_design(problem, counts, best_bound, per_experiment=constraints is None)
+        for _, counts in ranked
     ]
-    proven = search.finished and len(result) == plans
+    proven = search.complete and len(result) == plans
     return BestPlans(
         plans=tuple(result),
-        proven=proven or (search.finished and search.exhausted),
-        efficiency=1.0 if search.finished else result[0].efficiency,
+        proven=proven or (search.complete and search.exhausted),
+        efficiency=1.0 if search.complete else result[0].efficiency,
         considered=search.considered,
         nodes=search.nodes,
     )
 
 
-def _neighbours(problem: WholeProblem, counts: IntArray) -> list[IntArray]:
-    """Return plans one exchange away, into the candidates of the highest prices."""
+def _neighbours(problem: ExactProblem, counts: IntArray) -> list[IntArray]:
+    """Return plans one exchange away, into the candidates of the largest derivatives."""
     information = problem.information(counts)
     objective = problem.objective
-    slope = objective.price(objective.witness(information), information.shape)
-    prices = problem.candidates.prices(slope)
-    size = min(64, len(prices))
+    gradient = objective.log_gradient(information)
+    derivatives = problem.candidates.directional_derivatives(gradient)
+    size = min(64, len(derivatives))
     plans = []
-    for entering in np.argpartition(-prices, size - 1)[:size]:
+    for entering in np.argpartition(-derivatives, size - 1)[:size]:
         for leaving in np.flatnonzero(counts > problem.least):
             if leaving != entering:
                 other = counts.copy()

@@ -1,4 +1,4 @@
-"""Branch and bound: limits on repetitions that halve, bounds that say where to look no further."""
+"""Branch and bound over the repetitions of candidates, with relaxed designs as bounds."""
 
 import heapq
 from dataclasses import dataclass, field, replace
@@ -9,9 +9,9 @@ import numpy as np
 from oed.design.active_set import solve
 from oed.design.design import Design
 from oed.design.polytope import Polytope
-from oed.design.problem import Problem
+from oed.design.problem import DesignProblem
 from oed.design.solvers import fast_solver
-from oed.exact.exchange import WholeProblem
+from oed.exact.exchange import ExactProblem
 from oed.information_sets.candidates import Candidates, Matrices
 from robotmodels.common.arrays import Array, IntArray
 from robotmodels.common.errors import IdentificationError
@@ -32,35 +32,35 @@ class _Node:
     upper: IntArray = field(compare=False)
 
 
-class Search:
+class BranchAndBound:
     """The best plans of a problem, and a bound on all others.
 
     Attributes
     ----------
-    found : dict of bytes to tuple of (float, ndarray of int)
+    plans : dict of bytes to tuple of (float, ndarray of int)
         log value and repetitions of the best plans so far, by their bytes.
     nodes : int
         Relaxed problems solved.
     considered : int
         Candidates that the first bound left.
-    finished : bool
+    complete : bool
         Whether every plan was considered or ruled out.
     exhausted : bool
-        Whether there are fewer plans than wanted.
+        Whether there are fewer plans than `n_plans`.
     """
 
     def __init__(
         self,
-        problem: WholeProblem,
-        wanted: int,
+        problem: ExactProblem,
+        n_plans: int,
         max_nodes: int,
         progress: Progress | None,
     ) -> None:
-        self.problem, self.wanted, self.max_nodes = problem, wanted, max_nodes
+        self.problem, self.n_plans, self.max_nodes = problem, n_plans, max_nodes
         self.progress = progress
-        self.found: dict[bytes, tuple[float, IntArray]] = {}
+        self.plans: dict[bytes, tuple[float, IntArray]] = {}
         self.nodes = self.considered = 0
-        self.finished = self.exhausted = False
+        self.complete = self.exhausted = False
         rows, bounds = problem.allowed.rows, problem.allowed.bounds
         counted = len(rows) == 1 and bool((rows == 1).all())
         # Experiments alone are limited: a plan uses all of them.
@@ -68,23 +68,23 @@ class Search:
 
     @property
     def worst(self) -> float:
-        """Value that a plan must exceed to be wanted."""
-        if len(self.found) < self.wanted:
+        """Log value that a plan must exceed to be one of the best `n_plans`."""
+        if len(self.plans) < self.n_plans:
             return -np.inf
-        return min(value for value, _ in self.found.values())
+        return min(value for value, _ in self.plans.values())
 
-    def keep(self, counts: IntArray) -> None:
-        """Remember a plan (Q,) if it is one of the best so far."""
+    def offer(self, counts: IntArray) -> None:
+        """Store a plan (Q,) if it is feasible and one of the best so far."""
         if not self.problem.feasible(counts) or (counts < self.problem.least).any():
             return
         if self.total is not None and counts.sum() != self.total:
             return
         value = self.problem.objective.log_value(self.problem.information(counts))
         key = counts.tobytes()
-        if value > -np.inf and key not in self.found and value > self.worst:
-            self.found[key] = value, counts.copy()
-            if len(self.found) > self.wanted:
-                del self.found[min(self.found, key=lambda k: self.found[k][0])]
+        if value > -np.inf and key not in self.plans and value > self.worst:
+            self.plans[key] = value, counts.copy()
+            if len(self.plans) > self.n_plans:
+                del self.plans[min(self.plans, key=lambda k: self.plans[k][0])]
 
     def run(self) -> float:
         """Search; return an upper bound on the log value of every plan."""
@@ -93,8 +93,8 @@ class Search:
         most = np.inf if self.total is None else float(self.total)
         upper = np.floor(np.minimum(allowed.upper, most) + _WHOLE)
         upper = np.minimum(upper, _by_rows(allowed)).astype(np.int64)
-        constant, prices = self._tangent(self.problem.reference, info)
-        lower, upper = self._tightened(allowed, constant, prices, lower, upper)
+        constant, derivatives = self._tangent(self.problem.reference, info)
+        lower, upper = self._tightened(allowed, constant, derivatives, lower, upper)
         used = np.flatnonzero(upper > 0)
         self.considered = len(used)
         few = Matrices(info.names, info.take(used))
@@ -111,21 +111,21 @@ class Search:
             for child_bound, low, high in self._branches(node, few, part, used):
                 if child_bound > self.worst + _TOLERANCE:
                     heapq.heappush(heap, _Node(-child_bound, next(number), low, high))
-        self.finished, self.exhausted = True, len(self.found) < self.wanted
-        return max((value for value, _ in self.found.values()), default=np.inf)
+        self.complete, self.exhausted = True, len(self.plans) < self.n_plans
+        return max((value for value, _ in self.plans.values()), default=np.inf)
 
     def _branches(
         self, node: _Node, few: Matrices, allowed: Polytope, used: IntArray
     ) -> list[tuple[float, IntArray, IntArray]]:
-        """Solve a node; return the bound and the limits of the parts it falls into."""
+        """Solve a node; return the bound and the limits of each of its branches."""
         lower, upper = node.lower, node.upper
         part = replace(allowed, lower=lower.astype(float), upper=upper.astype(float))
-        if (part.room < -_WHOLE).any() and len(part.rows) == 1:
+        if (part.slack < -_WHOLE).any() and len(part.rows) == 1:
             return []
         if self.total is not None and upper.sum() < self.total:
             return []
         if (lower == upper).all() or (self.total is not None and lower.sum() == self.total):
-            self._keep_part(lower, used)
+            self._offer_part(lower, used)
             return []
         self.nodes += 1
         if self.progress is not None:
@@ -137,13 +137,13 @@ class Search:
             weights, information = design.weights, design.information
             value = self.problem.objective.log_value(information)
             bound = min(bound, value + float(np.log1p(max(design.gap, 0.0))))
-            tangent, prices = self._tangent(information, few)
-            lower, upper = self._tightened(part, tangent, prices, lower, upper)
-            self._keep_part(self._rounded(weights, lower, upper), used)
+            tangent, derivatives = self._tangent(information, few)
+            lower, upper = self._tightened(part, tangent, derivatives, lower, upper)
+            self._offer_part(self._rounded(weights, lower, upper), used)
         return [(bound, *limits) for limits in _split(weights, lower, upper)]
 
     def _solved(self, few: Matrices, allowed: Polytope) -> Design | None:
-        problem = Problem(few, self.problem.objective, allowed, self.problem.prior)
+        problem = DesignProblem(few, self.problem.objective, allowed, self.problem.prior)
         try:
             design = solve(problem, _GAP, 20, fast_solver(problem.objective), trim=False)
         except IdentificationError:
@@ -153,21 +153,30 @@ class Search:
     def _tangent(self, information: Array, candidates: Candidates) -> tuple[float, Array]:
         """Return a and g, (n,), with log value <= a + g'n for every plan n."""
         objective, prior = self.problem.objective, self.problem.prior
-        slope = objective.price(objective.witness(information), information.shape)
-        constant = objective.log_value(information) - float(np.vdot(slope, information))
+        gradient = objective.log_gradient(information)
+        constant = objective.log_value(information) - float(np.vdot(gradient, information))
         if prior is not None:
-            constant += float(np.vdot(slope, prior))
-        return constant, candidates.prices(slope)
+            constant += float(np.vdot(gradient, prior))
+        return constant, candidates.directional_derivatives(gradient)
 
     def _tightened(
-        self, allowed: Polytope, constant: float, prices: Array, lower: IntArray, upper: IntArray
+        self,
+        allowed: Polytope,
+        constant: float,
+        derivatives: Array,
+        lower: IntArray,
+        upper: IntArray,
     ) -> tuple[IntArray, IntArray]:
-        """Return limits without the plans that the tangent shows to be worse than those found."""
+        """Return limits without the plans that the tangent shows to be worse than the best ones."""
         if self.worst == -np.inf:
             return lower, upper
         part = replace(allowed, lower=lower.astype(float), upper=upper.astype(float))
-        y = part.best(prices)[1] if len(part.rows) > 1 else np.array([_price(part, prices)])
-        reduced = prices - y @ part.rows
+        y = (
+            part.best_extreme_point(derivatives)[1]
+            if len(part.rows) > 1
+            else np.array([_multiplier(part, derivatives)])
+        )
+        reduced = derivatives - y @ part.rows
         most = constant + float(y @ part.bounds)
         most += float(np.where(reduced > 0, reduced * upper, reduced * lower).sum())
         spare = max(most - self.worst, 0.0) + 1e-12
@@ -186,14 +195,14 @@ class Search:
                 counts[i] = min(counts[i] + 1, upper[i])
         return counts
 
-    def _keep_part(self, counts: IntArray, used: IntArray) -> None:
+    def _offer_part(self, counts: IntArray, used: IntArray) -> None:
         whole = np.zeros(len(self.problem.candidates), dtype=np.int64)
         whole[used] = counts
-        self.keep(whole)
+        self.offer(whole)
 
 
 def _split(weights: Array, lower: IntArray, upper: IntArray) -> list[tuple[IntArray, IntArray]]:
-    """Return limits that fall apart at the candidate whose weight is the least whole."""
+    """Return the limits of the parts, split at the candidate whose weight is the least whole."""
     free = upper > lower
     if not free.any():
         return [(lower, upper)]
@@ -215,13 +224,13 @@ def _split(weights: Array, lower: IntArray, upper: IntArray) -> list[tuple[IntAr
     return parts
 
 
-def _price(allowed: Polytope, prices: Array) -> float:
-    """Return the budget's price: that of the candidate at which it runs out, by price."""
+def _multiplier(allowed: Polytope, derivatives: Array) -> float:
+    """Return the budget's multiplier: the derivative per cost at which the budget runs out."""
     cost = allowed.rows[0]
-    order = np.argsort(-prices / cost, kind="stable")
+    order = np.argsort(-derivatives / cost, kind="stable")
     filled = np.cumsum((cost * (allowed.upper - allowed.lower))[order])
-    last = int(np.searchsorted(filled, allowed.room[0] - _WHOLE))
-    return max(float((prices / cost)[order[min(last, len(order) - 1)]]), 0.0)
+    last = int(np.searchsorted(filled, allowed.slack[0] - _WHOLE))
+    return max(float((derivatives / cost)[order[min(last, len(order) - 1)]]), 0.0)
 
 
 def _by_rows(allowed: Polytope) -> Array:

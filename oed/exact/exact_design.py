@@ -9,15 +9,15 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from oed.criteria.criteria import CRITERIA, Criterion, objective as stated
+from oed.criteria.criteria import CRITERIA, Criterion, objective_of
 from oed.design.certificate import certify, checked_weights, efficiency_bound, not_negative
 from oed.design.constraints import Constraints
 from oed.design.design import SHOWN, Design
 from oed.design.optimal_design import checked_prior, optimal_design
 from oed.design.polytope import Polytope
-from oed.design.problem import Problem
+from oed.design.problem import DesignProblem
 from oed.design.solvers import fast_solver
-from oed.exact.exchange import Pool, WholeProblem, exchange, fill
+from oed.exact.exchange import ExactProblem, Pool, complete_greedily, exchange
 from oed.exact.minimum_experiments import first_sample, too_few
 from oed.information_sets.candidates import Candidates, check_candidates
 from oed.information_sets.null_space import open_combinations, unidentifiable
@@ -112,14 +112,14 @@ def exact_design(
         Naming the parameters, if so few experiments leave a direction open (and how many are
         needed), or all candidates together do.
     """
-    problem, prices, weights, bound = relaxation(
+    problem, derivatives, weights, bound = relax(
         info, n_experiments, design, criterion=criterion, constraints=constraints, prior=prior
     )
-    counts = exchanged(problem, prices, weights)
-    return finished(problem, counts, bound, per_experiment=constraints is None)
+    counts = improve_by_exchange(problem, derivatives, weights)
+    return as_exact_design(problem, counts, bound, per_experiment=constraints is None)
 
 
-def exchanged(problem: WholeProblem, prices: Array, weights: Array) -> IntArray:
+def improve_by_exchange(problem: ExactProblem, derivatives: Array, weights: Array) -> IntArray:
     """Return the best plan (Q,) that exchanges lead to from the relaxed weights.
 
     Raises
@@ -127,7 +127,7 @@ def exchanged(problem: WholeProblem, prices: Array, weights: Array) -> IntArray:
     InvalidInput
         If no whole plan that satisfies the constraints is found.
     """
-    pool = Pool(problem, _promising(prices, weights))
+    pool = Pool(problem, _promising(derivatives, weights))
     plans = [exchange(pool, start) for start in _starts(problem, pool, weights)]
     if not plans:
         raise InvalidInput(
@@ -137,7 +137,7 @@ def exchanged(problem: WholeProblem, prices: Array, weights: Array) -> IntArray:
     return max(plans, key=problem.value)
 
 
-def relaxation(
+def relax(
     info: Candidates,
     n_experiments: int | None,
     design: Design | None = None,
@@ -145,27 +145,33 @@ def relaxation(
     criterion: str | Criterion | None = None,
     constraints: Constraints | None = None,
     prior: Array | None = None,
-) -> tuple[WholeProblem, Array, Array, float]:
-    """Return the whole problem, prices and weights (Q,) of its relaxation, and a log bound.
+) -> tuple[ExactProblem, Array, Array, float]:
+    """Return the exact problem, derivatives and weights (Q,) of its relaxation, and a log bound.
 
     No allowed weights, whole or not, have a log value above the bound. Arguments and errors are
     those of `exact_design`.
     """
     check_candidates(info)
-    objective = stated(_criterion(criterion, design), info.names, info.samples)
+    objective = objective_of(_criterion(criterion, design), info.names, info.samples)
     allowed = _allowed(n_experiments, constraints, len(info))
-    known = checked_prior(prior, info)
+    prior_information = checked_prior(prior, info)
     if design is None:
-        design = optimal_design(info, objective, allowed, known, solver=fast_solver(objective))
+        design = optimal_design(
+            info, objective, allowed, prior_information, solver=fast_solver(objective)
+        )
         weights = design.weights
     elif constraints is None:
         weights = float(allowed.bounds[0]) * checked_weights(design.weights, len(info))
     else:
         weights = not_negative(design.weights, len(info))
-    reference = info.combined(weights) if known is None else info.combined(weights) + known
+    reference = (
+        info.combined(weights)
+        if prior_information is None
+        else info.combined(weights) + prior_information
+    )
     rows = np.array(list(design.multipliers.values()))
     certificate = certify(
-        Problem(info, objective, allowed, known),
+        DesignProblem(info, objective, allowed, prior_information),
         weights,
         design.witness if len(design.witness) == len(objective.terms) else None,
         rows if rows.shape == allowed.bounds.shape else None,
@@ -174,14 +180,14 @@ def relaxation(
         names = unidentifiable(first_sample(reference), info.names)
         raise NotIdentifiable(names or info.names, "the relaxed design is singular")
     bound = objective.log_value(reference) - float(np.log(efficiency_bound(certificate.gap)))
-    problem = WholeProblem(info, objective, allowed, reference, known)
-    return problem, certificate.prices, weights, bound
+    problem = ExactProblem(info, objective, allowed, prior_information, reference=reference)
+    return problem, certificate.sensitivity, weights, bound
 
 
-def finished(
-    problem: WholeProblem, counts: IntArray, log_bound: float, per_experiment: bool
+def as_exact_design(
+    problem: ExactProblem, counts: IntArray, log_bound: float, per_experiment: bool
 ) -> ExactDesign:
-    """Return whole numbers (Q,) as a design.
+    """Return a plan (Q,) as an `ExactDesign` with its certified efficiency.
 
     Raises
     ------
@@ -210,9 +216,9 @@ def finished(
     )
 
 
-def _criterion(given: str | Criterion | None, design: Design | None) -> str | Criterion:
-    if given is not None:
-        return given
+def _criterion(criterion: str | Criterion | None, design: Design | None) -> str | Criterion:
+    if criterion is not None:
+        return criterion
     if design is None or design.criterion in CRITERIA:
         return "D" if design is None else design.criterion
     raise InvalidInput(
@@ -239,24 +245,24 @@ def _allowed(
     return constraints.polytope(n_candidates)
 
 
-def _promising(prices: Array, weights: Array) -> IntArray:
-    """Return the relaxed design's support and the candidates of the highest prices."""
-    size = min(len(prices), max(_POOL, 16 * int(np.count_nonzero(weights))))
-    best = np.argpartition(-prices, size - 1)[:size]
+def _promising(derivatives: Array, weights: Array) -> IntArray:
+    """Return the relaxed design's support and the candidates of the largest derivatives."""
+    size = min(len(derivatives), max(_POOL, 16 * int(np.count_nonzero(weights))))
+    best = np.argpartition(-derivatives, size - 1)[:size]
     return np.union1d(best, np.flatnonzero(weights))
 
 
-def _starts(problem: WholeProblem, pool: Pool, weights: Array) -> Iterator[IntArray]:
+def _starts(problem: ExactProblem, pool: Pool, weights: Array) -> Iterator[IntArray]:
     """Yield different allowed plans: weights rounded in two ways, or additions one by one."""
     floored = np.floor(weights + 1e-9).astype(np.int64)
-    starts = [fill(pool, np.maximum(floored, problem.least))]
+    starts = [complete_greedily(pool, np.maximum(floored, problem.least))]
     total = weights.sum()
     if round(total) >= np.count_nonzero(weights) and abs(total - round(total)) < 1e-6:
         rounded = efficient_rounding(weights / total, round(total))
         if (rounded >= problem.least).all() and not np.array_equal(rounded, starts[0]):
             starts.append(rounded)
     else:
-        starts.append(fill(pool, problem.least))
+        starts.append(complete_greedily(pool, problem.least))
     yield from (plan for plan in starts if plan.any() and problem.feasible(plan))
 
 

@@ -95,8 +95,8 @@ def _any(objective: Objective, information: Array, matrices: Array) -> tuple[Arr
     value = objective.log_value(information)
     bounds = np.full(len(matrices), np.inf)
     if value > -np.inf:
-        slope = objective.price(objective.witness(information), information.shape)
-        bounds = value + sensitivities(slope, matrices)
+        gradient = objective.log_gradient(information)
+        bounds = value + sensitivities(gradient, matrices)
 
     def evaluate(batch: IntArray) -> Array:
         return log_values(objective, information + matrices[batch])

@@ -1,4 +1,4 @@
-"""Positions moved continuously to where an experiment is worth most, by given prices."""
+"""Local maximisation of the sensitivity function tr(W H(q)) over positions (L-BFGS-B)."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -15,7 +15,7 @@ _CLOSE = 1e-3  # as a part of the range: closer positions are one
 
 @dataclass(frozen=True, eq=False)
 class Region:
-    """Where positions may be moved, and what an experiment there would tell.
+    """Ranges of continuous positions, and the information of an experiment in each.
 
     Attributes
     ----------
@@ -32,17 +32,17 @@ class Region:
     usable: Callable[[Array], BoolArray]
 
 
-def climbed(region: Region, starts: Array, slope: Array, precision: float) -> Array:
-    """Return where the price is locally largest, from each start, in usable places, (k, n).
+def local_maxima(region: Region, starts: Array, gradient: Array, precision: float) -> Array:
+    """Return the local maximum of tr(W H) from each start, at usable positions, (k, n).
 
     Parameters
     ----------
     starts : ndarray, (k, n)
         Usable positions.
-    slope : ndarray, (p, p)
-        Slope of which the price tr(slope H) of a position is made.
+    gradient : ndarray, (p, p)
+        W, the derivative of the log value by the information.
     precision : float
-        A step that gains no larger part of the price is the last.
+        A step that gains no larger part of tr(W H) is the last.
     """
     from scipy.optimize import minimize
 
@@ -52,38 +52,38 @@ def climbed(region: Region, starts: Array, slope: Array, precision: float) -> Ar
     def falling(u: Any) -> tuple[float, Array]:
         # A step that would leave the range is made backwards.
         steps = np.where(u + _STEP > 1.0, -_STEP, _STEP) * (high > low)
-        places = np.vstack([u, u + np.diag(steps)])
-        prices = sensitivities(slope, region.evaluate(low + places * span))
-        change = prices[1:] - prices[0]
+        points = np.vstack([u, u + np.diag(steps)])
+        derivatives = sensitivities(gradient, region.evaluate(low + points * span))
+        change = derivatives[1:] - derivatives[0]
         slopes = np.divide(change, steps, out=np.zeros_like(steps), where=steps != 0)
-        return -float(prices[0]), -slopes
+        return -float(derivatives[0]), -slopes
 
     bounds = [(0.0, 1.0)] * len(low)
     options: Any = {"maxiter": 25, "ftol": precision, "gtol": 1e-6}
-    found = []
+    ends = []
     for start in starts:
         begin: Any = np.clip((start - low) / span, 0.0, 1.0)
         end: Any = minimize(
             falling, begin, jac=True, method="L-BFGS-B", bounds=bounds, options=options
         )
-        found.append(_last_usable(region, start, low + end.x * span))
-    return np.array(found)
+        ends.append(_last_usable(region, start, low + end.x * span))
+    return np.array(ends)
 
 
 def _last_usable(region: Region, start: Array, end: Array) -> Array:
     """Return `end`, or the farthest usable point of nine towards it from the usable `start`."""
     shares = np.linspace(1.0, 0.0, 9)[:-1]
-    way = start + shares[:, None] * (end - start)
-    usable = region.usable(way)
-    return np.asarray(way[np.argmax(usable)] if usable.any() else start)
+    path = start + shares[:, None] * (end - start)
+    usable = region.usable(path)
+    return np.asarray(path[np.argmax(usable)] if usable.any() else start)
 
 
-def new_positions(found: Array, known: Array, region: Region) -> Array:
-    """Return the positions found that are not close to a known or an earlier one."""
+def new_positions(positions: Array, existing: Array, region: Region) -> Array:
+    """Return the positions that are not close to an existing or an earlier one."""
     span = np.maximum(region.limits[:, 1] - region.limits[:, 0], 1e-12)
-    kept: list[Array] = []
-    for position in found:
-        others = np.concatenate([known, np.reshape(kept, (-1, known.shape[1]))])
+    new: list[Array] = []
+    for position in positions:
+        others = np.concatenate([existing, np.reshape(new, (-1, existing.shape[1]))])
         if np.abs((others - position) / span).max(axis=1).min() > _CLOSE:
-            kept.append(position)
-    return np.reshape(kept, (-1, known.shape[1]))
+            new.append(position)
+    return np.reshape(new, (-1, existing.shape[1]))

@@ -5,13 +5,13 @@ from dataclasses import replace
 import numpy as np
 
 from oed.design.polytope import Polytope
-from oed.exact.exchange import WholeProblem
+from oed.exact.exchange import ExactProblem
 from oed.information_sets.null_space import weak_directions
 from robotmodels.common.arrays import Array
 from robotmodels.common.symmetric_matrices import ROUNDING
 
 
-def too_few(problem: WholeProblem, n_experiments: int) -> str:
+def too_few(problem: ExactProblem, n_experiments: int) -> str:
     """Return the remedy for a plan with too few experiments."""
     objective, prior = problem.objective, problem.prior
     information = np.zeros_like(problem.reference) if prior is None else prior.copy()
@@ -34,14 +34,14 @@ def too_few(problem: WholeProblem, n_experiments: int) -> str:
     return f"{few}, {enough} suffice"
 
 
-def _most_informative(problem: WholeProblem, information: Array) -> int:
-    """Return the candidate that informs most on what is still open."""
+def _most_informative(problem: ExactProblem, information: Array) -> int:
+    """Return the candidate that informs most on the directions that are still open."""
     ridged = information + 1e-9 * problem.reference
-    slope = problem.objective.price(problem.objective.witness(ridged), ridged.shape)
-    return int(np.argmax(problem.candidates.prices(slope)))
+    gradient = problem.objective.log_gradient(ridged)
+    return int(np.argmax(problem.candidates.directional_derivatives(gradient)))
 
 
-def _least_experiments(problem: WholeProblem) -> int:
+def _least_experiments(problem: ExactProblem) -> int:
     """Return how many experiments the ranks of the candidates ask for, at least two.
 
     It is 1 where there is a prior, or not every parameter is asked for.

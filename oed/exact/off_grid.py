@@ -1,8 +1,9 @@
 """Designs off the grid: support positions move until no position between candidates is better.
 
-The price of a position, tr(W H(q)) with W the criterion's slope at the design, is nowhere above
-that of the support at an optimum (equivalence theorem). So it is climbed from the support and from
-the best points of a finer set; what is found joins the candidates, and the design is solved anew.
+The sensitivity function tr(W H(q)), with W the derivative of the criterion at the design, is
+nowhere above its value on the support at an optimum (equivalence theorem). So it is maximised
+locally from the support and from the best points of a finer set; the maxima join the candidates,
+and the design is solved anew.
 """
 
 from dataclasses import dataclass
@@ -12,15 +13,15 @@ import numpy as np
 
 from oed.candidates.grids import sobol_positions
 from oed.candidates.screening import usable
-from oed.criteria.criteria import Criterion, objective as stated
+from oed.criteria.criteria import Criterion, objective_of
 from oed.criteria.objective import Objective
 from oed.design.certificate import certify
 from oed.design.design import Design
 from oed.design.optimal_design import optimal_design
 from oed.design.polytope import Polytope
-from oed.design.problem import Problem
+from oed.design.problem import DesignProblem
 from oed.design.solvers import fast_solver
-from oed.exact.local_ascent import Region, climbed, new_positions
+from oed.exact.local_ascent import Region, local_maxima, new_positions
 from oed.information_sets.candidates import check_candidates, sensitivities
 from oed.information_sets.compute import information
 from oed.information_sets.information_set import InformationSet
@@ -43,18 +44,18 @@ class RefinedDesign(ReprHtml):
     Attributes
     ----------
     candidates : InformationSet
-        Those given, and the positions found; an exact plan can be made of them.
+        The initial ones and the new positions; an exact plan can be made of them.
     design : Design
         Relaxed design over all of these.
     gain : float
-        Factor by which the criterion's efficiency is larger than that of the given candidates'
-        optimum.
+        Factor by which the criterion's efficiency is larger than that of the initial
+        candidates' optimum.
     gap : float
         Certified over the candidates and a finer set of as many points as `checked`: no design of
         these is better by more.
     beyond : float
-        The same for the best position that climbing from the support and from the best of the finer
-        set found: no design of it and the candidates is better by more.
+        The same for the best local maximum from the support and from the best of the finer set: no
+        design of it and the candidates is better by more.
     checked : int
         Points of the finer set.
     rounds : int
@@ -141,11 +142,11 @@ def refined_design(
     def possible(positions: Array) -> BoolArray:
         return usable(robot, positions, surroundings, torque_limits=torque_limits)
 
-    own = np.asarray(robot.position_limits if limits is None else limits, dtype=float)
-    points = sobol_positions(robot, finer, own, rng)
+    ranges = np.asarray(robot.position_limits if limits is None else limits, dtype=float)
+    points = sobol_positions(robot, finer, ranges, rng)
     return refined_over(
         info,
-        Region(own, evaluate, possible),
+        Region(ranges, evaluate, possible),
         points,
         criterion=criterion,
         prior=prior,
@@ -197,23 +198,23 @@ def refined_over(
         raise InvalidInput(
             f"refine: max_rounds {max_rounds!r} and tolerance {tolerance!r} must be positive"
         )
-    objective = stated(criterion, info.names, info.samples)
+    objective = objective_of(criterion, info.names, info.samples)
     solver = fast_solver(objective)
-    solved = partial(optimal_design, criterion=criterion, prior=prior, solver=solver)
+    optimal = partial(optimal_design, criterion=criterion, prior=prior, solver=solver)
     finer = finer[region.usable(finer)] if len(finer) else finer
     check = _joined(info, finer, region.evaluate(finer)) if len(finer) else info
-    candidates, first = info, solved(info)
+    candidates, first = info, optimal(info)
     design = first
     for done in range(1, max_rounds + 1):
-        found = _beyond(region, candidates, design, objective, check, len(info), tolerance)
-        beyond = max(float(found.worth.max(initial=0.0)), 0.0)
+        ascent = _ascend(region, candidates, design, objective, check, len(info), tolerance)
+        beyond = max(float(ascent.excess.max(initial=0.0)), 0.0)
         if progress is not None:
             progress(done, max_rounds)
         if beyond <= tolerance or done == max_rounds:
             break
-        wanted = found.worth > 0.1 * tolerance
-        candidates = _joined(candidates, found.positions[wanted], found.matrices[wanted])
-        design = solved(candidates)
+        useful = ascent.excess > 0.1 * tolerance
+        candidates = _joined(candidates, ascent.positions[useful], ascent.matrices[useful])
+        design = optimal(candidates)
     gap = _gap(design, candidates, check, objective, prior)
     gain = objective.efficiency(design.information, first.information) - 1.0
     most = max(gap, beyond)
@@ -223,37 +224,37 @@ def refined_over(
 
 
 @dataclass(frozen=True, eq=False)
-class _Found:
-    """New positions (k, n), their information (k, p, p), and what they are worth beyond one."""
+class _Ascent:
+    """New positions (k, n), their information (k, p, p), and what they exceed the support by."""
 
     positions: Array
     matrices: Array
-    worth: Array
+    excess: Array
 
 
-def _beyond(
+def _ascend(
     region: Region,
     candidates: InformationSet,
     design: Design,
     objective: Objective,
     check: InformationSet,
-    given: int,
+    n_initial: int,
     tolerance: float,
-) -> _Found:
-    """Climb from the support and from the best positions to check, those after the `given` ones."""
+) -> _Ascent:
+    """Ascend from the support and from the best of `check` after its `n_initial` first ones."""
     # Of the solver's witness: for E and maximin the derivative is not unique.
-    slope = objective.price(design.witness, design.information.shape)
-    prices = sensitivities(slope, check.matrices[given:])
-    best = np.argsort(-prices, kind="stable")[:_CLIMBS] + given
+    gradient = objective.summed_by_sample(design.witness, design.information.shape)
+    derivatives = sensitivities(gradient, check.matrices[n_initial:])
+    best = np.argsort(-derivatives, kind="stable")[:_CLIMBS] + n_initial
     starts = [candidates.positions[design.support], check.positions[best]]
-    ends = climbed(region, np.concatenate(starts), slope, _PRECISION * tolerance)
+    ends = local_maxima(region, np.concatenate(starts), gradient, _PRECISION * tolerance)
     new = new_positions(ends, candidates.positions, region)
     if not len(new):
-        return _Found(new, candidates.matrices[:0], np.empty(0))
-    # Where weight is, prices are one less the prior's share of the slope.
-    level = float(sensitivities(slope, candidates.take(design.support)).max())
+        return _Ascent(new, candidates.matrices[:0], np.empty(0))
+    # On the support tr(W H) is one less the prior's share.
+    level = float(sensitivities(gradient, candidates.take(design.support)).max())
     matrices = region.evaluate(new)
-    return _Found(new, matrices, sensitivities(slope, matrices) / level - 1.0)
+    return _Ascent(new, matrices, sensitivities(gradient, matrices) / level - 1.0)
 
 
 def _gap(
@@ -268,7 +269,7 @@ def _gap(
     weights = np.zeros(len(both))
     weights[len(check) :] = design.weights
     allowed = Polytope.shares(len(both))
-    return certify(Problem(both, objective, allowed, prior), weights, design.witness).gap
+    return certify(DesignProblem(both, objective, allowed, prior), weights, design.witness).gap
 
 
 def _joined(info: InformationSet, positions: Array, matrices: Array) -> InformationSet:

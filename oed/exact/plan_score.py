@@ -1,4 +1,4 @@
-"""What a plan made by hand is worth: its efficiency, what it leaves uncertain, what to add."""
+"""The score of a plan made by hand: efficiency, standard deviations, best additions."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -6,10 +6,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from oed.candidates.position_lookup import candidate_at
+from oed.candidates.grids import candidate_at
 from oed.criteria.criteria import Criterion
 from oed.design.design import Design
-from oed.exact.exact_design import ExactDesign, finished, relaxation
+from oed.exact.exact_design import ExactDesign, as_exact_design, relax
 from oed.exact.gain_bounds import best_addition
 from oed.information_sets.candidates import Candidates, check_candidates
 from oed.information_sets.null_space import weak_directions
@@ -43,7 +43,7 @@ class Addition:
 
 @dataclass(frozen=True, eq=False)
 class Score(ReprHtml):
-    """A plan judged.
+    """Efficiency and standard deviations of a plan, best additions and losses.
 
     Attributes
     ----------
@@ -96,7 +96,7 @@ def score(
     design: Design | None = None,
     additions: int = 5,
 ) -> Score:
-    """Return what a plan made by hand is worth beside the best one.
+    """Return the efficiency of a plan made by hand against the best one, and how to improve it.
 
     Parameters
     ----------
@@ -113,7 +113,7 @@ def score(
     design : Design, optional
         As in `exact_design`.
     additions : int
-        How many to seek, among the 512 candidates of the highest prices.
+        How many to seek, among the 512 candidates of the largest derivatives.
 
     Raises
     ------
@@ -124,30 +124,28 @@ def score(
     """
     check_candidates(info)
     counts = _counts(info, plan, repetitions)
-    problem, _, _, bound = relaxation(
-        info, int(counts.sum()), design, criterion=criterion, prior=prior
-    )
-    judged = finished(problem, counts, bound, per_experiment=True)
-    objective, information = problem.objective, judged.information
+    problem, _, _, bound = relax(info, int(counts.sum()), design, criterion=criterion, prior=prior)
+    exact = as_exact_design(problem, counts, bound, per_experiment=True)
+    objective, information = problem.objective, exact.information
     value = objective.log_value(information)
-    slope = objective.price(objective.witness(information), information.shape)
-    prices = info.prices(slope)
+    gradient = objective.log_gradient(information)
+    derivatives = info.directional_derivatives(gradient)
     size = min(_CONSIDERED, len(info))
-    pool = np.argpartition(-prices, size - 1)[:size]
+    pool = np.argpartition(-derivatives, size - 1)[:size]
     matrices = info.take(pool)
     usable = np.ones(size, dtype=bool)
-    found = []
+    best_additions = []
     for _ in range(min(additions, size)):
         best, new = best_addition(objective, information, matrices, usable)
         usable[best] = False
         largest = float(standard_deviations(information + matrices[best]).max())
-        found.append(Addition(int(pool[best]), float(np.exp(new - value)), largest))
-    own = info.take(judged.support)
-    without = np.array([objective.log_value(information - H) for H in own])
+        best_additions.append(Addition(int(pool[best]), float(np.exp(new - value)), largest))
+    supported = info.take(exact.support)
+    without = np.array([objective.log_value(information - H) for H in supported])
     return Score(
-        plan=judged,
+        plan=exact,
         std=read_only(standard_deviations(information)),
-        additions=tuple(found),
+        additions=tuple(best_additions),
         losses=read_only(np.exp(without - value)),
     )
 
@@ -161,49 +159,50 @@ def standard_deviations(information: Array) -> Array:
     matrix = information if information.ndim == 2 else information[0]
     s, eigenvalues, vectors = scaled_eigh(matrix)
     null = weak_directions(matrix)
-    known = vectors[:, null.shape[1] :] / np.sqrt(eigenvalues[null.shape[1] :])
-    std = s * np.linalg.norm(known, axis=1)
+    half = vectors[:, null.shape[1] :] / np.sqrt(eigenvalues[null.shape[1] :])
+    std = s * np.linalg.norm(half, axis=1)
     return np.asarray(np.where(np.linalg.norm(null, axis=1) > _OPEN, np.inf, std))
 
 
 def _counts(
     info: Candidates, plan: ArrayLike, repetitions: Sequence[int] | IntArray | None
 ) -> IntArray:
-    given = real_numbers(plan, "plan")
-    if given.ndim == 2:
-        chosen = _places(info, given)
-    elif given.ndim == 1 and given.size and (given == np.round(given)).all():
-        chosen = given.astype(np.int64)
-        wrong = (chosen < 0) | (chosen >= len(info))
+    entries = real_numbers(plan, "plan")
+    if entries.ndim == 2:
+        indices = _candidates_at(info, entries)
+    elif entries.ndim == 1 and entries.size and (entries == np.round(entries)).all():
+        indices = entries.astype(np.int64)
+        wrong = (indices < 0) | (indices >= len(info))
         if wrong.any():
             raise InvalidInput(
-                f"plan: candidate {chosen[np.argmax(wrong)]} is not in 0..{len(info) - 1}"
+                f"plan: candidate {indices[np.argmax(wrong)]} is not in 0..{len(info) - 1}"
             )
     else:
         raise InvalidInput(
-            f"plan: shape {given.shape}; (k,) indices of candidates or (k, n) positions are needed"
+            f"plan: shape {entries.shape}; (k,) indices of candidates or (k, n) positions are "
+            "needed"
         )
     times = (
-        np.ones(len(chosen)) if repetitions is None else real_numbers(repetitions, "repetitions")
+        np.ones(len(indices)) if repetitions is None else real_numbers(repetitions, "repetitions")
     )
-    if times.shape != chosen.shape or not ((times >= 1) & (times == np.round(times))).all():
+    if times.shape != indices.shape or not ((times >= 1) & (times == np.round(times))).all():
         raise InvalidInput(
-            f"repetitions: {repetitions!r}; {len(chosen)} whole numbers >= 1 are needed"
+            f"repetitions: {repetitions!r}; {len(indices)} whole numbers >= 1 are needed"
         )
-    return np.bincount(chosen, weights=times, minlength=len(info)).astype(np.int64)
+    return np.bincount(indices, weights=times, minlength=len(info)).astype(np.int64)
 
 
-def _places(info: Candidates, positions: Array) -> IntArray:
+def _candidates_at(info: Candidates, positions: Array) -> IntArray:
     """Return the candidates at `positions` (k, n)."""
-    known = np.asarray(getattr(info, "positions", np.empty((0, 0))))
-    if positions.shape[1] != known.shape[1] or not len(positions):
+    among = np.asarray(getattr(info, "positions", np.empty((0, 0))))
+    if positions.shape[1] != among.shape[1] or not len(positions):
         raise InvalidInput(
-            f"plan: positions of shape {positions.shape}; (k, {known.shape[1]}) is needed"
+            f"plan: positions of shape {positions.shape}; (k, {among.shape[1]}) is needed"
         )
     remedy = "compute the information of the plan's positions too"
     return np.array(
         [
-            candidate_at(known, position, f"plan: position {i}", remedy)
+            candidate_at(among, position, f"plan: position {i}", remedy)
             for i, position in enumerate(positions)
         ]
     )

@@ -1,4 +1,4 @@
-"""What to measure next, and how much more: designs after what has been measured already."""
+"""Designs of further experiments, given the information of those already made."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -13,6 +13,7 @@ from oed.exact.exact_design import ExactDesign, exact_design
 from oed.exact.plan_score import standard_deviations
 from oed.information_sets.candidates import Candidates, check_candidates
 from robotmodels.common.arrays import Array, IntArray, check_above_zero, read_only
+from robotmodels.common.deprecation import renamed_keywords
 from robotmodels.common.errors import InvalidInput, NotIdentifiable, nearest
 from robotmodels.common.printing import ReprHtml
 from robotmodels.common.progress import Progress
@@ -20,7 +21,7 @@ from robotmodels.common.progress import Progress
 
 @dataclass(frozen=True, eq=False)
 class NextExperiments(ReprHtml):
-    """The best experiments to add, and what they are expected to bring.
+    """The best experiments to add, with standard deviations before and after.
 
     Attributes
     ----------
@@ -45,7 +46,7 @@ class NextExperiments(ReprHtml):
 
 @dataclass(frozen=True, eq=False)
 class ExperimentCurve(ReprHtml):
-    """Plans of growing numbers of experiments: what each further one buys.
+    """Plans of growing numbers of experiments, with their standard deviations.
 
     Attributes
     ----------
@@ -70,14 +71,14 @@ class ExperimentCurve(ReprHtml):
     def __str__(self) -> str:
         rows = zip(self.counts, self.std.max(axis=1), self.efficiency, strict=True)
         return "\n".join(
-            f"{n} experiments: largest standard deviation {std:.3g}, efficiency >= {kept:.4f}"
-            for n, std, kept in rows
+            f"{n} experiments: largest standard deviation {std:.3g}, efficiency >= {efficiency:.4f}"
+            for n, std, efficiency in rows
         )
 
 
 @dataclass(frozen=True, eq=False)
-class Needed(ReprHtml):
-    """How many experiments a wanted accuracy takes.
+class RequiredExperiments(ReprHtml):
+    """The number of experiments that reaches a required accuracy.
 
     Attributes
     ----------
@@ -100,15 +101,16 @@ class Needed(ReprHtml):
         return f"{self.n_experiments} experiments are needed, the most for {self.critical}"
 
 
+@renamed_keywords("0.2", known="prior")
 def next_experiments(
     info: Candidates,
     n_experiments: int,
-    known: Array | None = None,
+    prior: Array | None = None,
     *,
     criterion: str | Criterion = "D",
     constraints: Constraints | None = None,
 ) -> NextExperiments:
-    """Return the experiments that add most to what is known.
+    """Return the experiments that add most to prior information.
 
     Parameters
     ----------
@@ -116,7 +118,7 @@ def next_experiments(
         Info of each candidate, computed at the parameters fitted so far.
     n_experiments : int
         How many to add.
-    known : ndarray, (p, p), optional
+    prior : ndarray, (p, p), optional
         Information of all that was measured: `measured_information`, or the inverse of the fit's
         covariance of ln theta.
     criterion : str or Criterion
@@ -129,7 +131,7 @@ def next_experiments(
     InvalidInput, NotIdentifiable
         As `exact_design`.
     """
-    prior = checked_prior(known, info)
+    prior = checked_prior(prior, info)
     plan = exact_design(
         info, n_experiments, criterion=criterion, constraints=constraints, prior=prior
     )
@@ -164,22 +166,23 @@ def measured_information(info: Candidates, repetitions: Sequence[int] | IntArray
     return info.combined(counts)
 
 
+@renamed_keywords("0.2", known="prior")
 def experiment_curve(
     info: Candidates,
     counts: Sequence[int],
-    known: Array | None = None,
+    prior: Array | None = None,
     *,
     criterion: str | Criterion = "D",
     constraints: Constraints | None = None,
     progress: Progress | None = None,
 ) -> ExperimentCurve:
-    """Return the best plans of several numbers of experiments beside what they promise.
+    """Return the best plan of each number of experiments, with predicted standard deviations.
 
     Parameters
     ----------
     info : Candidates
         As in `next_experiments`.
-    known : ndarray, optional
+    prior : ndarray, optional
         As in `next_experiments`.
     criterion : str or Criterion
         As in `next_experiments`.
@@ -200,20 +203,22 @@ def experiment_curve(
     numbers = sorted({int(n) for n in counts})
     if not numbers:
         raise InvalidInput("counts: none given; at least one number of experiments is needed")
-    kept, plans = [], []
+    feasible, plans = [], []
     for i, n in enumerate(numbers):
         try:
-            found = next_experiments(info, n, known, criterion=criterion, constraints=constraints)
+            following = next_experiments(
+                info, n, prior, criterion=criterion, constraints=constraints
+            )
         except NotIdentifiable:
             if n == numbers[-1]:
                 raise
         else:
-            kept.append(n)
-            plans.append(found.plan)
+            feasible.append(n)
+            plans.append(following.plan)
         if progress is not None:
             progress(i + 1, len(numbers))
     return ExperimentCurve(
-        counts=read_only(np.array(kept)),
+        counts=read_only(np.array(feasible)),
         std=read_only(np.array([standard_deviations(plan.information) for plan in plans])),
         efficiency=read_only(np.array([plan.efficiency for plan in plans])),
         plans=tuple(plans),
@@ -221,16 +226,17 @@ def experiment_curve(
     )
 
 
+@renamed_keywords("0.2", known="prior")
 def experiments_needed(
     info: Candidates,
     std: float,
-    known: Array | None = None,
+    prior: Array | None = None,
     *,
     parameters: Sequence[str] | None = None,
     criterion: str | Criterion = "D",
     constraints: Constraints | None = None,
     most: int = 1000,
-) -> Needed:
+) -> RequiredExperiments:
     """Return how many experiments bring every standard deviation to at most `std`.
 
     Of plans that `exact_design` finds for the criterion; one for the worst parameter, such as E
@@ -240,14 +246,14 @@ def experiments_needed(
     ----------
     info : Candidates
         As in `next_experiments`.
-    known : ndarray, optional
+    prior : ndarray, optional
         As in `next_experiments`.
     criterion : str or Criterion
         As in `next_experiments`.
     constraints : Constraints, optional
         As in `next_experiments`.
     std : float
-        Wanted, relative where parameters are ln theta: 0.01 is one percent.
+        Required, relative where parameters are ln theta: 0.01 is one percent.
     parameters : sequence of str, optional
         Names of those that count; all by default.
     most : int
@@ -261,54 +267,54 @@ def experiments_needed(
     """
     check_above_zero(std, "std (0.01 for one percent)")
     check_candidates(info)
-    chosen = _chosen(info.names, parameters)
-    attempt = partial(_attempt, info, known=known, criterion=criterion, constraints=constraints)
-    reached: dict[int, tuple[ExactDesign | None, Array]] = {}
+    indices = _parameter_indices(info.names, parameters)
+    attempt = partial(_attempt, info, prior=prior, criterion=criterion, constraints=constraints)
+    outcomes: dict[int, tuple[ExactDesign | None, Array]] = {}
 
     def enough(n: int) -> bool:
-        reached[n] = attempt(n)
-        return bool(reached[n][1][chosen].max() <= std)
+        outcomes[n] = attempt(n)
+        return bool(outcomes[n][1][indices].max() <= std)
 
     low, high = -1, 0
     while not enough(high):
         if high >= most:
-            worst = chosen[int(np.argmax(reached[high][1][chosen]))]
+            worst = indices[int(np.argmax(outcomes[high][1][indices]))]
             raise InvalidInput(
                 f"std: {std:g} is out of reach of {most} experiments: {info.names[worst]!r} comes "
-                f"to {reached[high][1][worst]:.3g}; allow more, or free fewer parameters"
+                f"to {outcomes[high][1][worst]:.3g}; allow more, or free fewer parameters"
             )
         low, high = high, min(max(1, 2 * high), most)
     while high - low > 1:
         middle = (low + high) // 2
         low, high = (low, middle) if enough(middle) else (middle, high)
-    plan, values = reached[high]
-    worst = chosen[int(np.argmax(values[chosen]))]
-    return Needed(high, plan, read_only(values), info.names[worst])
+    plan, values = outcomes[high]
+    worst = indices[int(np.argmax(values[indices]))]
+    return RequiredExperiments(high, plan, read_only(values), info.names[worst])
 
 
 def _attempt(
     info: Candidates,
     n_experiments: int,
     *,
-    known: Array | None,
+    prior: Array | None,
     criterion: str | Criterion,
     constraints: Constraints | None,
 ) -> tuple[ExactDesign | None, Array]:
     """Return the plan of so many more experiments, and the standard deviations (p,) with it."""
     nothing = np.full(len(info.names), np.inf)
     if n_experiments == 0:
-        prior = checked_prior(known, info)
+        prior = checked_prior(prior, info)
         return None, nothing if prior is None else standard_deviations(prior)
     try:
-        found = next_experiments(
-            info, n_experiments, known, criterion=criterion, constraints=constraints
+        following = next_experiments(
+            info, n_experiments, prior, criterion=criterion, constraints=constraints
         )
     except NotIdentifiable:
         return None, nothing
-    return found.plan, found.after
+    return following.plan, following.after
 
 
-def _chosen(names: tuple[str, ...], parameters: Sequence[str] | None) -> list[int]:
+def _parameter_indices(names: tuple[str, ...], parameters: Sequence[str] | None) -> list[int]:
     if parameters is None:
         return list(range(len(names)))
     for name in parameters:

@@ -7,6 +7,7 @@ from typing import Protocol
 import numpy as np
 
 from robotmodels.common.arrays import Array, IntArray, read_only
+from robotmodels.common.deprecation import renamed_attributes
 from robotmodels.common.errors import InvalidInput
 
 
@@ -29,7 +30,7 @@ class Candidates(Protocol):
         """Return matrices, (n, p, p), or (n, K, p, p) with samples."""
         ...
 
-    def prices(self, weight: Array) -> Array:
+    def directional_derivatives(self, weight: Array) -> Array:
         """Return tr(W H_i), (Q,), summed over samples; W is (p, p) or (K, p, p)."""
         ...
 
@@ -46,7 +47,7 @@ def check_candidates(info: object, argument: str = "info") -> None:
     InvalidInput
         Saying what would be right.
     """
-    needed = ("names", "samples", "take", "prices", "combined")
+    needed = ("names", "samples", "take", "directional_derivatives", "combined")
     if not all(hasattr(info, name) for name in needed):
         shape = getattr(info, "shape", None)
         what = type(info).__name__ if shape is None else f"an array of shape {shape}"
@@ -75,7 +76,7 @@ class Matrices:
         """Return matrices, see `Candidates`."""
         return np.asarray(self.matrices[indices])
 
-    def prices(self, weight: Array) -> Array:
+    def directional_derivatives(self, weight: Array) -> Array:
         """Return tr(W H_i), see `Candidates`."""
         return sensitivities(weight, self.matrices)
 
@@ -92,6 +93,7 @@ def sensitivities(gradient: Array, matrices: Array) -> Array:
     return np.asarray(matrices.reshape(len(matrices), -1) @ gradient.ravel())
 
 
+@renamed_attributes("0.2", prices="directional_derivatives")
 @dataclass(frozen=True, eq=False)
 class InformationSamples:
     """The information of the same candidates for K values of the parameters.
@@ -146,10 +148,10 @@ class InformationSamples:
             return self.sets[0].take(indices)
         return np.stack([one.take(indices) for one in self.sets], axis=1)
 
-    def prices(self, weight: Array) -> Array:
+    def directional_derivatives(self, weight: Array) -> Array:
         """Return sum_k tr(W_k H_ik), (Q,), for W (K, p, p), or (p, p) of a single set."""
         parts = zip(self.sets, weight.reshape(-1, *weight.shape[-2:]), strict=True)
-        return np.asarray(np.sum([one.prices(W) for one, W in parts], axis=0))
+        return np.asarray(np.sum([one.directional_derivatives(W) for one, W in parts], axis=0))
 
     def combined(self, weights: Array) -> Array:
         """Return sum_i w_i H_ik, (K, p, p), or (p, p) of a single set."""

@@ -70,11 +70,11 @@ class ChunkInformation:
 
     def finish(self, prepared: Prepared) -> Array:
         """Return the information, (Q, p, p), of what `prepare` returned."""
-        positions, found = prepared
-        if found is None:
+        positions, linearised = prepared
+        if linearised is None:
             parts = [positions[i : i + _GENERAL] for i in range(0, len(positions), _GENERAL)]
             return np.concatenate([self(part) for part in parts])
-        network, tangents = found
+        network, tangents = linearised
         noise, simple = self.noise, tangents is None and self._suits_kernel(network)
         if simple and isinstance(noise, RelativeNoise | SeparableNoise):
             # Imported when used: a user's own matrices do not need it.
@@ -197,7 +197,7 @@ def information(
     if executor is None and len(chunks) == 1:
         found = map(work, chunks)
     elif executor is None:  # what Pinocchio does for a chunk overlaps with the kernel's last
-        found = overlapped(work.prepare, work.finish, chunks)
+        found = pipelined_map(work.prepare, work.finish, chunks)
     else:
         found = executor.map(work, chunks)
     if store is None:
@@ -221,7 +221,7 @@ Half = TypeVar("Half")
 Whole = TypeVar("Whole")
 
 
-def overlapped(
+def pipelined_map(
     first: Callable[[Item], Half], second: Callable[[Half], Whole], items: Iterable[Item]
 ) -> Iterator[Whole]:
     """Yield ``second(first(item))`` of each item, in order, one item ahead.

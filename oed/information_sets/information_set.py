@@ -1,7 +1,7 @@
 """What an experiment in each candidate position would tell about the parameters."""
 
 import os
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -11,6 +11,7 @@ from oed.information_sets.matrix_checks import check_matrices, check_positions
 from oed.information_sets.null_space import open_combinations, unidentifiable, weak_directions
 from robotmodels.common.arrays import Array, IntArray, read_only
 from robotmodels.common.atomic_files import atomic_write
+from robotmodels.common.deprecation import renamed_attributes
 from robotmodels.common.errors import InvalidInput
 from robotmodels.common.printing import ReprHtml
 from robotmodels.data_files.array_schema import ArraySchema, Field
@@ -28,6 +29,7 @@ _FILE = ArraySchema(
 )
 
 
+@renamed_attributes("0.2", prices="directional_derivatives")
 @dataclass(frozen=True, eq=False)
 class InformationSet(ReprHtml):
     """The information of one experiment in each of Q candidate positions.
@@ -73,15 +75,15 @@ class InformationSet(ReprHtml):
         cls, positions: Array, matrices: Iterable[Array], names: tuple[str, ...]
     ) -> "InformationSet":
         """Return a set of matrices, in chunks, that are sums of squares wherever finite."""
-        found, done = np.empty((len(positions), len(names), len(names))), 0
+        total, done = np.empty((len(positions), len(names), len(names))), 0
         for part in matrices:
             if not np.isfinite(part.sum()):
                 check_matrices(part, done)
-            np.add(part, np.swapaxes(part, 1, 2), out=found[done : done + len(part)])
-            found[done : done + len(part)] *= 0.5
+            np.add(part, np.swapaxes(part, 1, 2), out=total[done : done + len(part)])
+            total[done : done + len(part)] *= 0.5
             done += len(part)
         info = cls.__new__(cls)
-        info._set(positions.copy(), found, names)
+        info._set(positions.copy(), total, names)
         return info
 
     def __len__(self) -> int:
@@ -107,7 +109,7 @@ class InformationSet(ReprHtml):
         """Return the matrices of some candidates, (n, p, p)."""
         return np.asarray(self.matrices[indices])
 
-    def prices(self, weight: Array) -> Array:
+    def directional_derivatives(self, weight: Array) -> Array:
         """Return tr(W H_i), (Q,), for W, (p, p)."""
         return np.asarray(self.matrices.reshape(len(self), -1) @ weight.ravel())
 
@@ -117,11 +119,6 @@ class InformationSet(ReprHtml):
         if len(used) > len(self) // 8:
             return np.asarray((weights @ self.matrices.reshape(len(self), -1)).reshape(p, p))
         return np.asarray((weights[used] @ self.take(used).reshape(len(used), p * p)).reshape(p, p))
-
-    def chunks(self, size: int = 4096) -> Iterator[tuple[int, Array]]:
-        """Yield the index of the first candidate of each chunk, and its matrices (n, p, p)."""
-        for start in range(0, len(self), size):
-            yield start, self.matrices[start : start + size]
 
     @property
     def rank(self) -> int:

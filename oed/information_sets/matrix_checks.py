@@ -58,8 +58,8 @@ def _is_definite(matrices: Array) -> bool:
     skew = np.abs(scaled - np.swapaxes(scaled, 1, 2)).max(initial=0.0)
     if not skew <= _SYMMETRY_TOLERANCE:
         return False
-    own = np.einsum("qii->qi", scaled)
-    own += _SYMMETRY_TOLERANCE
+    diagonal_of_scaled = np.einsum("qii->qi", scaled)
+    diagonal_of_scaled += _SYMMETRY_TOLERANCE
     try:
         np.linalg.cholesky(scaled)
     except np.linalg.LinAlgError:

@@ -22,6 +22,7 @@ from oed.information_sets.matrix_checks import check_matrices, check_positions
 from oed.information_sets.null_space import unidentifiable, weak_directions
 from robotmodels.common.arrays import Array, IntArray
 from robotmodels.common.atomic_files import atomic_write
+from robotmodels.common.deprecation import renamed_attributes
 from robotmodels.common.errors import InvalidInput
 from robotmodels.common.file_paths import check_file
 from robotmodels.common.yaml_files import FileSection, parse
@@ -41,6 +42,7 @@ class StoreHeader(FileSection):
     axes: NonNegativeInt
 
 
+@renamed_attributes("0.2", prices="directional_derivatives")
 @dataclass(frozen=True, eq=False)
 class StoredInformation:
     """The information of Q candidates in a file; a set of candidates like `InformationSet`.
@@ -79,9 +81,11 @@ class StoredInformation:
         names, shape = tuple(header.names), (header.candidates, header.axes)
         size = _packed_size(len(names))
         needed = _HEADER + 8 * (size + shape[0] * (shape[1] + size))
-        found = source.stat().st_size
-        if found != needed:
-            raise InvalidInput(f"{source}: {found} bytes, {needed} are needed; it is cut off")
+        size_on_disk = source.stat().st_size
+        if size_on_disk != needed:
+            raise InvalidInput(
+                f"{source}: {size_on_disk} bytes, {needed} are needed; it is cut off"
+            )
         return cls(source, names, shape)
 
     def __len__(self) -> int:
@@ -121,14 +125,14 @@ class StoredInformation:
         packed = np.memmap(self.path, np.float64, "r", self._offset, (len(self), self._size))
         return self._unpacked(np.array(packed[indices]))
 
-    def prices(self, weight: Array) -> Array:
+    def directional_derivatives(self, weight: Array) -> Array:
         """Return tr(W H_i), (Q,), for W, (p, p)."""
         rows, columns = np.triu_indices(len(self.names))
         packed = (weight + weight.T)[rows, columns] / np.where(rows == columns, 2.0, 1.0)
-        prices = np.empty(len(self))
+        derivatives = np.empty(len(self))
         for start, part in self._parts():
-            np.matmul(part, packed, out=prices[start : start + len(part)])
-        return prices
+            np.matmul(part, packed, out=derivatives[start : start + len(part)])
+        return derivatives
 
     def combined(self, weights: Array) -> Array:
         """Return sum_i w_i H_i, (p, p), for weights (Q,)."""
@@ -141,11 +145,6 @@ class StoredInformation:
         return self._unpacked(
             sum(weights[start : start + len(part)] @ part for start, part in parts)
         )
-
-    def chunks(self, size: int = 4096) -> Iterator[tuple[int, Array]]:
-        """Yield the index of the first candidate of each chunk, and its matrices (n, p, p)."""
-        for start in range(0, len(self), size):
-            yield start, self.take(np.arange(start, min(start + size, len(self))))
 
     @property
     def _size(self) -> int:

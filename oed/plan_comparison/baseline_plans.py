@@ -18,9 +18,9 @@ def random_plan(n_candidates: int, n_experiments: int, rng: np.random.Generator)
         If there is no candidate or no experiment.
     """
     _check(n_candidates, n_experiments)
-    whole, rest = divmod(n_experiments, n_candidates)
+    whole, remainder = divmod(n_experiments, n_candidates)
     counts = np.full(n_candidates, whole, dtype=np.int64)
-    counts[rng.choice(n_candidates, rest, replace=False)] += 1
+    counts[rng.choice(n_candidates, remainder, replace=False)] += 1
     return counts
 
 
@@ -45,21 +45,21 @@ def even_plan(positions: Array, n_experiments: int) -> IntArray:
     """
     _check(len(positions), n_experiments)
     scaled = _in_ranges(positions)
-    whole, rest = divmod(n_experiments, len(scaled))
+    whole, remainder = divmod(n_experiments, len(scaled))
     counts = np.full(len(scaled), whole, dtype=np.int64)
     away = np.full(len(scaled), np.inf)
-    chosen = int(np.argmin(_squares(scaled, np.full(scaled.shape[1], 0.5))))
-    for _ in range(rest):
-        counts[chosen] += 1
-        away = np.minimum(away, _squares(scaled, scaled[chosen]))
-        chosen = int(np.argmax(away))
+    farthest = int(np.argmin(_squares(scaled, np.full(scaled.shape[1], 0.5))))
+    for _ in range(remainder):
+        counts[farthest] += 1
+        away = np.minimum(away, _squares(scaled, scaled[farthest]))
+        farthest = int(np.argmax(away))
     return counts
 
 
 def grid_plan(
     positions: Array, n_experiments: int, per_joint: Mapping[str, int], joints: tuple[str, ...]
 ) -> IntArray:
-    """Return experiments (Q,) in the candidates nearest the points of a designer's own grid.
+    """Return experiments (Q,) in the candidates closest to the points of a designer's own grid.
 
     Points lie evenly over the candidates' ranges, ends included; a joint with one point, as every
     joint that is not named, stays in the middle. Experiments beyond the points repeat them in
@@ -86,10 +86,10 @@ def grid_plan(
     number = int(np.prod([len(level) for level in levels]))
     points = np.stack(np.meshgrid(*levels, indexing="ij"), axis=-1).reshape(number, -1)
     scaled = _in_ranges(positions)
-    places = [int(np.argmin(_squares(scaled, point))) for point in points]
+    candidates = [int(np.argmin(_squares(scaled, point))) for point in points]
     times = np.full(number, n_experiments // number)
     times[: n_experiments % number] += 1
-    return np.bincount(places, weights=times, minlength=len(scaled)).astype(np.int64)
+    return np.bincount(candidates, weights=times, minlength=len(scaled)).astype(np.int64)
 
 
 def grid_levels(
@@ -127,9 +127,9 @@ def _check(n_candidates: int, n_experiments: int) -> None:
 
 def _in_ranges(positions: Array) -> Array:
     """Return positions from 0 to 1 over their ranges, 0.5 where there is none."""
-    given = np.asarray(positions, dtype=float)
-    low, width = given.min(axis=0), np.ptp(given, axis=0)
-    scaled = (given - low) / np.where(width > 0, width, 1.0)
+    array = np.asarray(positions, dtype=float)
+    low, width = array.min(axis=0), np.ptp(array, axis=0)
+    scaled = (array - low) / np.where(width > 0, width, 1.0)
     return np.where(width > 0, scaled, 0.5)
 
 

@@ -1,4 +1,4 @@
-"""Plans side by side in Monte Carlo: what each one promises, and what its experiments give."""
+"""Monte Carlo comparison of plans: predicted against simulated efficiencies."""
 
 from collections.abc import Mapping
 from concurrent.futures import Executor
@@ -10,10 +10,10 @@ import numpy as np
 from estimators.uncertainty.covariance import Uncertainty
 from estimators.validation.monte_carlo import MonteCarlo, monte_carlo
 from estimators.validation.simulated_experiment import FrfExperiment
-from oed.criteria.criteria import Criterion, objective as stated
+from oed.criteria.criteria import Criterion, objective_of
 from oed.information_sets.candidates import Candidates, check_candidates
 from oed.information_sets.null_space import unidentifiable
-from oed.plan_comparison.plan_comparison import LEVEL, PlanComparison, PlanTrial, ratio_interval
+from oed.plan_comparison.plan_comparison import LEVEL, PlanComparison, SimulatedPlan, ratio_interval
 from robotmodels.common.arrays import Array, IntArray, read_only
 from robotmodels.common.errors import InvalidInput, NotIdentifiable, SolverFailed
 from robotmodels.common.progress import Progress
@@ -41,7 +41,7 @@ def compare_plans(
     progress: Progress | None = None,
     store: str | Path | None = None,
 ) -> PlanComparison:
-    """Return what plans are worth beside the first one, in simulated experiments.
+    """Return the efficiencies of plans against the first one, predicted and simulated.
 
     FRFs of the model, with errors by the noise law, are fitted from the true values by least
     squares with the noise's own weights (NLS), `runs` times for each plan.
@@ -96,12 +96,12 @@ def compare_plans(
             continue
         before = sum(one.promised is not None for one in planned[:k])
         done, total = before * runs, possible * runs
-        tell = None if progress is None else _Shifted(progress, done, total)
+        report = None if progress is None else _Shifted(progress, done, total)
         file = None if store is None else Path(store) / f"plan_{k:02d}.h5"
-        found, was_held = series.run(trial, generator, tell, file)
-        trials.append(replace(trial, found=found))
-        holds = holds and was_held
-    return _judged(criterion, info.names, tuple(trials), holds)
+        simulation, fixed_equilibria = series.run(trial, generator, report, file)
+        trials.append(replace(trial, simulation=simulation))
+        holds = holds and fixed_equilibria
+    return _compared(criterion, info.names, tuple(trials), holds)
 
 
 def checked_runs(runs: int | None, p: int) -> int:
@@ -134,7 +134,7 @@ class _Shifted:
 
 @dataclass(frozen=True, eq=False)
 class _Series:
-    """What repeated experiments of all plans have in common."""
+    """Model, noise and number of the repeated experiments, common to all plans."""
 
     model: Elastic
     positions: Array
@@ -145,17 +145,17 @@ class _Series:
 
     def run(
         self,
-        trial: PlanTrial,
+        trial: SimulatedPlan,
         rng: np.random.Generator,
         progress: "_Shifted | None",
         store: Path | None,
     ) -> tuple[MonteCarlo, bool]:
-        """Return repeated experiments by a plan, and whether equilibria were held."""
-        places = np.asarray(self.positions[trial.support])
-        fitted, p = with_fixed_equilibria(self.model, places), len(self.model.parameters)
-        experiment = FrfExperiment(fitted, places, self.omega, self.noise, trial.repetitions)
-        _ = experiment.response  # found here: the processes of a pool need not repeat it
-        found = monte_carlo(
+        """Return repeated experiments by a plan, and whether equilibria were fixed."""
+        visited = np.asarray(self.positions[trial.support])
+        fitted, p = with_fixed_equilibria(self.model, visited), len(self.model.parameters)
+        experiment = FrfExperiment(fitted, visited, self.omega, self.noise, trial.repetitions)
+        _ = experiment.response  # computed here: the processes of a pool need not repeat it
+        simulation = monte_carlo(
             experiment,
             fitted,
             rng=rng,
@@ -165,15 +165,15 @@ class _Series:
             progress=progress,
             store=store,
         )
-        if len(found.estimates) < p + _SPARE:
+        if len(simulation.estimates) < p + _SPARE:
             raise SolverFailed(
-                f"plan {trial.name!r}: {len(found.estimates)} of {self.runs} simulated experiments "
-                f"could be fitted, {p + _SPARE} are needed; {found.failures[0]}"
+                f"plan {trial.name!r}: {len(simulation.estimates)} of {self.runs} simulated "
+                f"experiments could be fitted, {p + _SPARE} are needed; {simulation.failures[0]}"
             )
-        return found, fitted is not self.model
+        return simulation, fitted is not self.model
 
 
-def _planned(info: Candidates, name: str, counts: IntArray) -> PlanTrial:
+def _planned(info: Candidates, name: str, counts: IntArray) -> SimulatedPlan:
     if counts.shape != (len(info),) or not counts.any() or (counts < 0).any():
         raise InvalidInput(
             f"plan {name!r}: experiments of shape {counts.shape}; whole numbers for each of "
@@ -181,33 +181,36 @@ def _planned(info: Candidates, name: str, counts: IntArray) -> PlanTrial:
         )
     support = np.flatnonzero(counts)
     total = info.combined(counts.astype(float))
-    trial = PlanTrial(name, read_only(support), read_only(counts[support]))
+    trial = SimulatedPlan(name, read_only(support), read_only(counts[support]))
     if names := unidentifiable(total, info.names):
         return replace(trial, unidentified=names)
     promised = Uncertainty(info.names, scaled_inverse(total), "Theorem 1")
     return replace(trial, information=read_only(total), promised=promised)
 
 
-def _judged(
-    criterion: str | Criterion, names: tuple[str, ...], trials: tuple[PlanTrial, ...], holds: bool
+def _compared(
+    criterion: str | Criterion,
+    names: tuple[str, ...],
+    trials: tuple[SimulatedPlan, ...],
+    holds: bool,
 ) -> PlanComparison:
-    wanted = stated(criterion, names)
-    own, promised, found = trials[0], [], []
-    assert own.found is not None
-    assert own.information is not None
+    objective = objective_of(criterion, names)
+    plan, promised, simulated = trials[0], [], []
+    assert plan.simulation is not None
+    assert plan.information is not None
     for trial in trials[1:]:
-        if trial.information is None or trial.found is None:
+        if trial.information is None or trial.simulation is None:
             promised.append(0.0)
-            found.append((0.0, 0.0, 0.0))
+            simulated.append((0.0, 0.0, 0.0))
             continue
-        promised.append(wanted.efficiency(trial.information, own.information))
-        found.append(ratio_interval(wanted, trial.found, own.found, LEVEL))
-    efficiencies = np.array([(1.0, 1.0, 1.0), *found])
+        promised.append(objective.efficiency(trial.information, plan.information))
+        simulated.append(ratio_interval(objective, trial.simulation, plan.simulation, LEVEL))
+    efficiencies = np.array([(1.0, 1.0, 1.0), *simulated])
     return PlanComparison(
-        criterion=wanted.name,
-        trials=trials,
+        criterion=objective.name,
+        plans=trials,
         promised=read_only(np.array([1.0, *promised])),
-        found=read_only(efficiencies[:, 0]),
+        simulated=read_only(efficiencies[:, 0]),
         interval=read_only(efficiencies[:, 1:]),
-        held=holds,
+        fixed_equilibria=holds,
     )

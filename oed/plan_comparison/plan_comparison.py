@@ -1,4 +1,4 @@
-"""What came of plans that were tried: each beside its promise, and beside the first one."""
+"""Results of simulated plans: predicted and simulated efficiencies against the first one."""
 
 from dataclasses import dataclass
 
@@ -8,14 +8,16 @@ from estimators.uncertainty.covariance import Uncertainty
 from estimators.validation.monte_carlo import MonteCarlo
 from oed.criteria.objective import Objective
 from robotmodels.common.arrays import Array, BoolArray, IntArray
+from robotmodels.common.deprecation import renamed_attributes
 from robotmodels.common.printing import ReprHtml
 
 LEVEL = 0.95
 
 
+@renamed_attributes("0.2", found="simulation")
 @dataclass(frozen=True, eq=False)
-class PlanTrial:
-    """A plan, what it promises and what repeated experiments by it gave.
+class SimulatedPlan:
+    """A plan, its predicted covariance and its simulated experiments.
 
     Attributes
     ----------
@@ -26,10 +28,10 @@ class PlanTrial:
     unidentified : tuple of str
         Parameters that it leaves open; nothing was simulated if there are any.
     information : ndarray or None, (p, p)
-        Information at the true values, what the plan promises; None if open.
+        Information at the true values; None if it leaves parameters open.
     promised : Uncertainty or None
         Its covariance ([WM] Theorem 1); None if open.
-    found : MonteCarlo or None
+    simulation : MonteCarlo or None
         Repeated experiments; None if open.
     """
 
@@ -39,22 +41,23 @@ class PlanTrial:
     unidentified: tuple[str, ...] = ()
     information: Array | None = None
     promised: Uncertainty | None = None
-    found: MonteCarlo | None = None
+    simulation: MonteCarlo | None = None
 
     @property
     def std(self) -> Array:
         """Standard deviations of ln theta over the experiments, (p,); one infinity if open."""
-        if self.found is None:
+        if self.simulation is None:
             return np.array([np.inf])
-        return self.found.uncertainty().std
+        return self.simulation.uncertainty().std
 
     def std_interval(self) -> Array:
         """Return where each true standard deviation lies with 95 %, (p, 2), by chi square."""
-        if self.found is None:
+        if self.simulation is None:
             return np.array([[np.inf, np.inf]])
-        return std_interval(self.std, len(self.found.estimates), LEVEL)
+        return std_interval(self.std, len(self.simulation.estimates), LEVEL)
 
 
+@renamed_attributes("0.2", trials="plans", found="simulated", held="fixed_equilibria")
 @dataclass(frozen=True, eq=False)
 class PlanComparison(ReprHtml):
     """A plan against its rivals, the plan first.
@@ -66,32 +69,32 @@ class PlanComparison(ReprHtml):
     ----------
     criterion : str
         Its name.
-    trials : tuple of PlanTrial
+    plans : tuple of PlanTrial
         K plans.
     promised : ndarray, (K,)
         Efficiencies by information.
-    found : ndarray, (K,)
+    simulated : ndarray, (K,)
         Efficiencies by the scatter of repeated experiments; zero where a plan leaves parameters
         open.
     interval : ndarray, (K, 2)
         Where the true ones lie with 95 %, each by itself, of normal estimates.
-    held : bool
-        Whether fits held the equilibria of the true values.
+    fixed_equilibria : bool
+        Whether fits kept the equilibria of the true values fixed.
     """
 
     criterion: str
-    trials: tuple[PlanTrial, ...]
+    plans: tuple[SimulatedPlan, ...]
     promised: Array
-    found: Array
+    simulated: Array
     interval: Array
-    held: bool
+    fixed_equilibria: bool
 
     @property
     def names(self) -> tuple[str, ...]:
         """Names of the p parameters."""
-        own = self.trials[0].promised
-        assert own is not None  # else there would be no comparison
-        return own.names
+        promised = self.plans[0].promised
+        assert promised is not None  # else there would be no comparison
+        return promised.names
 
     @property
     def beaten(self) -> tuple[str, ...]:
@@ -109,31 +112,31 @@ class PlanComparison(ReprHtml):
         The second number counts those where chance does not explain it (F test, 95 %), the third
         those that a rival, by the same measure, makes more certain than the plan.
         """
-        own, other = self.trials[0].found, self.trials[rival].found
-        assert own is not None
+        plan, other = self.plans[0].simulation, self.plans[rival].simulation
+        assert plan is not None
         if other is None:
             return len(self.names), len(self.names), 0
-        fewer = own.uncertainty().std < other.uncertainty().std
-        clear = clearly_smaller(own, other, LEVEL), clearly_smaller(other, own, LEVEL)
-        return int(fewer.sum()), int(clear[0].sum()), int(clear[1].sum())
+        fewer = plan.uncertainty().std < other.uncertainty().std
+        significant = clearly_smaller(plan, other, LEVEL), clearly_smaller(other, plan, LEVEL)
+        return int(fewer.sum()), int(significant[0].sum()), int(significant[1].sum())
 
     def _rivals(self, which: BoolArray) -> tuple[str, ...]:
-        pairs = zip(self.trials[1:], which[1:], strict=True)
-        return tuple(trial.name for trial, chosen in pairs if chosen)
+        pairs = zip(self.plans[1:], which[1:], strict=True)
+        return tuple(trial.name for trial, selected in pairs if selected)
 
     def __str__(self) -> str:
-        plan = self.trials[0]
-        assert plan.found is not None
-        rivals = len(self.trials) - 1
+        plan = self.plans[0]
+        assert plan.simulation is not None
+        rivals = len(self.plans) - 1
         others = f", beaten by {', '.join(self.better) or 'none'}" * (len(self.beaten) < rivals)
         lines = [
             f"{plan.name} beats {len(self.beaten)} of {rivals} rivals by {self.criterion}{others}, "
-            f"{len(plan.found.estimates)} simulations each"
+            f"{len(plan.simulation.estimates)} simulations each"
         ]
-        for k, trial in enumerate(self.trials[1:], start=1):
+        for k, trial in enumerate(self.plans[1:], start=1):
             low, high = self.interval[k]
             lines.append(
-                f"  {trial.name:<12} worth {self.found[k]:.2f} ({low:.2f} to {high:.2f}), "
+                f"  {trial.name:<12} worth {self.simulated[k]:.2f} ({low:.2f} to {high:.2f}), "
                 f"promised {self.promised[k]:.2f}"
                 if not trial.unidentified
                 else f"  {trial.name:<12} leaves open {', '.join(trial.unidentified)}"
@@ -178,9 +181,9 @@ def ratio_interval(
     rng = np.random.default_rng(0)  # of the method, not of the experiments
     errors = _errors(objective, one, rng) - _errors(objective, other, rng)
     values = [_log_value(objective, mc.uncertainty().covariance) for mc in (one, other)]
-    apart = values[0] - values[1]
+    difference = values[0] - values[1]
     low, middle, high = np.quantile(errors, [(1 - level) / 2, 0.5, (1 + level) / 2])
-    value, lower, upper = np.exp([apart - middle, apart - high, apart - low])
+    value, lower, upper = np.exp([difference - middle, difference - high, difference - low])
     return float(value), float(lower), float(upper)
 
 
@@ -188,9 +191,9 @@ def _log_value(objective: Objective, covariance: Array) -> float:
     return objective.log_value(np.asarray(np.linalg.inv(covariance)))
 
 
-def _errors(objective: Objective, found: MonteCarlo, rng: np.random.Generator) -> Array:
+def _errors(objective: Objective, simulation: MonteCarlo, rng: np.random.Generator) -> Array:
     """Return what sampling adds to the log value, (DRAWS,)."""
-    covariance, n = found.uncertainty().covariance, len(found.estimates)
+    covariance, n = simulation.uncertainty().covariance, len(simulation.estimates)
     p = len(covariance)
     # Bartlett's decomposition of Wishart matrices of n - 1 degrees of freedom.
     triangles = np.tril(rng.standard_normal((DRAWS, p, p)), -1)

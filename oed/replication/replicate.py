@@ -13,7 +13,7 @@ from oed.replication.six_estimators import REFERENCE, Evaluation, evaluate
 from oed.replication.table_1 import Groups, Table1, groups_of, hardest_spring, table_1
 from oed.replication.time_domain_comparison import ROLLOUTS, Rivalry, compare
 from oed.study.results import FittedStudy
-from oed.study.settings.replication_settings import ESTIMATORS
+from oed.study.settings.study_file import ESTIMATORS
 from oed.study.stages.context import Run
 from oed.study.stages.fit_stages import weights_of
 from oed.study.stages.serialisation import dataclass_files

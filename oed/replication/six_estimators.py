@@ -17,7 +17,7 @@ from estimators.fitting.fixed_equilibrium_search import can_compile, cost_kernel
 from estimators.fitting.multistart import order_of_costs
 from estimators.fitting.weights import MINIMUM_SNR, optimal_weights
 from estimators.frf.frf_estimate import FrfEstimate
-from oed.study.settings.replication_settings import ESTIMATORS
+from oed.study.settings.study_file import ESTIMATORS
 from oed.study.stages.fit_stages import Search, start_number
 from robotmodels import ElasticRobot
 from robotmodels.common.arrays import Array, IntArray

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
-from oed.study.settings.replication_settings import RivalChoice
+from oed.study.settings.study_file import RivalChoice
 from robotmodels.common.arrays import Array
 from robotmodels.common.progress import Progress
 

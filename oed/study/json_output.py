@@ -230,13 +230,13 @@ def _plans(found: PlanComparison) -> dict[str, Any]:
             "positions": len(trial.support),
             "worth": {
                 "promised": float(found.promised[k]),
-                "found": float(found.found[k]),
+                "found": float(found.simulated[k]),
                 "interval": _numbers(found.interval[k]),
             },
             "promised": None if trial.promised is None else _numbers(trial.promised.std),
-            "found": None if trial.found is None else _numbers(trial.std),
+            "found": None if trial.simulation is None else _numbers(trial.std),
         }
-        for k, trial in enumerate(found.trials)
+        for k, trial in enumerate(found.plans)
     }
 
 

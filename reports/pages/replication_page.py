@@ -8,7 +8,7 @@ import robotmodels
 from oed.replication.replicate import Replication
 from oed.replication.time_domain_comparison import Rivalry
 from oed.study.results import FittedStudy
-from oed.study.settings.replication_settings import ESTIMATORS
+from oed.study.settings.study_file import ESTIMATORS
 from oed.study.stages.fit_stages import positions_of
 from reports.figures import replication_figures as figures
 from reports.figures.response_panels import response_panels

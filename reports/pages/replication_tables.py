@@ -10,7 +10,7 @@ from oed.replication.paper import (
 )
 from oed.replication.replicate import Replication
 from oed.replication.time_domain_comparison import Rivalry
-from oed.study.settings.replication_settings import ESTIMATORS
+from oed.study.settings.study_file import ESTIMATORS
 from reports import text
 from reports.page_elements import Cell, Column, Number, Table, numbers, table
 from robotmodels.common.arrays import Array

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from oed.plan_comparison.plan_comparison import PlanComparison, PlanTrial
+from oed.plan_comparison.plan_comparison import PlanComparison, SimulatedPlan
 from oed.study.results import StudyResults
 from oed.study.stages.comparison_stage import OPTIMAL
 from reports import text
@@ -28,8 +28,8 @@ def section(results: StudyResults) -> Section | None:
     found = results.comparison
     if found is None:
         return None
-    own = found.trials[0]
-    assert own.found is not None
+    own = found.plans[0]
+    assert own.simulation is not None
     assert own.promised is not None
     ratio, ends = own.std / own.promised.std, own.std_interval()
     inside = (ends[:, 0] <= own.promised.std) & (own.promised.std <= ends[:, 1])
@@ -37,8 +37,8 @@ def section(results: StudyResults) -> Section | None:
         "comparison.html.j2",
         found=found,
         study=results.study,
-        runs=len(own.found.estimates) + len(own.found.failures),
-        failures=sum(len(trial.found.failures) for trial in found.trials if trial.found),
+        runs=len(own.simulation.estimates) + len(own.simulation.failures),
+        failures=sum(len(trial.simulation.failures) for trial in found.plans if trial.simulation),
         cost=cost(results),
         grid=results.study.compare.grid,
         best=_best(found),
@@ -55,9 +55,9 @@ def plan_table(found: PlanComparison) -> Table:
     """Return what each plan is worth, promised and found."""
     rows: list[list[Cell]] = []
     p = len(found.names)
-    for k, trial in enumerate(found.trials):
+    for k, trial in enumerate(found.plans):
         row: list[Cell] = [trial.name, Number(str(len(trial.support)), len(trial.support))]
-        worth = (found.promised[k], found.found[k], *found.interval[k])
+        worth = (found.promised[k], found.simulated[k], *found.interval[k])
         row += [Number(text.fixed(float(v), 2), float(v)) for v in worth[:2]]
         if not k:
             rows.append([*row, "–", "–", "–"])
@@ -89,7 +89,7 @@ def std_table(found: PlanComparison) -> Table:
         row: list[Cell] = [name]
         for _, trials in groups:
             promised = _mean([t.promised.std[i] for t in trials if t.promised is not None])
-            std = _mean([t.std[i] for t in trials if t.found is not None])
+            std = _mean([t.std[i] for t in trials if t.simulation is not None])
             row += [_number(promised), _number(std)]
         rows.append(row)
     titles = [f"{name}: {what}" for name, _ in groups for what in ("Theorem 1", "found")]
@@ -103,7 +103,7 @@ def std_table(found: PlanComparison) -> Table:
 def picture(found: PlanComparison) -> Figure:
     """Return standard deviations found, with the intervals of the plan and of the designer's."""
     shown = [
-        (name, [trial for trial in trials if trial.found is not None])
+        (name, [trial for trial in trials if trial.simulation is not None])
         for name, trials in _groups(found)
     ]
     shown = [(name, trials) for name, trials in shown if trials]
@@ -117,21 +117,21 @@ def picture(found: PlanComparison) -> Figure:
     )
 
 
-def _groups(found: PlanComparison) -> list[tuple[str, list[PlanTrial]]]:
+def _groups(found: PlanComparison) -> list[tuple[str, list[SimulatedPlan]]]:
     """Return the plan, the designer's, and all random ones together."""
-    single = [trial for trial in found.trials if not trial.name.startswith("random")]
-    random = [trial for trial in found.trials if trial.name.startswith("random")]
+    single = [trial for trial in found.plans if not trial.name.startswith("random")]
+    random = [trial for trial in found.plans if trial.name.startswith("random")]
     groups = [(trial.name, [trial]) for trial in single]
     return [*groups, ("random", random)] if random else groups
 
 
 def _best(found: PlanComparison) -> dict[str, str]:
     """Return the best of the rivals: its name, and what it is worth."""
-    k = 1 + int(np.argmax(found.found[1:])) if len(found.trials) > 1 else 0
+    k = 1 + int(np.argmax(found.simulated[1:])) if len(found.plans) > 1 else 0
     low, high = (text.fixed(float(v), 2) for v in found.interval[k])
     return {
-        "name": found.trials[k].name if k else OPTIMAL,
-        "worth": text.fixed(float(found.found[k]), 2),
+        "name": found.plans[k].name if k else OPTIMAL,
+        "worth": text.fixed(float(found.simulated[k]), 2),
         "low": low,
         "high": high,
     }

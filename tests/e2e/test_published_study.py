@@ -10,7 +10,7 @@ from conftest import ROBOT, STUDY, drawn, oed, write_study
 import estimators
 import robotmodels
 from oed.replication.paper import CONCLUSIONS
-from oed.study.settings.replication_settings import ESTIMATORS
+from oed.study.settings.study_file import ESTIMATORS
 from oed.study.stages.data_stages import Data
 from oed.study.stages.serialisation import read_dataclass
 

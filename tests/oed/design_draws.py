@@ -13,10 +13,10 @@ from flint import acb_mat, arb, arb_mat, ctx
 from scipy.optimize import linprog
 
 import oed
-from oed.criteria.criteria import objective
+from oed.criteria.criteria import objective_of
 from oed.design.active_set import solve
 from oed.design.optimal_design import allowed_weights
-from oed.design.problem import Problem
+from oed.design.problem import DesignProblem
 from robotmodels import IdentificationError, NotIdentifiable
 
 TOLERANCE = 1e-6
@@ -93,7 +93,7 @@ def check_design(seed, perturbation=0.0):
 def _all_weights(draw, info):
     prior, constraints = draw.options.get("prior"), draw.options.get("constraints")
     allowed = allowed_weights(constraints, len(info))
-    problem = Problem(info, objective(draw.criterion, info.names), allowed, prior)
+    problem = DesignProblem(info, objective_of(draw.criterion, info.names), allowed, prior)
     return solve(problem, TOLERANCE, 50, "newton", trim=False)
 
 

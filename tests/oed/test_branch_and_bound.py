@@ -6,13 +6,13 @@ from hypothesis import given, settings, strategies as st
 from random_candidates import quadratic_regression, random_set
 
 from oed import Constraints, Group, best_plans
-from oed.criteria.criteria import objective
+from oed.criteria.criteria import objective_of
 from robotmodels import InvalidInput
 
 
 def values_of_all(info, n_experiments, criterion="D", allowed=lambda counts: True):
     """Return the log values of all plans, largest first."""
-    wanted, n = objective(criterion, info.names), len(info)
+    wanted, n = objective_of(criterion, info.names), len(info)
     values = []
     for plan in combinations_with_replacement(range(n), n_experiments):
         counts = np.bincount(plan, minlength=n)
@@ -32,7 +32,7 @@ def values_of_all(info, n_experiments, criterion="D", allowed=lambda counts: Tru
 def test_the_best_three_plans(seed, p, n_candidates, n_experiments, criterion):
     info = random_set(seed, n_candidates, p, 2)
     best = best_plans(info, n_experiments, 3, criterion=criterion)
-    wanted = objective(criterion, info.names)
+    wanted = objective_of(criterion, info.names)
     found = [wanted.log_value(plan.information) for plan in best.plans]
     expected = values_of_all(info, n_experiments, criterion)[:3]
     np.testing.assert_allclose(found, expected, atol=1e-6)
@@ -52,7 +52,7 @@ def test_within_constraints():
         return counts.max() <= 2 and counts[0] + counts[5] <= 1
 
     expected = values_of_all(info, 4, allowed=allowed)[:2]
-    wanted = objective("D", info.names)
+    wanted = objective_of("D", info.names)
     found = [wanted.log_value(plan.information) for plan in best.plans]
     np.testing.assert_allclose(found, expected, atol=1e-6)
     assert best.proven
@@ -75,7 +75,7 @@ def test_without_enough_nodes_it_says_so():
     assert seen == [(1, 2), (2, 2)]
     proof = best_plans(info, 6, max_nodes=2000)
     assert proof.proven
-    wanted = objective("D", info.names)
+    wanted = objective_of("D", info.names)
     values = [wanted.log_value(b.plans[0].information) for b in (best, proof)]
     assert best.efficiency <= np.exp(values[0] - values[1]) + 1e-9
 

@@ -137,8 +137,8 @@ def test_the_most_a_price_can_reach(seed, rows, limited):
     prices = rng.normal(size=n)
     limits = list(zip(lower, upper, strict=True))
     best = -linprog(-prices, A_ub=R, b_ub=b, bounds=limits).fun
-    assert allowed.most(prices) == pytest.approx(best, abs=1e-8)
-    assert allowed.most(prices, rng.uniform(0, 1, rows)) >= best - 1e-9
+    assert allowed.upper_bound(prices) == pytest.approx(best, abs=1e-8)
+    assert allowed.upper_bound(prices, rng.uniform(0, 1, rows)) >= best - 1e-9
 
 
 @pytest.mark.parametrize("name", ["own most", "groups", "time and experiments"])
@@ -150,7 +150,7 @@ def test_certificate_without_the_solver(name):
     assert 0 <= gap + 1e-12 <= 2e-6
     # Negative control: the best shares, scaled to obey, are not the best under the constraints.
     shares = optimal_design(INFO, solver="newton").weights
-    other = constraints.polytope(Q).best(shares)[0]
+    other = constraints.polytope(Q).best_extreme_point(shares)[0]
     assert optimality_gap(other, INFO.matrices, "D", constraints) > 1e-3
 
 

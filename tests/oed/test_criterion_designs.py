@@ -8,7 +8,7 @@ from random_candidates import information_set, quadratic_regression, random_set
 from scipy.optimize import minimize
 
 import oed
-from oed.criteria.criteria import objective
+from oed.criteria.criteria import objective_of
 from robotmodels import InvalidInput, NotIdentifiable
 
 SOLVERS = [("newton", "primal"), ("cvxpy", "primal"), ("cvxpy", "dual")]
@@ -175,7 +175,7 @@ def test_no_design_beats_the_certificate(seed, kind):
     info = random_set(seed, 7, 3, 2)
     rng = np.random.default_rng(seed)
     criterion, _ = plain_values(kind, info.matrices[0], rng)
-    wanted = objective(criterion, info.names)
+    wanted = objective_of(criterion, info.names)
     weights = rng.dirichlet(np.ones(7))
     gap = oed.optimality_gap(weights, info.matrices, wanted)
     for other in rng.dirichlet(0.3 * np.ones(7), 60):
@@ -189,7 +189,7 @@ def test_no_design_beats_the_certificate(seed, kind):
 def test_gradients_are_directional_derivatives(kind):
     first, second = random_set(3, 2, 4, 6).matrices
     criterion, value = plain_values(kind, first, np.random.default_rng(4))
-    wanted = objective(criterion, tuple(f"k{i}" for i in range(4)))
+    wanted = objective_of(criterion, tuple(f"k{i}" for i in range(4)))
     assert wanted.value(first) == pytest.approx(value(first), rel=1e-9)
     h = 1e-7
     difference = (value(first + h * second) - value(first - h * second)) / (2 * h)

@@ -14,7 +14,7 @@ from oed import (
     exact_design,
     optimal_design,
 )
-from oed.criteria.criteria import objective
+from oed.criteria.criteria import objective_of
 from oed.exact.gain_bounds import log_values
 from oed.information_sets.stored_information import write_store
 from robotmodels import InvalidInput, NotIdentifiable
@@ -35,7 +35,7 @@ def every_plan(n_candidates, n_experiments):
 
 def log_value(info, criterion, counts, prior=0.0):
     total = np.tensordot(counts, info.matrices, axes=1) + prior
-    return objective(criterion, info.names).log_value(total)
+    return objective_of(criterion, info.names).log_value(total)
 
 
 @pytest.mark.parametrize("name", CRITERIA)
@@ -145,7 +145,7 @@ def info_of_two():
 @pytest.mark.parametrize("name", CRITERIA)
 def test_many_values_at_a_time_are_those_of_one(name):
     info = random_set(8, 5, 3, 3)
-    wanted = objective(CRITERIA[name], info.names)
+    wanted = objective_of(CRITERIA[name], info.names)
     one_by_one = [wanted.log_value(matrix) for matrix in info.matrices]
     np.testing.assert_allclose(log_values(wanted, info.matrices), one_by_one, rtol=1e-9)
     open_one = info.matrices.copy()

@@ -4,12 +4,12 @@ import threading
 
 import pytest
 
-from oed.information_sets.compute import overlapped
+from oed.information_sets.compute import pipelined_map
 
 
 def test_results_come_in_order():
-    assert list(overlapped(lambda x: x + 1, lambda x: 2 * x, range(5))) == [2, 4, 6, 8, 10]
-    assert list(overlapped(str, str, [])) == []
+    assert list(pipelined_map(lambda x: x + 1, lambda x: 2 * x, range(5))) == [2, 4, 6, 8, 10]
+    assert list(pipelined_map(str, str, [])) == []
 
 
 def test_the_first_stage_of_an_item_runs_beside_the_second_of_the_one_before():
@@ -27,7 +27,7 @@ def test_the_first_stage_of_an_item_runs_beside_the_second_of_the_one_before():
         assert item > 0 or first_of_one.wait(120)
         return item
 
-    assert list(overlapped(first, second, range(3))) == [0, 1, 2]
+    assert list(pipelined_map(first, second, range(3))) == [0, 1, 2]
 
 
 @pytest.mark.parametrize("stage", [0, 1])
@@ -40,5 +40,5 @@ def test_errors_of_both_stages_arrive(stage):
     stages = [fails, int] if stage == 0 else [int, fails]
     found = []
     with pytest.raises(ZeroDivisionError, match="2"):
-        found.extend(overlapped(*stages, range(4)))
+        found.extend(pipelined_map(*stages, range(4)))
     assert found in ([], [0], [0, 1])

@@ -8,7 +8,7 @@ from oed.replication.conclusions import agreed, conclusions, contest
 from oed.replication.paper import CONCLUSIONS, TABLE_1
 from oed.replication.six_estimators import Evaluation
 from oed.replication.table_1 import Groups, Table1, found_share, groups_of, hardest_spring, table_1
-from oed.study.settings.replication_settings import ESTIMATORS
+from oed.study.settings.study_file import ESTIMATORS
 from robotmodels import load_robot
 
 N = 40

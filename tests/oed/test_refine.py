@@ -119,7 +119,7 @@ def test_a_robot_above_the_floor(tmp_path):
     assert not around.touching(used).any()
     places = np.random.default_rng(5).uniform(*robot.position_limits.T, (400, 3))
     places = places[~around.touching(places).any(axis=1)]
-    prices = information(robot, places, omega, noise).prices(
+    prices = information(robot, places, omega, noise).directional_derivatives(
         np.linalg.inv(result.design.information)
     )
     p = len(info.names)

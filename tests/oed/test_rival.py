@@ -9,8 +9,7 @@ import pytest
 from oed.replication import rollout_fit, time_domain_comparison
 from oed.replication.json_output import rivalry_document
 from oed.replication.time_domain_comparison import compare, judged
-from oed.study.settings.replication_settings import RivalChoice
-from oed.study.settings.study_file import Study
+from oed.study.settings.study_file import RivalChoice, Study
 from reports.page_elements import filled
 from reports.pages import replication_tables as tables
 from robotmodels import load_robot

@@ -6,7 +6,7 @@ import pytest
 from random_candidates import information_set, random_set
 
 import oed
-from oed.criteria.criteria import objective
+from oed.criteria.criteria import objective_of
 from robotmodels import InvalidInput
 
 P, Q, K = 4, 60, 3
@@ -81,7 +81,7 @@ def test_maximin_efficiencies_are_the_best_of_the_worst(criterion):
     assert robust.nominal_efficiency[0] == pytest.approx(1.0, abs=1e-6)
     assert np.log(average.efficiency).mean() >= np.log(robust.efficiency).mean() - 1e-6
     # By another route: no random mixture of the samples' own designs has a better worst case.
-    base = objective(criterion, SETS[0].names)
+    base = objective_of(criterion, SETS[0].names)
     local = [oed.optimal_design(one, criterion, solver="newton") for one in SETS]
     rng = np.random.default_rng(0)
     for shares in rng.dirichlet(np.ones(K), 50):

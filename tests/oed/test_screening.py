@@ -6,8 +6,8 @@ from collision_arm import SHAPES, arm, shape
 
 from oed import Workcell, gathered_candidates, screened_candidates
 from oed.study.settings.candidates_settings import Candidates
-from oed.study.stages.candidate_sources import gather
 from oed.study.stages.context import Run
+from oed.study.stages.design_inputs import gather
 from oed.study.stages.design_stages import candidates
 from oed.study.stages.stage_cache import open_stages
 from robotmodels import InvalidInput, Sphere, load_robot, surroundings
@@ -31,8 +31,8 @@ def test_counts_by_reason(tmp_path):
     result = screened_candidates(
         robot, positions, surroundings(robot), torque_limits=0.999 * horizontal
     )
-    assert result.kept.tolist() == [0, 6]
-    assert result.given == 7
+    assert result.indices.tolist() == [0, 6]
+    assert result.proposed == 7
     assert result.removed == {
         "duplicate": 1,
         "joint limits": 2,
@@ -51,7 +51,7 @@ def test_counts_by_reason(tmp_path):
         "1 holding torque, 1 self-collision"
     )
     more = screened_candidates(robot, positions, torque_limits=1.001 * horizontal)
-    assert 4 in more.kept
+    assert 4 in more.indices
     assert "collisions are not checked" in more.notes
 
 

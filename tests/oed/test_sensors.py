@@ -53,7 +53,7 @@ def test_choice_is_the_best_of_all(budget):
     design = optimal_sensors(BASE, sensors, budget)
     values = values_of_four()
     choice = max((c for c in values if sum(sensors[n].cost for n in c) <= budget), key=values.get)
-    assert design.chosen == choice
+    assert design.sensors == choice
     assert design.design.value == pytest.approx(values[choice], abs=1e-5)
     assert design.cost == pytest.approx(sum(sensors[n].cost for n in choice))
     assert design.efficiency >= 1 - 1e-6
@@ -64,7 +64,7 @@ def test_choice_for_the_worst_combination_after_experiments_there_are():
     sensors, prior = shop(3), np.diag([3.0, 1.0, 0.3, 0.0])
     design = optimal_sensors(BASE, sensors, 3.5, "E", prior=prior)
     choice, values = best_of_all(sensors, 3.5, criterion="E", prior=prior)
-    assert design.chosen == choice
+    assert design.sensors == choice
     assert design.design.value == pytest.approx(values[choice], rel=1e-5)
     # No choice reaches the relaxation's bound, and this one is the best.
     assert 0.8 < design.relaxed_efficiency <= 1.0
@@ -110,19 +110,19 @@ def test_keep_says_what_each_sensor_is_worth():
     sensors = shop(3, seed=3)
     design = optimal_sensors(BASE, sensors, 3.0)
     _, values = best_of_all(sensors, 100.0, solver="newton")
-    own = values[design.chosen]
-    for name, kept in design.keep.items():
-        changed = tuple(n for n in sensors if (n in design.chosen) != (n == name))
+    own = values[design.sensors]
+    for name, kept in design.relative_efficiency.items():
+        changed = tuple(n for n in sensors if (n in design.sensors) != (n == name))
         assert kept == pytest.approx(np.exp((values[changed] - own) / P), abs=1e-5)
-        assert (kept < 1) == (name in design.chosen)
+        assert (kept < 1) == (name in design.sensors)
 
 
 def test_a_useless_sensor_does_not_earn_its_keep():
     sensors = {"dead": Sensor(information_set(np.zeros((Q, P, P))), 1.0), **shop(1)}
     design = optimal_sensors(BASE, sensors, 2.0)
-    assert design.chosen == ("s0",)
+    assert design.sensors == ("s0",)
     both = optimal_sensors(BASE, sensors, 10.0)
-    assert both.keep["dead"] == pytest.approx(1.0, abs=1e-6)
+    assert both.relative_efficiency["dead"] == pytest.approx(1.0, abs=1e-6)
 
 
 def test_sensors_that_make_parameters_identifiable():
@@ -130,8 +130,8 @@ def test_sensors_that_make_parameters_identifiable():
     blind[:, 1] = blind[:, :, 1] = 0.0
     base, sensors = information_set(blind), shop(3)
     design = optimal_sensors(base, sensors, 2.0)
-    assert len(design.chosen) == 1
-    assert design.keep[design.chosen[0]] == 0.0
+    assert len(design.sensors) == 1
+    assert design.relative_efficiency[design.sensors[0]] == 0.0
     with pytest.raises(NotIdentifiable, match=r"not identifiable: k1; budget: 0\.5 buys no sensor"):
         optimal_sensors(base, sensors, 0.5)
 
@@ -169,7 +169,7 @@ def test_accelerometers_of_a_robot_file():
     parts = base.matrices + sum(one.matrices for one in added.values())
     np.testing.assert_allclose(parts, whole, atol=1e-9 * np.abs(whole).max())
     bought = optimal_sensors(base, {name: Sensor(one) for name, one in added.items()}, 1.0)
-    assert len(bought.chosen) == 1
+    assert len(bought.sensors) == 1
     with pytest.raises(InvalidInput, match="has no accelerometers"):
         sensor_information(bare, positions, omega, noise)
     with pytest.raises(InvalidInput, match="positions: none given"):

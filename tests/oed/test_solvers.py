@@ -10,7 +10,7 @@ from random_candidates import information_set, random_set
 from scipy.optimize import minimize, nnls
 
 import oed
-from oed.criteria.criteria import objective
+from oed.criteria.criteria import objective_of
 from oed.design.problem import ScaledProblem, SolverAnswer
 from robotmodels import InvalidInput, SolverFailed
 
@@ -44,7 +44,7 @@ def test_awkward_candidates(kind, seed, criterion):
     design = oed.optimal_design(info, wanted, solver="newton")
     assert design.gap <= 1e-6
     # The bound holds for what the certificate never saw: random designs.
-    judge = objective(wanted, info.names)
+    judge = objective_of(wanted, info.names)
     for weights in np.random.default_rng(seed).dirichlet(0.2 * np.ones(len(info)), 20):
         other = np.tensordot(weights, info.matrices, axes=1)
         assert judge.efficiency(other, design.information) <= 1 + 2e-6
@@ -55,7 +55,7 @@ def test_barrier_method_against_cvxpy():
     info = random_set(3, 20, 3, 2)
     rows, bounds = np.stack([np.ones(20), np.linspace(0, 2, 20)]) / [[1], [2]], np.array([1.0, 0.3])
     caps = np.where(np.arange(20) % 2, 0.1, np.inf)
-    wanted, base = objective("D", info.names), 0.1 * np.eye(3)
+    wanted, base = objective_of("D", info.names), 0.1 * np.eye(3)
     start = np.full(20, 0.02)
     problem = ScaledProblem(wanted, (base,), (info.matrices,), rows, bounds, caps, start)
     answer = oed.Newton().solve(problem, 1e-9)

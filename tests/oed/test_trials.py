@@ -8,9 +8,9 @@ from two_axes import TwoAxes
 
 import oed
 from estimators import MonteCarlo
-from oed.criteria.criteria import objective
+from oed.criteria.criteria import objective_of
 from oed.plan_comparison.plan_comparison import (
-    PlanTrial,
+    SimulatedPlan,
     clearly_smaller,
     ratio_interval,
     std_interval,
@@ -103,7 +103,7 @@ SHAPE = np.array([[1.0, 0.6, 0.0], [0.6, 2.0, -0.3], [0.0, -0.3, 0.5]])
 
 def coverage(criterion, n, seed):
     """Return how often intervals of an efficiency hold it, and how often a third of each does."""
-    rng, wanted = np.random.default_rng(seed), objective(criterion, "abc")
+    rng, wanted = np.random.default_rng(seed), objective_of(criterion, "abc")
     truth = wanted.efficiency(np.linalg.inv(1.5 * SHAPE), np.linalg.inv(SHAPE))
     assert truth == pytest.approx(2 / 3)
     inside = np.zeros((n, 2))
@@ -162,7 +162,7 @@ def compared(info, plans, **options):
 def test_scatter_is_what_theorem_1_promises_and_the_better_plan_wins(axes):
     info, best = axes
     once = np.zeros(len(GRID), dtype=int)
-    once[np.argmin(info.prices(np.linalg.inv(info.total)))] = 1
+    once[np.argmin(info.directional_derivatives(np.linalg.inv(info.total)))] = 1
     told = []
     found = compared(
         info,
@@ -174,7 +174,7 @@ def test_scatter_is_what_theorem_1_promises_and_the_better_plan_wins(axes):
     assert found.better == ("ninefold",)
     assert found.promised[2:].tolist() == pytest.approx([1.0, 9.0])
     assert told[-1] == (120, 120)
-    for trial in found.trials:
+    for trial in found.plans:
         ends = trial.std_interval()
         # Two parameters of four plans: one of them outside would be chance.
         assert (
@@ -183,7 +183,7 @@ def test_scatter_is_what_theorem_1_promises_and_the_better_plan_wins(axes):
     assert found.more_certain(1)[1] == 2
     assert found.more_certain(3) == (0, 0, 2)
     assert "best beats 1 of 3 rivals by D, beaten by ninefold, " in str(found)
-    assert found.held
+    assert found.fixed_equilibria
 
 
 def test_a_rival_that_leaves_parameters_open_is_worth_nothing():
@@ -192,7 +192,7 @@ def test_a_rival_that_leaves_parameters_open_is_worth_nothing():
     plans = {"both": np.array([0, 2]), "blind": np.array([2, 0])}
     rng = np.random.default_rng(1)
     found = oed.compare_plans(TwoAxes(), info, info.positions, plans, OMEGA, NOISE, rng=rng, runs=6)
-    blind = found.trials[1]
+    blind = found.plans[1]
     assert blind.unidentified == ("k2",)
     assert found.beaten == ("blind",)
     assert found.more_certain(1) == (2, 2, 0)
@@ -235,6 +235,6 @@ def test_an_interrupted_comparison_goes_on_and_ends_alike(axes, tmp_path):
         compared(info, plans, runs=6, store=tmp_path, progress=interrupt)
     assert {p.name for p in tmp_path.iterdir()} == {"plan_00.h5", "plan_01.h5"}
     again = compared(info, plans, runs=6, store=tmp_path)
-    for one, other in zip(whole.trials, again.trials, strict=True):
-        np.testing.assert_array_equal(one.found.estimates, other.found.estimates)
-    assert isinstance(again.trials[0], PlanTrial)
+    for one, other in zip(whole.plans, again.plans, strict=True):
+        np.testing.assert_array_equal(one.simulation.estimates, other.simulation.estimates)
+    assert isinstance(again.plans[0], SimulatedPlan)

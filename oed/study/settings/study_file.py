@@ -64,13 +64,16 @@ from oed.experiment.experiment_file import Shaking
 from oed.study.settings.candidates_settings import Candidates
 from oed.study.settings.design_settings import DesignChoice
 from oed.study.settings.fit_settings import FitChoice
-from oed.study.settings.replication_settings import ESTIMATORS, RivalChoice
 from robotmodels.common.file_paths import existing_file, output_folder, robot_reference
 from robotmodels.common.yaml_files import FileSection, read_yaml
 from robotmodels.description.ranges import Count, Hertz, Index, Positive, Seed
 
 MOST_DRAWS = 10**9
 """Steps of all walkers of a posterior; a thousandth of them takes some minutes."""
+
+
+ESTIMATORS = ("LLSM15U", "LLS15U", "LLS15O", "NLS15U", "NLS15O", "LLS1U")
+"""Of [WM]. M: magnitude only; 15 or 1: positions; U or O: user-defined or optimal weights."""
 
 
 class Frequencies(FileSection):
@@ -179,6 +182,18 @@ class CompareChoice(FileSection):
         None
     )
     runs: Annotated[int, Field(ge=0, le=100_000)] | None = None
+
+
+class RivalChoice(FileSection):
+    """How many starts of the time-domain rival, at each distance from the truth [decades]."""
+
+    starts: Annotated[int, Field(ge=1, le=1000)] = 3
+    decades: Annotated[
+        tuple[Annotated[float, Field(gt=0, le=1.4)], ...], Field(min_length=1, max_length=20)
+    ] = (
+        0.1,
+        1.0,
+    )
 
 
 class Study(FileSection):

@@ -10,7 +10,7 @@ from oed.plan_comparison.baseline_plans import even_plan, grid_levels, grid_plan
 from oed.plan_comparison.compare_plans import checked_runs, compare_plans
 from oed.plan_comparison.plan_comparison import PlanComparison
 from oed.study.stages.context import Run
-from oed.study.stages.design_limits import criterion_of
+from oed.study.stages.design_inputs import criterion_of
 from oed.study.stages.design_stages import Information, Plan
 from oed.study.stages.serialisation import dataclass_files
 from oed.study.stages.stage_cache import Files, Stage

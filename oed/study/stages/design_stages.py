@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from oed.candidates.screening import ScreenedCandidates
-from oed.criteria.criteria import Criterion, objective
+from oed.criteria.criteria import Criterion, objective_of
 from oed.criteria.robust_criteria import AverageCriterion, MaximinCriterion
 from oed.design.constraints import Constraints
 from oed.design.design import Design
@@ -21,11 +21,12 @@ from oed.information_sets.compute import information
 from oed.information_sets.information_set import InformationSet
 from oed.information_sets.stored_information import StoredInformation
 from oed.study.settings.design_settings import DesignChoice, Moves
-from oed.study.stages.candidate_sources import compares_shapes, gather
 from oed.study.stages.context import Run
-from oed.study.stages.design_limits import (
+from oed.study.stages.design_inputs import (
+    compares_shapes,
     constraints_of,
     criterion_of,
+    gather,
     home_position,
     move_limits,
     parameter_samples,
@@ -203,7 +204,7 @@ def _for_all(
     )
     criterion: Criterion = AverageCriterion(nominal)
     if kind == "maximin":
-        base = objective(nominal, samples.names)
+        base = objective_of(nominal, samples.names)
         values = np.array([base.log_value(matrix) for matrix in robust.design.information])
         criterion = MaximinCriterion(nominal, (values - np.log(robust.efficiency)).tolist())
     number = _number(choice, constraints)

@@ -12,7 +12,7 @@ from estimators.fitting.least_squares import Fit, fit, reweighted
 from estimators.fitting.multistart import multistart, perturbed_starts
 from estimators.fitting.weights import MINIMUM_SNR, user_weights
 from estimators.frf.frf_estimate import FrfEstimate
-from oed.criteria.criteria import criterion as named_criterion
+from oed.criteria.criteria import named_criterion
 from oed.study.settings.fit_settings import Estimator, WeightChoice
 from oed.study.stages.context import Run
 from oed.study.stages.data_stages import Data

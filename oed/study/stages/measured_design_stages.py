@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 
 import estimators
-from oed.criteria.criteria import criterion as named_criterion
+from oed.criteria.criteria import named_criterion
 from oed.design.certificate import efficiency_bound
 from oed.design.optimal_design import optimal_design
 from oed.exact.exact_design import ExactDesign

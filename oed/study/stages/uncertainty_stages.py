@@ -214,7 +214,7 @@ def _repeated(run: Run, result: Stage[Chosen], known: Known) -> MonteCarlo | Non
     likelihood = result.value.fit.residual == "nls" and run.study.fit.result is None
     if known.comparison is None or not (by_law and likelihood):
         return None
-    return known.comparison.value.trials[0].found
+    return known.comparison.value.plans[0].simulation
 
 
 def _likelihood(searches: Mapping[str, Stage[Search]]) -> str | None:

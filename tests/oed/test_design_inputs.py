@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from oed.study.settings.design_settings import DesignChoice, RobustChoice
-from oed.study.stages.design_limits import constraints_of, parameter_samples
+from oed.study.stages.design_inputs import constraints_of, parameter_samples
 from robotmodels import InvalidInput, load_robot
 
 ROBOT = load_robot("manutec_r3")

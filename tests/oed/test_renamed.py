@@ -1,0 +1,49 @@
+"""Old names of this package's attributes, keywords and classes work with a warning."""
+
+import numpy as np
+import pytest
+from random_candidates import random_set
+
+import oed
+from oed.plan_comparison.plan_comparison import PlanComparison, SimulatedPlan
+
+INFO = random_set(3, 40, 3, 2)
+
+
+@pytest.mark.parametrize(
+    ("old", "new"), [("PlanTrial", "SimulatedPlan"), ("Needed", "RequiredExperiments")]
+)
+def test_classes(old, new):
+    with pytest.warns(DeprecationWarning, match=f"oed.{old} is now 'oed.{new}'"):
+        assert getattr(oed, old) is getattr(oed, new)
+
+
+@pytest.mark.parametrize(
+    ("cls", "old", "new"),
+    [
+        (oed.InformationSet, "prices", "directional_derivatives"),
+        (oed.StoredInformation, "prices", "directional_derivatives"),
+        (oed.Objective, "price", "summed_by_sample"),
+        (oed.ScreenedCandidates, "kept", "indices"),
+        (oed.ScreenedCandidates, "given", "proposed"),
+        (oed.SensorDesign, "chosen", "sensors"),
+        (oed.SensorDesign, "keep", "relative_efficiency"),
+        (SimulatedPlan, "found", "simulation"),
+        (PlanComparison, "trials", "plans"),
+        (PlanComparison, "found", "simulated"),
+        (PlanComparison, "held", "fixed_equilibria"),
+    ],
+)
+def test_attributes(cls, old, new):
+    value = cls.__new__(cls)
+    if not callable(getattr(cls, new, None)):
+        object.__setattr__(value, new, 5)
+    with pytest.warns(DeprecationWarning, match=f"{cls.__name__}.{old} is now '{new}'"):
+        assert getattr(value, old) == getattr(value, new)
+
+
+def test_prior_information_by_its_old_keyword():
+    plan = oed.next_experiments(INFO, 3, prior=np.eye(3)).plan
+    with pytest.warns(DeprecationWarning, match="next_experiments: keyword 'known' is now 'prior'"):
+        same = oed.next_experiments(INFO, 3, known=np.eye(3)).plan
+    assert same.repetitions.tolist() == plan.repetitions.tolist()
