@@ -24,6 +24,7 @@ lint: $(VENV)/installed
 	$(BIN)/mypy
 	$(BIN)/lint-imports
 	$(BIN)/python tests/lint/docstrings.py
+	$(BIN)/python tests/lint/words.py
 
 coverage: $(VENV)/installed
 	$(BIN)/pytest --numprocesses $(WORKERS) --dist worksteal -m "not slow" --cov --cov-report=term:skip-covered
