@@ -1,4 +1,4 @@
-"""Criteria: what the parameters are wanted for.
+"""Criteria: functions of the information matrix that a design maximises.
 
 `optimal_design` and `exact_design` take the names "D", "A" and "E", or one of the objects below.
 A criterion is anything with a name that can state its `Objective` for given parameters; value,

@@ -28,7 +28,7 @@ from robotmodels.common.errors import InvalidInput, NotIdentifiable
 
 @dataclass(frozen=True, eq=False)
 class Certificate:
-    """A gap and what it was found with.
+    """A gap, the bound behind it and the sensitivity function.
 
     Attributes
     ----------

@@ -122,7 +122,7 @@ class Coordinates:
         return tuple(white)
 
     def witness(self, objective: Objective, white: tuple[Array, ...]) -> tuple[Array, ...]:
-        """Return T' W_j T of the objective's terms: what prices candidates as they are."""
+        """Return T' W_j T of the objective's terms: the witness by the parameters."""
         terms = zip(objective.terms, white, strict=True)
         return tuple(self.transforms[t.sample].T @ W @ self.transforms[t.sample] for t, W in terms)
 

@@ -262,22 +262,24 @@ def _primal(cp: Any, problem: ScaledProblem) -> tuple[Any, Any]:
 def _dual(cp: Any, problem: ScaledProblem) -> tuple[Any, Any]:
     group = problem.objective.groups[0]
     y = cp.Variable(len(problem.bounds), nonneg=True)
-    parts, matrices, spent, prices = [], [], problem.bounds @ y, 0.0
+    parts, matrices, use, derivatives = [], [], problem.bounds @ y, 0.0
     for term, guess in zip(group, _guesses(problem), strict=True):
         base, H = problem.base[term.sample], problem.matrices[term.sample]
         scaled = cp.Variable(base.shape, PSD=True)
         parts.append(conic_polar(cp, term.mean, scaled, guess))
         W = np.exp(-guess) * scaled
         matrices.append(W)
-        spent = spent + cp.trace(W @ base)
-        prices = prices + (np.exp(-guess) * H.reshape(len(H), -1)) @ cp.vec(scaled, order="C")
-    limits = prices <= problem.rows.T @ y
+        use = use + cp.trace(W @ base)
+        derivatives = derivatives + (np.exp(-guess) * H.reshape(len(H), -1)) @ cp.vec(
+            scaled, order="C"
+        )
+    limits = derivatives <= problem.rows.T @ y
     constraints = [limits, *(more for part in parts for more in part.constraints)]
     if _single(parts):
-        statement = cp.Problem(cp.Maximize(parts[0].size), [spent <= 1.0, *constraints])
+        statement = cp.Problem(cp.Maximize(parts[0].size), [use <= 1.0, *constraints])
     else:
         shares = sum(term.share * np.log(term.share) for term in group)
-        goal = 1.0 - shares + _shared(cp, group, parts) - spent
+        goal = 1.0 - shares + _shared(cp, group, parts) - use
         statement = cp.Problem(cp.Maximize(goal), constraints)
 
     def read() -> tuple[Array, Array, tuple[Array, ...]]:

@@ -5,7 +5,7 @@ It maximises, for a falling mu,
     log value(w) + mu [ sum_i log w_i + sum_i log (u_i - w_i) + sum_j log (b - R w)_j ]
 
 by Newton's method with primal-dual scaling and a line search, and stops at a positive mu. Weights
-are then positive, mu over what each candidate costs above its price: the information stays regular,
+are then positive, mu over their reduced costs: the information stays regular,
 its derivative is unique, and the gap, (n + m) mu, follows from the weights alone. What has no
 second derivatives is smoothed by the same mu, see `smoothing`.
 """

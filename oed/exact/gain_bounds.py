@@ -26,7 +26,7 @@ def best_addition(
 ) -> tuple[int, float]:
     """Return the candidate with the largest log value of information + H_i, and that value.
 
-    Candidates are tried in the order of upper bounds until none of the rest can be better. For D
+    Candidates are tried in the order of upper bounds until no other can be better. For D
     log det(I + X) <= p log(1 + tr X / p); any other concave function lies below its tangent.
 
     Parameters

@@ -1,4 +1,4 @@
-"""How hard the robot may be shaken: the largest amplitudes whose peaks stay inside limits.
+"""The largest amplitudes of excitation whose peaks stay inside limits.
 
 Beside the holding torque and the position itself all predicted peaks are proportional to the
 amplitude, so that the largest amplitude is a quotient, not a search.
@@ -171,16 +171,16 @@ def _bounds(limits: Limits, motors: Sequence[str]) -> Array:
         value = getattr(limits, name)
         if value is None:
             continue
-        given = np.asarray(value, dtype=float)
+        limit = np.asarray(value, dtype=float)
         shape = (n, 2) if name == "positions" else (n,)
-        if given.shape != shape:
-            raise InvalidInput(f"limits.{name}: shape {given.shape}; {shape} is needed")
-        bounds[k] = given if name == "positions" else np.stack([-given, given], axis=-1)
+        if limit.shape != shape:
+            raise InvalidInput(f"limits.{name}: shape {limit.shape}; {shape} is needed")
+        bounds[k] = limit if name == "positions" else np.stack([-limit, limit], axis=-1)
         for motor, (low, high) in zip(motors, bounds[k], strict=True):
             if not low < high:
-                found = f"[{low:g}, {high:g}]" if name == "positions" else f"{high:g}"
+                values = f"[{low:g}, {high:g}]" if name == "positions" else f"{high:g}"
                 right = "low < high" if name == "positions" else "a positive number"
-                raise InvalidInput(f"limits.{name} of motor {motor!r}: {found}; {right} is needed")
+                raise InvalidInput(f"limits.{name} of motor {motor!r}: {values}; {right} is needed")
     if not np.isfinite(bounds).any():
         raise InvalidInput("limits: none given; any amplitude would do")
     return bounds
@@ -193,14 +193,14 @@ def _room(plan: ExperimentPlan, rest: Array, bounds: Array) -> Array:
     if not inside.all():
         visit, k, motor = np.argwhere(~inside)[0]
         low, high = bounds[k, motor]
-        place = f"position {plan.visits[visit] + 1}: motor {plan.motors[motor]!r}"
+        name = f"position {plan.visits[visit] + 1}: motor {plan.motors[motor]!r}"
         if k == 0:
             raise InvalidInput(
-                f"limits.torque: {place} needs {abs(rest[visit, k, motor]):.4g} N m to hold the "
+                f"limits.torque: {name} needs {abs(rest[visit, k, motor]):.4g} N m to hold the "
                 f"arm alone, which leaves nothing of its limit {high:.4g} N m"
             )
         raise InvalidInput(
-            f"limits.positions: {place} at {rest[visit, k, motor]:.4g} is not inside its limits "
+            f"limits.positions: {name} at {rest[visit, k, motor]:.4g} is not inside its limits "
             f"[{low:.4g}, {high:.4g}], which leaves no room to move"
         )
     return np.asarray(room)

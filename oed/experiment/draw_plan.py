@@ -90,8 +90,8 @@ def experiment_plan(
     motors = tuple(robot.motor_names)
     moves = MoveLimits(motors, robot.position_limits, np.asarray(speed), np.asarray(acceleration))
     positions = moves.check(positions)
-    given = np.ones(len(positions), dtype=np.int64) if repetitions is None else repetitions
-    counts = checked_repetitions(given, len(positions))
+    once = np.ones(len(positions), dtype=np.int64)
+    counts = checked_repetitions(once if repetitions is None else repetitions, len(positions))
     begin = None if start is None else np.asarray(start, dtype=float)
     order = visiting_order(positions, moves, begin) if reorder else None
     if order is not None:

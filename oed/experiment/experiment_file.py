@@ -1,4 +1,4 @@
-"""The schema of an experiment file: which robot, where it is put, how it is shaken.
+"""The schema of an experiment file: robot, positions, excitation.
 
 Angles are in rad, as in a study file; torques, speeds, angles of encoders and controllers are those
 of the motor shafts, positions and swings motor angles divided by gear ratios (m for a prismatic
@@ -159,8 +159,8 @@ class ImperfectionChoice(FileSection):
     nonlinear_gears: bool = True
 
 
-class Shaking(FileSection):
-    """How a robot is shaken in its positions: the keys that a study's ``experiment`` has too."""
+class ExcitationSettings(FileSection):
+    """Excitation of a robot in its positions: the keys that a study's ``experiment`` has too."""
 
     multisine: MultisineChoice
     blocks: Count = 4
@@ -182,7 +182,7 @@ class Shaking(FileSection):
         return self
 
 
-class Experiment(Shaking):
+class Experiment(ExcitationSettings):
     """An experiment file, ``schema: experiment/1``; its paths are relative to the file."""
 
     schema_: Literal["experiment/1"] = Field(alias="schema")
@@ -196,8 +196,8 @@ class Experiment(Shaking):
     @model_validator(mode="after")
     def _one_source(self) -> Self:
         if (self.positions is None) == (self.design is None):
-            found = "neither" if self.design is None else "both"
-            raise ValueError(f"{found} of positions and design given; one of them is needed")
+            number = "neither" if self.design is None else "both"
+            raise ValueError(f"{number} of positions and design given; one of them is needed")
         if self.design is not None and self.repetitions is not None:
             raise ValueError("repetitions: the design has its own; leave them out")
         if self.repetitions is not None and self.positions is not None:

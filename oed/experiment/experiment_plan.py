@@ -190,7 +190,7 @@ class ExperimentPlan:
         return plan
 
 
-def checked_repetitions(given: Sequence[int] | IntArray, n_positions: int) -> IntArray:
+def checked_repetitions(repetitions: Sequence[int] | IntArray, n_positions: int) -> IntArray:
     """Return whole numbers of visits, (Q,), at least one each.
 
     Raises
@@ -198,7 +198,7 @@ def checked_repetitions(given: Sequence[int] | IntArray, n_positions: int) -> In
     InvalidInput
         If there is another number of them, or one is not whole and positive.
     """
-    array = np.asarray(given)
+    array = np.asarray(repetitions)
     if array.shape != (n_positions,):
         raise InvalidInput(
             f"repetitions: shape {array.shape} given; ({n_positions},), one per position, is needed"
@@ -277,8 +277,8 @@ def _order_document(order: VisitingOrder | None) -> dict[str, Any]:
     """Return how positions were put in order; nothing where they are as given."""
     if order is None:
         return {}
-    rest = {"duration": order.duration, "given": order.given, "optimal": order.optimal}
-    return {"order": {"order": order.order.tolist(), **rest}}
+    times = {"duration": order.duration, "given": order.unordered_duration}
+    return {"order": {"order": order.order.tolist(), **times, "optimal": order.optimal}}
 
 
 def _order(section: OrderSection | None, count: int) -> VisitingOrder | None:

@@ -56,10 +56,10 @@ class MoveLimits:
                 )
         object.__setattr__(self, "positions", read_only(positions))
         for key in ("speed", "acceleration"):
-            given = np.asarray(getattr(self, key), dtype=float)
-            if given.shape not in ((), (n,)):
-                raise InvalidInput(f"{key} of moves: shape {given.shape}; ({n},) is needed")
-            values = np.array(np.broadcast_to(given, (n,)))
+            limit = np.asarray(getattr(self, key), dtype=float)
+            if limit.shape not in ((), (n,)):
+                raise InvalidInput(f"{key} of moves: shape {limit.shape}; ({n},) is needed")
+            values = np.array(np.broadcast_to(limit, (n,)))
             for name, value in zip(motors, values, strict=True):
                 check_above_zero(value, f"motor {name!r}: {key} of moves")
             object.__setattr__(self, key, read_only(values))

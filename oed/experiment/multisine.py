@@ -254,8 +254,8 @@ def _spread(lines: IntArray, count: int | None, spacing: Spacing) -> IntArray:
     if not 1 <= count <= len(lines):
         raise InvalidInput(f"count: {count} lines; the band holds {len(lines)} that are allowed")
     space = np.geomspace if spacing == "quasi_log" else np.linspace
-    wanted = space(float(lines[0]), float(lines[-1]), count)
-    nearest = np.abs(lines[None, :] - wanted[:, None]).argmin(axis=1)
+    targets = space(float(lines[0]), float(lines[-1]), count)
+    nearest = np.abs(lines[None, :] - targets[:, None]).argmin(axis=1)
     return np.asarray(lines[np.unique(nearest)])
 
 
@@ -270,12 +270,12 @@ def _left_out(
             f"detection_group: {group}; a number from 2 to the {len(lines)} lines is needed"
         )
     full = len(lines) // group
-    chosen = group * np.arange(full) + rng.integers(0, group, full)
-    return np.delete(lines, chosen), lines[chosen]
+    omitted = group * np.arange(full) + rng.integers(0, group, full)
+    return np.delete(lines, omitted), lines[omitted]
 
 
-def _checked_lines(name: str, given: ArrayLike, grid: Multisine) -> IntArray:
-    array = np.asarray(given)
+def _checked_lines(name: str, lines: ArrayLike, grid: Multisine) -> IntArray:
+    array = np.asarray(lines)
     if array.ndim != 1 or (len(array) and not np.array_equal(array, np.round(array))):
         raise InvalidInput(f"{name}: an array (F,) of whole numbers is needed")
     lines = array.astype(np.int64)
@@ -295,8 +295,8 @@ def _checked_lines(name: str, given: ArrayLike, grid: Multisine) -> IntArray:
     return lines
 
 
-def _checked_amplitudes(given: ArrayLike, n_lines: int, inputs: int) -> Array:
-    array = np.asarray(given, dtype=float)
+def _checked_amplitudes(amplitudes: ArrayLike, n_lines: int, inputs: int) -> Array:
+    array = np.asarray(amplitudes, dtype=float)
     column = array[:, None] if array.ndim == 1 else array
     try:
         amplitudes = np.array(np.broadcast_to(column, (n_lines, inputs)))

@@ -105,18 +105,18 @@ def _steps(plan: ExperimentPlan, ratios: Array) -> Iterator[tuple[tuple[Any, ...
     """Yield, per step, its row of the sequence, positions (K, n) and speeds (K, n)."""
     repeats = plan.periods + plan.transient_periods
     for visit, q in enumerate(plan.visits):
-        name, place = f"visit_{visit + 1:03d}", (visit + 1, int(q) + 1)
+        name, numbers = f"visit_{visit + 1:03d}", (visit + 1, int(q) + 1)
         path = plan.move_to(visit)
         if len(path):
-            row: tuple[Any, ...] = ("move", f"{name}_move.csv", *place, "", "", 1, "")
+            row: tuple[Any, ...] = ("move", f"{name}_move.csv", *numbers, "", "", 1, "")
             yield row, path.positions, ratios * path.speeds
-        rest = np.tile(plan.positions[q], (plan.multisine.samples, 1))
+        steady = np.tile(plan.positions[q], (plan.multisine.samples, 1))
         for block, runs in enumerate(plan.reference(visit), start=1):
             for run, speeds in enumerate(runs, start=1):
                 file = f"{name}_block_{block:02d}_run_{run:02d}.csv"
                 drop = plan.transient_periods
-                row = ("excitation", file, *place, block, run, repeats, drop)
-                yield row, rest, speeds
+                row = ("excitation", file, *numbers, block, run, repeats, drop)
+                yield row, steady, speeds
 
 
 def _csv_line(cells: Sequence[str]) -> str:
@@ -126,8 +126,8 @@ def _csv_line(cells: Sequence[str]) -> str:
     return line.getvalue()
 
 
-def _checked_ratios(plan: ExperimentPlan, given: Sequence[float] | Array) -> Array:
-    ratios = np.asarray(given, dtype=float)
+def _checked_ratios(plan: ExperimentPlan, gear_ratios: Sequence[float] | Array) -> Array:
+    ratios = np.asarray(gear_ratios, dtype=float)
     n = len(plan.motors)
     if ratios.shape != (n,) or not (np.isfinite(ratios) & (ratios != 0)).all():
         raise InvalidInput(

@@ -95,10 +95,10 @@ class PlannedLoop:
         if selector.shape[1] != n:
             raise InvalidInput(f"robot: {selector.shape[1]} motors; the plan has {n}")
         loop = closed_loop(network, sine.omega, controller)
-        held = _holding(robot, plan.positions) if holding is None else np.asarray(holding)
-        if held.shape != plan.positions.shape:
-            raise InvalidInput(f"holding: shape {held.shape}; {plan.positions.shape} is needed")
-        rest = np.stack([held, np.zeros_like(held), plan.positions], axis=1)[plan.visits]
+        torques = _holding(robot, plan.positions) if holding is None else np.asarray(holding)
+        if torques.shape != plan.positions.shape:
+            raise InvalidInput(f"holding: shape {torques.shape}; {plan.positions.shape} is needed")
+        rest = np.stack([torques, np.zeros_like(torques), plan.positions], axis=1)[plan.visits]
         ratios = selector[np.abs(selector).argmax(axis=0), np.arange(n)]
         model = network.linear_model()
         starts = tuple(

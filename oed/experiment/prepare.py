@@ -7,7 +7,12 @@ import numpy as np
 
 from oed.experiment.amplitude_scaling import Binding, Limits, Scaling, scale
 from oed.experiment.draw_plan import experiment_plan
-from oed.experiment.experiment_file import Experiment, Shaking, per_motor, planned_positions
+from oed.experiment.experiment_file import (
+    ExcitationSettings,
+    Experiment,
+    per_motor,
+    planned_positions,
+)
 from oed.experiment.experiment_plan import ExperimentPlan
 from oed.experiment.multisine import Multisine, band_multisine
 from oed.experiment.predicted_peaks import Peaks
@@ -77,7 +82,7 @@ def prepare(experiment: Experiment, progress: StageProgress | None = None) -> Pr
 
 
 def prepare_in(
-    shaking: Shaking,
+    settings: ExcitationSettings,
     robot: ElasticRobot,
     positions: Array,
     repetitions: IntArray,
@@ -97,40 +102,40 @@ def prepare_in(
             f"positions: {positions.shape[1]} angles each; {len(motors)} are needed, one per motor "
             f"({', '.join(motors)})"
         )
-    _check_memory(shaking, repetitions, len(motors))
-    moves = shaking.moves
+    _check_memory(settings, repetitions, len(motors))
+    moves = settings.moves
     plan = experiment_plan(
         robot,
         positions,
-        _multisine(shaking, len(motors), rng),
-        blocks=shaking.blocks,
-        periods=shaking.periods,
-        transient_periods=shaking.transient_periods,
+        _multisine(settings, len(motors), rng),
+        blocks=settings.blocks,
+        periods=settings.periods,
+        transient_periods=settings.transient_periods,
         speed=per_motor("moves.speed", moves.speed, motors),
         acceleration=per_motor("moves.acceleration", moves.acceleration, motors),
         rng=rng,
         repetitions=repetitions,
-        crest_iterations=shaking.multisine.crest_iterations,
+        crest_iterations=settings.multisine.crest_iterations,
         progress=None if progress is None else partial(progress, "plan"),
     )
-    controller = _controller(shaking, robot)
-    imperfections = _imperfections(shaking, motors)
-    scaling = _scaled(shaking, plan, robot, controller, progress)
+    controller = _controller(settings, robot)
+    imperfections = _imperfections(settings, motors)
+    scaling = _scaled(settings, plan, robot, controller, progress)
     return Prepared(robot, controller, scaling, imperfections, rng)
 
 
-def _check_memory(shaking: Shaking, repetitions: IntArray, motors: int) -> None:
+def _check_memory(settings: ExcitationSettings, repetitions: IntArray, motors: int) -> None:
     """Refuse signals that do not fit into memory: those of all visits, and records of one."""
-    period = 8.0 * shaking.blocks * motors**2 * shaking.multisine.samples
+    period = 8.0 * settings.blocks * motors**2 * settings.multisine.samples
     signals = period * float(repetitions.sum())
-    records = 2 * period * (shaking.periods + shaking.transient_periods)
+    records = 2 * period * (settings.periods + settings.transient_periods)
     check_memory(
         signals + records, "multisine.period over sample_time, blocks, periods and repetitions"
     )
 
 
-def _multisine(shaking: Shaking, motors: int, rng: np.random.Generator) -> Multisine:
-    choice = shaking.multisine
+def _multisine(settings: ExcitationSettings, motors: int, rng: np.random.Generator) -> Multisine:
+    choice = settings.multisine
     low, high = choice.band
     middle = 2 * np.pi * np.sqrt(low * high)
     return band_multisine(
@@ -147,8 +152,8 @@ def _multisine(shaking: Shaking, motors: int, rng: np.random.Generator) -> Multi
     )
 
 
-def _controller(shaking: Shaking, robot: ElasticRobot) -> Controller:
-    choice, sample_time = shaking.controller, shaking.multisine.sample_time
+def _controller(settings: ExcitationSettings, robot: ElasticRobot) -> Controller:
+    choice, sample_time = settings.controller, settings.multisine.sample_time
     if choice is None:
         return default_controller(robot, sample_time)
     gains = {
@@ -158,8 +163,8 @@ def _controller(shaking: Shaking, robot: ElasticRobot) -> Controller:
     return Controller(sample_time=sample_time, **gains)
 
 
-def _imperfections(shaking: Shaking, motors: tuple[str, ...]) -> Imperfections:
-    choice = shaking.imperfections
+def _imperfections(settings: ExcitationSettings, motors: tuple[str, ...]) -> Imperfections:
+    choice = settings.imperfections
     lists = {
         name: per_motor(f"imperfections.{name}", value, motors)
         for name in ("backlash", "angle_noise", "torque_disturbance", "torque_limit")
@@ -174,14 +179,14 @@ def _imperfections(shaking: Shaking, motors: tuple[str, ...]) -> Imperfections:
 
 
 def _scaled(
-    shaking: Shaking,
+    settings: ExcitationSettings,
     plan: ExperimentPlan,
     robot: ElasticRobot,
     controller: Controller,
     progress: StageProgress | None,
 ) -> Scaling:
-    choice, motors = shaking.limits, plan.motors
-    given = {
+    choice, motors = settings.limits, plan.motors
+    limits = {
         name: per_motor(f"limits.{name}", value, motors)
         for name in ("torque", "speed")
         if (value := getattr(choice, name)) is not None
@@ -190,7 +195,7 @@ def _scaled(
         plan,
         robot,
         controller,
-        Limits(positions=robot.position_limits, **given),
+        Limits(positions=robot.position_limits, **limits),
         balance=choice.balance,
         margin=choice.margin,
         progress=None if progress is None else partial(progress, "amplitudes"),

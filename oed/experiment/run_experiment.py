@@ -101,7 +101,7 @@ class SimulatedPlant:
             As `robotmodels.simulation.simulate.simulate`.
         """
         seeds: Any = self.rng.bit_generator.seed_seq
-        own = np.random.SeedSequence(
+        seed = np.random.SeedSequence(
             seeds.entropy,
             spawn_key=seeds.spawn_key,
             pool_size=seeds.pool_size,
@@ -115,7 +115,7 @@ class SimulatedPlant:
             lines=plan.multisine.lines,
             detection=plan.multisine.detection,
             imperfections=self.imperfections,
-            rng=np.random.Generator(type(self.rng.bit_generator)(own)),
+            rng=np.random.Generator(type(self.rng.bit_generator)(seed)),
             periods=plan.periods,
             transient=plan.transient_periods,
             executor=self.executor,

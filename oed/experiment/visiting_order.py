@@ -7,6 +7,7 @@ import numpy as np
 
 from oed.experiment.moves import MoveLimits, move_times
 from robotmodels.common.arrays import Array, IntArray, read_only
+from robotmodels.common.deprecation import renamed_attributes
 from robotmodels.common.errors import InvalidInput
 from robotmodels.common.printing import ReprHtml
 
@@ -14,6 +15,7 @@ _EXACT = 12  # positions up to which all orders are considered
 _STARTS = 6
 
 
+@renamed_attributes("0.2", given="unordered_duration")
 @dataclass(frozen=True, eq=False)
 class VisitingOrder(ReprHtml):
     """An order of positions.
@@ -24,7 +26,7 @@ class VisitingOrder(ReprHtml):
         Indices of the positions, first to last.
     duration : float, s
         Duration of all moves, from the start and back to it where asked.
-    given : float, s
+    unordered_duration : float, s
         The same for the order in which the positions were given.
     optimal : bool
         Whether no other order is shorter; else none is found by moving or reversing a part.
@@ -32,19 +34,19 @@ class VisitingOrder(ReprHtml):
 
     order: IntArray
     duration: float
-    given: float
+    unordered_duration: float
     optimal: bool
 
     @property
     def saved(self) -> float:
         """What the order saves against the one given [s]."""
-        return self.given - self.duration
+        return self.unordered_duration - self.duration
 
     def __str__(self) -> str:
         best = "no order is shorter" if self.optimal else "no part moved or reversed shortens it"
         return (
             f"order {', '.join(map(str, self.order))}: moves take {self.duration:.1f} s instead of "
-            f"{self.given:.1f} s; {best}"
+            f"{self.unordered_duration:.1f} s; {best}"
         )
 
 
@@ -88,11 +90,11 @@ def visiting_order(
     last = first if back else np.zeros(n)
     exact = n <= _EXACT
     order = _held_karp(times, first, last) if exact else _improved(times, first, last)
-    given = _duration(np.arange(n), times, first, last)
+    unordered_duration = _duration(np.arange(n), times, first, last)
     duration = _duration(order, times, first, last)
-    if duration > given:
-        order, duration = np.arange(n), given
-    return VisitingOrder(read_only(order), duration, given, exact)
+    if duration > unordered_duration:
+        order, duration = np.arange(n), unordered_duration
+    return VisitingOrder(read_only(order), duration, unordered_duration, exact)
 
 
 def _duration(order: IntArray, times: Array, first: Array, last: Array) -> float:
@@ -107,10 +109,10 @@ def _held_karp(times: Array, first: Array, last: Array) -> IntArray:
     best[1 << np.arange(n), np.arange(n)] = first
     for visited in range(1, 1 << n):
         for end in range(n):
-            rest = visited & ~(1 << end)
-            if not visited >> end & 1 or not rest:
+            before_end = visited & ~(1 << end)
+            if not visited >> end & 1 or not before_end:
                 continue
-            ways = best[rest] + times[:, end]
+            ways = best[before_end] + times[:, end]
             before[visited, end] = np.argmin(ways)
             best[visited, end] = ways[before[visited, end]]
     visited, end = (1 << n) - 1, int(np.argmin(best[-1] + last))
@@ -130,10 +132,10 @@ def _improved(times: Array, first: Array, last: Array) -> IntArray:
 
 
 def _nearest(times: Array, start: int) -> IntArray:
-    order, left = [start], np.ones(len(times), dtype=bool)
-    while left[order[-1]] and len(order) < len(times):
-        left[order[-1]] = False
-        order.append(int(np.argmin(np.where(left, times[order[-1]], np.inf))))
+    order, unvisited = [start], np.ones(len(times), dtype=bool)
+    while unvisited[order[-1]] and len(order) < len(times):
+        unvisited[order[-1]] = False
+        order.append(int(np.argmin(np.where(unvisited, times[order[-1]], np.inf))))
     return np.array(order)
 
 
@@ -158,8 +160,8 @@ def _neighbours(order: IntArray) -> Iterator[IntArray]:
             yield np.concatenate([order[:i], order[i:j][::-1], order[j:]])
     for size in (1, 2, 3):
         for i in range(n - size + 1):
-            part, rest = order[i : i + size], np.delete(order, np.s_[i : i + size])
-            for j in range(len(rest) + 1):
+            part, others = order[i : i + size], np.delete(order, np.s_[i : i + size])
+            for j in range(len(others) + 1):
                 if j != i:
-                    yield np.concatenate([rest[:j], part, rest[j:]])
-                    yield np.concatenate([rest[:j], part[::-1], rest[j:]])
+                    yield np.concatenate([others[:j], part, others[j:]])
+                    yield np.concatenate([others[:j], part[::-1], others[j:]])

@@ -27,7 +27,7 @@ _WORTHWHILE = 128
 _GENERAL = 64
 """Positions whose sensitivities are held at once where the kernel does not serve."""
 _FEW = 4
-"""Positions by which it is found out whether it does."""
+"""Positions that are tried to see whether it does."""
 
 Prepared = tuple[Array, tuple[SpringNetwork, Tangents | None] | None]
 
@@ -193,18 +193,18 @@ def information(
     size = min(chunk, max(-(-len(positions) // 4), _WORTHWHILE))
     chunks = [positions[start : start + size] for start in range(0, len(positions), size)]
     work = ChunkInformation(robot, check_omega(omega), noise, equilibrium_shift)
-    found: Iterable[Array]
+    parts: Iterable[Array]
     if executor is None and len(chunks) == 1:
-        found = map(work, chunks)
+        parts = map(work, chunks)
     elif executor is None:  # what Pinocchio does for a chunk overlaps with the kernel's last
-        found = pipelined_map(work.prepare, work.finish, chunks)
+        parts = pipelined_map(work.prepare, work.finish, chunks)
     else:
-        found = executor.map(work, chunks)
+        parts = executor.map(work, chunks)
     if store is None:
-        return InformationSet._of_sums(positions, _counted(found, len(positions), progress), names)
+        return InformationSet._of_sums(positions, _counted(parts, len(positions), progress), names)
     from oed.information_sets.stored_information import write_store
 
-    return write_store(store, positions, names, _counted(found, len(positions), progress))
+    return write_store(store, positions, names, _counted(parts, len(positions), progress))
 
 
 def _counted(parts: Iterable[Array], total: int, progress: Progress | None) -> Iterator[Array]:

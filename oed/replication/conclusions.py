@@ -17,7 +17,7 @@ import numpy as np
 from estimators.uncertainty.covariance import Uncertainty
 from oed.replication.paper import CONCLUSIONS
 from oed.replication.six_estimators import Evaluation
-from oed.replication.table_1 import Groups, Table1, found_share
+from oed.replication.table_1 import Groups, Table1, success_share
 from robotmodels.common.arrays import Array
 
 Verdict = Literal["supported", "not supported", "undecided"]
@@ -121,14 +121,14 @@ def conclusions(
         (("LLS15U", "LLSM15U"),),
         (("LLS15U", "LLS15O"), ("NLS15U", "NLS15O")),
     )
-    found = [_estimators_differ(evaluation, truth, pairs) for pairs in contests]
-    share = found_share(evaluation)
-    found.append(_groups_differ(share, theorem1.std, groups.gear_springs, groups.arm_springs))
-    found.append(_pairs_differ(share, theorem1.std, groups.springs, groups.dampers))
-    found.append(_indicative(table, np.log(evaluation.best / truth) / theorem1.std))
+    verdicts = [_estimators_differ(evaluation, truth, pairs) for pairs in contests]
+    share = success_share(evaluation)
+    verdicts.append(_groups_differ(share, theorem1.std, groups.gear_springs, groups.arm_springs))
+    verdicts.append(_pairs_differ(share, theorem1.std, groups.springs, groups.dampers))
+    verdicts.append(_indicative(table, np.log(evaluation.best / truth) / theorem1.std))
     return tuple(
         Judged(text, verdict, evidence)
-        for text, (verdict, evidence) in zip(CONCLUSIONS, found, strict=True)
+        for text, (verdict, evidence) in zip(CONCLUSIONS, verdicts, strict=True)
     )
 
 
@@ -145,20 +145,20 @@ def agreed(outcomes: Sequence[int]) -> Verdict:
 def _estimators_differ(
     evaluation: Evaluation, truth: Array, pairs: Sequence[tuple[str, str]]
 ) -> tuple[Verdict, str]:
-    outcomes, said = [], []
+    outcomes, sentences = [], []
     for first, second in pairs:
-        held = contest(evaluation, first, second)
-        outcomes.append(held.outcome)
-        said.append(str(held))
+        one = contest(evaluation, first, second)
+        outcomes.append(one.outcome)
+        sentences.append(str(one))
         if np.isfinite(truth).any():
             errors = [_errors(evaluation, name, truth) for name in (first, second)]
             nearer = _smaller(*errors)
             outcomes.append(nearer.outcome)
-            said.append(
+            sentences.append(
                 f"median true error of the best models {_percent(errors[0])} and "
                 f"{_percent(errors[1])}, smaller for {nearer}"
             )
-    return agreed(outcomes), "; ".join(said)
+    return agreed(outcomes), "; ".join(sentences)
 
 
 def _errors(evaluation: Evaluation, name: str, truth: Array) -> Array:
@@ -198,14 +198,14 @@ def _groups_differ(
 
     if not gear or not arm:
         return "undecided", "the model has no springs of one of the kinds"
-    outcomes, said = [], []
+    outcomes, sentences = [], []
     for what, easy, values in (("part of models that find one", 1, share), ("std_th", -1, std)):
         a, b = values[list(gear)], values[list(arm)]
         # All equal: no rank is above another.
         p = float(mannwhitneyu(a, b).pvalue) if np.ptp(np.append(a, b)) > 0 else 1.0
         outcomes.append(_outcome(easy * float(np.median(a) - np.median(b)), p))
-        said.append(f"median {what} {_percent(a)} (gearboxes), {_percent(b)} (arm), {_p(p)}")
-    return agreed(outcomes), "springs: " + "; ".join(said)
+        sentences.append(f"median {what} {_percent(a)} (gearboxes), {_percent(b)} (arm), {_p(p)}")
+    return agreed(outcomes), "springs: " + "; ".join(sentences)
 
 
 def _pairs_differ(
@@ -214,14 +214,14 @@ def _pairs_differ(
     if not springs:
         return "undecided", "the model has no pairs of spring and damper"
     spring, damper = list(springs), list(dampers)
-    found = _smaller(share[damper], share[spring])
+    easier = _smaller(share[damper], share[spring])
     surer = _smaller(std[spring], std[damper])
     evidence = (
-        f"more models find the spring than its damper in {found}; median std_th "
+        f"more models find the spring than its damper in {easier}; median std_th "
         f"{_percent(std[spring])} (springs), {_percent(std[damper])} (dampers), smaller for the "
         f"spring in {surer}"
     )
-    return agreed([found.outcome, surer.outcome]), evidence
+    return agreed([easier.outcome, surer.outcome]), evidence
 
 
 def _indicative(table: Table1, z_scores: Array) -> tuple[Verdict, str]:
@@ -233,27 +233,29 @@ def _indicative(table: Table1, z_scores: Array) -> tuple[Verdict, str]:
     """
     from scipy.stats import spearmanr
 
-    outcomes, said = [], []
+    outcomes, sentences = [], []
     ratio = table.std / table.theory
     middle = float(np.median(ratio))
     if middle < ONE_MINIMUM:
-        said.append(f"the best {table.count} models are one minimum, whose scatter says nothing")
+        sentences.append(
+            f"the best {table.count} models are one minimum, whose scatter says nothing"
+        )
     elif np.ptp(table.std) > 0 and np.isfinite(middle):
         ranks = spearmanr(table.std, table.theory)
         correlated = ranks.statistic > 0 and ranks.pvalue < LEVEL
         outcomes.append(1 if correlated and 0.1 <= middle <= 10 else -1)
-        said.append(
+        sentences.append(
             f"scatter of the best {table.count} over std_th: median {middle:.2g}, "
             f"{ratio.min():.2g} to {ratio.max():.2g}, rank correlation {ranks.statistic:.2f}"
         )
-    known = z_scores[np.isfinite(z_scores)]
-    if known.size:
-        rms = float(np.sqrt(np.mean(known**2)))
+    finite = z_scores[np.isfinite(z_scores)]
+    if finite.size:
+        rms = float(np.sqrt(np.mean(finite**2)))
         outcomes.append(1 if rms <= 3 else -1)
-        said.append(f"true error over std_th of {known.size} parameters: rms {rms:.2g}")
-    if not said:
+        sentences.append(f"true error over std_th of {finite.size} parameters: rms {rms:.2g}")
+    if not sentences:
         return "undecided", "neither scatter nor truth is known"
-    return agreed(outcomes or [0]), "; ".join(said)
+    return agreed(outcomes or [0]), "; ".join(sentences)
 
 
 def _outcome(difference: float, p: float) -> int:

@@ -4,8 +4,8 @@
 normalised and sorted by the first (null: no FRF), ``start`` numbers, and the parts of reasonable
 models by ``reasonable`` criterion; ``table_1``: per parameter, relative to the best LLS15U model;
 ``conclusions``: text, ``verdict``, ``evidence``; ``paper``: the published numbers; ``rival``:
-fits in time and of FRFs, see `oed.replication.time_domain_comparison.Rivalry` (null where the
-study has none).
+fits in time and of FRFs, see `TimeDomainComparison` in `oed.replication.time_domain_comparison`
+(null where the study has none).
 """
 
 import json
@@ -17,20 +17,20 @@ import numpy as np
 
 from oed.replication.paper import REASONABLE_BY_COST, REASONABLE_BY_SPRINGS, TABLE_1
 from oed.replication.replicate import Replication
-from oed.replication.time_domain_comparison import Rivalry
+from oed.replication.time_domain_comparison import TimeDomainComparison
 from robotmodels.common.arrays import Array
 from robotmodels.common.atomic_files import write_text
 
 
-def write_published_json(found: Replication, path: Path) -> None:
+def write_published_json(replication: Replication, path: Path) -> None:
     """Write the file."""
-    text = json.dumps(published_document(found), indent=1, allow_nan=False) + "\n"
+    text = json.dumps(published_document(replication), indent=1, allow_nan=False) + "\n"
     write_text(path, text)
 
 
-def published_document(found: Replication) -> dict[str, Any]:
+def published_document(replication: Replication) -> dict[str, Any]:
     """Return its content."""
-    e, t = found.evaluation, found.table
+    e, t = replication.evaluation, replication.table
     statistics = ("minimum", "median", "maximum", "mean", "std", "theory")
     return {
         "schema": "published/1",
@@ -40,14 +40,14 @@ def published_document(found: Replication) -> dict[str, Any]:
                 "optimal_cost": _numbers(e.optimal_normalised[i]),
                 "start": e.start[i].tolist(),
                 "reasonable": {
-                    "cost": found.by_cost[name],
-                    "springs": found.by_springs[name],
-                    "all_springs": found.by_all_springs[name],
+                    "cost": replication.by_cost[name],
+                    "springs": replication.by_springs[name],
+                    "all_springs": replication.by_all_springs[name],
                 },
             }
             for i, name in enumerate(e.estimators)
         },
-        "left_out": found.hardest,
+        "left_out": replication.hardest,
         "table_1": {
             "models": t.count,
             "within": t.within,
@@ -56,7 +56,7 @@ def published_document(found: Replication) -> dict[str, Any]:
         },
         "conclusions": [
             {"conclusion": j.conclusion, "verdict": j.verdict, "evidence": j.evidence}
-            for j in found.conclusions
+            for j in replication.conclusions
         ],
         "paper": {
             "reasonable_cost": REASONABLE_BY_COST,
@@ -65,14 +65,14 @@ def published_document(found: Replication) -> dict[str, Any]:
                 name: dict(zip(statistics, row, strict=True)) for name, row in TABLE_1.items()
             },
         },
-        "rival": None if found.rivalry is None else rivalry_document(found.rivalry),
+        "rival": None if replication.rivalry is None else rivalry_document(replication.rivalry),
     }
 
 
-def rivalry_document(found: Rivalry) -> dict[str, Any]:
+def rivalry_document(comparison: TimeDomainComparison) -> dict[str, Any]:
     """Return what both ways of fitting came to, as plain data."""
-    misfit = found.misfit if np.isfinite(found.misfit) else None
-    return asdict(found) | {"misfit": misfit}
+    misfit = comparison.misfit if np.isfinite(comparison.misfit) else None
+    return asdict(comparison) | {"misfit": misfit}
 
 
 def _numbers(values: Array) -> list[float | None]:

@@ -11,7 +11,7 @@ from estimators.uncertainty.covariance import Uncertainty, covariance
 from oed.replication.conclusions import Judged, conclusions
 from oed.replication.six_estimators import REFERENCE, Evaluation, evaluate
 from oed.replication.table_1 import Groups, Table1, groups_of, hardest_spring, table_1
-from oed.replication.time_domain_comparison import ROLLOUTS, Rivalry, compare
+from oed.replication.time_domain_comparison import ROLLOUTS, TimeDomainComparison, compare
 from oed.study.results import FittedStudy
 from oed.study.settings.study_file import ESTIMATORS
 from oed.study.stages.context import Run
@@ -42,7 +42,7 @@ class Replication:
         The arm spring that is left out of the second share.
     conclusions : tuple of Judged
         The seven, judged.
-    rivalry : Rivalry or None
+    rivalry : TimeDomainComparison or None
         Fits in time beside fits of FRFs; None unless the study asks for it.
     seconds : dict of str to float
         Time per stage, when it was computed.
@@ -55,7 +55,7 @@ class Replication:
     groups: Groups
     hardest: str
     conclusions: tuple[Judged, ...]
-    rivalry: Rivalry | None
+    rivalry: TimeDomainComparison | None
     seconds: dict[str, float]
 
     @property
@@ -146,15 +146,15 @@ def _evaluation(run: Run, results: FittedStudy) -> Stage[Evaluation]:
     return run.stages.run("published", inputs, compute, dataclass_files(Evaluation))
 
 
-def _rivalry(run: Run) -> Stage[Rivalry]:
+def _rivalry(run: Run) -> Stage[TimeDomainComparison]:
     """Return both ways of fitting; computed again where mujoco.sysid has come to be there."""
     from oed.replication.rollout_fit import missing
 
     choice = run.study.rival
     assert choice is not None
 
-    def compute(folder: Path, report: Progress | None) -> Rivalry:
+    def compute(folder: Path, report: Progress | None) -> TimeDomainComparison:
         return compare(choice, run.rng("rival"), run.executor, report)
 
     inputs = {"missing": missing(), "limit": ROLLOUTS, **run.settings("rival", "seed")}
-    return run.stages.run("rival", inputs, compute, dataclass_files(Rivalry))
+    return run.stages.run("rival", inputs, compute, dataclass_files(TimeDomainComparison))

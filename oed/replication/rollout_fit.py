@@ -153,8 +153,8 @@ def fit_rollouts(case: RolloutCase, start: Array, reach: float, limit: int) -> R
     with _silent():
         residual, begun = _Residual(case, limit, search.as_vector()), time.perf_counter()
         try:
-            found, _ = _sysid().optimize(search, residual, verbose=False, max_iters=limit)
-            ln, ended = found.as_vector(), True
+            optimum, _ = _sysid().optimize(search, residual, verbose=False, max_iters=limit)
+            ln, ended = optimum.as_vector(), True
         except _EnoughError:
             ln, ended = residual.best, False
         seconds = time.perf_counter() - begun
@@ -167,8 +167,8 @@ def misfit(case: RolloutCase, values: Array) -> float:
     search = _parameters(case, values, 1.0)
     at = search.as_vector()
     with _silent():
-        apart, _, _ = _Residual(case, 1, at)(at, search)
-    return float(np.sqrt(np.mean(np.concatenate(apart) ** 2)))
+        residuals, _, _ = _Residual(case, 1, at)(at, search)
+    return float(np.sqrt(np.mean(np.concatenate(residuals) ** 2)))
 
 
 @contextmanager
@@ -212,12 +212,12 @@ class _Residual:
         if self.rollouts + points > self.limit:
             raise _EnoughError
         self.rollouts += points
-        found = self.ask(x, parameters)
+        residuals = self.ask(x, parameters)
         if points == 1:
-            cost = float(sum(np.sum(np.square(part)) for part in found[0]))
+            cost = float(sum(np.sum(np.square(part)) for part in residuals[0]))
             if cost < self.least:
                 self.least, self.best = cost, np.array(x, dtype=float).ravel()
-        return found
+        return residuals
 
 
 def _sequences(case: RolloutCase) -> Any:
@@ -260,8 +260,8 @@ def _standardised(case: RolloutCase) -> Callable[..., tuple[Array, Any, Any]]:
         params: Any, predicted: Any, measured: Any, model: Any, return_all: bool, state: Array
     ) -> tuple[Array, Any, Any]:
         at = [1 + int(model.joint(name).qposadr[0]) for name in case.motors]
-        apart = (state[:-1, at] - measured.data[1 : len(state)]) / std
-        return apart, measured, measured
+        residuals = (state[:-1, at] - measured.data[1 : len(state)]) / std
+        return residuals, measured, measured
 
     return residual
 
@@ -269,9 +269,9 @@ def _standardised(case: RolloutCase) -> Callable[..., tuple[Array, Any, Any]]:
 def _parameters(case: RolloutCase, start: Array, reach: float) -> Any:
     """Return ln(theta/case's) as mujoco.sysid's parameters, at a start."""
     sysid = _sysid()
-    found, bound = sysid.ParameterDict(), reach * np.log(10)
-    own = case.parameters
-    for name, reference, value in zip(own.names, own.values, start, strict=True):
+    search, bound = sysid.ParameterDict(), reach * np.log(10)
+    nominal = case.parameters
+    for name, reference, value in zip(nominal.names, nominal.values, start, strict=True):
         spring, kind = name.split(".")
 
         def modify(
@@ -283,6 +283,6 @@ def _parameters(case: RolloutCase, start: Array, reach: float) -> Any:
         ) -> None:
             setattr(spec.tendon(tendon), kind, [reference * np.exp(parameter.value[0]), 0.0, 0.0])
 
-        found.add(sysid.Parameter(name, 0.0, -bound, bound, modifier=modify))
-        found[name].value[:] = np.log(value / reference)
-    return found
+        search.add(sysid.Parameter(name, 0.0, -bound, bound, modifier=modify))
+        search[name].value[:] = np.log(value / reference)
+    return search

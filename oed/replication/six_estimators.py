@@ -101,8 +101,8 @@ class Evaluation:
             if name.endswith(".stiffness") and name not in left_out
         ]
         low, high = REASONABLE_RANGE
-        chosen = self.relative[:, :, springs]
-        return np.asarray(((chosen >= low) & (chosen <= high)).all(axis=2))
+        ratios = self.relative[:, :, springs]
+        return np.asarray(((ratios >= low) & (ratios <= high)).all(axis=2))
 
 
 def evaluate(
@@ -177,8 +177,8 @@ def _costs(problems: tuple[Problem, ...], values: Array) -> tuple[float, ...]:
         response = network.frequency_response(estimate.omega)
     except (IdentificationError, np.linalg.LinAlgError):
         return (np.inf,) * len(problems)
-    found = []
+    costs = []
     for one in problems:
         error = one.kind.error(estimate.response, response, one.used)
-        found.append(float(np.sum(one.weights * np.abs(error) ** 2)))
-    return tuple(found)
+        costs.append(float(np.sum(one.weights * np.abs(error) ** 2)))
+    return tuple(costs)

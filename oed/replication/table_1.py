@@ -55,14 +55,14 @@ def table_1(evaluation: Evaluation, theorem1: Uncertainty) -> Table1:
     """
     row = evaluation.of(REFERENCE)
     count = min(BEST_COUNT, evaluation.values.shape[1])
-    chosen = evaluation.relative[row, :count]
+    best = evaluation.relative[row, :count]
     return Table1(
         evaluation.parameters,
-        chosen.min(axis=0),
-        np.asarray(np.median(chosen, axis=0)),
-        chosen.max(axis=0),
-        chosen.mean(axis=0),
-        chosen.std(axis=0, ddof=1) if count > 1 else np.full(chosen.shape[1], np.nan),
+        best.min(axis=0),
+        np.asarray(np.median(best, axis=0)),
+        best.max(axis=0),
+        best.mean(axis=0),
+        best.std(axis=0, ddof=1) if count > 1 else np.full(best.shape[1], np.nan),
         theorem1.std,
         count,
         int((evaluation.user_normalised[row] < BEST_COST).sum()),
@@ -104,13 +104,13 @@ def groups_of(robot: ElasticRobot) -> Groups:
     ]
     pairs = [pair for pair in pairs if pair[1] in names and pair[2] in names]
 
-    def places(gear: bool, which: int) -> tuple[int, ...]:
+    def indices(gear: bool, which: int) -> tuple[int, ...]:
         return tuple(names.index(pair[which]) for pair in pairs if pair[0] == gear)
 
-    return Groups(places(True, 1), places(False, 1), places(True, 2), places(False, 2))
+    return Groups(indices(True, 1), indices(False, 1), indices(True, 2), indices(False, 2))
 
 
-def found_share(evaluation: Evaluation) -> Array:
+def success_share(evaluation: Evaluation) -> Array:
     """Return for each parameter (p,) the part of the reference's models within [0.5, 2]."""
     low, high = REASONABLE_RANGE
     relative = evaluation.relative[evaluation.of(REFERENCE)]

@@ -38,7 +38,7 @@ _ANGLE_NOISE = 1e-5
 
 
 @dataclass(frozen=True)
-class Way:
+class MethodResult:
     """What one way of fitting came to from starts at one distance.
 
     Attributes
@@ -68,12 +68,12 @@ class Way:
 
 
 @dataclass(frozen=True)
-class Rivalry:
+class TimeDomainComparison:
     """Both ways beside each other.
 
     Attributes
     ----------
-    ways : tuple of Way
+    ways : tuple of MethodResult
         Ways at each distance, ours and then the rival's.
     missing : str
         Module that mujoco.sysid lacks here, so that it could not run; else nothing.
@@ -83,7 +83,7 @@ class Rivalry:
         Limit of rollouts per start.
     """
 
-    ways: tuple[Way, ...]
+    ways: tuple[MethodResult, ...]
     missing: str
     misfit: float
     limit: int
@@ -94,7 +94,7 @@ def compare(
     rng: np.random.Generator,
     executor: Executor | None = None,
     progress: Progress | None = None,
-) -> Rivalry:
+) -> TimeDomainComparison:
     """Fit the case's records both ways from the same starts.
 
     Parameters
@@ -115,11 +115,11 @@ def compare(
     ]
     ways = _ours(robot, records, distances)
     if lacks:
-        return Rivalry(tuple(ways), lacks, float("nan"), ROLLOUTS)
+        return TimeDomainComparison(tuple(ways), lacks, float("nan"), ROLLOUTS)
     rollouts = rollouts_of(robot, records)
     theirs = _theirs(robot, rollouts, distances, executor, progress)
     pairs = zip(ways, theirs, strict=True)
-    return Rivalry(
+    return TimeDomainComparison(
         tuple(way for pair in pairs for way in pair),
         lacks,
         misfit(rollouts, robot.parameters.values),
@@ -181,7 +181,7 @@ def _starts(robot: "ElasticRobot", count: int, decades: float, rng: np.random.Ge
 
 def _ours(
     robot: "ElasticRobot", records: "Records", distances: Sequence[tuple[float, Array]]
-) -> list[Way]:
+) -> list[MethodResult]:
     """Fit FRFs from every start; their estimation is shared among all starts."""
     from estimators.fitting.least_squares import fit
     from estimators.fitting.multistart import multistart
@@ -210,24 +210,24 @@ def _theirs(
     distances: Sequence[tuple[float, Array]],
     executor: Executor | None,
     progress: Progress | None,
-) -> list[Way]:
+) -> list[MethodResult]:
     """Fit rollouts from every start."""
     from oed.replication.rollout_fit import fit_rollouts
 
     fit = partial(fit_rollouts, rollouts, reach=REACH, limit=ROLLOUTS)
     every = np.concatenate([starts for _, starts in distances])
     ran = map(fit, every) if executor is None else executor.map(fit, every)
-    found = []
+    fits = []
     for done, one in enumerate(ran, start=1):
-        found.append(one)
+        fits.append(one)
         if progress is not None:
             progress(done, len(every))
     ways = []
     for decades, starts in distances:
-        mine, found = found[: len(starts)], found[len(starts) :]
-        values = np.array([one.values for one in mine])
-        seconds = float(np.mean([one.seconds for one in mine]))
-        unfinished = sum(not one.ended for one in mine)
+        group, fits = fits[: len(starts)], fits[len(starts) :]
+        values = np.array([one.values for one in group])
+        seconds = float(np.mean([one.seconds for one in group]))
+        unfinished = sum(not one.ended for one in group)
         ways.append(judged("mujoco.sysid", robot, decades, values, seconds, unfinished))
     return ways
 
@@ -239,7 +239,7 @@ def judged(
     values: Array,
     seconds: float,
     unfinished: int,
-) -> Way:
+) -> MethodResult:
     """Return how often all springs came near the truth, how near those came, and the time.
 
     Parameters
@@ -251,7 +251,7 @@ def judged(
     springs = np.array([end.endswith("stiffness") for end in robot.parameters.names])
     good = error[:, springs].max(axis=1) < CLOSE
     best = error[good] if good.any() else error
-    return Way(
+    return MethodResult(
         name,
         decades,
         len(values),

@@ -6,7 +6,7 @@ import numpy as np
 
 import robotmodels
 from oed.replication.replicate import Replication
-from oed.replication.time_domain_comparison import Rivalry
+from oed.replication.time_domain_comparison import TimeDomainComparison
 from oed.study.results import FittedStudy
 from oed.study.settings.study_file import ESTIMATORS
 from oed.study.stages.fit_stages import positions_of
@@ -151,7 +151,7 @@ def _responses(results: FittedStudy, published: Replication) -> Section:
     return Section("responses", "Frequency responses", body)
 
 
-def _rival(found: Rivalry, seconds: dict[str, float]) -> Section:
+def _rival(found: TimeDomainComparison, seconds: dict[str, float]) -> Section:
     body = filled(
         "published_rival.html.j2",
         found=found,

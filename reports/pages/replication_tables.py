@@ -9,7 +9,7 @@ from oed.replication.paper import (
     TABLE_1 as PAPER_TABLE,
 )
 from oed.replication.replicate import Replication
-from oed.replication.time_domain_comparison import Rivalry
+from oed.replication.time_domain_comparison import TimeDomainComparison
 from oed.study.settings.study_file import ESTIMATORS
 from reports import text
 from reports.page_elements import Cell, Column, Number, Table, numbers, table
@@ -72,7 +72,7 @@ def paper_table_1() -> Table:
     return table("paper-table-1", caption, columns, rows)
 
 
-def rival(found: Rivalry) -> Table:
+def rival(found: TimeDomainComparison) -> Table:
     """Return what fits in time and fits of FRFs came to from the same starts."""
     rows = [
         (

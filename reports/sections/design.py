@@ -75,7 +75,7 @@ def tour(results: StudyResults) -> dict[str, str] | None:
         total = text.duration(results.visits * choice.measuring + order.duration)
     return {
         "duration": text.duration(order.duration),
-        "given": text.duration(order.given),
+        "given": text.duration(order.unordered_duration),
         "total": total,
         "budget": "" if choice.time is None else text.duration(choice.time),
         "optimal": "yes" if order.optimal else "",

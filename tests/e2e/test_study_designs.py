@@ -62,7 +62,7 @@ def test_a_time_suffices_for_experiments_and_moves_and_orders_the_visits(tmp_pat
     wanted = "{time: 300, measuring: 40, most: 2, moves: {speed: 0.5, acceleration: 1.0}}"
     found = designed(tmp_path, wanted)
     count = found.exact.repetitions.sum()
-    assert found.order.duration <= found.order.given
+    assert found.order.duration <= found.order.unordered_duration
     total = 40 * count + found.order.duration
     assert 200 < total <= 300
     assert sorted(found.order.order) == list(range(len(found.used)))
@@ -74,7 +74,7 @@ def test_a_time_suffices_for_experiments_and_moves_and_orders_the_visits(tmp_pat
 def test_positions_are_measured_and_numbered_in_the_order_of_visits(tmp_path):
     wanted = "{experiments: 6, most: 1, solver: newton, moves: {speed: 0.5, acceleration: 1.0}}"
     found = fit_study(load_study(study(tmp_path, wanted)))
-    assert found.order.duration < found.order.given
+    assert found.order.duration < found.order.unordered_duration
     places = found.information.positions[found.used]
     np.testing.assert_array_equal(found.estimate.positions, places)
     np.testing.assert_array_equal(

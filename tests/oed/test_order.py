@@ -36,7 +36,7 @@ def test_against_every_order(n, start, back):
     assert found.optimal
     assert found.duration == pytest.approx(best)
     assert found.duration == pytest.approx(duration(found.order, positions, start, back))
-    assert found.given == pytest.approx(duration(range(n), positions, start, back))
+    assert found.unordered_duration == pytest.approx(duration(range(n), positions, start, back))
     assert sorted(found.order) == list(range(n))
 
 
@@ -72,7 +72,7 @@ def test_beyond_twelve_it_comes_close_to_the_best():
         assert 1 - 1e-9 <= found.duration / least_duration(positions) < 1.05
     drawn = np.random.default_rng(9).uniform(-3, 3, (30, 2))
     found = visiting_order(drawn, LIMITS)
-    assert found.duration < 0.7 * found.given
+    assert found.duration < 0.7 * found.unordered_duration
 
 
 def test_move_times_are_those_of_moves():

@@ -66,7 +66,10 @@ def test_positions_are_put_in_order_on_request(tmp_path):
     short.save(tmp_path / "plan.yaml")
     kept = ExperimentPlan.load(tmp_path / "plan.yaml").order
     assert kept.order.tolist() == short.order.order.tolist()
-    assert (kept.duration, kept.given) == (short.order.duration, short.order.given)
+    assert (kept.duration, kept.unordered_duration) == (
+        short.order.duration,
+        short.order.unordered_duration,
+    )
     assert kept.optimal
 
 

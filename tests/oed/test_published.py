@@ -7,7 +7,14 @@ from estimators.uncertainty.covariance import Uncertainty
 from oed.replication.conclusions import agreed, conclusions, contest
 from oed.replication.paper import CONCLUSIONS, TABLE_1
 from oed.replication.six_estimators import Evaluation
-from oed.replication.table_1 import Groups, Table1, found_share, groups_of, hardest_spring, table_1
+from oed.replication.table_1 import (
+    Groups,
+    Table1,
+    groups_of,
+    hardest_spring,
+    success_share,
+    table_1,
+)
 from oed.study.settings.study_file import ESTIMATORS
 from robotmodels import load_robot
 
@@ -150,7 +157,7 @@ def test_shares_and_the_spring_that_is_left_out():
     every = models.reasonable_by_springs()[models.of("LLS15U")].sum()
     but_one = models.reasonable_by_springs((NAMES[7],))[models.of("LLS15U")].sum()
     assert (every, but_one) == (10, N)
-    share = found_share(models)
+    share = success_share(models)
     assert share[7] == 10 / N
     assert (np.delete(share, 7) == 1).all()
 

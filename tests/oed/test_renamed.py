@@ -32,6 +32,7 @@ def test_classes(old, new):
         (PlanComparison, "trials", "plans"),
         (PlanComparison, "found", "simulated"),
         (PlanComparison, "held", "fixed_equilibria"),
+        (oed.VisitingOrder, "given", "unordered_duration"),
     ],
 )
 def test_attributes(cls, old, new):

@@ -1,4 +1,4 @@
-"""The section ``design`` of a study file: what is wanted, what limits it, and how sure theta is.
+"""The section ``design`` of a study file: criterion, limits, and how sure theta is.
 
     design:
       criterion: D               # or A, E, Ds, As

@@ -13,7 +13,7 @@
       relative: 0.03             # part of the element
       floor: 0.01                # part of the largest element at that frequency
     candidates: {...}            # positions to choose from, `candidates_settings`
-    design: {...}                # what is wanted and what limits it, `design_settings`
+    design: {...}                # criterion and limits, `design_settings`
     compare:                     # the plan in repeated simulations, beside rivals
       random: 5                  # so many plans of as many visits to random candidates
       grid: {elbow_joint: 5}     # a grid by hand; left out: spread evenly over all joints' ranges
@@ -60,7 +60,7 @@ from typing import Annotated, Literal, Self
 
 from pydantic import Field, model_validator
 
-from oed.experiment.experiment_file import Shaking
+from oed.experiment.experiment_file import ExcitationSettings
 from oed.study.settings.candidates_settings import Candidates
 from oed.study.settings.design_settings import DesignChoice
 from oed.study.settings.fit_settings import FitChoice
@@ -109,7 +109,7 @@ class Noise(FileSection):
 class DataChoice(FileSection):
     """Where the FRFs come from; from the noise law where none of the first three is given."""
 
-    experiment: Shaking | None = None
+    experiment: ExcitationSettings | None = None
     records: Path | None = None
     frf: Path | None = None
     method: Literal["ari", "har", "log", "h1", "jio"] = "ari"
@@ -120,9 +120,9 @@ class DataChoice(FileSection):
 
     @model_validator(mode="after")
     def _one_source(self) -> Self:
-        given = [k for k in ("experiment", "records", "frf") if getattr(self, k) is not None]
-        if len(given) > 1:
-            raise ValueError(f"{' and '.join(given)} given; one of them is needed")
+        sources = [k for k in ("experiment", "records", "frf") if getattr(self, k) is not None]
+        if len(sources) > 1:
+            raise ValueError(f"{' and '.join(sources)} given; one of them is needed")
         return self
 
     @property
@@ -167,10 +167,10 @@ class ValidationChoice(FileSection):
 
     @model_validator(mode="after")
     def _one(self) -> Self:
-        given = [k for k in ("count", "positions", "share") if getattr(self, k) is not None]
-        if len(given) != 1:
-            found = " and ".join(given) or "none of count, positions and share"
-            raise ValueError(f"{found} given; one of them is needed")
+        keys = [k for k in ("count", "positions", "share") if getattr(self, k) is not None]
+        if len(keys) != 1:
+            listed = " and ".join(keys) or "none of count, positions and share"
+            raise ValueError(f"{listed} given; one of them is needed")
         return self
 
 
@@ -220,26 +220,26 @@ class Study(FileSection):
     @model_validator(mode="after")
     def _data_or_candidates(self) -> Self:
         needed = ("candidates", "frequencies", "noise")
-        given = [key for key in needed if getattr(self, key) is not None]
+        present = [key for key in needed if getattr(self, key) is not None]
         if self.data.measured:
             optional = [key for key in ("truth", "compare") if key in self.model_fields_set]
             design = sorted(self.design.model_fields_set - {"tolerance", "solver"})
-            useless = [*given, *optional, *(f"design.{key}" for key in design)]
+            useless = [*present, *optional, *(f"design.{key}" for key in design)]
             if useless:
                 raise ValueError(
                     f"{useless[0]}: of no use with measured data, whose positions, frequencies "
                     "and noise are their own; leave it out"
                 )
             return self._checks("positions or share", ("positions", "share"))
-        missing = [key for key in needed if key not in given]
+        missing = [key for key in needed if key not in present]
         if missing:
             raise ValueError(f"missing key {missing[0]!r}")
         return self._checks("count", ("count",))
 
     def _checks(self, needed: str, keys: tuple[str, ...]) -> Self:
         """Refuse a validation for data of another kind."""
-        chosen = self.validation
-        if chosen is not None and all(getattr(chosen, key) is None for key in keys):
+        validation = self.validation
+        if validation is not None and all(getattr(validation, key) is None for key in keys):
             kind = "measured" if self.data.measured else "simulated"
             raise ValueError(f"validation: {needed} is needed for {kind} data")
         return self
