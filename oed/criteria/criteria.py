@@ -7,7 +7,7 @@ gradient, solvers and certificates are written once, for objectives.
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Protocol, runtime_checkable
+from typing import ClassVar, Protocol, runtime_checkable
 
 import numpy as np
 
@@ -83,7 +83,7 @@ class DsCriterion:
 
     interest: tuple[str, ...]
     name: str = "D_s"
-    kind: Kind = "D"
+    kind: ClassVar[Kind] = "D"
 
     def objective(self, names: Sequence[str], samples: int = 1) -> Objective:
         """Return minus the log determinant of their block of the covariance.
@@ -112,7 +112,7 @@ class AsCriterion(DsCriterion):
     """The sum of the variances of some parameters; the others are nuisance."""
 
     name: str = "A_s"
-    kind: Kind = "A"
+    kind: ClassVar[Kind] = "A"
 
 
 @dataclass(frozen=True, eq=False)
