@@ -109,7 +109,7 @@ from .experiment.visiting_order import (
 from .information_sets.candidates import InformationSamples as InformationSamples
 from .information_sets.compute import information as information
 from .information_sets.information_set import InformationSet as InformationSet
-from .information_sets.parts import (
+from .information_sets.line_information import (
     line_information as line_information,
     sensor_information as sensor_information,
     speed_cost as speed_cost,

@@ -5,7 +5,7 @@ import pytest
 from collision_arm import SHAPES, arm, shape
 
 from oed import Workcell, gathered_candidates, screened_candidates
-from oed.study.settings.candidates_settings import Candidates
+from oed.study.settings.candidates_settings import CandidatesChoice
 from oed.study.stages.context import Run
 from oed.study.stages.design_inputs import gather
 from oed.study.stages.design_stages import candidates
@@ -139,7 +139,7 @@ def test_candidates_of_a_study_follow_the_meshes_they_are_checked_with(tmp_path)
     def found(size, floor):
         (tmp_path / "hand.obj").write_text(box.format(size))
         per_joint = {"shoulder": 9, "elbow": 5, "wrist": 3}
-        choice = Candidates(per_joint=per_joint, floor=floor, self_collision=False)
+        choice = CandidatesChoice(per_joint=per_joint, floor=floor, self_collision=False)
         with open_stages(tmp_path / "stages") as stages:
             run = Run(SimpleNamespace(candidates=choice), robot, robot, stages)
             return candidates(run)
@@ -165,4 +165,4 @@ def test_candidates_of_a_study_follow_the_meshes_they_are_checked_with(tmp_path)
 )
 def test_mistakes_in_a_study_name_the_key_of_its_section(given, message, tmp_path):
     with pytest.raises(InvalidInput, match=message):
-        gather(Candidates.model_validate(given), arm(tmp_path))
+        gather(CandidatesChoice.model_validate(given), arm(tmp_path))

@@ -73,7 +73,7 @@ class BoxChoice(FileSection):
     solutions: Annotated[int, Field(ge=1, le=100)] = 4
 
 
-class Candidates(FileSection):
+class CandidatesChoice(FileSection):
     """Sources of candidate positions, and what the robot must not touch."""
 
     per_joint: Annotated[dict[str, Points], Field(min_length=1)] | None = None

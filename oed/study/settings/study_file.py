@@ -61,7 +61,7 @@ from typing import Annotated, Literal, Self
 from pydantic import Field, model_validator
 
 from oed.experiment.experiment_file import ExcitationSettings
-from oed.study.settings.candidates_settings import Candidates
+from oed.study.settings.candidates_settings import CandidatesChoice
 from oed.study.settings.design_settings import DesignChoice
 from oed.study.settings.fit_settings import FitChoice
 from robotmodels.common.file_paths import existing_file, output_folder, robot_reference
@@ -205,7 +205,7 @@ class Study(FileSection):
     seed: Seed = 1
     frequencies: Frequencies | None = None
     noise: Noise | None = None
-    candidates: Candidates | None = None
+    candidates: CandidatesChoice | None = None
     design: DesignChoice = DesignChoice()
     data: DataChoice = DataChoice()
     fit: FitChoice = FitChoice()

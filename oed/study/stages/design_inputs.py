@@ -10,7 +10,7 @@ from oed.criteria.criteria import AsCriterion, Criterion, DsCriterion
 from oed.design.constraints import Constraints, Group
 from oed.experiment.experiment_file import per_motor
 from oed.experiment.moves import MoveLimits, move_times
-from oed.study.settings.candidates_settings import Candidates, ObstacleChoice
+from oed.study.settings.candidates_settings import CandidatesChoice, ObstacleChoice
 from oed.study.settings.design_settings import DesignChoice, Moves, Ranges, RobustChoice
 from robotmodels import ElasticRobot
 from robotmodels.collision.obstacles import Box, Obstacle, Plane, Sphere
@@ -20,7 +20,7 @@ from robotmodels.common.progress import Progress
 
 
 def gather(
-    settings: Candidates, robot: ElasticRobot, progress: Progress | None = None
+    settings: CandidatesChoice, robot: ElasticRobot, progress: Progress | None = None
 ) -> ScreenedCandidates:
     """Return the candidates that `robot` can take.
 
@@ -53,11 +53,11 @@ def gather(
     except InvalidInput as error:
         # Of arguments that are this section's keys; files are named by their paths.
         message = str(error).replace("torque_limits", "torque", 1)
-        section = "candidates." if message.startswith(tuple(Candidates.model_fields)) else ""
+        section = "candidates." if message.startswith(tuple(CandidatesChoice.model_fields)) else ""
         raise InvalidInput(section + message) from error
 
 
-def compares_shapes(settings: Candidates) -> bool:
+def compares_shapes(settings: CandidatesChoice) -> bool:
     """Return whether collisions are checked, with the shapes and meshes of the URDF."""
     return _compares_links(settings) or _has_surroundings(settings)
 
@@ -72,13 +72,13 @@ def obstacle(choice: ObstacleChoice) -> Obstacle:
     return Sphere(choice.name, center, choice.radius or 0.0)
 
 
-def _compares_links(settings: Candidates) -> bool:
+def _compares_links(settings: CandidatesChoice) -> bool:
     """Return whether links are compared with each other; by default where anything else is."""
     default = _has_surroundings(settings)
     return default if settings.self_collision is None else settings.self_collision
 
 
-def _has_surroundings(settings: Candidates) -> bool:
+def _has_surroundings(settings: CandidatesChoice) -> bool:
     return bool(settings.obstacles) or settings.floor is not None
 
 
