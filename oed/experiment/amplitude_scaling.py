@@ -9,6 +9,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.optimize import minimize
 
 from oed.experiment.experiment_plan import ExperimentPlan
 from oed.experiment.predicted_peaks import Peaks, PlannedLoop
@@ -19,6 +20,8 @@ from robotmodels.linear.response import Elastic
 from robotmodels.simulation.controller import Controller
 
 _QUANTITIES = ("torque", "speed", "position")
+# Limits of which no input alone takes this part (squared) of what another limit leaves it.
+_NEGLIGIBLE = 1e-4
 _UNITS = {"torque": "N m", "speed": "rad/s", "position": "rad"}
 
 
@@ -107,11 +110,12 @@ def scale(
     per_visit: bool = False,
     margin: float = 0.0,
     holding: Array | None = None,
+    friction: Array | None = None,
     progress: Progress | None = None,
 ) -> Scaling:
     """Return the plan with the largest amplitudes that the limits allow in every visit.
 
-    The peaks are those of the linear model from the first sample on; what friction, backlash and
+    The peaks are those of the linear model from the first sample on; what stick-slip, backlash and
     noise add is not in them, leave a margin for it.
 
     Parameters
@@ -125,14 +129,15 @@ def scale(
     limits : Limits
         Limits to be met.
     balance : bool
-        First make the inputs' amplitudes such that each alone would meet a limit; otherwise their
-        ratios stay.
+        Choose the ratios of the inputs' amplitudes, see `fair_amplitudes`; otherwise they stay.
     per_visit : bool
         One factor for each visit instead of one for all.
     margin : float, dimensionless
         Part of each limit, between rest and limit, to stay away from it.
     holding : ndarray, (Q, n), N m, optional
         Motor torques that hold the arm; by default the robot's.
+    friction : ndarray, (n,), N m, optional
+        Coulomb friction at the motor shafts, which the torque overcomes beside; by default none.
     progress : Progress, optional
         Called with the number of simulated visits and their total.
 
@@ -149,7 +154,7 @@ def scale(
         raise InvalidInput(f"margin: {margin!r}; a number from 0 to below 1 is needed")
     bounds = _bounds(limits, plan.motors)
     loop = PlannedLoop.of(plan, robot, controller, holding)
-    room = (1 - margin) * _room(plan, loop.rest, bounds)
+    room = (1 - margin) * _room(plan, loop.rest, bounds, friction)
     passes = 1 + len(plan.motors) if balance else 1
     done = _counter(passes * len(plan.visits), progress)
     if balance:
@@ -186,18 +191,28 @@ def _bounds(limits: Limits, motors: Sequence[str]) -> Array:
     return bounds
 
 
-def _room(plan: ExperimentPlan, rest: Array, bounds: Array) -> Array:
-    """Return the distances from rest down and up to the bounds, (V, 3, n, 2)."""
-    room = np.abs(bounds - rest[..., None])
-    inside = (bounds[..., 0] < rest) & (rest < bounds[..., 1])
+def _room(plan: ExperimentPlan, rest: Array, bounds: Array, friction: Array | None = None) -> Array:
+    """Return the distances from rest down and up to the bounds, (V, 3, n, 2), less friction."""
+    lost = np.zeros(bounds.shape)
+    lost[0] = 0.0 if friction is None else np.outer(friction, [1.0, -1.0])
+    free = bounds + lost
+    room = np.abs(free - rest[..., None])
+    inside = (free[..., 0] < rest) & (rest < free[..., 1])
     if not inside.all():
         visit, k, motor = np.argwhere(~inside)[0]
         low, high = bounds[k, motor]
         name = f"position {plan.visits[visit] + 1}: motor {plan.motors[motor]!r}"
         if k == 0:
+            needed, rubbing = abs(rest[visit, k, motor]), lost[k, motor, 0]
+            beside = f" and {rubbing:.4g} N m against friction" if rubbing else ""
             raise InvalidInput(
+<<<<<<< HEAD
                 f"limits.torque: {name} needs {abs(rest[visit, k, motor]):.4g} N m to hold the "
                 f"arm alone, which leaves nothing of its limit {high:.4g} N m"
+=======
+                f"limits.torque: {place} needs {needed:.4g} N m to hold the arm alone{beside}, "
+                f"which leaves nothing of its limit {high:.4g} N m"
+>>>>>>> 8e74fcf (Excitations rise from rest, motors share their limits fairly, and friction takes its part: two to ten times the amplitude)
             )
         raise InvalidInput(
             f"limits.positions: {name} at {rest[visit, k, motor]:.4g} is not inside its limits "
@@ -223,14 +238,53 @@ def _counter(total: int, progress: Progress | None) -> Callable[[], object] | No
 def _balanced(
     plan: ExperimentPlan, loop: PlannedLoop, room: Array, done: Callable[[], object] | None
 ) -> ExperimentPlan:
-    """Return the plan with each input's amplitudes such that it would meet a limit if alone."""
+    """Return the plan with the inputs' amplitudes in fair ratios."""
     amplitudes = plan.multisine.amplitudes
-    factors = []
+    used = []
     for motor in range(len(plan.motors)):
         alone = np.where(np.arange(len(plan.motors)) == motor, amplitudes, 0.0)
         # One block shows how the inputs compare; the common factor then heeds all of them.
-        factors.append(_allowed(loop.swing(plan, alone, blocks=1, done=done), room).min())
-    return replace(plan, multisine=plan.multisine.with_amplitudes(amplitudes * np.array(factors)))
+        used.append(1 / _allowed(loop.swing(plan, alone, blocks=1, done=done), room).ravel())
+    factors = fair_amplitudes(np.stack(used, axis=1))
+    return replace(plan, multisine=plan.multisine.with_amplitudes(amplitudes * factors))
+
+
+def fair_amplitudes(used: Array) -> Array:
+    """Return the factors of the inputs with the largest product that the limits have room for.
+
+    Every motor moves the others too. Random phases add up in the mean square, so that factors f fit
+    where sum_j (used_ij f_j)^2 <= 1 in each row; the information grows with the logarithms of f.
+
+    Parameters
+    ----------
+    used : ndarray, (rows, n)
+        Part of each limit that each input takes alone; each takes a part of some limit.
+
+    Returns
+    -------
+    ndarray, (n,)
+        Factors.
+    """
+    # In units of what each input may have alone; y = 2 ln f.
+    alone = used.max(axis=0)
+    parts = (used / alone) ** 2
+    parts = parts[parts.max(axis=1) > _NEGLIGIBLE]
+    n = len(alone)
+    solution = minimize(
+        lambda y: -y.sum(),
+        np.full(n, -np.log(n)),
+        jac=lambda y: -np.ones(n),
+        method="SLSQP",
+        constraints={
+            "type": "ineq",
+            "fun": lambda y: -np.log(parts @ np.exp(y)),
+            "jac": lambda y: -parts * np.exp(y) / (parts @ np.exp(y))[:, None],
+        },
+        bounds=[(-np.log(1e3 * n), 0.0)] * n,
+        options={"ftol": 1e-6},
+    )
+    y = np.nan_to_num(solution.x, nan=-np.log(n))
+    return np.asarray(np.exp(y / 2) / alone)
 
 
 def _binding(plan: ExperimentPlan, visit: int, allowed: Array, bounds: Array) -> Binding:

@@ -42,6 +42,7 @@ def experiment_plan(
     blocks: int,
     periods: int,
     transient_periods: int = 1,
+    ramp: bool = False,
     speed: float | Sequence[float] | Array,
     acceleration: float | Sequence[float] | Array,
     rng: np.random.Generator,
@@ -65,6 +66,9 @@ def experiment_plan(
         B per visit; the covariance of an FRF needs at least 2.
     periods, transient_periods : int
         Measured per run, and before that.
+    ramp : bool
+        Whether the first transient period rises from zero: without the jerk of a sudden start the
+        limits allow larger amplitudes.
     speed, acceleration : float, sequence of float or ndarray
         Largest ones of moves, arm side, (n,) or one number for all motors.
     rng : Generator
@@ -109,6 +113,7 @@ def experiment_plan(
         scale=np.ones(visits),
         start=begin,
         order=order,
+        ramp=ramp,
     )
 
 

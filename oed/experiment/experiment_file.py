@@ -24,6 +24,8 @@ joint). Where a key is "per motor", one number serves all motors and a list has 
     blocks: 4                    # per visit, each with phases of its own
     periods: 2                   # measured in each experiment
     transient_periods: 1         # before them, not measured
+    ramp: true                   # the first of those rises from rest (default), which leaves room
+                                 # for larger amplitudes; where there is none, nothing rises
     limits:                      # at least one; amplitudes are the largest that they allow
       torque: [8, 8, 8, 2, 2, 1] # peak per motor, holding torque included [N m]
       speed: 300.0               # peak per motor [rad/s]
@@ -166,6 +168,7 @@ class ExcitationSettings(FileSection):
     blocks: Count = 4
     periods: Count = 2
     transient_periods: Annotated[int, Field(ge=0, le=1000)] = 1
+    ramp: bool = True
     limits: LimitChoice
     moves: MoveChoice = MoveChoice()
     controller: ControllerChoice | None = None

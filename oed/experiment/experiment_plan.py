@@ -40,6 +40,8 @@ class ExperimentPlan:
         Measured per run.
     transient_periods : int
         Transient periods before them.
+    ramp : bool
+        Whether the first transient period rises from zero, see `envelope`.
     moves : MoveLimits
         Limits of the moves between positions, and the motors' names.
     scale : ndarray, (V,)
@@ -67,12 +69,15 @@ class ExperimentPlan:
     scale: Array
     start: Array | None = None
     order: VisitingOrder | None = None
+    ramp: bool = False
 
     def __post_init__(self) -> None:
         positions = self.moves.check(self.positions)
         repetitions = checked_repetitions(self.repetitions, len(positions))
         for name, least in (("periods", 1), ("transient_periods", 0)):
             object.__setattr__(self, name, check_count(getattr(self, name), name, least))
+        if self.ramp and not self.transient_periods:
+            raise InvalidInput("ramp: it takes a transient period, and transient_periods is 0")
         n, visits = len(self.moves.motors), int(repetitions.sum())
         if self.multisine.inputs != n:
             raise InvalidInput(
@@ -124,6 +129,16 @@ class ExperimentPlan:
     def reference(self, visit: int) -> Array:
         """Return one period of the signals of a visit, (B, E, N, n) [rad/s, motor shaft]."""
         return np.asarray(self.scale[visit] * self.multisine.reference(self.phases[visit]))
+
+    @property
+    def envelope(self) -> Array:
+        """Factors of the samples of a run's first period, (N,): rising over a quarter, or ones.
+
+        Half a cosine; a longer rise leaves the transient less time and no larger amplitudes.
+        """
+        N = self.multisine.samples
+        rise = np.minimum(np.arange(N) / max(N // 4, 1), 1.0)
+        return (1 - np.cos(np.pi * rise)) / 2 if self.ramp else np.ones(N)
 
     @property
     def signals(self) -> Array:
@@ -239,6 +254,7 @@ def _plan_of(file: PlanFile, arrays: dict[str, Any]) -> ExperimentPlan:
         scale=arrays["scale"],
         start=np.array(file.moves.start),
         order=_order(file.order, len(file.positions)),
+        ramp=file.ramp,
     )
 
 
@@ -254,6 +270,7 @@ def _document(plan: ExperimentPlan) -> dict[str, Any]:
         "blocks": plan.blocks,
         "periods": plan.periods,
         "transient_periods": plan.transient_periods,
+        "ramp": plan.ramp,
         "repetitions": plan.repetitions.tolist(),
         "positions": plan.positions.tolist(),
         **_order_document(plan.order),

@@ -29,9 +29,9 @@ def export_csv(
 ) -> None:
     """Write CSV files into `folder`; ``sequence.csv`` says in which order to play them.
 
-    ``sequence.csv`` has a row per step: its kind (move or excitation), the file, visit, position,
-    block, run (all counted from 1), how often in a row to repeat the file, and how many of
-    these periods to drop as transient. Every other file holds ``time`` [s], ``<motor>.position``
+    ``sequence.csv`` has a row per step: its kind (move, ramp or excitation), the file, visit,
+    position, block, run (all counted from 1), how often in a row to repeat the file, and how many
+    of these periods to drop as transient. Every other file holds ``time`` [s], ``<motor>.position``
     [rad, arm side] and ``<motor>.speed`` [rad/s, motor shaft].
 
     Parameters
@@ -69,7 +69,8 @@ def export_mat(
     1), ``position`` (1, n) [rad, arm side], ``move_position`` (K, n) [rad, arm side] and
     ``move_speed`` (K, n) [rad/s, motor shaft] of the move that leads there, ``reference``
     (N, n, runs, blocks) [rad/s, motor shaft], one period each, ``periods``,
-    ``transient_periods``, ``sample_time`` [s], ``lines``, ``detection``, ``gear_ratios``.
+    ``transient_periods``, ``envelope`` (N,), factors of the first period's samples, ``sample_time``
+    [s], ``lines``, ``detection``, ``gear_ratios``.
 
     Raises
     ------
@@ -93,6 +94,7 @@ def export_mat(
                 "reference": np.transpose(plan.reference(visit), (2, 3, 1, 0)),
                 "periods": plan.periods,
                 "transient_periods": plan.transient_periods,
+                "envelope": plan.envelope,
                 "sample_time": plan.multisine.sample_time,
                 "lines": plan.multisine.lines,
                 "detection": plan.multisine.detection,
@@ -103,7 +105,8 @@ def export_mat(
 
 def _steps(plan: ExperimentPlan, ratios: Array) -> Iterator[tuple[tuple[Any, ...], Array, Array]]:
     """Yield, per step, its row of the sequence, positions (K, n) and speeds (K, n)."""
-    repeats = plan.periods + plan.transient_periods
+    drop = plan.transient_periods - int(plan.ramp)
+    repeats = plan.periods + drop
     for visit, q in enumerate(plan.visits):
         name, numbers = f"visit_{visit + 1:03d}", (visit + 1, int(q) + 1)
         path = plan.move_to(visit)
@@ -113,10 +116,19 @@ def _steps(plan: ExperimentPlan, ratios: Array) -> Iterator[tuple[tuple[Any, ...
         steady = np.tile(plan.positions[q], (plan.multisine.samples, 1))
         for block, runs in enumerate(plan.reference(visit), start=1):
             for run, speeds in enumerate(runs, start=1):
+<<<<<<< HEAD
                 file = f"{name}_block_{block:02d}_run_{run:02d}.csv"
                 drop = plan.transient_periods
                 row = ("excitation", file, *numbers, block, run, repeats, drop)
                 yield row, steady, speeds
+=======
+                file = f"{name}_block_{block:02d}_run_{run:02d}"
+                if plan.ramp:
+                    row = ("ramp", f"{file}_ramp.csv", *place, block, run, 1, 1)
+                    yield row, rest, plan.envelope[:, None] * speeds
+                row = ("excitation", f"{file}.csv", *place, block, run, repeats, drop)
+                yield row, rest, speeds
+>>>>>>> 8e74fcf (Excitations rise from rest, motors share their limits fairly, and friction takes its part: two to ten times the amplitude)
 
 
 def _csv_line(cells: Sequence[str]) -> str:

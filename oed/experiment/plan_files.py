@@ -77,6 +77,7 @@ class PlanFile(FileSection):
     blocks: Count
     periods: Count
     transient_periods: Count
+    ramp: bool = False
     repetitions: list[Count]
     positions: list[list[float]]
     order: OrderSection | None = None

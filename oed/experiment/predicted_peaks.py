@@ -152,7 +152,9 @@ class PlannedLoop:
         periods = min(planned, int(np.ceil(_START / plan.multisine.period)))
         references = plan.multisine.period_of(spectrum)
         runs = references.reshape(-1, *references.shape[-2:])
-        swing = self.starts[plan.visits[visit]].swing(np.tile(runs, (1, periods, 1)))
+        signals = np.tile(runs, (1, periods, 1))
+        signals[:, : plan.multisine.samples] *= plan.envelope[:, None]
+        swing = self.starts[plan.visits[visit]].swing(signals)
         swing[2] = np.sort(swing[2] / self.ratios[:, None], axis=-1)
         return np.asarray(swing)
 

@@ -118,6 +118,7 @@ class SimulatedPlant:
             rng=np.random.Generator(type(self.rng.bit_generator)(seed)),
             periods=plan.periods,
             transient=plan.transient_periods,
+            envelope=plan.envelope,
             executor=self.executor,
             progress=progress,
         )

@@ -33,6 +33,7 @@ def simulate(
     rng: np.random.Generator,
     periods: int = 2,
     transient: int = 1,
+    envelope: Array | None = None,
     executor: Executor | None = None,
     progress: Progress | None = None,
 ) -> Iterator[Records]:
@@ -60,6 +61,8 @@ def simulate(
         The same seed gives the same records, in parallel or not.
     periods, transient : int
         Periods recorded, and periods before them that are dropped.
+    envelope : ndarray, (N,), optional
+        Factors of the samples of the first period of each run, which must be one that is dropped.
     executor : Executor, optional
         Simulates blocks in parallel; threads serve as well as processes.
     progress : Progress, optional
@@ -81,6 +84,7 @@ def simulate(
     robot.equilibrium(positions)  # refuses positions at which nothing can be simulated
     signals = _check_signals(robot, positions, signals, controller)
     check_periods(periods, transient)
+    envelope = _check_envelope(envelope, signals.shape[-2], transient)
     for name in ("backlash", "angle_noise", "torque_disturbance", "torque_limit"):
         imperfections.per_motor(name, positions.shape[1])
     blocks_of_positions = list(product(range(len(positions)), range(signals.shape[1])))
@@ -94,6 +98,7 @@ def simulate(
             seed,
             transient,
             periods,
+            envelope,
             f"position {i + 1}, block {b + 1}",
         )
         for (i, b), seed in zip(
@@ -152,6 +157,15 @@ def _positions(
                 saturated=np.asarray(limited.any(axis=4)),
             )
             done = []
+
+
+def _check_envelope(given: Array | None, samples: int, transient: int) -> Array:
+    envelope = np.ones(samples) if given is None else np.asarray(given, dtype=float)
+    if envelope.shape != (samples,) or not np.isfinite(envelope).all():
+        raise InvalidInput(f"envelope: {samples} finite numbers are needed, one per sample")
+    if not transient and not np.array_equal(envelope, np.ones(samples)):
+        raise InvalidInput("envelope: the first period is recorded; transient is 0")
+    return envelope
 
 
 def _check_signals(

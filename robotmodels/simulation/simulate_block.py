@@ -13,7 +13,8 @@ from robotmodels.description.urdf import locate
 from robotmodels.elastic.robot import ElasticRobot
 from robotmodels.simulation.controller import Controller
 from robotmodels.simulation.imperfections import Imperfections
-from robotmodels.simulation.mujoco_loop import (
+from robotmodels.simulation.mujoco_model import PlantModel, addresses, build_plant, register_mujoco
+from robotmodels.simulation.plant_loop import (
     STABILITY,
     ControllerGains,
     Drives,
@@ -21,7 +22,6 @@ from robotmodels.simulation.mujoco_loop import (
     Sensing,
     run,
 )
-from robotmodels.simulation.mujoco_model import PlantModel, addresses, build_plant, register_mujoco
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,6 +38,8 @@ class Block:
         Random generator of this block alone.
     transient, periods : int
         Dropped and recorded periods.
+    envelope : ndarray, (N,)
+        Factors of the samples of the first period.
     where : str
         What errors call it.
     """
@@ -50,6 +52,7 @@ class Block:
     rng: np.random.Generator
     transient: int
     periods: int
+    envelope: Array
     where: str
 
 
@@ -86,6 +89,7 @@ def run_block(block: Block) -> tuple[Array, Array, NDArray[np.bool_]]:
         )
         # In one memory layout always: another would be compiled anew.
         reference = np.ascontiguousarray(np.tile(signal, (block.transient + block.periods, 1)))
+        reference[:N] *= block.envelope[:, None]
         sensing = Sensing(robot.file.delay / controller.sample_time, flaws.quantisation, errors)
         *traces, good = run(
             engine, drives, gains, sensing, reference, disturbance, controller.sample_time, steps

@@ -139,6 +139,37 @@ def test_csv_trajectories_play_the_whole_plan(tmp_path):
     np.testing.assert_allclose(speeds[: len(move)], RATIOS * move.speeds, rtol=1e-9, atol=1e-9)
 
 
+def test_a_ramp_is_a_step_of_its_own(tmp_path):
+    measured = plan(repetitions=None, blocks=1, transient_periods=2, ramp=True)
+    measured.save(tmp_path / "plan.yaml")
+    assert ExperimentPlan.load(tmp_path / "plan.yaml").ramp
+    export_csv(measured, tmp_path / "csv", RATIOS)
+    with (tmp_path / "csv" / "sequence.csv").open() as file:
+        steps = [row for row in csv.DictReader(file) if row["kind"] != "move"]
+    assert [(row["kind"], row["repeats"], row["drop"]) for row in steps[:2]] == [
+        ("ramp", "1", "1"),
+        ("excitation", "3", "1"),
+    ]
+    _, speeds = play(tmp_path / "csv")
+    run = speeds[: 4 * N]
+    period = measured.reference(0)[0, 0]
+    np.testing.assert_allclose(run[N:], np.tile(period, (3, 1)), rtol=1e-9, atol=1e-9)
+    np.testing.assert_allclose(run[:N], measured.envelope[:, None] * period, rtol=1e-9, atol=1e-9)
+    export_mat(measured, tmp_path / "mat", RATIOS)
+    envelope = loadmat(tmp_path / "mat" / "visit_001.mat")["envelope"].ravel()
+    np.testing.assert_array_equal(envelope, measured.envelope)
+    assert (envelope[0], envelope[N // 8]) == (0, pytest.approx(0.5, abs=0.02))
+    assert (envelope[N // 4 :] == 1).all()
+    assert (plan().envelope == 1).all()
+
+
+def test_plan_files_without_a_ramp_are_read(tmp_path):
+    plan().save(tmp_path / "plan.yaml")
+    text = (tmp_path / "plan.yaml").read_text()
+    (tmp_path / "plan.yaml").write_text(text.replace("ramp: false\n", ""))
+    assert_equal(ExperimentPlan.load(tmp_path / "plan.yaml"), plan())
+
+
 def test_matlab_files_hold_the_plan(tmp_path):
     measured = plan(start=(0.0, 0.0))
     export_mat(measured, tmp_path / "mat", RATIOS)
@@ -177,6 +208,7 @@ def test_export_needs_a_ratio_per_motor(tmp_path):
         ({"positions": np.zeros((0, 2))}, r"positions: shape \(0, 2\) given; \(Q, 2\)"),
         ({"start": (2.0, 0.0)}, "start 0: motor 'm1' at 2 is outside"),
         ({"periods": 0}, "periods: 0; a whole number >= 1"),
+        ({"transient_periods": 0, "ramp": True}, "ramp: it takes a transient period"),
         ({"transient_periods": -1}, "transient_periods: -1; a whole number >= 0"),
         ({"blocks": 0}, "blocks: 0; a whole number >= 1"),
         ({"repetitions": (1,)}, r"repetitions: shape \(1,\) given; \(2,\), one per position"),

@@ -4,10 +4,12 @@ from dataclasses import replace
 import numpy as np
 import pinocchio as pin
 import pytest
+from scipy.optimize import nnls
 from two_axes import CONTROLLER, RATIOS, N, T, TwoAxes, plan, run
 
 import robotmodels
 from oed import Limits, band_multisine, experiment_plan, predicted_peaks, scale
+from oed.experiment.amplitude_scaling import fair_amplitudes
 from oed.experiment.predicted_peaks import PlannedLoop
 from robotmodels import InvalidInput, LinearModel
 from robotmodels.linear.linear_model import Measurement
@@ -189,6 +191,72 @@ def test_balancing_lets_every_motor_work():
     np.testing.assert_allclose(
         other.plan.reference(1), fair.plan.reference(1), rtol=1e-9, atol=1e-12
     )
+
+
+def test_peaks_of_a_ramp_are_those_of_a_simulation():
+    measured = replace(plan(repetitions=None), ramp=True)
+    loop = PlannedLoop.of(measured, AXES, CONTROLLER, NOTHING_HELD)
+    for visit, position in enumerate(measured.visited):
+        runs = np.tile(measured.reference(visit).reshape(-1, N, 2), (1, 3, 1))
+        runs[:, :N] *= measured.envelope[:, None]
+        R = measured.multisine.spectrum(measured.phases[visit])
+        expected = extremes(*run(position, runs, periods=1))
+        np.testing.assert_allclose(loop.start(measured, visit, R), expected, rtol=4e-3)
+        sudden = loop.start(replace(measured, ramp=False), visit, R)
+        assert np.abs(sudden / expected - 1).max() > 0.02
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_a_ramp_leaves_room_for_larger_amplitudes(seed):
+    """The jerk of a sudden start meets the torque limit long before the steady state does."""
+    robot = robotmodels.load_robot("manutec_r3")
+    controller = default_controller(robot, 1e-3)
+    slow = {"amplitude": lambda omega: 1 / omega}
+    sine = band_multisine(2000, 1e-3, (3.0, 380.0), inputs=6, count=40, **slow)
+    keywords = {"blocks": 1, "periods": 1, "speed": 1.0, "acceleration": 2.0}
+    position, rng = np.array([[0.0, 0.4, 0.9, 0.1, 0.3, 0.0]]), np.random.default_rng(seed)
+    sudden = experiment_plan(robot, position, sine, rng=rng, **keywords)
+    limits = Limits(torque=np.array([10.0, 10.0, 10.0, 2.1, 2.1, 2.1]))
+    before, after = (
+        scale(replace(sudden, ramp=ramp), robot, controller, limits, balance=True).plan.reference(0)
+        for ramp in (False, True)
+    )
+    gains = after.std(axis=(0, 1, 2)) / before.std(axis=(0, 1, 2))
+    assert np.exp(np.log(gains).mean()) > 1.5
+
+
+def test_friction_takes_its_part_of_the_torque():
+    rubbing = np.array([0.2, 0.1])
+    less = replace(LIMITS, torque=LIMITS.torque - rubbing)
+    expected = scale(plan(), AXES, CONTROLLER, less, holding=HELD).plan.scale
+    scaling = scale(plan(), AXES, CONTROLLER, LIMITS, holding=HELD, friction=rubbing)
+    np.testing.assert_allclose(scaling.plan.scale, expected)
+    assert abs(scaling.binding.limit) in LIMITS.torque
+    weak = replace(LIMITS, torque=np.array([1.0, 0.35]))
+    words = "needs 0.3 N m to hold the arm alone and 0.1 N m against friction, which leaves nothing"
+    with pytest.raises(InvalidInput, match=words):
+        scale(plan(), AXES, CONTROLLER, weak, holding=HELD, friction=rubbing)
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_fair_amplitudes_have_the_largest_product(seed):
+    """Stationarity: the gradient of the logarithms is a nonnegative mix of the tight limits'."""
+    rng = np.random.default_rng(seed)
+    n = 1 + seed
+    used = np.exp(rng.normal(size=(90, n)) * 1.5)
+    factors = fair_amplitudes(used)
+    sums = (used**2 * factors**2).sum(axis=1)
+    assert sums.max() == pytest.approx(1, abs=1e-5)
+    tight = used[sums > 1 - 1e-3] ** 2 * factors**2
+    _, miss = nnls(tight.T, np.ones(n))
+    assert miss < 1e-2
+    np.testing.assert_allclose(fair_amplitudes(used * 7), factors / 7, rtol=1e-5)
+
+
+def test_fair_amplitudes_of_limits_that_motors_share_or_have_alone():
+    np.testing.assert_allclose(fair_amplitudes(np.diag([2.0, 0.1, 5.0])), [0.5, 10, 0.2], rtol=1e-5)
+    shared = fair_amplitudes(np.array([[2.0, 2.0, 4.0]]))
+    np.testing.assert_allclose(shared, np.array([0.5, 0.5, 0.25]) / np.sqrt(3), rtol=1e-5)
 
 
 def test_a_real_robot_holds_itself_against_gravity():

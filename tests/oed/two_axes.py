@@ -64,7 +64,7 @@ def plan(seed=1, **keywords):
 def run(position, references, fine=4, periods=6):
     """Return torque (K, R, 2) at samples and speed, angle (K fine, R, 2) from rest on.
 
-    References are (R, N, 2), each a run of its own.
+    References are (R, N, 2), a period of N samples for each run.
 
     The held torque makes each sample exact: e^{A T} of the first-order system.
     """
@@ -79,9 +79,10 @@ def run(position, references, fine=4, periods=6):
     step = step[: 2 * d].T
     state, integral, last = (np.zeros((len(references), k)) for k in (2 * d, n, n))
     torques, speeds, angles = [], [], []
-    for k in range(periods * N):
+    samples = references.shape[1]
+    for k in range(periods * samples):
         y = state[:, :d] @ S
-        e = references[:, k % N] - c.position_gain * y - (y - last) / T
+        e = references[:, k % samples] - c.position_gain * y - (y - last) / T
         last = y
         integral = integral + T * e / c.integral_time
         u = c.speed_gain * (e + integral)

@@ -170,6 +170,32 @@ def test_the_transient_dies_out() -> None:
     assert 0 < np.abs(first - second).max() < 1e-3 * np.ptp(first)
 
 
+def test_a_ramp_leaves_less_of_the_transient() -> None:
+    left = []
+    N = 1000
+    rise = np.minimum(4 * np.arange(N) / N, 1)
+    for envelope in (None, (1 - np.cos(np.pi * rise)) / 2):
+        r = records_of(
+            pendulum(), np.zeros(1), samples=N, transient=1, periods=3, envelope=envelope
+        )
+        first, _, last = r.angle[0, 0, 0, :, :, 0]
+        left.append(np.abs(first - last).max() / np.ptp(last))
+        np.testing.assert_array_equal(r.reference[0, 0, :, 0], r.reference[0, 0, :, -1])
+    assert left[1] < left[0] / 2
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"envelope": np.ones(3)}, "envelope: 100 finite numbers"),
+        ({"envelope": np.zeros(100), "transient": 0}, "envelope: the first period is recorded"),
+    ],
+)
+def test_envelopes_that_do_not_fit_are_refused(options: dict[str, Any], message: str) -> None:
+    with pytest.raises(InvalidInput, match=message):
+        records_of(pendulum(), np.zeros(1), samples=100, lines=np.array([1]), **options)
+
+
 def seeded(seed: int, executor: Executor | None = None) -> Records:
     robot = pendulum(coulomb=0.01)
     flaws = Imperfections(angle_noise=1e-5, torque_disturbance=1e-3)
