@@ -206,13 +206,8 @@ def _room(plan: ExperimentPlan, rest: Array, bounds: Array, friction: Array | No
             needed, rubbing = abs(rest[visit, k, motor]), lost[k, motor, 0]
             beside = f" and {rubbing:.4g} N m against friction" if rubbing else ""
             raise InvalidInput(
-<<<<<<< HEAD
-                f"limits.torque: {name} needs {abs(rest[visit, k, motor]):.4g} N m to hold the "
-                f"arm alone, which leaves nothing of its limit {high:.4g} N m"
-=======
-                f"limits.torque: {place} needs {needed:.4g} N m to hold the arm alone{beside}, "
+                f"limits.torque: {name} needs {needed:.4g} N m to hold the arm alone{beside}, "
                 f"which leaves nothing of its limit {high:.4g} N m"
->>>>>>> 8e74fcf (Excitations rise from rest, motors share their limits fairly, and friction takes its part: two to ten times the amplitude)
             )
         raise InvalidInput(
             f"limits.positions: {name} at {rest[visit, k, motor]:.4g} is not inside its limits "

@@ -116,19 +116,12 @@ def _steps(plan: ExperimentPlan, ratios: Array) -> Iterator[tuple[tuple[Any, ...
         steady = np.tile(plan.positions[q], (plan.multisine.samples, 1))
         for block, runs in enumerate(plan.reference(visit), start=1):
             for run, speeds in enumerate(runs, start=1):
-<<<<<<< HEAD
-                file = f"{name}_block_{block:02d}_run_{run:02d}.csv"
-                drop = plan.transient_periods
-                row = ("excitation", file, *numbers, block, run, repeats, drop)
-                yield row, steady, speeds
-=======
                 file = f"{name}_block_{block:02d}_run_{run:02d}"
                 if plan.ramp:
-                    row = ("ramp", f"{file}_ramp.csv", *place, block, run, 1, 1)
-                    yield row, rest, plan.envelope[:, None] * speeds
-                row = ("excitation", f"{file}.csv", *place, block, run, repeats, drop)
-                yield row, rest, speeds
->>>>>>> 8e74fcf (Excitations rise from rest, motors share their limits fairly, and friction takes its part: two to ten times the amplitude)
+                    row = ("ramp", f"{file}_ramp.csv", *numbers, block, run, 1, 1)
+                    yield row, steady, plan.envelope[:, None] * speeds
+                row = ("excitation", f"{file}.csv", *numbers, block, run, repeats, drop)
+                yield row, steady, speeds
 
 
 def _csv_line(cells: Sequence[str]) -> str:

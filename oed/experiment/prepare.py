@@ -107,18 +107,11 @@ def prepare_in(
     plan = experiment_plan(
         robot,
         positions,
-<<<<<<< HEAD
         _multisine(settings, len(motors), rng),
         blocks=settings.blocks,
         periods=settings.periods,
         transient_periods=settings.transient_periods,
-=======
-        _multisine(shaking, len(motors), rng),
-        blocks=shaking.blocks,
-        periods=shaking.periods,
-        transient_periods=shaking.transient_periods,
-        ramp=shaking.ramp and shaking.transient_periods > 0,
->>>>>>> 8e74fcf (Excitations rise from rest, motors share their limits fairly, and friction takes its part: two to ten times the amplitude)
+        ramp=settings.ramp and settings.transient_periods > 0,
         speed=per_motor("moves.speed", moves.speed, motors),
         acceleration=per_motor("moves.acceleration", moves.acceleration, motors),
         rng=rng,
@@ -206,7 +199,7 @@ def _scaled(
         Limits(positions=robot.position_limits, **limits),
         balance=choice.balance,
         margin=choice.margin,
-        friction=shaking.imperfections.friction
+        friction=settings.imperfections.friction
         * np.array([motor.coulomb for motor in robot.file.motors]),
         progress=None if progress is None else partial(progress, "amplitudes"),
     )
