@@ -96,7 +96,7 @@ class Sensing(NamedTuple):
 
 
 @njit(nogil=True, cache=True)
-def run(
+def closed_loop_run(
     engine: MujocoState,
     drives: Drives,
     gains: ControllerGains,

@@ -20,7 +20,7 @@ from robotmodels.simulation.plant_loop import (
     Drives,
     MujocoState,
     Sensing,
-    run,
+    closed_loop_run,
 )
 
 
@@ -91,7 +91,7 @@ def run_block(block: Block) -> tuple[Array, Array, NDArray[np.bool_]]:
         reference = np.ascontiguousarray(np.tile(signal, (block.transient + block.periods, 1)))
         reference[:N] *= block.envelope[:, None]
         sensing = Sensing(robot.file.delay / controller.sample_time, flaws.quantisation, errors)
-        *traces, good = run(
+        *traces, good = closed_loop_run(
             engine, drives, gains, sensing, reference, disturbance, controller.sample_time, steps
         )
         if good < total:
