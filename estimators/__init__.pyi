@@ -50,8 +50,8 @@ from .frf.file_formats import (
 from .frf.frf_estimate import FrfEstimate as FrfEstimate, simulate_frf as simulate_frf
 from .frf.local_rational_model import local_frf as local_frf
 from .frf.method_comparison import (
-    Comparison as Comparison,
     Loop as Loop,
+    MethodComparison as MethodComparison,
     compare_methods as compare_methods,
     designed_loop as designed_loop,
     measured_loop as measured_loop,

@@ -1,7 +1,7 @@
 """Rough values of springs bettered a group at a time, by the magnitudes of measured FRFs alone.
 
 Far from the truth a gradient leads astray: a resonance moves past those of other axes. What a few
-values of each group come to is looked at instead, the others held.
+values of each group come to is looked at instead, the others fixed.
 """
 
 from collections.abc import Callable, Sequence
@@ -24,7 +24,7 @@ _SWEEPS, _GAIN = 3, 0.02
 
 
 @dataclass(frozen=True, eq=False)
-class Group:
+class ParameterGroup:
     """Coefficients that are changed by one factor.
 
     Attributes
@@ -40,7 +40,7 @@ class Group:
 
 
 def coarse_search(
-    network: SpringNetwork, estimate: FrfEstimate, start: Array, groups: Sequence[Group]
+    network: SpringNetwork, estimate: FrfEstimate, start: Array, groups: Sequence[ParameterGroup]
 ) -> Array:
     """Return values (p,) whose FRFs lie nearer to the measured ones in mean |ln |G||, or `start`.
 

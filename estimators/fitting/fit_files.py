@@ -2,7 +2,7 @@
 
 HDF5 with ``schema`` "fits/1". Attributes ``residual`` and so on lie in one group ``fit_00000`` per
 fit (in five digits, in the order given). Weights are many numbers and mostly shared: they lie once
-in ``weights_0``, ``weights_1``, ..., and each fit names its own.
+in ``weights_0``, ``weights_1``, ..., and each fit names the one it uses.
 """
 
 from collections.abc import Sequence
@@ -82,7 +82,7 @@ def read_fits(path: str | Path, model: Elastic, estimate: FrfEstimate) -> tuple[
     model : Elastic
         Model that was fitted.
     estimate : FrfEstimate
-        Estimate that it was fitted to; positions a fit left out are left out again.
+        Estimate that it was fitted to; a fit of some positions gets these positions only.
 
     Raises
     ------
@@ -106,7 +106,7 @@ def read_fits(path: str | Path, model: Elastic, estimate: FrfEstimate) -> tuple[
 
 
 def _weights_index(weights: Array | ComplexArray, stored: list[Array | ComplexArray]) -> int:
-    """Return where the weights are among the known ones, the end if they are new."""
+    """Return the index of the weights among the stored ones, the count if they are new."""
     for i, other in enumerate(stored):
         if weights is other or (weights.shape == other.shape and np.array_equal(weights, other)):
             return i

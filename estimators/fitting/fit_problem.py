@@ -1,4 +1,4 @@
-"""The cost of a fit: whitened residuals, what is known before, and their Jacobian."""
+"""The cost of a fit: whitened residuals, those of the prior, and their Jacobian."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
@@ -117,7 +117,7 @@ class Problem:
         return np.where(variance > 0, variance, 1.0)
 
     def expected_squares(self, response: ComplexArray) -> Array:
-        """Return the variances of the whitened residuals, (r,), the prior's left out.
+        """Return the variances of the whitened residuals, (r,), without those of the prior.
 
         Parameters
         ----------
@@ -137,7 +137,7 @@ class Problem:
         return half if self.kind.real else np.concatenate([half, half])
 
     def checked_start(self, start: Array | None) -> Array:
-        """Return the start's values (p,), the model's own where None.
+        """Return the start's values (p,), the model's nominal values where None.
 
         Raises
         ------

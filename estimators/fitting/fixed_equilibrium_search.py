@@ -1,4 +1,4 @@
-"""Fast searches: compiled normal equations about equilibria that are frozen, or found anew."""
+"""Fast searches by compiled normal equations, about fixed or renewed equilibria."""
 
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
@@ -7,7 +7,7 @@ from weakref import WeakKeyDictionary
 import numpy as np
 
 from estimators.fitting.fit_problem import Problem
-from estimators.fitting.trust_region import Outcome, trust_region
+from estimators.fitting.trust_region import SearchResult, trust_region
 from estimators.frf.frf_estimate import is_full
 from robotmodels.common.arrays import Array
 from robotmodels.common.errors import IdentificationError, SolverFailed
@@ -93,7 +93,7 @@ WORTHWHILE = 80_000
 # A first search need not be better than the equilibria of its start.
 ROUGH = 1e-4
 # Renewals of the equilibria. Two or three do; where springs are so soft that more are needed, the
-# search goes on with equilibria found anew at every point.
+# search goes on with equilibria computed anew at every point.
 ROUNDS = 8
 # Halvings of the way to a point where the robot has no equilibrium.
 HALVINGS = 8
@@ -117,7 +117,7 @@ def hardens(network: SpringNetwork) -> bool:
 
 def renewed_search(
     problem: Problem, start: Array, max_evaluations: int, tolerance: float
-) -> Outcome:
+) -> SearchResult:
     """Search as `exact_search` does, but with compiled normal equations at every point.
 
     Cost and gradient are exact; the Hessian leaves out how the equilibria shift.
@@ -140,17 +140,17 @@ def frozen_search(
     network: SpringNetwork,
     max_evaluations: int,
     tolerance: float,
-) -> Outcome:
+) -> SearchResult:
     """Search as `exact_search` does, ten times faster.
 
-    Equilibria are found at one point, and held there while a trust region minimises
-    V(x; equilibria held) + s^T x, with s the gradient through the equilibria at that point: a model
-    of V that is exact in cost and gradient there and costs a few products of small matrices. Its
-    minimum is the next point, until a minimum is the point itself: there cost and gradient of V
-    are exact (the first-order corrected models of Alexandrov and Lewis 2001). The first time, far
-    away, s is left out. The search ends where the next point would gain nothing, judging by how
+    Equilibria are computed at one point, and fixed there while a trust region minimises
+    V(x; fixed equilibria) + s^T x, with s the gradient through the equilibria at that point: a
+    model of V that is exact in cost and gradient there and costs a few products of small matrices.
+    Its minimum is the next point, until a minimum is the point itself: there cost and gradient
+    of V are exact (the first-order corrected models of Alexandrov and Lewis 2001). The first
+    time, far away, s is zero. The search ends where the next point would gain nothing, judging by how
     much less the last one gained than the one before. Where points do not get better, or too many
-    are needed, it goes on from the best with equilibria found anew at every step.
+    are needed, it goes on from the best with equilibria computed anew at every step.
 
     Parameters
     ----------
@@ -189,10 +189,10 @@ def frozen_search(
     return replace(outcome, evaluations=spent + outcome.evaluations)
 
 
-def _unfinished(problem: Problem, end: Outcome, best: Array, least: float) -> Outcome:
+def _unfinished(problem: Problem, end: SearchResult, best: Array, least: float) -> SearchResult:
     """Return where a search without evaluations left ends, or the `best` point before it.
 
-    The cost is the one about its own equilibria, not the last ones that were fixed.
+    The cost is that about the equilibria at this end.
     """
     end = replace(end, status=0, message=OUT_OF_EVALUATIONS)
     try:
@@ -239,7 +239,7 @@ class CorrectedModel:
     Attributes
     ----------
     cost : float
-        Cost at the network's own parameters.
+        Cost at the parameters of the network.
     """
 
     def __init__(

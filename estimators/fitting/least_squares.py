@@ -14,7 +14,7 @@ from estimators.fitting.priors import Prior
 from estimators.fitting.residuals import Residual, find_residual
 from estimators.fitting.search import check_effort, search
 from estimators.fitting.start_values import named_start
-from estimators.fitting.trust_region import Outcome
+from estimators.fitting.trust_region import SearchResult
 from estimators.fitting.weight_choice import evaluate_weights
 from estimators.frf.frf_estimate import FrfEstimate
 from estimators.trust.intervals import Interval, Verdict
@@ -61,13 +61,13 @@ class Fit(ReprHtml):
     evaluations : int
         Evaluations of the FRF and its sensitivities.
     prior : Prior or None
-        What was known before, see `Prior`.
+        Prior knowledge of some parameters, see `Prior`.
     loss : str
         "linear", or the robust loss.
     weighting : str
         The name of the weights; empty for an array.
     own_residual : ResidualForm or None
-        A residual of the user's own.
+        A residual that the user defined.
     """
 
     model: Elastic
@@ -168,7 +168,7 @@ def fit(
     prior: Prior | None = None,
     loss: str = "linear",
 ) -> Fit:
-    """Return the fit found from one start: a local minimum, if it converged.
+    """Return the fit from one start: a local minimum, if it converged.
 
     Parameters
     ----------
@@ -183,10 +183,10 @@ def fit(
         `estimators.fitting.weights`. Named weights that depend on the FRF, "combined" ones and all
         where a logarithm is taken, are evaluated once more at the FRF of the fit, see `reweighted`.
     start : ndarray or str, (p,), optional
-        Parameter values; the model's own where None; "physics" or "chains" for rough ones from the
-        FRFs, see `physics_start` and `chain_start_values`.
+        Parameter values; the model's nominal ones where None; "physics" or "chains" for rough ones
+        from the FRFs, see `physics_start` and `chain_start_values`.
     bounds : tuple of (float, float) or ndarray
-        Factors of the model's own values between which parameters are sought, or (2, p) values
+        Factors of the model's nominal values between which parameters are sought, or (2, p) values
         [SI].
     max_evaluations : int
         Evaluations of the FRFs and their sensitivities, after which the search gives up.
@@ -195,7 +195,7 @@ def fit(
     positions : sequence of int or ndarray of int, optional
         Which of the estimate's positions to fit; all where None.
     prior : Prior, optional
-        What is known of some parameters beforehand.
+        Prior knowledge of some parameters.
     loss : str
         "linear", or "soft_l1", "huber" or "cauchy", under which residuals far outside their
         standard deviation, by the estimate's covariance, count less.
@@ -235,7 +235,7 @@ def reweighted(
     Parameters
     ----------
     fit : Fit
-        Whose model, residual and data are kept.
+        Gives model, residual and data.
     weights : {"optimal", "optimal_diagonal", "user", "combined"}
         As in `estimators.fit`.
     rounds : int
@@ -274,7 +274,7 @@ def problem_of(fitted: Fit) -> Problem:
     )
 
 
-def as_fit(problem: Problem, start: Array, outcome: Outcome) -> Fit:
+def as_fit(problem: Problem, start: Array, outcome: SearchResult) -> Fit:
     """Return a search's outcome together with the problem it belongs to."""
     parameters, form = problem.model.parameters, problem.kind.form
     return Fit(

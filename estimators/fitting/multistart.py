@@ -15,7 +15,7 @@ from estimators.fitting.least_squares import Fit, as_fit
 from estimators.fitting.priors import Prior
 from estimators.fitting.search import check_effort, search_or_reason
 from estimators.fitting.search_checkpoint import SearchStore, problem_fingerprint
-from estimators.fitting.trust_region import START_FAILED, STOPPED, Outcome
+from estimators.fitting.trust_region import START_FAILED, STOPPED, SearchResult
 from estimators.frf.frf_estimate import FrfEstimate
 from robotmodels.common.arrays import Array, IntArray, check_above_zero, check_count
 from robotmodels.common.errors import InvalidInput
@@ -25,7 +25,7 @@ from robotmodels.linear.residuals import ResidualForm
 from robotmodels.linear.response import Elastic
 
 # A start, and what an earlier search from there came to.
-_Begun = tuple[Array, Outcome | None]
+_Begun = tuple[Array, SearchResult | None]
 # Tasks into which the starts are parted: few enough that handing out the problem costs little.
 TASKS = 32
 # Costs this close, relatively, are one minimum: searches end at changes of 1e-10.
@@ -34,7 +34,7 @@ SAME_COST = 1e-8
 
 @dataclass(frozen=True)
 class EarlyStop:
-    """Which searches are given up before they end.
+    """Which searches are stopped early.
 
     Every start is first searched for `evaluations`. A search that has not ended then, and whose
     cost exceeds `factor` times the least cost of all starts so far, is stopped there: its fit has
@@ -138,16 +138,16 @@ def order_of_costs(costs: Sequence[float] | Array) -> list[int]:
 
 def _all_searched(
     runs: "_Runs", points: list[Array], early_stop: EarlyStop | None, progress: Progress | None
-) -> dict[int, Outcome]:
+) -> dict[int, SearchResult]:
     """Return what the search from each start came to."""
-    outcomes: dict[int, Outcome] = {}
+    outcomes: dict[int, SearchResult] = {}
 
-    def finish(i: int, outcome: Outcome) -> None:
+    def finish(i: int, outcome: SearchResult) -> None:
         outcomes[i] = outcome
         if progress is not None:
             progress(len(outcomes), len(points))
 
-    begun: dict[int, Outcome | None] = dict.fromkeys(range(len(points)))
+    begun: dict[int, SearchResult | None] = dict.fromkeys(range(len(points)))
     stage, limit = "whole", runs.max_evaluations
     if early_stop is not None:
         begun = _begin(runs, points, early_stop, limit, finish)
@@ -168,8 +168,8 @@ class _Runs:
     store: SearchStore | None
 
     def searches(
-        self, stage: str, points: list[Array], begun: dict[int, Outcome | None], limit: int
-    ) -> Iterator[tuple[int, Outcome]]:
+        self, stage: str, points: list[Array], begun: dict[int, SearchResult | None], limit: int
+    ) -> Iterator[tuple[int, SearchResult]]:
         """Yield the outcomes of the starts `begun`, as they end.
 
         Parameters
@@ -178,7 +178,7 @@ class _Runs:
             The name under which they are stored.
         points : list of ndarray
             All starts.
-        begun : dict of int to Outcome or None
+        begun : dict of int to SearchResult or None
             Which of them, and what an earlier search from there came to.
         limit : int
             Limit of evaluations, the earlier ones included.
@@ -198,10 +198,10 @@ class _Runs:
 
     def _ran(
         self,
-        several: Callable[[list[_Begun]], list[Outcome]],
+        several: Callable[[list[_Begun]], list[SearchResult]],
         points: list[Array],
-        waiting: dict[int, Outcome | None],
-    ) -> Iterator[tuple[int, Outcome]]:
+        waiting: dict[int, SearchResult | None],
+    ) -> Iterator[tuple[int, SearchResult]]:
         every = list(waiting)
         if self.executor is None:
             for i in every:
@@ -226,14 +226,14 @@ def _begin(
     points: list[Array],
     rule: EarlyStop,
     max_evaluations: int,
-    finish: Callable[[int, Outcome], None],
-) -> dict[int, Outcome | None]:
-    """Search every start for a while; finish those that ended or are hopeless, return the rest."""
+    finish: Callable[[int, SearchResult], None],
+) -> dict[int, SearchResult | None]:
+    """Search every start for a while; finish what ended or is hopeless, return the others."""
     limit = min(rule.evaluations, max_evaluations)
-    everyone: dict[int, Outcome | None] = dict.fromkeys(range(len(points)))
+    everyone: dict[int, SearchResult | None] = dict.fromkeys(range(len(points)))
     first = dict(runs.searches(f"first {limit}", points, everyone, limit))
     least = min(outcome.cost for outcome in first.values())
-    unfinished: dict[int, Outcome | None] = {}
+    unfinished: dict[int, SearchResult | None] = {}
     for i, outcome in sorted(first.items()):
         if outcome.status != 0 or limit == max_evaluations:
             finish(i, outcome)
@@ -250,7 +250,7 @@ def _begin(
 
 def _search_several(
     problem: Problem, begun: list[_Begun], *, limit: int, tolerance: float
-) -> list[Outcome]:
+) -> list[SearchResult]:
     """Search from starts, or from where earlier searches ended."""
     outcomes = []
     for start, before in begun:

@@ -1,4 +1,4 @@
-"""What is known of some parameters before the experiment: independent normals of ln theta."""
+"""Prior knowledge of some parameters: independent normal distributions of ln theta."""
 
 from dataclasses import dataclass
 
@@ -18,7 +18,7 @@ class Prior:
     Attributes
     ----------
     names : tuple of str
-        The k parameters something is known of.
+        Names of the k parameters.
     values : ndarray, (k,)
         Medians [SI].
     std : ndarray, (k,)
@@ -47,7 +47,7 @@ class Prior:
             object.__setattr__(self, field, read_only(array))
 
     def columns(self, names: tuple[str, ...]) -> list[int]:
-        """Return the places of the prior's parameters among `names`.
+        """Return the indices of the prior's parameters among `names`.
 
         Raises
         ------

@@ -9,7 +9,7 @@ from estimators.fitting.fixed_equilibrium_search import (
     hardens,
     renewed_search,
 )
-from estimators.fitting.trust_region import START_FAILED, Outcome, exact_search
+from estimators.fitting.trust_region import START_FAILED, SearchResult, exact_search
 from robotmodels.common.arrays import Array, check_count
 from robotmodels.common.errors import IdentificationError, InvalidInput
 
@@ -29,8 +29,8 @@ def check_effort(max_evaluations: int, tolerance: float) -> None:
         raise InvalidInput(f"tolerance: {tolerance!r}; {least:.2g} to less than 1 is needed")
 
 
-def search(problem: Problem, start: Array, max_evaluations: int, tolerance: float) -> Outcome:
-    """Return the minimum found from `start` (p,): compiled code for large problems of springs.
+def search(problem: Problem, start: Array, max_evaluations: int, tolerance: float) -> SearchResult:
+    """Return the minimum from `start` (p,): compiled code for large problems of springs.
 
     Raises
     ------
@@ -47,13 +47,13 @@ def search(problem: Problem, start: Array, max_evaluations: int, tolerance: floa
 
 def search_or_reason(
     problem: Problem, start: Array, max_evaluations: int, tolerance: float
-) -> Outcome:
+) -> SearchResult:
     """Return what a search came to, or why it could not begin or go on.
 
-    Whatever a start's numbers can cause is kept with its reason: in a pool it would end all.
+    An error that a start's numbers cause is returned as its reason: in a pool it would end all.
     """
     try:
         return search(problem, start, max_evaluations, tolerance)
     except (IdentificationError, ArithmeticError, ValueError, np.linalg.LinAlgError) as error:
         reason = " ".join(str(error).split()) or type(error).__name__
-        return Outcome(start, np.inf, START_FAILED, f"no FRF at the start: {reason}", 1)
+        return SearchResult(start, np.inf, START_FAILED, f"no FRF at the start: {reason}", 1)

@@ -1,11 +1,11 @@
-"""Searches that have ended, kept in a file so that an interrupted multistart can go on."""
+"""Completed searches, stored in a file so that an interrupted multistart can go on."""
 
 from pathlib import Path
 
 import numpy as np
 
 from estimators.fitting.fit_problem import Problem
-from estimators.fitting.trust_region import Outcome
+from estimators.fitting.trust_region import SearchResult
 from robotmodels.common.arrays import Array
 from robotmodels.common.checkpoint_file import CheckpointFile
 from robotmodels.common.fingerprints import fingerprint
@@ -36,16 +36,16 @@ class SearchStore:
     def __init__(self, path: Path, fingerprint: str) -> None:
         other = "searches of another model, estimate or setting"
         self.file = CheckpointFile(path, fingerprint, "searches", other)
-        self._outcomes: dict[tuple[str, bytes], tuple[Array, Outcome]] = {}
+        self._outcomes: dict[tuple[str, bytes], tuple[Array, SearchResult]] = {}
         if path.exists():
             self._read()
 
-    def load(self, stage: str, start: Array) -> Outcome | None:
+    def load(self, stage: str, start: Array) -> SearchResult | None:
         """Return the outcome of `start` (p,), or None."""
         entry = self._outcomes.get((stage, start.tobytes()))
         return None if entry is None else entry[1]
 
-    def append(self, stage: str, start: Array, outcome: Outcome) -> None:
+    def append(self, stage: str, start: Array, outcome: SearchResult) -> None:
         """Add an outcome; the file is replaced by a new one."""
         import h5py
 
@@ -68,5 +68,5 @@ class SearchStore:
             for start, stage, message, values, cost, status, evaluations in zip(
                 file["starts"][()], *texts, *columns, strict=True
             ):
-                outcome = Outcome(values, float(cost), int(status), message, int(evaluations))
+                outcome = SearchResult(values, float(cost), int(status), message, int(evaluations))
                 self._outcomes[stage, start.tobytes()] = start, outcome

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from estimators.fitting.anti_resonances import AGREE, agreed, dip_values, end_inertias, gear_springs
-from estimators.fitting.coarse_search import Group, coarse_search
+from estimators.fitting.coarse_search import ParameterGroup, coarse_search
 from estimators.frf.frf_estimate import FrfEstimate
 from robotmodels.common.arrays import Array, check_above_zero, read_only
 from robotmodels.common.errors import IdentificationError, InvalidInput, nearest
@@ -71,7 +71,7 @@ def physics_start(
     position otherwise: first that stiffness counts on which most positions agree. A gear on which
     no two agree lies above the band, as a rule: it gets J w w_F, w the geometric mean of the other
     axes' frequencies and w_F the band's end. Torsions get J (1.5 w)^2, dampers a damping ratio of
-    3 %; what is neither spring nor damper keeps the model's own value. Tied parameters get the
+    3 %; what is neither spring nor damper keeps the model's nominal value. Tied parameters get the
     mean. Then the other stiffnesses that dips allow, and multiples, are tried gear by gear, for
     torsions and for dampers, where these bring |G| nearer to the measured.
 
@@ -81,8 +81,8 @@ def physics_start(
     Parameters
     ----------
     drives : mapping of int to float, N m/rad, optional
-        Arm-side stiffnesses of gears that are known better, by motor counted from 0, such as the
-        inverse eigenvalue problem's.
+        Arm-side stiffnesses of gears that were measured otherwise, by motor counted from 0, such
+        as those of the inverse eigenvalue problem.
 
     Raises
     ------
@@ -210,8 +210,8 @@ def _springs(
 
 def _groups(
     network: SpringNetwork, dips: dict[int, list[tuple[Array, Array]]], gears: set[int]
-) -> list[Group]:
-    """Return what is tried: each gear whose dips are given, all torsions, all dampers.
+) -> list[ParameterGroup]:
+    """Return the groups to search: each gear that has dips, all torsions, all dampers.
 
     A gear's damper keeps its ratio to the spring.
     """
@@ -221,17 +221,17 @@ def _groups(
         values = np.sort(np.concatenate([x for x, _ in gear_dips]))
         gaps = np.flatnonzero(np.diff(values) > AGREE) + 1
         candidates = tuple(float(np.median(part)) for part in np.split(values, gaps) if part.size)
-        groups.append(Group((s, count + s), candidates))
+        groups.append(ParameterGroup((s, count + s), candidates))
     torsions = [s for s in range(count) if s not in gears]
     if torsions:
-        groups.append(Group((*torsions, *(count + s for s in torsions))))
-    return [*groups, Group(tuple(range(count, 2 * count)))]
+        groups.append(ParameterGroup((*torsions, *(count + s for s in torsions))))
+    return [*groups, ParameterGroup(tuple(range(count, 2 * count)))]
 
 
 def _roughness(network: SpringNetwork, gears: set[int], measured_gears: set[int]) -> Array:
     """Return standard deviations of ln theta (p,), the largest where a parameter acts on several.
 
-    What is neither spring nor damper is as well known as it was.
+    Other parameters than springs and dampers get zero: their start is the nominal value.
     """
     count = len(network.nodes)
     rows = np.array(

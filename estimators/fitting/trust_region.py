@@ -15,7 +15,7 @@ STOPPED = -2
 
 
 @dataclass(frozen=True, eq=False)
-class Outcome:
+class SearchResult:
     """What a search came to: values (p,), cost, and status, message, evaluations as in `Fit`."""
 
     values: Array
@@ -26,7 +26,7 @@ class Outcome:
 
 
 class _Point:
-    """Residuals and Jacobian about a start; the last point is kept, so one evaluation serves both.
+    """Residuals and Jacobian about a start; the last point is stored: one evaluation serves both.
 
     A trial step at which the robot has no equilibrium counts as infinitely bad, which makes the
     trust region shrink. A parameter that nothing depends on would be taken as far as the trust
@@ -61,8 +61,10 @@ class _Point:
         return np.vstack([slopes, np.diag(~slopes.any(axis=0) * np.abs(slopes).max())])
 
 
-def exact_search(problem: Problem, start: Array, max_evaluations: int, tolerance: float) -> Outcome:
-    """Search with exact residuals and derivatives, equilibria found anew at every point."""
+def exact_search(
+    problem: Problem, start: Array, max_evaluations: int, tolerance: float
+) -> SearchResult:
+    """Search with exact residuals and derivatives, equilibria computed anew at every point."""
     loss = None if problem.loss == "linear" else problem.robust
     return trust_region(problem, problem.evaluate, start, max_evaluations, tolerance, loss)
 
@@ -74,7 +76,7 @@ def trust_region(
     max_evaluations: int,
     tolerance: float,
     loss: Callable[[Array], Array] | None = None,
-) -> Outcome:
+) -> SearchResult:
     """Minimise the squares that `evaluate` gives, inside the problem's bounds, from `start` (p,).
 
     Parameters
@@ -101,7 +103,7 @@ def trust_region(
         loss=loss_name,
     )
     values = np.clip(start * np.exp(solution.x), *problem.bounds)
-    return Outcome(
+    return SearchResult(
         values=values,
         cost=2 * float(solution.cost),
         status=int(solution.status),

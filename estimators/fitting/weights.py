@@ -62,7 +62,7 @@ def user_weights(
     if elements is not None:
         element = _checked_elements(elements, (m, n))
     at = _response(estimate, response)
-    good = clear(estimate, minimum_snr, at) & (estimate.omega >= from_omega)[:, None, None]
+    good = above_snr(estimate, minimum_snr, at) & (estimate.omega >= from_omega)[:, None, None]
     return np.asarray(np.where(good, element, 0.0))
 
 
@@ -86,7 +86,9 @@ def _checked_elements(mask: NDArray[Any], shape: tuple[int, ...]) -> Array:
     return elements
 
 
-def clear(estimate: FrfEstimate, minimum_snr: float, response: ComplexArray) -> NDArray[np.bool_]:
+def above_snr(
+    estimate: FrfEstimate, minimum_snr: float, response: ComplexArray
+) -> NDArray[np.bool_]:
     """Return a mask of the elements (Q, F, m, n) of `response` above a signal-to-noise ratio.
 
     Elements of a measured response near the ratio pass if their error happens to be large; a
@@ -128,7 +130,7 @@ def check_positive(weights: NDArray[Any], estimate: FrfEstimate, what: str = "we
     Raises
     ------
     InvalidInput
-        With the first such place.
+        With the first such element.
     """
     wrong = np.argwhere(~(np.isfinite(weights) & (weights >= 0)))
     if wrong.size:
@@ -161,7 +163,7 @@ def optimal_weights(
         correlate with the weights, a bias of the order of the relative variance. The FRF of a
         previous fit avoids it, see `estimators.reweighted`.
     minimum_snr : float
-        Elements below so many of their standard deviations are left out.
+        Elements below so many of their standard deviations have no weight.
     diagonal : bool
         Use the variances only, as [WM] 6 do.
 
@@ -177,7 +179,7 @@ def optimal_weights(
         not fit, or `minimum_snr` is negative.
     """
     kind, at = find_residual(residual), _response(estimate, response)
-    used = clear(estimate, minimum_snr, at)
+    used = above_snr(estimate, minimum_snr, at)
     if kind.relative:
         used &= at != 0  # an infinite relative error
     covariance = estimate.weight_variance if diagonal else estimate.weight_covariance
@@ -200,7 +202,7 @@ def combined_weights(
     [WM] section 7: optimal weights suppose that the model can describe everything, and say little
     at resonances; user weights say nothing of the noise. These are U^1/2 (R + floor^2 I)^-1 U^1/2
     with R the residual's noise covariance: optimal where the noise exceeds `floor`, relatively, and
-    the user's where it does not. For nls, floor^2 |G|^2 takes the place of floor^2.
+    the user's where it does not. For nls, floor^2 |G|^2 replaces floor^2.
 
     Parameters
     ----------
@@ -230,7 +232,7 @@ def combined_weights(
     if user.shape != at.shape:
         raise InvalidInput(f"weights.shape: {user.shape} given; {at.shape} is needed")
     check_positive(user, estimate, "weights.shape")
-    used = clear(estimate, minimum_snr, at) & (user > 0)
+    used = above_snr(estimate, minimum_snr, at) & (user > 0)
     if kind.relative:
         used &= at != 0
     noise = kind.noise(

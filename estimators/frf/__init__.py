@@ -1,1 +1,1 @@
-"""FRFs that no model shapes, and what is known of their errors; records and FRFs as files."""
+"""Nonparametric FRFs with the statistics of their errors; records and FRFs as files."""

@@ -76,7 +76,7 @@ def per_block(output: ComplexArray, input: ComplexArray) -> ComplexArray:
     return np.asarray(np.swapaxes(transposed, -1, -2))
 
 
-def experiment_weights(method: str, input: ComplexArray, reference: ComplexArray) -> ComplexArray:
+def run_weights(method: str, input: ComplexArray, reference: ComplexArray) -> ComplexArray:
     """Return w, (..., B, E, n): to first order an error V of Y - G U moves G by sum V w.
 
     ARI, HAR and LOG agree to first order: w = U^-1/B. H1 and JIO weigh blocks by the sums in
@@ -94,7 +94,7 @@ def jackknife(
 ) -> tuple[ComplexArray, ComplexArray]:
     """Return the estimate over all blocks and B - 1 independent draws of its error.
 
-    Each block is left out in turn. For ARI the outer products of the draws' vec add up to
+    Each block is omitted in turn. For ARI the outer products of the draws' vec add up to
     sum vec(G[b] - G) vec(.)^H / (B (B - 1)); for the others they follow what a block does to that
     very estimator. Orthogonal contrasts of the B deviations, whose sum is zero, are independent.
 
@@ -157,7 +157,7 @@ def noise_deviations(
     """Return draws of the estimate's error by noise alone, (..., B E J, m, n).
 
     Errors V = Y - G U of different runs are independent; where there is no signal, J bins
-    show V of each of them, and the estimate takes the error V w (see `experiment_weights`).
+    show V of each of them, and the estimate takes the error V w (see `run_weights`).
 
     Parameters
     ----------
@@ -168,7 +168,7 @@ def noise_deviations(
     mean_input, reference : ndarray of complex, (..., B, n, E)
         Averaged over the periods.
     """
-    weights = experiment_weights(method, mean_input, reference)
+    weights = run_weights(method, mean_input, reference)
     error = output - estimate[..., None, None, :, :] @ input
     draws = np.einsum("...bjie,...bek->...bejik", error, weights)
     count = np.sqrt(input.shape[_BLOCKS])

@@ -1,4 +1,4 @@
-"""Noise and nonlinear distortion told apart, by repetition and by lines left out.
+"""Noise and nonlinear distortion separated, by repetition and by unexcited lines.
 
 Periods of one run differ by noise, blocks with new phases by noise and by the stochastic
 part of nonlinear distortions (Pintelon and Schoukens 2001, ch. 3). An odd multisine that leaves

@@ -41,16 +41,16 @@ def estimate_frf(
 ) -> FrfEstimate:
     """Estimate motor torque to motor acceleration FRFs, and the covariance of the estimate.
 
-    Periods are averaged first, then blocks by the chosen method. Blocks with a missing run
-    are left out with a warning, except where the method sums over runs (h1, jio) and uses
-    the rest; blocks that are missing altogether are passed over, and `repetitions` counts those
-    that were used.
+    Periods are averaged first, then blocks by `method`. Blocks with a missing run
+    are dropped with a warning, except where the method sums over runs (h1, jio) and uses the
+    other runs; blocks that are missing altogether are skipped, and `repetitions` counts the
+    blocks used.
 
     Parameters
     ----------
     records : Records or iterable of Records
         Runs, or any iterable of them, e.g. `robotmodels.records.records.iterate_records`; one
-        position at a time is held in memory.
+        position at a time is in memory.
     method : str
         "ari", "har", "log", "h1" or "jio"; `estimators.compare_methods` helps to choose.
     covariance : str
@@ -312,7 +312,7 @@ def _check_inputs(measured: Spectra, method: str, lines: Array, who: str) -> Non
 
 
 def check_choice(name: str, value: str, choices: tuple[str, ...]) -> None:
-    """Refuse a value that is not one of those known."""
+    """Refuse a value that is none of `choices`."""
     if value not in choices:
         raise InvalidInput(
             f"{name} {value!r} is none of {', '.join(choices)}{nearest(str(value), choices)}"

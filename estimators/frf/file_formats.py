@@ -5,7 +5,7 @@ every bit (see `format_uff` for what UFF keeps). Files appear under their names 
 
 HDF5 and .mat hold the fields of `FrfEstimate`, or of `Distortion`, as datasets (variables) of the
 same names, axes and units, and ``schema``, "frf/1" or "distortion/1", as an attribute (variable).
-``degrees_of_freedom`` is infinite for a declared covariance, and not known in files without it;
+``degrees_of_freedom`` is infinite for a declared covariance, and unknown in files without it;
 ``deviations`` and ``line_correlation`` may be missing. HDF5 records are laid out as
 `robotmodels.records.records.save_records` says; .mat records hold the fields of `Records` and
 ``schema``, "records/1". For CSV see `format_csv`.

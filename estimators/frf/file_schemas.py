@@ -51,7 +51,7 @@ DISTORTION = ArraySchema(
 
 
 def stored_freedom(degrees_of_freedom: Array) -> Array | None:
-    """Return degrees of freedom as text and UFF hold them; None where they are not known."""
+    """Return degrees of freedom as text and UFF hold them; None where they are unknown."""
     if np.isnan(degrees_of_freedom).any():
         return None
     return np.minimum(degrees_of_freedom, DECLARED)

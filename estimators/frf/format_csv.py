@@ -11,14 +11,15 @@ covariances, the row of the covariance matrix that belongs to the element, ``cov
 ``covariance_im_0``, ``covariance_re_1``, ... in the order of vec(G), columns stacked.
 
 Records: comments ``schema`` "records/1", ``sample_time`` [s], ``positions``, ``lines``,
-``detection`` and ``axes``, how many positions, blocks, experiments, periods and samples there are
+``detection`` and ``axes``, how many positions, blocks, runs, periods and samples there are
 and, last, 1 if the reference was given for one period only, else the number of periods. Columns
-position, block, experiment, period, sample, reference_0 ..., torque_0 ..., angle_0 ...,
-saturated_0 ...; the last index varies fastest. A missing experiment's torques and angles are nan.
+position, block, run, period, sample, reference_0 ..., torque_0 ..., angle_0 ...,
+saturated_0 ...; the last index varies fastest. A missing run's torques and angles are nan.
 """
 
 import json
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -27,6 +28,7 @@ import numpy as np
 from estimators.frf.file_schemas import FRF, FRF_SCHEMA, check_hertz, read_freedom, stored_freedom
 from estimators.frf.frf_estimate import FrfEstimate, unvec, vec
 from robotmodels.common.arrays import Array, whole_numbers
+from robotmodels.common.deprecation import current_key
 from robotmodels.common.errors import InvalidInput
 from robotmodels.data_files.array_schema import ArraySchema, Field, stored_array
 from robotmodels.data_files.csv_table import CsvTable, read_table
@@ -34,7 +36,7 @@ from robotmodels.records.record_schema import RECORDS, RECORDS_SCHEMA
 from robotmodels.records.records import SIGNALS, Records
 
 _FRF_COLUMNS = ("position", "omega", "frequency_hz", "output", "input", "re", "im")
-_RECORD_INDEX = ("position", "block", "experiment", "period", "sample")
+_RECORD_INDEX = ("position", "block", "run", "period", "sample")
 _AXES = Field(("axis",), "whole", least=1)
 
 
@@ -132,6 +134,9 @@ def write_records(path: Path, records: Records) -> None:
 def read_records(path: Path) -> Records:
     """Read what `write_records` wrote."""
     table = read_table(path, RECORDS_SCHEMA)
+    if "run" not in table.columns:
+        columns = (current_key(c, table.where, "0.2", experiment="run") for c in table.columns)
+        table = replace(table, columns=tuple(columns))
     names = {name: table.numbered(name) for name in SIGNALS}
     table.check_columns([*_RECORD_INDEX, *(column for group in names.values() for column in group)])
     comments = dict(table.comments)

@@ -1,4 +1,4 @@
-"""From records to FRFs and all that is known of their errors."""
+"""From records to FRFs with the statistics of their errors."""
 
 import warnings
 from collections.abc import Iterator
@@ -16,7 +16,7 @@ from estimators.frf.estimate_frf import estimate_frf
 from estimators.frf.file_formats import read_records
 from estimators.frf.frf_estimate import FrfEstimate
 from estimators.frf.local_rational_model import local_frf
-from estimators.frf.method_comparison import Comparison, compare_methods, measured_loop
+from estimators.frf.method_comparison import MethodComparison, compare_methods, measured_loop
 from estimators.frf.repeated_visits import merge_distortion, merge_visits, visits_of
 from estimators.frf.rigid_body_check import check_rigid_limit
 from robotmodels.common.arrays import ComplexArray, IntArray
@@ -53,16 +53,16 @@ class MeasuredFrf:
     estimate : FrfEstimate
         FRFs with their covariance.
     distortion : Distortion or None
-        Noise and distortion apart; None where there is one measured period only, or where the
+        Noise and distortion, separated; None where there is one measured period only, or where the
         method is local.
     robot : ElasticRobot or None
         Robot whose linear model goes with them, or None.
     modelled : ndarray of complex or None, (Q, F, n, n)
         FRFs of that model, or None.
-    comparison : Comparison or None
+    comparison : MethodComparison or None
         Comparison of the methods on the loop of the first position, or None.
     warnings : tuple of str
-        What a user should know of the data, each said once.
+        Warnings on the data, each of them once.
     """
 
     first: Records
@@ -75,12 +75,12 @@ class MeasuredFrf:
     distortion: Distortion | None
     robot: "ElasticRobot | None"
     modelled: ComplexArray | None
-    comparison: Comparison | None
+    comparison: MethodComparison | None
     warnings: tuple[str, ...]
 
     @property
     def motors(self) -> tuple[str, ...]:
-        """Names of the motors, numbers where no robot is given."""
+        """Names of the motors, numbers without a robot."""
         if self.robot is not None:
             return tuple(self.robot.motor_names)
         return tuple(f"motor {i + 1}" for i in range(self.estimate.response.shape[3]))
@@ -182,7 +182,7 @@ def _visits(
 
 
 def _distortion(source: "_Source", method: str, signals: dict[str, Any]) -> Distortion | None:
-    """Return noise and distortion; None, and a warning why, where they cannot be told apart."""
+    """Return noise and distortion; None, with a warning why, where they cannot be separated."""
     if method != _LOCAL and source.first.torque.shape[3] > 1:
         return merge_distortion(distortion(source, method, **signals))
     why = "the local method" if method == _LOCAL else "one measured period"
@@ -193,7 +193,7 @@ def _distortion(source: "_Source", method: str, signals: dict[str, Any]) -> Dist
 
 def _comparison(
     records: Records, runs: int, signals: dict[str, Any], report: StageProgress
-) -> Comparison:
+) -> MethodComparison:
     """Compare the methods on the loop of the records' first position."""
     with _stage(report, "comparison"):
         loop = measured_loop(records, 0, **signals)
@@ -247,7 +247,7 @@ class _Source:
 
 
 def _source(path: Path, robot: "ElasticRobot | None") -> _Source:
-    """Open records, which must be of `robot` where one is given."""
+    """Open records, which must be of `robot` unless it is None."""
     source = _Source(path)
     n = source.first.positions.shape[1]
     if robot is not None and n != len(robot.motor_names):

@@ -113,7 +113,7 @@ def measured_loop(
     delay: float = 0.0,
     transient: Transient = "auto",
 ) -> Loop:
-    """Return the loop as records of one position show it; no controller need be known.
+    """Return the loop as records of one position show it; no controller is needed.
 
     G is JIO's estimate. What of Y - G U and of U the reference does not explain are noise and
     distortion; regressing the torque's on the output's gives C.
@@ -152,7 +152,7 @@ def measured_loop(
 
 
 @dataclass(frozen=True, eq=False)
-class Comparison:
+class MethodComparison:
     """How estimators fared on many simulated runs of one loop.
 
     Attributes
@@ -190,7 +190,7 @@ def compare_methods(
     *,
     rng: np.random.Generator,
     methods: tuple[str, ...] | None = None,
-) -> Comparison:
+) -> MethodComparison:
     """Estimate FRFs of simulated runs of `loop` by every method, and judge them by the true one.
 
     Parameters
@@ -223,7 +223,7 @@ def compare_methods(
             distance = np.linalg.norm(estimates - loop.response[f], axis=(-2, -1))
             error[i, f] = np.median(distance)
     size = np.linalg.norm(loop.response, axis=(-2, -1))
-    return Comparison(tuple(methods), bias, error, size)
+    return MethodComparison(tuple(methods), bias, error, size)
 
 
 def _rows(matrices: ComplexArray) -> ComplexArray:

@@ -214,8 +214,8 @@ def _compare(period: ComplexArray, later: ComplexArray, measured: Spectra) -> tu
     # Line by line: a transient is slow, and would drown in the acceleration at high frequencies.
     parts = np.divide(difference, size, out=np.zeros_like(difference), where=size > 0)
     relative = float(np.sqrt(parts.mean(axis=0).max()))
-    experiments = int(measured.present.sum())
-    ratio, degrees = _ratios(difference / (1 + 1 / K), scatter, size, (experiments, K))
+    runs = int(measured.present.sum())
+    ratio, degrees = _ratios(difference / (1 + 1 / K), scatter, size, (runs, K))
     if not ratio.size:
         return 1.0, relative
     below = max(degrees * (K - 1), 5)
@@ -233,14 +233,14 @@ def _ratios(
 
     Channels that do not change at all, such as torques in open loop, are left out.
     """
-    experiments, later = count
+    runs, later = count
     rounding = _ROUNDING**2 * size
     moving = ((difference > rounding) | (scatter > rounding)).any(axis=0)
     difference, scatter, rounding = (a[:, moving] for a in (difference, scatter, rounding))
     lines = len(difference)
-    group = min(lines, int(np.ceil(_DEGREES / (2 * experiments * (later - 1)))))
+    group = min(lines, int(np.ceil(_DEGREES / (2 * runs * (later - 1)))))
     starts = np.arange(0, lines - group + 1, group)
     # Without any scatter among the later periods a difference is beyond doubt.
     scatter = np.maximum(scatter, rounding)
     above, below = (np.add.reduceat(a[: starts[-1] + group], starts) for a in (difference, scatter))
-    return np.asarray(above / np.where(below > 0, below, 1.0)), 2 * experiments * group
+    return np.asarray(above / np.where(below > 0, below, 1.0)), 2 * runs * group

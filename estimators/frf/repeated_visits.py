@@ -30,7 +30,7 @@ def merge_visits(estimate: FrfEstimate) -> FrfEstimate:
 
     Errors of different visits are independent: the mean sum_v w_v G_v has the covariance
     sum_v w_v^2 C_v and the degrees of freedom of all visits together: each visit's blocks tell
-    the scatter about that visit's own mean. Estimated covariances are not used as weights, they
+    the scatter about the mean of that visit. Estimated covariances are not used as weights, they
     scatter too much.
     """
     visits = visits_of(estimate.positions)

@@ -82,7 +82,7 @@ def check_rigid_limit(estimate: FrfEstimate, model: Elastic) -> RigidLimit:
 
 
 def rigid_response(network: SpringNetwork, omega: Array) -> ComplexArray:
-    """Return the FRFs (Q, F, n, n) of the robot with all springs rigid, gravity and friction kept.
+    """Return the FRFs (Q, F, n, n) of the robot with all springs rigid, with gravity and friction.
 
     Motions without any spring's elongation are spanned by the null space of the incidence.
     """

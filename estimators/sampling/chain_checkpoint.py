@@ -46,7 +46,7 @@ class Chain:
 class Store:
     """Chains in a file that ``emcee.backends.HDFBackend(path, name="ensemble_0")`` reads.
 
-    The file is always whole: a new one is written beside it and takes its place at once. As the
+    The file is always whole: a new one is written beside it and replaces it at once. As the
     chunks between two writes grow with the chains, that costs ten times the final size at most.
 
     Parameters

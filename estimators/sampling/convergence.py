@@ -21,7 +21,7 @@ BURN_IN_TIMES = 3.0
 
 @dataclass(frozen=True)
 class StoppingCriterion:
-    """When to stop.
+    """When an ensemble has run long enough.
 
     Attributes
     ----------
@@ -44,22 +44,22 @@ class StoppingCriterion:
 
 @dataclass(frozen=True, eq=False)
 class ChainConvergence:
-    """What chains (E, T, W, p) tell about themselves.
+    """Burn-in, mixing and convergence of chains (E, T, W, p).
 
     Attributes
     ----------
     burn_in : int
-        Snapshots left out.
+        Number of snapshots that are dropped at the start.
     autocorrelation_time : ndarray, (p,)
         Autocorrelation time in snapshots.
     r_hat, ess : ndarray, (p,)
         See `r_hat` and `effective_size`.
     faults : tuple of str
-        What is not good enough, in words; none if converged.
+        Reasons against convergence; none if converged.
     short : str
-        Target that the chains fall short of although converged; empty if of none.
+        Criterion that the chains miss although converged; empty if none.
     needed : int
-        Snapshots that are likely to be enough.
+        Number of snapshots that is likely to be enough.
     """
 
     burn_in: int
@@ -76,7 +76,7 @@ def assess_convergence(
 ) -> ChainConvergence:
     """Return burn-in and convergence of chains (E, T, W, p).
 
-    Three autocorrelation times are left out, at most half of the chain.
+    Three autocorrelation times are dropped, at most half of the chain.
     """
     burn, tau = burn_in(chains)
     used = chains[:, burn:]
@@ -105,7 +105,7 @@ def assess_convergence(
 
 
 def has_converged(chains: Array, target: StoppingCriterion) -> bool:
-    """Return whether `assess_convergence` would find no fault, the cheapest questions first."""
+    """Return whether chains meet the criterion, by the cheapest tests first."""
     burn, tau = burn_in(chains)
     used = chains[:, burn:]
     e, t, w, _ = used.shape

@@ -173,7 +173,7 @@ def run_ensembles(
     has_converged : callable, optional
         Told the chains so far, whether to stop; None goes on to the limit.
     store : Store, optional
-        Where the chains are kept, and from where they go on.
+        Stores the chains, and lets them go on.
     progress : Progress, optional
         Called with the steps of all ensembles, and with those up to the limit; at the end with the
         steps done, twice.

@@ -1,4 +1,4 @@
-"""From weighted squares to a log likelihood: noise that is known, or of unknown scale.
+"""From weighted squares to a log likelihood: noise of known or unknown scale.
 
 V is a fit's cost with weights that are inverse noise covariances, and n the number of real data.
 """
@@ -16,7 +16,7 @@ NOISES = ("known", "unknown")
 
 @dataclass(frozen=True)
 class Noise:
-    """What is known of the noise.
+    """Knowledge of the noise.
 
     Attributes
     ----------

@@ -35,10 +35,11 @@ BATCH = 2**20
 class LogPosterior:
     """Logarithm of the posterior of ln theta: the likelihood of V, the prior, flat in the bounds.
 
-    Where every parameter is a spring, a damper or a motor's inertia, equilibria are held fixed at
-    the fit. That leaves out the change of gravity sag within the posterior, which is of the order
-    of the sag angle times the relative width. Payloads, locations and what else a parameter may be
-    change the skeleton: then the robot is linearised anew for every walker, a hundred times slower.
+    Where every parameter is a spring, a damper or a motor's inertia, equilibria are fixed at
+    the fit. That neglects the shift of the equilibria within the posterior, which is of the order
+    of the deflection under gravity times the relative width. Payloads, locations and all other
+    parameters change the skeleton: then the robot is linearised anew for every walker, a hundred times
+    slower.
 
     Attributes
     ----------
@@ -193,7 +194,7 @@ def log_posterior(fit: Fit, noise: Noise, prior: Prior | None = None) -> LogPost
         If the prior names no free parameter, the noise does not fit the residual, or the fit's loss
         is a robust one, which is no likelihood.
     SolverFailed
-        If the fit's cost is not finite, or not its own.
+        If the fit's cost is not finite, or not that at its parameters.
     """
     theta = fit.parameters.values
     if not np.isfinite(fit.cost):
@@ -258,7 +259,7 @@ def has_noise_weights(fit: Fit) -> bool:
 def batched_frequency_response(
     network: SpringNetwork, parameters: Array, omega: Array
 ) -> ComplexArray:
-    """Return FRFs (w, Q, F, m, n) at parameters (w, p), equilibria held fixed."""
+    """Return FRFs (w, Q, F, m, n) at parameters (w, p), equilibria fixed."""
     w, s = len(parameters), len(network.nodes)
     inertances = network.inertances
     friction = inertances is not None and bool(

@@ -60,7 +60,7 @@ def _compiled(target: LogPosterior, theta: Array) -> Slope:
 
 
 def _written_out(target: LogPosterior, theta: Array) -> Slope:
-    """Return the likelihood's part by plain numpy, equilibria found anew."""
+    """Return the likelihood's part by plain numpy, about exact equilibria."""
     G, J = sensitivity(target.model, target.positions, target.omega, theta, equilibrium_shift=True)
     error = target.kind.error(target.measured, G, target.used)
     white = whiten(target.root, error)

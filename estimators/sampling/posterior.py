@@ -47,13 +47,13 @@ class Posterior(ReprHtml):
     autocorrelation_time : ndarray, (p,), steps
         Autocorrelation time.
     burn_in : int
-        Steps left out.
+        Number of steps dropped at the start.
     steps : int
         Steps of each ensemble, burn-in included.
     acceptance : float
         Fraction of proposals taken.
     noise : Noise
-        What was taken to be known of the noise.
+        Assumption on the noise.
     converged : bool
         Whether R-hat, effective sizes and length are good enough.
     message : str
@@ -127,7 +127,7 @@ def sample_posterior(
     """Return draws from the likelihood of a fit's cost V times the prior, within the fit's bounds.
 
     For nls with optimal weights exp(-V) is the likelihood. With other weights it is the density of
-    the fit's own cost and no likelihood: its widths are not those of the estimates, which
+    the cost of the fit and no likelihood: its widths are not those of the estimates, which
     `likelihood_fit` gives.
 
     Sampling ends once the chains meet the target, after 3 autocorrelation times of burn-in.
@@ -152,7 +152,7 @@ def sample_posterior(
     scale : float, optional
         Factor of V where the noise is known; one where None.
     prior : Prior, optional
-        None takes the fit's own.
+        None takes the fit's cost.
     target : Target, optional
         R-hat and least effective sample size at which to stop; 1.01 and 4000 where None.
     starts : ndarray, (walkers, p) or (ensembles, walkers, p), optional
@@ -208,7 +208,7 @@ def posterior_of_chains(
     noise: Noise,
     target: StoppingCriterion | None = None,
 ) -> Posterior:
-    """Return the posterior of chains (E, T, W, p): burn-in left out, convergence examined."""
+    """Return the posterior of chains (E, T, W, p): without burn-in, with its convergence."""
     convergence = assess_convergence(names, chains, target or StoppingCriterion())
     steps = int(np.ceil(convergence.needed * thin / 100) * 100)
     message = "converged"
@@ -257,7 +257,7 @@ def check_sizes(p: int, ensembles: int, walkers: int, steps: int, thin: int) -> 
 def _fingerprint(
     fit: Fit, density: LogPosterior, seeds: IntArray, walkers: int, thin: int, starts: Array | None
 ) -> str:
-    """Return a digest of what the chains depend on; rounded where computed, not given."""
+    """Return a digest of what the chains depend on; computed numbers rounded, inputs not."""
     estimate = fit.estimate
     inputs = (
         (fit.residual, density.names, density.noise.kind, density.prior),

@@ -123,7 +123,7 @@ def profile_likelihood(
     prior : Prior, optional
         As in `sample_posterior`.
     scale : float, optional
-        One factor for all parameters instead of their own.
+        One factor for all parameters instead of one for each.
     points : int
         Points of the curve between twice the distance of either end; none by default.
     executor : Executor, optional
@@ -210,7 +210,7 @@ def _profile(
 def _curve(
     deviance: Deviance, mode: Point, i: int, ends: list[tuple[float, str]], points: int
 ) -> Array:
-    """Return (2, points) places and the rise of -2 log p over the minimum, adjusted."""
+    """Return (2, points) values and the rise of -2 log p over the minimum, adjusted."""
     at = mode.x[i]
     low, high = (at + 2 * (end - at) if status == CROSSED else end for end, status in ends)
     low, high = np.nan_to_num(np.clip([low, high], *deviance.limits[:, i]), nan=at)

@@ -96,7 +96,7 @@ def lowest(deviance: Deviance, start: Array, moving: NDArray[np.bool_]) -> Point
 
 
 def moved(deviance: Deviance, here: Point, i: int, to: float) -> Point | None:
-    """Return the minimum over all parameters but i, whose value is `to`, found from a near one."""
+    """Return the minimum over all parameters but i, whose value is `to`, from a near one."""
     others = np.arange(len(here.x)) != i
     x = here.x + (to - here.x[i]) * _followed(here, deviance.limits, i)
     x[i] = to
@@ -106,10 +106,10 @@ def moved(deviance: Deviance, here: Point, i: int, to: float) -> Point | None:
 def end_of_interval(
     deviance: Deviance, mode: Point, i: int, side: int, rise: float
 ) -> tuple[float, str]:
-    """Return where the profile of parameter i has risen by `rise`, and how that was found.
+    """Return where the profile of parameter i has risen by `rise`, and how the search ended.
 
     The root of the rise is nearly straight, so Newton's steps on it need few profile points; the
-    slope of a profile is the gradient by its own parameter.
+    slope of a profile is the gradient by its parameter.
 
     Parameters
     ----------

@@ -56,7 +56,7 @@ class StudentT:
 def student_t(center: Array, information: Array, dof: float = DOF) -> StudentT:
     """Return the t whose scale matrix is the inverse of `information`, (p, p).
 
-    Directions without information are given the width BROAD.
+    Directions without information get the width BROAD.
     """
     regular = information + np.eye(len(center)) / BROAD**2
     s, values, vectors = scaled_eigh(regular)
@@ -65,7 +65,7 @@ def student_t(center: Array, information: Array, dof: float = DOF) -> StudentT:
 
 
 def laplace(fit: Fit, target: LogPosterior, dof: float = DOF) -> StudentT:
-    """Return the t about the mode of `target`, found from the fit by Gauss and Newton's steps."""
+    """Return the t about the mode of `target`, which Gauss-Newton steps reach from the fit."""
     bread, _ = sandwich_parts(fit)
     information = target.noise.curvature(fit.data_cost, target.data) * bread
     if target.prior is not None:

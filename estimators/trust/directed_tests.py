@@ -92,7 +92,7 @@ class DirectedTests:
     names, units : tuple of str
         As in `Directions`, but for those that the parameters imitate.
     index : ndarray of int, (r,)
-        Their place in `Directions`.
+        Their index in `Directions`.
     estimates, std : ndarray, (r,)
         Coefficients by one step, and their standard deviations.
     probabilities : ndarray, (r,)

@@ -62,7 +62,7 @@ class Interval:
         Where the standard deviation comes from.
     dof : float
         Degrees of freedom of the standard deviation; infinite for declared noise, not a number
-        where those of the noise are not known.
+        where those of the noise are unknown.
     verdict : Verdict
         Verdict of this parameter, with its reason.
     """

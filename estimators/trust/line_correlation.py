@@ -51,7 +51,7 @@ class LineCorrelation:
 
 
 def declared_correlation(fit: LinearisedFit) -> LineCorrelation:
-    """Return the correlation that the estimator of the FRF made, which is known."""
+    """Return the correlation that the estimator of the FRF made."""
     lines = fit.residuals.shape[1]
     return LineCorrelation(0.0, _padded(fit.line_correlation, lines), 1.0, np.inf)
 

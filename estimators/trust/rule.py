@@ -61,7 +61,7 @@ class Evidence:
     converged : bool
         Whether the fit ended at a minimum.
     noise_known : bool
-        Whether the degrees of freedom of the noise are known.
+        Whether the estimate tells the degrees of freedom of the noise.
     """
 
     fit: LinearisedFit

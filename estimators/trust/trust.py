@@ -1,4 +1,4 @@
-"""Recommended intervals and verdicts, and what they rest on."""
+"""Recommended intervals and verdicts, and the evidence behind them."""
 
 from dataclasses import dataclass, replace
 from functools import cached_property

@@ -121,7 +121,7 @@ def covariance(fit: Fit, method: str = "theorem1", lags: int | None = None) -> U
         Where the meat, the covariance of the cost's gradient, comes from. "theorem1": the
         estimate's covariance, at the fitted model; for log residuals the noise is eta/G to first
         order ([WM] below (7)). "scaled": that times the size of the residuals beside the noise, as
-        if the noise had been stated too small by one factor. "empirical": the fit's own residuals,
+        if the noise had been stated too small by one factor. "empirical": the residuals of the fit,
         correlated over neighbouring frequencies; it asks nothing of the estimate's covariance, but
         is far too small where few lines carry the information (4 times in the median of small
         studies, 13 times at worst; its intervals cover 74 to 87 % of the time), and no cure for
@@ -183,7 +183,7 @@ def _check_method(method: str, lags: int | None) -> None:
 
 
 def empirical_parts(fit: Fit, lags: int | None = None) -> tuple[Array, Array]:
-    """Return bread and meat, (p, p), from the residuals themselves, the prior left out.
+    """Return bread and meat, (p, p), from the residuals themselves, without the prior.
 
     With s_f the gradient of one frequency's part of the cost, in one position, the meat is
     sum_q sum_f sum_l (1 - |l|/(L + 1)) s_f s_(f+l)^T over lags |l| <= L (Newey and West 1987),

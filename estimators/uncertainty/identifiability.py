@@ -55,9 +55,9 @@ class Identifiability(ReprHtml):
     directions : ndarray, (p, p)
         Unit vectors of ln theta in rows, in that order.
     std : ndarray, (p,)
-        Standard deviations of each parameter; infinite if it is not known at all.
+        Standard deviations of each parameter; infinite without information.
     alone : ndarray, (p,)
-        Alone of each parameter if all others were known.
+        Of each parameter if all others were fixed.
     inflation : ndarray, (p, p)
         Factor by which freeing parameter j (row) widens parameter i (column); one on the
         diagonal.
@@ -171,7 +171,7 @@ def fit_information(fit: Fit) -> Array:
 
 
 def in_names(direction: Array, names: Sequence[str]) -> str:
-    """Return a direction (p,) of ln theta as a product of powers, small ones left out."""
+    """Return a direction (p,) of ln theta as a product of powers, small powers dropped."""
     size = np.round(np.abs(direction), 6)  # equal ones in the order of the names
     order = [i for i in np.argsort(-size, kind="stable") if size[i] > 0.2 * size.max()]
     return " ".join(f"{names[i]}^{direction[i]:+.2f}" for i in order)
@@ -211,7 +211,7 @@ def checked_information(information: Array, p: int) -> Array:
 
 
 def bounded_inverse(matrices: Array) -> Array:
-    """Return inverses (..., p, p); what is not known at all gets the variance UNKNOWN^2."""
+    """Return inverses (..., p, p); directions without information get the variance UNKNOWN^2."""
     regular = matrices + np.eye(matrices.shape[-1]) / UNKNOWN**2
     return scaled_inverse(regular)
 
@@ -233,7 +233,7 @@ def _advice(information: Array, names: tuple[str, ...], limit: float) -> tuple[A
 def _step(
     direction: Array, names: tuple[str, ...], std: float
 ) -> tuple[Advice, tuple[str, ...], Array]:
-    """Return a step against one weak direction, the names left, and d old / d new (p, p - 1)."""
+    """Return a step against one weak direction, the other names, and d old / d new (p, p - 1)."""
     order = np.argsort(-np.round(np.abs(direction), 6), kind="stable")  # ties as the names are
     shares = np.cumsum(direction[order] ** 2)
     count = int(np.searchsorted(shares, SHARE)) + 1

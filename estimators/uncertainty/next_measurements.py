@@ -13,14 +13,14 @@ from robotmodels.common.errors import InvalidInput, NotIdentifiable
 
 @dataclass(frozen=True, eq=False)
 class Additions:
-    """What each of C more measurements would do.
+    """Gain in precision by each of C candidate measurements.
 
     Attributes
     ----------
     order : ndarray of int, (C,)
         Candidates, the best first.
     gain : ndarray, (C,)
-        Factor by which the mean standard deviation of the chosen parameters falls.
+        Factor by which the mean standard deviation of the parameters to improve falls.
     std : ndarray, (C, p)
         Standard deviations of ln theta afterwards.
     """
@@ -36,7 +36,7 @@ def best_additions(
     names: Sequence[str],
     parameters: Sequence[str] | None = None,
 ) -> Additions:
-    """Return which more measurements, positions or sensors, would help most.
+    """Rank candidate measurements, positions or sensors, by their gain in precision.
 
     Parameters
     ----------
@@ -47,7 +47,7 @@ def best_additions(
     names : sequence of str
         p parameters.
     parameters : sequence of str, optional
-        Those that should become better known, by the geometric mean of their standard deviations;
+        Parameters to improve, by the geometric mean of their standard deviations;
         the volume of the joint confidence region of all where None.
 
     Raises

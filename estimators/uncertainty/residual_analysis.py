@@ -78,7 +78,7 @@ def residual_analysis(fit: Fit, lags: int = LAGS) -> ResidualAnalysis:
     """Return what a fit leaves unexplained, in units of the noise.
 
     Whatever the fit's weights, its residuals are judged by the noise of the estimate, with the
-    degrees of freedom of its covariance; elements without weight are left out.
+    degrees of freedom of its covariance; elements without weight do not count.
 
     Parameters
     ----------
@@ -132,7 +132,7 @@ def _outlying(ratio: Array, fit: LinearisedFit) -> IntArray:
     """Return which positions' ratio is too large beside the others'.
 
     Too large is what noise alone exceeds in one position of a hundred analyses (F law), and also
-    four standard deviations of the positions' own spread, which model errors widen.
+    four standard deviations of the spread between positions, which model errors widen.
     """
     from scipy.stats import f as f_law
 

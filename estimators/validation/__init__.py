@@ -1,1 +1,1 @@
-"""Uncertainty put to the test: repeated simulations, cross-checks, positions held out."""
+"""Tests of uncertainty: repeated simulations, cross-checks, held-out positions."""

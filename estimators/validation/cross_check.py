@@ -44,7 +44,7 @@ class CrossCheck(ReprHtml):
     stds : ndarray, (k, p)
         Not a number where a method says nothing about a parameter.
     notes : tuple of str
-        What was left out, which methods agree, and where posteriors and profiles are not normal.
+        Which methods were dropped, which agree, and where posteriors and profiles are not normal.
     covering : tuple of str, optional
         Methods whose intervals cover the truth often enough in repeated experiments; None if there
         were none.
@@ -132,7 +132,7 @@ def cross_check(
     posterior : Posterior, optional
         Posterior by the likelihood: the density exp(-V), V the cost with the noise's weights.
     own_cost : Posterior, optional
-        Posterior of the fit's own cost, where its weights are not those of the noise.
+        Posterior of the fit's cost, where its weights are not those of the noise.
     importance : ImportanceSample, optional
         Importance sample of the same fit, if computed.
     profiles : sequence of Profile

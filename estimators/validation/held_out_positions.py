@@ -1,4 +1,4 @@
-"""Whether predictions hold where nothing was fitted: held-out positions, and calibration."""
+"""Predictions at positions that were not fitted, and their calibration."""
 
 from dataclasses import dataclass
 

@@ -39,7 +39,7 @@ class RunStore:
         self.file = CheckpointFile(path, fingerprint, "runs", "another series of experiments")
 
     def load(self) -> list[Run]:
-        """Return the runs that are kept: arrays, or the reason why there are none.
+        """Return the stored runs: arrays, or the reason why there are none.
 
         Raises
         ------
@@ -82,14 +82,14 @@ CHUNK = 20
 
 @dataclass(frozen=True, eq=False)
 class MonteCarlo(ReprHtml):
-    """What came out of N repeated experiments, runs without an answer left out.
+    """Estimates and intervals of N repeated experiments that have an answer.
 
     Attributes
     ----------
     names : tuple of str
         p parameters.
     truth : ndarray, (p,)
-        Truth [SI]; not a number for those that are not known.
+        Truth [SI]; not a number where it is unknown.
     methods : tuple of str
         k, of `INTERVAL_METHODS`.
     level : float
@@ -149,7 +149,7 @@ class MonteCarlo(ReprHtml):
         return np.where(np.isfinite(self.truth), shares, np.nan)
 
     def overall(self, method: str) -> float:
-        """Return the coverage over all parameters whose truth is known."""
+        """Return the coverage over all parameters whose truth is a number."""
         return float(np.nanmean(self.coverage(method)))
 
     def band(self) -> tuple[float, float]:
@@ -213,7 +213,7 @@ def monte_carlo(
         closed-loop simulation followed by `estimate_frf`. Its model may differ from the one that is
         fitted: that is how model errors are studied.
     model : Elastic
-        What is fitted, from its own parameter values on.
+        What is fitted, from its nominal parameters on.
     rng : Generator
         Source of the runs' seeds.
     residual : str
@@ -221,8 +221,8 @@ def monte_carlo(
     weights : str or ndarray
         Weights of the fits, as in `estimators.fit`.
     truth : ndarray, (p,), optional
-        Truth [SI] what intervals should cover; the model's own values where None; not a number for
-        a parameter without a true value.
+        True values [SI] that intervals should cover; the model's nominal values where None; not a
+        number for a parameter without a true value.
     methods : sequence of str
         Methods whose intervals to compute: "recommended" (see `Fit.intervals`), "theorem1",
         "scaled" and "empirical" (see `covariance`), "posterior" (by importance sampling, by emcee

@@ -173,7 +173,7 @@ def predict_modes(
 
 @dataclass(frozen=True, eq=False)
 class WorkspaceMap:
-    """How well FRFs and resonances are known all over the workspace.
+    """Standard deviations of FRFs and resonances all over the workspace.
 
     Attributes
     ----------

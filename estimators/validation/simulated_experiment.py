@@ -21,7 +21,7 @@ Experiment = Callable[[np.random.Generator], FrfEstimate]
 
 @dataclass(frozen=True, eq=False)
 class FrfExperiment:
-    """An experiment at the level of FRFs: the true model's, with errors of a known law.
+    """An experiment at the level of FRFs: the true model's, with errors of a noise law.
 
     Attributes
     ----------
@@ -45,7 +45,7 @@ class FrfExperiment:
 
     @cached_property
     def response(self) -> ComplexArray:
-        """The true FRFs, (Q, F, m, n), found once for all runs."""
+        """The true FRFs, (Q, F, m, n), computed once for all runs."""
         return np.asarray(frequency_response(self.model, self.positions, self.omega))
 
     def __call__(self, rng: np.random.Generator) -> FrfEstimate:

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from estimators.frf.frf_from_records import MeasuredFrf
-from estimators.frf.method_comparison import Comparison
+from estimators.frf.method_comparison import MethodComparison
 from reports import text
 from reports.figures import response_panels
 from reports.figures.frf_figures import detection_panels
@@ -190,7 +190,7 @@ def level_table(found: MeasuredFrf) -> Table:
     return table("level-table", caption, columns, rows)
 
 
-def method_table(comparison: Comparison) -> Table:
+def method_table(comparison: MethodComparison) -> Table:
     """Return the methods, best first, with relative error and bias, rms over lines."""
     rows = [
         (name.upper(), Number(text.percent(error), error), Number(text.percent(bias), bias))

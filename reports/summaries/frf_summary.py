@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from estimators.frf.frf_from_records import MeasuredFrf
-from estimators.frf.method_comparison import Comparison
+from estimators.frf.method_comparison import MethodComparison
 from reports import text
 from reports.summaries.columns import number, plain, plural, table
 from robotmodels.common.arrays import Array
@@ -67,7 +67,7 @@ def frf_json(found: MeasuredFrf, files: list[Path]) -> dict[str, Any]:
     }
 
 
-def _ranking(comparison: Comparison) -> list[str]:
+def _ranking(comparison: MethodComparison) -> list[str]:
     """Return the table of methods."""
     rows = [
         (name, *(plain(text.percent(value)) for value in values))
@@ -91,7 +91,7 @@ def excess(found: MeasuredFrf) -> float:
     return float(np.nanmedian(d.total / d.noise))
 
 
-def ranked(comparison: Comparison) -> list[tuple[str, float, float]]:
+def ranked(comparison: MethodComparison) -> list[tuple[str, float, float]]:
     """Return name, relative error and bias of the methods, best first."""
     bias = np.sqrt(np.mean((comparison.bias / comparison.response) ** 2, axis=1))
     order = np.argsort(comparison.scores, kind="stable")

@@ -9,7 +9,7 @@ from robotmodels.elastic.robot import ElasticRobot
 
 
 @dataclass(frozen=True)
-class Body:
+class BodyState:
     """A rigid body between joints, passive torsions and cuts; the payload is part of its last one.
 
     Attributes
@@ -53,7 +53,7 @@ class Body:
         return float(np.sqrt(self.moments[-1] / self.mass))
 
 
-def bodies(robot: ElasticRobot) -> tuple[Body, ...]:
+def bodies(robot: ElasticRobot) -> tuple[BodyState, ...]:
     """Return the bodies, base to tool."""
     model = robot.arm.model
     data = model.createData()
@@ -66,11 +66,11 @@ def bodies(robot: ElasticRobot) -> tuple[Body, ...]:
     )
 
 
-def _body(robot: ElasticRobot, data: pin.Data, joint: int) -> Body:
+def _body(robot: ElasticRobot, data: pin.Data, joint: int) -> BodyState:
     model, inertia = robot.arm.model, robot.arm.model.inertias[joint]
     moments = np.linalg.eigvalsh(inertia.inertia) + 0.0
     link, part = _link(robot, model.names[joint])
-    return Body(
+    return BodyState(
         link=link,
         part=part,
         moved_by=tuple(model.names[j] for j in _moved_by(model, joint)),
@@ -83,7 +83,7 @@ def _body(robot: ElasticRobot, data: pin.Data, joint: int) -> Body:
 
 
 def _moved_by(model: pin.Model, joint: int) -> list[int]:
-    """Return the joints between a body and the one before it, the body's own last."""
+    """Return the joints between a body and its parent body, the nearest one last."""
     chain = [joint]
     while (parent := model.parents[chain[0]]) and not model.inertias[parent].mass > 0:
         chain.insert(0, parent)

@@ -5,7 +5,7 @@ from typing import Literal
 
 import numpy as np
 
-from robotmodels.checks.bodies import Body, bodies
+from robotmodels.checks.bodies import BodyState, bodies
 from robotmodels.common.arrays import Array, ComplexArray
 from robotmodels.common.errors import InvalidInput, SolverFailed
 from robotmodels.common.symmetric_matrices import unit_diagonal_scaling
@@ -160,7 +160,7 @@ class InseparablePair:
     names : tuple of str
         Both.
     inflation : float, dimensionless
-        Factor by which the standard deviation of either exceeds that with the other one known.
+        Factor by which the standard deviation of either exceeds that with the other one fixed.
     """
 
     names: tuple[str, str]
@@ -187,7 +187,7 @@ class Diagnosis:
         Common delay.
     band : tuple of (float, float), rad/s
         Lowest and highest angular frequency of interest.
-    bodies : tuple of Body
+    bodies : tuple of BodyState
         Bodies, base to tool.
     parameters : tuple of ParameterState
         State of each parameter.
@@ -218,7 +218,7 @@ class Diagnosis:
     measured: str
     delay: float
     band: tuple[float, float]
-    bodies: tuple[Body, ...]
+    bodies: tuple[BodyState, ...]
     parameters: tuple[ParameterState, ...]
     motors: tuple[MotorState, ...]
     springs: tuple[SpringState, ...]
@@ -233,7 +233,7 @@ class Diagnosis:
 def diagnose(
     robot: ElasticRobot, position: Array, band: tuple[float, float] | None = None
 ) -> Diagnosis:
-    """Return what there is to know about `robot` at `position` (n,), at its own parameter values.
+    """Return the diagnosis of `robot` at `position` (n,) and its nominal parameters.
 
     Parameters
     ----------

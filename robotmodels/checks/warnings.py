@@ -26,7 +26,7 @@ class Suspicion:
     subjects : tuple of str
         The springs, bodies, motors or parameters at fault.
     message : str
-        One line with what was found.
+        One line that names the fault and its size.
     """
 
     rule: str
@@ -150,7 +150,7 @@ def line_mass(d: Diagnosis) -> Iterator[Suspicion]:
 
 
 def large_gyration(d: Diagnosis) -> Iterator[Suspicion]:
-    """Bodies whose radius of gyration exceeds their reach (see `Body.extent`)."""
+    """Bodies whose radius of gyration exceeds their reach (see `BodyState.extent`)."""
     for b in d.bodies:
         if b.radius_of_gyration > max(b.extent, 1e-3):
             yield Suspicion(

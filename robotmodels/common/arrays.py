@@ -28,7 +28,7 @@ def read_only(array: NDArray[_T]) -> NDArray[_T]:
 
 
 def real_numbers(values: ArrayLike, what: str, *, copy: bool = True) -> Array:
-    """Return `values` as a float array, of its own unless `copy` is false.
+    """Return `values` as a float array, a copy unless `copy` is false.
 
     Raises
     ------

@@ -14,7 +14,7 @@ from robotmodels.common.file_paths import reason
 
 @contextmanager
 def atomic_write(path: str | os.PathLike[str]) -> Iterator[Path]:
-    """Yield a temporary path that takes the place of `path` once all is written."""
+    """Yield a temporary path that replaces `path` when the block ends without an error."""
     target = Path(path)
     unfinished = target.with_name(f"{target.stem}.part{target.suffix}")
     try:

@@ -74,7 +74,7 @@ class CheckpointFile:
 
     @contextmanager
     def writing(self) -> "Iterator[h5py.File]":
-        """Open a new file that takes the place of the old one once all is written.
+        """Open a new file that replaces the old one when the block ends without an error.
 
         Raises
         ------

@@ -99,6 +99,26 @@ def renamed_names(
     return get
 
 
+def current_key(key: str, where: str, since: str, **renamed: str) -> str:
+    """Return the present name of a key or column of a file, with a warning for an old one.
+
+    Parameters
+    ----------
+    key : str
+        As the file has it.
+    where : str
+        File, and what in it has the key.
+    since : str
+        Version that renamed it.
+    **renamed : str
+        New name of each old key.
+    """
+    if key not in renamed:
+        return key
+    _warn(f"{where}: {key!r}", renamed[key], since)
+    return renamed[key]
+
+
 def _warn(old: str, new: str, since: str) -> None:
     major, minor = map(int, since.split("."))
     message = f"{old} is now {new!r}; the old name works until {major}.{minor + 1}"

@@ -55,6 +55,6 @@ class SolverFailed(IdentificationError):
 
 
 def nearest(word: str, words: Iterable[str]) -> str:
-    """Return `` (did you mean 'x'?)`` for the known word nearest to `word`, or nothing."""
+    """Return `` (did you mean 'x'?)`` for the one of `words` nearest to `word`, or nothing."""
     matches = get_close_matches(word, list(words), n=1, cutoff=0.5)
     return f" (did you mean {matches[0]!r}?)" if matches else ""

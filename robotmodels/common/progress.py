@@ -6,4 +6,4 @@ Progress = Callable[[int, int], object]
 """Called with the steps done and the steps in all."""
 
 StageProgress = Callable[[str, int, int], object]
-"""Called with the stage's name, the steps done and the steps in all (0: not known yet)."""
+"""Called with the stage's name, the steps done and the steps in all (0: no total yet)."""

@@ -41,7 +41,7 @@ def parse_yaml(text: str, schema: type[_Section], source: str) -> _Section:
     Raises
     ------
     InvalidInput
-        Naming line and key at fault, what was found and what would be right.
+        Naming line and key at fault, the value read and the value needed.
     """
     document = yaml_document(text, source, needed(schema))
     return parse(document, schema, source)
@@ -95,7 +95,7 @@ def parse(document: Node, schema: type[_Section], source: str) -> _Section:
     Raises
     ------
     InvalidInput
-        Naming line and key at fault, what was found and what would be right.
+        Naming line and key at fault, the value read and the value needed.
     """
     content = document.content
     if isinstance(content, str) and content.startswith("<"):
@@ -121,7 +121,7 @@ def parse(document: Node, schema: type[_Section], source: str) -> _Section:
 
 
 def _meant(details: list[Any]) -> list[Any]:
-    """Drop what is said about "a number" where a mapping was given instead, as it may be."""
+    """Drop errors about a number where the file has a mapping that the schema allows."""
     mappings = {e["loc"][:-1] for e in details if isinstance(e["input"], dict) and _branch(e)}
     unambiguous = [e for e in details if not (_branch(e) and e["loc"][:-1] in mappings)]
     # Likewise what is said about a mapping where a number was given.

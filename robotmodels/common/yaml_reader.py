@@ -45,7 +45,7 @@ class Node:
     content : Any
         Text, number, truth, None, list, or mapping with text as keys.
     children : dict of str or int to Node
-        Children of a list or a mapping, by place or key.
+        Children of a list or a mapping, by index or key.
     height : int
         Lists and mappings within each other.
     size : int

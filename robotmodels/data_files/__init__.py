@@ -1,4 +1,4 @@
-"""Files of data that users bring: each container is opened in one place, by one guard.
+"""Files of data that users bring: each container is opened by one function and one guard.
 
 A container (`hdf5_file`, `matlab_file`, `csv_table`, `universal_file`, `json_text`) knows its
 library and turns what that raises over a damaged or hostile file into the package's error; it hands

@@ -44,7 +44,7 @@ class StoredArray:
     read : callable
         Returns it, under the guard of its container.
     capacity : int or None
-        The most elements of it that the file can hold; None where that is not known.
+        The most elements of it that the file can hold; None where the file does not tell.
     loose : bool
         Whether the container drops trailing axes of length one and has no vectors, as MATLAB's.
     """
@@ -167,12 +167,12 @@ class ArraySchema:
         stored : mapping of str to StoredArray
             What the file holds.
         where : str
-            File, and the place in it.
+            File, and the group or key in it.
 
         Raises
         ------
         InvalidInput
-            Naming the file, the array, what was found and what would be right.
+            Naming the file, the array, the value read and the value needed.
         """
         self._check_names(stored, where)
         shapes = self._shapes(stored, where)

@@ -42,7 +42,7 @@ def library_errors(where: object, container: str, *more: type[Exception]) -> Ite
     Parameters
     ----------
     where : object
-        File, and the place in it.
+        File, and the group or key in it.
     container : str
         What the library takes the file for, in words.
     more : type

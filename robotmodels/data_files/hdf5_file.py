@@ -82,12 +82,12 @@ class Hdf5Group:
         Parameters
         ----------
         beside : tuple of str
-            Names of groups that are read apart.
+            Names of groups that the caller reads.
 
         Raises
         ------
         InvalidInput
-            Naming the file, the dataset, what was found and what would be right.
+            Naming the file, the dataset, the value read and the value needed.
         """
         stored = {name: self.stored(name) for name in self.names() if name not in beside}
         for name, field in schema.fields.items():
@@ -117,7 +117,7 @@ class Hdf5Group:
         return numbered
 
     def stored(self, name: str) -> StoredArray:
-        """Return the description of a dataset, or of what is in its place."""
+        """Return the description of a dataset, or of another object with its name."""
         import h5py
 
         member = self._member(name)

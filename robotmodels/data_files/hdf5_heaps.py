@@ -41,7 +41,7 @@ def check_text_dataset(source: Path, base: int, offset: int, count: int) -> None
     base : int
         What addresses count from.
     offset : int
-        Place of the first of them in the file.
+        Offset of the first of them in the file.
     count : int
         Count of references, one after the other.
 

@@ -43,7 +43,7 @@ def read_mat(path: PathLike, schema: ArraySchema, name: str) -> dict[str, Any]:
     Raises
     ------
     InvalidInput
-        Naming the file, the variable, what was found and what would be right.
+        Naming the file, the variable, the value read and the value needed.
     """
     source = Path(path)
     check_file(source)

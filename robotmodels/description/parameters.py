@@ -39,7 +39,7 @@ class Parameters:
         return len(self.names)
 
     def index(self, name: str) -> int:
-        """Return the place of parameter `name`.
+        """Return the index of parameter `name`.
 
         Raises
         ------
@@ -53,7 +53,7 @@ class Parameters:
         return self.names.index(name)
 
     def check(self, values: Array | None) -> Array:
-        """Return `values` as a (p,) float array, or the parameters' own where None.
+        """Return `values` as a (p,) float array, or the parameters' nominal values where None.
 
         Raises
         ------

@@ -85,8 +85,8 @@ def rigid_model(path: Path, lock: dict[str, float]) -> pin.Model:
 def _mend_locked_frame(model: pin.Model, whole: pin.Model, name: str) -> None:
     """Make the frame of a locked joint like that of a fixed one.
 
-    Pinocchio leaves it its own parent, and gives it the inertia of all that the joint moved,
-    bodies fixed to it included, which have frames of their own.
+    Pinocchio makes it its own parent, and gives it the inertia of all that the joint moved, bodies
+    fixed to it included, although these have frames too.
     """
     joint = whole.getJointId(name)
     carrier = whole.frames[whole.getFrameId(name, pin.JOINT)].parentFrame

@@ -26,7 +26,7 @@ class Arm:
     model : pin.Model
         One degree of freedom per joint; joint names are URDF joint names and spring names.
     coordinate : dict of str to int
-        Place of each joint name in the configuration vector.
+        Index of each joint name in the configuration vector.
     urdf_joints : tuple of str
         Names of the URDF's joints, base to tool.
     """
@@ -51,7 +51,7 @@ class Arm:
 
     @cached_property
     def carrier_first(self) -> IntArray:
-        """Place of each entry i, j of a (d, d) matrix, or of j, i where that one carries it."""
+        """Flat index of each entry i, j of a (d, d) matrix, or of j, i where joint j carries i."""
         entries = np.arange(self.carries.size).reshape(self.carries.shape)
         return np.where(self.carries, entries, entries.T).ravel()
 

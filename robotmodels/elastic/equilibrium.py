@@ -47,7 +47,7 @@ class Labels:
     forces : sequence of bool
         Whether it is forces that bend it, as at a prismatic joint, instead of torques.
     position : callable
-        Place of the position with an index.
+        Words for the position with an index.
     """
 
     springs: Sequence[str]
@@ -151,7 +151,7 @@ class _Balance:
 
     @cached_property
     def total(self) -> Array:
-        """Stiffness of springs and gravity, (Q, d, d); rigid coordinates apart, with unit one."""
+        """Stiffness of springs and gravity, (Q, d, d); unit rows for rigid coordinates."""
         free = np.isfinite(self.stiffness)
         K = np.where(free[:, :, None] & free[:, None, :], self.load.slopes, 0.0)
         diagonal = np.einsum("qii->qi", K)

@@ -55,7 +55,7 @@ class ElasticRobot:
 
     @cached_property
     def rigid(self) -> pin.Model:
-        """The rigid Pinocchio model, joints of `lock` held."""
+        """The rigid Pinocchio model with the joints of `lock` fixed."""
         return rigid_model(locate(self.file.urdf, self.folder), self.file.lock)
 
     @cached_property
@@ -116,7 +116,7 @@ class ElasticRobot:
     def position_limits(self) -> Array:
         """Lower and upper joint limits of the motors' joints, (n, 2) [rad or m].
 
-        A continuous joint, which has none, is given one turn.
+        A continuous joint, which has none, gets one turn.
         """
         low, high = self.rigid.lowerPositionLimit, self.rigid.upperPositionLimit
         limits = []
@@ -216,7 +216,7 @@ class ElasticRobot:
     def tangents(
         self, positions: Array, parameters: Array | None = None, *, equilibrium_shift: bool = True
     ) -> Tangents | None:
-        """Return what the network's own sensitivities leave out; None if that is nothing.
+        """Return derivatives of the matrices that `network` omits from sensitivities, or None.
 
         With `equilibrium_shift`, how the equilibrium's shift with ln theta changes everything;
         always, the direct effect of parameters that are neither spring nor damper.
@@ -232,7 +232,7 @@ class ElasticRobot:
     def linearization(
         self, positions: Array, parameters: Array | None = None, *, equilibrium_shift: bool = True
     ) -> tuple[SpringNetwork, Tangents | None]:
-        """Return `network` and `tangents` about the same equilibria, found once.
+        """Return `network` and `tangents` about the same equilibria, computed once.
 
         Raises
         ------

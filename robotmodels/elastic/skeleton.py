@@ -63,7 +63,7 @@ class Layout:
 
     @cached_property
     def motors(self) -> list[int]:
-        """Coordinate of each motor: its own behind a spring, the joint's where it is rigid."""
+        """Coordinate of each motor: its shaft behind a spring, the joint where it is rigid."""
         shafts = {m: self.arm_size + i for i, m in enumerate(self.elastic_motors)}
         return [shafts.get(i, int(self.drives[i])) for i in range(len(self.file.motors))]
 

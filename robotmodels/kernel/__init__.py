@@ -9,7 +9,7 @@ import numpy as np
 
 from robotmodels.common.arrays import Array, ComplexArray
 from robotmodels.kernel.cost_kernel import CostKernel, check_complete, positive_frequencies
-from robotmodels.kernel.elimination_order import Layout, layout
+from robotmodels.kernel.elimination_order import EliminationPlan, layout
 from robotmodels.kernel.fisher import informations, separable_informations
 from robotmodels.kernel.memory import address, aligned
 from robotmodels.kernel.simd import LANES
@@ -24,7 +24,7 @@ from robotmodels.linear.spring_network import SpringNetwork, shared
 __all__ = ["CostKernel", "NormalEquations", "costs", "frequency_response", "information"]
 
 _SHARES = 4
-"""Pieces of the positions for each thread: one may be held up, if only by the next network."""
+"""Pieces of the positions for each thread: one may be delayed, if only by the next network."""
 
 
 def frequency_response(network: SpringNetwork, omega: Array) -> ComplexArray:
@@ -58,7 +58,7 @@ def frequency_response(network: SpringNetwork, omega: Array) -> ComplexArray:
 
 
 def information(network: SpringNetwork, omega: Array, noise: NoiseLaw | SeparableNoise) -> Array:
-    """Return the Fisher information on ln theta, (Q, p, p), equilibria held fixed.
+    """Return the Fisher information on ln theta, (Q, p, p), equilibria fixed.
 
     2 sum_F Re(conj(Psi) Lambda^-1 Psi^T), with Lambda the noise law at the modelled FRF, and Psi
     the derivatives of vec G at the frequencies `omega` [rad/s]. Of a separable law (such as
@@ -107,7 +107,7 @@ def costs(
 
 def _separable_information(
     network: SpringNetwork,
-    plan: Layout | None,
+    plan: EliminationPlan | None,
     omega: Array,
     factors: tuple[ComplexArray, ComplexArray],
     out: Array,

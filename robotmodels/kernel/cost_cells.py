@@ -3,7 +3,7 @@
 What does not depend on the parameters is done once: coordinates without free springs are
 eliminated from A at every position and frequency, and the two symmetric elements of a measured
 FRF are merged where that is exact. Then, at each position and eight frequencies, the small
-matrix that is left stays in the cache while one set of parameters after the other uses it.
+remaining matrix stays in the cache while one set of parameters after the other uses it.
 """
 
 # numba compiles what follows and infers its types:
@@ -51,7 +51,7 @@ class Cells(NamedTuple):
     omega : int, (cells,)
         Frequencies.
     matrix : int
-        (cells, entries of the triangle) what is left of A without free springs.
+        (cells, entries of the triangle) A without free springs, reduced to the remaining rows.
     off : int, (cells, size)
         Largest off-diagonal magnitude of its rows.
     targets : int

@@ -11,14 +11,14 @@ from robotmodels.linear.spring_network import SpringNetwork
 BLOCK = 3
 """Rows and columns of the register blocks of the factorisation."""
 GROUND, MOTOR, INERTANCE, MOTOR_INERTANCE = -1, -2, -3, -4
-"""What a term joins its row to, where that is no row (see `Layout`)."""
+"""What a term joins its row to, where that is no row (see `EliminationPlan`)."""
 
 
 @dataclass(frozen=True, eq=False)
-class Layout:
+class EliminationPlan:
     """A network's structure, the same at every position.
 
-    Motors that only their own spring ties to the rest are eliminated by formula; what remains
+    Motors that only one spring joins to the robot are eliminated by formula; what remains
     is factorised in the order [coordinates without needed springs, with them, driven by motors].
 
     Terms are numbered as in `SpringNetwork`. A code stands for `GROUND`, a spring to the ground;
@@ -54,7 +54,7 @@ class Layout:
     needed: IntArray
 
 
-def layout(network: SpringNetwork) -> Layout | None:
+def layout(network: SpringNetwork) -> EliminationPlan | None:
     """Return the layout of `network`; None where the kernel does not know it.
 
     It knows motors that act on one coordinate each, and their motions as outputs.
@@ -91,7 +91,7 @@ def layout(network: SpringNetwork) -> Layout | None:
     )
     motors = np.column_stack([motors, inertances])
     table = _terms(ends, order, motors, driven)
-    return Layout(
+    return EliminationPlan(
         order=order,
         pad=pad,
         first=pad + len(free),
@@ -118,8 +118,8 @@ def _terms(ends: IntArray, order: IntArray, motors: IntArray, driven: list[int])
     ).reshape(-1, 3)
 
 
-def reduced(plan: Layout) -> Layout:
-    """Return the layout of what is left when rows before `plan.first` have been eliminated."""
+def reduced(plan: EliminationPlan) -> EliminationPlan:
+    """Return the plan of the rows from `plan.first` on, the others being eliminated."""
     remaining = plan.order[plan.first :]
     pad = -len(remaining) % BLOCK
     needed = plan.needed.copy()

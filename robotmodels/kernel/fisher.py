@@ -98,7 +98,7 @@ MOTORS = 6
 def product(a, b, weights):
     """Return h^T W h of the elongations at `a` and `b`.
 
-    `weights` is the address of W by rows i <= j, twice off the diagonal, one place in two.
+    `weights` is the address of W by rows i <= j, twice off the diagonal, every second vector.
     """
     zero = pack(splat(0.0), splat(0.0))
     h0 = fma_conjugate(load_complex(a, 0), load_complex(b, 0), zero)
@@ -139,7 +139,7 @@ def accumulate_six(work, w):
 def load_weights(work, source, at, frequencies, weights):
     """Write (n, n) complex matrices of eight frequencies as vectors, zero beyond the last one.
 
-    `source` is where the doubles of (F, n, n, 2) begin, `at` the first of the eight.
+    `source` is the address of the doubles (F, n, n, 2), `at` the index of the first of the eight.
     """
     entries = 2 * work.n * work.n
     for e in range(entries):
@@ -165,7 +165,7 @@ def apply_weights(work, weights):
 
 @inlined
 def inner(work, s, t, part):
-    """Return the inner products of springs s and s + 1 with the turned springs t and t + 1.
+    """Return the inner products of springs s and s + 1 with the weighted springs t and t + 1.
 
     Four at once, as no multiplication then waits for the one before it.
     """

@@ -1,7 +1,7 @@
 """Factorise complex symmetric matrices, eight at a time, and take rows of their inverses.
 
 A = L D L^T without pivoting, in register blocks of three rows by three columns. Triangles are
-stored by row; entry i, j is the complex vector at place i (i + 1) + 2 j.
+stored by row; entry i, j is the complex vector at index i (i + 1) + 2 j.
 """
 
 # numba compiles what follows and infers its types:
@@ -226,7 +226,7 @@ def back_substitute(work, first):
 
 @compiled
 def solve_lane(work, source, first, lane):
-    """Solve one lane again, the triangle at `source` and the diagonal apart, with pivoting.
+    """Solve one lane again, with pivoting; the diagonal is stored beside the triangle at `source`.
 
     Gauss with row pivoting, pivots judged relative to their row's largest entry.
     """

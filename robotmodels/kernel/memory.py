@@ -1,7 +1,7 @@
 """Read and write vectors, doubles and integers by address.
 
-`load` and `store` take the integer address of an array from `aligned` and a place, counted in
-vectors; a complex vector takes two places. An address costs nothing to hand around, where numba
+`load` and `store` take the integer address of an array from `aligned` and an index in
+vectors; a complex vector takes two. An address costs nothing to hand around, where numba
 counts references to arrays, one atomic operation each. Whoever takes an address keeps the array.
 None of this checks bounds.
 """

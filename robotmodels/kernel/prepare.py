@@ -4,7 +4,7 @@ import numpy as np
 
 from robotmodels.common.arrays import Array, ComplexArray
 from robotmodels.kernel.cost_cells import parted, vectors
-from robotmodels.kernel.elimination_order import INERTANCE, Layout
+from robotmodels.kernel.elimination_order import INERTANCE, EliminationPlan
 from robotmodels.kernel.memory import address, aligned
 from robotmodels.kernel.reduce import reductions
 from robotmodels.kernel.simd import LANES
@@ -17,7 +17,7 @@ _WEIGHTS = {"nls": [2], "lls": [1, 3, 5], "lls_magnitude": [1]}
 
 
 def prepare_matrices(
-    network: SpringNetwork, omega: Array, full: Layout, plan: Layout
+    network: SpringNetwork, omega: Array, full: EliminationPlan, plan: EliminationPlan
 ) -> tuple[Array, Array]:
     """Return A without its free terms, rows before `full.first` eliminated, and rows' largest.
 
@@ -85,7 +85,7 @@ def targets(
 
 
 def _remaining_matrix(
-    network: SpringNetwork, omega: Array, full: Layout, plan: Layout
+    network: SpringNetwork, omega: Array, full: EliminationPlan, plan: EliminationPlan
 ) -> ComplexArray:
     """Return A without free and motor springs, (Q, F, size, size), other rows eliminated."""
     mass, damping, stiffness = (

@@ -11,7 +11,7 @@ from robotmodels.kernel.solve import assemble_arm, pack_position
 
 @inlined
 def triangle_offset(i, j):
-    """Return the place of entry i, j <= i of a triangle."""
+    """Return the index of entry i, j <= i of a triangle."""
     return i * (i + 1) + 2 * j
 
 
@@ -34,7 +34,7 @@ def eliminate_front(work):
 
 @compiled
 def store_reduced(work, pad, matrix, off):
-    """Write what is left, below `pad` rows of the unit matrix, and its rows' largest entries."""
+    """Write the reduced matrix below `pad` unit rows, and the largest entries of its rows."""
     size = pad + work.size - work.first
     for i in range(size):
         store(off, i, splat(0.0))

@@ -52,7 +52,7 @@ def spring_elongations(work, w):
 def outer_products(work, real):
     """Write a_s, the elements i <= j of v_s v_s^T times the `roots` of their weights.
 
-    Where roots are `real`, the first vector of the two counts.
+    If `real`, only the real part of each stored root is used.
     """
     n, v, entry = work.n, work.elongation, 0
     for s in range(work.m):

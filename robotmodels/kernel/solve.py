@@ -100,7 +100,7 @@ def bound_rows(work):
 
 @inlined
 def motor_terms(work, w, stiffness, damping):
-    """Eliminate the motors, and add what is left of their springs to the diagonal.
+    """Eliminate the motors and add the reduced stiffness of their springs to the diagonal.
 
     With b = -w^2 J + jwd of the motor, s = k + jwc of its spring and z = b + s, the motor is
     rho = s/z of its arm side, and the arm side feels s (1 - rho) = s b/z: no difference of

@@ -16,8 +16,8 @@ def over_threads(
 ) -> None:
     """Call ``run(start, stop)`` on pieces of ``range(n_items)``, in this thread and in others.
 
-    With several `shares` for each thread, one that is held up leaves the rest to the others. At
-    most `numba.get_num_threads` at once, and one in the processes of a pool, which fills the cores
+    With several `shares` for each thread, a delayed thread leaves its shares to the others. At most
+    `numba.get_num_threads` at once, and one in the processes of a pool, which fills the cores
     by itself; `work_per_item` counts vectors of frequencies to solve at. The threads end with the
     call: a kept pool, or numba's own, would not survive in a forked process.
     """

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from robotmodels.common.arrays import Array, IntArray
-from robotmodels.kernel.elimination_order import BLOCK, Layout
+from robotmodels.kernel.elimination_order import BLOCK, EliminationPlan
 from robotmodels.kernel.memory import address, aligned
 from robotmodels.linear.spring_network import SpringNetwork, shared
 
@@ -17,10 +17,10 @@ class Work(NamedTuple):
     """Sizes, and addresses of tables and buffers.
 
     Sizes: coordinates d, terms s, rows of the factorisation, rows of padding, first row needed,
-    motors n, places of a row of right-hand sides, inner springs, needed springs m, parameters p,
+    motors n, vectors in a row of right-hand sides, inner springs, needed springs m, parameters p,
     doubles from one position's damping and exponents to the next (0 if all share them).
 
-    Tables, as in `SpringNetwork` and `Layout`: mass .. spring_damping, order .. needed.
+    Tables, as in `SpringNetwork` and `EliminationPlan`: mass .. spring_damping, order .. needed.
 
     Buffers of doubles:
         packed : (3, triangle) mass, damping, stiffness of one position, by row.
@@ -97,13 +97,15 @@ class Workspace:
 class Workspaces:
     """The memory of threads that take turns: no two get the same at once."""
 
-    def __init__(self, plan: Layout, network: SpringNetwork, tables: Sequence[Array]) -> None:
+    def __init__(
+        self, plan: EliminationPlan, network: SpringNetwork, tables: Sequence[Array]
+    ) -> None:
         self._made_of = plan, network, tables
         self._idle: list[Workspace] = []
 
     @contextmanager
     def one(self) -> Iterator[Work]:
-        """Lend out one; it is given back at the end."""
+        """Lend one out for the length of the block."""
         try:
             space = self._idle.pop()
         except IndexError:
@@ -136,7 +138,7 @@ def _step(table: Array) -> int:
     return table[0].size if table.ndim == 3 and len(table) > 1 else 0
 
 
-def workspace(plan: Layout, network: SpringNetwork, tables: Sequence[Array]) -> Workspace:
+def workspace(plan: EliminationPlan, network: SpringNetwork, tables: Sequence[Array]) -> Workspace:
     """Return the memory of one thread."""
     size, n, m = len(plan.order), len(plan.motors), len(plan.needed)
     p = len(network.parameters)
@@ -176,7 +178,7 @@ def _doubles(size: int, n: int, m: int, p: int) -> list[Array]:
 
 
 def _vectors(size: int, n: int, m: int, columns: int) -> list[Array]:
-    """Return the buffers of vectors, in the order of `Work`; a complex one takes two places."""
+    """Return the buffers of vectors, in the order of `Work`; a complex one takes two."""
     elements, pairs = n * (n + 1), (m + 2) // 2
     counts = (
         size * (size + 1),

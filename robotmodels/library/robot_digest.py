@@ -10,7 +10,7 @@ if TYPE_CHECKING:
 
 
 def mesh_digests(robot: "ElasticRobot") -> dict[str, str | None]:
-    """Return the SHA-256 of each mesh that collisions are checked with; None of one not found."""
+    """Return the SHA-256 of each mesh that collisions are checked with; None for a missing one."""
     from robotmodels.collision.shapes import mesh_files
 
     return {

@@ -1,4 +1,4 @@
-"""Models made of another: about other parameter values, or with its equilibria kept."""
+"""Models made of another: at other parameter values, or with fixed equilibria."""
 
 from dataclasses import dataclass, replace
 
@@ -14,7 +14,7 @@ from robotmodels.linear.spring_network import SpringNetwork
 
 @dataclass(frozen=True, eq=False)
 class WithParameters:
-    """An elastic system whose own parameter values are others: a robot as it might be.
+    """An elastic system with other nominal parameter values: a robot as it might be.
 
     Attributes
     ----------
@@ -41,7 +41,7 @@ class WithParameters:
     def tangents(
         self, positions: Array, parameters: Array | None = None, *, equilibrium_shift: bool = True
     ) -> Tangents | None:
-        """Return what the network's sensitivities leave out."""
+        """Return derivatives of the matrices that `network` omits from sensitivities."""
         if not isinstance(self.model, HasEquilibriumDerivatives):
             return None
         return self.model.tangents(
@@ -65,15 +65,16 @@ class WithParameters:
 
 @dataclass(frozen=True, eq=False)
 class FixedEquilibriumModel:
-    """An elastic system in some positions, whose equilibria do not follow its parameters.
+    """A model whose static equilibria are computed at the nominal parameters and kept fixed.
 
-    FRFs at the system's own values are its own; close to them it differs as information matrices
-    do, which hold equilibria too: by up to 0.3 % of a standard deviation for the built-in robots.
+    FRFs at the nominal parameters are exact; close to them the model differs as information
+    matrices do, which fix equilibria too: by up to 0.3 % of a standard deviation for the
+    built-in robots.
 
     Attributes
     ----------
     fixed : SpringNetwork
-        The network at the system's own values.
+        The network at the nominal values.
     """
 
     fixed: SpringNetwork
@@ -104,7 +105,7 @@ class FixedEquilibriumModel:
 
 
 def with_fixed_equilibria(system: Elastic, positions: Array) -> Elastic:
-    """Return `system` in `positions` with equilibria held, or itself where that would mislead.
+    """Return `system` in `positions` with fixed equilibria, or itself where that would mislead.
 
     It would if parameters act beyond springs, dampers and inertias of single coordinates, or if a
     spring's slope follows its load.

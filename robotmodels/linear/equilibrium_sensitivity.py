@@ -48,7 +48,7 @@ class Tangents:
         """Return the part of dG/d ln theta they add, (Q, F, m, n, p).
 
         dG = -Z^T (dK + j omega dD - omega^2 dM) X + dC X, then gains and delay. `receptances` are X
-        and Z of the model, where they are known.
+        and Z of the model, where the caller has them.
         """
         w = np.asarray(omega, dtype=float)[:, None, None, None]
         X, Z = model.receptances(omega) if receptances is None else receptances

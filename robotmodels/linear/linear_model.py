@@ -77,7 +77,7 @@ class LinearModel:
     """M q'' + D q' + K q = S u about one equilibrium, or about many (leading axes).
 
     Its `resonances`, `rigid_modes`, `anti_resonances`, damping ratios (`damped_modes`) and the
-    model with a motor held still (`clamped`) are functions of `robotmodels.linear.modes`, all of
+    model with a clamped motor (`clamped`) are functions of `robotmodels.linear.modes`, all of
     them exported by `robotmodels`.
 
     Attributes

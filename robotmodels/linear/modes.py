@@ -100,7 +100,7 @@ def rigid_modes(model: LinearModel, rigid: int | None = None) -> Modes:
 
 
 def clamped(model: LinearModel, motor: int) -> LinearModel:
-    """Return the model with the shaft of `motor` (0 to n - 1) held still.
+    """Return the model with the shaft of `motor` (0 to n - 1) fixed.
 
     It has one coordinate and one motor fewer; its poles are the zeros of that motor's own FRF
     (Ram and Elhay 1996, used in [HBH]).
@@ -143,7 +143,7 @@ def damped_modes(model: LinearModel, rigid: int | None = None) -> DampedModes:
     Known limit: the 2 n slowest poles are taken as the rigid ones. Gravity and bearing friction
     move these off zero, as a rule by far less than any spring does. But one pole of an overdamped
     mode tends to zero as its damping grows; once slower than a rigid pole (damping / stiffness of
-    a tenth of a second and more) it is taken for one, and the rigid one is returned in its place.
+    a tenth of a second and more) it is taken for one, and the rigid one is returned instead.
     Where this would part a conjugate pair it is an error; where it swaps real poles, or two of
     them with a pair, it is not noticed. Poles of an ordinary damping ratio are never concerned.
 

@@ -32,7 +32,7 @@ class HasEquilibriumDerivatives(Protocol):
     def tangents(
         self, positions: Array, parameters: Array | None = None, *, equilibrium_shift: bool = True
     ) -> Tangents | None:
-        """Return what the network's sensitivities leave out."""
+        """Return derivatives of the matrices that `network` omits from sensitivities."""
 
     def linearization(
         self, positions: Array, parameters: Array | None = None, *, equilibrium_shift: bool = True
@@ -71,7 +71,7 @@ def frequency_response(
     omega : ndarray, (F,), rad/s
         Angular frequencies, positive.
     parameters : ndarray, (p,), optional
-        Parameters in the order of ``robot.parameters``; its own values by default.
+        Parameters in the order of ``robot.parameters``; its nominal values by default.
 
     Raises
     ------
@@ -133,7 +133,7 @@ def linearization(
 def sensitivity_about(
     network: SpringNetwork, tangents: Tangents | None, omega: Array
 ) -> tuple[ComplexArray, ComplexArray]:
-    """Return what `sensitivity` does, about equilibria found already."""
+    """Return G and J as `sensitivity` does, about the equilibria of a network."""
     if tangents is None:
         return network.sensitivity(omega)
     model = network.linear_model()

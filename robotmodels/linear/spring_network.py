@@ -1,4 +1,4 @@
-"""Springs, dampers and free inertias on a rigid skeleton whose equilibria are held fixed.
+"""Springs, dampers and free inertias on a rigid skeleton whose equilibria are fixed.
 
 Between equilibria everything is linear in stiffness, damping and inertia, so the derivative of an
 FRF with respect to a spring, or to the inertia of one coordinate, is of rank one. The reference
@@ -69,7 +69,7 @@ class SpringNetwork:
         Derivative of ln(stiffnesses, dampings) with respect to ln theta: zeros and ones, except for
         nonlinear springs.
     parameters : Parameters
-        The p free parameters at which the equilibria were found.
+        The p free parameters at which the equilibria were computed.
     measurement : Measurement or None
         As in `LinearModel`, with leading axis Q; None for motor accelerations.
     inertances : Inertances or None
@@ -180,7 +180,7 @@ class SpringNetwork:
         return first * factors[:, : first.shape[1]], second * factors[:, first.shape[1] :]
 
     def springs(self, parameters: Array | None = None) -> tuple[Array, Array]:
-        """Return the (Q, s) stiffnesses and dampings at `parameters`, equilibria held fixed."""
+        """Return the (Q, s) stiffnesses and dampings at `parameters`, equilibria fixed."""
         s = len(self.nodes)
         first, second = self.coefficients_at(parameters)
         return first[:, :s], second[:, :s]
@@ -218,11 +218,11 @@ class SpringNetwork:
         parameters: Array | None = None,
         receptances: tuple[ComplexArray, ComplexArray] | None = None,
     ) -> tuple[ComplexArray, ComplexArray]:
-        """Return G, (Q, F, m, n), and dG/d ln theta, (Q, F, m, n, p), equilibria held fixed.
+        """Return G, (Q, F, m, n), and dG/d ln theta, (Q, F, m, n, p), equilibria fixed.
 
         dG/d ln k = -k (Z^T a)(X^T a)^T and dG/d ln c = -j omega c (Z^T a)(X^T a)^T; of an
         inertance, friction has the factor -j omega and inertia omega^2. `receptances` are X and Z
-        of the linear model, where they are known.
+        of the linear model, where the caller has them.
         """
         model = self.linear_model(parameters)
         X, Z = model.receptances(omega) if receptances is None else receptances

@@ -57,7 +57,7 @@ def angle_response(network: SpringNetwork, omega: Array, sample_time: float) -> 
 
 
 @dataclass(frozen=True, eq=False)
-class Loop:
+class LoopTransfer:
     """What a speed reference does in Q positions at F frequencies.
 
     Attributes
@@ -72,7 +72,7 @@ class Loop:
     angle: ComplexArray
 
 
-def closed_loop(network: SpringNetwork, omega: Array, controller: Controller) -> Loop:
+def closed_loop(network: SpringNetwork, omega: Array, controller: Controller) -> LoopTransfer:
     """Return the closed loop in each position of `network` at `omega` (F,) [rad/s].
 
     Raises
@@ -97,7 +97,7 @@ def closed_loop(network: SpringNetwork, omega: Array, controller: Controller) ->
         np.eye(n) + feedback[:, :, None] * G,
         np.broadcast_to(prefilter[:, :, None] * np.eye(n), G.shape),
     )
-    return Loop(np.asarray(torque), np.asarray(G @ torque))
+    return LoopTransfer(np.asarray(torque), np.asarray(G @ torque))
 
 
 @dataclass(frozen=True, eq=False)

@@ -35,7 +35,7 @@ class PlantModel:
     data : mujoco.MjData
         Its working memory.
     motors : ndarray of int, (n,)
-        Coordinate of each motor: its own, or the joint's that it drives rigidly.
+        Coordinate of each motor: its shaft, or the joint that it drives rigidly.
     gears : ndarray of int, (n,)
         Tendon of each motor; -1 where the drive is rigid.
     """
@@ -51,7 +51,7 @@ class PlantModel:
         return [self.model.joint(i).name for i in range(self.model.njnt)]
 
     def coordinate(self, name: str) -> int:
-        """Return the place of a joint, torsion or elastic motor among the coordinates."""
+        """Return the index of a joint, torsion or elastic motor among the coordinates."""
         return int(self.model.joint(name).qposadr[0])
 
     def mass(self, coordinates: Array) -> Array:

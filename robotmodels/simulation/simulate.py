@@ -116,7 +116,7 @@ def _blank(
     lines: IntArray,
     detection: IntArray | None,
 ) -> Records:
-    """Return records of one position with the references in the place of what is measured."""
+    """Return records of one position with the references as the measured signals."""
     return Records(
         positions=positions[:1],
         sample_time=controller.sample_time,

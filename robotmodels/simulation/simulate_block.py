@@ -179,7 +179,7 @@ def static_state(
 
 
 def linearise_gears(plant: PlantModel, state: Array) -> None:
-    """Replace the gears' characteristics by their tangents at `state`, the torques kept."""
+    """Replace the gears' characteristics by their tangents at `state`, torques unchanged."""
     model = plant.model
     plant.static_forces(state)
     for i in range(model.ntendon):

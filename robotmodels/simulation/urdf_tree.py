@@ -20,7 +20,7 @@ class Inertial:
     inertia: Array
 
     def minus(self, part: "Inertial") -> "Inertial":
-        """Return what is left when `part` is taken away (parallel-axis theorem)."""
+        """Return the inertia of the body without `part` (parallel-axis theorem)."""
         mass = self.mass - part.mass
         com = (self.mass * self.com - part.mass * part.com) / mass
         remainder = self.about_origin() - part.about_origin()

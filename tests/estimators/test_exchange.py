@@ -200,7 +200,7 @@ def test_what_universal_files_cannot_hold(tmp_path):
 def test_records_keep_every_bit(tmp_path, suffix):
     one = records()
     torque, angle = np.array(one.torque), np.array(one.angle)
-    torque[0, 1, 0], angle[0, 1, 0] = np.nan, np.nan  # a missing experiment
+    torque[0, 1, 0], angle[0, 1, 0] = np.nan, np.nan  # a missing run
     saturated = np.array(one.saturated)
     saturated[0, 0, 1, 1, 0] = True
     one = replace(one, torque=torque, angle=angle, saturated=saturated)
@@ -208,6 +208,18 @@ def test_records_keep_every_bit(tmp_path, suffix):
     write_records(tmp_path / f"records{suffix}", both)
     same(both, read_records(tmp_path / f"records{suffix}"))
     assert [p.name for p in tmp_path.iterdir()] == [f"records{suffix}"]
+
+
+def test_a_table_of_records_may_call_its_runs_experiments(tmp_path):
+    path, one = tmp_path / "records.csv", records()
+    write_records(path, one)
+    written = path.read_text()
+    path.write_text(written.replace("block,run,", "block,experiment,"))
+    with pytest.warns(DeprecationWarning, match="records.csv: 'experiment' is now 'run'.*0.3"):
+        same(one, read_records(path))
+    path.write_text(written.replace("block,run,period,", "experiment,run,period,"))
+    with pytest.raises(InvalidInput, match="'block' is missing"):
+        read_records(path)
 
 
 @pytest.mark.parametrize("suffix", ALL)

@@ -5,11 +5,11 @@ from closed_loop import FEEDBACK, RESPONSE, circular, loop_spectra
 from estimators.frf.averaging import (
     METHODS,
     covariance_of,
-    experiment_weights,
     find_method,
     jackknife,
     noise_deviations,
     per_block,
+    run_weights,
 )
 from estimators.frf.frf_estimate import vec
 from robotmodels import InvalidInput
@@ -124,7 +124,7 @@ def test_experiment_weights_are_the_derivative_of_the_estimate(method):
     Y, U, R = (a[0, :, 0] for a in loop_spectra(1, 0.0, np.random.default_rng(3)))
     V = 1e-6 * np.random.default_rng(1).standard_normal(Y.shape)
     moved = METHODS[method](Y + V, U, R) - METHODS[method](Y, U, R)
-    w = experiment_weights(method, U, R)
+    w = run_weights(method, U, R)
     assert np.allclose(moved, np.einsum("bie,bej->ij", V, w), atol=1e-11)
 
 

@@ -10,7 +10,11 @@ import pytest
 import estimators
 import oed
 import robotmodels
-from robotmodels.common.deprecation import renamed_attributes, renamed_keywords, renamed_names
+from robotmodels.common.deprecation import (
+    renamed_attributes,
+    renamed_keywords,
+    renamed_names,
+)
 
 OMEGA = np.array([20.0])
 POSITIONS = np.zeros((1, 6))
@@ -64,6 +68,7 @@ def test_old_names_of_a_module_are_loaded_as_the_new_ones():
     [
         (robotmodels, "AtValues", "WithParameters"),
         (estimators, "Target", "StoppingCriterion"),
+        (estimators, "Comparison", "MethodComparison"),
     ],
 )
 def test_renamed_public_names(package, old, new):
