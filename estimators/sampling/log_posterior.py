@@ -38,8 +38,8 @@ class LogPosterior:
     Where every parameter is a spring, a damper or a motor's inertia, equilibria are fixed at
     the fit. That neglects the shift of the equilibria within the posterior, which is of the order
     of the deflection under gravity times the relative width. Payloads, locations and all other
-    parameters change the skeleton: then the robot is linearised anew for every walker, a hundred times
-    slower.
+    parameters change the skeleton: then the robot is linearised anew for every walker, a hundred
+    times slower.
 
     Attributes
     ----------
