@@ -149,8 +149,8 @@ def frozen_search(
     Its minimum is the next point, until a minimum is the point itself: there cost and gradient
     of V are exact (the first-order corrected models of Alexandrov and Lewis 2001). The first
     time, far away, s is zero. The search ends where the next point would gain nothing, judging by
-    how much less the last one gained than the one before. Where points do not get better, or too many
-    are needed, it goes on from the best with equilibria computed anew at every step.
+    how much less the last one gained than the one before. Where points do not get better, or too
+    many are needed, it goes on from the best with equilibria computed anew at every step.
 
     Parameters
     ----------

@@ -16,7 +16,7 @@ from robotmodels.common.arrays import Array, ComplexArray
 _HALF_WIDTHS = (3, 2, 1)
 _SHARE = 20  # of the lines, to either side, where that is more
 _MANY_LINES = 100
-_LEFT_OUT = 15  # at most a fifteenth of the lines is left out to either side
+_GAP_SHARE = 15  # at most a fifteenth of the lines is left out to either side
 _FORGOTTEN = 0.1  # squared correlation at which lines count as independent
 
 
@@ -77,15 +77,15 @@ def pooled_noise(
     if lines < 2 or not finite.any():
         return PooledNoise(variances, none, variances)
     widest = max(_HALF_WIDTHS[0], lines // _SHARE)
-    logs, left_out, white, r = np.log(variances), 0, False, 0.0
+    logs, gap, white, r = np.log(variances), 0, False, 0.0
     if deviations is not None:
         size = np.exp(_neighbour_mean(logs, widest, 0) / 2)[:, None]
         r = _lag_one(deviations / size)
-        left_out = _correlated_lines(r)
-        white = not left_out
-    left_out = min(left_out, lines // _LEFT_OUT) if lines >= _MANY_LINES else 0
+        gap = _correlated_lines(r)
+        white = not gap
+    gap = min(gap, lines // _GAP_SHARE) if lines >= _MANY_LINES else 0
     widths = (widest, *_HALF_WIDTHS[1:]) if white else (widest,)
-    means = np.stack([_neighbour_mean(logs, width, left_out) for width in widths])
+    means = np.stack([_neighbour_mean(logs, width, gap) for width in widths])
     squares = ((logs - means) ** 2).mean(axis=2, keepdims=True)
     best = squares.argmin(axis=0)[None]
     mean = np.take_along_axis(means, best, axis=0)[0]
@@ -131,11 +131,11 @@ def pooled_covariances(
     return np.asarray(np.where(finite[:, None, None, None], result, covariance))
 
 
-def _neighbour_mean(values: Array, width: int, left_out: int) -> Array:
+def _neighbour_mean(values: Array, width: int, gap: int) -> Array:
     """Return the mean over neighbouring lines (axis 1), but for the nearest and the line itself."""
     index = np.arange(values.shape[1])
     distance = np.abs(index[:, None] - index)
-    near = (distance <= width + left_out) & (distance > left_out)
+    near = (distance <= width + gap) & (distance > gap)
     share = near / near.sum(axis=1, keepdims=True)
     return np.asarray(np.moveaxis(np.tensordot(share, values, axes=(1, 1)), 0, 1))
 

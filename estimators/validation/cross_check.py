@@ -154,7 +154,7 @@ def cross_check(
                 f"cross-check: {type(one).__name__} is about {', '.join(one.names)}, the fit "
                 f"about {', '.join(names)}"
             )
-    notes = _left_out(posterior, own_cost, importance)
+    notes = _dropped_methods(posterior, own_cost, importance)
     posterior, own_cost = (
         None if one is None or not one.converged else one for one in (posterior, own_cost)
     )
@@ -211,7 +211,7 @@ def _scatter(fit: Fit, multistart: Sequence[Fit]) -> Array | None:
     return np.std(good, axis=0, ddof=1) if len(good) > 1 else None
 
 
-def _left_out(
+def _dropped_methods(
     posterior: "Posterior | None",
     own_cost: "Posterior | None",
     importance: "ImportanceSample | None",

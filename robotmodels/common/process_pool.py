@@ -65,7 +65,7 @@ class ProcessPool(Executor):
             initargs=(self._begun,),
         )
         self._pool = self._make()
-        self._restarts_left = restarts
+        self._restarts = restarts
         self._lock = threading.Lock()
 
     def submit(self, fn: Callable[..., T], /, *args: Any, **kwargs: Any) -> Future[T]:
@@ -77,13 +77,13 @@ class ProcessPool(Executor):
     def shutdown(self, wait: bool = True, *, cancel_futures: bool = False) -> None:
         """End the processes when they have done what they were given; deaths now count."""
         with self._lock:
-            self._restarts_left = 0
+            self._restarts = 0
         self._pool.shutdown(wait, cancel_futures=cancel_futures)
 
     def terminate(self) -> None:
         """End the processes at once, whatever they do."""
         with self._lock:
-            self._restarts_left = 0
+            self._restarts = 0
         # As `terminate_workers` of Python 3.14; other children of this process are not the pool's.
         for process in list((self._pool._processes or {}).values()):
             process.terminate()
@@ -129,9 +129,9 @@ class ProcessPool(Executor):
         with self._lock:
             if self._pool is not broken:
                 return True  # for another task that was lost
-            if not self._restarts_left or not self._begun.is_set():
+            if not self._restarts or not self._begun.is_set():
                 return False
-            self._restarts_left -= 1
+            self._restarts -= 1
             # The broken pool ends by itself; to wait for it in its own thread would be for ever.
             self._pool = self._make()
         return True
