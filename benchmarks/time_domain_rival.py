@@ -13,9 +13,9 @@ import os
 import numpy as np
 from linearisation import HERE, machine
 
-from oed.replication.json_output import rivalry_document
 from oed.replication.time_domain_comparison import compare
 from oed.study.settings.study_file import RivalChoice
+from robotmodels.common.plain_data import json_data
 
 RESULTS = HERE / "results" / "time_domain_rival.json"
 
@@ -34,9 +34,7 @@ def main() -> None:
         )
     if found.missing:
         print(f"mujoco.sysid did not run: no module {found.missing}")
-    results = rivalry_document(found) | {
-        "machine": machine() | {"load_average": os.getloadavg()[0]}
-    }
+    results = json_data(found) | {"machine": machine() | {"load_average": os.getloadavg()[0]}}
     RESULTS.parent.mkdir(exist_ok=True)
     RESULTS.write_text(json.dumps(results, indent=1) + "\n")
 

@@ -1,7 +1,8 @@
 """One recommended interval for each parameter, and one verdict."""
 
-import math
 from dataclasses import dataclass
+
+from robotmodels.common.plain_data import json_data
 
 VERDICTS = (
     "not converged",
@@ -79,16 +80,8 @@ class Interval:
 
 def interval_document(interval: Interval) -> dict[str, float | str | None]:
     """Return an interval as plain numbers and words, for JSON; null where there is none."""
-    i = interval
-    std, dof = (value if math.isfinite(value) else None for value in (i.std, i.dof))
     return {
-        "name": i.name,
-        "value": i.value,
-        "std": std,
-        "low": i.low,
-        "high": i.high,
-        "method": i.method,
-        "dof": dof,
-        "verdict": str(i.verdict),
-        "reason": i.verdict.reason,
+        **json_data(interval),
+        "verdict": str(interval.verdict),
+        "reason": interval.verdict.reason,
     }

@@ -11,6 +11,7 @@ from estimators.trust.intervals import VERDICTS, Interval, Verdict, interval_doc
 from estimators.trust.line_scatter import Scatter
 from estimators.trust.residual_size import ResidualSize
 from robotmodels.common.arrays import Array, read_only
+from robotmodels.common.plain_data import json_data
 from robotmodels.common.printing import ReprHtml
 
 LEVEL = 0.95
@@ -98,32 +99,34 @@ class Trust(ReprHtml):
     def document(self) -> dict[str, Any]:
         """Return all of it as plain numbers and words, for JSON; null where there is none."""
         tests = self.tests
-        return {
+        content = {
             "verdict": str(self.verdict),
             "reason": self.verdict.reason,
             "intervals": [interval_document(i) for i in self.intervals],
             "residuals": {
-                "ratio": _plain(self.size.ratio),
-                "dof": [_plain(self.size.numerator), _plain(self.size.denominator)],
-                "probability": _plain(self.size.probability),
-                "whiteness": _plain(self.whiteness),
-                "lag_one": _plain(self.lag_one),
+                "ratio": self.size.ratio,
+                "dof": [self.size.numerator, self.size.denominator],
+                "probability": self.size.probability,
+                "whiteness": self.whiteness,
+                "lag_one": self.lag_one,
             },
             "directions": [
                 {
                     "name": name,
                     "unit": tests.units[i],
-                    "estimate": _plain(tests.estimates[i]),
-                    "std": _plain(tests.std[i]),
-                    "probability": _plain(tests.probabilities[i]),
+                    "estimate": tests.estimates[i],
+                    "std": tests.std[i],
+                    "probability": tests.probabilities[i],
                     "undetected_shift": {
                         "parameter": self.names[int(tests.moved[i])],
-                        "std": _plain(tests.shift[i]),
+                        "std": tests.shift[i],
                     },
                 }
                 for i, name in enumerate(tests.names)
             ],
         }
+        plain: dict[str, Any] = json_data(content)
+        return plain
 
     def __str__(self) -> str:
         width = max(len(name) for name in self.names)

@@ -8,24 +8,17 @@ fits in time and of FRFs, see `TimeDomainComparison` in `oed.replication.time_do
 (null where the study has none).
 """
 
-import json
-from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from oed.replication.paper import REASONABLE_BY_COST, REASONABLE_BY_SPRINGS, TABLE_1
 from oed.replication.replicate import Replication
-from oed.replication.time_domain_comparison import TimeDomainComparison
-from robotmodels.common.arrays import Array
-from robotmodels.common.atomic_files import write_text
+from robotmodels.common.plain_data import write_json
 
 
 def write_published_json(replication: Replication, path: Path) -> None:
     """Write the file."""
-    text = json.dumps(published_document(replication), indent=1, allow_nan=False) + "\n"
-    write_text(path, text)
+    write_json(path, published_document(replication))
 
 
 def published_document(replication: Replication) -> dict[str, Any]:
@@ -36,9 +29,9 @@ def published_document(replication: Replication) -> dict[str, Any]:
         "schema": "published/1",
         "estimators": {
             name: {
-                "cost": _numbers(e.user_normalised[i]),
-                "optimal_cost": _numbers(e.optimal_normalised[i]),
-                "start": e.start[i].tolist(),
+                "cost": e.user_normalised[i],
+                "optimal_cost": e.optimal_normalised[i],
+                "start": e.start[i],
                 "reasonable": {
                     "cost": replication.by_cost[name],
                     "springs": replication.by_springs[name],
@@ -52,12 +45,9 @@ def published_document(replication: Replication) -> dict[str, Any]:
             "models": t.count,
             "within": t.within,
             "parameters": list(t.names),
-            **{name: _numbers(getattr(t, name)) for name in statistics},
+            **{name: getattr(t, name) for name in statistics},
         },
-        "conclusions": [
-            {"conclusion": j.conclusion, "verdict": j.verdict, "evidence": j.evidence}
-            for j in replication.conclusions
-        ],
+        "conclusions": replication.conclusions,
         "paper": {
             "reasonable_cost": REASONABLE_BY_COST,
             "reasonable_springs": REASONABLE_BY_SPRINGS,
@@ -65,15 +55,5 @@ def published_document(replication: Replication) -> dict[str, Any]:
                 name: dict(zip(statistics, row, strict=True)) for name, row in TABLE_1.items()
             },
         },
-        "rival": None if replication.rivalry is None else rivalry_document(replication.rivalry),
+        "rival": replication.rivalry,
     }
-
-
-def rivalry_document(comparison: TimeDomainComparison) -> dict[str, Any]:
-    """Return what both ways of fitting came to, as plain data."""
-    misfit = comparison.misfit if np.isfinite(comparison.misfit) else None
-    return asdict(comparison) | {"misfit": misfit}
-
-
-def _numbers(values: Array) -> list[float | None]:
-    return [float(value) if np.isfinite(value) else None for value in values]

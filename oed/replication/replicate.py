@@ -14,10 +14,9 @@ from oed.replication.table_1 import Groups, Table1, groups_of, hardest_spring, t
 from oed.replication.time_domain_comparison import ROLLOUTS, TimeDomainComparison, compare
 from oed.study.results import FittedStudy
 from oed.study.settings.study_file import ESTIMATORS
-from oed.study.stages.context import Run
-from oed.study.stages.fit_stages import weights_of
-from oed.study.stages.serialisation import dataclass_files
-from oed.study.stages.stage_cache import Stage, open_stages
+from oed.study.stage_cache import Stage, dataclass_files, open_stages
+from oed.study.stages.fit import weights_of
+from oed.study.stages.run import Run
 from robotmodels.common.fingerprints import fingerprint
 from robotmodels.common.progress import Progress, StageProgress
 
@@ -106,9 +105,9 @@ def replicate(
     """
     study, robot = results.study, results.robot
     with open_stages(study.output / "stages", progress, fresh) as stages:
-        run = Run(study, robot, results.plant or robot, stages, executor)
+        run = Run(study, robot, stages, executor)
         evaluation = _evaluation(run, results).value
-        reference = results.searches[REFERENCE].runs[0]
+        reference = results.fits.searches[REFERENCE].runs[0]
         theorem1, groups = covariance(reference), groups_of(robot)
         table = table_1(evaluation, theorem1)
         return Replication(
@@ -125,8 +124,8 @@ def replicate(
 
 
 def _evaluation(run: Run, results: FittedStudy) -> Stage[Evaluation]:
-    estimate, starts = results.estimate, results.starts
-    searches = {name: results.searches[name] for name in ESTIMATORS}
+    estimate, starts = results.data.estimate, results.fits.starts
+    searches = {name: results.fits.searches[name] for name in ESTIMATORS}
     ends = {
         name: [(fit.parameters.values, fit.cost) for fit in search.runs]
         for name, search in searches.items()

@@ -18,7 +18,7 @@ from estimators.fitting.multistart import order_of_costs
 from estimators.fitting.weights import MINIMUM_SNR, optimal_weights
 from estimators.frf.frf_estimate import FrfEstimate
 from oed.study.settings.study_file import ESTIMATORS
-from oed.study.stages.fit_stages import Search, start_number
+from oed.study.stages.fit import Search, start_number
 from robotmodels import ElasticRobot
 from robotmodels.common.arrays import Array, IntArray
 from robotmodels.common.errors import IdentificationError

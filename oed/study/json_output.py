@@ -35,27 +35,26 @@ files depends on the clock or on where they lie: the same seed gives the same fi
     ``plans``: of plans compared, ``positions``, ``worth`` promised and found with its 95 %
     ``interval``, ``promised`` and ``found`` relative std; null where parameters are left open.
 ``stages/``
-    what each stage computed, see `oed.study.stages.stage_cache`; among it
+    what each stage computed, see `oed.study.stage_cache`; among it
     ``information/information.h5`` with
     ``positions`` (Q, n), ``matrices`` (Q, p, p) and ``names``, ``fit-NAME/runs.h5`` (see
     `estimators.read_fits`) and ``posterior/posterior.h5``, the chains (see `emcee.backends`).
 """
 
-import json
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from estimators.sampling.posterior import Posterior
 from estimators.uncertainty.covariance import Uncertainty
 from oed.plan_comparison.plan_comparison import PlanComparison
+from oed.study.parts import DesignedPlan
 from oed.study.results import FittedStudy, PlannedStudy, StudyResults
-from oed.study.stages.context import frequency_grid
-from oed.study.stages.fit_stages import Search, start_number
+from oed.study.stages.fit import Search, start_number
+from oed.study.summary import PlanSummary
 from robotmodels.common.arrays import Array
-from robotmodels.common.atomic_files import write_text
+from robotmodels.common.plain_data import write_json
 
 
 def write_results(results: PlannedStudy, folder: Path) -> None:
@@ -66,90 +65,90 @@ def write_results(results: PlannedStudy, folder: Path) -> None:
     if isinstance(results, StudyResults):
         documents["uncertainty"] = uncertainty_document(results)
     for name, document in documents.items():
-        text = json.dumps(document, indent=1, allow_nan=False) + "\n"
-        write_text(folder / f"{name}.json", text)
+        write_json(folder / f"{name}.json", document)
 
 
 def design_document(results: PlannedStudy) -> dict[str, Any]:
     """Return the content of design.json."""
-    design, exact = results.design, results.exact
+    plan, summary = results.plan, results.plan_summary
+    design, exact = plan.design, plan.exact
     support = np.flatnonzero(design.weights)
-    study = results.study
-    omega = results.omega if study.frequencies is None else frequency_grid(study.frequencies)
+    noise = results.study.noise
     return {
         **_header("design/1", results),
-        "motors": list(results.robot.motor_names),
-        "parameters": list(results.robot.parameters.names),
-        "frequencies_hz": _numbers(omega / (2 * np.pi)),
-        "noise": None if study.noise is None else study.noise.model_dump(),
-        "candidates": len(design.weights),
+        "motors": results.robot.motor_names,
+        "parameters": results.robot.parameters.names,
+        "frequencies_hz": plan.omega / (2 * np.pi),
+        "noise": None if noise is None else noise.model_dump(),
+        "candidates": summary.candidates,
         "relaxed": {
             "criterion": design.criterion,
-            "support": support.tolist(),
-            "weights": _numbers(design.weights[support]),
-            "value": float(design.value),
-            "gap": float(design.gap),
+            "support": support,
+            "weights": design.weights[support],
+            "value": design.value,
+            "gap": summary.gap,
         },
         "exact": {
-            "experiments": results.visits,
-            "runs": results.visits * results.runs_per_visit,
-            "efficiency": float(exact.efficiency),
+            "experiments": summary.experiments,
+            "runs": summary.runs,
+            "efficiency": summary.efficiency,
         },
-        "promised": promised_document(results),
-        **_extras(results),
+        "promised": promised_document(summary),
+        **(_choices(plan) if isinstance(plan, DesignedPlan) else {}),
         "positions": [
             {
-                "candidate": int(i),
-                "position": _numbers(results.information.positions[i]),
-                "weight": float(design.weights[i]),
-                "repetitions": int(exact.repetitions[i]),
+                "candidate": i,
+                "position": plan.information.positions[i],
+                "weight": design.weights[i],
+                "repetitions": exact.repetitions[i],
             }
-            for i in results.used
+            for i in plan.used
         ],
     }
 
 
-def promised_document(results: PlannedStudy) -> dict[str, Any]:
-    """Return what the plan's information promises before anyone measures."""
-    promise = results.promise
-    return {"std": _numbers(promise.std), "weak": list(promise.weak())}
+def promised_document(summary: PlanSummary) -> dict[str, Any]:
+    """Return what a plan's information promises before anyone measures."""
+    return {"std": [one.std for one in summary.promised], "weak": summary.weak}
 
 
-def _extras(results: PlannedStudy) -> dict[str, Any]:
-    """Return what a plan has besides, where the study asks for it."""
-    found: dict[str, Any] = {}
-    if results.robust is not None:
-        found["robust"] = {
-            "efficiency": _numbers(results.robust.efficiency),
-            "nominal": _numbers(results.robust.nominal_efficiency),
+def _choices(plan: DesignedPlan) -> dict[str, Any]:
+    """Return what a plan has where the study asks for it: robustness, an order of visits."""
+    document: dict[str, Any] = {}
+    if plan.robust is not None:
+        document["robust"] = {
+            "efficiency": plan.robust.efficiency,
+            "nominal": plan.robust.nominal_efficiency,
         }
-    if results.order is not None:
-        found["order"] = {
-            "candidates": results.used.tolist(),
-            "seconds": float(results.order.duration),
-        }
-    return found
+    if plan.order is not None:
+        document["order"] = {"candidates": plan.used, "seconds": plan.order.duration}
+    return document
 
 
 def fit_document(results: FittedStudy) -> dict[str, Any]:
     """Return the content of fit.json."""
-    fit = results.fit
-    fitted = fit.parameters
-    rows = zip(fitted.names, fitted.units, results.truth, fitted.values, strict=True)
-    bounds = fit.at_bounds
+    fits = results.fits
+    best = fits.result
+    rows = zip(
+        best.parameters.names,
+        best.parameters.units,
+        results.truth,
+        best.parameters.values,
+        strict=True,
+    )
     return {
         **_header("fit/1", results),
-        "residual": fit.residual,
-        "cost": float(fit.cost),
-        "origin": results.fit_origin,
+        "residual": best.residual,
+        "cost": best.cost,
+        "origin": fits.origin,
         "trust": results.trust.document(),
         "parameters": [
             {
                 "name": name,
                 "unit": unit,
-                "truth": _number(truth),
-                "estimate": float(estimate),
-                "at_bound": bounds.get(name),
+                "truth": truth,
+                "estimate": estimate,
+                "at_bound": best.at_bounds.get(name),
             }
             for name, unit, truth, estimate in rows
         ],
@@ -158,15 +157,13 @@ def fit_document(results: FittedStudy) -> dict[str, Any]:
                 "residual": search.estimator.residual,
                 "weights": search.weights,
                 "positions": len(search.result.estimate.positions),
-                "estimate": _numbers(search.result.parameters.values),
-                "cost": float(search.result.cost),
+                "estimate": search.result.parameters.values,
+                "cost": search.result.cost,
                 "converged": search.result.converged,
             }
-            for name, search in results.searches.items()
+            for name, search in fits.searches.items()
         },
-        "starts": {
-            name: _runs(search, results.starts) for name, search in results.searches.items()
-        },
+        "starts": {name: _runs(search, fits.starts) for name, search in fits.searches.items()},
     }
 
 
@@ -174,8 +171,8 @@ def _runs(search: Search, starts: Array) -> list[dict[str, Any]]:
     return [
         {
             "start": start_number(starts, run),
-            "values": _numbers(run.start),
-            "cost": _number(run.cost),
+            "values": run.start,
+            "cost": run.cost,
             "converged": run.converged,
             "evaluations": run.evaluations,
             "message": run.message,
@@ -186,57 +183,49 @@ def _runs(search: Search, starts: Array) -> list[dict[str, Any]]:
 
 def uncertainty_document(results: StudyResults) -> dict[str, Any]:
     """Return the content of uncertainty.json."""
-    theorem1, posterior = results.theorem1, results.posterior
+    theorem1, posterior = results.uncertainty.theorem1, results.uncertainty.posterior
+    comparison = results.comparison
     return {
         **_header("uncertainty/1", results),
-        "parameters": list(results.fit.parameters.names),
-        "theorem1": None
-        if theorem1 is None
-        else {
-            "method": theorem1.method,
-            "std": _numbers(theorem1.std),
-            "correlation": _numbers(theorem1.correlation),
-        },
-        "emcee": None if posterior is None else _sampled(posterior.uncertainty()),
+        "parameters": results.fits.result.parameters.names,
+        "theorem1": None if theorem1 is None else {"method": theorem1.method, **_spread(theorem1)},
+        "emcee": None if posterior is None else _spread(posterior.uncertainty()),
         "convergence": None if posterior is None else _convergence(posterior),
-        "z": _numbers(results.z_scores),
+        "z": results.z_scores,
         "trust": results.trust.document(),
-        **({} if results.comparison is None else {"plans": _plans(results.comparison)}),
-        "failures": {one.name: one.reason for one in results.failures},
+        **({} if comparison is None else {"plans": _plans(comparison)}),
+        "failures": results.run.reasons,
     }
 
 
-def _sampled(uncertainty: Uncertainty) -> dict[str, Any]:
-    return {
-        "std": _numbers(uncertainty.std),
-        "correlation": _numbers(uncertainty.correlation),
-    }
+def _spread(uncertainty: Uncertainty) -> dict[str, Any]:
+    return {"std": uncertainty.std, "correlation": uncertainty.correlation}
 
 
 def _convergence(posterior: Posterior) -> dict[str, Any]:
     return {
-        "r_hat": _numbers(posterior.r_hat),
-        "ess": _numbers(posterior.ess),
-        "autocorrelation_time": _numbers(posterior.autocorrelation_time),
-        "acceptance": float(np.mean(posterior.acceptance)),
-        "converged": bool(posterior.converged),
+        "r_hat": posterior.r_hat,
+        "ess": posterior.ess,
+        "autocorrelation_time": posterior.autocorrelation_time,
+        "acceptance": np.mean(posterior.acceptance),
+        "converged": posterior.converged,
         "message": posterior.message,
     }
 
 
-def _plans(found: PlanComparison) -> dict[str, Any]:
+def _plans(comparison: PlanComparison) -> dict[str, Any]:
     return {
         trial.name: {
             "positions": len(trial.support),
             "worth": {
-                "promised": float(found.promised[k]),
-                "found": float(found.simulated[k]),
-                "interval": _numbers(found.interval[k]),
+                "promised": comparison.promised[k],
+                "found": comparison.simulated[k],
+                "interval": comparison.interval[k],
             },
-            "promised": None if trial.promised is None else _numbers(trial.promised.std),
-            "found": None if trial.simulation is None else _numbers(trial.std),
+            "promised": None if trial.promised is None else trial.promised.std,
+            "found": None if trial.simulation is None else trial.std,
         }
-        for k, trial in enumerate(found.plans)
+        for k, trial in enumerate(comparison.plans)
     }
 
 
@@ -245,16 +234,5 @@ def _header(schema: str, results: PlannedStudy) -> dict[str, Any]:
         "schema": schema,
         "robot": results.robot.name,
         "seed": results.study.seed,
-        "versions": results.versions,
+        "versions": results.run.versions,
     }
-
-
-def _numbers(array: NDArray[Any]) -> Any:
-    """Return nested lists of plain numbers, with null where there is none."""
-    if array.ndim > 1:
-        return [_numbers(row) for row in array]
-    return [_number(value) for value in array]
-
-
-def _number(value: float) -> float | None:
-    return float(value) if np.isfinite(value) else None

@@ -1,6 +1,5 @@
 """Options that several commands share, and how a command ends: with text or with JSON."""
 
-import json
 import sys
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
@@ -11,6 +10,7 @@ import typer
 
 from reports.commands.workers import available_cores
 from robotmodels.common.errors import IdentificationError
+from robotmodels.common.plain_data import json_text
 from robotmodels.common.printing import printable
 
 Workers = Annotated[
@@ -40,10 +40,7 @@ BesideRecords = Annotated[
 
 def say(text: Callable[[], str], document: Callable[[], Any], as_json: bool) -> None:
     """Print the summary for people, or the one for scripts."""
-    words = (
-        json.dumps(document(), indent=1, ensure_ascii=False, allow_nan=False) if as_json else text()
-    )
-    typer.echo(printable(words))
+    typer.echo(printable(json_text(document()) if as_json else text()))
 
 
 def warn(warnings: Iterable[str]) -> None:

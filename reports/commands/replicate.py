@@ -1,6 +1,5 @@
 """``oed replicate``: a study put beside the published one that it repeats."""
 
-from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, TypeVar
 
@@ -62,12 +61,12 @@ def write_replication(
     """Write published.json and published.html; return the results with what failed of it."""
     from oed.replication.json_output import write_published_json
     from oed.replication.replicate import replicate
-    from oed.study.stages.stage_cache import Failure
+    from oed.study.stage_cache import Failure
     from reports.pages.replication_page import write_published
     from robotmodels.common.atomic_files import staged_folder
 
     def failing(what: str, error: Exception) -> "_Study":
-        return replace(results, failures=(*results.failures, Failure.of(what, error)))
+        return results.with_failures(Failure.of(what, error))
 
     with working(study, workers, cluster) as (progress, executor):
         try:

@@ -32,7 +32,7 @@ def report(
     Example: oed report studies/ur10.yaml more_positions.yaml -o comparison.html
     """
     from oed.study.pipeline import run_study
-    from oed.study.stages.stage_cache import Failure
+    from oed.study.stage_cache import Failure
     from reports.pages.comparison import comparison_json, comparison_summary, write_comparison
     from reports.pages.study_page import write_report
     from reports.summaries.study_summary import study_json, study_summary

@@ -11,7 +11,7 @@ from reports.commands.replicate import write_replication
 from reports.commands.studies import Cluster, Fresh, StudyFile, compute_study, end_with_failures
 
 if TYPE_CHECKING:
-    from oed.study.stages.stage_cache import Failure
+    from oed.study.stage_cache import Failure
 
 
 def register(app: typer.Typer) -> None:

@@ -3,7 +3,6 @@
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, TypeVar
 
@@ -19,7 +18,7 @@ if TYPE_CHECKING:
 
     from oed.study.results import PlannedStudy
     from oed.study.settings.study_file import Study
-    from oed.study.stages.stage_cache import Failure
+    from oed.study.stage_cache import Failure
     from robotmodels.common.progress import StageProgress
 
 StudyFile = Annotated[Path, typer.Argument(help="Study file, such as studies/ur10.yaml.")]
@@ -123,7 +122,7 @@ def compute_study(
             write_results(results, folder)
             if pages is not None:
                 failed = pages(results, folder, progress)
-                results = replace(results, failures=results.failures + failed)
+                results = results.with_failures(*failed)
     return results
 
 
@@ -132,7 +131,7 @@ def end_with_failures(study: Path, results: "PlannedStudy") -> None:
 
     Exit code 2 if all of it is a user's to mend, 1 if not.
     """
-    failures = results.failures
+    failures = results.run.failures
     if not failures:
         return
     reasons = "; ".join(f"{one.name}: {one.reason}" for one in failures)

@@ -22,7 +22,7 @@ from reports.page_elements import (
     page,
     table,
 )
-from reports.sections.verdict import discredited, usable
+from reports.sections.verdict import discredited
 from reports.summaries import columns
 from reports.summaries.study_summary import study_json
 from robotmodels.common.arrays import Array
@@ -77,7 +77,9 @@ def estimates(studies: Studies) -> list[Section]:
 
 def all_names(studies: Studies) -> list[str]:
     """Return the parameters of all studies: stiffnesses first, as robots have them."""
-    return list(dict.fromkeys(name for r in studies.values() for name in r.fit.parameters.names))
+    return list(
+        dict.fromkeys(name for r in studies.values() for name in r.fits.result.parameters.names)
+    )
 
 
 def std_rows(studies: Studies) -> list[Array]:
@@ -94,14 +96,12 @@ def overview_table(studies: Studies) -> Table:
     """Return the key figures of the studies, a row each."""
     rows: list[Row] = []
     for name, r in studies.items():
+        plan, fit = r.plan_summary, r.fit_summary
         values: list[Cell] = [
-            Number(text.count(len(r.information.positions)), len(r.information.positions)),
-            Number(str(len(r.used)), len(r.used)),
-            Number(text.count(r.visits), r.visits),
-            Number(text.count(runs := r.visits * r.runs_per_visit), runs),
-            Number(text.efficiency(r.exact.efficiency), float(r.exact.efficiency)),
-            Number(text.significant(ratio := r.residuals.ratio, 3), ratio),
-            *(_percent(v) for v in _spread(r)),
+            *(_count(v) for v in (plan.candidates, plan.positions, plan.experiments, plan.runs)),
+            Number(text.efficiency(plan.efficiency), plan.efficiency),
+            Number(text.significant(fit.residual_ratio, 3), fit.residual_ratio),
+            *(_percent(v) for v in fit.spread),
         ]
         rows.append([name, r.robot.name, str(r.trust.verdict), *values])
     titles = [
@@ -165,10 +165,10 @@ def comparison_summary(studies: Studies, path: Path) -> str:
     rows = [
         (
             name,
-            str(len(r.used)),
-            str(r.visits),
-            str(r.visits * r.runs_per_visit),
-            *(columns.plain(_percent(v).text).replace("–", "-") for v in _spread(r)),
+            str(r.plan_summary.positions),
+            str(r.plan_summary.experiments),
+            str(r.plan_summary.runs),
+            *(columns.plain(_percent(v).text).replace("–", "-") for v in r.fit_summary.spread),
             str(r.trust.verdict),
         )
         for name, r in studies.items()
@@ -195,13 +195,13 @@ def _section(id: str, title: str, **contents: object) -> Section:
 
 def _aligned(studies: Studies, results: StudyResults, values: Array) -> Array:
     """Return values of a study's parameters in the order of all, NaN where it has none."""
-    known = dict(zip(results.fit.parameters.names, values, strict=True))
+    known = dict(zip(results.fits.result.parameters.names, values, strict=True))
     return np.array([known.get(name, np.nan) for name in all_names(studies)])
 
 
 def _offsets(studies: Studies) -> list[Array]:
     """Return ln theta of every study less the first's."""
-    logs = [_aligned(studies, r, np.log(r.fit.parameters.values)) for r in studies.values()]
+    logs = [_aligned(studies, r, np.log(r.fits.result.parameters.values)) for r in studies.values()]
     return [one - logs[0] for one in logs]
 
 
@@ -215,12 +215,8 @@ def settings_of(content: Any, prefix: str = "") -> dict[str, str]:
     return found
 
 
-def _spread(results: StudyResults) -> tuple[float, float, float]:
-    """Return least, mean and largest recommended deviation of the parameters that have one."""
-    std = results.trust.std[usable(results.trust)]
-    if not std.size:
-        return (np.nan,) * 3
-    return float(std.min()), float(np.exp(np.log(std).mean())), float(std.max())
+def _count(value: int) -> Number:
+    return Number(text.count(value), value)
 
 
 def _percent(std: float, struck: str = "") -> Number:

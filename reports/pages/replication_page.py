@@ -9,7 +9,7 @@ from oed.replication.replicate import Replication
 from oed.replication.time_domain_comparison import TimeDomainComparison
 from oed.study.results import FittedStudy
 from oed.study.settings.study_file import ESTIMATORS
-from oed.study.stages.fit_stages import positions_of
+from oed.study.stages.fit import positions_of
 from reports.figures import replication_figures as figures
 from reports.figures.response_panels import response_panels
 from reports.page_elements import Figure, Section, figure, filled, page
@@ -70,7 +70,7 @@ def _models(results: FittedStudy, published: Replication) -> Section:
         optimal=optimal,
         shares=tables.shares(published),
         within=published.table.within,
-        starts=len(results.starts),
+        starts=len(results.fits.starts),
     )
     return Section("models", "Costs of all models", body)
 
@@ -113,9 +113,9 @@ def _parameter_figure(
 
 def _responses(results: FittedStudy, published: Replication) -> Section:
     """Show the best models in the position that alone says most."""
-    e, estimate = published.evaluation, results.estimate
-    single = results.searches["LLS1U"].estimator
-    q = int(positions_of(single, results.information, results.used)[0])
+    e, estimate = published.evaluation, results.data.estimate
+    single = results.fits.searches["LLS1U"].estimator
+    q = int(positions_of(single, results.plan.information, results.plan.used)[0])
     position = estimate.positions[q : q + 1]
     chosen = e.values[e.of("LLS15U"), : figures.best_count(e)]
     models = np.array(

@@ -3,7 +3,7 @@
 from pathlib import Path
 
 from oed.study.results import StudyResults
-from oed.study.stages.stage_cache import Failure
+from oed.study.stage_cache import Failure
 from reports.page_elements import Section, page
 from reports.sections import study_sections
 from reports.sections.verdict import banner

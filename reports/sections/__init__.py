@@ -4,7 +4,7 @@ from collections.abc import Callable
 from functools import partial
 
 from oed.study.results import StudyResults
-from oed.study.stages.stage_cache import Failure
+from oed.study.stage_cache import Failure
 from reports.page_elements import Section
 from reports.sections import (
     candidates,
@@ -53,30 +53,34 @@ def study_sections(
             sections.append(section)
         if progress is not None:
             progress("report", number, len(makers))
-    if results.failures or failed:
-        sections.insert(1, failures.section([*results.failures, *failed]))
+    if results.run.failures or failed:
+        sections.insert(1, failures.section([*results.run.failures, *failed]))
     return sections, tuple(failed)
 
 
 def _residuals(results: StudyResults) -> Section:
     robot_ = results.robot
     return residuals.section(
-        results.residuals, results.trust, robot_.output_names, robot_.motor_names
+        results.fits.residuals, results.trust, robot_.output_names, robot_.motor_names
     )
 
 
 def _cross_check(results: StudyResults) -> Section | None:
-    return None if results.cross_check is None else cross_check.section(results.cross_check)
+    return (
+        None
+        if results.uncertainty.cross_check is None
+        else cross_check.section(results.uncertainty.cross_check)
+    )
 
 
 def _uncertainty(results: StudyResults) -> Section | None:
-    if results.theorem1 is None or results.posterior is None:
+    if results.uncertainty.theorem1 is None or results.uncertainty.posterior is None:
         return None
-    return uncertainty.section(results, results.theorem1, results.posterior)
+    return uncertainty.section(results, results.uncertainty.theorem1, results.uncertainty.posterior)
 
 
 def _identifiability(results: StudyResults) -> Section:
-    return identifiability.section(results.identifiability)
+    return identifiability.section(results.fits.identifiability)
 
 
 _IN_ORDER: dict[str, Callable[[StudyResults], Section | None]] = {

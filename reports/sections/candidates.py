@@ -3,6 +3,7 @@
 import numpy as np
 
 from oed.candidates.screening import ScreenedCandidates
+from oed.study.parts import DesignedPlan
 from oed.study.results import StudyResults
 from reports import text
 from reports.page_elements import Column, Number, Row, Section, Table, filled, numbers, table
@@ -11,9 +12,10 @@ from reports.sections.plan_labels import place_numbers
 
 def section(results: StudyResults) -> Section | None:
     """Return the section; none where positions were not chosen."""
-    screened = results.candidates
-    if screened is None:
+    plan = results.plan
+    if not isinstance(plan, DesignedPlan):
         return None
+    screened = plan.candidates
     body = filled(
         "candidates.html.j2",
         results=results,
@@ -26,7 +28,7 @@ def section(results: StudyResults) -> Section | None:
 
 def range_table(results: StudyResults) -> Table:
     """Return the table of joints: limits, and the range of the candidates."""
-    robot, positions = results.robot, results.information.positions
+    robot, positions = results.robot, results.plan.information.positions
     sides = [
         place_numbers(results, side)
         for side in (*robot.position_limits.T, positions.min(axis=0), positions.max(axis=0))

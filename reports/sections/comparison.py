@@ -4,7 +4,7 @@ import numpy as np
 
 from oed.plan_comparison.plan_comparison import PlanComparison, SimulatedPlan
 from oed.study.results import StudyResults
-from oed.study.stages.comparison_stage import OPTIMAL
+from oed.study.stages.comparison import OPTIMAL
 from reports import text
 from reports.figures import uncertainty_figures
 from reports.page_elements import (

@@ -2,6 +2,9 @@
 
 import numpy as np
 
+from oed.design.robust_design import RobustDesign
+from oed.experiment.visiting_order import VisitingOrder
+from oed.study.parts import DesignedPlan
 from oed.study.results import FittedStudy, PlannedStudy, StudyResults
 from oed.study.settings.design_settings import DesignChoice
 from reports import text
@@ -13,9 +16,10 @@ from reports.sections.verdict import discredited
 
 def section(results: StudyResults) -> Section | None:
     """Return the section; none where the positions were given with the data."""
-    if results.study.data.measured:
+    plan, summary = results.plan, results.plan_summary
+    if not isinstance(plan, DesignedPlan):
         return None
-    design, robust = results.design, results.robust
+    design, robust = plan.design, plan.robust
     sensitivity = figure(
         "sensitivity",
         # Per share of all visits, whether weights are shares or visits.
@@ -27,21 +31,20 @@ def section(results: StudyResults) -> Section | None:
     least = () if robust is None else (robust.efficiency.min(), robust.nominal_efficiency.min())
     body = filled(
         "design.html.j2",
-        results=results,
-        count=len(results.information.positions),
+        study=results.study,
+        design=design,
+        summary=summary,
         parameters=len(design.names),
-        positions=len(results.used),
         cost=cost(results),
         promised=promised_table(results),
-        weak=results.promise.weak(),
-        ends=promised_ends(results),
-        gap=text.one_and(design.gap),
-        efficiency=text.efficiency(results.exact.efficiency),
+        ends=[(one.name, _std(one.std).text) for one in (summary.best, summary.worst)],
+        gap=text.one_and(summary.gap),
+        efficiency=text.efficiency(summary.efficiency),
         limits=text.listed(limits(results.study.design)),
-        tour=tour(results),
-        robust=None if robust is None else robust_table(results),
+        visiting=None if plan.order is None else visiting(plan, plan.order, results.study.design),
+        robust=None if robust is None else robust_table(robust),
         samples=0 if robust is None else len(robust.efficiency),
-        kept=[text.percent(float(value)) for value in least],
+        least=[text.percent(float(value)) for value in least],
         sensitivity=sensitivity,
     )
     return Section("design", "Design", body)
@@ -65,14 +68,11 @@ def limits(choice: DesignChoice) -> list[str]:
     return found
 
 
-def tour(results: StudyResults) -> dict[str, str] | None:
-    """Return in words how the positions are visited; None where the study does not ask."""
-    order, choice = results.order, results.study.design
-    if order is None:
-        return None
+def visiting(plan: DesignedPlan, order: VisitingOrder, choice: DesignChoice) -> dict[str, str]:
+    """Return in words how the positions are visited, and how long that takes."""
     total = ""
     if choice.time is not None and choice.measuring is not None:
-        total = text.duration(results.visits * choice.measuring + order.duration)
+        total = text.duration(plan.visits * choice.measuring + order.duration)
     return {
         "duration": text.duration(order.duration),
         "given": text.duration(order.unordered_duration),
@@ -82,21 +82,15 @@ def tour(results: StudyResults) -> dict[str, str] | None:
     }
 
 
-def promised_ends(results: PlannedStudy) -> list[tuple[str, str]]:
-    """Return the best and the worst promised parameter, with its standard deviation."""
-    names, std = results.promise.names, results.promise.std
-    return [(names[i], _std(float(std[i])).text) for i in (int(std.argmin()), int(std.argmax()))]
-
-
 def promised_table(results: PlannedStudy) -> Table:
     """Return what the plan promises of each parameter beside what the data gave."""
     rows = []
     trust = results.trust if isinstance(results, FittedStudy) else None
     std = {} if trust is None else dict(zip(trust.names, trust.std, strict=True))
     why = {} if trust is None else {one.name: discredited(one) for one in trust.intervals}
-    for name, promised in zip(results.promise.names, results.promise.std, strict=True):
-        came = _std(float(std.get(name, float("nan"))), why.get(name, ""))
-        rows.append((name, _std(float(promised)), came))
+    for one in results.plan_summary.promised:
+        came = _std(float(std.get(one.name, float("nan"))), why.get(one.name, ""))
+        rows.append((one.name, _std(one.std), came))
     columns = [Column("parameter", code=True), *numbers("promised", "recommended")]
     caption = (
         "Relative standard deviations: promised by the plan’s information at the values of the "
@@ -110,12 +104,10 @@ def _std(value: float, struck: str = "") -> Number:
     return Number(words, value, struck)
 
 
-def robust_table(results: StudyResults) -> Table:
-    """Return what the robust and the nominal design keep at each sample of theta."""
-    found = results.robust
-    assert found is not None
+def robust_table(robust: RobustDesign) -> Table:
+    """Return the efficiency of the robust and of the nominal design at each sample of theta."""
     rows = []
-    pairs = zip(found.efficiency, found.nominal_efficiency, strict=True)
+    pairs = zip(robust.efficiency, robust.nominal_efficiency, strict=True)
     for k, values in enumerate(pairs):
         row = [Number("file" if not k else str(k), k)]
         rows.append([*row, *(Number(text.percent(float(v)), float(v)) for v in values)])

@@ -2,6 +2,10 @@
 
 import numpy as np
 
+from estimators.frf.distortion import Distortion
+from estimators.frf.frf_estimate import FrfEstimate
+from oed.experiment.run_experiment import Outcome
+from oed.study.parts import SimulatedData
 from oed.study.results import StudyResults
 from reports import text
 from reports.page_elements import Cell, Column, Number, Section, Table, filled, numbers, table
@@ -10,24 +14,28 @@ from robotmodels.common.arrays import Array
 
 def section(results: StudyResults) -> Section | None:
     """Return the section; none where FRFs came with noise by a law, or as such."""
-    if results.experiment is None and results.distortion is None and not results.warnings:
+    data = results.data
+    experiment = data.experiment if isinstance(data, SimulatedData) else None
+    if experiment is None and data.distortion is None and not data.warnings:
         return None
+    motors, outputs = results.robot.motor_names, results.robot.output_names
     body = filled(
         "experiment.html.j2",
-        results=results,
-        peaks=None if results.experiment is None else peak_table(results),
-        levels=None if results.distortion is None else level_table(results),
+        experiment=experiment,
+        warnings=data.warnings,
+        peaks=None if experiment is None else peak_table(experiment.outcome, motors),
+        levels=None
+        if data.distortion is None
+        else level_table(data.distortion, data.estimate, outputs),
     )
     return Section("experiment", "Experiment", body)
 
 
-def peak_table(results: StudyResults) -> Table:
+def peak_table(o: Outcome, motors: tuple[str, ...]) -> Table:
     """Return predicted and met peaks of each motor."""
-    assert results.experiment is not None
-    o = results.experiment.outcome
     columns = (o.predicted_torque, o.peak_torque, o.predicted_speed, o.peak_speed)
     rows: list[list[Cell]] = []
-    for i, motor in enumerate(results.robot.motor_names):
+    for i, motor in enumerate(motors):
         values = [Number(text.significant(float(c[i])), float(c[i])) for c in columns]
         saturated = float(o.saturated[i])
         rows.append(
@@ -43,24 +51,22 @@ def peak_table(results: StudyResults) -> Table:
     return table("peaks", caption, [Column("motor"), *titles], rows)
 
 
-def level_table(results: StudyResults) -> Table:
+def level_table(distortion: Distortion, estimate: FrfEstimate, outputs: tuple[str, ...]) -> Table:
     """Return noise and distortion of each output, medians over positions, lines and inputs."""
-    found, size = results.distortion, np.abs(results.estimate.response)
-    assert found is not None
-    apart = np.sqrt(np.maximum(found.total - found.noise, 0.0))
+    size, noise = np.abs(estimate.response), np.sqrt(distortion.noise)
+    beside = np.sqrt(np.maximum(distortion.total - distortion.noise, 0.0))
     rows = []
-    for i, output in enumerate(results.robot.output_names):
+    for i, output in enumerate(outputs):
         scale = float(np.median(size[:, :, i]))
-        noise, distortion = (_median(a[:, :, i]) / scale for a in (np.sqrt(found.noise), apart))
         rows.append(
             [output]
             + [
                 Number(text.percent(v) if np.isfinite(v) else "–", v)
                 for v in (
-                    noise,
-                    distortion,
-                    _ratio(found.odd_level, found.output, i),
-                    _ratio(found.even_level, found.output, i),
+                    _median(noise[:, :, i]) / scale,
+                    _median(beside[:, :, i]) / scale,
+                    _ratio(distortion.odd_level, distortion.output, i),
+                    _ratio(distortion.even_level, distortion.output, i),
                 )
             ]
         )

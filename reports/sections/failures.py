@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 
-from oed.study.stages.stage_cache import Failure
+from oed.study.stage_cache import Failure
 from reports import text
 from reports.page_elements import Column, Section, filled, table
 

@@ -9,7 +9,7 @@ from oed.study.results import StudyResults
 from reports import text
 from reports.figures import uncertainty_figures
 from reports.page_elements import Cell, Column, Number, Section, Table, figure, filled, numbers
-from reports.sections.verdict import agreement, discredited, interval_words, usable
+from reports.sections.verdict import agreement, discredited, interval_words
 from robotmodels.common.arrays import Array
 
 _KINDS = {"stiffness": "Springs", "damping": "Dampers"}
@@ -25,17 +25,17 @@ def section(results: StudyResults) -> Section:
         forest=figure(
             "forest",
             uncertainty_figures.intervals(
-                results.fit.parameters.names,
+                results.fits.result.parameters.names,
                 _offsets(results),
-                (_quotable(results), results.std, results.sampled_std),
+                (_quotable(results), results.uncertainty.std, results.uncertainty.sampled_std),
                 ("recommended", "Theorem 1", "emcee"),
                 "the truth" if z.size else "the fit",
             ),
             "Parameters with one recommended standard deviation, and by Theorem 1 and emcee",
         ),
-        agreement=agreement(results.cross_check),
-        ratio=_ratio_words(results.std / results.sampled_std),
-        refused=len(results.trust.names) - len(usable(results.trust)),
+        agreement=agreement(results.uncertainty.cross_check),
+        ratio=_ratio_words(results.uncertainty.std / results.uncertainty.sampled_std),
+        refused=len(results.trust.names) - len(results.fit_summary.usable),
         z_rms=text.fixed(float(np.sqrt(np.mean(z**2))), 2) if z.size else "",
     )
     return Section("parameters", "Parameters", body)
@@ -60,7 +60,7 @@ def parameter_table(results: StudyResults) -> Table:
         *(numbers("z") if known.any() else []),
     ]
     groups: dict[str, list[tuple[Cell, ...]]] = {}
-    for i, name in enumerate(results.fit.parameters.names):
+    for i, name in enumerate(results.fits.result.parameters.names):
         groups.setdefault(kind_of(name), []).append(tuple(_row(results, i, bool(known.any()))))
     caption = (
         "Recommended: estimate with one standard deviation, also as a part of it, and 95 % "
@@ -72,10 +72,10 @@ def parameter_table(results: StudyResults) -> Table:
 
 
 def _row(results: StudyResults, i: int, with_truth: bool) -> list[Cell]:
-    fitted, z = results.fit.parameters, float(results.z_scores[i])
+    fitted, z = results.fits.result.parameters, float(results.z_scores[i])
     one = results.trust.intervals[i]
     value, relative, struck = one.value, float(results.trust.std[i]), discredited(one)
-    theorem1, sampled = float(results.std[i]), float(results.sampled_std[i])
+    theorem1, sampled = float(results.uncertainty.std[i]), float(results.uncertainty.sampled_std[i])
     truth = float(results.truth[i])
     factor, unit = text.scaled_unit(value, fitted.units[i])
     shown = relative if np.isfinite(relative) else 0.01
@@ -129,7 +129,11 @@ def _ratio_words(ratio: Array) -> str:
 def _offsets(results: StudyResults) -> tuple[Array, Array, Array]:
     """Return ln theta by the fit (twice) and by emcee, less the truth or else less the fit."""
     known = np.isfinite(results.truth).all()
-    reference = np.log(results.truth if known else results.fit.parameters.values)
-    fitted = np.log(results.fit.parameters.values)
-    sampled = np.nan * fitted if results.posterior is None else results.posterior.draws.mean(axis=0)
+    reference = np.log(results.truth if known else results.fits.result.parameters.values)
+    fitted = np.log(results.fits.result.parameters.values)
+    sampled = (
+        np.nan * fitted
+        if results.uncertainty.posterior is None
+        else results.uncertainty.posterior.draws.mean(axis=0)
+    )
     return fitted - reference, fitted - reference, sampled - reference

@@ -8,8 +8,8 @@ from robotmodels.common.arrays import Array
 
 def counts(results: PlannedStudy) -> dict[str, int]:
     """Return how many visits and runs; of measured data, how many blocks were averaged."""
-    visits = results.visits
-    return {visit_noun(results): visits, "run": visits * results.runs_per_visit}
+    summary = results.plan_summary
+    return {visit_noun(results): summary.experiments, "run": summary.runs}
 
 
 def cost(results: PlannedStudy) -> str:
@@ -19,12 +19,12 @@ def cost(results: PlannedStudy) -> str:
 
 def visits(results: PlannedStudy, candidate: int) -> str:
     """Return how often one candidate is visited, ``2 visits``."""
-    return text.plural(int(results.exact.repetitions[candidate]), visit_noun(results))
+    return text.plural(int(results.plan.exact.repetitions[candidate]), visit_noun(results))
 
 
 def visit_noun(results: PlannedStudy) -> str:
     """Return what is counted in a position: of measured data only the blocks are known."""
-    return "block" if results.study.data.measured else "visit"
+    return "block" if results.measured else "visit"
 
 
 def prismatic(results: StudyResults) -> list[bool]:
@@ -43,7 +43,7 @@ def labels(results: StudyResults) -> list[str]:
     """Return a label for each position of the plan: number, angles, visits."""
     straight = prismatic(results)
     found = []
-    for number, i in enumerate(results.used, start=1):
-        angles = ", ".join(text.places(results.information.positions[i], straight))
+    for number, i in enumerate(results.plan.used, start=1):
+        angles = ", ".join(text.places(results.plan.information.positions[i], straight))
         found.append(f"Position {number}: {angles}; {visits(results, int(i))}")
     return found

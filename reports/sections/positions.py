@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 from markupsafe import Markup
 
+from oed.study.parts import DesignedPlan, MeasuredPlan
 from oed.study.results import StudyResults
 from reports import text
 from reports.figures import robot_pictures
@@ -34,12 +35,12 @@ def section(results: StudyResults) -> Section:
 
 def poses(results: StudyResults) -> list[Pose]:
     """Return a picture of the robot in each position."""
-    positions = results.information.positions[results.used]
-    skeletons = [joint_origins(results.robot, position) for position in positions]
+    plan = results.plan
+    skeletons = [joint_origins(results.robot, position) for position in plan.positions]
     scene = robot_pictures.scene_of(skeletons)
     straight, found = prismatic(results), []
-    for number, (i, skeleton) in enumerate(zip(results.used, skeletons, strict=True), start=1):
-        angles = ", ".join(text.places(results.information.positions[i], straight))
+    for number, (i, skeleton) in enumerate(zip(plan.used, skeletons, strict=True), start=1):
+        angles = ", ".join(text.places(plan.information.positions[i], straight))
         alt = f"Stick figure of the robot in position {number}: {angles}"
         drawing = robot_pictures.stick_figure(skeleton, scene, alt)
         found.append(Pose(number, visits(results, int(i)), drawing))
@@ -48,37 +49,41 @@ def poses(results: StudyResults) -> list[Pose]:
 
 def position_table(results: StudyResults) -> Table:
     """Return the table of positions; without shares where they were given with the data."""
-    measured = results.study.data.measured
+    plan, measured = results.plan, results.measured
     rows = []
-    for number, i in enumerate(results.used, start=1):
-        position = results.information.positions[i]
+    for number, i in enumerate(plan.used, start=1):
+        position = plan.information.positions[i]
         row: list[Cell] = [Number(str(number), number)]
         row += place_numbers(results, position)
         if not measured:
-            share = float(results.design.weights[i] / results.design.weights.sum())
+            share = float(plan.design.weights[i] / plan.design.weights.sum())
             row.append(Number(text.fixed(share, 4) if share else "–", share))
-        count = int(results.exact.repetitions[i])
+        count = int(plan.exact.repetitions[i])
         rows.append([*row, Number(str(count), count)])
     titles = ["no.", *results.robot.motor_names, *([] if measured else ["share"])]
     titles.append(f"{visit_noun(results)}s")
-    shares = "" if measured else f"; {_shares(results)}"
-    order = "" if results.order is None else "; numbers and rows in the order of visits"
+    shares = "" if measured else f"; {_shares(plan)}"
+    order = (
+        ""
+        if not isinstance(plan, DesignedPlan) or plan.order is None
+        else "; numbers and rows in the order of visits"
+    )
     caption = (
         f"Motor angles over gear ratios, in degrees here and in radians in files{shares}; "
-        f"{visit_noun(results)}s, each of {text.plural(results.runs_per_visit, 'run')}{order}."
+        f"{visit_noun(results)}s, each of {text.plural(plan.runs_per_visit, 'run')}{order}."
     )
     return table("plan", caption, numbers(*titles), rows)
 
 
-def _shares(results: StudyResults) -> str:
+def _shares(plan: DesignedPlan | MeasuredPlan) -> str:
     """Return what the column of shares holds, and what of it the plan leaves out."""
-    weights = results.design.weights / results.design.weights.sum()
-    left = len(set(results.design.support) - set(results.used))
+    weights = plan.design.weights / plan.design.weights.sum()
+    omitted = len(set(plan.design.support) - set(plan.used))
     words = "share of the visits if they could be split at will (–: none)"
-    if not left:
+    if not omitted:
         return words
-    rest = 1 - float(weights[results.used].sum())
+    share = 1 - float(weights[plan.used].sum())
     return (
-        f"{words}, {text.fixed(rest, 4)} of which belongs to {text.plural(left, 'position')} "
+        f"{words}, {text.fixed(share, 4)} of which belongs to {text.plural(omitted, 'position')} "
         "where whole visits are better spent elsewhere"
     )

@@ -1,5 +1,6 @@
 """Provenance: from what the results were computed, with what, and how to do it again."""
 
+from oed.study.parts import SimulatedData
 from oed.study.results import StudyResults
 from reports import text
 from reports.page_elements import Column, Number, Section, Table, filled, numbers, table
@@ -9,8 +10,8 @@ from robotmodels.library.robot_digest import robot_digest
 
 def section(results: StudyResults, command: str = "") -> Section:
     """Return the section; `command` is what made the report."""
-    seconds = [(stage, Number(text.duration(s), s)) for stage, s in results.seconds.items()]
-    versions = list(results.versions.items())
+    seconds = [(stage, Number(text.duration(s), s)) for stage, s in results.run.seconds.items()]
+    versions = list(results.run.versions.items())
     body = filled(
         "provenance.html.j2",
         results=results,
@@ -29,8 +30,9 @@ def input_table(results: StudyResults) -> Table:
         ("study", json_digest(study.model_dump(mode="json", by_alias=True, exclude={"output"})))
     ]
     rows.append(("robot file and URDF", robot_digest(results.robot)))
-    if results.plant is not None and results.plant is not results.robot:
-        rows.append(("robot behind the data", robot_digest(results.plant)))
+    data = results.data
+    if isinstance(data, SimulatedData) and data.plant is not results.robot:
+        rows.append(("robot behind the data", robot_digest(data.plant)))
     for name in ("records", "frf"):
         path = getattr(study.data, name)
         if path is not None and path.exists():

@@ -13,7 +13,7 @@ from robotmodels.common.arrays import IntArray
 
 def section(results: StudyResults) -> Section:
     """Return the section."""
-    shown = lines_drawn(results.estimate.response.shape)
+    shown = lines_drawn(results.data.estimate.response.shape)
     body = filled(
         "responses.html.j2",
         results=results,
@@ -26,16 +26,16 @@ def section(results: StudyResults) -> Section:
 
 def panels(results: StudyResults, lines: IntArray) -> list[Figure]:
     """Return the Bode panels of every position."""
-    r, omega = results, results.omega[lines]
+    r, omega = results, results.data.estimate.omega[lines]
     fitted = robotmodels.frequency_response(
-        r.robot, r.estimate.positions, omega, r.fit.parameters.values
+        r.robot, r.data.estimate.positions, omega, r.fits.result.parameters.values
     )
-    std = np.sqrt(r.estimate.variance)
+    std = np.sqrt(r.data.estimate.variance)
     found = []
     for q, label in enumerate(labels(r)):
         drawing = response_panels.response_panels(
             omega,
-            r.estimate.response[q, lines],
+            r.data.estimate.response[q, lines],
             std[q, lines],
             fitted[q],
             r.robot.motor_names,

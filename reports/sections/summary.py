@@ -1,28 +1,26 @@
 """The summary: what was asked, what came out, what to beware of."""
 
-import numpy as np
-
 from oed.study.results import StudyResults
 from reports import text
 from reports.page_elements import Section, filled
 from reports.sections.plan_labels import cost, counts
-from reports.sections.verdict import usable
 
 
 def section(results: StudyResults) -> Section:
     """Return the section."""
-    r = results
-    names, std = r.trust.names, r.trust.std
-    order = sorted(usable(r.trust), key=lambda i: std[i])
+    usable, trust = results.fit_summary.usable, results.trust
+    posterior = results.uncertainty_summary.posterior
     body = filled(
         "summary.html.j2",
-        results=r,
-        n_positions=len(r.used),
-        cost=cost(r),
-        counts=counts(r),
-        ends=[(names[i], text.percent(float(std[i]))) for i in order[:1] + order[-1:]],
-        r_hat=r.posterior and text.fixed(float(np.max(r.posterior.r_hat)), 3),
-        ess=r.posterior and text.count(round(float(np.min(r.posterior.ess)))),
-        seconds=text.duration(sum(r.seconds.values())),
+        results=results,
+        plan=results.plan_summary,
+        cost=cost(results),
+        counts=counts(results),
+        ends=[
+            (trust.names[i], text.percent(float(trust.std[i]))) for i in usable[:1] + usable[-1:]
+        ],
+        r_hat=posterior and text.fixed(posterior.r_hat, 3),
+        ess=posterior and text.count(round(posterior.ess)),
+        seconds=text.duration(results.run.total_seconds),
     )
     return Section("summary", "Summary", body)

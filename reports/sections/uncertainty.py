@@ -75,7 +75,7 @@ def corner(results: StudyResults, theorem1: Uncertainty, posterior: Posterior) -
     names = corner_names(theorem1)
     i = [theorem1.names.index(name) for name in names]
     draws = posterior.draws
-    estimate = np.log(results.fit.parameters.values)
+    estimate = np.log(results.fits.result.parameters.values)
     shown = 100 * (draws[:: max(len(draws) // CORNER_DRAWS, 1)] - estimate)[:, i]
     truth = 100 * (np.log(results.truth) - estimate)[i]
     covariance = 1e4 * theorem1.covariance[np.ix_(i, i)]

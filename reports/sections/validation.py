@@ -4,7 +4,7 @@ import numpy as np
 
 from estimators.validation.held_out_positions import Validation
 from oed.study.results import StudyResults
-from oed.study.stages.validation_stages import HeldOut
+from oed.study.stages.validation import HeldOut
 from reports import text
 from reports.figures import study_figures
 from reports.page_elements import (
@@ -23,13 +23,13 @@ from reports.sections.plan_labels import prismatic
 
 def section(results: StudyResults) -> Section | None:
     """Return the section; none where no position was held out."""
-    found = results.held_out
+    found = results.validation
     if found is None:
         return None
     body = filled(
         "validation.html.j2",
         found=found,
-        measured=results.study.data.measured,
+        measured=results.measured,
         count=len(found.estimate.positions),
         judged=judged_table(found),
         positions=position_table(results, found),

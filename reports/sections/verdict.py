@@ -27,7 +27,7 @@ def banner(results: StudyResults) -> Markup:
         verdict=text.sentence(str(trust.verdict)),
         kind=KINDS.get(trust.verdict, "refused"),
         reason=text.typeset(text.sentence(trust.verdict.reason)),
-        quote=quote(trust, results.cross_check),
+        quote=quote(trust, results.uncertainty.cross_check),
     )
 
 

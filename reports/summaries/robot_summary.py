@@ -1,7 +1,5 @@
 """What ``oed check`` prints: a robot at a position, in engineering units and aligned columns."""
 
-import dataclasses
-import json
 from collections.abc import Sequence
 
 import numpy as np
@@ -10,6 +8,7 @@ from reports import text
 from reports.summaries.columns import decimals, hung, number, plural, table, vector, wrapped
 from robotmodels.checks.diagnosis import Diagnosis, MotorState, ParameterState, SpringState
 from robotmodels.checks.warnings import Suspicion
+from robotmodels.common.plain_data import json_data, json_text
 from robotmodels.description.robot_file import Hardening, RobotFile
 
 MAIN_SPRINGS = 3  # named per mode, if they hold at least a tenth of its energy
@@ -38,9 +37,8 @@ def robot_json(diagnosis: Diagnosis, found: Sequence[Suspicion], file: RobotFile
     """Return the same as JSON, in SI units (rad, rad/s, N m) and at full precision."""
     given = file.model_dump(include={"gravity", "payload", "accelerometers"})
     gains = {motor.name: motor.torque_gain for motor in file.motors}
-    warnings = [dataclasses.asdict(suspicion) for suspicion in found]
-    content = dataclasses.asdict(diagnosis) | given | {"torque_gains": gains, "warnings": warnings}
-    return json.dumps(content, indent=2, allow_nan=False, ensure_ascii=False)
+    content = json_data(diagnosis) | given | {"torque_gains": gains, "warnings": found}
+    return json_text(content)
 
 
 def _title(d: Diagnosis, file: RobotFile) -> list[str]:

@@ -8,9 +8,10 @@ import numpy as np
 from estimators.trust.trust import Trust
 from oed.study.json_output import promised_document
 from oed.study.results import FittedStudy, PlannedStudy, StudyResults
-from reports.sections.fit import reached, reached_words
+from oed.study.summary import FitSummary, PlanSummary, UncertaintySummary
+from reports.sections.fit import reached_words
 from reports.sections.plan_labels import cost
-from reports.sections.verdict import discredited, interval_words, usable
+from reports.sections.verdict import discredited, interval_words
 from reports.summaries.columns import hung, plain, plural
 from reports.text import duration, efficiency, percent
 
@@ -23,15 +24,17 @@ def study_summary(results: PlannedStudy, written: list[Path]) -> str:
     """Return the summary of a study, as far as it was computed."""
     lines = _design_lines(results)
     if isinstance(results, FittedStudy):
-        lines += _fit_lines(results)
+        lines += _fit_lines(results.fit_summary)
     if isinstance(results, StudyResults):
         lines += _uncertainty_lines(results)
     if isinstance(results, FittedStudy):
-        lines += _trust_lines(results.trust)
-    lines += [("FAILED", f"{one.name}: {one.reason}") for one in results.failures]
+        lines += _trust_lines(results.trust, results.fit_summary)
+    lines += [("FAILED", f"{one.name}: {one.reason}") for one in results.run.failures]
     lines.append(("time", _time(results)))
-    if results.kept:
-        lines.append(("kept", f"{', '.join(results.kept)} (nothing they rest on has changed)"))
+    if results.run.loaded:
+        lines.append(
+            ("kept", f"{', '.join(results.run.loaded)} (nothing they rest on has changed)")
+        )
     said = [results.robot.name]
     for key, value in lines:
         said += hung(f"  {key:<9}", value, 11)
@@ -41,105 +44,104 @@ def study_summary(results: PlannedStudy, written: list[Path]) -> str:
 
 def study_json(results: PlannedStudy, written: list[Path]) -> dict[str, Any]:
     """Return the summary for scripts, in SI units; the files that were written say more."""
-    r = results
+    r, plan = results, results.plan_summary
     document: dict[str, Any] = {
         "robot": r.robot.name,
         "seed": r.study.seed,
-        "candidates": len(r.information.positions),
-        "positions": len(r.used),
-        "experiments": r.visits,
-        "runs": r.visits * r.runs_per_visit,
-        "gap": float(r.design.gap),
-        "efficiency": float(r.exact.efficiency),
-        "promised": promised_document(r),
+        "candidates": plan.candidates,
+        "positions": plan.positions,
+        "experiments": plan.experiments,
+        "runs": plan.runs,
+        "gap": plan.gap,
+        "efficiency": plan.efficiency,
+        "promised": promised_document(plan),
     }
     if isinstance(r, FittedStudy):
+        fit, trust = r.fit_summary, r.trust.document()
         document |= {
-            "cost": float(r.fit.cost),
-            "fit_converged": r.fit.converged,
-            "at_bounds": r.fit.at_bounds,
-            "failures": {one.name: one.reason for one in r.failures},
+            "cost": fit.cost,
+            "fit_converged": fit.converged,
+            "at_bounds": fit.at_bounds,
+            "failures": r.run.reasons,
+            **{key: trust[key] for key in ("verdict", "reason", "intervals")},
         }
-        trust = r.trust.document()
-        document |= {key: trust[key] for key in ("verdict", "reason", "intervals")}
     if isinstance(r, StudyResults):
-        document |= {
-            "residuals_over_expected": r.trust.size.ratio,
-            "residuals_p_value": r.trust.size.probability,
-        }
-        if r.posterior is not None:
-            document["posterior_converged"] = r.posterior.converged
-        if r.theorem1 is not None:
-            std = map(float, r.theorem1.std)
-            document["relative_std"] = dict(zip(r.theorem1.names, std, strict=True))
-        if r.cross_check is not None:
-            document["agreeing"] = list(r.cross_check.agreeing())
-        if r.comparison is not None:
-            document["rivals_beaten"] = list(r.comparison.beaten)
+        document |= _uncertainty_document(r, r.fit_summary, r.uncertainty_summary)
     files = [str(path) for path in written]
-    return document | {"seconds": r.seconds, "kept": list(r.kept), "files": files}
+    return document | {"seconds": r.run.seconds, "kept": r.run.loaded, "files": files}
+
+
+def _uncertainty_document(
+    r: StudyResults, fit: FitSummary, methods: UncertaintySummary
+) -> dict[str, Any]:
+    document: dict[str, Any] = {
+        "residuals_over_expected": fit.residual_ratio,
+        "residuals_p_value": fit.residual_probability,
+    }
+    if methods.posterior is not None:
+        document["posterior_converged"] = methods.posterior.converged
+    if methods.theorem1 is not None:
+        document["relative_std"] = {one.name: one.std for one in methods.theorem1}
+    if methods.agreeing is not None:
+        document["agreeing"] = methods.agreeing
+    if r.comparison is not None:
+        document["rivals_beaten"] = r.comparison.beaten
+    return document
 
 
 def _design_lines(r: PlannedStudy) -> Lines:
-    if r.study.data.measured:
-        return [("data", f"{plural(len(r.used), 'position')}, {plain(cost(r))}")]
+    plan = r.plan_summary
+    if r.measured:
+        return [("data", f"{plural(plan.positions, 'position')}, {plain(cost(r))}")]
     return [
         (
             "design",
-            f"{plural(len(r.information.positions), 'candidate')}, "
-            f"{plural(len(r.used), 'position')} used, {plain(cost(r))}",
+            f"{plural(plan.candidates, 'candidate')}, "
+            f"{plural(plan.positions, 'position')} used, {plain(cost(r))}",
         ),
         (
             "",
-            f"certified gap {_gap(r.design.gap)}, efficiency of the plan >= "
-            f"{plain(efficiency(r.exact.efficiency))}",
+            f"certified gap {_gap(plan.gap)}, efficiency of the plan >= "
+            f"{plain(efficiency(plan.efficiency))}",
         ),
-        *_promise_lines(r),
+        *_promise_lines(plan),
     ]
 
 
-def _promise_lines(r: PlannedStudy) -> Lines:
+def _promise_lines(plan: PlanSummary) -> Lines:
     """Return the standard deviations that the plan promises, and what it leaves open."""
-    names, std = r.robot.parameters.names, r.promise.std
-    worst = int(np.argmax(std))
-    least = _percent(std[worst]) if np.isfinite(std[worst]) else "not at all"
-    best = int(np.argmin(std))
+    best, worst = plan.best, plan.worst
+    largest = _percent(worst.std) if np.isfinite(worst.std) else "not at all"
     lines = [
-        ("promised", f"std best {names[best]} {_percent(std[best])}, worst {names[worst]} {least}")
+        ("promised", f"std best {best.name} {_percent(best.std)}, worst {worst.name} {largest}")
     ]
-    weak = r.promise.weak()
-    lines += [("", f"WEAK: {combination}") for combination in weak[:_WEAKEST]]
-    if len(weak) > _WEAKEST:
-        lines.append(("", f"and {len(weak) - _WEAKEST} more weak combinations, in design.json"))
+    lines += [("", f"WEAK: {combination}") for combination in plan.weak[:_WEAKEST]]
+    if len(plan.weak) > _WEAKEST:
+        more = len(plan.weak) - _WEAKEST
+        lines.append(("", f"and {more} more weak combinations, in design.json"))
     return lines
 
 
-def _fit_lines(r: FittedStudy) -> Lines:
-    lines = [("fit", f"{r.fit.residual.upper()} cost {r.fit.cost:.1f} from {r.fit_origin}")]
-    if not r.fit.converged:
-        lines.append(("", f"NOT converged: {r.fit.message}"))
+def _fit_lines(fit: FitSummary) -> Lines:
+    lines = [("fit", f"{fit.residual.upper()} cost {fit.cost:.1f} from {fit.origin}")]
+    if not fit.converged:
+        lines.append(("", f"NOT converged: {fit.message}"))
     lines += [
-        (
-            "",
-            f"AT A BOUND: {name}, the {side} one: its interval is one-sided",
-        )
-        for name, side in r.fit.at_bounds.items()
+        ("", f"AT A BOUND: {name}, the {side} one: its interval is one-sided")
+        for name, side in fit.at_bounds.items()
     ]
-    return [*lines, ("", f"starts that reached the best cost: {reached_words(reached(r))}")]
+    return [*lines, ("", f"starts that reached the best cost: {reached_words(fit.reached)}")]
 
 
 def _uncertainty_lines(r: StudyResults) -> Lines:
-    std, posterior = r.std, r.posterior
+    methods = r.uncertainty_summary
     lines: Lines = []
-    if posterior is not None:
-        ratio = std / r.sampled_std
-        between = f", Theorem 1 / emcee {ratio.min():.2f} to {ratio.max():.2f}"
+    if (posterior := methods.posterior) is not None:
+        between = ""
+        if methods.ratio is not None:
+            between = ", Theorem 1 / emcee {:.2f} to {:.2f}".format(*methods.ratio)
         lines.append(
-            (
-                "emcee",
-                f"R-hat <= {np.max(posterior.r_hat):.3f}, ESS >= {np.min(posterior.ess):.0f}"
-                f"{between if r.theorem1 is not None else ''}",
-            )
+            ("emcee", f"R-hat <= {posterior.r_hat:.3f}, ESS >= {posterior.ess:.0f}{between}")
         )
         if not posterior.converged:
             lines.append(("", posterior.message))
@@ -148,11 +150,11 @@ def _uncertainty_lines(r: StudyResults) -> Lines:
     return lines
 
 
-def _trust_lines(trust: Trust) -> Lines:
+def _trust_lines(trust: Trust, fit: FitSummary) -> Lines:
     """Return the verdict, and the recommended intervals: all of few, else the best and worst."""
     lines = [("verdict", f"{trust.verdict}: {trust.verdict.reason}")]
     intervals = trust.intervals
-    order = sorted(usable(trust), key=lambda i: trust.std[i])
+    order = fit.usable
     shown = order if len(intervals) <= SHOWN else order[:1] + order[1:][-_WORST:]
     width = max(len(one.name) for one in intervals)
     rows = [
@@ -182,6 +184,6 @@ def _percent(fraction: float) -> str:
 
 
 def _time(r: PlannedStudy) -> str:
-    slowest = sorted(r.seconds.items(), key=lambda item: -item[1])[:3]
+    slowest = sorted(r.run.seconds.items(), key=lambda item: -item[1])[:3]
     parts = ", ".join(f"{stage} {s:.1f}" for stage, s in slowest)
-    return f"{plain(duration(sum(r.seconds.values())))} ({parts})"
+    return f"{plain(duration(r.run.total_seconds))} ({parts})"

@@ -5,7 +5,6 @@ The first `_HEADER` bytes, which HDF5 leaves to others, hold one line of JSON: `
 it fits, so neither HDF5 nor a caller ever meets numbers that are not those that were written.
 """
 
-import hashlib
 import json
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -15,6 +14,7 @@ from typing import TYPE_CHECKING
 
 from robotmodels.common.atomic_files import atomic_write
 from robotmodels.common.errors import InvalidInput
+from robotmodels.common.fingerprints import file_digest
 
 if TYPE_CHECKING:
     import h5py
@@ -129,9 +129,4 @@ class CheckpointFile:
 
 def _digest(path: Path, *header: str) -> str:
     """Return the SHA-256 of a file's header and of all that follows it."""
-    digest = hashlib.sha256(json.dumps(header).encode())
-    with path.open("rb") as file:
-        file.seek(_HEADER)
-        while chunk := file.read(1 << 20):
-            digest.update(chunk)
-    return digest.hexdigest()
+    return file_digest(path, _HEADER, json.dumps(header).encode())

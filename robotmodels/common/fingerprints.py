@@ -2,13 +2,13 @@
 
 import hashlib
 import json
-from collections.abc import Mapping
-from dataclasses import fields, is_dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+
+from robotmodels.common.plain_data import split_arrays
 
 
 def fingerprint(inputs: object, computed: object = ()) -> str:
@@ -26,41 +26,17 @@ def fingerprint(inputs: object, computed: object = ()) -> str:
     TypeError
         For anything else, which could change without a trace.
     """
-    plain, arrays = _parted(inputs)
+    plain, arrays = split_arrays(inputs)
     digest = hashlib.sha256(repr(plain).encode())
-    for array in arrays:
+    for array in arrays.values():
         digest.update(repr(array.shape).encode())
         digest.update(np.ascontiguousarray(array).tobytes())
-    plain, arrays = _parted(computed)
+    plain, arrays = split_arrays(computed)
     digest.update(repr(plain).encode())
-    for array in arrays:
+    for array in arrays.values():
         digest.update(repr(array.shape).encode())
         digest.update(_rounded(array).encode())
     return digest.hexdigest()
-
-
-def _parted(value: object) -> tuple[object, list[NDArray[Any]]]:
-    """Return plain data with a mark for each array, and the arrays in their order."""
-    arrays: list[NDArray[Any]] = []
-
-    def plain(item: object) -> object:
-        if isinstance(item, np.ndarray):
-            arrays.append(item)
-            return item.dtype.str
-        if isinstance(item, np.generic):
-            return item.item()
-        if is_dataclass(item) and not isinstance(item, type):
-            named = {f.name: getattr(item, f.name) for f in fields(item) if f.init}
-            return type(item).__name__, plain(named)
-        if isinstance(item, Mapping):
-            return {key: plain(one) for key, one in item.items()}
-        if isinstance(item, tuple | list):
-            return tuple(plain(one) for one in item)
-        if item is None or isinstance(item, str | int | float | complex):
-            return item
-        raise TypeError(f"fingerprint: {type(item).__name__} is neither plain data nor an array")
-
-    return plain(value), arrays
 
 
 def _rounded(array: NDArray[Any]) -> str:
@@ -80,10 +56,11 @@ def json_digest(content: Any) -> str:
     return hashlib.sha256(text.encode()).hexdigest()
 
 
-def file_digest(path: Path) -> str:
-    """Return the SHA-256 of a file's bytes."""
-    digest = hashlib.sha256()
+def file_digest(path: Path, offset: int = 0, prefix: bytes = b"") -> str:
+    """Return the SHA-256 of `prefix` and of a file's bytes from `offset` on."""
+    digest = hashlib.sha256(prefix)
     with path.open("rb") as file:
+        file.seek(offset)
         while chunk := file.read(_CHUNK):
             digest.update(chunk)
     return digest.hexdigest()

@@ -14,12 +14,12 @@ WHOLE = STUDY + "profiles: 1\nvalidation: {count: 2}\n"
 
 DUMP = "minimum invalid:\n┌────┐\n│ no │\n└────┘"
 FAILING = {
-    "comparison": "oed.study.stages.comparison_stage.compare_plans",
-    "uncertainty": "oed.study.stages.uncertainty_stages.covariance",
-    "posterior": "oed.study.stages.uncertainty_stages.sample_posterior",
-    "profiles": "oed.study.stages.uncertainty_stages.profile_likelihood",
-    "cross-check": "oed.study.stages.uncertainty_stages.importance_sample",
-    "validation": "oed.study.stages.validation_stages.validate",
+    "comparison": "oed.study.stages.comparison.compare_plans",
+    "uncertainty": "oed.study.stages.uncertainty.covariance",
+    "posterior": "oed.study.stages.posterior.sample_posterior",
+    "profiles": "oed.study.stages.profiles.profile_likelihood",
+    "cross-check": "oed.study.stages.cross_check.importance_sample",
+    "validation": "oed.study.stages.validation.validate",
     "section summary": "reports.sections.summary.filled",
     "section fit": "reports.sections.fit.run_table",
     "section provenance": "reports.sections.provenance.input_table",

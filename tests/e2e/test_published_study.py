@@ -11,8 +11,8 @@ import estimators
 import robotmodels
 from oed.replication.paper import CONCLUSIONS
 from oed.study.settings.study_file import ESTIMATORS
-from oed.study.stages.data_stages import Data
-from oed.study.stages.serialisation import read_dataclass
+from oed.study.stages.data import Data
+from robotmodels.common.dataclass_files import read_dataclass
 
 MODEL = ROBOT + "  - {name: b3x, joint: elbow_joint, axis: x, stiffness: 5.0e4, damping: 50}\n"
 PLANT = MODEL.replace("stiffness: 4.0e4", "stiffness: {low: 3.4e4, high: 5.0e4, torque: 300}")

@@ -3,6 +3,7 @@
 import json
 import shutil
 
+import h5py
 import numpy as np
 import pytest
 from conftest import ROBOT, STUDY, drawn, oed, write_study
@@ -10,6 +11,7 @@ from killed import killed_again_and_again
 
 import estimators
 import robotmodels
+from robotmodels.common.fingerprints import folder_digest
 
 JSON = ("design.json", "fit.json", "uncertainty.json")
 
@@ -38,6 +40,36 @@ def test_an_unchanged_study_computes_nothing(copied, small_study, tmp_path):
     assert copied("sample", "", "") == {p.name for p in (folder / "stages").iterdir()}
     for name in JSON:
         assert (tmp_path / "results" / "here" / name).read_bytes() == (folder / name).read_bytes()
+
+
+@pytest.mark.parametrize(
+    ("stage", "array", "value"),
+    [
+        ("design", "design/weights", np.array([b"heavy"])),
+        ("design", "exact/repetitions", np.array(1.5)),
+        ("data", "estimate/response", np.zeros(3)),
+        ("uncertainty", "covariance", np.array(1.0)),
+        ("posterior", "r_hat", np.array([[1.0]])),
+        ("cross-check", "trust/ends", np.array(["low", "high"], dtype="S4")),
+        ("comparison", "interval", 0.5),
+    ],
+)
+def test_a_stage_whose_arrays_have_another_type_is_computed_again(
+    copied, small_study, tmp_path, stage, array, value
+):
+    """Its digest fits: the file was written so."""
+    folder = tmp_path / "results" / "here" / "stages" / stage
+    with h5py.File(folder / "result.h5", "r+") as file:
+        del file[array]
+        file[array] = value
+    record = json.loads((folder / "stage.json").read_text())
+    record["digest"] = folder_digest(folder, frozenset({"stage.json"}))
+    (folder / "stage.json").write_text(json.dumps(record))
+    every = {p.name for p in folder.parent.iterdir()}
+    assert copied("sample", "", "") == every - {stage}
+    for name in JSON:
+        again = (tmp_path / "results" / "here" / name).read_bytes()
+        assert again == (small_study[0] / name).read_bytes()
 
 
 PLANNED = {"candidates", "information", "design", "data"}

@@ -45,8 +45,8 @@ def test_limits_on_positions_are_kept(tmp_path):
         " bent: {where: {elbow_joint: [1, 3]}, least: 3}}}",
         more="  positions: [[-1.0, 0.3]]\n",
     )
-    counts = found.exact.repetitions
-    lift, elbow = found.information.positions.T
+    counts = found.plan.exact.repetitions
+    lift, elbow = found.plan.information.positions.T
     assert counts.sum() == 6
     assert counts.max() <= 2
     assert counts[np.flatnonzero((lift == -1.0) & (elbow == 0.3))].sum() >= 1
@@ -61,11 +61,11 @@ def test_limits_on_positions_are_kept(tmp_path):
 def test_a_time_suffices_for_experiments_and_moves_and_orders_the_visits(tmp_path):
     wanted = "{time: 300, measuring: 40, most: 2, moves: {speed: 0.5, acceleration: 1.0}}"
     found = designed(tmp_path, wanted)
-    count = found.exact.repetitions.sum()
-    assert found.order.duration <= found.order.unordered_duration
-    total = 40 * count + found.order.duration
+    count = found.plan.exact.repetitions.sum()
+    assert found.plan.order.duration <= found.plan.order.unordered_duration
+    total = 40 * count + found.plan.order.duration
     assert 200 < total <= 300
-    assert sorted(found.order.order) == list(range(len(found.used)))
+    assert sorted(found.plan.order.order) == list(range(len(found.plan.used)))
     said = design.section(found).body
     assert "numbered and visited in the order that shortens the moves" in said
     assert "of the 5\u202fmin 0\u202fs allowed" in said
@@ -74,21 +74,21 @@ def test_a_time_suffices_for_experiments_and_moves_and_orders_the_visits(tmp_pat
 def test_positions_are_measured_and_numbered_in_the_order_of_visits(tmp_path):
     wanted = "{experiments: 6, most: 1, solver: newton, moves: {speed: 0.5, acceleration: 1.0}}"
     found = fit_study(load_study(study(tmp_path, wanted)))
-    assert found.order.duration < found.order.unordered_duration
-    places = found.information.positions[found.used]
-    np.testing.assert_array_equal(found.estimate.positions, places)
+    assert found.plan.order.duration < found.plan.order.unordered_duration
+    places = found.plan.information.positions[found.plan.used]
+    np.testing.assert_array_equal(found.data.estimate.positions, places)
     np.testing.assert_array_equal(
-        found.information.positions[found.exact.support][found.order.order], places
+        found.plan.information.positions[found.plan.exact.support][found.plan.order.order], places
     )
     assert "rows in the order of visits" in positions.position_table(found).caption
 
 
 def test_a_number_of_experiments_that_is_the_default_is_no_lesser_limit(tmp_path):
     by_time = designed(tmp_path, "{solver: newton, time: 1200, measuring: 40}")
-    assert by_time.exact.repetitions.sum() > 15
+    assert by_time.plan.exact.repetitions.sum() > 15
     both = designed(tmp_path, "{solver: newton, time: 1200, measuring: 40, experiments: 15}")
-    assert both.exact.repetitions.sum() == 15
-    assert {"candidates", "information"} == set(both.kept)
+    assert both.plan.exact.repetitions.sum() == 15
+    assert {"candidates", "information"} == set(both.run.loaded)
 
 
 @pytest.mark.parametrize("kind", ["maximin", "average"])
@@ -97,15 +97,15 @@ def test_a_robust_design_keeps_more_at_its_samples(kind, tmp_path):
     found = designed(
         tmp_path, f"{{solver: newton, robust: {{kind: {kind}, std: {std}, samples: 4}}}}"
     )
-    kept, nominal = found.robust.efficiency, found.robust.nominal_efficiency
+    kept, nominal = found.plan.robust.efficiency, found.plan.robust.nominal_efficiency
     assert len(kept) == 4
     assert nominal[0] == pytest.approx(1, abs=1e-5)
     if kind == "maximin":
         assert kept.min() > nominal.min() + 0.02
     else:
         assert np.log(kept).mean() > np.log(nominal).mean()
-    assert found.exact.efficiency > 0.9
-    assert found.exact.information.shape == (4, 4, 4)
+    assert found.plan.exact.efficiency > 0.9
+    assert found.plan.exact.information.shape == (4, 4, 4)
     said = design.section(found).body
     assert 'id="robust"' in said
     assert "at worst" in said if kind == "maximin" else "on average" in said
@@ -141,16 +141,16 @@ def test_samples_that_cannot_stand_are_said(tmp_path):
 
 def test_many_candidates_are_kept_in_a_store(tmp_path, monkeypatch):
     whole = designed(tmp_path / "memory", "{experiments: 5}")
-    monkeypatch.setattr("oed.study.stages.design_stages.LARGEST_IN_MEMORY", 1000)
+    monkeypatch.setattr("oed.study.stages.information.LARGEST_IN_MEMORY", 1000)
     path = study(tmp_path, "{experiments: 5}")
     stored = design_study(load_study(path))
-    assert isinstance(stored.information, StoredInformation)
-    assert stored.used.tolist() == whole.used.tolist()
-    one, other = (standard_deviations(found.exact.information) for found in (whole, stored))
+    assert isinstance(stored.plan.information, StoredInformation)
+    assert stored.plan.used.tolist() == whole.plan.used.tolist()
+    one, other = (standard_deviations(found.plan.exact.information) for found in (whole, stored))
     np.testing.assert_allclose(one, other, rtol=1e-9)
     assert candidates.section(stored) is not None
     again = design_study(load_study(path))
-    assert {"candidates", "information", "design"} <= set(again.kept)
+    assert {"candidates", "information", "design"} <= set(again.run.loaded)
     # What comes after takes candidates from the store too.
     best = "{name: one, residual: nls, weights: optimal, positions: best}"
     estimators = f"fit: {{estimators: [{best}], result: one, starts: 1}}"

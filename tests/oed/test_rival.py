@@ -7,12 +7,12 @@ import numpy as np
 import pytest
 
 from oed.replication import rollout_fit, time_domain_comparison
-from oed.replication.json_output import rivalry_document
 from oed.replication.time_domain_comparison import compare, judged
 from oed.study.settings.study_file import RivalChoice, Study
 from reports.page_elements import filled
 from reports.pages import replication_tables as tables
 from robotmodels import load_robot
+from robotmodels.common.plain_data import json_data
 
 NEAR = RivalChoice(starts=2, decades=(0.05,))
 
@@ -65,7 +65,7 @@ def test_frfs_of_the_same_records_find_the_truth_and_a_missing_module_is_told(ca
         assert (ours.successes, ours.starts, ours.unfinished) == (1, 1, 0)
         assert ours.spring_error < 0.01
     assert found.missing == "tabulate"
-    assert rivalry_document(found)["misfit"] is None
+    assert json_data(found)["misfit"] is None
     page = filled("published_rival.html.j2", found=found, table=tables.rival(found), seconds=1.0)
     assert "its module tabulate is not installed" in page
     assert "pip install" in page

@@ -6,11 +6,12 @@ from collision_arm import SHAPES, arm, shape
 
 from oed import Workcell, gathered_candidates, screened_candidates
 from oed.study.settings.candidates_settings import CandidatesChoice
-from oed.study.stages.context import Run
+from oed.study.stage_cache import open_stages
+from oed.study.stages.candidates import candidates
 from oed.study.stages.design_inputs import gather
-from oed.study.stages.design_stages import candidates
-from oed.study.stages.stage_cache import open_stages
+from oed.study.stages.run import SimulatedRun
 from robotmodels import InvalidInput, Sphere, load_robot, surroundings
+from robotmodels.linear.noise import RelativeNoise
 
 
 def test_counts_by_reason(tmp_path):
@@ -141,14 +142,15 @@ def test_candidates_of_a_study_follow_the_meshes_they_are_checked_with(tmp_path)
         per_joint = {"shoulder": 9, "elbow": 5, "wrist": 3}
         choice = CandidatesChoice(per_joint=per_joint, floor=floor, self_collision=False)
         with open_stages(tmp_path / "stages") as stages:
-            run = Run(SimpleNamespace(candidates=choice), robot, robot, stages)
+            study, omega, noise = SimpleNamespace(), np.ones(1), RelativeNoise(0.03, 0.01)
+            run = SimulatedRun(study, robot, stages, None, robot, choice, omega, noise)
             return candidates(run)
 
     short, again, tall = (found(size, 0.0) for size in (0.05, 0.05, 0.5))
-    assert (short.kept, again.kept, tall.kept) == (False, True, False)
+    assert (short.loaded, again.loaded, tall.loaded) == (False, True, False)
     assert len(tall.value) < len(short.value)
-    assert not found(0.5, None).kept
-    assert found(0.1, None).kept
+    assert not found(0.5, None).loaded
+    assert found(0.1, None).loaded
 
 
 @pytest.mark.parametrize(

@@ -8,11 +8,15 @@ import numpy as np
 import pytest
 from killed import killed_again_and_again
 
-from oed.study.stages.serialisation import ARRAY
-from oed.study.stages.stage_cache import Files, open_stages
+from oed.study.stage_cache import Files, open_stages
 from robotmodels.common.atomic_files import remove
 from robotmodels.common.checkpoint_file import CheckpointFile
 from robotmodels.common.errors import InvalidInput
+
+ARRAY = Files(
+    lambda value, folder: np.save(folder / "result.npy", value, allow_pickle=False),
+    lambda folder: np.load(folder / "result.npy", allow_pickle=False),
+)
 
 
 class Chain:
@@ -31,7 +35,7 @@ class Chain:
                 below = 0.0 if before is None else before.value
                 inputs = {"setting": value, "below": before and before.digest}
                 before = stages.run(name, inputs, self.computing(name, value + below), ARRAY)
-            self.kept = stages.kept
+            self.loaded = stages.loaded
         return float(before.value[0])
 
     def computing(self, name, value):
@@ -46,10 +50,10 @@ def test_a_second_run_computes_nothing(tmp_path):
     chain = Chain(tmp_path / "stages")
     assert chain.run() == 6.0
     assert chain.computed == ["a", "b", "c"]
-    assert chain.kept == ()
+    assert chain.loaded == ()
     assert chain.run() == 6.0
     assert chain.computed == []
-    assert chain.kept == ("a", "b", "c")
+    assert chain.loaded == ("a", "b", "c")
     assert {p.name for p in (tmp_path / "stages").iterdir()} == {"a", "b", "c"}
 
 
@@ -73,7 +77,7 @@ def test_the_same_result_of_another_setting_changes_nothing_below(tmp_path):
 def test_another_version_of_the_package_recomputes_all(tmp_path, monkeypatch):
     chain = Chain(tmp_path)
     chain.run()
-    monkeypatch.setattr("oed.study.stages.stage_cache.version", lambda package: "9.9")
+    monkeypatch.setattr("oed.study.stage_cache.version", lambda package: "9.9")
     chain.run()
     assert chain.computed == ["a", "b", "c"]
 

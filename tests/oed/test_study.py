@@ -3,10 +3,11 @@ from dataclasses import dataclass, field
 import numpy as np
 import pytest
 
-import oed.study.stages.fit_stages
+import oed.study.stages.result
 from oed.information_sets.information_set import InformationSet
 from oed.study.settings.fit_settings import Estimator
-from oed.study.stages.fit_stages import Search, best_likelihood, positions_of, start_number
+from oed.study.stages.fit import Search, positions_of, start_number
+from oed.study.stages.result import best_likelihood
 from robotmodels.common.errors import InvalidInput, NotIdentifiable
 
 STARTS = np.array([[1.0, 2.0], [3.0, 1.0], [2.0, 2.0]])
@@ -37,9 +38,7 @@ def search(estimator, *runs):
 @pytest.fixture
 def refine_to(monkeypatch):
     def set_cost(cost):
-        monkeypatch.setattr(
-            oed.study.stages.fit_stages, "fit", lambda *args, start: Ended(cost, start)
-        )
+        monkeypatch.setattr(oed.study.stages.result, "fit", lambda *args, start: Ended(cost, start))
 
     return set_cost
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from oed.study.settings.study_file import Frequencies, load_study
-from oed.study.stages.context import frequency_grid
+from oed.study.stages.run import frequency_grid
 from robotmodels.common.errors import InvalidInput
 
 LEAST = """\

@@ -15,6 +15,7 @@ from estimators.trust.trust import Trust
 from estimators.uncertainty.identifiability import identifiability
 from estimators.uncertainty.residual_analysis import ResidualAnalysis
 from estimators.validation.cross_check import CrossCheck
+from oed.study.summary import Reached
 from reports.commands.report import study_names
 from reports.figures.response_panels import BUDGET, lines_drawn
 from reports.figures.svg import LIGHT
@@ -159,7 +160,8 @@ def test_discredited_numbers_are_struck_out(verdict):
 @pytest.mark.parametrize("verdict", VERDICTS)
 def test_the_banner_says_what_to_quote(verdict):
     trust = trusted(verdict, verdict, reason="m3.inertia: 0.1 +- 0.02 (p = 4e-18)")
-    results = SimpleNamespace(trust=trust, cross_check=checked(trust))
+    uncertainty = SimpleNamespace(cross_check=checked(trust))
+    results = SimpleNamespace(trust=trust, uncertainty=uncertainty)
     said = words(SimpleNamespace(body=banner(results)))
     assert said.startswith(f"{verdict[:1].upper()}{verdict[1:]} ")
     assert "m3.inertia: 0.1 ± 0.02" in said
@@ -289,6 +291,9 @@ def test_studies_are_named_after_their_files_or_folders(tmp_path):
 
 
 def test_estimators_that_did_alike_are_named_together():
-    assert reached_words([("LLS", 4, 4), ("NLS", 4, 4)]) == "all 4 with LLS and NLS"
-    assert reached_words([("LLS", 3, 4), ("NLS", 4, 4)]) == "3 of 4 with LLS; all 4 with NLS"
-    assert reached_words([("NLS", 1, 1)]) == "1 of 1 with NLS"
+    assert reached_words([Reached("lls", 4, 4), Reached("nls", 4, 4)]) == "all 4 with LLS and NLS"
+    assert (
+        reached_words([Reached("lls", 3, 4), Reached("nls", 4, 4)])
+        == "3 of 4 with LLS; all 4 with NLS"
+    )
+    assert reached_words([Reached("nls", 1, 1)]) == "1 of 1 with NLS"

@@ -1,4 +1,8 @@
-"""The stages of a study that keep positions out of the fit and predict them from it."""
+"""The stages ``split`` and ``validation``: positions that are not fitted, predicted by the result.
+
+Both do what the section ``validation`` of a study asks for: of measured data the first holds
+positions out before the fit, which the second judges after it.
+"""
 
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -9,12 +13,14 @@ from estimators.frf.frf_estimate import FrfEstimate, simulate_frf
 from estimators.frf.repeated_visits import distortion_in
 from estimators.uncertainty.covariance import Uncertainty
 from estimators.validation.held_out_positions import Validation, validate
-from oed.study.stages.context import Run
-from oed.study.stages.data_stages import Data, frf_of, shaken
-from oed.study.stages.design_stages import Information, Plan
-from oed.study.stages.fit_stages import Chosen
-from oed.study.stages.serialisation import dataclass_files
-from oed.study.stages.stage_cache import Stage
+from oed.study.settings.study_file import ValidationChoice
+from oed.study.stage_cache import Stage, dataclass_files
+from oed.study.stages.data import Data, frf_of
+from oed.study.stages.design import StudyDesign
+from oed.study.stages.experiment import simulate_experiment
+from oed.study.stages.information import Information
+from oed.study.stages.result import SelectedFit
+from oed.study.stages.run import MeasuredRun, Run, SimulatedRun
 from robotmodels.common.arrays import Array, IntArray
 from robotmodels.common.errors import InvalidInput
 from robotmodels.common.progress import Progress
@@ -27,7 +33,7 @@ class Split:
     Attributes
     ----------
     fitted : Data
-        The one part.
+        Data of the positions that are fitted.
     held_out : FrfEstimate
         FRFs in the other positions.
     """
@@ -36,8 +42,8 @@ class Split:
     held_out: FrfEstimate
 
 
-def split_data(run: Run, data: Stage[Data]) -> Stage[Split]:
-    """Return measured data without the positions that the study holds out, and those.
+def split(run: MeasuredRun, choice: ValidationChoice, data: Stage[Data]) -> Stage[Split]:
+    """Return measured data without the positions that a validation holds out, and those.
 
     Raises
     ------
@@ -45,26 +51,24 @@ def split_data(run: Run, data: Stage[Data]) -> Stage[Split]:
         If there are no such positions, or none is left to fit.
     """
     estimate = data.value.estimate
-    out = _held_out(run, len(estimate.positions))
+    out = _positions_out(run, choice, len(estimate.positions))
 
     def compute(folder: Path, report: Progress | None) -> Split:
-        rest = np.setdiff1d(np.arange(len(estimate.positions)), out)
-        known = data.value.distortion
-        fitted = replace(
+        fitted = np.setdiff1d(np.arange(len(estimate.positions)), out)
+        distortion = data.value.distortion
+        part = replace(
             data.value,
-            estimate=estimate.subset(rest),
-            distortion=None if known is None else distortion_in(known, rest),
+            estimate=estimate.subset(fitted),
+            distortion=None if distortion is None else distortion_in(distortion, fitted),
         )
-        return Split(fitted, estimate.subset(out))
+        return Split(part, estimate.subset(out))
 
     inputs = {"data": data.digest, "held_out": out.tolist()}
     return run.stages.run("split", inputs, compute, dataclass_files(Split))
 
 
-def _held_out(run: Run, count: int) -> IntArray:
+def _positions_out(run: MeasuredRun, choice: ValidationChoice, count: int) -> IntArray:
     """Return which of the data's positions are held out, (k,)."""
-    choice = run.study.validation
-    assert choice is not None
     if choice.positions is not None:
         wrong = [i for i in choice.positions if i >= count]
         if wrong:
@@ -99,79 +103,81 @@ class HeldOut:
     theorem1: Validation
 
 
-def held_out(
-    run: Run,
+def validation(
+    run: SimulatedRun,
+    count: int,
     info: Stage[Information],
-    plan: Stage[Plan],
-    result: Stage[Chosen],
-    known: Stage[Uncertainty],
+    plan: Stage[StudyDesign],
+    result: Stage[SelectedFit],
+    theorem1: Stage[Uncertainty],
 ) -> Stage[HeldOut]:
-    """Return the validation in candidates that the plan does not use.
+    """Return the validation in `count` candidates that the plan does not use.
 
     Raises
     ------
     InvalidInput
         If there are too few of them.
     """
-    positions = _positions(run, info.value, plan.value)
+    positions = _unused(run, count, info.value, plan.value)
 
     def compute(folder: Path, report: Progress | None) -> HeldOut:
-        return _judged(run, _measured(run, positions, folder, report), result, known)
+        return _held_out(run, _simulated(run, positions, folder, report), result, theorem1)
 
     inputs = {
         "robot": run.robot_digest,
         "plant": run.plant_digest,
         "positions": positions.tolist(),
         "result": result.digest,
-        "uncertainty": known.digest,
+        "uncertainty": theorem1.digest,
         **run.settings("data", "frequencies", "noise", "seed"),
     }
     return run.stages.run("validation", inputs, compute, dataclass_files(HeldOut))
 
 
-def held_back(
-    run: Run, split: Stage[Split], result: Stage[Chosen], known: Stage[Uncertainty]
+def measured_validation(
+    run: MeasuredRun, split: Stage[Split], result: Stage[SelectedFit], theorem1: Stage[Uncertainty]
 ) -> Stage[HeldOut]:
     """Return the validation in measured positions that were not fitted."""
 
     def compute(folder: Path, report: Progress | None) -> HeldOut:
-        return _judged(run, split.value.held_out, result, known)
+        return _held_out(run, split.value.held_out, result, theorem1)
 
     inputs = {
         "robot": run.robot_digest,
         "split": split.digest,
         "result": result.digest,
-        "uncertainty": known.digest,
+        "uncertainty": theorem1.digest,
     }
     return run.stages.run("validation", inputs, compute, dataclass_files(HeldOut))
 
 
-def _judged(
-    run: Run, estimate: FrfEstimate, result: Stage[Chosen], known: Stage[Uncertainty]
+def _held_out(
+    run: Run, estimate: FrfEstimate, result: Stage[SelectedFit], theorem1: Stage[Uncertainty]
 ) -> HeldOut:
     values = result.value.fit.parameters.values
-    return HeldOut(estimate, validate(run.robot, values, estimate, known.value))
+    return HeldOut(estimate, validate(run.robot, values, estimate, theorem1.value))
 
 
-def _positions(run: Run, info: Information, plan: Plan) -> Array:
-    choice = run.study.validation
-    assert choice is not None
-    assert choice.count is not None  # the schema asks for it where data are simulated
+def _unused(run: SimulatedRun, count: int, info: Information, plan: StudyDesign) -> Array:
+    """Return positions (count, n) drawn from the candidates that the plan does not use."""
     free = np.flatnonzero(plan.exact.repetitions == 0)
-    if len(free) < choice.count:
+    if len(free) < count:
         raise InvalidInput(
-            f"validation.count: {choice.count} positions; {len(free)} candidates are not measured"
+            f"validation.count: {count} positions; {len(free)} candidates are not measured"
         )
-    chosen = run.rng("validation").choice(free, choice.count, replace=False)
-    return np.asarray(info.positions[np.sort(chosen)])
+    drawn = run.rng("validation").choice(free, count, replace=False)
+    return np.asarray(info.positions[np.sort(drawn)])
 
 
-def _measured(run: Run, positions: Array, folder: Path, report: Progress | None) -> FrfEstimate:
-    """Return FRFs measured as the study's own, once in each position."""
+def _simulated(
+    run: SimulatedRun, positions: Array, folder: Path, report: Progress | None
+) -> FrfEstimate:
+    """Return FRFs simulated as the study's own data, once in each position."""
     once, rng = np.ones(len(positions), dtype=np.int64), run.rng("held out")
-    if run.study.data.experiment is None:
+    excitation = run.study.data.experiment
+    if excitation is None:
         return simulate_frf(run.plant, positions, run.omega, run.noise, rng, once)
-    found = shaken(run, positions, once, rng, folder, report)
-    estimate = frf_of(run, found.records).estimate
-    found.records.unlink()
+    simulated = simulate_experiment(run, excitation, positions, once, rng, folder, report)
+    estimate = frf_of(run, simulated.records).estimate
+    simulated.records.unlink()
     return estimate

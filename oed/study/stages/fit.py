@@ -1,29 +1,26 @@
-"""The stages of a study that fit: every estimator from the same starts, then the one result."""
+"""The stages ``fit-NAME``: the fits of each estimator, all from the same starts."""
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from estimators.fitting.fit_files import read_fits, write_fits
-from estimators.fitting.least_squares import Fit, fit, reweighted
+from estimators.fitting.least_squares import Fit, reweighted
 from estimators.fitting.multistart import multistart, perturbed_starts
 from estimators.fitting.weights import MINIMUM_SNR, user_weights
 from estimators.frf.frf_estimate import FrfEstimate
 from oed.criteria.criteria import named_criterion
 from oed.study.settings.fit_settings import Estimator, WeightChoice
-from oed.study.stages.context import Run
-from oed.study.stages.data_stages import Data
-from oed.study.stages.design_stages import Information
-from oed.study.stages.stage_cache import Files, Stage
-from robotmodels import ElasticRobot
+from oed.study.stage_cache import Files, Stage
+from oed.study.stages.data import Data
+from oed.study.stages.information import Information
+from oed.study.stages.run import Run
 from robotmodels.common.arrays import Array, IntArray
 from robotmodels.common.errors import InvalidInput, NotIdentifiable, SolverFailed
 from robotmodels.common.progress import Progress
 
-_SAME_COST = 1e-6
+SAME_COST = 1e-6
 """Costs this close, relatively, are one minimum."""
 
 
@@ -59,15 +56,7 @@ class Search:
     def reached(self, best: float | None = None) -> int:
         """Return how many starts ended at the cost `best`, by default the best of these."""
         best = self.runs[0].cost if best is None else best
-        return sum(run.cost <= best * (1 + _SAME_COST) for run in self.runs)
-
-
-@dataclass(frozen=True, eq=False)
-class Chosen:
-    """The fit that is the study's result, and where its search began, for people."""
-
-    fit: Fit
-    origin: str
+        return sum(run.cost <= best * (1 + SAME_COST) for run in self.runs)
 
 
 def starts_of(run: Run) -> Array:
@@ -76,7 +65,7 @@ def starts_of(run: Run) -> Array:
     return perturbed_starts(run.robot.parameters, choice.starts, choice.decades, run.rng("starts"))
 
 
-def search(
+def fit(
     run: Run,
     estimator: Estimator,
     data: Stage[Data],
@@ -100,7 +89,7 @@ def search(
     estimate = data.value.estimate.subset(positions)
 
     def compute(folder: Path, report: Progress | None) -> Search:
-        return _searched(run, estimator, estimate, starts, folder / _STORE, report)
+        return _search(run, estimator, estimate, starts, folder / _STORE, report)
 
     def load(folder: Path) -> Search:
         runs = read_fits(folder / "runs.h5", run.robot, estimate)
@@ -115,10 +104,10 @@ def search(
         "user_weights": run.study.fit.user_weights.model_dump(mode="json"),
         "starts": starts.tolist(),
     }
-    return run.stages.run(f"fit-{estimator.name}", inputs, compute, Files(_save_search, load))
+    return run.stages.run(f"fit-{estimator.name}", inputs, compute, Files(_save, load))
 
 
-def _searched(
+def _search(
     run: Run,
     estimator: Estimator,
     estimate: FrfEstimate,
@@ -140,28 +129,6 @@ def _searched(
     if not np.isfinite(runs[0].cost):
         raise SolverFailed(f"fit: no start of {estimator.name} led to an answer; {runs[0].message}")
     return Search(estimator, runs, reweighted(runs[0]) if estimator.reweight else runs[0])
-
-
-def chosen(
-    run: Run, data: Stage[Data], searches: Mapping[str, Stage[Search]], starts: Array
-) -> Stage[Chosen]:
-    """Return the study's result: the estimator it names, or else the likelihood's best fit."""
-    estimate, name = data.value.estimate, run.study.fit.result
-    found = {key: stage.value for key, stage in searches.items()}
-
-    def compute(folder: Path, report: Progress | None) -> Chosen:
-        if name is None:
-            return best_likelihood(run.robot, estimate, found, starts)
-        best = found[name].runs[0]
-        return Chosen(found[name].result, f"perturbed start {start_number(starts, best) + 1}")
-
-    def load(folder: Path) -> Chosen:
-        (best,) = read_fits(folder / "fit.h5", run.robot, estimate)
-        return Chosen(best, (folder / "origin.txt").read_text(encoding="utf-8"))
-
-    inputs: dict[str, Any] = {"robot": run.robot_digest, "data": data.digest, "result": name}
-    inputs["searches"] = {key: stage.digest for key, stage in searches.items()}
-    return run.stages.run("result", inputs, compute, Files(_save_chosen, load))
 
 
 def positions_of(estimator: Estimator, info: Information, candidates: IntArray) -> IntArray:
@@ -210,29 +177,6 @@ def weights_of(estimator: Estimator, estimate: FrfEstimate, choice: WeightChoice
     )
 
 
-def best_likelihood(
-    robot: ElasticRobot, estimate: FrfEstimate, searches: Mapping[str, Search], starts: Array
-) -> Chosen:
-    """Return the best NLS fit with optimal weights, and where its search began.
-
-    That cost is the exact likelihood of circular complex noise of known covariance. Besides the
-    perturbed starts it is tried from the result of every other estimator.
-    """
-    found = []
-    for name, one in searches.items():
-        if one.is_likelihood:
-            result = one.runs[0]
-            found.append((result, f"perturbed start {start_number(starts, result) + 1}"))
-        else:
-            values = one.result.parameters.values
-            refined = fit(robot, estimate, "nls", "optimal", start=values)
-            found.append((refined, f"the {name.replace('_', ' ')} fit"))
-    best = min(f.cost for f, _ in found)
-    # Perturbed starts first: they owe nothing to other estimators.
-    found.sort(key=lambda item: item[1].startswith("the "))
-    return next(Chosen(*item) for item in found if item[0].cost <= best * (1 + _SAME_COST))
-
-
 def start_number(starts: Array, run: Fit) -> int:
     """Return which of the starts (N, p), from 0, a run came from."""
     return int(np.flatnonzero((starts == run.start).all(axis=1))[0])  # it is the very same array
@@ -241,12 +185,7 @@ def start_number(starts: Array, run: Fit) -> int:
 _STORE = "searches.h5"
 
 
-def _save_search(value: Search, folder: Path) -> None:
+def _save(value: Search, folder: Path) -> None:
     write_fits(folder / "runs.h5", value.runs)
     write_fits(folder / "result.h5", [value.result])
     (folder / _STORE).unlink()
-
-
-def _save_chosen(value: Chosen, folder: Path) -> None:
-    write_fits(folder / "fit.h5", [value.fit])
-    (folder / "origin.txt").write_text(value.origin, encoding="utf-8")

@@ -1,4 +1,4 @@
-"""Stages of a long computation: each is computed once and kept while nothing it rests on changes.
+"""Stages of a long computation: each is computed once and stored while its inputs do not change.
 
 A stage lives in a folder of its name::
 
@@ -28,6 +28,7 @@ from typing import Any, Generic, TypeVar
 
 from robotmodels.common.atomic_files import exclusive_folder, remove, write_text
 from robotmodels.common.checkpoint_file import UnusableCheckpoint
+from robotmodels.common.dataclass_files import read_dataclass, write_dataclass
 from robotmodels.common.errors import IdentificationError, InvalidInput
 from robotmodels.common.file_paths import check_file
 from robotmodels.common.fingerprints import folder_digest, json_digest
@@ -39,7 +40,7 @@ Result = TypeVar("Result", covariant=True)
 PACKAGE = "elastic-robot-oed"
 _LOG = logging.getLogger(__name__)
 _PACKAGES = (PACKAGE, "numpy", "scipy", "pin", "mujoco", "cvxpy", "clarabel", "emcee", "numba")
-_RECORD, _KEY = "stage.json", "key"
+_RECORD, _KEY, _RESULT = "stage.json", "key", "result.h5"
 _MOST_BYTES = 2**20
 _OWN = frozenset({_RECORD, "stage.part.json", _KEY})
 
@@ -50,6 +51,14 @@ class Files(Generic[T]):
 
     save: Callable[[T, Path], None]
     load: Callable[[Path], T]
+
+
+def dataclass_files(kind: type[T]) -> Files[T]:
+    """Return how a dataclass is stored."""
+    return Files(
+        save=lambda value, folder: write_dataclass(folder / _RESULT, value),
+        load=lambda folder: read_dataclass(folder / _RESULT, kind),
+    )
 
 
 @dataclass(frozen=True)
@@ -93,7 +102,7 @@ class Stage(Generic[Result]):
         Hash of its files, for the keys of stages that rest on it.
     seconds : float
         Seconds that its computation took.
-    kept : bool
+    loaded : bool
         Whether it was loaded rather than computed.
     """
 
@@ -101,7 +110,7 @@ class Stage(Generic[Result]):
     value: Result
     digest: str
     seconds: float
-    kept: bool
+    loaded: bool
 
 
 class Stages:
@@ -145,10 +154,10 @@ class Stages:
             Saves and loads the result; what is returned was always loaded.
         """
         key = json_digest({"stage": name, "package": version(PACKAGE), "inputs": inputs})
-        stage = None if self.fresh else self._kept(name, key, files)
+        stage = None if self.fresh else self._load(name, key, files)
         if stage is None:
             target, part = self.folder / name, self.folder / f"{name}.part"
-            record = self._computed(name, key, part, compute, files)
+            record = self._compute(name, key, part, compute, files)
             _rename(part, target)
             stage = Stage(name, files.load(target), record["digest"], record["seconds"], False)
         self.finished[name] = stage
@@ -173,11 +182,11 @@ class Stages:
         return {name: stage.seconds for name, stage in self.finished.items()}
 
     @property
-    def kept(self) -> tuple[str, ...]:
+    def loaded(self) -> tuple[str, ...]:
         """Stages that did not need computing."""
-        return tuple(name for name, stage in self.finished.items() if stage.kept)
+        return tuple(name for name, stage in self.finished.items() if stage.loaded)
 
-    def _kept(self, name: str, key: str, files: Files[T]) -> Stage[T] | None:
+    def _load(self, name: str, key: str, files: Files[T]) -> Stage[T] | None:
         """Return what an earlier run finished, if it fits and can be read."""
         target, part = self.folder / name, self.folder / f"{name}.part"
         record = _fitting(target, key)
@@ -192,7 +201,7 @@ class Stages:
             return None  # whatever the reason: a stage that cannot be read is computed again
         return Stage(name, value, record["digest"], record["seconds"], True)
 
-    def _computed(
+    def _compute(
         self,
         name: str,
         key: str,

@@ -1,4 +1,4 @@
-"""The stage of a study that tries its plan, beside rivals, in simulated experiments."""
+"""The stage ``comparison``: the plan and its rivals in simulated experiments."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -9,11 +9,11 @@ import numpy as np
 from oed.plan_comparison.baseline_plans import even_plan, grid_levels, grid_plan, random_plan
 from oed.plan_comparison.compare_plans import checked_runs, compare_plans
 from oed.plan_comparison.plan_comparison import PlanComparison
-from oed.study.stages.context import Run
+from oed.study.stage_cache import Files, Stage, dataclass_files
+from oed.study.stages.design import StudyDesign
 from oed.study.stages.design_inputs import criterion_of
-from oed.study.stages.design_stages import Information, Plan
-from oed.study.stages.serialisation import dataclass_files
-from oed.study.stages.stage_cache import Files, Stage
+from oed.study.stages.information import Information
+from oed.study.stages.run import SimulatedRun
 from robotmodels.common.arrays import IntArray
 from robotmodels.common.errors import InvalidInput
 from robotmodels.common.progress import Progress
@@ -21,7 +21,7 @@ from robotmodels.common.progress import Progress
 OPTIMAL = "optimal"
 
 
-def check_comparison(run: Run) -> None:
+def check_comparison(run: SimulatedRun) -> None:
     """Refuse a comparison that cannot be made before anything is computed.
 
     Raises
@@ -32,13 +32,15 @@ def check_comparison(run: Run) -> None:
     choice = run.study.compare
     if not run.study.compares:
         return
-    with _of_compare():
+    with _naming_section():
         checked_runs(choice.runs, len(run.robot.parameters))
         if choice.grid is not None:
             grid_levels(run.study.design.number, choice.grid, tuple(run.robot.motor_joints))
 
 
-def compared(run: Run, info: Stage[Information], plan: Stage[Plan]) -> Stage[PlanComparison]:
+def comparison(
+    run: SimulatedRun, info: Stage[Information], plan: Stage[StudyDesign]
+) -> Stage[PlanComparison]:
     """Return the plan beside rivals of as many experiments, in experiments by the noise law.
 
     Raises
@@ -73,11 +75,11 @@ def compared(run: Run, info: Stage[Information], plan: Stage[Plan]) -> Stage[Pla
         "criterion": [run.study.design.criterion, *run.study.design.interest],
         **run.settings("compare", "frequencies", "noise", "seed"),
     }
-    return run.stages.run("comparison", inputs, compute, Files(_save, _KEPT.load))
+    return run.stages.run("comparison", inputs, compute, Files(_save, _RESULT.load))
 
 
 def _plans(
-    run: Run, info: Information, plan: Plan, rng: np.random.Generator
+    run: SimulatedRun, info: Information, plan: StudyDesign, rng: np.random.Generator
 ) -> dict[str, IntArray]:
     """Return the plan and its rivals by name; limits of the design do not hold for rivals."""
     choice, count = run.study.compare, plan.exact.n_experiments
@@ -86,7 +88,7 @@ def _plans(
         plans["evenly spread"] = even_plan(info.positions, count)
     else:
         joints = tuple(run.robot.motor_joints)
-        with _of_compare():
+        with _naming_section():
             plans["grid by hand"] = grid_plan(info.positions, count, choice.grid, joints)
     for k in range(choice.random):
         plans[f"random {k + 1}"] = random_plan(len(info), count, rng)
@@ -94,7 +96,7 @@ def _plans(
 
 
 @contextmanager
-def _of_compare() -> Iterator[None]:
+def _naming_section() -> Iterator[None]:
     """Name the section of the study file in errors."""
     try:
         yield
@@ -102,10 +104,10 @@ def _of_compare() -> Iterator[None]:
         raise InvalidInput(f"compare.{error}") from None
 
 
-_KEPT = dataclass_files(PlanComparison)
+_RESULT = dataclass_files(PlanComparison)
 
 
 def _save(value: PlanComparison, folder: Path) -> None:
-    _KEPT.save(value, folder)
+    _RESULT.save(value, folder)
     for store in folder.glob("plan_*.h5"):
         store.unlink()

@@ -1,0 +1,230 @@
+"""The parts of a study's results: its plan, its data, its fits, their uncertainty, its run."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from estimators.fitting.least_squares import Fit
+from estimators.sampling.posterior import Posterior
+from estimators.uncertainty.covariance import Uncertainty
+from estimators.uncertainty.identifiability import Identifiability, fit_information, identifiability
+from estimators.uncertainty.residual_analysis import LAGS, ResidualAnalysis, residual_analysis
+from estimators.validation.cross_check import CrossCheck
+from oed.candidates.screening import ScreenedCandidates
+from oed.design.design import Design
+from oed.design.robust_design import RobustDesign
+from oed.exact.exact_design import ExactDesign
+from oed.experiment.visiting_order import VisitingOrder
+from oed.study.stage_cache import Failure
+from oed.study.stages.data import Data
+from oed.study.stages.experiment import SimulatedExperiment
+from oed.study.stages.fit import Search
+from oed.study.stages.information import Information
+from robotmodels import ElasticRobot
+from robotmodels.common.arrays import Array, IntArray
+
+
+@dataclass(frozen=True, eq=False)
+class _Plan:
+    """Positions, visits and their information.
+
+    Attributes
+    ----------
+    information : Information
+        Information of the candidates; with measured data these are the measured positions.
+    design : Design
+        Relaxed optimum.
+    exact : ExactDesign
+        Integer plan; with measured data what was measured.
+    used : ndarray of int, (Q,)
+        Indices of the candidates that the plan measures in, in the order of visits.
+    omega : ndarray, (F,), rad/s
+        Angular frequencies.
+    runs_per_visit : int
+        Excitations of one visit: one for each motor, in every block of a simulation.
+    """
+
+    information: Information
+    design: Design
+    exact: ExactDesign
+    used: IntArray
+    omega: Array
+    runs_per_visit: int
+
+    @property
+    def positions(self) -> Array:
+        """Positions that are measured in, (Q, n), in the order of visits."""
+        return np.asarray(self.information.positions[self.used])
+
+    @property
+    def visits(self) -> int:
+        """Experiments in all: visits to a position, each with its runs."""
+        return int(self.exact.repetitions.sum())
+
+    @property
+    def runs(self) -> int:
+        """Runs of all visits."""
+        return self.visits * self.runs_per_visit
+
+    @cached_property
+    def promise(self) -> Identifiability:
+        """Standard deviations and open combinations by the plan's own information."""
+        counts = self.exact.repetitions[self.used]
+        matrices = self.information.take(self.used)
+        total = sum(n * matrix for n, matrix in zip(counts, matrices, strict=True))
+        return identifiability(total, self.information.names)
+
+
+@dataclass(frozen=True, eq=False)
+class DesignedPlan(_Plan):
+    """A plan that the study chose.
+
+    Attributes
+    ----------
+    candidates : ScreenedCandidates
+        Candidates that the robot can take and why others were left out.
+    robust : RobustDesign or None
+        Efficiency of a robust design at each sample of theta; None where it is for one theta.
+    order : VisitingOrder or None
+        Order of the plan's support, to shorten the moves; None where the study says nothing of
+        them.
+    """
+
+    candidates: ScreenedCandidates
+    robust: RobustDesign | None
+    order: VisitingOrder | None
+
+
+@dataclass(frozen=True, eq=False)
+class MeasuredPlan(_Plan):
+    """The positions of measured data, as a plan."""
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class SimulatedData(Data):
+    """Data of a simulation.
+
+    Attributes
+    ----------
+    plant : ElasticRobot
+        Robot that was simulated.
+    experiment : SimulatedExperiment or None
+        Simulation in closed loop; None where the noise law made the data.
+    """
+
+    plant: ElasticRobot
+    experiment: SimulatedExperiment | None
+
+
+@dataclass(frozen=True, eq=False)
+class MeasuredData(Data):
+    """Data from files."""
+
+
+@dataclass(frozen=True, eq=False)
+class Fits:
+    """Fits of the data.
+
+    Attributes
+    ----------
+    starts : ndarray, (starts, p)
+        Perturbed start values in SI units.
+    searches : mapping of str to Search
+        The fits of each estimator, by name.
+    result : Fit
+        The study's result: the estimator that the study names, or else NLS with optimal weights
+        (the likelihood of the stated noise), best of all.
+    origin : str
+        Where the search for `result` began, for people.
+    """
+
+    starts: Array
+    searches: Mapping[str, Search]
+    result: Fit
+    origin: str
+
+    @cached_property
+    def residuals(self) -> ResidualAnalysis:
+        """What the result leaves unexplained."""
+        lines = len(self.result.estimate.omega)
+        return residual_analysis(self.result, min(LAGS, lines - 1))
+
+    def best_cost(self, name: str) -> float:
+        """Return the best cost of an estimator; the result's where that is the same cost."""
+        search = self.searches[name]
+        same = search.is_likelihood and self.result.residual == "nls"
+        return min(search.runs[0].cost, self.result.cost if same else np.inf)
+
+    @cached_property
+    def identifiability(self) -> Identifiability:
+        """Which combinations of parameters the data tell least."""
+        return identifiability(fit_information(self.result), self.result.parameters.names)
+
+
+@dataclass(frozen=True, eq=False)
+class UncertaintyOfResult:
+    """Uncertainty of the result by several methods; None where one failed.
+
+    Attributes
+    ----------
+    names : tuple of str
+        The p parameters.
+    theorem1 : Uncertainty or None
+        By Theorem 1.
+    posterior : Posterior or None
+        Sample of the posterior.
+    cross_check : CrossCheck or None
+        All methods side by side, with verdicts.
+    """
+
+    names: tuple[str, ...]
+    theorem1: Uncertainty | None
+    posterior: Posterior | None
+    cross_check: CrossCheck | None
+
+    @property
+    def std(self) -> Array:
+        """Standard deviations by Theorem 1, (p,); NaN where there are none."""
+        return self._std(self.theorem1)
+
+    @cached_property
+    def sampled_std(self) -> Array:
+        """Standard deviations of the posterior, (p,); NaN where there are none."""
+        return self._std(None if self.posterior is None else self.posterior.uncertainty())
+
+    def _std(self, uncertainty: Uncertainty | None) -> Array:
+        return np.full(len(self.names), np.nan) if uncertainty is None else uncertainty.std
+
+
+@dataclass(frozen=True, eq=False)
+class RunRecord:
+    """How results came about.
+
+    Attributes
+    ----------
+    failures : tuple of Failure
+        What came after the fit and could not be computed, with the reasons.
+    seconds : dict of str to float
+        Time per stage, when it was computed.
+    loaded : tuple of str
+        Stages that earlier runs had computed.
+    versions : dict of str to str
+        Versions of Python and of the packages that computed.
+    """
+
+    failures: tuple[Failure, ...]
+    seconds: dict[str, float]
+    loaded: tuple[str, ...]
+    versions: dict[str, str]
+
+    @property
+    def reasons(self) -> dict[str, str]:
+        """Reason of each failure, by the name of what failed."""
+        return {failure.name: failure.reason for failure in self.failures}
+
+    @property
+    def total_seconds(self) -> float:
+        """Time of all stages."""
+        return sum(self.seconds.values())

@@ -1,0 +1,171 @@
+"""Where the data of a study come from: its stages up to the data, and what they alone can tell.
+
+A study is a `SimulatedStudy`, which chooses its positions and simulates its data, or a
+`MeasuredStudy`, whose data and positions are in a file.
+"""
+
+from dataclasses import dataclass
+
+from estimators.uncertainty.covariance import Uncertainty
+from oed.candidates.screening import ScreenedCandidates
+from oed.information_sets.information_set import InformationSet
+from oed.plan_comparison.plan_comparison import PlanComparison
+from oed.study.parts import DesignedPlan, MeasuredData, MeasuredPlan, SimulatedData
+from oed.study.stage_cache import Stage
+from oed.study.stages.candidates import candidates
+from oed.study.stages.comparison import check_comparison, comparison
+from oed.study.stages.data import Data, data_by_noise_law, data_from_records, measured_data
+from oed.study.stages.design import StudyDesign, design, measured_design, visits
+from oed.study.stages.experiment import SimulatedExperiment, experiment
+from oed.study.stages.information import (
+    Information,
+    information,
+    measured_information,
+    sampled_information,
+)
+from oed.study.stages.result import SelectedFit
+from oed.study.stages.run import MeasuredRun, SimulatedRun
+from oed.study.stages.uncertainty import needed
+from oed.study.stages.validation import HeldOut, Split, measured_validation, split, validation
+
+
+@dataclass(frozen=True, eq=False)
+class SimulatedDesign:
+    """The stages that say where to measure, finished."""
+
+    run: SimulatedRun
+    candidates: Stage[ScreenedCandidates]
+    information: Stage[Information]
+    design: Stage[StudyDesign]
+
+    @classmethod
+    def of(cls, run: SimulatedRun) -> "SimulatedDesign":
+        """Run the stages, after a check of those that come late.
+
+        Raises
+        ------
+        InvalidInput
+            If plans cannot be compared as the study asks.
+        """
+        check_comparison(run)
+        screened = candidates(run)
+        info = information(run, screened)
+        samples = sampled_information(run, screened)
+        return cls(run, screened, info, design(run, info, samples))
+
+    @property
+    def plan(self) -> DesignedPlan:
+        """The plan."""
+        stage, excitation = self.design.value, self.run.study.data.experiment
+        blocks = 1 if excitation is None else excitation.blocks
+        return DesignedPlan(
+            information=self.information.value,
+            design=stage.design,
+            exact=stage.exact,
+            used=stage.used,
+            omega=self.run.omega,
+            runs_per_visit=blocks * len(self.run.robot.motor_names),
+            candidates=self.candidates.value,
+            robust=stage.robust,
+            order=stage.order,
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class SimulatedStudy(SimulatedDesign):
+    """The stages up to the data, finished."""
+
+    experiment: Stage[SimulatedExperiment] | None
+    data: Stage[Data]
+
+    @classmethod
+    def of(cls, run: SimulatedRun) -> "SimulatedStudy":
+        """Run the stages."""
+        before = SimulatedDesign.of(run)
+        asked, excitation = visits(before.information, before.design), run.study.data.experiment
+        simulated = None if excitation is None else experiment(run, excitation, asked)
+        if simulated is None:
+            data = data_by_noise_law(run, asked)
+        else:
+            data = data_from_records(run, simulated.value.records, simulated.digest)
+        return cls(run, before.candidates, before.information, before.design, simulated, data)
+
+    @property
+    def results_data(self) -> SimulatedData:
+        """The data."""
+        data, simulated = self.data.value, self.experiment
+        return SimulatedData(
+            estimate=data.estimate,
+            distortion=data.distortion,
+            warnings=data.warnings,
+            plant=self.run.plant,
+            experiment=None if simulated is None else simulated.value,
+        )
+
+    def comparison(self) -> Stage[PlanComparison] | None:
+        """Return the plan beside rivals; None where the study does not ask for it."""
+        if not self.run.study.compares:
+            return None
+        return comparison(self.run, self.information, self.design)
+
+    def validation(
+        self, result: Stage[SelectedFit], theorem1: Stage[Uncertainty] | None
+    ) -> Stage[HeldOut] | None:
+        """Return predictions of candidates that the plan leaves out; None if not asked for."""
+        choice = self.run.study.validation
+        if choice is None or choice.count is None:
+            return None
+        plan = self.information, self.design
+        return validation(self.run, choice.count, *plan, result, needed(theorem1))
+
+
+@dataclass(frozen=True, eq=False)
+class MeasuredStudy:
+    """The stages up to the data, finished; `data` are those that are fitted."""
+
+    run: MeasuredRun
+    split: Stage[Split] | None
+    data: Stage[Data]
+    information: Stage[InformationSet]
+    design: Stage[StudyDesign]
+
+    @classmethod
+    def of(cls, run: MeasuredRun) -> "MeasuredStudy":
+        """Run the stages."""
+        data, choice = measured_data(run), run.study.validation
+        parts = None if choice is None else split(run, choice, data)
+        if parts is not None:
+            data = Stage(data.name, parts.value.fitted, parts.digest, parts.seconds, parts.loaded)
+        info = measured_information(run, data)
+        return cls(run, parts, data, info, measured_design(run, info, data))
+
+    @property
+    def plan(self) -> MeasuredPlan:
+        """The positions of the data."""
+        stage = self.design.value
+        return MeasuredPlan(
+            information=self.information.value,
+            design=stage.design,
+            exact=stage.exact,
+            used=stage.used,
+            omega=self.data.value.estimate.omega,
+            runs_per_visit=len(self.run.robot.motor_names),
+        )
+
+    @property
+    def results_data(self) -> MeasuredData:
+        """The data."""
+        data = self.data.value
+        return MeasuredData(data.estimate, data.distortion, data.warnings)
+
+    def comparison(self) -> Stage[PlanComparison] | None:
+        """Return None: plans are compared where data are simulated."""
+        return None
+
+    def validation(
+        self, result: Stage[SelectedFit], theorem1: Stage[Uncertainty] | None
+    ) -> Stage[HeldOut] | None:
+        """Return predictions of the positions held out; None if not asked for."""
+        if self.split is None:
+            return None
+        return measured_validation(self.run, self.split, result, needed(theorem1))

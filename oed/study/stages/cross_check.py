@@ -1,0 +1,95 @@
+"""The stage ``cross-check``: what every method says of each parameter, side by side."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TypeVar
+
+from estimators.fitting.least_squares import Fit
+from estimators.sampling.importance_sampling import importance_sample
+from estimators.sampling.posterior import Posterior
+from estimators.uncertainty.covariance import Uncertainty
+from estimators.validation.cross_check import CrossCheck, cross_check as compare_methods
+from estimators.validation.monte_carlo import MonteCarlo
+from oed.plan_comparison.plan_comparison import PlanComparison
+from oed.study.stage_cache import Stage, dataclass_files
+from oed.study.stages.fit import Search
+from oed.study.stages.posterior import likelihood_of
+from oed.study.stages.profiles import Profiles
+from oed.study.stages.result import SelectedFit
+from oed.study.stages.run import Run
+from robotmodels.common.progress import Progress
+
+T = TypeVar("T")
+
+
+@dataclass(frozen=True, eq=False)
+class CrossCheckInputs:
+    """The stages that a cross-check compares, as far as there are any."""
+
+    covariances: Stage[Uncertainty] | None
+    posterior: Stage[Posterior] | None
+    own_cost: Stage[Posterior] | None
+    profiles: Stage[Profiles] | None
+    comparison: Stage[PlanComparison] | None
+
+
+def cross_check(
+    run: Run,
+    result: Stage[SelectedFit],
+    methods: CrossCheckInputs,
+    searches: Mapping[str, Stage[Search]],
+) -> Stage[CrossCheck]:
+    """Return what the methods say of each parameter, side by side, with a verdict."""
+    name = run.study.fit.result or _likelihood(searches)
+    runs: tuple[Fit, ...] = () if name is None else searches[name].value.runs
+    repeated = _repeated(run, result, methods)
+    fit = result.value.fit
+
+    def compute(folder: Path, report: Progress | None) -> CrossCheck:
+        return compare_methods(
+            fit,
+            theorem1=_value(methods.covariances),
+            posterior=_value(methods.posterior),
+            own_cost=_value(methods.own_cost),
+            importance=importance_sample(likelihood_of(fit), rng=run.rng("importance")),
+            profiles=() if methods.profiles is None else methods.profiles.value.profiles,
+            monte_carlo=repeated,
+            multistart=[one for one in runs if one.converged],
+        )
+
+    inputs = {
+        "robot": run.robot_digest,
+        "result": result.digest,
+        "uncertainty": _digest(methods.covariances),
+        "posterior": _digest(methods.posterior),
+        "own cost": _digest(methods.own_cost),
+        "profiles": _digest(methods.profiles),
+        "comparison": _digest(methods.comparison),
+        "repeated": repeated is not None,
+        "runs": None if name is None else searches[name].digest,
+        **run.settings("seed"),
+    }
+    return run.stages.run("cross-check", inputs, compute, dataclass_files(CrossCheck))
+
+
+def _value(stage: Stage[T] | None) -> T | None:
+    return None if stage is None else stage.value
+
+
+def _digest(stage: Stage[object] | None) -> str | None:
+    return None if stage is None else stage.digest
+
+
+def _repeated(run: Run, result: Stage[SelectedFit], methods: CrossCheckInputs) -> MonteCarlo | None:
+    """Return repeated experiments by the plan, where the data and the fit are of the same kind."""
+    by_law = run.study.data.experiment is None and run.study.truth is None
+    likelihood = result.value.fit.residual == "nls" and run.study.fit.result is None
+    if methods.comparison is None or not (by_law and likelihood):
+        return None
+    return methods.comparison.value.plans[0].simulation
+
+
+def _likelihood(searches: Mapping[str, Stage[Search]]) -> str | None:
+    """Return the estimator whose cost is the likelihood, if one of them is."""
+    return next((name for name, one in searches.items() if one.value.is_likelihood), None)

@@ -1,0 +1,116 @@
+"""The stage ``information``: what an experiment in each position tells of the parameters.
+
+A robust design has a stage ``information-K`` more for each sample K of the parameters.
+"""
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import estimators
+from oed.candidates.screening import ScreenedCandidates
+from oed.information_sets.compute import information as compute_information
+from oed.information_sets.information_set import InformationSet
+from oed.information_sets.stored_information import StoredInformation
+from oed.study.stage_cache import Files, Stage
+from oed.study.stages.data import Data
+from oed.study.stages.design_inputs import parameter_samples
+from oed.study.stages.run import MeasuredRun, SimulatedRun
+from robotmodels import ElasticRobot, sensitivity
+from robotmodels.common.errors import InvalidInput, NoEquilibrium
+from robotmodels.common.progress import Progress
+from robotmodels.linear.derived_models import WithParameters
+
+Information = InformationSet | StoredInformation
+
+LARGEST_IN_MEMORY = 256 * 2**20
+"""Bytes of information matrices; more are stored in a file and read in chunks."""
+_STORE = "information.store"
+
+_IN_MEMORY: Files[InformationSet] = Files(
+    save=lambda info, folder: info.save(folder / "information.h5"),
+    load=lambda folder: InformationSet.load(folder / "information.h5"),
+)
+# The computation writes that file itself.
+_IN_CHUNKS: Files[StoredInformation] = Files(
+    save=lambda info, folder: None,
+    load=lambda folder: StoredInformation.open(folder / _STORE),
+)
+
+
+def information(run: SimulatedRun, screened: Stage[ScreenedCandidates]) -> Stage[Information]:
+    """Return the information of an experiment in each candidate."""
+    return _information(run, screened, "information", run.robot)
+
+
+def sampled_information(
+    run: SimulatedRun, screened: Stage[ScreenedCandidates]
+) -> list[Stage[Information]]:
+    """Return the same for the further samples of theta that a robust design asks for."""
+    choice = run.study.design.robust
+    if choice is None:
+        return []
+    values = parameter_samples(choice, run.robot, run.rng("robust"))
+    return [
+        _information(run, screened, f"information-{k}", WithParameters(run.robot, values[k]))
+        for k in range(1, len(values))
+    ]
+
+
+def _information(
+    run: SimulatedRun,
+    screened: Stage[ScreenedCandidates],
+    name: str,
+    robot: ElasticRobot | WithParameters,
+) -> Stage[Information]:
+    problem = robot, screened.value.positions, run.omega, run.noise
+
+    def compute(folder: Path, report: Progress | None) -> InformationSet:
+        with _naming_sample(robot is not run.robot, name):
+            return compute_information(*problem, executor=run.executor, progress=report)
+
+    def write(folder: Path, report: Progress | None) -> StoredInformation:
+        store = folder / _STORE
+        with _naming_sample(robot is not run.robot, name):
+            return compute_information(
+                *problem, executor=run.executor, progress=report, store=store
+            )
+
+    inputs = {
+        "robot": run.robot_digest,
+        "candidates": screened.digest,
+        **run.settings("frequencies", "noise"),
+        **({} if robot is run.robot else {"values": robot.parameters.values.tolist()}),
+    }
+    if len(screened.value) * len(robot.parameters) ** 2 * 8 > LARGEST_IN_MEMORY:
+        return run.stages.run(name, inputs, write, _IN_CHUNKS)
+    return run.stages.run(name, inputs, compute, _IN_MEMORY)
+
+
+@contextmanager
+def _naming_sample(is_sample: bool, name: str) -> Iterator[None]:
+    """Say of an error in a sample of theta that it is not the robot file's."""
+    try:
+        yield
+    except NoEquilibrium as error:
+        if not is_sample:
+            raise
+        number = name.rsplit("-", 1)[-1]
+        raise InvalidInput(
+            f"design.robust: sample {number} of the parameters: {error}; a smaller std is needed"
+        ) from error
+
+
+def measured_information(run: MeasuredRun, data: Stage[Data]) -> Stage[InformationSet]:
+    """Return the information of one experiment in each measured position, at the robot's values."""
+
+    def compute(folder: Path, report: Progress | None) -> InformationSet:
+        estimate = data.value.estimate
+        _, slopes = sensitivity(run.robot, estimate.positions, estimate.omega)
+        matrices = estimators.information(slopes, 1 / estimate.variance)
+        repetitions = estimate.repetitions[:, None, None]
+        names = run.robot.parameters.names
+        return InformationSet(estimate.positions, matrices / repetitions, names)
+
+    inputs = {"robot": run.robot_digest, "data": data.digest}
+    return run.stages.run("information", inputs, compute, _IN_MEMORY)

@@ -1,0 +1,84 @@
+"""The stages ``posterior`` and ``own-cost``: draws of the parameters, by emcee.
+
+The first samples the likelihood of the noise, the second the result's own cost where its weights
+are not those of the noise; the sampler and its settings are the same.
+"""
+
+from collections.abc import Callable
+from pathlib import Path
+
+from estimators.fitting.least_squares import Fit, likelihood_fit
+from estimators.sampling.convergence import StoppingCriterion
+from estimators.sampling.log_posterior import has_noise_weights
+from estimators.sampling.posterior import Posterior, check_sizes, sample_posterior
+from oed.study.stage_cache import Stage, dataclass_files
+from oed.study.stages.result import SelectedFit
+from oed.study.stages.run import Run
+from robotmodels.common.errors import InvalidInput
+from robotmodels.common.progress import Progress
+
+THIN = 5
+"""Steps between stored snapshots of the chains."""
+
+
+def check_posterior(run: Run) -> None:
+    """Refuse a posterior that cannot be sampled before hours are spent on what comes before.
+
+    Raises
+    ------
+    InvalidInput
+        For too few walkers or steps.
+    """
+    choice = run.study.posterior
+    try:
+        check_sizes(len(run.robot.parameters), choice.ensembles, choice.walkers, choice.steps, THIN)
+    except InvalidInput as error:
+        raise InvalidInput(f"posterior.{error}") from None
+
+
+def posterior(run: Run, result: Stage[SelectedFit]) -> Stage[Posterior]:
+    """Return the posterior of the likelihood; its chains outlive an interruption.
+
+    The density is exp(-V), V the cost with the noise's weights; a result with other weights is
+    fitted once more with these.
+    """
+    return _sampled(run, result, "posterior", likelihood_of)
+
+
+def own_cost(run: Run, result: Stage[SelectedFit]) -> Stage[Posterior] | None:
+    """Return draws by the result's own cost, where its weights are not those of the noise."""
+    if has_noise_weights(result.value.fit):
+        return None
+    return _sampled(run, result, "own-cost", lambda fit: fit)
+
+
+def likelihood_of(fit: Fit) -> Fit:
+    """Return the fit whose cost is the likelihood: itself if its weights are the noise's."""
+    return fit if has_noise_weights(fit) else likelihood_fit(fit)
+
+
+def _sampled(
+    run: Run, result: Stage[SelectedFit], name: str, density: Callable[[Fit], Fit]
+) -> Stage[Posterior]:
+    choice = run.study.posterior
+
+    def compute(folder: Path, report: Progress | None) -> Posterior:
+        return sample_posterior(
+            density(result.value.fit),
+            rng=run.rng(name),
+            ensembles=choice.ensembles,
+            walkers=choice.walkers,
+            steps=choice.steps,
+            thin=THIN,
+            target=StoppingCriterion(r_hat=choice.r_hat, ess=choice.ess),
+            backend=folder / "posterior.h5",
+            progress=report,
+            executor=run.executor,
+        )
+
+    inputs = {
+        "robot": run.robot_digest,
+        "result": result.digest,
+        **run.settings("posterior", "seed"),
+    }
+    return run.stages.run(name, inputs, compute, dataclass_files(Posterior))

@@ -1,0 +1,88 @@
+"""The stage ``result``: the one fit that is the study's, and where its search began."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from estimators.fitting.fit_files import read_fits, write_fits
+from estimators.fitting.least_squares import Fit, fit
+from estimators.frf.frf_estimate import FrfEstimate
+from oed.study.stage_cache import Files, Stage
+from oed.study.stages.data import Data
+from oed.study.stages.fit import SAME_COST, Search, start_number
+from oed.study.stages.run import Run
+from robotmodels import ElasticRobot
+from robotmodels.common.arrays import Array
+from robotmodels.common.progress import Progress
+
+
+@dataclass(frozen=True, eq=False)
+class SelectedFit:
+    """The fit that is the study's result.
+
+    Attributes
+    ----------
+    fit : Fit
+        Fit by the estimator that the study names, or else by NLS with optimal weights (the
+        likelihood of the stated noise), best of all.
+    origin : str
+        Where its search began, for people.
+    """
+
+    fit: Fit
+    origin: str
+
+
+def result(
+    run: Run, data: Stage[Data], searches: Mapping[str, Stage[Search]], starts: Array
+) -> Stage[SelectedFit]:
+    """Return the study's result: the estimator it names, or else the likelihood's best fit."""
+    estimate, name = data.value.estimate, run.study.fit.result
+    finished = {key: stage.value for key, stage in searches.items()}
+
+    def compute(folder: Path, report: Progress | None) -> SelectedFit:
+        if name is None:
+            return best_likelihood(run.robot, estimate, finished, starts)
+        search = finished[name]
+        return SelectedFit(search.result, origin_of(starts, search.runs[0]))
+
+    def load(folder: Path) -> SelectedFit:
+        (best,) = read_fits(folder / "fit.h5", run.robot, estimate)
+        return SelectedFit(best, (folder / "origin.txt").read_text(encoding="utf-8"))
+
+    inputs: dict[str, Any] = {"robot": run.robot_digest, "data": data.digest, "result": name}
+    inputs["searches"] = {key: stage.digest for key, stage in searches.items()}
+    return run.stages.run("result", inputs, compute, Files(_save, load))
+
+
+def best_likelihood(
+    robot: ElasticRobot, estimate: FrfEstimate, searches: Mapping[str, Search], starts: Array
+) -> SelectedFit:
+    """Return the best NLS fit with optimal weights, and where its search began.
+
+    That cost is the exact likelihood of circular complex noise of known covariance. Besides the
+    perturbed starts it is tried from the result of every other estimator.
+    """
+    from_starts, from_fits = [], []
+    for name, search in searches.items():
+        if search.is_likelihood:
+            from_starts.append(SelectedFit(search.runs[0], origin_of(starts, search.runs[0])))
+        else:
+            values = search.result.parameters.values
+            refined = fit(robot, estimate, "nls", "optimal", start=values)
+            from_fits.append(SelectedFit(refined, f"the {name.replace('_', ' ')} fit"))
+    # Perturbed starts first: they owe nothing to other estimators.
+    candidates = from_starts + from_fits
+    best = min(one.fit.cost for one in candidates)
+    return next(one for one in candidates if one.fit.cost <= best * (1 + SAME_COST))
+
+
+def origin_of(starts: Array, run: Fit) -> str:
+    """Return the start of a run in words."""
+    return f"perturbed start {start_number(starts, run) + 1}"
+
+
+def _save(value: SelectedFit, folder: Path) -> None:
+    write_fits(folder / "fit.h5", [value.fit])
+    (folder / "origin.txt").write_text(value.origin, encoding="utf-8")
