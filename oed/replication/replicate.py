@@ -13,7 +13,7 @@ from oed.replication.six_estimators import REFERENCE, Evaluation, evaluate
 from oed.replication.table_1 import Groups, Table1, groups_of, hardest_spring, table_1
 from oed.replication.time_domain_comparison import ROLLOUTS, TimeDomainComparison, compare
 from oed.study.results import FittedStudy
-from oed.study.settings.study_file import ESTIMATORS
+from oed.study.settings.study_file import ESTIMATORS, RivalChoice
 from oed.study.stage_cache import Stage, dataclass_files, open_stages
 from oed.study.stages.fit import weights_of
 from oed.study.stages.run import Run
@@ -118,7 +118,7 @@ def replicate(
             groups,
             hardest_spring(evaluation, theorem1, groups),
             conclusions(evaluation, theorem1, table, groups, results.truth),
-            None if study.rival is None else _rivalry(run).value,
+            None if study.rival is None else _rivalry(run, study.rival).value,
             stages.seconds,
         )
 
@@ -145,12 +145,9 @@ def _evaluation(run: Run, results: FittedStudy) -> Stage[Evaluation]:
     return run.stages.run("published", inputs, compute, dataclass_files(Evaluation))
 
 
-def _rivalry(run: Run) -> Stage[TimeDomainComparison]:
+def _rivalry(run: Run, choice: RivalChoice) -> Stage[TimeDomainComparison]:
     """Return both ways of fitting; computed again where mujoco.sysid has come to be there."""
     from oed.replication.rollout_fit import missing
-
-    choice = run.study.rival
-    assert choice is not None
 
     def compute(folder: Path, report: Progress | None) -> TimeDomainComparison:
         return compare(choice, run.rng("rival"), run.executor, report)
