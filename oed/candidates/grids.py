@@ -5,7 +5,7 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from robotmodels.common.arrays import Array, check_count
+from robotmodels.common.arrays import Array, BoolArray, check_count
 from robotmodels.common.errors import InvalidInput, nearest
 
 # The first joint often turns about the vertical and then changes nothing; the next two carry
@@ -15,6 +15,9 @@ _USUAL_POINTS = (1, 6, 6, 4)
 
 SAME_POSITION = 1e-6
 """Largest difference of any angle [rad or m]: files and people round."""
+
+
+_REPEATED = 1e-9  # [rad] or [m]: what rounds to the same multiple repeats
 
 
 class HasJoints(Protocol):
@@ -108,7 +111,30 @@ def sobol_positions(
     return np.asarray(low + points[:count] * (high - low))
 
 
-def candidate_at(positions: Array, position: Array, name: str, remedy: str) -> int:
+def turns_apart(differences: Array, turning: BoolArray) -> Array:
+    """Return differences of positions, (..., n), less whole turns where a joint turns."""
+    turns = np.where(turning, np.round(differences / (2 * np.pi)), 0.0)
+    return np.asarray(differences - 2 * np.pi * turns)
+
+
+def repeated_positions(positions: Array, turning: BoolArray) -> BoolArray:
+    """Return which positions (Q, n) repeat an earlier one or lie whole turns from it, (Q,)."""
+    # On the circle: an angle next to pi has one cosine and sine on both of its sides.
+    angles, lengths = positions[:, turning], positions[:, ~turning]
+    points = np.hstack([np.cos(angles), np.sin(angles), lengths]) / _REPEATED
+    _, first = np.unique(np.round(points), axis=0, return_index=True)
+    repeated = np.ones(len(positions), dtype=bool)
+    repeated[first] = False
+    return repeated
+
+
+def candidate_at(
+    positions: Array,
+    position: Array,
+    name: str,
+    remedy: str,
+    turning: BoolArray | None = None,
+) -> int:
     """Return the index of the candidate at a position.
 
     For positions that come from outside only: what is computed carries the candidate's index.
@@ -123,6 +149,8 @@ def candidate_at(positions: Array, position: Array, name: str, remedy: str) -> i
         What messages call the position.
     remedy : str
         What to do where no candidate is there.
+    turning : ndarray of bool, (n,), optional
+        Joints of which whole turns do not count; by default none.
 
     Raises
     ------
@@ -131,7 +159,8 @@ def candidate_at(positions: Array, position: Array, name: str, remedy: str) -> i
     """
     if position.shape != positions.shape[1:]:
         raise InvalidInput(f"{name}: {position.size} angles; {positions.shape[1]} are needed")
-    distances = np.abs(positions - position).max(axis=1)
+    apart = positions - position
+    distances = np.abs(apart if turning is None else turns_apart(apart, turning)).max(axis=1)
     closest = int(np.argmin(distances))
     if not distances[closest] <= SAME_POSITION:
         raise InvalidInput(

@@ -5,6 +5,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from oed.candidates.grids import repeated_positions
 from robotmodels.collision.surroundings import Surroundings
 from robotmodels.common.arrays import Array, BoolArray, IntArray, read_only, real_numbers
 from robotmodels.common.deprecation import renamed_attributes
@@ -17,7 +18,6 @@ from robotmodels.elastic.robot import ElasticRobot
 
 # A limit typed with fewer digits than the robot file's is not met wrongly.
 _SLACK = 1e-9
-_SAME = 1e-9  # [rad] or [m]: positions that round to the same multiple are one
 
 
 @dataclass(frozen=True)
@@ -27,7 +27,7 @@ class Removal:
     Attributes
     ----------
     reason : str
-        "duplicate", "joint limits", "holding torque", "obstacle" or "self-collision".
+        "joint limits", "duplicate", "holding torque", "obstacle" or "self-collision".
     what : str
         The joint, the motor, the link and the obstacle, or the two links.
     count : int
@@ -188,11 +188,12 @@ def _screened(
 ) -> _Screen:
     """Return the positions that remain after all checks."""
     screen = _Screen(np.arange(len(positions)))
-    screen.remove("duplicate", ["an earlier position"], _repeated(positions))
     low, high = robot.position_limits.T
     angles = positions[screen.remaining]
     inside = (angles >= low - _SLACK) & (angles <= high + _SLACK)
     screen.remove("joint limits", [f"joint {joint!r}" for joint in robot.motor_joints], ~inside)
+    repeated = repeated_positions(positions[screen.remaining], robot.turning)
+    screen.remove("duplicate", ["an earlier position, whole turns aside"], repeated[:, None])
     if torque_limits is not None:
         limits = _torque_limits(torque_limits, robot.motor_names)
         torques = np.abs(holding_torques(robot, unloaded(robot, positions[screen.remaining])))
@@ -229,14 +230,6 @@ def _checked(positions: Array, motors: list[str]) -> Array:
             f"{motors[motor]!r} is beyond any joint; at most {MOST_LENGTH:g} rad or m is possible"
         )
     return positions
-
-
-def _repeated(positions: Array) -> BoolArray:
-    """Return which positions repeat an earlier one, (Q, 1)."""
-    _, first = np.unique(np.round(positions / _SAME), axis=0, return_index=True)
-    repeated = np.ones((len(positions), 1), dtype=bool)
-    repeated[first] = False
-    return repeated
 
 
 def _torque_limits(torque_limits: float | Sequence[float] | Array, motors: Sequence[str]) -> Array:

@@ -8,7 +8,6 @@ import pinocchio as pin
 
 from robotmodels.common.arrays import Array, BoolArray
 from robotmodels.common.errors import InvalidInput
-from robotmodels.elastic.arm import motions
 from robotmodels.elastic.rigid_pose import configurations
 from robotmodels.elastic.robot import ElasticRobot
 from robotmodels.elastic.segments import link_frame
@@ -92,7 +91,7 @@ def inverse_kinematics(
         position = _search(reach, start, np.asarray(point, dtype=float), unit, low, high)
         if position is None:
             continue
-        position = _turned_back(position, reach.turns, low, high)
+        position = _turned_back(position, robot.turning, low, high)
         if all(np.abs(position - other).max() > _SAME_SOLUTION for other in distinct):
             distinct.append(position)
         if len(distinct) == solutions:
@@ -111,8 +110,6 @@ class _Reach:
         self.axis = np.asarray(tool.axis, dtype=float) / np.linalg.norm(tool.axis)
         joints = [self.model.getJointId(joint) for joint in robot.motor_joints]
         self.columns = [self.model.joints[joint].idx_v for joint in joints]
-        twists = np.array(motions(self.model))[[joint - 1 for joint in joints]]
-        self.turns = np.any(twists[:, 3:] != 0, axis=1)  # a prismatic joint does not
 
     def __call__(self, position: Array) -> tuple[Array, Array, Array, Array]:
         """Return point, axis, and their derivatives (3, n) by the position (n,)."""

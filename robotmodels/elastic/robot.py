@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pinocchio as pin
 
-from robotmodels.common.arrays import Array, real_numbers
+from robotmodels.common.arrays import Array, BoolArray, real_numbers
 from robotmodels.common.deprecation import renamed_keywords
 from robotmodels.common.errors import InvalidInput
 from robotmodels.description.parameters import Parameters
@@ -125,6 +125,12 @@ class ElasticRobot:
             i = joint.idx_q
             limits.append((-np.pi, np.pi) if joint.nq == 2 else (low[i], high[i]))
         return np.array(limits)
+
+    @cached_property
+    def turning(self) -> BoolArray:
+        """Which motors turn their joints, (n,): a whole turn leads to the same configuration."""
+        prismatic = self.elements.prismatic
+        return np.array([joint not in prismatic for joint in self.motor_joints])
 
     def checked_positions(self, positions: Array) -> Array:
         """Return `positions` (Q, n) as an array.

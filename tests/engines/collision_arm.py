@@ -25,7 +25,7 @@ SHAPES = {
 ORIGINS = {"shoulder": 0.25, "elbow": 0.5, "wrist": 0.4}  # [m], along the link before
 
 
-def urdf(shapes: dict[str, str]) -> str:
+def urdf(shapes: dict[str, str], reach: float = 3) -> str:
     """Return the arm as a URDF; its joints turn about y, and all links point up at zero."""
     links = list(SHAPES)
     text = f'<robot name="arm"><link name="base">{shapes.get("base", "")}</link>'
@@ -35,14 +35,16 @@ def urdf(shapes: dict[str, str]) -> str:
         text += (
             f'<joint name="{joint}" type="revolute"><parent link="{parent}"/>'
             f'<child link="{child}"/><origin xyz="0 0 {z}"/><axis xyz="0 1 0"/>'
-            '<limit lower="-3" upper="3" effort="0" velocity="0"/></joint>'
+            f'<limit lower="{-reach}" upper="{reach}" effort="0" velocity="0"/></joint>'
         )
     return text + "</robot>"
 
 
-def arm(folder: Path, shapes: dict[str, str] = SHAPES, **entries: object) -> ElasticRobot:
+def arm(
+    folder: Path, shapes: dict[str, str] = SHAPES, reach: float = 3, **entries: object
+) -> ElasticRobot:
     """Return the robot, its URDF written to `folder`."""
-    (folder / "arm.urdf").write_text(urdf(shapes))
+    (folder / "arm.urdf").write_text(urdf(shapes, reach))
     joints = list(ORIGINS)
     content = {
         "schema": "robot/1",

@@ -41,7 +41,17 @@ def test_ranges_choose_candidates_by_joint():
     assert list(chosen.forbidden) == [1, 2, 3]
     assert list(chosen.groups["some"].members) == [1, 2, 3]
     with pytest.raises(InvalidInput, match=r"forbidden\[0\]: no candidate lies in these ranges"):
-        limits(forbidden=[{joint: [5.0, 6.0]}])
+        limits(forbidden=[{joint: [2.0, 3.0]}])
+
+
+@pytest.mark.parametrize("turns", [-1, 1])
+def test_whole_turns_of_ranges_and_mandatory_positions_do_not_count(turns):
+    joint = ROBOT.motor_joints[0]
+    aside = 2 * np.pi * turns
+    where = {joint: [POSITIONS[1, 0] + aside, POSITIONS[3, 0] + aside]}
+    assert list(limits(forbidden=[where]).forbidden) == [1, 2, 3]
+    position = POSITIONS[4] + aside * np.eye(6)[0]
+    assert limits(mandatory=[position.tolist()]).mandatory == {4: 1.0}
 
 
 def test_samples_of_theta_spread_by_name_or_kind_about_the_robot_files_values():

@@ -5,6 +5,7 @@ import pytest
 from collision_arm import SHAPES, arm, shape
 
 from oed import Workcell, gathered_candidates, screened_candidates
+from oed.candidates.grids import repeated_positions
 from oed.study.settings.candidates_settings import CandidatesChoice
 from oed.study.stage_cache import open_stages
 from oed.study.stages.candidates import candidates
@@ -48,12 +49,40 @@ def test_counts_by_reason(tmp_path):
     assert found["holding torque", "motor 'm0'"] == 1
     assert found["self-collision", "'lower' and 'hand'"] == 1
     assert str(result) == (
-        "2 of 7 candidate positions are left; removed: 1 duplicate, 2 joint limits, "
+        "2 of 7 candidate positions are left; removed: 2 joint limits, 1 duplicate, "
         "1 holding torque, 1 self-collision"
     )
     more = screened_candidates(robot, positions, torque_limits=1.001 * horizontal)
     assert 4 in more.indices
     assert "collisions are not checked" in more.notes
+
+
+def test_whole_turns_aside_positions_are_one(tmp_path):
+    robot = arm(tmp_path, reach=4.0)
+    assert robot.turning.all()
+    around = np.array([[0.3, 3.0, -0.2], [0.3, 3.0 - 2 * np.pi, -0.2], [0.3, 3 + 2 * np.pi, -0.2]])
+    assert screened_candidates(robot, around).indices.tolist() == [0]
+    # Of two that are one, the one inside the limits stays.
+    screened = screened_candidates(robot, around[::-1])
+    assert screened.indices.tolist() == [1]
+    assert screened.removed["joint limits"] == screened.removed["duplicate"] == 1
+    rng = np.random.default_rng(0)
+    for _ in range(20):
+        one = rng.uniform(-np.pi, np.pi, (1, 3))
+        turns = 2 * np.pi * rng.integers(-1, 2, (6, 3))
+        positions = np.vstack([one, one + turns + rng.uniform(-1e-13, 1e-13, (6, 3))])
+        assert repeated_positions(positions, np.ones(3, bool)).tolist() == [False] + 6 * [True]
+        # A joint that slides has no turns.
+        apart = repeated_positions(positions, np.array([True, True, False]))
+        assert apart.sum() == 7 - len({tuple(row) for row in turns[:, 2:]} | {(0.0,)})
+
+
+def test_a_grid_over_two_turns_is_one_position_for_each_configuration(tmp_path):
+    robot = arm(tmp_path, reach=2 * np.pi)
+    screened = gathered_candidates(robot, per_joint=3)
+    assert (screened.proposed, len(screened), screened.removed["duplicate"]) == (27, 1, 26)
+    five = gathered_candidates(robot, per_joint=5)
+    assert (len(five), five.removed["duplicate"]) == (8, 117)
 
 
 def test_degrees_for_radians_are_guessed(tmp_path):

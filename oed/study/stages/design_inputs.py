@@ -18,6 +18,8 @@ from robotmodels.common.arrays import Array, IntArray
 from robotmodels.common.errors import InvalidInput, nearest
 from robotmodels.common.progress import Progress
 
+_SLACK = 1e-9  # [rad] or [m]: ends of ranges belong to them in spite of rounding
+
 
 def gather(
     settings: CandidatesChoice, robot: ElasticRobot, progress: Progress | None = None
@@ -101,19 +103,18 @@ def constraints_of(
     """
     if not choice.limited:
         return None
-    joints = tuple(robot.motor_joints)
     groups = {}
     for name, group in choice.groups.items():
-        members = _within(group.where, positions, joints, f"groups.{name}.where")
+        members = _within(group.where, positions, robot, f"groups.{name}.where")
         most = np.inf if group.most is None else float(group.most)
         groups[name] = Group(members.tolist(), most, float(group.least))
     forbidden = [
-        _within(where, positions, joints, f"forbidden[{i}]")
+        _within(where, positions, robot, f"forbidden[{i}]")
         for i, where in enumerate(choice.forbidden)
     ]
     remedy = "name it in candidates.positions too"
     mandatory = [
-        candidate_at(positions, np.array(position), f"design.mandatory[{i}]", remedy)
+        candidate_at(positions, np.array(position), f"design.mandatory[{i}]", remedy, robot.turning)
         for i, position in enumerate(choice.mandatory)
     ]
     return Constraints(
@@ -186,8 +187,9 @@ def _durations(choice: DesignChoice, robot: ElasticRobot, positions: Array) -> A
     return np.asarray((choice.measuring or 0.0) + 2 * one_way)
 
 
-def _within(where: Ranges, positions: Array, joints: tuple[str, ...], key: str) -> IntArray:
-    """Return the candidates (k,) within ranges of joints."""
+def _within(where: Ranges, positions: Array, robot: ElasticRobot, key: str) -> IntArray:
+    """Return the candidates (k,) within ranges of joints, whole turns aside where a joint turns."""
+    joints = tuple(robot.motor_joints)
     inside = np.ones(len(positions), dtype=bool)
     for joint, (low, high) in where.items():
         if joint not in joints:
@@ -195,8 +197,11 @@ def _within(where: Ranges, positions: Array, joints: tuple[str, ...], key: str) 
                 f"design.{key}: {joint!r} is not a driven joint{nearest(joint, joints)}; "
                 f"there are {', '.join(joints)}"
             )
-        column = positions[:, joints.index(joint)]
-        inside &= (column >= low) & (column <= high)
+        column = joints.index(joint)
+        above = positions[:, column] - low
+        if robot.turning[column]:
+            above = above - 2 * np.pi * np.floor((above + _SLACK) / (2 * np.pi))
+        inside &= (above >= -_SLACK) & (above <= high - low + _SLACK)
     if not inside.any():
         raise InvalidInput(f"design.{key}: no candidate lies in these ranges")
     return np.flatnonzero(inside)
