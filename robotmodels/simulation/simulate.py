@@ -159,8 +159,8 @@ def _positions(
             done = []
 
 
-def _check_envelope(given: Array | None, samples: int, transient: int) -> Array:
-    envelope = np.ones(samples) if given is None else np.asarray(given, dtype=float)
+def _check_envelope(values: Array | None, samples: int, transient: int) -> Array:
+    envelope = np.ones(samples) if values is None else np.asarray(values, dtype=float)
     if envelope.shape != (samples,) or not np.isfinite(envelope).all():
         raise InvalidInput(f"envelope: {samples} finite numbers are needed, one per sample")
     if not transient and not np.array_equal(envelope, np.ones(samples)):
