@@ -159,8 +159,10 @@ def candidate_at(
     """
     if position.shape != positions.shape[1:]:
         raise InvalidInput(f"{name}: {position.size} angles; {positions.shape[1]} are needed")
-    apart = positions - position
-    distances = np.abs(apart if turning is None else turns_apart(apart, turning)).max(axis=1)
+    differences = positions - position
+    distances = np.abs(differences if turning is None else turns_apart(differences, turning)).max(
+        axis=1
+    )
     closest = int(np.argmin(distances))
     if not distances[closest] <= SAME_POSITION:
         raise InvalidInput(
