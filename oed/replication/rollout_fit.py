@@ -37,8 +37,8 @@ class RolloutCase:
         The coordinate that each of n motors drives.
     ratios : ndarray, (n,)
         Its gear ratio.
-    rest : tuple of tuple of (str, float), (name, angle), rad
-        Rest of every coordinate that a position sets.
+    rest_angles : tuple of tuple of (str, float), (name, angle), rad
+        Angle at rest of every coordinate that a position sets.
     tendons : dict of str to str
         The tendon of each drive spring, by the spring's name.
     parameters : Parameters
@@ -54,7 +54,7 @@ class RolloutCase:
     xml: str
     motors: tuple[str, ...]
     ratios: Array
-    rest: tuple[tuple[str, float], ...]
+    rest_angles: tuple[tuple[str, float], ...]
     tendons: dict[str, str]
     parameters: Parameters
     torque: Array
@@ -127,7 +127,7 @@ def rollout_case(
         xml=builder.spec.to_xml(),
         motors=motors,
         ratios=np.array([m.gear_ratio for m in file.motors]),
-        rest=tuple((name, float(value)) for name, value in at.items()),
+        rest_angles=tuple((name, float(value)) for name, value in at.items()),
         tendons={s.name: str(s.joint) for s in file.springs if s.axis == "drive"},
         parameters=robot.parameters,
         torque=torque,
@@ -232,9 +232,9 @@ def _sequences(case: RolloutCase) -> Any:
         )
         actuator.gear = [ratio, 0, 0, 0, 0, 0]
     model = spec.compile()
-    rest = np.zeros(model.nq)
-    for name, angle in case.rest:
-        rest[model.joint(name).qposadr[0]] = angle
+    rest_angles = np.zeros(model.nq)
+    for name, angle in case.rest_angles:
+        rest_angles[model.joint(name).qposadr[0]] = angle
     times = case.sample_time * np.arange(case.torque.shape[1])
     mapping = {
         f"{motor}_qpos": (sysid.SignalType.MjStateQPos, np.array([i]))
@@ -245,7 +245,7 @@ def _sequences(case: RolloutCase) -> Any:
         "robot",
         spec,
         [f"run {i}" for i in range(count)],
-        [sysid.create_initial_state(model, rest)] * count,
+        [sysid.create_initial_state(model, rest_angles)] * count,
         [sysid.TimeSeries(times, torque) for torque in case.torque],
         [sysid.TimeSeries(times, angle / case.ratios, mapping) for angle in case.angle],
         allow_missing_sensors=True,

@@ -22,7 +22,7 @@ ALLOWED = {
     "estimators": 0,
     "estimators/chains": 50,
     "estimators/chain_dampers": 15,
-    "oed": 8,
+    "oed": 7,
     "reports": 110,
 }
 FUNCTIONS = (ast.FunctionDef, ast.AsyncFunctionDef, ast.Lambda)
