@@ -144,11 +144,9 @@ class _Fits:
     def of(cls, source: SimulatedStudy | MeasuredStudy) -> "_Fits":
         """Run the stages."""
         run, data = source.run, source.data
-        info, used = source.information.value, source.design.value.used
         starts = starts_of(run)
         searches = {
-            estimator.name: fit(run, estimator, data, info, used, starts)
-            for estimator in run.study.fit.used
+            estimator.name: fit(run, estimator, data, starts) for estimator in run.study.fit.used
         }
         return cls(starts, searches, result(run, data, searches, starts))
 

@@ -9,7 +9,6 @@ from oed.replication.replicate import Replication
 from oed.replication.time_domain_comparison import TimeDomainComparison
 from oed.study.results import FittedStudy
 from oed.study.settings.study_file import ESTIMATORS
-from oed.study.stages.fit import positions_of
 from reports.figures import replication_figures as figures
 from reports.figures.response_panels import response_panels
 from reports.page_elements import Figure, Section, figure, filled, page
@@ -113,10 +112,9 @@ def _parameter_figure(
 
 def _responses(results: FittedStudy, published: Replication) -> Section:
     """Show the best models in the position that alone says most."""
-    e, estimate = published.evaluation, results.data.estimate
-    single = results.fits.searches["LLS1U"].estimator
-    q = int(positions_of(single, results.plan.information, results.plan.used)[0])
-    position = estimate.positions[q : q + 1]
+    e, single = published.evaluation, results.fits.searches["LLS1U"]
+    estimate = single.result.estimate
+    position = estimate.positions
     chosen = e.values[e.of("LLS15U"), : figures.best_count(e)]
     models = np.array(
         [
@@ -125,7 +123,7 @@ def _responses(results: FittedStudy, published: Replication) -> Section:
         ]
     )
     last = min(_ELEMENT, *(side - 1 for side in estimate.response.shape[2:]))
-    measured = estimate.response[q]
+    measured = estimate.response[0]
     several = figure(
         "figure-8",
         figures.best_responses(estimate.omega, models, measured, (last, last)),
@@ -134,7 +132,7 @@ def _responses(results: FittedStudy, published: Replication) -> Section:
     drawing = response_panels(
         estimate.omega,
         measured,
-        np.sqrt(estimate.variance[q]),
+        np.sqrt(estimate.variance[0]),
         models[0],
         results.robot.motor_names,
         outputs=results.robot.output_names,
@@ -146,7 +144,7 @@ def _responses(results: FittedStudy, published: Replication) -> Section:
         all=figure("figure-9", drawing, alt, wide=True),
         element=f"({last + 1},{last + 1})",
         count=len(models),
-        number=q + 1,
+        number=int(single.positions[0]) + 1,
     )
     return Section("responses", "Frequency responses", body)
 

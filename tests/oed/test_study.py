@@ -1,13 +1,15 @@
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 import pytest
+from two_axes import TwoAxes
 
 import oed.study.stages.result
-from oed.information_sets.information_set import InformationSet
-from oed.study.settings.fit_settings import Estimator
+from estimators import simulate_frf
+from oed.study.settings.fit_settings import Estimator, WeightChoice
 from oed.study.stages.fit import Search, positions_of, start_number
 from oed.study.stages.result import best_likelihood
+from robotmodels import RelativeNoise
 from robotmodels.common.errors import InvalidInput, NotIdentifiable
 
 STARTS = np.array([[1.0, 2.0], [3.0, 1.0], [2.0, 2.0]])
@@ -32,7 +34,7 @@ class Ended:
 
 
 def search(estimator, *runs):
-    return Search(estimator, runs, runs[0])
+    return Search(estimator, runs, runs[0], np.arange(1))
 
 
 @pytest.fixture
@@ -75,27 +77,43 @@ def test_nls_with_other_weights_or_positions_is_no_likelihood(refine_to):
         assert found.fit.cost == 100.0
 
 
-INFO = InformationSet(
-    np.array([[1.0], [1.0 + 1e-8], [1.0 + 2e-8]]),  # closer than any tolerance of a look-up
-    np.array([np.diag([1.0, 0.0]), np.diag([1.0, 1.0]), np.diag([9.0, 9.0])]),
-    ("a", "b"),
-)
+AXES = TwoAxes()
+OMEGA = 2 * np.pi * np.geomspace(2.0, 60.0, 30)
 
 
-def positions_used(estimator, candidates):
-    return positions_of(estimator, INFO, np.array(candidates)).tolist()
+def data(noise, positions=((0.3, 0.1), (-1.0, 1.6), (0.2, 0.8))):
+    """Return FRFs whose positions have standard deviations times `noise` (Q,)."""
+    rng = np.random.default_rng(0)
+    estimate = simulate_frf(AXES, np.array(positions), OMEGA, RelativeNoise(0.03), rng)
+    factors = np.square(noise)[:, None, None, None]
+    return replace(estimate, covariance=estimate.covariance * factors)
 
 
-def test_the_best_position_is_that_of_the_data_with_the_largest_information():
-    best = LLS.model_copy(update={"positions": "best"})
-    assert positions_used(best, [1, 0]) == [0]
-    assert positions_used(best, [0, 1, 2]) == [2]
-    with pytest.raises(NotIdentifiable, match="b; no single position"):
-        positions_used(best, [0])
+def positions_used(estimator, estimate):
+    return positions_of(estimator, AXES, estimate, WeightChoice()).tolist()
+
+
+@pytest.mark.parametrize("residual", ["nls", "lls"])
+@pytest.mark.parametrize("weights", ["optimal", "user"])
+@pytest.mark.parametrize("best", range(3))
+def test_the_best_position_is_that_with_the_least_covariance_of_the_estimator(
+    residual, weights, best
+):
+    kind = Estimator(name="one", residual=residual, weights=weights, positions="best")
+    noise = np.full(3, 4.0)
+    noise[best] = 1.0
+    assert positions_used(kind, data(noise)) == [best]
+
+
+def test_no_position_alone_may_do():
+    kind = LLS.model_copy(update={"positions": "best"})
+    beyond = WeightChoice(low=70.0)  # [Hz]: no line of the data counts
+    with pytest.raises(NotIdentifiable, match="no single position identifies all parameters"):
+        positions_of(kind, AXES, data(np.ones(3)), beyond)
 
 
 def test_positions_by_number():
     some = LLS.model_copy(update={"positions": (0, 2)})
-    assert positions_used(some, [0, 1, 2]) == [0, 2]
+    assert positions_used(some, data([1, 1, 1])) == [0, 2]
     with pytest.raises(InvalidInput, match="lls: there is no position 2; the data have 2"):
-        positions_used(some, [0, 1])
+        positions_used(some, data([1, 1], ((0.3, 0.1), (-1.0, 1.6))))

@@ -1,24 +1,26 @@
 """The stages ``fit-NAME``: the fits of each estimator, all from the same starts."""
 
+import json
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
 from estimators.fitting.fit_files import read_fits, write_fits
-from estimators.fitting.least_squares import Fit, reweighted
+from estimators.fitting.least_squares import Fit, fit as fit_from, reweighted
 from estimators.fitting.multistart import multistart, perturbed_starts
 from estimators.fitting.weights import MINIMUM_SNR, user_weights
 from estimators.frf.frf_estimate import FrfEstimate
-from oed.criteria.criteria import named_criterion
+from estimators.uncertainty.covariance import covariance
 from oed.study.settings.fit_settings import Estimator, WeightChoice
 from oed.study.stage_cache import Files, Stage
 from oed.study.stages.data import Data
-from oed.study.stages.information import Information
 from oed.study.stages.run import Run
+from robotmodels import ElasticRobot
 from robotmodels.common.arrays import Array, IntArray
 from robotmodels.common.errors import InvalidInput, NotIdentifiable, SolverFailed
 from robotmodels.common.progress import Progress
+from robotmodels.data_files.json_text import read_json
 
 SAME_COST = 1e-6
 """Costs this close, relatively, are one minimum."""
@@ -36,11 +38,14 @@ class Search:
         One fit per start, the least cost first.
     result : Fit
         The best run; if the estimator asks for it, once more with optimal weights at its own FRF.
+    positions : ndarray of int
+        Which of the data's positions the estimator uses.
     """
 
     estimator: Estimator
     runs: tuple[Fit, ...]
     result: Fit
+    positions: IntArray
 
     @property
     def weights(self) -> str:
@@ -69,53 +74,49 @@ def fit(
     run: Run,
     estimator: Estimator,
     data: Stage[Data],
-    info: Information,
-    candidates: IntArray,
     starts: Array,
 ) -> Stage[Search]:
     """Return the fits of an estimator from all starts.
-
-    Parameters
-    ----------
-    candidates : ndarray of int, (Q,)
-        Index in `info` of each position of the data.
 
     Raises
     ------
     SolverFailed
         If no start led to an answer.
     """
-    positions = positions_of(estimator, info, candidates)
-    estimate = data.value.estimate.subset(positions)
+    whole, weights = data.value.estimate, run.study.fit.user_weights
 
     def compute(folder: Path, report: Progress | None) -> Search:
-        return _search(run, estimator, estimate, starts, folder / _STORE, report)
+        positions = positions_of(estimator, run.robot, whole, weights)
+        runs = _runs(run, estimator, whole.subset(positions), starts, folder / _STORE, report)
+        best = reweighted(runs[0]) if estimator.reweight else runs[0]
+        return Search(estimator, runs, best, positions)
 
     def load(folder: Path) -> Search:
+        positions = _read_positions(folder / _POSITIONS, len(whole.positions))
+        estimate = whole.subset(positions)
         runs = read_fits(folder / "runs.h5", run.robot, estimate)
         (result,) = read_fits(folder / "result.h5", run.robot, estimate)
-        return Search(estimator, runs, result)
+        return Search(estimator, runs, result, positions)
 
     inputs = {
         "robot": run.robot_digest,
         "data": data.digest,
         "estimator": estimator.model_dump(mode="json"),
-        "positions": positions.tolist(),
         "user_weights": run.study.fit.user_weights.model_dump(mode="json"),
         "starts": starts.tolist(),
     }
     return run.stages.run(f"fit-{estimator.name}", inputs, compute, Files(_save, load))
 
 
-def _search(
+def _runs(
     run: Run,
     estimator: Estimator,
     estimate: FrfEstimate,
     starts: Array,
     store: Path,
     report: Progress | None,
-) -> Search:
-    """Fit from all starts; the best is reweighted where the estimator asks for it."""
+) -> tuple[Fit, ...]:
+    """Return the fits from all starts, the least cost first."""
     runs = multistart(
         run.robot,
         estimate,
@@ -128,13 +129,16 @@ def _search(
     )
     if not np.isfinite(runs[0].cost):
         raise SolverFailed(f"fit: no start of {estimator.name} led to an answer; {runs[0].message}")
-    return Search(estimator, runs, reweighted(runs[0]) if estimator.reweight else runs[0])
+    return runs
 
 
-def positions_of(estimator: Estimator, info: Information, candidates: IntArray) -> IntArray:
-    """Return which positions of the data, candidates (Q,) of `info`, an estimator uses.
+def positions_of(
+    estimator: Estimator, robot: ElasticRobot, estimate: FrfEstimate, choice: WeightChoice
+) -> IntArray:
+    """Return which positions of the data an estimator uses.
 
-    "best" is the single one whose information is largest (D), as LLS1U of [WM] 6.
+    "best" is the single one in which the estimator's own covariance by Theorem 1, from the
+    covariances of the data and at the nominal parameters, has the least determinant ([WM] 6).
 
     Raises
     ------
@@ -143,18 +147,20 @@ def positions_of(estimator: Estimator, info: Information, candidates: IntArray) 
     NotIdentifiable
         If no single position identifies all parameters.
     """
-    count = len(candidates)
+    count = len(estimate.positions)
     if estimator.positions == "all":
         return np.arange(count)
     if estimator.positions == "best":
-        matrices = list(info.take(candidates))
-        values = [named_criterion("D").value(matrix) for matrix in matrices]
-        if not np.isfinite(max(values)):
+        sizes = [
+            _log_volume(estimator, robot, estimate.subset(np.array([i])), choice)
+            for i in range(count)
+        ]
+        if not np.isfinite(min(sizes)):
             raise NotIdentifiable(
-                info.unidentifiable(matrices[0]),
+                robot.parameters.names,
                 f"no single position identifies all parameters; give {estimator.name} more",
             )
-        return np.array([int(np.argmax(values))])
+        return np.array([int(np.argmin(sizes))])
     for i in estimator.positions:
         if i >= count:
             raise InvalidInput(
@@ -162,6 +168,19 @@ def positions_of(estimator: Estimator, info: Information, candidates: IntArray) 
                 f"{count}, counted from 0"
             )
     return np.array(estimator.positions)
+
+
+def _log_volume(
+    estimator: Estimator, robot: ElasticRobot, estimate: FrfEstimate, choice: WeightChoice
+) -> float:
+    """Return the logarithm of the determinant of an estimator's covariance at nominal values."""
+    weights = weights_of(estimator, estimate, choice)
+    try:
+        unmoved = fit_from(robot, estimate, estimator.residual, weights, max_evaluations=1)
+        sign, size = np.linalg.slogdet(covariance(unmoved).covariance)
+    except (NotIdentifiable, InvalidInput):
+        return np.inf  # too few data of this position, or none of some parameter
+    return float(size) if sign > 0 else np.inf
 
 
 def weights_of(estimator: Estimator, estimate: FrfEstimate, choice: WeightChoice) -> str | Array:
@@ -182,10 +201,19 @@ def start_number(starts: Array, run: Fit) -> int:
     return int(np.flatnonzero((starts == run.start).all(axis=1))[0])  # it is the very same array
 
 
-_STORE = "searches.h5"
+_STORE, _POSITIONS = "searches.h5", "positions.json"
 
 
 def _save(value: Search, folder: Path) -> None:
     write_fits(folder / "runs.h5", value.runs)
     write_fits(folder / "result.h5", [value.result])
+    (folder / _POSITIONS).write_text(json.dumps(value.positions.tolist()), encoding="utf-8")
     (folder / _STORE).unlink()
+
+
+def _read_positions(path: Path, count: int) -> IntArray:
+    """Return the positions that `_save` wrote, which must be among `count`."""
+    positions = read_json(path)
+    if not isinstance(positions, list) or not all(each in range(count) for each in positions):
+        raise InvalidInput(f"{path}: not a list of positions below {count}")
+    return np.array(positions, dtype=np.int64)
