@@ -25,6 +25,7 @@ lint: $(VENV)/installed
 	$(BIN)/lint-imports
 	$(BIN)/python tests/lint/docstrings.py
 	$(BIN)/python tests/lint/words.py
+	$(BIN)/python tests/lint/statements.py
 
 coverage: $(VENV)/installed
 	$(BIN)/pytest --numprocesses $(WORKERS) --dist worksteal -m "not slow" --cov --cov-report=term:skip-covered
