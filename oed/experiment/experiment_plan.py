@@ -83,15 +83,7 @@ class ExperimentPlan:
             raise InvalidInput(
                 f"multisine: {self.multisine.inputs} inputs; the robot has {n} motors"
             )
-        phases = np.array(self.phases, dtype=float)
-        shape = (len(self.multisine.lines), n)
-        if phases.ndim != 4 or len(phases) != visits or phases.shape[2:] != shape:
-            raise InvalidInput(
-                f"phases: shape {phases.shape}; ({visits}, blocks, {shape[0]}, {shape[1]}) is "
-                "needed: visits, blocks, lines, motors"
-            )
-        if phases.shape[1] < 1:
-            raise InvalidInput("blocks: none given; at least 1 is needed")
+        phases = _checked_phases(self.phases, visits, (len(self.multisine.lines), n))
         scale = np.array(self.scale, dtype=float)
         if scale.shape != (visits,) or not (np.isfinite(scale) & (scale > 0)).all():
             raise InvalidInput(f"scale: {visits} positive numbers, one per visit, are needed")
@@ -203,6 +195,19 @@ class ExperimentPlan:
                 f"{plan.blocks}"
             )
         return plan
+
+
+def _checked_phases(given: Array, visits: int, shape: tuple[int, int]) -> Array:
+    """Return phases (V, B, F, n) with lines and motors of a shape (F, n)."""
+    phases = np.array(given, dtype=float)
+    if phases.ndim != 4 or len(phases) != visits or phases.shape[2:] != shape:
+        raise InvalidInput(
+            f"phases: shape {phases.shape}; ({visits}, blocks, {shape[0]}, {shape[1]}) is "
+            "needed: visits, blocks, lines, motors"
+        )
+    if phases.shape[1] < 1:
+        raise InvalidInput("blocks: none given; at least 1 is needed")
+    return phases
 
 
 def checked_repetitions(repetitions: Sequence[int] | IntArray, n_positions: int) -> IntArray:

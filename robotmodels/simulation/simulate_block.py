@@ -87,9 +87,7 @@ def run_block(block: Block) -> tuple[Array, Array, NDArray[np.bool_]]:
             block.rng.normal(size=(total, n)) * flaws.per_motor(name, n)
             for name in ("angle_noise", "torque_disturbance")
         )
-        # In one memory layout always: another would be compiled anew.
-        reference = np.ascontiguousarray(np.tile(signal, (block.transient + block.periods, 1)))
-        reference[:N] *= block.envelope[:, None]
+        reference = _whole_run(block, signal)
         sensing = Sensing(robot.file.delay / controller.sample_time, flaws.quantisation, errors)
         *traces, good = closed_loop_run(
             engine, drives, gains, sensing, reference, disturbance, controller.sample_time, steps
@@ -99,6 +97,14 @@ def run_block(block: Block) -> tuple[Array, Array, NDArray[np.bool_]]:
         results.append([trace[block.transient * N :].reshape(shape) for trace in traces])
     torque, angle, limited = (np.stack(part) for part in zip(*results, strict=True))
     return torque, angle, limited
+
+
+def _whole_run(block: Block, period: Array) -> Array:
+    """Return the references of a run, (T, n), from one period of them (N, n)."""
+    # In one memory layout always: another would be compiled anew.
+    reference = np.ascontiguousarray(np.tile(period, (block.transient + block.periods, 1)))
+    reference[: len(period)] *= block.envelope[:, None]
+    return reference
 
 
 def _lost(where: str, after: float) -> SolverFailed:
