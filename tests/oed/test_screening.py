@@ -8,8 +8,7 @@ from oed import Workcell, gathered_candidates, screened_candidates
 from oed.candidates.grids import repeated_positions
 from oed.study.settings.candidates_settings import CandidatesChoice
 from oed.study.stage_cache import open_stages
-from oed.study.stages.candidates import candidates
-from oed.study.stages.design_inputs import gather
+from oed.study.stages.candidates import candidates, gather
 from oed.study.stages.run import SimulatedRun
 from robotmodels import InvalidInput, Sphere, load_robot, surroundings
 from robotmodels.linear.noise import RelativeNoise

@@ -1,87 +1,18 @@
-"""Candidates, criterion, limits and samples of theta that a study file asks for."""
+"""Criterion, limits and samples of theta that the section ``design`` of a study file asks for."""
 
 import numpy as np
 
 from oed.candidates.grids import candidate_at
-from oed.candidates.screening import ScreenedCandidates
-from oed.candidates.sources import Workcell, gathered_candidates
-from oed.candidates.task_space import TaskBox
 from oed.criteria.criteria import AsCriterion, Criterion, DsCriterion
 from oed.design.constraints import Constraints, Group
 from oed.experiment.experiment_file import per_motor
 from oed.experiment.moves import MoveLimits, move_times
-from oed.study.settings.candidates_settings import CandidatesChoice, ObstacleChoice
 from oed.study.settings.design_settings import DesignChoice, Moves, Ranges, RobustChoice
 from robotmodels import ElasticRobot
-from robotmodels.collision.obstacles import Box, Obstacle, Plane, Sphere
 from robotmodels.common.arrays import Array, IntArray
 from robotmodels.common.errors import InvalidInput, nearest
-from robotmodels.common.progress import Progress
 
 _SLACK = 1e-9  # [rad] or [m]: ends of ranges belong to them in spite of rounding
-
-
-def gather(
-    settings: CandidatesChoice, robot: ElasticRobot, progress: Progress | None = None
-) -> ScreenedCandidates:
-    """Return the candidates that `robot` can take.
-
-    Raises
-    ------
-    InvalidInput
-        As `oed.candidates.sources.gathered_candidates`, naming the key of the study file.
-    """
-    workcell = Workcell(
-        floor=settings.floor,
-        obstacles=[obstacle(choice) for choice in settings.obstacles],
-        self_collision=_compares_links(settings),
-        link_radius=settings.link_radius,
-        margin=settings.margin,
-        ignored=settings.ignored,
-        torque_limits=settings.torque,
-    )
-    try:
-        return gathered_candidates(
-            robot,
-            per_joint=settings.per_joint,
-            limits=settings.limits,
-            sobol=settings.sobol or 0,
-            boxes=[TaskBox(**box.model_dump()) for box in settings.boxes],
-            files=settings.files,
-            listed=settings.positions,
-            workcell=workcell,
-            progress=progress,
-        )
-    except InvalidInput as error:
-        # Of arguments that are this section's keys; files are named by their paths.
-        message = str(error).replace("torque_limits", "torque", 1)
-        section = "candidates." if message.startswith(tuple(CandidatesChoice.model_fields)) else ""
-        raise InvalidInput(section + message) from error
-
-
-def compares_shapes(settings: CandidatesChoice) -> bool:
-    """Return whether collisions are checked, with the shapes and meshes of the URDF."""
-    return _compares_links(settings) or _has_surroundings(settings)
-
-
-def obstacle(choice: ObstacleChoice) -> Obstacle:
-    """Return the plane, box or sphere that settings describe."""
-    if choice.normal is not None and choice.offset is not None:
-        return Plane(choice.name, choice.normal, choice.offset)
-    center = choice.center or (0.0, 0.0, 0.0)
-    if choice.size is not None:
-        return Box(choice.name, center, choice.size, choice.rpy or (0.0, 0.0, 0.0))
-    return Sphere(choice.name, center, choice.radius or 0.0)
-
-
-def _compares_links(settings: CandidatesChoice) -> bool:
-    """Return whether links are compared with each other; by default where anything else is."""
-    default = _has_surroundings(settings)
-    return default if settings.self_collision is None else settings.self_collision
-
-
-def _has_surroundings(settings: CandidatesChoice) -> bool:
-    return bool(settings.obstacles) or settings.floor is not None
 
 
 def criterion_of(choice: DesignChoice) -> str | Criterion:
