@@ -124,4 +124,5 @@ from .plan_comparison.compare_plans import compare_plans as compare_plans
 from .plan_comparison.plan_comparison import (
     PlanComparison as PlanComparison,
     SimulatedPlan as SimulatedPlan,
+    UnidentifiedPlan as UnidentifiedPlan,
 )

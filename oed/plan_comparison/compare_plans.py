@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping
 from concurrent.futures import Executor
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -13,7 +13,14 @@ from estimators.validation.simulated_experiment import FrfExperiment
 from oed.criteria.criteria import Criterion, objective_of
 from oed.information_sets.candidates import Candidates, check_candidates
 from oed.information_sets.null_space import unidentifiable
-from oed.plan_comparison.plan_comparison import LEVEL, PlanComparison, SimulatedPlan, ratio_interval
+from oed.plan_comparison.plan_comparison import (
+    LEVEL,
+    PlanComparison,
+    PredictedPlan,
+    SimulatedPlan,
+    UnidentifiedPlan,
+    ratio_interval,
+)
 from robotmodels.common.arrays import Array, IntArray, read_only
 from robotmodels.common.errors import InvalidInput, NotIdentifiable, SolverFailed
 from robotmodels.common.progress import Progress
@@ -85,23 +92,31 @@ def compare_plans(
     check_candidates(info)
     runs = checked_runs(runs, len(info.names))
     series = _Series(model, positions, omega, noise, runs, executor)
-    planned = [_planned(info, name, counts) for name, counts in plans.items()]
-    if planned[0].unidentified:
-        raise NotIdentifiable(planned[0].unidentified, f"{planned[0].name}: measure elsewhere too")
-    possible = sum(trial.promised is not None for trial in planned)
-    trials, holds = [], True
-    for k, (trial, generator) in enumerate(zip(planned, rng.spawn(len(planned)), strict=True)):
-        if trial.promised is None:
-            trials.append(trial)
-            continue
-        before = sum(one.promised is not None for one in planned[:k])
-        done, total = before * runs, possible * runs
-        report = None if progress is None else _Shifted(progress, done, total)
+    first, *others = [_planned(info, name, counts) for name, counts in plans.items()]
+    if isinstance(first, UnidentifiedPlan):
+        raise NotIdentifiable(first.unidentified, f"{first.name}: measure elsewhere too")
+    generators, total = rng.spawn(len(plans)), runs * sum(map(_is_simulated, (first, *others)))
+    fixed: list[bool] = []
+
+    def simulate(k: int, plan: PredictedPlan) -> SimulatedPlan:
+        report = None if progress is None else _Shifted(progress, len(fixed) * runs, total)
         file = None if store is None else Path(store) / f"plan_{k:02d}.h5"
-        simulation, fixed_equilibria = series.run(trial, generator, report, file)
-        trials.append(replace(trial, simulation=simulation))
-        holds = holds and fixed_equilibria
-    return _compared(criterion, info.names, tuple(trials), holds)
+        simulation, fixed_equilibria = series.run(plan, generators[k], report, file)
+        fixed.append(fixed_equilibria)
+        return SimulatedPlan(
+            plan.name, plan.support, plan.repetitions, plan.information, plan.promised, simulation
+        )
+
+    optimal = simulate(0, first)
+    rivals = tuple(
+        plan if isinstance(plan, UnidentifiedPlan) else simulate(k, plan)
+        for k, plan in enumerate(others, start=1)
+    )
+    return _compared(criterion, optimal, rivals, all(fixed))
+
+
+def _is_simulated(plan: PredictedPlan | UnidentifiedPlan) -> bool:
+    return isinstance(plan, PredictedPlan)
 
 
 def checked_runs(runs: int | None, p: int) -> int:
@@ -145,7 +160,7 @@ class _Series:
 
     def run(
         self,
-        trial: SimulatedPlan,
+        trial: PredictedPlan,
         rng: np.random.Generator,
         progress: "_Shifted | None",
         store: Path | None,
@@ -173,7 +188,7 @@ class _Series:
         return simulation, fitted is not self.model
 
 
-def _planned(info: Candidates, name: str, counts: IntArray) -> SimulatedPlan:
+def _planned(info: Candidates, name: str, counts: IntArray) -> PredictedPlan | UnidentifiedPlan:
     if counts.shape != (len(info),) or not counts.any() or (counts < 0).any():
         raise InvalidInput(
             f"plan {name!r}: experiments of shape {counts.shape}; whole numbers for each of "
@@ -181,36 +196,34 @@ def _planned(info: Candidates, name: str, counts: IntArray) -> SimulatedPlan:
         )
     support = np.flatnonzero(counts)
     total = info.combined(counts.astype(float))
-    trial = SimulatedPlan(name, read_only(support), read_only(counts[support]))
+    visited = name, read_only(support), read_only(counts[support])
     if names := unidentifiable(total, info.names):
-        return replace(trial, unidentified=names)
+        return UnidentifiedPlan(*visited, names)
     promised = Uncertainty(info.names, scaled_inverse(total), "Theorem 1")
-    return replace(trial, information=read_only(total), promised=promised)
+    return PredictedPlan(*visited, read_only(total), promised)
 
 
 def _compared(
     criterion: str | Criterion,
-    names: tuple[str, ...],
-    trials: tuple[SimulatedPlan, ...],
-    holds: bool,
+    optimal: SimulatedPlan,
+    rivals: tuple[SimulatedPlan | UnidentifiedPlan, ...],
+    fixed_equilibria: bool,
 ) -> PlanComparison:
-    objective = objective_of(criterion, names)
-    plan, promised, simulated = trials[0], [], []
-    assert plan.simulation is not None
-    assert plan.information is not None
-    for trial in trials[1:]:
-        if trial.information is None or trial.simulation is None:
+    objective, promised, simulated = objective_of(criterion, optimal.promised.names), [], []
+    for rival in rivals:
+        if isinstance(rival, UnidentifiedPlan):
             promised.append(0.0)
             simulated.append((0.0, 0.0, 0.0))
             continue
-        promised.append(objective.efficiency(trial.information, plan.information))
-        simulated.append(ratio_interval(objective, trial.simulation, plan.simulation, LEVEL))
+        promised.append(objective.efficiency(rival.information, optimal.information))
+        simulated.append(ratio_interval(objective, rival.simulation, optimal.simulation, LEVEL))
     efficiencies = np.array([(1.0, 1.0, 1.0), *simulated])
     return PlanComparison(
         criterion=objective.name,
-        plans=trials,
+        optimal=optimal,
+        rivals=rivals,
         promised=read_only(np.array([1.0, *promised])),
         simulated=read_only(efficiencies[:, 0]),
         interval=read_only(efficiencies[:, 1:]),
-        fixed_equilibria=holds,
+        fixed_equilibria=fixed_equilibria,
     )

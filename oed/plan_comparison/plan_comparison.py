@@ -14,10 +14,9 @@ from robotmodels.common.printing import ReprHtml
 LEVEL = 0.95
 
 
-@renamed_attributes("0.2", found="simulation")
 @dataclass(frozen=True, eq=False)
-class SimulatedPlan:
-    """A plan, its predicted covariance and its simulated experiments.
+class _VisitedPlan:
+    """A plan of experiments in candidates.
 
     Attributes
     ----------
@@ -25,35 +24,62 @@ class SimulatedPlan:
         Name of the plan.
     support, repetitions : ndarray of int, (k,)
         Candidates it measures in, and experiments in each.
-    unidentified : tuple of str
-        Parameters that it leaves open; nothing was simulated if there are any.
-    information : ndarray or None, (p, p)
-        Information at the true values; None if it leaves parameters open.
-    promised : Uncertainty or None
-        Its covariance ([WM] Theorem 1); None if open.
-    simulation : MonteCarlo or None
-        Repeated experiments; None if open.
     """
 
     name: str
     support: IntArray
     repetitions: IntArray
-    unidentified: tuple[str, ...] = ()
-    information: Array | None = None
-    promised: Uncertainty | None = None
-    simulation: MonteCarlo | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class UnidentifiedPlan(_VisitedPlan):
+    """A plan that leaves parameters open, so that nothing was simulated.
+
+    Attributes
+    ----------
+    unidentified : tuple of str
+        Parameters that it leaves open.
+    """
+
+    unidentified: tuple[str, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class PredictedPlan(_VisitedPlan):
+    """A plan and its predicted covariance.
+
+    Attributes
+    ----------
+    information : ndarray, (p, p)
+        Information at the true values.
+    promised : Uncertainty
+        Its covariance ([WM] Theorem 1).
+    """
+
+    information: Array
+    promised: Uncertainty
+
+
+@renamed_attributes("0.2", found="simulation")
+@dataclass(frozen=True, eq=False)
+class SimulatedPlan(PredictedPlan):
+    """A plan, its predicted covariance and its simulated experiments.
+
+    Attributes
+    ----------
+    simulation : MonteCarlo
+        Repeated experiments.
+    """
+
+    simulation: MonteCarlo
 
     @property
     def std(self) -> Array:
-        """Standard deviations of ln theta over the experiments, (p,); one infinity if open."""
-        if self.simulation is None:
-            return np.array([np.inf])
+        """Standard deviations of ln theta over the experiments, (p,)."""
         return self.simulation.uncertainty().std
 
     def std_interval(self) -> Array:
         """Return where each true standard deviation lies with 95 %, (p, 2), by chi square."""
-        if self.simulation is None:
-            return np.array([[np.inf, np.inf]])
         return std_interval(self.std, len(self.simulation.estimates), LEVEL)
 
 
@@ -69,8 +95,10 @@ class PlanComparison(ReprHtml):
     ----------
     criterion : str
         Its name.
-    plans : tuple of PlanTrial
-        K plans.
+    optimal : SimulatedPlan
+        The plan.
+    rivals : tuple of SimulatedPlan or UnidentifiedPlan
+        The K - 1 others.
     promised : ndarray, (K,)
         Efficiencies by information.
     simulated : ndarray, (K,)
@@ -83,18 +111,22 @@ class PlanComparison(ReprHtml):
     """
 
     criterion: str
-    plans: tuple[SimulatedPlan, ...]
+    optimal: SimulatedPlan
+    rivals: tuple[SimulatedPlan | UnidentifiedPlan, ...]
     promised: Array
     simulated: Array
     interval: Array
     fixed_equilibria: bool
 
     @property
+    def plans(self) -> tuple[SimulatedPlan | UnidentifiedPlan, ...]:
+        """All K plans, the optimal one first."""
+        return (self.optimal, *self.rivals)
+
+    @property
     def names(self) -> tuple[str, ...]:
         """Names of the p parameters."""
-        promised = self.plans[0].promised
-        assert promised is not None  # else there would be no comparison
-        return promised.names
+        return self.optimal.promised.names
 
     @property
     def beaten(self) -> tuple[str, ...]:
@@ -112,33 +144,31 @@ class PlanComparison(ReprHtml):
         The second number counts those where chance does not explain it (F test, 95 %), the third
         those that a rival, by the same measure, makes more certain than the plan.
         """
-        plan, other = self.plans[0].simulation, self.plans[rival].simulation
-        assert plan is not None
-        if other is None:
+        other = self.plans[rival]
+        if isinstance(other, UnidentifiedPlan):
             return len(self.names), len(self.names), 0
-        fewer = plan.uncertainty().std < other.uncertainty().std
-        significant = clearly_smaller(plan, other, LEVEL), clearly_smaller(other, plan, LEVEL)
+        one, two = self.optimal.simulation, other.simulation
+        fewer = one.uncertainty().std < two.uncertainty().std
+        significant = clearly_smaller(one, two, LEVEL), clearly_smaller(two, one, LEVEL)
         return int(fewer.sum()), int(significant[0].sum()), int(significant[1].sum())
 
     def _rivals(self, which: BoolArray) -> tuple[str, ...]:
-        pairs = zip(self.plans[1:], which[1:], strict=True)
+        pairs = zip(self.rivals, which[1:], strict=True)
         return tuple(trial.name for trial, selected in pairs if selected)
 
     def __str__(self) -> str:
-        plan = self.plans[0]
-        assert plan.simulation is not None
-        rivals = len(self.plans) - 1
+        plan, rivals = self.optimal, len(self.rivals)
         others = f", beaten by {', '.join(self.better) or 'none'}" * (len(self.beaten) < rivals)
         lines = [
             f"{plan.name} beats {len(self.beaten)} of {rivals} rivals by {self.criterion}{others}, "
             f"{len(plan.simulation.estimates)} simulations each"
         ]
-        for k, trial in enumerate(self.plans[1:], start=1):
+        for k, trial in enumerate(self.rivals, start=1):
             low, high = self.interval[k]
             lines.append(
                 f"  {trial.name:<12} worth {self.simulated[k]:.2f} ({low:.2f} to {high:.2f}), "
                 f"promised {self.promised[k]:.2f}"
-                if not trial.unidentified
+                if isinstance(trial, SimulatedPlan)
                 else f"  {trial.name:<12} leaves open {', '.join(trial.unidentified)}"
             )
         return "\n".join(lines)

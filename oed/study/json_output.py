@@ -48,7 +48,7 @@ import numpy as np
 
 from estimators.sampling.posterior import Posterior
 from estimators.uncertainty.covariance import Uncertainty
-from oed.plan_comparison.plan_comparison import PlanComparison
+from oed.plan_comparison.plan_comparison import PlanComparison, SimulatedPlan
 from oed.study.parts import DesignedPlan
 from oed.study.results import FittedStudy, PlannedStudy, StudyResults
 from oed.study.stages.fit import Search, start_number
@@ -222,8 +222,8 @@ def _plans(comparison: PlanComparison) -> dict[str, Any]:
                 "found": comparison.simulated[k],
                 "interval": comparison.interval[k],
             },
-            "promised": None if trial.promised is None else trial.promised.std,
-            "found": None if trial.simulation is None else trial.std,
+            "promised": trial.promised.std if isinstance(trial, SimulatedPlan) else None,
+            "found": trial.std if isinstance(trial, SimulatedPlan) else None,
         }
         for k, trial in enumerate(comparison.plans)
     }

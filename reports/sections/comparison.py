@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from oed.plan_comparison.plan_comparison import PlanComparison, SimulatedPlan
+from oed.plan_comparison.plan_comparison import PlanComparison, SimulatedPlan, UnidentifiedPlan
 from oed.study.results import StudyResults
 from oed.study.stages.comparison import OPTIMAL
 from reports import text
@@ -28,9 +28,7 @@ def section(results: StudyResults) -> Section | None:
     found = results.comparison
     if found is None:
         return None
-    own = found.plans[0]
-    assert own.simulation is not None
-    assert own.promised is not None
+    own = found.optimal
     ratio, ends = own.std / own.promised.std, own.std_interval()
     inside = (ends[:, 0] <= own.promised.std) & (own.promised.std <= ends[:, 1])
     body = filled(
@@ -38,7 +36,9 @@ def section(results: StudyResults) -> Section | None:
         found=found,
         study=results.study,
         runs=len(own.simulation.estimates) + len(own.simulation.failures),
-        failures=sum(len(trial.simulation.failures) for trial in found.plans if trial.simulation),
+        failures=sum(
+            len(plan.simulation.failures) for plan in found.plans if isinstance(plan, SimulatedPlan)
+        ),
         cost=cost(results),
         grid=results.study.compare.grid,
         best=_best(found),
@@ -64,8 +64,9 @@ def plan_table(found: PlanComparison) -> Table:
             continue
         _, clear, against = found.more_certain(k)
         between = f"{text.fixed(float(worth[2]), 2)} to {text.fixed(float(worth[3]), 2)}"
-        note = f"leaves open {text.listed(list(trial.unidentified))}"
-        row += [note if trial.unidentified else between, Number(f"{clear} of {p}", clear)]
+        if isinstance(trial, UnidentifiedPlan):
+            between = f"leaves open {text.listed(list(trial.unidentified))}"
+        row += [between, Number(f"{clear} of {p}", clear)]
         rows.append([*row, Number(str(against), against)])
     columns = [
         Column("plan"),
@@ -88,8 +89,8 @@ def std_table(found: PlanComparison) -> Table:
     for i, name in enumerate(found.names):
         row: list[Cell] = [name]
         for _, trials in groups:
-            promised = _mean([t.promised.std[i] for t in trials if t.promised is not None])
-            std = _mean([t.std[i] for t in trials if t.simulation is not None])
+            promised = _mean([t.promised.std[i] for t in trials])
+            std = _mean([t.std[i] for t in trials])
             row += [_number(promised), _number(std)]
         rows.append(row)
     titles = [f"{name}: {what}" for name, _ in groups for what in ("Theorem 1", "found")]
@@ -102,11 +103,7 @@ def std_table(found: PlanComparison) -> Table:
 
 def picture(found: PlanComparison) -> Figure:
     """Return standard deviations found, with the intervals of the plan and of the designer's."""
-    shown = [
-        (name, [trial for trial in trials if trial.simulation is not None])
-        for name, trials in _groups(found)
-    ]
-    shown = [(name, trials) for name, trials in shown if trials]
+    shown = [(name, plans) for name, plans in _groups(found) if plans]
     stds: list[Array] = [np.stack([t.std for t in trials]) for _, trials in shown]
     ends = [trials[0].std_interval() if len(trials) == 1 else None for _, trials in shown]
     drawing = uncertainty_figures.deviations(found.names, stds, [name for name, _ in shown], ends)
@@ -118,11 +115,12 @@ def picture(found: PlanComparison) -> Figure:
 
 
 def _groups(found: PlanComparison) -> list[tuple[str, list[SimulatedPlan]]]:
-    """Return the plan, the designer's, and all random ones together."""
-    single = [trial for trial in found.plans if not trial.name.startswith("random")]
-    random = [trial for trial in found.plans if trial.name.startswith("random")]
-    groups = [(trial.name, [trial]) for trial in single]
-    return [*groups, ("random", random)] if random else groups
+    """Return the plan, the designer's, and all random ones together; none of those left open."""
+    groups: dict[str, list[SimulatedPlan]] = {}
+    for plan in found.plans:
+        name = "random" if plan.name.startswith("random") else plan.name
+        groups.setdefault(name, []).extend([plan] if isinstance(plan, SimulatedPlan) else [])
+    return list(groups.items())
 
 
 def _best(found: PlanComparison) -> dict[str, str]:

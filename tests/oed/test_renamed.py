@@ -29,7 +29,6 @@ def test_classes(old, new):
         (oed.SensorDesign, "chosen", "sensors"),
         (oed.SensorDesign, "keep", "relative_efficiency"),
         (SimulatedPlan, "found", "simulation"),
-        (PlanComparison, "trials", "plans"),
         (PlanComparison, "found", "simulated"),
         (PlanComparison, "held", "fixed_equilibria"),
         (oed.VisitingOrder, "given", "unordered_duration"),
@@ -48,3 +47,9 @@ def test_prior_information_by_its_old_keyword():
     with pytest.warns(DeprecationWarning, match="next_experiments: keyword 'known' is now 'prior'"):
         same = oed.next_experiments(INFO, 3, known=np.eye(3)).plan
     assert same.repetitions.tolist() == plan.repetitions.tolist()
+
+
+def test_plans_of_a_comparison_by_their_old_name():
+    comparison = PlanComparison("D", "plan", ("rival",), 1.0, 1.0, 1.0, True)
+    with pytest.warns(DeprecationWarning, match="plans"):
+        assert comparison.trials == ("plan", "rival")

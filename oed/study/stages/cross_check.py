@@ -87,7 +87,7 @@ def _repeated(run: Run, result: Stage[SelectedFit], methods: CrossCheckInputs) -
     likelihood = result.value.fit.residual == "nls" and run.study.fit.result is None
     if methods.comparison is None or not (by_law and likelihood):
         return None
-    return methods.comparison.value.plans[0].simulation
+    return methods.comparison.value.optimal.simulation
 
 
 def _likelihood(searches: Mapping[str, Stage[Search]]) -> str | None:
