@@ -1,0 +1,159 @@
+"""The schema of a study of coupled chains: which chains, how they are measured and identified.
+
+    schema: chain_study/1
+    seed: 1                      # of phases and noise
+    chains:                      # a row for each chain, its motor's mass first
+      masses: [[0.7, 2.0, 3.0], [4.0, 5.0, 6.0]]    # [kg or kg m^2]
+      springs: [[1000.0, 2000.0], [3000.0, 4000.0]] # between the masses [N/m or N m/rad]
+      couplings: {m3_6: 1.0}     # between last masses, counted along the rows [kg or kg m^2]
+      dampers: [[0.2, 0.4], [0.6, 0.8]]    # parallel to the springs [N s/m or N m s/rad]; or none
+    experiment:                  # run i of a block moves motor i, position controllers hold the rest
+      multisine:                 # of the speed reference, keys as in an experiment file
+        band: [0.1, 15.0]        # [Hz]
+        sample_time: 0.004       # [s]
+        period: 40.0             # [s]
+      amplitude: 0.01            # per motor, of each line of the speed reference [m/s or rad/s]
+      blocks: 2                  # each with phases of its own
+      periods: 4                 # measured in each run
+      transient_periods: 1       # before them, not measured
+      angle_noise: 1.0e-5        # per motor, standard deviation on the measured angles [m or rad]
+      controller:                # keys as in an experiment file
+        speed_gain: [60.0, 300.0]
+        integral_time: 1.0
+        position_gain: 3.0
+    masses: 3                    # in each chain, as identified; left out: proposed from the data
+    compare_with: hovland_case_study    # left out, except to repeat the case study of that paper
+    output: ../out/chains        # folder, relative to this file
+"""
+
+from pathlib import Path
+from typing import Annotated, Literal, Self
+
+import numpy as np
+from pydantic import Field, model_validator
+
+from oed.experiment.experiment_file import (
+    MOST_SAMPLES,
+    ControllerChoice,
+    MultisineChoice,
+    NonNegativeEach,
+    PositiveEach,
+    per_motor,
+)
+from robotmodels.common.errors import InvalidInput, nearest
+from robotmodels.common.file_paths import output_folder
+from robotmodels.common.yaml_files import Strict, read_yaml
+from robotmodels.description.ranges import Coordinate, Count, Positive, Seed
+from robotmodels.linear.coupled_chains import CoupledChains
+from robotmodels.simulation.controller import Controller
+
+Rows = Annotated[list[Annotated[list[Positive], Field(min_length=1)]], Field(min_length=1)]
+
+
+class ChainsChoice(Strict):
+    """Masses, springs, couplings and dampers of the chains that are simulated."""
+
+    masses: Rows
+    springs: Rows
+    couplings: dict[str, Coordinate] = {}
+    dampers: Rows | None = None
+
+    @model_validator(mode="after")
+    def _rows_alike(self) -> Self:
+        for name in ("masses", "springs", "dampers"):
+            rows = getattr(self, name) or []
+            if len({len(row) for row in rows}) > 1:
+                lengths = ", ".join(str(len(row)) for row in rows)
+                raise ValueError(f"{name}: rows of {lengths} numbers; all must be equally long")
+        return self
+
+
+class ChainExperiment(Strict):
+    """How the chains are moved and measured, motor after motor."""
+
+    multisine: MultisineChoice
+    amplitude: PositiveEach
+    blocks: Annotated[int, Field(ge=2, le=1000)] = 2
+    periods: Annotated[int, Field(ge=2, le=1000)] = 4
+    transient_periods: Annotated[int, Field(ge=0, le=1000)] = 1
+    angle_noise: NonNegativeEach = 0.0
+    controller: ControllerChoice
+
+    @model_validator(mode="after")
+    def _not_too_long(self) -> Self:
+        periods = self.blocks * (self.periods + self.transient_periods)
+        if periods * self.multisine.samples > MOST_SAMPLES:
+            raise ValueError(
+                f"blocks, periods: {periods} periods of {self.multisine.samples} samples in all; "
+                f"at most {MOST_SAMPLES} samples can be measured in one go"
+            )
+        return self
+
+
+class ChainStudy(Strict):
+    """A study of coupled chains, ``schema: chain_study/1``; paths are relative to the file."""
+
+    schema_: Literal["chain_study/1"] = Field(alias="schema")
+    seed: Seed = 1
+    chains: ChainsChoice
+    experiment: ChainExperiment
+    masses: Count | None = None
+    compare_with: Literal["hovland_case_study"] | None = None
+    output: Path
+
+
+def load_chain_study(path: str | Path) -> ChainStudy:
+    """Read a study of coupled chains; its output folder becomes absolute.
+
+    Raises
+    ------
+    InvalidInput
+        If the file is absent, is not YAML, or does not fit the schema; the key is named.
+    """
+    path = Path(path)
+    study = read_yaml(path, ChainStudy)
+    return study.model_copy(update={"output": output_folder(path, study.output)})
+
+
+def study_chains(choice: ChainsChoice) -> CoupledChains:
+    """Return the chains of a study file.
+
+    Raises
+    ------
+    InvalidInput
+        If shapes do not fit, a coupling has no such name, or the mass matrix is not positive
+        definite.
+    """
+    masses = np.array(choice.masses)
+    count, length = masses.shape
+    pairs = {
+        f"m{length * (i + 1)}_{length * (j + 1)}": (i, j)
+        for i in range(count)
+        for j in range(i + 1, count)
+    }
+    couplings = np.zeros((count, count))
+    for name, value in choice.couplings.items():
+        if name not in pairs:
+            raise InvalidInput(
+                f"chains.couplings: {name!r} does not name two last masses"
+                f"{nearest(name, pairs)}; {', '.join(pairs) or 'none'} can be coupled"
+            )
+        couplings[pairs[name]] = couplings[pairs[name][::-1]] = value
+    dampers = None if choice.dampers is None else np.array(choice.dampers)
+    return CoupledChains(masses, np.array(choice.springs), couplings, dampers)
+
+
+def study_controller(experiment: ChainExperiment, motors: tuple[str, ...]) -> Controller:
+    """Return the position controllers of a study file.
+
+    Raises
+    ------
+    InvalidInput
+        If a list has not one entry per motor.
+    """
+    choice = experiment.controller
+    gains = {
+        name: per_motor(f"experiment.controller.{name}", getattr(choice, name), motors)
+        for name in ("speed_gain", "integral_time", "position_gain", "filter_time")
+    }
+    return Controller(**gains, sample_time=experiment.multisine.sample_time)
