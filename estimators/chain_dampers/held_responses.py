@@ -1,4 +1,4 @@
-"""Responses with other chains held by position controllers, and gains read off them: [HBH] 3.1, 3.2.
+"""Responses with other chains held, and gains read off them: [HBH] sections 3.1 and 3.2.
 
 Where run i moves motor i alone and position controllers hold the other motors, the response of
 motor i to its own torque is that of condition (4). The runs of two motors together give their
@@ -9,15 +9,17 @@ from dataclasses import dataclass, replace
 from itertools import combinations
 
 import numpy as np
+from numpy.typing import NDArray
 
+from estimators.chains.modes import FittedModes
 from estimators.frf.estimate_frf import estimate_frf
 from robotmodels.common.arrays import Array, ComplexArray
 from robotmodels.common.errors import InvalidInput
 from robotmodels.records.records import Records
 
 _TERMS = 3  # of a gain's series in the squared frequency
-_NEAR = 0.6  # of the lowest anti-resonance, below which the series holds
-_FAR = 1.3  # of the highest resonance, above which that in the inverse square holds
+_NEAR = 0.25  # of the lowest anti-resonance, below which the series is used
+_FAR = 1.2  # of the highest resonance, from which on a gain counts as high
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,51 +53,49 @@ class HeldResponses:
     cross_std: Array
 
 
-def held_responses(
-    records: Records, lowest_zero: float, highest_pole: float, delay: float = 0.0
-) -> HeldResponses:
+def held_responses(records: Records, modes: FittedModes, delay: float = 0.0) -> HeldResponses:
     """Return the responses of single chains and pairs, the others held, and their gains.
 
-    Gains are limits of series in the squared frequency, fitted below the resonances, and in its
-    inverse above them.
+    Gains at low frequency are limits of series in the squared frequency. Those at high frequency
+    are of the unconstrained response, less what the measured poles and zeros still add there.
 
     Parameters
     ----------
     records : Records
         One position; run i moves motor i alone.
-    lowest_zero, highest_pole : float, rad/s
-        Lowest anti-resonance of all chains, and highest resonance.
+    modes : FittedModes
+        Modes fitted to the unconstrained response of the same records.
     delay : float, s
         Of the angles after the torques.
 
     Raises
     ------
     InvalidInput
-        If a run moves another motor too, or there are too few lines below or above.
+        If a run moves another motor too, or there are too few lines below or above the resonances.
     """
     motors = records.torque.shape[-1]
     _check_runs(records, motors)
-    direct, direct_std, cross, cross_std = [], [], [], []
-    for i in range(motors):
-        omega, response, std = _of_motors(records, (i,), delay)
-        direct.append(response[:, 0, 0])
-        direct_std.append(std[:, 0, 0])
-    for pair in combinations(range(motors), 2):
-        omega, response, std = _of_motors(records, pair, delay)
-        cross.append(response[:, 0, 1])
-        cross_std.append(std[:, 0, 1])
-    below, above = omega < _NEAR * lowest_zero, omega > _FAR * highest_pole
-    for lines, where in ((below, "below the anti-resonances"), (above, "above the resonances")):
-        if np.count_nonzero(lines) <= _TERMS:
+    direct = [_of_motors(records, (i,), delay) for i in range(motors)]
+    pairs = [_of_motors(records, pair, delay) for pair in combinations(range(motors), 2)]
+    omega, lines = direct[0][0], len(direct[0][0])
+    below = omega < _NEAR * modes.zeros.min()
+    above = modes.data.omega > _FAR * modes.omega[-1]
+    for inside, where in ((below, "below the anti-resonances"), (above, "above the resonances")):
+        if np.count_nonzero(inside) <= _TERMS:
             raise InvalidInput(
-                f"{np.count_nonzero(lines)} lines {where}; more than {_TERMS} are needed for the "
+                f"{np.count_nonzero(inside)} lines {where}; more than {_TERMS} are needed for the "
                 "gains there: widen the band, or take a longer period"
             )
-    low = _gains(omega, direct, direct_std, below, 2)
-    high = _gains(omega, direct, direct_std, above, -2)
-    between = _gains(omega, cross, cross_std, below, 2)
-    crossed = np.array(cross).reshape(len(cross), len(omega)).T
-    return HeldResponses(omega, np.array(direct).T, crossed, *low, *high, *between)
+    own = [_low_gain(w[below], G[below, 0, 0], std[below, 0, 0]) for w, G, std in direct]
+    between = [_low_gain(w[below], G[below, 0, 1], std[below, 0, 1]) for w, G, std in pairs]
+    high = [_high_gain(modes, i, above) for i in range(motors)]
+    gains = (np.reshape(part, (-1, 2)).T for part in (own, high, between))
+    return HeldResponses(
+        omega,
+        np.stack([G[:, 0, 0] for _, G, _ in direct], axis=1),
+        np.reshape([G[:, 0, 1] for _, G, _ in pairs], (-1, lines)).T,
+        *(column for pair in gains for column in pair),
+    )
 
 
 def _of_motors(
@@ -115,20 +115,24 @@ def _of_motors(
     return estimate.omega, estimate.response[0], np.sqrt(estimate.variance[0])
 
 
-def _gains(
-    omega: Array, responses: list[ComplexArray], stds: list[Array], lines: Array, power: int
-) -> tuple[Array, Array]:
-    """Return the constants of series in omega^power, and their standard deviations."""
-    scaled = (omega[lines] / omega[lines].mean()) ** power
-    series = scaled[:, None] ** np.arange(_TERMS)
-    values, deviations = [], []
-    for response, std in zip(responses, stds, strict=True):
-        # Real and imaginary errors are half of the variance each.
-        weights = np.sqrt(2) / std[lines]
-        inverse = np.linalg.pinv(series * weights[:, None])
-        values.append(inverse[0] @ (weights * response[lines].real))
-        deviations.append(np.linalg.norm(inverse[0]))
-    return np.array(values), np.array(deviations)
+def _low_gain(omega: Array, response: ComplexArray, std: Array) -> tuple[float, float]:
+    """Return the constant of a series in omega^2, and its standard deviation."""
+    series = (omega / omega[-1])[:, None] ** (2 * np.arange(_TERMS))
+    weights = np.sqrt(2) / std  # the real part has half of the variance
+    inverse = np.linalg.pinv(series * weights[:, None])
+    return float(inverse[0] @ (weights * response.real)), float(np.linalg.norm(inverse[0]))
+
+
+def _high_gain(modes: FittedModes, chain: int, lines: NDArray[np.bool_]) -> tuple[float, float]:
+    """Return A_H of a chain, (3), and its standard deviation.
+
+    G is A_H prod (lambda - lambda_0)/(lambda - lambda_r) over zeros and poles.
+    """
+    data, square = modes.data, modes.data.omega[lines, None] ** 2
+    factor = np.prod((1 - modes.omega**2 / square) / (1 - modes.zeros[chain] ** 2 / square), axis=1)
+    weights = 2 / (data.std[lines, chain, chain] * factor) ** 2
+    values = data.response[lines, chain, chain].real * factor
+    return float(weights @ values / weights.sum()), float(weights.sum() ** -0.5)
 
 
 def _check_runs(records: Records, motors: int) -> None:
@@ -138,9 +142,10 @@ def _check_runs(records: Records, motors: int) -> None:
             "moves it alone, is needed"
         )
     for i in range(motors):
-        moved = records.reference[:, :, i].any(axis=(0, 1, 2, 3))
-        if moved[np.arange(motors) != i].any():
-            other = int(np.flatnonzero(moved & (np.arange(motors) != i))[0])
+        moved = np.flatnonzero(records.reference[:, :, i].any(axis=(0, 1, 2, 3)))
+        others = moved[moved != i]
+        if len(others):
+            other = int(others[0])
             raise InvalidInput(
                 f"records: run {i + 1} moves motor {other + 1} too; the other chains must be held "
                 "for these gains"

@@ -11,17 +11,19 @@ from estimators.chain_dampers.held_responses import HeldResponses, held_response
 from estimators.chains.chain_estimate import ChainEstimate
 from estimators.chains.inverse_eigenvalue import LanczosStep, coupled_inertia, lanczos_step
 from estimators.chains.inverse_estimate import inverse_estimate
+from estimators.chains.modal_model import modal_response
 from estimators.chains.pole_zero_spectra import first_components
 from estimators.chains.stepwise import masses_in_steps
 from oed.chain_study.study_file import ChainStudy, study_chains, study_controller
 from oed.experiment.experiment_file import per_motor
 from oed.experiment.multisine import band_multisine, random_phases
-from robotmodels.common.arrays import Array
+from robotmodels.common.arrays import Array, ComplexArray
 from robotmodels.common.progress import StageProgress
 from robotmodels.linear.coupled_chains import CoupledChains
 from robotmodels.records.records import Records
 from robotmodels.simulation.controller import Controller
 from robotmodels.simulation.linear_simulation import simulate_linear
+from robotmodels.simulation.loop_noise import hold_response
 
 
 @dataclass(frozen=True, eq=False)
@@ -110,7 +112,7 @@ def run_chain_study(
         progress("records", 1, 1)
     measured = measured_chains(path, study.masses, progress=progress)
     modes = measured.found.modes
-    held = held_responses(records, float(modes.zeros.min()), float(modes.omega[-1]))
+    held = held_responses(records, modes)
     steps = tuple(_steps(modes.omega, zeros) for zeros in modes.zeros)
     stepwise = inverse_estimate(modes, measured.found.inverse.layout, None, stepwise=True)
     return ChainStudyResults(
@@ -159,6 +161,22 @@ def simulated_records(
         periods=experiment.periods,
         transient=experiment.transient_periods,
     )
+
+
+def controlled_response(
+    results: ChainStudyResults, omega: Array, free: tuple[int, ...]
+) -> ComplexArray:
+    """Return FRFs (F, M, M) of the fitted modes, all motors but those `free` held.
+
+    The other motors have the study's sampled controllers, their torque held over a sample.
+    """
+    modes = results.measured.found.modes
+    G = modal_response(modes.x, modes.layout, omega)
+    T = results.controller.sample_time
+    feedback = results.controller.feedback(omega) * hold_response(omega, T)[:, None]
+    feedback[:, list(free)] = 0.0
+    loop = np.eye(G.shape[1]) - G * feedback[:, None, :] / omega[:, None, None] ** 2
+    return np.asarray(np.linalg.solve(loop, G))
 
 
 def _steps(resonances: Array, zeros: Array) -> ChainSteps:

@@ -1,29 +1,28 @@
 """The schema of a study of coupled chains: which chains, how they are measured and identified.
 
-    schema: chain_study/1
-    seed: 1                      # of phases and noise
-    chains:                      # a row for each chain, its motor's mass first
-      masses: [[0.7, 2.0, 3.0], [4.0, 5.0, 6.0]]    # [kg or kg m^2]
-      springs: [[1000.0, 2000.0], [3000.0, 4000.0]] # between the masses [N/m or N m/rad]
-      couplings: {m3_6: 1.0}     # between last masses, counted along the rows [kg or kg m^2]
-      dampers: [[0.2, 0.4], [0.6, 0.8]]    # parallel to the springs [N s/m or N m s/rad]; or none
-    experiment:                  # run i of a block moves motor i, position controllers hold the rest
-      multisine:                 # of the speed reference, keys as in an experiment file
-        band: [0.1, 15.0]        # [Hz]
-        sample_time: 0.004       # [s]
-        period: 40.0             # [s]
-      amplitude: 0.01            # per motor, of each line of the speed reference [m/s or rad/s]
-      blocks: 2                  # each with phases of its own
-      periods: 4                 # measured in each run
-      transient_periods: 1       # before them, not measured
-      angle_noise: 1.0e-5        # per motor, standard deviation on the measured angles [m or rad]
-      controller:                # keys as in an experiment file
-        speed_gain: [60.0, 300.0]
-        integral_time: 1.0
-        position_gain: 3.0
-    masses: 3                    # in each chain, as identified; left out: proposed from the data
-    compare_with: hovland_case_study    # left out, except to repeat the case study of that paper
-    output: ../out/chains        # folder, relative to this file
+schema: chain_study/1
+seed: 1                      # of phases and noise
+chains:                      # a row for each chain, its motor's mass first
+masses: [[0.7, 2.0, 3.0], [4.0, 5.0, 6.0]]    # [kg or kg m^2]
+springs: [[1000.0, 2000.0], [3000.0, 4000.0]] # between the masses [N/m or N m/rad]
+couplings: {m3_6: 1.0}     # between last masses, counted along the rows [kg or kg m^2]
+dampers: [[0.2, 0.4], [0.6, 0.8]]    # parallel to the springs [N s/m or N m s/rad]; or none
+experiment:                  # run i of a block moves motor i, position controllers hold the rest
+multisine:                 # of the speed reference, keys as in an experiment file
+band: [0.1, 15.0]        # [Hz]
+sample_time: 0.004       # [s]
+period: 40.0             # [s]
+amplitude: 0.01            # per motor, of each line of the speed reference [m/s or rad/s]
+blocks: 2                  # each with phases of its own
+periods: 4                 # measured in each run
+transient_periods: 1       # before them, not measured
+angle_noise: 1.0e-5        # per motor, standard deviation on the measured angles [m or rad]
+controller:                # torque -K_R theta - D theta' of the motors that are held
+stiffness: [500.0, 2500.0]    # K_R, per motor [N/m or N m/rad]
+damping: [60.0, 300.0]   # D, per motor [N s/m or N m s/rad]
+masses: 3                    # in each chain, as identified; left out: proposed from the data
+compare_with: hovland_case_study    # left out, except to repeat the case study of that paper
+output: ../out/chains        # folder, relative to this file
 """
 
 from pathlib import Path
@@ -34,7 +33,6 @@ from pydantic import Field, model_validator
 
 from oed.experiment.experiment_file import (
     MOST_SAMPLES,
-    ControllerChoice,
     MultisineChoice,
     NonNegativeEach,
     PositiveEach,
@@ -42,7 +40,7 @@ from oed.experiment.experiment_file import (
 )
 from robotmodels.common.errors import InvalidInput, nearest
 from robotmodels.common.file_paths import output_folder
-from robotmodels.common.yaml_files import Strict, read_yaml
+from robotmodels.common.yaml_files import FileSection, read_yaml
 from robotmodels.description.ranges import Coordinate, Count, Positive, Seed
 from robotmodels.linear.coupled_chains import CoupledChains
 from robotmodels.simulation.controller import Controller
@@ -50,7 +48,7 @@ from robotmodels.simulation.controller import Controller
 Rows = Annotated[list[Annotated[list[Positive], Field(min_length=1)]], Field(min_length=1)]
 
 
-class ChainsChoice(Strict):
+class ChainsChoice(FileSection):
     """Masses, springs, couplings and dampers of the chains that are simulated."""
 
     masses: Rows
@@ -68,7 +66,14 @@ class ChainsChoice(Strict):
         return self
 
 
-class ChainExperiment(Strict):
+class HoldingController(FileSection):
+    """Stiffness and damping of the position controllers, sampled as the torque is."""
+
+    stiffness: PositiveEach
+    damping: PositiveEach
+
+
+class ChainExperiment(FileSection):
     """How the chains are moved and measured, motor after motor."""
 
     multisine: MultisineChoice
@@ -77,7 +82,7 @@ class ChainExperiment(Strict):
     periods: Annotated[int, Field(ge=2, le=1000)] = 4
     transient_periods: Annotated[int, Field(ge=0, le=1000)] = 1
     angle_noise: NonNegativeEach = 0.0
-    controller: ControllerChoice
+    controller: HoldingController
 
     @model_validator(mode="after")
     def _not_too_long(self) -> Self:
@@ -90,7 +95,7 @@ class ChainExperiment(Strict):
         return self
 
 
-class ChainStudy(Strict):
+class ChainStudy(FileSection):
     """A study of coupled chains, ``schema: chain_study/1``; paths are relative to the file."""
 
     schema_: Literal["chain_study/1"] = Field(alias="schema")
@@ -151,9 +156,12 @@ def study_controller(experiment: ChainExperiment, motors: tuple[str, ...]) -> Co
     InvalidInput
         If a list has not one entry per motor.
     """
-    choice = experiment.controller
-    gains = {
-        name: per_motor(f"experiment.controller.{name}", getattr(choice, name), motors)
-        for name in ("speed_gain", "integral_time", "position_gain", "filter_time")
-    }
-    return Controller(**gains, sample_time=experiment.multisine.sample_time)
+    stiffness, damping = (
+        per_motor(f"experiment.controller.{name}", value, motors)
+        for name, value in (
+            ("stiffness", experiment.controller.stiffness),
+            ("damping", experiment.controller.damping),
+        )
+    )
+    endless = np.full(len(motors), np.inf)  # no integral part
+    return Controller(damping, endless, stiffness / damping, experiment.multisine.sample_time)

@@ -14,6 +14,7 @@ class Kind(StrEnum):
     STUDY = "study"
     EXPERIMENT = "experiment"
     ROBOT = "robot"
+    CHAIN_STUDY = "chain_study"
 
 
 def register(app: typer.Typer) -> None:

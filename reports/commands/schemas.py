@@ -8,7 +8,7 @@ from typing import Any
 from robotmodels.common.errors import InvalidInput, nearest
 from robotmodels.common.yaml_files import FileSection
 
-KINDS = ("study", "experiment", "robot")
+KINDS = ("study", "experiment", "robot", "chain_study")
 
 Words = dict[tuple[str, ...], str]
 """Descriptions by the keys that lead to a key."""
@@ -17,13 +17,14 @@ _KEY = re.compile(r"(?P<indent> *)(?P<off># )?(?P<key>[a-z_]+):(?P<rest>.*)")
 
 
 def json_schema(kind: str) -> dict[str, Any]:
-    """Return the JSON Schema (draft 2020-12) of a study, an experiment or a robot file.
+    """Return the JSON Schema (draft 2020-12) of one of the `KINDS` of files.
 
     Raises
     ------
     InvalidInput
         For another kind of file.
     """
+    from oed.chain_study import study_file as chain_study
     from oed.experiment import experiment_file as experiment
     from oed.study.settings import candidates_settings, design_settings, study_file as study
     from robotmodels.description import robot_file
@@ -39,6 +40,15 @@ def json_schema(kind: str) -> dict[str, Any]:
         ),
         "experiment": (experiment.Experiment, shaken),
         "robot": (robot_file.RobotFile, key_words(robot_file)),
+        "chain_study": (
+            chain_study.ChainStudy,
+            {
+                ("experiment", *keys): words
+                for keys, words in shaken.items()
+                if keys[0] == "multisine"
+            }
+            | key_words(chain_study),
+        ),
     }
     if kind not in kinds:
         raise InvalidInput(f"{kind!r} is not a kind of file{nearest(kind, KINDS)}")

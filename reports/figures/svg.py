@@ -118,8 +118,9 @@ def _compact(svg: str, name: str, alt: str) -> str:
     svg = re.sub(r'\bid="([^"]+)"', rf'id="{name}-\1"', svg)
     svg = re.sub(r"url\(#([^)]+)\)", rf"url(#{name}-\1)", svg)
     svg = re.sub(r'xlink:href="#([^"]+)"', rf'href="#{name}-\1"', svg)
-    svg = re.sub(r' id="[^"]*-(?:figure|axes|patch|line2d|text|x?y?tick|matplotlib)[^"]*"', "", svg)
-    svg = re.sub(r' id="[^"]*-(?:FillBetween|LineColl|PathColl)[^"]*"', "", svg)
+    # Names that matplotlib gives and nothing refers to; the figure's own may begin alike.
+    unused = "figure|axes|patch|line2d|text|x?y?tick|matplotlib|FillBetween|LineColl|PathColl"
+    svg = re.sub(rf' id="{re.escape(name)}-(?:{unused})[^"]*"', "", svg)
     svg = re.sub(r'( d="|points=")([^"]*)"', lambda m: f'{m[1]}{_short_path(m[2])}"', svg)
     svg = re.sub(r'\b(x|y|x1|x2|y1|y2)="(-?\d+\.\d+)"', _round_attribute, svg)
     svg = re.sub(r"\s*\n\s*", "\n", svg)

@@ -119,7 +119,8 @@ def sampled_loop(model: LinearModel, controller: Controller) -> SampledLoop:
     a, integral = controller.filter_pole[:, None], (T / controller.integral_time)[:, None]
     w = a * w + (1 - a) / T * (seen - last)
     error = reference - controller.position_gain[:, None] * seen - w
-    i = i + integral * error
+    # Without an integral part nothing is remembered: the pole at 1 would pass for instability.
+    i = (integral > 0) * i + integral * error
     torque = controller.speed_gain[:, None] * (error + i)
     transition = _zero_order_hold(model, T)
     moved = transition[:, : 2 * d] @ motion + transition[:, 2 * d :] @ torque

@@ -3,6 +3,7 @@ import re
 
 import matplotlib as mpl
 import numpy as np
+import pytest
 from matplotlib.figure import Figure
 
 from reports.figures import svg
@@ -64,6 +65,20 @@ def test_colours_words_and_alt_text():
 def test_the_same_figure_is_the_same_text():
     drawing = line_of(([0, 1], [0, 1]))
     assert svg.inline(drawing, "a", "line") == svg.inline(drawing, "a", "line")
+
+
+@pytest.mark.parametrize("name", ["a", "in-figure-2", "text-axes-line2d_1"])
+def test_everything_a_figure_refers_to_is_in_it_whatever_its_name(name):
+    def draw(palette):
+        figure = Figure(figsize=(3, 2))
+        figure.subplots().plot([0, 1], [0, 1], "o-", color=palette.accent)
+        return figure
+
+    page = svg.inline(draw, name, "a line with dots")
+    references = set(re.findall(r'(?:href="#|url\(#)([^")]+)', page))
+    assert len(references) >= 2  # a marker and a clipping path
+    for reference in references:
+        assert f'id="{reference}"' in page
 
 
 def test_a_large_figure_becomes_a_picture(monkeypatch):

@@ -6,6 +6,9 @@ from scipy.linalg import expm
 
 import robotmodels
 from robotmodels import Controller, ElasticRobot, InvalidInput, default_controller
+from robotmodels.linear.chain_responses import modally_damped
+from robotmodels.linear.coupled_chains import CoupledChains
+from robotmodels.simulation.discrete_loop import sampled_loop
 
 T = 5e-4
 
@@ -112,3 +115,17 @@ def test_gains_out_of_range(change: dict[str, object], message: str) -> None:
 def test_a_sample_time_is_needed() -> None:
     with pytest.raises(InvalidInput, match="sample_time: -1"):
         default_controller(robotmodels.load_robot("ur5"), -1.0)
+
+
+def test_without_an_integral_part_a_loop_is_stable_and_has_no_pole_at_one():
+    chains = CoupledChains(np.array([[1.0, 2.0]]), np.array([[900.0]]), np.zeros((1, 1)))
+    damped = modally_damped(chains.linear_model(), 0.01)
+    loops = [
+        sampled_loop(damped, Controller([40.0], [integral_time], [5.0], 1e-3))
+        for integral_time in (np.inf, 1e9)
+    ]
+    endless, long = loops
+    assert endless.largest_pole < 1 - 1e-4
+    assert long.largest_pole > 1 - 1e-9  # an integrator that hardly integrates
+    references = np.random.default_rng(1).standard_normal((1, 200, 1))
+    assert endless.swing(references) == pytest.approx(long.swing(references), rel=1e-6)
