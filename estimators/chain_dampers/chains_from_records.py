@@ -32,7 +32,7 @@ class MeasuredChains:
         FRFs of all positions, and how they were estimated.
     position : int
         Index of the one that was used.
-    found : ChainIdentification
+    identification : ChainIdentification
         The identification.
     dampers : DamperFit or None
         The fit with dampers, or None where it failed.
@@ -42,14 +42,14 @@ class MeasuredChains:
 
     frf: MeasuredFrf
     position: int
-    found: ChainIdentification
+    identification: ChainIdentification
     dampers: DamperFit | None
     warnings: tuple[str, ...]
 
     @property
     def recommended(self) -> ChainEstimate:
         """The estimate to quote, with its intervals and verdict."""
-        return recommended_estimate(self.found, self.dampers)
+        return recommended_estimate(self.identification, self.dampers)
 
 
 def measured_chains(
@@ -101,7 +101,7 @@ def measured_chains(
         raise InvalidInput(f"{path}: position {position + 1}; there are positions 1 to {count}")
     if progress is not None:
         progress("chains", 0, 0)
-    found = chains_from_frf(
+    identification = chains_from_frf(
         frf.estimate,
         n_masses,
         position=position,
@@ -110,38 +110,40 @@ def measured_chains(
         sample_time=first.sample_time if hold else None,
         delay=delay,
     )
-    dampers, reason = _dampers(found)
-    best = recommended_estimate(found, dampers)
-    explained = best is not found.structured and best.verdict in _EXPLAINED
-    said = (*frf.warnings, *notes(found, explained=explained), *reason)
-    said = (*said, *_disagreement(found, dampers))
+    dampers, reason = _dampers(identification)
+    best = recommended_estimate(identification, dampers)
+    explained = best is not identification.structured and best.verdict in _EXPLAINED
+    warnings = (*frf.warnings, *notes(identification, explained=explained), *reason)
+    warnings = (*warnings, *_disagreement(identification, dampers))
     if progress is not None:
         progress("chains", 1, 1)
-    return MeasuredChains(frf, position, found, dampers, said)
+    return MeasuredChains(frf, position, identification, dampers, warnings)
 
 
-def _disagreement(found: ChainIdentification, dampers: DamperFit | None) -> tuple[str, ...]:
+def _disagreement(
+    identification: ChainIdentification, dampers: DamperFit | None
+) -> tuple[str, ...]:
     """Say by how much the two models of damping differ, where they differ clearly."""
     if dampers is None:
         return ()
-    one, other = recommended_estimate(found, dampers), found.structured
+    one, other = recommended_estimate(identification, dampers), identification.structured
     other = dampers.estimate if one is other else other
     with np.errstate(divide="ignore", invalid="ignore"):
-        apart = np.nan_to_num(np.abs(one.values - other.values) / one.std, nan=0.0)
-    far = np.flatnonzero((apart > _APART) & (one.std > 0))
+        distances = np.nan_to_num(np.abs(one.values - other.values) / one.std, nan=0.0)
+    far = np.flatnonzero((distances > _APART) & (one.std > 0))
     if not far.size:
         return ()
-    k = int(far[np.argmax(apart[far])])
+    k = int(far[np.argmax(distances[far])])
     names = ", ".join(one.names[i] for i in far)
     return (
         f"{names}: {other.method} differs from {one.method}, which is recommended, by up to "
-        f"{apart[k]:.2g} standard deviations: how the chains are damped decides",
+        f"{distances[k]:.2g} standard deviations: how the chains are damped decides",
     )
 
 
-def _dampers(found: ChainIdentification) -> tuple[DamperFit | None, tuple[str, ...]]:
+def _dampers(identification: ChainIdentification) -> tuple[DamperFit | None, tuple[str, ...]]:
     try:
-        fitted = fit_dampers(found)
+        fitted = fit_dampers(identification)
     except IdentificationError as error:
         return None, (f"dampers could not be fitted: {error}",)
     if not fitted.fit.converged:

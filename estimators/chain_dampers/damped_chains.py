@@ -89,8 +89,10 @@ class DampedChains:
         """
         values = self.parameters.check(parameters)
         s, m = self.layout.modes, self.layout.chains
-        springs, dampers, masses, rest = np.split(values, np.cumsum([s, s, m * self.layout.masses]))
-        signed = rest + self.offsets
+        springs, dampers, masses, offset_values = np.split(
+            values, np.cumsum([s, s, m * self.layout.masses])
+        )
+        signed = offset_values + self.offsets
         couplings, friction, delay = np.split(signed, [len(signed) - m - 1, len(signed) - 1])
         theta = np.concatenate([masses, springs, couplings])
         return DampedChains(self.layout, theta, dampers, friction, float(delay[0]), self.offsets)

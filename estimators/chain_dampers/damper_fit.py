@@ -10,6 +10,7 @@ from estimators.chains.identified_chains import ChainIdentification
 from estimators.fitting.least_squares import Fit, fit
 from estimators.uncertainty.covariance import Uncertainty, covariance
 from robotmodels.common.arrays import Array, ComplexArray
+from robotmodels.common.deprecation import renamed_keywords
 from robotmodels.common.printing import ReprHtml
 from robotmodels.linear.modes import resonances
 
@@ -86,7 +87,8 @@ class DamperFit(ReprHtml):
         return "\n".join(lines)
 
 
-def fit_dampers(found: ChainIdentification) -> DamperFit:
+@renamed_keywords(since="0.2", found="identification")
+def fit_dampers(identification: ChainIdentification) -> DamperFit:
     """Fit dampers parallel to the springs, and everything else with them.
 
     The search begins at the identified chains; the first dampers are those, none negative, whose
@@ -97,52 +99,60 @@ def fit_dampers(found: ChainIdentification) -> DamperFit:
     NotIdentifiable
         If the data do not say all parameters.
     """
-    start = _start(found)
-    data = found.modes.data
-    sized = data.of_size(2 * found.modes.cost / data.size) if data.scaled else data
+    start = _start(identification)
+    data = identification.modes.data
+    sized = data.of_size(2 * identification.modes.cost / data.size) if data.scaled else data
     result = fit(start, sized.estimate, residual="nls", weights=1 / data.std[None] ** 2)
     uncertainty = covariance(result)
     model = start.at(result.parameters.values)
-    return DamperFit(result, model, uncertainty, _structure(result, uncertainty, model, found))
+    return DamperFit(
+        result, model, uncertainty, _structure(result, uncertainty, model, identification)
+    )
 
 
-def recommended_estimate(found: ChainIdentification, dampers: DamperFit | None) -> ChainEstimate:
+def recommended_estimate(
+    identification: ChainIdentification, dampers: DamperFit | None
+) -> ChainEstimate:
     """Return the estimate to quote: with dampers, or with damping free mode by mode.
 
     That with dampers, unless modes explain the FRFs clearly better, by more than what they have
     free besides lets expect, or only that with modes has a verdict that gives intervals. Where
     motor inertias were given, those of the modes, which take them as exact.
     """
-    structured = found.structured
-    given = structured.trust is None or structured.trust.names[0] != structured.names[0]
-    if dampers is None or given or not dampers.fit.converged:
+    structured = identification.structured
+    inertias_given = structured.trust is None or structured.trust.names[0] != structured.names[0]
+    if dampers is None or inertias_given or not dampers.fit.converged:
         return structured
     modes, damped = structured.verdict, dampers.estimate.verdict
     assert modes is not None
     assert damped is not None
     if modes.gives_interval != damped.gives_interval:
         return structured if modes.gives_interval else dampers.estimate
-    noise = 2 * found.cost / found.modes.data.size if found.modes.data.scaled else 1.0
-    more = found.modes.layout.sizes[-1] + 1
-    clearly = dampers.fit.cost - found.cost > _GAIN * more * noise
+    noise = (
+        2 * identification.cost / identification.modes.data.size
+        if identification.modes.data.scaled
+        else 1.0
+    )
+    more = identification.modes.layout.sizes[-1] + 1
+    clearly = dampers.fit.cost - identification.cost > _GAIN * more * noise
     return structured if clearly else dampers.estimate
 
 
-def _start(found: ChainIdentification) -> DampedChains:
+def _start(identification: ChainIdentification) -> DampedChains:
     from scipy.optimize import nnls
 
-    layout, modes = found.structured.layout, found.modes
-    chains = found.chains
+    layout, modes = identification.structured.layout, identification.modes
+    chains = identification.chains
     undamped = resonances(chains.linear_model())
     network = chains.network(np.zeros((1, 0)))
     stretch = (network.incidence() @ undamped.shapes) ** 2
-    wanted = 2 * modes.damping * modes.omega
-    dampers = nnls(stretch.T, wanted)[0]
+    modal_damping = 2 * modes.damping * modes.omega
+    dampers = nnls(stretch.T, modal_damping)[0]
     # One time constant for all springs is the fallback: damping in proportion to stiffness.
-    share = float(np.median(wanted / modes.omega**2))
+    share = float(np.median(modal_damping / modes.omega**2))
     least = _LEAST * max(share, 1e-9) * chains.springs.ravel()
     m = layout.chains
-    masses, _, _ = layout.split(found.structured.values)
+    masses, _, _ = layout.split(identification.structured.values)
     i, j = np.triu_indices(m, 1)
     begin = sum(modes.layout.sizes[:4])
     std = np.sqrt(np.diag(modes.covariance))[begin : begin + m + 1]
@@ -151,7 +161,7 @@ def _start(found: ChainIdentification) -> DampedChains:
     offsets = np.concatenate([-last, signed - np.abs(signed) - 10 * std])
     return DampedChains(
         layout,
-        np.array(found.structured.values),
+        np.array(identification.structured.values),
         np.maximum(dampers, least),
         np.array(modes.friction),
         modes.delay,
@@ -160,7 +170,7 @@ def _start(found: ChainIdentification) -> DampedChains:
 
 
 def _structure(
-    result: Fit, uncertainty: Uncertainty, model: DampedChains, found: ChainIdentification
+    result: Fit, uncertainty: Uncertainty, model: DampedChains, identification: ChainIdentification
 ) -> ChainEstimate:
     """Return theta with its covariance, from that of ln of the fit's parameters."""
     layout = model.layout
@@ -176,6 +186,6 @@ def _structure(
         model.theta,
         spread,
         "least squares with dampers",
-        found.inverse.condition,
+        identification.inverse.condition,
         result.trust,
     )

@@ -86,10 +86,10 @@ def held_responses(records: Records, modes: FittedModes, delay: float = 0.0) -> 
                 f"{np.count_nonzero(inside)} lines {where}; more than {_TERMS} are needed for the "
                 "gains there: widen the band, or take a longer period"
             )
-    own = [_low_gain(w[below], G[below, 0, 0], std[below, 0, 0]) for w, G, std in direct]
+    low = [_low_gain(w[below], G[below, 0, 0], std[below, 0, 0]) for w, G, std in direct]
     between = [_low_gain(w[below], G[below, 0, 1], std[below, 0, 1]) for w, G, std in pairs]
     high = [_high_gain(modes, i, above) for i in range(motors)]
-    gains = (np.reshape(part, (-1, 2)).T for part in (own, high, between))
+    gains = (np.reshape(part, (-1, 2)).T for part in (low, high, between))
     return HeldResponses(
         omega,
         np.stack([G[:, 0, 0] for _, G, _ in direct], axis=1),

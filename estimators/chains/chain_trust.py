@@ -134,10 +134,10 @@ def _interval(every: dict[str, Interval], name: str, value: float, verdict: Verd
 def chain_verdict(trust: Trust, intervals: tuple[Interval, ...]) -> Verdict:
     """Return the verdict on masses, springs and couplings: the gravest of their own."""
     names = {i.name for i in intervals}
-    kept = [k for k, name in enumerate(trust.names) if name.removesuffix(ABOVE) in names]
+    indices = [k for k, name in enumerate(trust.names) if name.removesuffix(ABOVE) in names]
     return replace(
         trust,
-        names=tuple(trust.names[k] for k in kept),
-        verdicts=tuple(trust.verdicts[k] for k in kept),
-        reasons=tuple(trust.reasons[k] for k in kept),
+        names=tuple(trust.names[k] for k in indices),
+        verdicts=tuple(trust.verdicts[k] for k in indices),
+        reasons=tuple(trust.reasons[k] for k in indices),
     ).verdict

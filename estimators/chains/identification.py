@@ -177,15 +177,15 @@ def _modes(data: Data, layout: ChainLayout) -> tuple[FittedModes, float]:
     # nothing.
     enough = data.size >= 2 * (layout.modal.size + (2 + data.chains) * layout.modes + data.chains)
     kind: Shapes = "complex" if enough else "auto"
-    found = fit_modes(data, layout.modes, shapes=kind)
-    check_not_too_many(found, layout.masses)
+    modes = fit_modes(data, layout.modes, shapes=kind)
+    check_not_too_many(modes, layout.masses)
     excess = 0.0
-    if not data.scaled and found.misfit > _MISFIT:
+    if not data.scaled and modes.misfit > _MISFIT:
         for _ in range(2):
-            enlarged, excess = with_excess(replace(found, data=data))
-            found = fit_modes(enlarged, layout.modes, shapes=kind)
-    check_not_too_few(found, layout.masses)
-    return found, excess
+            enlarged, excess = with_excess(replace(modes, data=data))
+            modes = fit_modes(enlarged, layout.modes, shapes=kind)
+    check_not_too_few(modes, layout.masses)
+    return modes, excess
 
 
 def _checked(
@@ -224,19 +224,21 @@ def _check_excited(response: ComplexArray) -> None:
 
 
 def _checked_motors(first_masses: Array, count: int) -> Array:
-    given = real_numbers(first_masses, "first_masses")
-    if given.shape not in ((), (count,)) or not (np.isfinite(given) & (given > 0)).all():
-        raise InvalidInput(f"first_masses: {given.tolist()} are not {count} positive numbers")
-    return np.broadcast_to(given, (count,))
+    masses = real_numbers(first_masses, "first_masses")
+    if masses.shape not in ((), (count,)) or not (np.isfinite(masses) & (masses > 0)).all():
+        raise InvalidInput(f"first_masses: {masses.tolist()} are not {count} positive numbers")
+    return np.broadcast_to(masses, (count,))
 
 
-def _checked_covariance(given: NDArray[Any], shape: tuple[int, ...]) -> NDArray[Any]:
+def _checked_covariance(covariance: NDArray[Any], shape: tuple[int, ...]) -> NDArray[Any]:
     lines, m, _ = shape
-    if given.shape not in (shape, (lines, m * m, m * m)):
+    if covariance.shape not in (shape, (lines, m * m, m * m)):
         raise InvalidInput(
-            f"covariance: shape {given.shape}; {shape} or {(lines, m * m, m * m)} is needed"
+            f"covariance: shape {covariance.shape}; {shape} or {(lines, m * m, m * m)} is needed"
         )
-    variance = given if given.shape == shape else np.diagonal(given, axis1=1, axis2=2)
+    variance = (
+        covariance if covariance.shape == shape else np.diagonal(covariance, axis1=1, axis2=2)
+    )
     wrong = ~(np.isfinite(variance) & (variance.real > 0)).reshape(lines, -1)
     if wrong.any():
         f, element = np.argwhere(wrong)[0]
@@ -244,14 +246,14 @@ def _checked_covariance(given: NDArray[Any], shape: tuple[int, ...]) -> NDArray[
             f"covariance: the variance of frequency {f}, element {element} (counted from 0) is no "
             "positive number"
         )
-    return given
+    return covariance
 
 
 _IMAGES = 40
 _COUNTS = 0.02  # of a standard deviation, from which on images are taken off
 
 
-def held_images(found: FittedModes, sample_time: float, delay: float = 0.0) -> ComplexArray:
+def held_images(modes: FittedModes, sample_time: float, delay: float = 0.0) -> ComplexArray:
     """Return what images add to the FRFs (F, M, M) of fitted modes.
 
     Parameters
@@ -261,11 +263,11 @@ def held_images(found: FittedModes, sample_time: float, delay: float = 0.0) -> C
     delay : float, s
         Delay that the FRFs were corrected for, beside that of the modes.
     """
-    omega = found.data.omega
-    total = np.zeros(found.data.response.shape, dtype=complex)
+    omega = modes.data.omega
+    total = np.zeros(modes.data.response.shape, dtype=complex)
     for m in [k for i in range(1, _IMAGES + 1) for k in (-i, i)]:
         image = omega + 2 * np.pi * m / sample_time
-        G = modal_response(found.x, found.layout, np.abs(image))
+        G = modal_response(modes.x, modes.layout, np.abs(image))
         G = np.where(image[:, None, None] < 0, np.conj(G), G)
         share = (omega / image) ** 3 * np.exp(-1j * (image - omega) * delay)
         total += share[:, None, None] * G

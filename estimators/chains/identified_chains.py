@@ -10,6 +10,7 @@ from estimators.chains.model_order import OrderProposal, prominent_modes
 from estimators.chains.modes import FittedModes
 from estimators.chains.parameter_maps import forward_map, inverse_map, inverse_slope
 from robotmodels.common.arrays import Array, ComplexArray
+from robotmodels.common.deprecation import renamed_keywords
 from robotmodels.linear.coupled_chains import CoupledChains
 from robotmodels.linear.modes import resonances
 from robotmodels.linear.response import check_omega
@@ -20,7 +21,7 @@ _UNLIKELY = 1e-3
 _MOST_NAMED = 6
 
 
-def notes(found: "ChainIdentification", *, explained: bool = False) -> tuple[str, ...]:
+def notes(identification: "ChainIdentification", *, explained: bool = False) -> tuple[str, ...]:
     """Return one sentence for each thing that looks doubtful, none where all is well.
 
     Parameters
@@ -28,45 +29,49 @@ def notes(found: "ChainIdentification", *, explained: bool = False) -> tuple[str
     explained : bool
         Whether another model, that with dampers, explains what modes do not.
     """
-    return (*_errors(found, explained), *_modes(found), *_parameters(found))
+    return (
+        *_errors(identification, explained),
+        *_modes(identification),
+        *_parameters(identification),
+    )
 
 
-def _errors(found: "ChainIdentification", explained: bool) -> list[str]:
-    said = []
-    if found.left_out:
-        hertz = found.modes.data.omega[0] / (2 * np.pi)
-        said.append(
-            f"{found.left_out} at the low end, below {hertz:.3g} Hz, left out of the lines: "
-            "friction distorts what is there"
+def _errors(identification: "ChainIdentification", explained: bool) -> list[str]:
+    sentences = []
+    if identification.left_out:
+        hertz = identification.modes.data.omega[0] / (2 * np.pi)
+        sentences.append(
+            f"{identification.left_out} at the low end, below {hertz:.3g} Hz, left out of the "
+            "lines: friction distorts what is there"
         )
     if explained:
-        return said
-    if found.excess:
-        said.append(
-            f"noise does not explain the misfit: {100 * found.excess:.2g} % of each FRF was added "
-            "as an error, as strong dampers, which `fit_dampers` allows for, friction, backlash or "
-            "a mode outside the band would make it"
+        return sentences
+    if identification.excess:
+        sentences.append(
+            f"noise does not explain the misfit: {100 * identification.excess:.2g} % of each FRF "
+            "was added as an error, as strong dampers, which `fit_dampers` allows for, friction, "
+            "backlash or a mode outside the band would make it"
         )
-    p = found.structure_p_value
+    p = identification.structure_p_value
     if p < _UNLIKELY:
         doubt = "the structure, or the number of masses, is in doubt"
-        if found.modes.layout.turned:
+        if identification.modes.layout.turned:
             doubt = f"dampers couple the modes, which `fit_dampers` allows for, or {doubt}"
-        said.append(
+        sentences.append(
             f"poles and zeros are unlike those of any such chains without dampers (probability "
             f"{p:.1g}): {doubt}"
         )
-    return said
+    return sentences
 
 
-def _modes(found: "ChainIdentification") -> list[str]:
-    modes = found.modes
-    said: list[str] = []
+def _modes(identification: "ChainIdentification") -> list[str]:
+    modes = identification.modes
+    sentences: list[str] = []
     if modes.data.undamped:
-        return said
+        return sentences
     hertz = modes.omega / (2 * np.pi)
     for r in np.flatnonzero(~prominent_modes(modes)):
-        said.append(
+        sentences.append(
             f"the mode at {hertz[r]:.4g} Hz all but cancels against a zero in every chain: "
             "the order may be too high for the data"
         )
@@ -76,15 +81,15 @@ def _modes(found: "ChainIdentification") -> list[str]:
         if prominent_modes(modes)[r]
     ]
     if hidden:
-        said.append(
+        sentences.append(
             f"pole and zero cancel within noise at {', '.join(hidden[:_MOST_NAMED])}"
             f"{' and others' if len(hidden) > _MOST_NAMED else ''}"
         )
-    return said
+    return sentences
 
 
-def _parameters(found: "ChainIdentification") -> list[str]:
-    estimate = found.structured
+def _parameters(identification: "ChainIdentification") -> list[str]:
+    estimate = identification.structured
     p = estimate.layout.positive
     poor = [
         n for n, s in zip(estimate.names[:p], estimate.relative_std[:p], strict=True) if s > _POOR
@@ -109,10 +114,10 @@ class ChainIdentification:
     inverse : ChainEstimate
         Solution of the inverse eigenvalue problem.
     structured : ChainEstimate
-        Maximum-likelihood chains started from it; the result, which `masses`, `springs` and
-        `couplings` show.
+        The result, which `masses`, `springs` and `couplings` show: maximum-likelihood chains
+        started from the inverse problem; for the other methods and exact FRFs, its solution itself.
     cost : float
-        Cost of the structured fit; what it exceeds the modes' by tells whether these are chains.
+        Cost of these chains; what it exceeds the modes' by tells whether these are chains.
     order : OrderProposal or None
         How N was proposed, or None where it was given.
     left_out : int
@@ -185,26 +190,27 @@ class ChainIdentification:
         """
         from scipy.stats import chi2
 
-        layout, found = self.inverse.layout, self.modes
+        layout, modes = self.inverse.layout, self.modes
         p, k = layout.modal.size, len(self.inverse.values)
         spare = p - k
-        if spare < 1 or found.data.undamped:
+        if spare < 1 or modes.data.undamped:
             return float("nan")
-        x = found.x[:p]
+        x = modes.x[:p]
         theta = inverse_map(x, layout)
-        back, slope = forward_map(theta, layout, found.shapes)
+        back, slope = forward_map(theta, layout, modes.shapes)
         scale = np.where(np.arange(k) < layout.positive, theta, 1.0)
         H = slope @ (inverse_slope(x, layout) / scale[:, None]) - np.eye(p)
-        values, vectors = np.linalg.eigh(H @ found.covariance[:p, :p] @ H.T)
+        values, vectors = np.linalg.eigh(H @ modes.covariance[:p, :p] @ H.T)
         parts = (vectors.T @ (back - x))[-spare:] ** 2 / values[-spare:]
         return float(chi2.sf(parts.sum(), spare))
 
     def __str__(self) -> str:
-        said = [f"note: {note}" for note in self.notes]
-        return "\n".join([str(self.structured), str(self.inverse), *said])
+        sentences = [f"note: {note}" for note in self.notes]
+        return "\n".join([str(self.structured), str(self.inverse), *sentences])
 
 
-def predict_masses(found: ChainIdentification, omega: Array) -> ComplexArray:
+@renamed_keywords(since="0.2", found="identification")
+def predict_masses(identification: ChainIdentification, omega: Array) -> ComplexArray:
     """Return accelerations of all masses per motor torque, (F, M N, M), in the chains' order.
 
     Shapes are those of the identified chains without damping; damping ratios, motor friction and
@@ -221,13 +227,13 @@ def predict_masses(found: ChainIdentification, omega: Array) -> ComplexArray:
         If a frequency is not positive.
     """
     s = 1j * check_omega(omega)
-    model, modes = found.chains.linear_model(), found.modes
+    model, modes = identification.chains.linear_model(), identification.modes
     undamped = resonances(model)
     w, zeta = undamped.frequencies, modes.damping
     h = s[:, None] ** 2 / (s[:, None] ** 2 + 2 * zeta * w * s[:, None] + w**2)
     motors = model.selector.T @ undamped.shapes
     elastic = np.einsum("fr,dr,mr->fdm", h, undamped.shapes, motors)
-    together = np.kron(np.eye(len(found.masses)), np.ones((found.n_masses, 1)))
+    together = np.kron(np.eye(len(identification.masses)), np.ones((identification.n_masses, 1)))
     inertia = together.T @ model.mass @ together
     rigid = np.linalg.inv(inertia + np.diag(modes.friction) / s[:, None, None])
     late = np.exp(-s * modes.delay)

@@ -69,7 +69,7 @@ def _linear(
     columns = [np.ones(len(s))[:, None], h] + ([1 / s[:, None]] if layout.losses else [])
     basis = np.concatenate(columns, axis=1)
     weights = 1 / data.std
-    found = np.zeros((basis.shape[1], m, m))
+    residues = np.zeros((basis.shape[1], m, m))
     for i, j in zip(*np.triu_indices(m), strict=True):
         rows = [(weights[:, a, b], response[:, a, b]) for a, b in {(i, j), (j, i)}]
         A = np.concatenate([w[:, None] * basis for w, _ in rows])
@@ -77,14 +77,14 @@ def _linear(
         size = np.linalg.norm(A, axis=0)
         real = np.concatenate([(A / size).real, (A / size).imag])
         value = np.linalg.lstsq(real, np.concatenate([b.real, b.imag]), rcond=None)[0] / size
-        found[:, i, j] = found[:, j, i] = value
-    rigid = _positive(found[0])
-    values, vectors = np.linalg.eigh(found[1 : 1 + n])
+        residues[:, i, j] = residues[:, j, i] = value
+    rigid = _positive(residues[0])
+    values, vectors = np.linalg.eigh(residues[1 : 1 + n])
     shapes: Array = np.sqrt(np.maximum(values[:, -1:], 1e-8 * np.trace(rigid))) * vectors[:, :, -1]
     inertia: Array = np.asarray(np.linalg.inv(rigid), dtype=float)
     if not layout.losses:
         return layout.join(inertia, omega, shapes)
-    friction = -np.diag(inertia @ found[-1] @ inertia)
+    friction = -np.diag(inertia @ residues[-1] @ inertia)
     return layout.join(inertia, omega, shapes, np.maximum(zeta, 1e-5), friction)
 
 

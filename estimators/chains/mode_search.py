@@ -44,16 +44,16 @@ def fit_modes(
     layout = ModalLayout(data.chains, count)
     starts = _distinct(data, layout)
     rough = [_search(data, layout, x, 8) for x in starts]
-    found = _refined(data, layout, min(rough, key=lambda point: point[1])[0], rounds)
-    explained = not data.scaled and found.misfit < 1 + 3 * np.sqrt(2 / data.size)
+    straight = _refined(data, layout, min(rough, key=lambda point: point[1])[0], rounds)
+    explained = not data.scaled and straight.misfit < 1 + 3 * np.sqrt(2 / data.size)
     if shapes == "real" or (shapes == "auto" and explained):
-        return found
+        return straight
     bent = min(
-        (_with_turned_shapes(data, layout, x, rounds) for x in (found.x, starts[0])),
+        (_with_turned_shapes(data, layout, x, rounds) for x in (straight.x, starts[0])),
         key=lambda one: one.cost,
     )
-    gain = (found.cost - bent.cost) / max(bent.misfit, 1e-300)
-    return bent if shapes == "complex" or gain > _TURNING * bent.layout.sizes[-1] else found
+    gain = (straight.cost - bent.cost) / max(bent.misfit, 1e-300)
+    return bent if shapes == "complex" or gain > _TURNING * bent.layout.sizes[-1] else straight
 
 
 def _distinct(data: Data, layout: ModalLayout) -> list[Array]:
@@ -62,11 +62,11 @@ def _distinct(data: Data, layout: ModalLayout) -> list[Array]:
         float(np.sum(data.whitened(modal_response(x, layout, data.omega) - data.response) ** 2))
         for x in starts
     ]
-    kept: list[int] = []
+    distinct: list[int] = []
     for i in np.argsort(costs):
-        if len(kept) < 2 and all(costs[i] > 1.01 * costs[k] for k in kept):
-            kept.append(int(i))
-    return [starts[i] for i in kept]
+        if len(distinct) < 2 and all(costs[i] > 1.01 * costs[k] for k in distinct):
+            distinct.append(int(i))
+    return [starts[i] for i in distinct]
 
 
 def _with_turned_shapes(data: Data, layout: ModalLayout, x: Array, rounds: int) -> FittedModes:
@@ -103,8 +103,8 @@ def _search(data: Data, layout: ModalLayout, x: Array, rounds: int) -> tuple[Arr
     low, high = np.full(len(x), -np.inf), np.full(len(x), np.inf)
     if layout.losses:
         begin, start = layout.sizes[0], layout.structure
-        places = slice(begin, begin + layout.modes)
-        low[places], high[places] = np.log(data.omega[[0, -1]] * [1 / _BEYOND, _BEYOND])
+        frequencies = slice(begin, begin + layout.modes)
+        low[frequencies], high[frequencies] = np.log(data.omega[[0, -1]] * [1 / _BEYOND, _BEYOND])
         zeta = slice(start, start + layout.modes)
         low[zeta], high[zeta] = 1e-7, _LARGEST_DAMPING
 
@@ -114,7 +114,7 @@ def _search(data: Data, layout: ModalLayout, x: Array, rounds: int) -> tuple[Arr
     def jacobian(v: Array) -> Array:
         return data.whitened(modal_sensitivity(v, layout, data.omega)[1])
 
-    found = least_squares(
+    solution = least_squares(
         residuals,
         _inside(x, low, high),
         jac=jacobian,
@@ -125,7 +125,7 @@ def _search(data: Data, layout: ModalLayout, x: Array, rounds: int) -> tuple[Arr
         gtol=1e-15,
         max_nfev=rounds,
     )
-    return np.asarray(found.x), float(2 * found.cost)
+    return np.asarray(solution.x), float(2 * solution.cost)
 
 
 def _inside(x: Array, low: Array, high: Array) -> Array:

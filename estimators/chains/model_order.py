@@ -30,25 +30,25 @@ class WrongModeCount(InvalidInput):
         Angular frequencies.
     response : ndarray of complex, (F, M, M)
         FRFs that were searched.
-    found : ndarray, (k,), rad/s
-        Frequencies of the modes that were found.
+    resonances : ndarray, (k,), rad/s
+        Frequencies of the modes that the FRFs show.
     expected : int
         Number of modes.
     """
 
-    def __init__(self, data: Data, found: Array, expected: int, n_masses: int) -> None:
+    def __init__(self, data: Data, resonances: Array, expected: int, n_masses: int) -> None:
         self.omega: Array = data.omega
         self.response: ComplexArray = data.response
-        self.found = np.asarray(found)
+        self.resonances = np.asarray(resonances)
         self.expected = expected
-        m, k = data.chains, len(self.found)
+        m, k = data.chains, len(self.resonances)
         fits = f"; n_masses = {k // m + 1} would fit" if k and k % m == 0 else ""
         few = k < expected
         remedy = "a mode is missing from the band or hidden in noise" if few else "a mode too many"
         super().__init__(
             f"n_masses: {m} chain{'s' if m > 1 else ''} of {n_masses} masses have {expected} "
             f"resonances, {'only ' if few else ''}{k} {'is' if k == 1 else 'are'} found "
-            f"({_listed(self.found)}): {remedy}{fits}"
+            f"({_listed(self.resonances)}): {remedy}{fits}"
         )
 
     def with_picture(self, path: Path) -> InvalidInput:
@@ -124,63 +124,63 @@ def _enough(fits: list[FittedModes]) -> bool:
     return bool(not before or explained)
 
 
-def clear_modes(found: FittedModes) -> NDArray[np.bool_]:
+def clear_modes(modes: FittedModes) -> NDArray[np.bool_]:
     """Return which modes, (n,), are in the band, lightly damped and clear of the noise."""
-    if found.data.undamped:
-        return np.ones(found.layout.modes, dtype=bool)
-    low, high = found.data.omega[[0, -1]]
-    m = found.layout.chains
-    noise = 1.0 if found.data.scaled else max(found.misfit, 1.0)
+    if modes.data.undamped:
+        return np.ones(modes.layout.modes, dtype=bool)
+    low, high = modes.data.omega[[0, -1]]
+    m = modes.layout.chains
+    noise = 1.0 if modes.data.scaled else max(modes.misfit, 1.0)
     return np.asarray(
-        (found.omega > low / _EDGE)
-        & (found.omega < high * _EDGE)
-        & (found.damping < _LARGEST_DAMPING)
-        & (found.significance > _CLEAR * m * noise)
+        (modes.omega > low / _EDGE)
+        & (modes.omega < high * _EDGE)
+        & (modes.damping < _LARGEST_DAMPING)
+        & (modes.significance > _CLEAR * m * noise)
     )
 
 
-def prominent_modes(found: FittedModes) -> NDArray[np.bool_]:
+def prominent_modes(modes: FittedModes) -> NDArray[np.bool_]:
     """Return which modes, (n,), do not all but cancel against a zero in every chain.
 
     A proposal counts those only: in FRFs of little noise, pairs of a pole and a zero mop up what
     friction and backlash do.
     """
-    share = found.shapes**2 / found.high_gains
+    share = modes.shapes**2 / modes.high_gains
     return np.asarray(share.max(axis=1) > _SHARE)
 
 
-def check_not_too_few(found: FittedModes, n_masses: int) -> None:
+def check_not_too_few(modes: FittedModes, n_masses: int) -> None:
     """Refuse more masses than the FRFs show.
 
     Raises
     ------
     WrongModeCount
-        With the modes that were found.
+        With the resonances of the FRFs.
     """
-    clear = clear_modes(found)
+    clear = clear_modes(modes)
     if not clear.all():
-        raise WrongModeCount(found.data, found.omega[clear], found.layout.modes, n_masses)
+        raise WrongModeCount(modes.data, modes.omega[clear], modes.layout.modes, n_masses)
 
 
-def check_not_too_many(found: FittedModes, n_masses: int) -> None:
+def check_not_too_many(modes: FittedModes, n_masses: int) -> None:
     """Refuse fewer masses than the FRFs show: more modes are clear, and halve the misfit.
 
     Raises
     ------
     WrongModeCount
-        With the modes that were found.
+        With the resonances of the FRFs.
     """
-    data, count = found.data, found.layout.modes
-    if data.scaled or found.misfit < _EXCESS:
+    data, count = modes.data, modes.layout.modes
+    if data.scaled or modes.misfit < _EXCESS:
         return  # nothing is left to explain, or nobody knows how much
-    more = found
+    more = modes
     for extra in (1, data.chains, 2 * data.chains):
         if data.size < 4 * (more.layout.size + extra * (data.chains + 2)):
             break
         trial = fit_modes(data, count + extra, _ROUNDS)
         if (clear_modes(trial) & prominent_modes(trial)).all() and trial.cost < 0.5 * more.cost:
             more = trial
-    if more is not found:
+    if more is not modes:
         raise WrongModeCount(data, more.omega, count, n_masses)
 
 

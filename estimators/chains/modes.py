@@ -135,21 +135,21 @@ class FittedModes:
     @cached_property
     def significance(self) -> Array:
         """Wald statistics of each mode in all motors together, (n,)."""
-        m, start, found = self.layout.chains, sum(self.layout.sizes[:2]), []
+        m, start, statistics = self.layout.chains, sum(self.layout.sizes[:2]), []
         for r, shape in enumerate(self.shapes):
             part = slice(start + r * m, start + (r + 1) * m)
-            found.append(shape @ np.linalg.pinv(self.covariance[part, part]) @ shape)
-        return np.array(found)
+            statistics.append(shape @ np.linalg.pinv(self.covariance[part, part]) @ shape)
+        return np.array(statistics)
 
 
-def with_excess(found: FittedModes) -> tuple[Data, float]:
+def with_excess(modes: FittedModes) -> tuple[Data, float]:
     """Return the data with a relative error added that explains the misfit, and its size.
 
     What friction does to FRFs repeats, so covariances from periods miss it, and weights follow it.
     """
-    data = found.data
+    data = modes.data
     extra = relative_variance(data.response)
-    error = np.abs(found.response - data.response) ** 2
-    share = data.size / max(data.size - len(found.x), 1)
+    error = np.abs(modes.response - data.response) ** 2
+    share = data.size / max(data.size - len(modes.x), 1)
     square = max(float(np.mean((error * share - data.variance) / extra)), 0.0)
     return data.with_error(square * extra), float(np.sqrt(square))

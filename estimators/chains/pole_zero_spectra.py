@@ -105,8 +105,8 @@ def separated(poles: Array, zeros: Array, tolerance: float) -> tuple[Array, Arra
 
     Two poles nearer to each other than `tolerance` hold a zero that cancels one of them.
     """
-    apart = np.diff(poles) > tolerance
-    poles, zeros = poles[np.concatenate([[True], apart])], zeros[apart]
+    distinct = np.diff(poles) > tolerance
+    poles, zeros = poles[np.concatenate([[True], distinct])], zeros[distinct]
     return poles, np.clip(zeros, poles[:-1], poles[1:])
 
 

@@ -62,9 +62,9 @@ def candidate_poles(
     spread = low + (high - low) * (np.arange(count) + 0.5) / count
     logarithmic = low * (high / low) ** ((np.arange(count) + 0.5) / count)
     sets = [_peaks(omega, response, count)]
-    found = _aaa_candidates(omega, response, relative_noise)
-    if len(found) >= count:
-        sets.insert(0, found[:count])
+    rational = _aaa_candidates(omega, response, relative_noise)
+    if len(rational) >= count:
+        sets.insert(0, rational[:count])
     sets += [_placed(spread), _placed(logarithmic)]
     return sets
 
@@ -111,8 +111,8 @@ def _aaa(
 
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", RuntimeWarning)  # of points where it does not converge
-        found = AAA(points, values, rtol=tolerance, clean_up=False)
-        return found.poles(), found.residues()
+        approximation = AAA(points, values, rtol=tolerance, clean_up=False)
+        return approximation.poles(), approximation.residues()
 
 
 def _aaa_candidates(omega: Array, response: ComplexArray, noise: float) -> ComplexArray:
@@ -130,8 +130,8 @@ def _aaa_candidates(omega: Array, response: ComplexArray, noise: float) -> Compl
     poles, residues = poles[inside], residues[inside]
     height = np.abs(residues) / np.maximum(np.abs(poles.real), 1e-9)
     order = np.argsort(-height)
-    found = poles[order] * scale
-    return np.asarray(-np.abs(found.real) + 1j * found.imag)
+    candidates = poles[order] * scale
+    return np.asarray(-np.abs(candidates.real) + 1j * candidates.imag)
 
 
 def _peaks(omega: Array, response: ComplexArray, count: int) -> ComplexArray:
@@ -139,12 +139,12 @@ def _peaks(omega: Array, response: ComplexArray, count: int) -> ComplexArray:
     height = np.linalg.svd(response, compute_uv=False)[:, 0]
     inner = np.flatnonzero((height[1:-1] > height[:-2]) & (height[1:-1] >= height[2:])) + 1
     prominent = inner[np.argsort(-height[inner])][:count]
-    places = list(np.sort(omega[prominent]))
-    while len(places) < count:
-        edges = np.array([omega.min(), *places, omega.max()])
+    frequencies = list(np.sort(omega[prominent]))
+    while len(frequencies) < count:
+        edges = np.array([omega.min(), *frequencies, omega.max()])
         gap = int(np.argmax(np.diff(edges)))
-        places = sorted([*places, float(edges[gap : gap + 2].mean())])
-    return _placed(np.array(places))
+        frequencies = sorted([*frequencies, float(edges[gap : gap + 2].mean())])
+    return _placed(np.array(frequencies))
 
 
 def _placed(omega: Array) -> ComplexArray:
@@ -160,21 +160,21 @@ def _relocated(
     down = 1 / (s[:, None] - np.conj(poles))
     basis = np.stack([up + down, 1j * (up - down)], axis=2).reshape(len(s), 2 * n)
     basis = np.concatenate([basis, 1 / (s[:, None] - real)], axis=1)
-    own = np.column_stack([basis, np.ones(len(s)), 1 / s])
+    element_basis = np.column_stack([basis, np.ones(len(s)), 1 / s])
     rows, right = [], []
     for e in range(data.shape[1]):
         shared = -data[:, [e]] * np.column_stack([basis, np.ones(len(s))])
-        both = _real(roots[:, [e]] * np.column_stack([own, shared]))
+        both = _real(roots[:, [e]] * np.column_stack([element_basis, shared]))
         triangle = np.asarray(np.linalg.qr(both, mode="r"))
-        rows.append(triangle[own.shape[1] :, own.shape[1] :])
+        rows.append(triangle[element_basis.shape[1] :, element_basis.shape[1] :])
         right.append(np.zeros(len(rows[-1])))
     # sigma's mean is 1, or all would be zero: the relaxed condition.
     norm = np.linalg.norm(roots * data) / len(s)
     mean = np.column_stack([basis, np.ones(len(s))]).real.sum(axis=0)
     rows.append(norm * mean[None])
     right.append(np.array([norm * len(s)]))
-    found = np.linalg.lstsq(np.concatenate(rows), np.concatenate(right), rcond=None)[0]
-    residues, constant = found[:-1], found[-1]
+    coefficients = np.linalg.lstsq(np.concatenate(rows), np.concatenate(right), rcond=None)[0]
+    residues, constant = coefficients[:-1], coefficients[-1]
     if abs(constant) < 1e-8:
         constant = np.copysign(1e-8, constant)
     b = np.concatenate([np.tile([2.0, 0.0], n), np.ones(k)])
@@ -193,13 +193,13 @@ def _relocated(
 
 def _completed(poles: ComplexArray, count: int, s: ComplexArray) -> ComplexArray:
     """Put poles that became real back into the widest gaps of the band."""
-    places: Sequence[complex] = list(poles)
+    completed: Sequence[complex] = list(poles)
     low, high = float(s.imag.min()), float(s.imag.max())
-    while len(places) < count:
-        edges = np.sort([low, *(p.imag for p in places), high])
+    while len(completed) < count:
+        edges = np.sort([low, *(p.imag for p in completed), high])
         gap = int(np.argmax(np.diff(edges)))
-        places = [*places, *_placed(np.array([edges[gap : gap + 2].mean()]))]
-    return np.asarray(places[:count])
+        completed = [*completed, *_placed(np.array([edges[gap : gap + 2].mean()]))]
+    return np.asarray(completed[:count])
 
 
 def _real(matrix: ComplexArray) -> Array:

@@ -69,14 +69,14 @@ def chain_start_values(robot: ElasticRobot, estimate: FrfEstimate, position: int
 
 
 def _drives(network: SpringNetwork) -> tuple[IntArray, IntArray]:
-    """Return motors that drive through a spring of their own, and these springs."""
+    """Return motors that drive through a spring of their attached, and these springs."""
     coordinates = [int(np.argmax(np.abs(column))) for column in network.selector.T]
     motors, springs = [], []
     for motor, coordinate in enumerate(coordinates):
-        own = np.flatnonzero((network.nodes == coordinate).any(axis=1))
-        if len(own) == 1:
+        attached = np.flatnonzero((network.nodes == coordinate).any(axis=1))
+        if len(attached) == 1:
             motors.append(motor)
-            springs.append(int(own[0]))
+            springs.append(int(attached[0]))
     return np.array(motors, dtype=np.int64), np.array(springs, dtype=np.int64)
 
 
@@ -94,14 +94,16 @@ def _between(estimate: FrfEstimate, position: int, motors: IntArray) -> Data:
     n = estimate.response.shape[-1]
     count = min(len(estimate.omega), _MOST_LINES)
     lines = np.unique(np.linspace(0, len(estimate.omega) - 1, count).round().astype(np.int64))
-    chosen = np.ix_(np.arange(len(lines)), motors, motors)
+    submatrix = np.ix_(np.arange(len(lines)), motors, motors)
     covariance = estimate.covariance[position][lines]
     if estimate.has_full_covariance:
-        places = vec(np.arange(n * n).reshape(n, n).T[np.ix_(motors, motors)])
-        covariance = covariance[:, places[:, None], places]
+        elements = vec(np.arange(n * n).reshape(n, n).T[np.ix_(motors, motors)])
+        covariance = covariance[:, elements[:, None], elements]
     else:
-        covariance = covariance[chosen]
-    return prepared(estimate.omega[lines], estimate.response[position][lines][chosen], covariance)
+        covariance = covariance[submatrix]
+    return prepared(
+        estimate.omega[lines], estimate.response[position][lines][submatrix], covariance
+    )
 
 
 def _modes(data: Data, springs: int) -> FittedModes:
@@ -114,10 +116,10 @@ def _modes(data: Data, springs: int) -> FittedModes:
     NotIdentifiable
         If none of them is clear of the noise.
     """
-    found = fit_modes(data, min(springs, 2 * data.chains), _ROUNDS, "real")
-    if not clear_modes(found).any():
+    modes = fit_modes(data, min(springs, 2 * data.chains), _ROUNDS, "real")
+    if not clear_modes(modes).any():
         raise NotIdentifiable(("drive springs",), "no clear resonance in these FRFs")
-    return found
+    return modes
 
 
 def _scaled(
@@ -125,12 +127,12 @@ def _scaled(
 ) -> Array:
     """Return the robot's parameters with its springs at these places scaled to fit."""
     s = len(network.nodes)
-    own = np.concatenate([network.spring_stiffness[0], network.spring_damping[0]])
+    nominal = np.concatenate([network.spring_stiffness[0], network.spring_damping[0]])
     factors = np.full(2 * s, np.nan)
-    factors[springs] = np.log(stiffness / own[springs])
-    known = damping * own[s + springs] > 0
-    places = s + springs[known]
-    factors[places] = np.log(damping[known] / own[places])
+    factors[springs] = np.log(stiffness / nominal[springs])
+    damped = damping * nominal[s + springs] > 0
+    dampers = s + springs[damped]
+    factors[dampers] = np.log(damping[damped] / nominal[dampers])
     for part in (slice(0, s), slice(s, 2 * s)):
         mean = np.nanmean(factors[part]) if np.isfinite(factors[part]).any() else 0.0
         factors[part] = np.where(np.isfinite(factors[part]), factors[part], mean)

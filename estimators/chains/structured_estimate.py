@@ -14,7 +14,7 @@ _ROUNDS = 60
 
 
 def structured_estimate(
-    found: FittedModes, start: ChainEstimate, first_masses: Array | None
+    modes: FittedModes, start: ChainEstimate, first_masses: Array | None
 ) -> tuple[ChainEstimate, float]:
     """Return the maximum-likelihood chains, their damping free mode by mode, and the cost.
 
@@ -29,7 +29,7 @@ def structured_estimate(
     from scipy.optimize import least_squares
 
     layout, k = start.layout, len(start.values)
-    problem = _Structured(found, start, first_masses is not None)
+    problem = _Structured(modes, start, first_masses is not None)
     solved = least_squares(
         problem.residuals,
         np.zeros(int(problem.free.sum())),
@@ -41,7 +41,7 @@ def structured_estimate(
         max_nfev=_ROUNDS,
     )
     theta, cost = problem.theta(solved.x), float(2 * solved.cost)
-    inner = found.data.covariance_of(problem.jacobian(solved.x), cost, problem.names)
+    inner = modes.data.covariance_of(problem.jacobian(solved.x), cost, problem.names)
     free = problem.free[:k]
     scale = np.where(np.arange(k) < layout.positive, theta, 1.0)[free]
     size = int(free.sum())
@@ -65,18 +65,18 @@ class _Structured:
     besides (damping) less its own.
     """
 
-    def __init__(self, found: FittedModes, start: ChainEstimate, first_given: bool) -> None:
-        self.found, self.start = found, start
+    def __init__(self, modes: FittedModes, start: ChainEstimate, first_given: bool) -> None:
+        self.modes, self.start = modes, start
         self.p = start.layout.modal.size
         free = np.ones(len(start.values), dtype=bool)
         if first_given:
             free[start.layout.first] = False
-        self.free = np.concatenate([free, np.ones(found.layout.size - self.p, dtype=bool)])
+        self.free = np.concatenate([free, np.ones(modes.layout.size - self.p, dtype=bool)])
 
     @property
     def names(self) -> tuple[str, ...]:
         """Names of u's entries."""
-        every = self.start.layout.names + self.found.layout.names[self.p :]
+        every = self.start.layout.names + self.modes.layout.names[self.p :]
         return tuple(name for name, free in zip(every, self.free, strict=True) if free)
 
     def theta(self, u: Array) -> Array:
@@ -88,21 +88,21 @@ class _Structured:
         return theta
 
     def residuals(self, u: Array) -> Array:
-        data = self.found.data
+        data = self.modes.data
         try:
             x, _ = self._modes(u)
         except np.linalg.LinAlgError:
             return np.full(data.size, 1e6)
-        G = modal_response(x, self.found.layout, data.omega)
+        G = modal_response(x, self.modes.layout, data.omega)
         return data.whitened(G - data.response)[:, 0]
 
     def jacobian(self, u: Array) -> Array:
-        return self.found.data.whitened(self.sensitivity(u)[1])
+        return self.modes.data.whitened(self.sensitivity(u)[1])
 
     def sensitivity(self, u: Array) -> tuple[ComplexArray, ComplexArray]:
         """Return FRFs (F, M, M) and their derivatives by u, (F, M, M, r)."""
         x, slope = self._modes(u)
-        G, J = modal_sensitivity(x, self.found.layout, self.found.data.omega)
+        G, J = modal_sensitivity(x, self.modes.layout, self.modes.data.omega)
         both = np.concatenate([J[..., : self.p] @ slope, J[..., self.p :]], axis=-1)
         return G, both[..., self.free]
 
@@ -114,7 +114,7 @@ class _Structured:
         covariance : ndarray, (r, r)
             Covariance of u.
         """
-        data, theta = self.found.data, self.theta(u)
+        data, theta = self.modes.data, self.theta(u)
         x, _ = self._modes(u)
         free, p, k = self.free, self.start.layout.positive, len(theta)
         masses, _, _ = self.start.layout.split(theta)
@@ -131,14 +131,14 @@ class _Structured:
             np.concatenate([np.concatenate([theta[:p], unit[p:]])[free[:k]], lost]),
             fitted,
             J * np.concatenate([unit[free[:k]], lost]),
-            (x, self.found.layout),
+            (x, self.modes.layout),
             int(free[:p].sum()),
         )
 
     def _modes(self, u: Array) -> tuple[Array, Array]:
         """Return modes, and the slope of what chains make of them."""
-        x, slope = forward_map(self.theta(u), self.start.layout, self.found.shapes)
-        more = self.found.x[self.p :] + self._full(u)[len(self.start.values) :]
+        x, slope = forward_map(self.theta(u), self.start.layout, self.modes.shapes)
+        more = self.modes.x[self.p :] + self._full(u)[len(self.start.values) :]
         return np.concatenate([x, more]), slope
 
     def _full(self, u: Array) -> Array:

@@ -256,8 +256,8 @@ def unfrictioned(data: Data, distortion: Array | None) -> tuple[Data, int]:
             f"distortion: shape {level.shape} given; {data.response.shape} is needed, as response"
         )
     first = friction_limit(data.omega, relative_distortion(data, level))
-    kept = data.from_line(first) if first else data
-    return kept.with_error(_smooth(level[first:] ** 2)), first
+    undistorted = data.from_line(first) if first else data
+    return undistorted.with_error(_smooth(level[first:] ** 2)), first
 
 
 def _smooth(variance: Array) -> Array:
@@ -268,9 +268,9 @@ def _smooth(variance: Array) -> Array:
 
 def relative_distortion(data: Data, level: Array) -> Array:
     """Return each line's distortion, (F,): the worst of the motors' own FRFs, relative."""
-    own = np.diagonal(level, axis1=1, axis2=2)
+    direct = np.diagonal(level, axis1=1, axis2=2)
     size = np.abs(np.diagonal(data.response, axis1=1, axis2=2))
-    return np.asarray(np.nan_to_num(own / np.maximum(size, 1e-300)).max(axis=1))
+    return np.asarray(np.nan_to_num(direct / np.maximum(size, 1e-300)).max(axis=1))
 
 
 def friction_limit(omega: Array, relative: Array) -> int:

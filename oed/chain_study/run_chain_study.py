@@ -111,10 +111,10 @@ def run_chain_study(
     if progress is not None:
         progress("records", 1, 1)
     measured = measured_chains(path, study.masses, progress=progress)
-    modes = measured.found.modes
+    modes = measured.identification.modes
     held = held_responses(records, modes)
     steps = tuple(_steps(modes.omega, zeros) for zeros in modes.zeros)
-    stepwise = inverse_estimate(modes, measured.found.inverse.layout, None, stepwise=True)
+    stepwise = inverse_estimate(modes, measured.identification.inverse.layout, None, stepwise=True)
     return ChainStudyResults(
         study,
         truth,
@@ -170,7 +170,7 @@ def controlled_response(
 
     The other motors have the study's sampled controllers, their torque held over a sample.
     """
-    modes = results.measured.found.modes
+    modes = results.measured.identification.modes
     G = modal_response(modes.x, modes.layout, omega)
     T = results.controller.sample_time
     feedback = results.controller.feedback(omega) * hold_response(omega, T)[:, None]

@@ -49,7 +49,7 @@ def chains(
     target = (records.parent if output is None else output).resolve()
     with progress_bars() as progress:
         try:
-            found = measured_chains(
+            measured = measured_chains(
                 records,
                 masses,
                 position=position - 1,
@@ -63,12 +63,12 @@ def chains(
                 write_modes_page(error, records, folder / "modes.html")
             raise error.with_picture(target / "modes.html") from None
         with staged_folder(target) as folder:
-            write_frf(folder / "frf.h5", found.frf.estimate)
-            write_chains(found, folder / "chains.json")
-            write_chains_page(found, records, folder / "chains.html")
-    warn(found.warnings)
+            write_frf(folder / "frf.h5", measured.frf.estimate)
+            write_chains(measured, folder / "chains.json")
+            write_chains_page(measured, records, folder / "chains.html")
+    warn(measured.warnings)
     files = [target / name for name in ("frf.h5", "chains.json", "chains.html")]
-    say(lambda: chains_summary(found, files), lambda: chains_json(found, files), as_json)
+    say(lambda: chains_summary(measured, files), lambda: chains_json(measured, files), as_json)
 
 
 def _inertias(words: str | None) -> "Array | None":

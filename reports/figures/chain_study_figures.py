@@ -21,7 +21,7 @@ _LOWEST = 0.15  # of the lowest anti-resonance: where the panels begin
 
 def direct_panels(results: ChainStudyResults, chains: Sequence[int]) -> Callable[[Palette], Figure]:
     """Return motors' accelerations per their own torques, with poles, zeros, A_L and A_H."""
-    modes, held = results.measured.found.modes, results.held
+    modes, held = results.measured.identification.modes, results.held
     omega = modes.data.omega
     dense = np.geomspace(omega[0], omega[-1], _POINTS)
     model = np.abs(modal_response(modes.x, modes.layout, dense))
@@ -93,7 +93,7 @@ def _panels(results: ChainStudyResults, count: int) -> tuple[Figure, list[Axes]]
 
 def _first(results: ChainStudyResults) -> float:
     """Return the frequency at which the panels begin [rad/s]."""
-    lowest = float(results.measured.found.modes.zeros.min())
+    lowest = float(results.measured.identification.modes.zeros.min())
     return max(_LOWEST * lowest, float(results.held.omega[0]))
 
 

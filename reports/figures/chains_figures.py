@@ -60,15 +60,17 @@ def pole_zero_panels(
     return draw
 
 
-def found_panels(omega: Array, response: ComplexArray, found: Array) -> Callable[[Palette], Figure]:
-    """Return each chain's own FRF with the resonances that were found, (k,) [rad/s]."""
+def resonance_panels(
+    omega: Array, response: ComplexArray, resonances: Array
+) -> Callable[[Palette], Figure]:
+    """Return each chain's own FRF with the resonances that it shows, (k,) [rad/s]."""
 
     def draw(palette: Palette) -> Figure:
         figure, panels = _canvas(response.shape[1])
         for i, axes in enumerate(panels[: response.shape[1]]):
             _curve(axes, omega, response[:, i, i], palette)
-            for place in found / (2 * np.pi):
-                axes.axvline(place, color=palette.second, lw=0.8, zorder=0)
+            for frequency in resonances / (2 * np.pi):
+                axes.axvline(frequency, color=palette.second, lw=0.8, zorder=0)
             axes.set_title(f"chain {i + 1}")
         return figure
 

@@ -17,7 +17,7 @@ Groups = list[tuple[str, tuple[tuple[Cell, ...], ...]]]
 
 def frequency_table(results: ChainStudyResults) -> Table:
     """Return resonances and each chain's anti-resonances, (5) and (6)."""
-    modes = results.measured.found.modes
+    modes = results.measured.identification.modes
     spectra = [(modes.omega, modes.omega_std), *zip(modes.zeros, modes.zeros_std, strict=True)]
     names = ["λ", *(f"λ₀, chain {i + 1}" for i in range(len(modes.zeros)))]
     printed = (paper.RESONANCES, *paper.ANTI_RESONANCES)

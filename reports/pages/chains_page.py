@@ -7,7 +7,7 @@ import numpy as np
 from estimators.chain_dampers.chains_from_records import MeasuredChains
 from estimators.chains.model_order import WrongModeCount
 from reports import text
-from reports.figures.chains_figures import found_panels, pole_zero_panels
+from reports.figures.chains_figures import pole_zero_panels, resonance_panels
 from reports.figures.response_panels import lines_drawn, response_panels
 from reports.page_elements import (
     Figure,
@@ -25,7 +25,7 @@ _CLEARLY_WORSE = 1.5  # misfit of the fit with dampers over that of the modes
 
 def write_chains_page(shown: MeasuredChains, source: Path, path: Path) -> None:
     """Write identified chains as one HTML file that needs nothing else."""
-    count, length = shown.found.masses.shape
+    count, length = shown.identification.masses.shape
     title = f"{text.plural(count, 'chain')} of {length} masses"
     write_text(
         path,
@@ -46,14 +46,14 @@ def write_modes_page(error: WrongModeCount, source: Path, path: Path) -> None:
     """Write the picture of FRFs that show another number of modes than was asked for."""
     drawing = figure(
         "modes",
-        found_panels(error.omega, error.response, error.found),
-        f"Magnitudes of the motors' own FRFs and {len(error.found)} resonances that were found",
+        resonance_panels(error.omega, error.response, error.resonances),
+        f"Magnitudes of the motors' own FRFs and {len(error.resonances)} resonances",
     )
     body = filled("chains_modes.html.j2", error=error, source=source, drawing=drawing)
     write_text(
         path,
         page(
-            title=f"{len(error.found)} resonances found, {error.expected} expected",
+            title=f"{len(error.resonances)} resonances identification, {error.expected} expected",
             kind="identified chains",
             kicker="Inverse eigenvalue identification of coupled chains",
             lead="The frequency responses do not show what was asked for.",
@@ -64,7 +64,7 @@ def write_modes_page(error: WrongModeCount, source: Path, path: Path) -> None:
 
 def chains_sections(shown: MeasuredChains, source: Path) -> list[Section]:
     """Return the sections of the page."""
-    found = shown.found
+    identification = shown.identification
     parts: list[tuple[str, str, dict[str, object]]] = [
         ("summary", "Summary", {"facts": _facts(shown), "source": source}),
         ("parameters", "Parameters", {"estimates": tables.parameter_table(shown)}),
@@ -83,7 +83,7 @@ def chains_sections(shown: MeasuredChains, source: Path) -> list[Section]:
             "worse": text.significant(ratio, 2) if ratio else "",
         }
         parts.insert(2, ("dampers", "Dampers", dict(damped)))
-    if found.order is not None:
+    if identification.order is not None:
         parts.append(("order", "Number of masses", {"orders": tables.order_table(shown)}))
     return [
         Section(name, title, filled(f"chains_{name}.html.j2", shown=shown, **contents))
@@ -92,42 +92,42 @@ def chains_sections(shown: MeasuredChains, source: Path) -> list[Section]:
 
 
 def _facts(shown: MeasuredChains) -> dict[str, str]:
-    found = shown.found
+    identification = shown.identification
     e, verdict = shown.recommended, verdict_of(shown)
     hidden = any(map(refused, e.intervals))
     return {
         "verdict": str(verdict),
         "reason": verdict.reason,
-        "chains": text.plural(len(found.masses), "chain"),
-        "lines": text.plural(len(found.modes.data.omega), "line"),
-        "low": text.hertz(found.modes.data.omega[0]),
-        "high": text.hertz(found.modes.data.omega[-1]),
+        "chains": text.plural(len(identification.masses), "chain"),
+        "lines": text.plural(len(identification.modes.data.omega), "line"),
+        "low": text.hertz(identification.modes.data.omega[0]),
+        "high": text.hertz(identification.modes.data.omega[-1]),
         "std": "none" if hidden else text.percent(float(np.median(e.relative_std))),
-        "condition": text.significant(found.inverse.condition, 2),
-        "misfit": text.significant(found.misfit, 2),
-        "p_value": text.significant(found.structure_p_value, 2),
-        "delay": text.significant(1e6 * found.modes.delay, 3),
+        "condition": text.significant(identification.inverse.condition, 2),
+        "misfit": text.significant(identification.misfit, 2),
+        "p_value": text.significant(identification.structure_p_value, 2),
+        "delay": text.significant(1e6 * identification.modes.delay, 3),
     }
 
 
 def worse_with_dampers(shown: MeasuredChains) -> float:
     """Return the misfit with dampers over that of the modes if it is clearly more, or 0."""
-    if shown.dampers is None or shown.found.modes.data.scaled:
+    if shown.dampers is None or shown.identification.modes.data.scaled:
         return 0.0
-    ratio = shown.dampers.misfit / max(shown.found.modes.misfit, 1e-300)
+    ratio = shown.dampers.misfit / max(shown.identification.modes.misfit, 1e-300)
     return ratio if ratio > _CLEARLY_WORSE else 0.0
 
 
 def _poles(shown: MeasuredChains) -> Figure:
     e, q = shown.frf.estimate, shown.position
     lines = lines_drawn(e.response.shape)
-    drawing = pole_zero_panels(shown.found.modes, e.omega[lines], e.response[q, lines])
+    drawing = pole_zero_panels(shown.identification.modes, e.omega[lines], e.response[q, lines])
     alt = "Magnitudes of the motors' own FRFs with their poles and zeros"
-    return figure("poles", drawing, alt, wide=len(shown.found.masses) > 1)
+    return figure("poles", drawing, alt, wide=len(shown.identification.masses) > 1)
 
 
 def _responses(shown: MeasuredChains) -> Figure:
-    e, q, modes = shown.frf.estimate, shown.position, shown.found.modes
+    e, q, modes = shown.frf.estimate, shown.position, shown.identification.modes
     kept = e.omega >= modes.data.omega[0]
     fitted = modes.response
     if shown.dampers is not None and not worse_with_dampers(shown):
@@ -140,7 +140,7 @@ def _responses(shown: MeasuredChains) -> Figure:
         shown.frf.motors,
     )
     alt = "Magnitudes and phases of the measured frequency responses and of the identified chains"
-    return figure("responses-figure", drawing, alt, wide=len(shown.found.masses) > 2)
+    return figure("responses-figure", drawing, alt, wide=len(shown.identification.masses) > 2)
 
 
 def _fitted_words(shown: MeasuredChains) -> str:

@@ -12,7 +12,7 @@ from reports.summaries.chains_summary import in_hertz, method_of, refused, unit
 
 def parameter_table(shown: MeasuredChains) -> Table:
     """Return the recommended masses, springs and couplings, beside those of the inverse problem."""
-    inverse = shown.found.inverse
+    inverse = shown.identification.inverse
     rows: list[tuple[Cell, ...]] = []
     for k, i in enumerate(shown.recommended.intervals):
         cells: list[Cell] = ["not quoted"] * 5
@@ -61,7 +61,7 @@ def by_chain(
 
 def mode_table(shown: MeasuredChains) -> Table:
     """Return resonances, damping and each chain's anti-resonances."""
-    modes = shown.found.modes
+    modes = shown.identification.modes
     rows: list[list[Cell]] = []
     for r in range(len(modes.omega)):
         row: list[Cell] = [
@@ -115,10 +115,12 @@ def damper_table(shown: MeasuredChains) -> Table:
 
 def other_table(shown: MeasuredChains) -> Table:
     """Return the same parameters under both models of damping, each with its verdict."""
-    found, d = shown.found, shown.dampers
-    estimates = [found.structured] if d is None else [found.structured, d.estimate]
+    identification, d = shown.identification, shown.dampers
+    estimates = (
+        [identification.structured] if d is None else [identification.structured, d.estimate]
+    )
     rows: list[list[Cell]] = []
-    for k, name in enumerate(found.names):
+    for k, name in enumerate(identification.names):
         row: list[Cell] = [name]
         for e in estimates:
             hidden = bool(e.intervals) and refused(e.intervals[k])
@@ -135,7 +137,7 @@ def other_table(shown: MeasuredChains) -> Table:
 
 def order_table(shown: MeasuredChains) -> Table:
     """Return the numbers of masses that were tried."""
-    order = shown.found.order
+    order = shown.identification.order
     rows: list[list[Cell]] = []
     if order is not None:
         for n_masses, cost, score in zip(order.tried, order.costs, order.scores, strict=True):

@@ -20,10 +20,10 @@ _UNITS = {"m": ("kg m²", "kg"), "K": ("N m/rad", "N/m")}
 
 def chains_summary(shown: MeasuredChains, files: list[Path]) -> str:
     """Return the summary of identified chains, about a screen."""
-    found, e, verdict = shown.found, shown.recommended, verdict_of(shown)
-    count, length = found.masses.shape
-    proposed = " (proposed)" if found.order is not None else ""
-    modes = found.modes
+    identification, e, verdict = shown.identification, shown.recommended, verdict_of(shown)
+    count, length = identification.masses.shape
+    proposed = " (proposed)" if identification.order is not None else ""
+    modes = identification.modes
     words = f"{verdict}: {verdict.reason}"
     head = [
         f"{plural(count, 'chain')} of {length} masses{proposed}",
@@ -35,7 +35,7 @@ def chains_summary(shown: MeasuredChains, files: list[Path]) -> str:
     ]
     rows = [
         (i.name, _shown(i.value, refused(i)), *_ends(i), _shown(float(inverse), refused(i)))
-        for i, inverse in zip(e.intervals, found.inverse.values, strict=True)
+        for i, inverse in zip(e.intervals, identification.inverse.values, strict=True)
     ]
     header = ("", "\nvalue", "95 %\nfrom", "interval\nto", "inverse\nproblem")
     body = table(header, rows, right=(1, 2, 3, 4))
@@ -89,7 +89,7 @@ def write_chains(shown: MeasuredChains, path: Path) -> None:
 
 
 def _contents(shown: MeasuredChains) -> dict[str, Any]:
-    found, modes, e = shown.found, shown.found.modes, shown.recommended
+    identification, modes, e = shown.identification, shown.identification.modes, shown.recommended
     dampers = None
     if shown.dampers is not None:
         d = shown.dampers
@@ -109,25 +109,25 @@ def _contents(shown: MeasuredChains) -> dict[str, Any]:
         "reason": verdict.reason,
         "method": method_of(shown),
         "intervals": [interval_document(i) for i in e.intervals],
-        "chains": len(found.masses),
-        "masses_per_chain": found.n_masses,
-        "proposed": found.order is not None,
-        "names": list(found.names),
+        "chains": len(identification.masses),
+        "masses_per_chain": identification.n_masses,
+        "proposed": identification.order is not None,
+        "names": list(identification.names),
         "values": e.values.tolist(),
         "std": _std(e),
-        "damping_free": _estimate(found.structured),
+        "damping_free": _estimate(identification.structured),
         "with_dampers": dampers,
-        "inverse_values": found.inverse.values.tolist(),
-        "inverse_std": found.inverse.std.tolist(),
-        "condition": found.inverse.condition,
+        "inverse_values": identification.inverse.values.tolist(),
+        "inverse_std": identification.inverse.std.tolist(),
+        "condition": identification.inverse.condition,
         "resonances": modes.omega.tolist(),
         "resonances_std": modes.omega_std.tolist(),
         "anti_resonances": modes.zeros.tolist(),
         "anti_resonances_std": modes.zeros_std.tolist(),
         "damping_ratios": modes.damping.tolist(),
         "delay": modes.delay,
-        "misfit": known(found.misfit),
-        "structure_p_value": known(found.structure_p_value),
+        "misfit": known(identification.misfit),
+        "structure_p_value": known(identification.structure_p_value),
         "residuals": evidence.get("residuals"),
         "directions": evidence.get("directions"),
         "warnings": list(shown.warnings),

@@ -139,13 +139,13 @@ class CoupledChains:
         # Undamped chains have no damper to scale: their rows stay zero.
         scaled = np.arange(s if chains.dampers is None else 2 * s)
         exponents[:, scaled, scaled] = 1.0
-        inertances, rest = self._free_masses, chains.mass_matrix.copy()
+        inertances, mass = self._free_masses, chains.mass_matrix.copy()
         if inertances is not None:
-            own = inertances.coordinates
-            inertances = replace(inertances, inertia=np.diag(rest)[own])
-            rest[own, own] = 0.0
+            free = inertances.coordinates
+            inertances = replace(inertances, inertia=np.diag(mass)[free])
+            mass[free, free] = 0.0
         return SpringNetwork(
-            mass=np.tile(rest, (q, 1, 1)),
+            mass=np.tile(mass, (q, 1, 1)),
             damping=zeros[0],
             stiffness=zeros,
             selector=selector,
@@ -215,14 +215,19 @@ class CoupledChains:
     def _free_masses(self) -> Inertances | None:
         """The free masses; None where there are none."""
         names = self.parameters.names
-        places = {name: self._inertias[name] for name in self.extra}
-        masses = [(names.index(name), i) for name, (i, j) in places.items() if i == j]
+        entries = {name: self._inertias[name] for name in self.extra}
+        masses = [(names.index(name), i) for name, (i, j) in entries.items() if i == j]
         if not masses:
             return None
-        columns, own = np.array(masses).T
-        exponents = np.zeros((2 * len(own), len(names)))
-        exponents[len(own) + np.arange(len(own)), columns] = 1.0
-        return Inertances(own, np.zeros(len(own)), np.diag(self.mass_matrix)[own], exponents)
+        columns, coordinates = np.array(masses).T
+        exponents = np.zeros((2 * len(coordinates), len(names)))
+        exponents[len(coordinates) + np.arange(len(coordinates)), columns] = 1.0
+        return Inertances(
+            coordinates,
+            np.zeros(len(coordinates)),
+            np.diag(self.mass_matrix)[coordinates],
+            exponents,
+        )
 
     @cached_property
     def _nodes(self) -> IntArray:
@@ -237,9 +242,9 @@ class CoupledChains:
     @cached_property
     def _inertias(self) -> dict[str, tuple[int, int]]:
         """Row and column in the mass matrix of each mass and each non-zero coupling."""
-        places = np.argwhere(np.triu(self.mass_matrix) != 0).tolist()
-        masses = {f"m{i + 1}": (i, j) for i, j in places if i == j}
-        return masses | {f"m{i + 1}_{j + 1}": (i, j) for i, j in places if i != j}
+        entries = np.argwhere(np.triu(self.mass_matrix) != 0).tolist()
+        masses = {f"m{i + 1}": (i, j) for i, j in entries if i == j}
+        return masses | {f"m{i + 1}_{j + 1}": (i, j) for i, j in entries if i != j}
 
     def _check_shapes(self) -> None:
         if self.masses.ndim != 2 or self.masses.shape[0] < 1 or self.masses.shape[1] < 2:

@@ -140,7 +140,9 @@ def test_fewer_periods_blocks_or_experiments_still_serve(
     part.save(tmp_path / "records.h5")
     found = measured_chains(tmp_path / "records.h5", 2)
     assert found.frf.covariance == how
-    assert found.found.structured.values == pytest.approx([1, 2, 2, 1.5, 900, 2500, 0.5], rel=0.01)
+    assert found.identification.structured.values == pytest.approx(
+        [1, 2, 2, 1.5, 900, 2500, 0.5], rel=0.01
+    )
 
 
 def test_a_motor_without_torque_is_named(tmp_path):

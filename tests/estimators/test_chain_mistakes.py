@@ -47,11 +47,11 @@ def test_too_few_and_too_many_modes_say_found_and_expected():
     with pytest.raises(WrongModeCount, match="have 6 resonances, only 4 are found") as few:
         identify_chains(omega, G, 4, covariance=variance)
     poles = resonances(pair.linear_model()).frequencies
-    assert few.value.found == pytest.approx(poles, rel=2e-3)
+    assert few.value.resonances == pytest.approx(poles, rel=2e-3)
     assert few.value.expected == 6
     with pytest.raises(WrongModeCount, match="have 2 resonances, 4 are found") as many:
         identify_chains(omega, G, 2, covariance=variance)
-    assert len(many.value.found) == 4
+    assert len(many.value.resonances) == 4
     with pytest.raises(WrongModeCount, match="have 6 resonances, only 4 are found"):
         identify_chains(omega, chain_response(pair, omega), 4)
     for error in (few, many):

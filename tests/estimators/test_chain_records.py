@@ -135,7 +135,7 @@ def test_moberg_axis_as_one_chain_of_four_masses(axis, tmp_path):
         ),
     )
     shown = measured_chains(tmp_path / "records.h5", 4)
-    found, damped = shown.found, shown.dampers
+    found, damped = shown.identification, shown.dampers
     within = 0.005 if friction else 0.001
     assert found.modes.omega / (2 * np.pi) == pytest.approx([12.40, 19.12, 54.67], rel=within)
     zeros = found.modes.zeros[0] / (2 * np.pi)

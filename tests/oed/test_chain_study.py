@@ -56,7 +56,7 @@ def test_chains_are_identified_in_every_way(results):
     assert results.read_off == pytest.approx(truth, rel=0.01)
     assert results.stepwise.values == pytest.approx(truth, rel=1e-3)
     assert results.measured.recommended.values == pytest.approx(truth, rel=1e-3)
-    lanczos = results.measured.found.inverse
+    lanczos = results.measured.identification.inverse
     assert results.stepwise.values == pytest.approx(lanczos.values, rel=1e-9)
 
 
