@@ -110,7 +110,7 @@ def run_chain_study(
     records.save(path)
     if progress is not None:
         progress("records", 1, 1)
-    measured = measured_chains(path, study.masses, progress=progress)
+    measured = measured_chains(path, truth.masses.shape[1], progress=progress)
     modes = measured.identification.modes
     held = held_responses(records, modes)
     steps = tuple(_steps(modes.omega, zeros) for zeros in modes.zeros)

@@ -1,31 +1,30 @@
 """The schema of a study of coupled chains: which chains, how they are measured and identified.
 
-Chains move along a line or about an axis: read kg, N/m and m as kg m^2, N m/rad and rad in the latter
-case.
+Chains move along a line or about an axis: read kg, N/m and m as kg m^2, N m/rad and rad in the
+latter case.
 
-schema: chain_study/1
-seed: 1                      # of phases and noise
-chains:                      # a row for each chain, its motor's mass first
-masses: [[0.7, 2.0, 3.0], [4.0, 5.0, 6.0]]    # [kg or kg m^2]
-springs: [[1000.0, 2000.0], [3000.0, 4000.0]] # between the masses [N/m]
-couplings: {m3_6: 1.0}     # between last masses, counted along the rows [kg]
-dampers: [[0.2, 0.4], [0.6, 0.8]]    # parallel to the springs [N s/m]; none by default
-experiment:                  # run i of a block moves motor i, position controllers hold the rest
-multisine:                 # of the speed reference, keys as in an experiment file
-band: [0.1, 15.0]        # [Hz]
-sample_time: 0.004       # [s]
-period: 40.0             # [s]
-amplitude: 0.01            # per motor, of each line of the speed reference [m/s]
-blocks: 2                  # each with phases of its own
-periods: 4                 # measured in each run
-transient_periods: 1       # before them, not measured
-angle_noise: 1.0e-5        # per motor, standard deviation of what is measured [m]
-controller:                # torque -K_R theta - D theta' of the motors that are held
-stiffness: [500.0, 2500.0]    # K_R, per motor [N/m]
-damping: [60.0, 300.0]   # D, per motor [N s/m]
-masses: 3                    # in each chain, as identified; left out: proposed from the data
-compare_with: hovland_case_study    # left out, except to repeat the case study of that paper
-output: ../out/chains        # folder, relative to this file
+    schema: chain_study/1
+    seed: 1                      # of phases and noise
+    chains:                      # a row for each chain, its motor's mass first
+      masses: [[0.7, 2.0, 3.0], [4.0, 5.0, 6.0]]    # [kg]
+      springs: [[1000.0, 2000.0], [3000.0, 4000.0]] # between the masses [N/m]
+      couplings: {m3_6: 1.0}     # between last masses, counted along the rows [kg]
+      dampers: [[0.2, 0.4], [0.6, 0.8]]    # parallel to the springs [N s/m]; none by default
+    experiment:                  # run i moves motor i, position controllers hold the others
+      multisine:                 # of the speed reference, keys as in an experiment file
+        band: [0.1, 15.0]        # [Hz]
+        sample_time: 0.002       # [s]
+        period: 40.0             # [s]
+      amplitude: 0.02            # per motor, of each line of the speed reference [m/s]
+      blocks: 4                  # each with phases of its own, two at least
+      periods: 2                 # measured in each run, two at least
+      transient_periods: 1       # before them, not measured
+      angle_noise: 2.0e-5        # per motor, standard deviation of what is measured [m]
+      controller:                # torque -K_R theta - D theta' of the motors that are held
+        stiffness: [500.0, 2500.0]    # K_R, per motor [N/m]
+        damping: [60.0, 300.0]   # D, per motor [N s/m]
+    compare_with: hovland_case_study    # left out, except to repeat the case study of that paper
+    output: ../out/chains        # folder, relative to this file
 """
 
 from pathlib import Path
@@ -44,7 +43,7 @@ from oed.experiment.experiment_file import (
 from robotmodels.common.errors import InvalidInput, nearest
 from robotmodels.common.file_paths import output_folder
 from robotmodels.common.yaml_files import FileSection, read_yaml
-from robotmodels.description.ranges import Coordinate, Count, Positive, Seed
+from robotmodels.description.ranges import Coordinate, Positive, Seed
 from robotmodels.linear.coupled_chains import CoupledChains
 from robotmodels.simulation.controller import Controller
 
@@ -105,9 +104,18 @@ class ChainStudy(FileSection):
     seed: Seed = 1
     chains: ChainsChoice
     experiment: ChainExperiment
-    masses: Count | None = None
     compare_with: Literal["hovland_case_study"] | None = None
     output: Path
+
+    @model_validator(mode="after")
+    def _three_by_three(self) -> Self:
+        shape = len(self.chains.masses), len(self.chains.masses[0])
+        if self.compare_with is not None and shape != (3, 3):
+            raise ValueError(
+                f"compare_with: the case study has 3 chains of 3 masses, this file {shape[0]} of "
+                f"{shape[1]}; leave it out"
+            )
+        return self
 
 
 def load_chain_study(path: str | Path) -> ChainStudy:

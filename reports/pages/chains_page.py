@@ -53,7 +53,7 @@ def write_modes_page(error: WrongModeCount, source: Path, path: Path) -> None:
     write_text(
         path,
         page(
-            title=f"{len(error.resonances)} resonances identification, {error.expected} expected",
+            title=f"{len(error.resonances)} resonances found, {error.expected} expected",
             kind="identified chains",
             kicker="Inverse eigenvalue identification of coupled chains",
             lead="The frequency responses do not show what was asked for.",

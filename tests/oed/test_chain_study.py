@@ -24,7 +24,6 @@ DOCUMENT = {
         "angle_noise": 1e-6,
         "controller": {"stiffness": [640.0, 640.0], "damping": 80.0},
     },
-    "masses": 2,
     "output": "out",
 }
 
@@ -97,6 +96,7 @@ def test_the_seed_decides(results, tmp_path):
         (("experiment", "amplitude"), [1.0, 2.0, 3.0], "experiment.amplitude: 3 given"),
         (("experiment", "controller", "damping"), [1.0], "experiment.controller.damping: 1 given"),
         (("experiment", "blocks"), 1, "experiment.blocks"),
+        (("compare_with",), "hovland_case_study", "has 3 chains of 3 masses, this file 2 of 2"),
         (("experiment", "blocks"), 1000, "at most 10000000 samples"),
         (("experiment", "multisine", "band"), [3.0, 20.0], "0 lines below the anti-resonances"),
     ],
