@@ -19,7 +19,7 @@ from robotmodels.records.records import Records, iterate_records
 _FEWEST_BLOCKS = 4
 _DISTORTED = 2.0  # variance over blocks over that of noise, in the median
 _EXPLAINED = ("noise correlated", "trustworthy")  # verdicts of a model that explains the FRFs
-_APART = 3.0  # standard deviations between estimates from which on they are said to differ
+_DIFFERENT = 3.0  # standard deviations between estimates from which on they are said to differ
 
 
 @dataclass(frozen=True, eq=False)
@@ -130,7 +130,7 @@ def _disagreement(
     other = dampers.estimate if one is other else other
     with np.errstate(divide="ignore", invalid="ignore"):
         distances = np.nan_to_num(np.abs(one.values - other.values) / one.std, nan=0.0)
-    far = np.flatnonzero((distances > _APART) & (one.std > 0))
+    far = np.flatnonzero((distances > _DIFFERENT) & (one.std > 0))
     if not far.size:
         return ()
     k = int(far[np.argmax(distances[far])])

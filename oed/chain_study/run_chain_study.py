@@ -59,7 +59,7 @@ class ChainStudyResults:
         Position controllers of the motors.
     measured : MeasuredChains
         Identification from the records.
-    held : HeldResponses
+    responses : HeldResponses
         Responses with other chains held, and the gains read off them.
     steps : tuple of ChainSteps
         Steps of the paper, chain by chain.
@@ -74,7 +74,7 @@ class ChainStudyResults:
     truth: CoupledChains
     controller: Controller
     measured: MeasuredChains
-    held: HeldResponses
+    responses: HeldResponses
     steps: tuple[ChainSteps, ...]
     read_off: Array
     stepwise: ChainEstimate
@@ -112,7 +112,7 @@ def run_chain_study(
         progress("records", 1, 1)
     measured = measured_chains(path, truth.masses.shape[1], progress=progress)
     modes = measured.identification.modes
-    held = held_responses(records, modes)
+    responses = held_responses(records, modes)
     steps = tuple(_steps(modes.omega, zeros) for zeros in modes.zeros)
     stepwise = inverse_estimate(modes, measured.identification.inverse.layout, None, stepwise=True)
     return ChainStudyResults(
@@ -120,9 +120,9 @@ def run_chain_study(
         truth,
         controller,
         measured,
-        held,
+        responses,
         steps,
-        _read_off(modes.omega, steps, held, stepwise),
+        _read_off(modes.omega, steps, responses, stepwise),
         stepwise,
     )
 
@@ -186,16 +186,16 @@ def _steps(resonances: Array, zeros: Array) -> ChainSteps:
 
 
 def _read_off(
-    resonances: Array, steps: tuple[ChainSteps, ...], held: HeldResponses, like: ChainEstimate
+    resonances: Array, steps: tuple[ChainSteps, ...], responses: HeldResponses, like: ChainEstimate
 ) -> Array:
     """Return theta as the paper has it: from poles, zeros, and gains with other chains held."""
     poles, count = np.concatenate([[0.0], resonances**2]), like.layout.masses
     chains = [
         masses_in_steps(poles, one.first, 1 / high, count, 1 / low, 2)
-        for one, high, low in zip(steps, held.high, held.low, strict=True)
+        for one, high, low in zip(steps, responses.high, responses.low, strict=True)
     ]
     couplings = np.zeros((len(steps), len(steps)))
-    for (i, j), gain in zip(combinations(range(len(steps)), 2), held.cross_low, strict=True):
-        couplings[i, j] = coupled_inertia(gain, held.low[i], held.low[j])
+    for (i, j), gain in zip(combinations(range(len(steps)), 2), responses.cross_low, strict=True):
+        couplings[i, j] = coupled_inertia(gain, responses.low[i], responses.low[j])
     masses, springs = (np.array(part) for part in zip(*chains, strict=True))
     return like.layout.join(masses, springs, couplings)

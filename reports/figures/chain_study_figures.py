@@ -21,7 +21,7 @@ _LOWEST = 0.15  # of the lowest anti-resonance: where the panels begin
 
 def direct_panels(results: ChainStudyResults, chains: Sequence[int]) -> Callable[[Palette], Figure]:
     """Return motors' accelerations per their own torques, with poles, zeros, A_L and A_H."""
-    modes, held = results.measured.identification.modes, results.held
+    modes, responses = results.measured.identification.modes, results.responses
     omega = modes.data.omega
     dense = np.geomspace(omega[0], omega[-1], _POINTS)
     model = np.abs(modal_response(modes.x, modes.layout, dense))
@@ -29,10 +29,10 @@ def direct_panels(results: ChainStudyResults, chains: Sequence[int]) -> Callable
     def draw(palette: Palette) -> Figure:
         figure, panels = _panels(results, len(chains))
         for axes, i in zip(panels, chains, strict=True):
-            held_lines = held.omega < modes.zeros.min()
+            held_lines = responses.omega < modes.zeros.min()
             axes.plot(
-                held.omega[held_lines],
-                decibels(np.abs(held.direct[held_lines, i])),
+                responses.omega[held_lines],
+                decibels(np.abs(responses.direct[held_lines, i])),
                 "--",
                 color=palette.ink,
                 lw=0.9,
@@ -40,8 +40,8 @@ def direct_panels(results: ChainStudyResults, chains: Sequence[int]) -> Callable
             measured = decibels(np.abs(modes.data.response[:, i, i]))
             axes.plot(omega, measured, ".", color=palette.accent, ms=3, mew=0)
             axes.plot(dense, decibels(model[:, i, i]), color=palette.second, lw=0.7)
-            _circle(axes, _first(results), held.low[i], f"A{i + 1}L", palette)
-            _circle(axes, omega[-1], held.high[i], f"A{i + 1}H", palette)
+            _circle(axes, _first(results), responses.low[i], f"A{i + 1}L", palette)
+            _circle(axes, omega[-1], responses.high[i], f"A{i + 1}H", palette)
             _marks(axes, modes.omega, modes.zeros[i], palette)
             axes.set_title(_title(i, i))
         return figure
@@ -53,19 +53,19 @@ def cross_panels(
     results: ChainStudyResults, pairs: Sequence[tuple[int, int]]
 ) -> Callable[[Palette], Figure]:
     """Return accelerations of motor i per torque of motor j, other chains held, with A_C."""
-    held, count = results.held, len(results.truth.masses)
+    responses, count = results.responses, len(results.truth.masses)
     every = list(combinations(range(count), 2))
-    dense = np.geomspace(held.omega[0], held.omega[-1], _POINTS)
+    dense = np.geomspace(responses.omega[0], responses.omega[-1], _POINTS)
 
     def draw(palette: Palette) -> Figure:
         figure, panels = _panels(results, len(pairs))
         for axes, pair in zip(panels, pairs, strict=True):
             k = every.index(pair)
-            measured = decibels(np.abs(held.cross[:, k]))
-            axes.plot(held.omega, measured, ".", color=palette.accent, ms=3, mew=0)
+            measured = decibels(np.abs(responses.cross[:, k]))
+            axes.plot(responses.omega, measured, ".", color=palette.accent, ms=3, mew=0)
             model = controlled_response(results, dense, pair)[:, pair[0], pair[1]]
             axes.plot(dense, decibels(np.abs(model)), color=palette.second, lw=0.7)
-            _circle(axes, _first(results), abs(held.cross_low[k]), "AC", palette)
+            _circle(axes, _first(results), abs(responses.cross_low[k]), "AC", palette)
             axes.set_title(_title(*pair))
         return figure
 
@@ -80,7 +80,7 @@ def _panels(results: ChainStudyResults, count: int) -> tuple[Figure, list[Axes]]
         axes.grid(True)
         axes.set_axisbelow(True)
         axes.set_xscale("log")
-        axes.set_xlim(0.9 * _first(results), 1.12 * results.held.omega[-1])
+        axes.set_xlim(0.9 * _first(results), 1.12 * results.responses.omega[-1])
         axes.xaxis.set_major_locator(LogLocator(subs=(1, 2, 3, 5)))
         axes.xaxis.set_major_formatter(FuncFormatter(lambda x, _: f"{x:g}"))
         axes.xaxis.set_minor_formatter(NullFormatter())
@@ -94,7 +94,7 @@ def _panels(results: ChainStudyResults, count: int) -> tuple[Figure, list[Axes]]
 def _first(results: ChainStudyResults) -> float:
     """Return the frequency at which the panels begin [rad/s]."""
     lowest = float(results.measured.identification.modes.zeros.min())
-    return max(_LOWEST * lowest, float(results.held.omega[0]))
+    return max(_LOWEST * lowest, float(results.responses.omega[0]))
 
 
 def _circle(axes: Axes, omega: float, gain: float, name: str, palette: Palette) -> None:

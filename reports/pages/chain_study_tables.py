@@ -34,17 +34,24 @@ def frequency_table(results: ChainStudyResults) -> Table:
 
 def gain_table(results: ChainStudyResults) -> Table:
     """Return the gains A_H, A_L and A_C read off, with what the simulated chains have."""
-    held, truth = results.held, results.truth
+    responses, truth = results.responses, results.truth
     pairs = list(combinations(range(len(truth.masses)), 2))
-    low = 1 / truth.masses.sum(axis=1)
+    low, high = 1 / truth.masses.sum(axis=1), 1 / truth.masses[:, 0]
     coupled = np.diag(truth.masses.sum(axis=1)) + truth.couplings
     cross = [np.linalg.inv(coupled[np.ix_(pair, pair)])[0, 1] for pair in pairs]
     single = [f"chain {i + 1}" for i in range(len(low))]
     double = [f"chains {i + 1} and {j + 1}" for i, j in pairs]
     parts = (
-        ("A_H, (3)", single, paper.HIGH_GAINS, held.high, held.high_std, 1 / truth.masses[:, 0]),
-        ("A_L, (2)", single, paper.LOW_GAINS, held.low, held.low_std, low),
-        ("|A_C|, (7)", double, paper.CROSS_GAINS, held.cross_low, held.cross_std, cross),
+        (
+            "A_H, (3)",
+            single,
+            paper.HIGH_GAINS,
+            responses.high,
+            responses.high_std,
+            high,
+        ),
+        ("A_L, (2)", single, paper.LOW_GAINS, responses.low, responses.low_std, low),
+        ("|A_C|, (7)", double, paper.CROSS_GAINS, responses.cross_low, responses.cross_std, cross),
     )
     groups: Groups = []
     for title, names, printed, values, deviations, exact in parts:

@@ -51,7 +51,7 @@ def chain_study_summary(results: ChainStudyResults, files: list[Path]) -> str:
 
 def chain_study_json(results: ChainStudyResults, files: list[Path]) -> dict[str, Any]:
     """Return the summary for scripts, in SI units."""
-    held = results.held
+    responses = results.responses
     return {
         **chains_json(results.measured, files),
         "schema": "chain_study_results/1",
@@ -60,12 +60,12 @@ def chain_study_json(results: ChainStudyResults, files: list[Path]) -> dict[str,
         "stepwise": results.stepwise.values.tolist(),
         "stepwise_std": results.stepwise.std.tolist(),
         "gains": {
-            "low": held.low.tolist(),
-            "low_std": held.low_std.tolist(),
-            "high": held.high.tolist(),
-            "high_std": held.high_std.tolist(),
-            "cross": held.cross_low.tolist(),
-            "cross_std": held.cross_std.tolist(),
+            "low": responses.low.tolist(),
+            "low_std": responses.low_std.tolist(),
+            "high": responses.high.tolist(),
+            "high_std": responses.high_std.tolist(),
+            "cross": responses.cross_low.tolist(),
+            "cross_std": responses.cross_std.tolist(),
         },
         "steps": [
             {

@@ -5,6 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from robotmodels.common.arrays import Array, ComplexArray, check_above_zero
+from robotmodels.common.deprecation import renamed_keywords
 from robotmodels.common.errors import InvalidInput
 from robotmodels.linear.coupled_chains import CoupledChains
 from robotmodels.linear.linear_model import LinearModel
@@ -34,8 +35,9 @@ def position_controlled(model: LinearModel, gains: Array) -> LinearModel:
     )
 
 
+@renamed_keywords(since="0.2", held="controlled")
 def chain_response(
-    chains: CoupledChains, omega: Array, held: Sequence[int] = (), gain: float | None = None
+    chains: CoupledChains, omega: Array, controlled: Sequence[int] = (), gain: float | None = None
 ) -> ComplexArray:
     """Return accelerations over torques of the motors, (F, M, M), direct and cross.
 
@@ -43,7 +45,7 @@ def chain_response(
     ----------
     omega : ndarray, (F,), rad/s
         Angular frequencies.
-    held : sequence of int
+    controlled : sequence of int
         Chains whose motors a position controller holds, 0 to M - 1.
     gain : float, N/m, optional
         K_R of these controllers; ten times the stiffest spring by default.
@@ -55,9 +57,9 @@ def chain_response(
     """
     count = len(chains.masses)
     gains = np.zeros(count)
-    for chain in held:
+    for chain in controlled:
         if not 0 <= chain < count:
-            raise InvalidInput(f"held: chain {chain}; there are chains 0 to {count - 1}")
+            raise InvalidInput(f"controlled: chain {chain}; there are chains 0 to {count - 1}")
         gains[chain] = 10 * chains.springs.max() if gain is None else gain
     model = position_controlled(chains.linear_model(), gains)
     return model.frequency_response(check_omega(omega))

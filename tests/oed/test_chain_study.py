@@ -68,14 +68,14 @@ def test_steps_are_those_of_the_simulated_chains(results):
 
 
 def test_responses_under_the_controllers_are_those_that_were_measured(results):
-    held = results.held
-    model = controlled_response(results, held.omega, (0,))[:, 0, 0]
+    responses = results.responses
+    model = controlled_response(results, responses.omega, (0,))[:, 0, 0]
     # The other motor resists as a spring and a damper do, but for the sampling.
     spring = position_controlled(results.truth.linear_model(), np.array([0.0, 640.0]))
-    low = held.omega < 3.0
-    expected = spring.frequency_response(held.omega[low])[:, 0, 0]
+    low = responses.omega < 3.0
+    expected = spring.frequency_response(responses.omega[low])[:, 0, 0]
     assert np.abs(model[low] / expected - 1).max() < 0.05
-    assert np.median(np.abs(held.direct[:, 0] / model - 1)) < 1e-2
+    assert np.median(np.abs(responses.direct[:, 0] / model - 1)) < 1e-2
 
 
 def test_the_seed_decides(results, tmp_path):

@@ -42,9 +42,9 @@ def test_constrained_responses_follow_from_the_unconstrained():
 
 
 def test_held_chains_leave_the_sum_of_masses():
-    low = chain_response(CHAINS, np.array([1e-3]), held=[1, 2])[0, 0, 0]
+    low = chain_response(CHAINS, np.array([1e-3]), controlled=[1, 2])[0, 0, 0]
     assert 1 / low.real == pytest.approx(CHAINS.masses[0].sum(), rel=1e-6)
-    strong = chain_response(CHAINS, np.array([1e-3]), held=[1, 2], gain=1e8)[0, 0, 0]
+    strong = chain_response(CHAINS, np.array([1e-3]), controlled=[1, 2], gain=1e8)[0, 0, 0]
     assert 1 / strong.real == pytest.approx(CHAINS.masses[0].sum(), rel=1e-6)
 
 
@@ -108,7 +108,10 @@ def test_noise_is_on_the_angle_and_the_seed_decides(controller):
 @pytest.mark.parametrize(
     ("call", "message"),
     [
-        (lambda: chain_response(CHAINS, OMEGA, [3]), "held: chain 3; there are chains 0 to 2"),
+        (
+            lambda: chain_response(CHAINS, OMEGA, [3]),
+            "controlled: chain 3; there are chains 0 to 2",
+        ),
         (lambda: position_controlled(CHAINS.linear_model(), [1, 2]), "3 finite numbers >= 0"),
         (
             lambda: modally_damped(CHAINS.linear_model(), -1.0),
