@@ -12,6 +12,9 @@ from estimators.chains.parameter_maps import ChainLayout, inverse_map, inverse_s
 from estimators.chains.pole_zero_spectra import squared_components
 from estimators.chains.stepwise import masses_in_steps
 from robotmodels.common.arrays import Array
+from robotmodels.common.errors import NotIdentifiable
+
+_ROUNDING = 3e-4  # relative standard deviation in exact FRFs from which on a mass is refused
 
 
 def inverse_estimate(
@@ -32,7 +35,7 @@ def inverse_estimate(
     ------
     NotIdentifiable
         If a mass, a spring or the mass matrix comes out not positive: more masses than these data
-        support. Stepwise also where rounding leaves masses and springs open.
+        support; or, of exact FRFs, if rounding leaves a mass or a spring open.
     """
     p = layout.modal.size
     x = modes.x[:p]
@@ -45,7 +48,27 @@ def inverse_estimate(
     if first_masses is not None:
         covariance[layout.first] = covariance[:, layout.first] = 0.0
     method = "inverse eigenvalue problem, " + ("step by step" if stepwise else "Lanczos")
-    return ChainEstimate(layout, theta, covariance, method, _condition(slope, x, theta, layout))
+    condition = _condition(slope, x, theta, layout)
+    estimate = ChainEstimate(layout, theta, covariance, method, condition)
+    if modes.data.undamped:
+        _check_rounding(estimate)
+    return estimate
+
+
+def _check_rounding(estimate: ChainEstimate) -> None:
+    """Refuse masses and springs that rounding of exact FRFs leaves open.
+
+    Rounding errors are not independent: they exceed standard deviations made of the misfit by up
+    to thirty times, so that about 1 % is refused.
+    """
+    p = estimate.layout.positive
+    pairs = zip(estimate.names[:p], estimate.relative_std[:p], strict=True)
+    if names := tuple(name for name, std in pairs if not std <= _ROUNDING):
+        raise NotIdentifiable(
+            names,
+            "rounding of these FRFs leaves them open: give fewer masses, or more lines, above all "
+            "near the resonances that are hardly felt",
+        )
 
 
 def _stepwise(modes: FittedModes, layout: ChainLayout, first_masses: Array | None) -> Array:

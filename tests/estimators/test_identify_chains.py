@@ -9,8 +9,9 @@ from estimators.chain_dampers.damper_fit import fit_dampers
 from estimators.chains.identification import identify_chains
 from estimators.chains.identified_chains import predict_masses
 from estimators.chains.modal_model import ModalLayout, anti_resonance_slopes, modal_anti_resonances
+from estimators.chains.model_order import WrongModeCount
 from estimators.chains.parameter_maps import ChainLayout, forward_map, inverse_map, inverse_slope
-from robotmodels.common.errors import InvalidInput
+from robotmodels.common.errors import InvalidInput, NotIdentifiable
 from robotmodels.linear.chain_responses import chain_response, modally_damped
 from robotmodels.linear.coupled_chains import CoupledChains
 from robotmodels.linear.modes import anti_resonances, resonances
@@ -269,3 +270,23 @@ def test_slopes_of_anti_resonances_against_differences():
         step[k] = 1e-6
         ends = [modal_anti_resonances(x + sign * step, layout) for sign in (1, -1)]
         assert (ends[0] - ends[1]) / 2e-6 == pytest.approx(slopes[..., k], rel=1e-5, abs=1e-5)
+
+
+@pytest.mark.parametrize("method", ["stepwise", "lanczos"])
+def test_uneven_chains_from_exact_frfs_are_right_or_refused_by_name(method):
+    """Masses and springs over two decades: some hang on digits that the FRFs do not have."""
+    refused = 0
+    for seed in range(12):
+        rng = np.random.default_rng([seed, 8])
+        masses, springs = 10 ** rng.uniform(-1, 1, (1, 8)), 10 ** rng.uniform(2, 4, (1, 7))
+        chains = CoupledChains(masses, springs, np.zeros((1, 1)))
+        highest = resonances(chains.linear_model()).frequencies[-1]
+        omega = np.linspace(0.02, 1.1, 480) * highest
+        try:
+            solution = identify_chains(omega, chain_response(chains, omega), 8, method=method)
+        except (NotIdentifiable, WrongModeCount):
+            refused += 1
+            continue
+        assert solution.masses == pytest.approx(masses, rel=1e-2)
+        assert solution.springs == pytest.approx(springs, rel=1e-2)
+    assert 0 < refused < 12
