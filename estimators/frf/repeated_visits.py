@@ -10,19 +10,19 @@ from numpy.typing import NDArray
 from estimators.frf.distortion import Distortion
 from estimators.frf.estimate_frf import stacked_deviations
 from estimators.frf.frf_estimate import FrfEstimate
-from robotmodels.common.arrays import Array, IntArray
+from robotmodels.common.arrays import Array, IntArray, equal_rows
 
-_SAME = 9
-"""Decimals [rad or m] to which visits of one position agree."""
+_SAME = 1e-9
+"""Visits of one position agree to well below it [rad or m]."""
 
 _LEVELS = ("output", "odd", "even", "odd_noise", "even_noise", "odd_raw", "even_raw")
 
 
 def visits_of(positions: Array) -> list[IntArray]:
     """Return for each distinct position the indices of its visits, in order of the first."""
-    rounded = np.round(positions, _SAME) + 0.0
-    _, first, group = np.unique(rounded, axis=0, return_index=True, return_inverse=True)
-    return [np.flatnonzero(group.ravel() == g) for g in np.argsort(first)]
+    group = equal_rows(positions, _SAME)
+    _, first = np.unique(group, return_index=True)
+    return [np.flatnonzero(group == group[i]) for i in np.sort(first)]
 
 
 def merge_visits(estimate: FrfEstimate) -> FrfEstimate:

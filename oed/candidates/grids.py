@@ -5,7 +5,7 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from robotmodels.common.arrays import Array, BoolArray, check_count
+from robotmodels.common.arrays import Array, BoolArray, check_count, equal_rows
 from robotmodels.common.errors import InvalidInput, nearest
 
 # The first joint often turns about the vertical and then changes nothing; the next two carry
@@ -17,7 +17,7 @@ SAME_POSITION = 1e-6
 """Largest difference of any angle [rad or m]: files and people round."""
 
 
-_REPEATED = 1e-9  # [rad] or [m]: what rounds to the same multiple repeats
+_REPEATED = 1e-9  # [rad] or [m]: positions that agree to well below it repeat
 
 
 class HasJoints(Protocol):
@@ -121,8 +121,8 @@ def repeated_positions(positions: Array, turning: BoolArray) -> BoolArray:
     """Return which positions (Q, n) repeat an earlier one or lie whole turns from it, (Q,)."""
     # On the circle: an angle next to pi has one cosine and sine on both of its sides.
     angles, lengths = positions[:, turning], positions[:, ~turning]
-    points = np.hstack([np.cos(angles), np.sin(angles), lengths]) / _REPEATED
-    _, first = np.unique(np.round(points), axis=0, return_index=True)
+    points = np.hstack([np.cos(angles), np.sin(angles), lengths])
+    _, first = np.unique(equal_rows(points, _REPEATED), return_index=True)
     repeated = np.ones(len(positions), dtype=bool)
     repeated[first] = False
     return repeated

@@ -157,3 +157,18 @@ def check_level(level: float, where: str) -> None:
     """
     if not 0 < level < 1:
         raise InvalidInput(f"{where}: level {level} does not lie between 0 and 1")
+
+
+def equal_rows(rows: Array, tolerance: float) -> IntArray:
+    """Return a group number for each row of (Q, n): rows within the tolerance share one.
+
+    In each column values are one where the next larger is not farther than the tolerance: unlike
+    rounding, this tears no equals apart at the edge of a multiple.
+    """
+    group = np.zeros(len(rows), dtype=np.int64)
+    for column in rows.T:
+        order = np.argsort(column)
+        value = np.empty_like(group)
+        value[order] = np.cumsum(np.diff(column[order], prepend=column[order[:1]]) > tolerance)
+        _, group = np.unique(group * len(rows) + value, return_inverse=True)
+    return group
