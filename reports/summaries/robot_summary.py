@@ -120,7 +120,7 @@ def _springs(d: Diagnosis, file: RobotFile) -> list[str]:
             rows.append(("", "  under its load", _kilo(s.stiffness, high.unit), *[""] * 5))
     header = (
         *("springs", "at, about", "stiffness\nkN m/rad", "", "damping\nN m s/rad", ""),
-        *("deflection", "holds\nN m"),
+        *("static\nshift", "holds\nN m"),
     )
     ties = [f"{p.name} to {p.tied_to}" for p in d.parameters if p.tied_to]
     tied = wrapped(f"tied: {', '.join(ties)}") if ties else []
