@@ -73,6 +73,11 @@ class Problem:
                 f"fit: {len(parameters)} parameters but only {data} real data carry weight; "
                 "add positions or frequencies, or free fewer parameters"
             )
+        if not (self.kind.real or self.estimate.has_phase):
+            raise InvalidInput(
+                f"fit: the FRFs are magnitudes without phases, and {self.kind.name} compares "
+                "phases; use lls_magnitude, or give complex FRFs"
+            )
         # A measured zero would spoil every start alike: better said before the first.
         self.kind.error(self.estimate.response, np.ones(shape, dtype=complex), used)
 

@@ -20,13 +20,20 @@ from numpy.typing import NDArray
 
 from estimators.frf.file_schemas import read_freedom, stored_freedom
 from estimators.frf.frf_estimate import FrfEstimate
+from estimators.frf.uff_units import (
+    ACCELERATION,
+    FREQUENCY,
+    check_unit_system,
+    frequency_factor,
+    response_factor,
+)
 from robotmodels.common.arrays import Array, ComplexArray, whole_numbers
 from robotmodels.common.errors import InvalidInput
 from robotmodels.data_files.universal_file import ignore_unclosed_files, read_functions
 from robotmodels.linear.noise import NoiseLaw
 
 _FRF, _GENERAL = 4, 0
-_ROTATION, _FREQUENCY, _ACCELERATION, _FORCE = 4, 18, 12, 13
+_ROTATION, _FORCE = 4, 13
 _NAME = "elastic robot FRF"
 _MOST_ELEMENTS = 1000  # of the FRFs for each function; the missing ones are named below that
 
@@ -59,18 +66,21 @@ def read_frf(
     path: Path, positions: Array | None = None, noise: NoiseLaw | None = None
 ) -> FrfEstimate:
     """Read FRFs; see `estimators.frf.file_formats.read_frf`."""
-    sets = read_functions(path)
+    sets, units = read_functions(path)
+    check_unit_system(units)
     responses = [s for s in sets if s["func_type"] == _FRF]
     if not responses:
         raise InvalidInput("no frequency response function (dataset 58 of type 4)")
     axes = _axes(responses)
     with np.errstate(over="ignore"):  # what is infinite is refused with the estimate
-        omega = 2 * np.pi * responses[0]["x"]
-    response = np.asarray(_gathered(responses, axes, responses[0]["x"]), dtype=complex)
+        omega = frequency_factor(responses[0], _who(responses[0])) * responses[0]["x"]
+    response = np.asarray(_gathered(responses, axes, responses[0]), dtype=complex)
     variances = [s for s in sets if s["id1"].strip() == "variance"]
     freedom = read_freedom(_single(sets, "degrees of freedom"), len(response))
     if variances:
-        variance = np.asarray(_gathered(variances, axes, responses[0]["x"]).real, dtype=float)
+        if any(abs(response_factor(s, _who(s))) != 1 for s in responses):
+            raise InvalidInput("variances beside FRFs in other units than rad/s^2 and N m")
+        variance = np.asarray(_gathered(variances, axes, responses[0]).real, dtype=float)
     elif noise is not None:
         variance, freedom = noise.variance(response), np.full(len(response), np.inf)
     else:
@@ -117,7 +127,7 @@ def _positions(functions: list[dict[str, Any]], numbers: list[int]) -> Array:
 def _function(
     kind: int, name: str, title: str, x: Array, data: NDArray[Any], nodes: dict[str, int]
 ) -> dict[str, Any]:
-    ordinate, divisor = (_ACCELERATION, _FORCE) if kind == _FRF else (0, 0)
+    ordinate, divisor = (ACCELERATION, _FORCE) if kind == _FRF else (0, 0)
     return nodes | {
         "type": 58,
         "binary": 1,
@@ -127,7 +137,7 @@ def _function(
         "rsp_dir": _ROTATION,
         "ref_dir": _ROTATION,
         "abscissa_spacing": 0,
-        "abscissa_spec_data_type": _FREQUENCY if nodes["rsp_node"] else 0,
+        "abscissa_spec_data_type": FREQUENCY if nodes["rsp_node"] else 0,
         "abscissa_axis_units_lab": "Hz" if nodes["rsp_node"] else "NONE",
         "ordinate_spec_data_type": ordinate,
         "ordinate_axis_units_lab": "rad/s^2" if kind == _FRF else "NONE",
@@ -188,18 +198,25 @@ def _version(one: dict[str, Any]) -> int:
 
 def _axes(sets: list[dict[str, Any]]) -> list[list[Any]]:
     """Return the positions' numbers, the outputs' and the inputs' degrees of freedom."""
-    outputs = {(s["rsp_node"], s["rsp_dir"]) for s in sets}
-    inputs = {(s["ref_node"], s["ref_dir"]) for s in sets}
+    outputs = {(s["rsp_node"], abs(s["rsp_dir"])) for s in sets}
+    inputs = {(s["ref_node"], abs(s["ref_dir"])) for s in sets}
     return [sorted({_version(s) for s in sets}), sorted(outputs), sorted(inputs)]
 
 
-def _gathered(sets: list[dict[str, Any]], axes: list[list[Any]], x: Array) -> ComplexArray:
-    """Put functions into one (Q, F, m, n) array.
+def _who(one: dict[str, Any]) -> str:
+    return f"function {one['id2'].strip()!r}, nodes {one['rsp_node']} and {one['ref_node']}"
+
+
+def _gathered(
+    sets: list[dict[str, Any]], axes: list[list[Any]], first: dict[str, Any]
+) -> ComplexArray:
+    """Put functions into one (Q, F, m, n) array, in SI units and positive directions.
 
     Raises
     ------
     InvalidInput
-        Naming an element that is missing, given twice, not an acceleration or at other frequencies.
+        Naming an element that is missing, given twice, not an acceleration over a torque, or at
+        other frequencies than the `first` function.
     """
     numbers, outputs, inputs = axes
     if len(numbers) * len(outputs) * len(inputs) > _MOST_ELEMENTS * len(sets):
@@ -207,21 +224,13 @@ def _gathered(sets: list[dict[str, Any]], axes: list[list[Any]], x: Array) -> Co
             f"{len(sets)} functions for {len(numbers)} positions, {len(outputs)} outputs and "
             f"{len(inputs)} inputs; one for each of their combinations is needed"
         )
+    unit, x = frequency_factor(first, _who(first)), first["x"]
     values = np.full((len(numbers), len(outputs), len(inputs), len(x)), np.nan, dtype=complex)
     for s in sets:
-        response, reference = (s["rsp_node"], s["rsp_dir"]), (s["ref_node"], s["ref_dir"])
-        who = f"function {s['id2'].strip()!r}, nodes {response[0]} and {reference[0]}"
-        if s["func_type"] == _FRF and s["ordinate_spec_data_type"] not in (0, 1, _ACCELERATION):
-            raise InvalidInput(
-                f"{who}: ordinate of type {s['ordinate_spec_data_type']}; accelerations (12) are "
-                "needed"
-            )
-        if s["abscissa_spec_data_type"] not in (0, 1, _FREQUENCY):
-            raise InvalidInput(
-                f"{who}: abscissa of type {s['abscissa_spec_data_type']}; frequencies (18) are "
-                "needed"
-            )
-        if not np.array_equal(s["x"], x):
+        response, reference = (s["rsp_node"], abs(s["rsp_dir"])), (s["ref_node"], abs(s["ref_dir"]))
+        who = _who(s)
+        factor = response_factor(s, who) if s["func_type"] == _FRF else 1.0
+        if frequency_factor(s, who) != unit or not np.array_equal(s["x"], x):
             raise InvalidInput(f"{who}: its frequencies differ from those of the first function")
         if _version(s) not in numbers or response not in outputs or reference not in inputs:
             raise InvalidInput(f"{who}: no frequency response function is there")
@@ -232,7 +241,7 @@ def _gathered(sets: list[dict[str, Any]], axes: list[list[Any]], x: Array) -> Co
         )
         if not np.isnan(values[element]).all():
             raise InvalidInput(f"{who}: given twice")
-        values[element] = s["data"]
+        values[element] = factor * s["data"]
     gap = np.argwhere(np.isnan(values).all(axis=-1))
     if len(gap):
         q, i, j = gap[0]

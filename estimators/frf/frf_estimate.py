@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from estimators.frf.pooled_noise import PooledNoise, pooled_covariances, pooled_noise
-from robotmodels.common.arrays import Array, ComplexArray, IntArray, read_only
+from robotmodels.common.arrays import Array, ComplexArray, IntArray, read_only, real_numbers
 from robotmodels.common.errors import InvalidInput
 from robotmodels.common.printing import ReprHtml
 from robotmodels.linear.noise import NoiseLaw
@@ -56,6 +56,10 @@ def location(index: Sequence[int] | NDArray[np.intp], omega: Array | None = None
 _MOST = 1e20  # response, and standard deviation from its inverse on: costs square their ratio
 
 
+SAME_LINE = 1e-9
+"""Relative difference below which two frequencies are one line."""
+
+
 @dataclass(frozen=True, eq=False)
 class FrfEstimate(ReprHtml):
     """FRF estimates in Q positions at F frequencies, and how far to trust them.
@@ -65,7 +69,7 @@ class FrfEstimate(ReprHtml):
     positions : ndarray, (Q, n), rad
         Positions.
     omega : ndarray, (F,), rad/s
-        Angular frequencies, positive.
+        Angular frequencies, positive and rising.
     response : ndarray of complex, (Q, F, m, n), rad/s^2/(N m)
         Motor torque to motor acceleration.
     covariance : ndarray or ndarray of complex
@@ -97,8 +101,8 @@ class FrfEstimate(ReprHtml):
     line_correlation: Array = ()  # type: ignore[assignment]
 
     def __post_init__(self) -> None:
-        positions = np.array(self.positions, dtype=float)
-        omega = np.array(self.omega, dtype=float)
+        positions = real_numbers(self.positions, "positions")
+        omega = real_numbers(self.omega, "omega")
         response = np.array(self.response, dtype=complex)
         _check_axes(positions, omega, response)
         covariance = _checked_covariance(np.array(self.covariance), response.shape, omega)
@@ -132,6 +136,11 @@ class FrfEstimate(ReprHtml):
             return np.asarray(self.covariance, dtype=float)
         diagonal = np.diagonal(self.covariance, axis1=-2, axis2=-1).real
         return np.asarray(unvec(diagonal, self.response.shape[-2]))
+
+    @property
+    def has_phase(self) -> bool:
+        """Whether the response is more than magnitudes."""
+        return bool(self.response.imag.any() or (self.response.real < 0).any())
 
     @property
     def noise_known(self) -> bool:
@@ -275,6 +284,14 @@ def _check_axes(positions: Array, omega: Array, response: ComplexArray) -> None:
     if wrong.any():
         f = int(np.argmax(wrong))
         raise InvalidInput(f"omega: frequency {f} is {omega[f]:g}, a positive number is needed")
+    level = np.flatnonzero(~(np.diff(omega) > SAME_LINE * omega[1:]))
+    if level.size:
+        f = int(level[0])
+        raise InvalidInput(
+            f"omega: frequency {f + 1} ({omega[f + 1]:.9g} rad/s) does not lie above frequency {f} "
+            f"({omega[f]:.9g} rad/s); sort the lines, with all that belongs to them, and give each "
+            "once: copies of data count as new data"
+        )
     broken = np.argwhere(~np.isfinite(response))
     if broken.size:
         raise InvalidInput(

@@ -58,7 +58,7 @@ def read_positions(path: str | Path, robot: HasMotors) -> Array:
     """Return the positions of a file, (Q, n) [rad or m].
 
     ``.csv``: a position per line, and if the first line is words, a column for each motor or joint
-    that it names, in any order; ``.yaml``: a list of positions, or one under the key
+    that it names, in any order (also after a ``#``); ``.yaml``: a list of positions, or one under the key
     ``positions``; ``.npy``: an array (Q, n).
 
     Raises
@@ -92,9 +92,10 @@ def _read_csv(path: Path, robot: HasMotors) -> list[list[float]]:
         lines = [
             (number, [cell.strip() for cell in row])
             for number, row in enumerate(csv.reader(file), start=1)
-            if row and not row[0].lstrip().startswith("#")
+            if row and not _comment(row, robot)
         ]
     order = list(range(len(robot.motor_names)))
+    lines = [(number, [cells[0].lstrip("# "), *cells[1:]]) for number, cells in lines]
     if lines and not _number(lines[0][1][0]):
         order = _columns(path, lines[0][1], robot)
         lines = lines[1:]
@@ -106,6 +107,13 @@ def _read_csv(path: Path, robot: HasMotors) -> list[list[float]]:
             )
         rows.append([float(cells[j]) for j in order])
     return rows
+
+
+def _comment(row: list[str], robot: HasMotors) -> bool:
+    """Whether a row is a comment; one that names columns, as numpy.savetxt has it, is none."""
+    first = row[0].strip()
+    names = {*robot.motor_names, *robot.motor_joints}
+    return first.startswith("#") and not {first.lstrip("# "), *map(str.strip, row[1:])} <= names
 
 
 def _columns(path: Path, header: list[str], robot: HasMotors) -> list[int]:

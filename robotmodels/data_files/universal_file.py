@@ -13,16 +13,18 @@ from robotmodels.common.file_paths import check_file
 from robotmodels.data_files.file_guard import PathLike, library_errors
 
 _CONTAINER = "a universal file that pyuff can read"
-_FUNCTION = 58
+_FUNCTION, _UNITS = 58, 164
 _WHOLE = ("func_type", "ver_num", "rsp_node", "rsp_dir", "ref_node", "ref_dir", "num_pts")
+_WHOLE += tuple(f"{axis}_spec_data_type" for axis in ("abscissa", "ordinate", "orddenom"))
 _TEXT = ("id1", "id2")
 _MOST = 10**9  # of what a header of ten letters holds
 
 
-def read_functions(path: PathLike) -> list[dict[str, Any]]:
-    """Return the functions of a file as pyuff names their entries; other datasets are passed over.
+def read_functions(path: PathLike) -> tuple[list[dict[str, Any]], list[dict[str, Any]]]:
+    """Return the functions and the units (dataset 164) of a file as pyuff names their entries.
 
-    Abscissa ``x`` and ordinate ``data`` are of one length and finite.
+    Other datasets are passed over. Abscissa ``x`` and ordinate ``data`` of functions are of one
+    length and finite.
 
     Raises
     ------
@@ -36,11 +38,13 @@ def read_functions(path: PathLike) -> list[dict[str, Any]]:
     # pyuff raises nothing more particular than Exception.
     with library_errors(source, _CONTAINER, Exception), ignore_unclosed_files():
         file = pyuff.UFF(str(source))
-        numbers = [i for i, kind in enumerate(file.get_set_types()) if kind == _FUNCTION]
+        kinds = list(file.get_set_types())
+        numbers = [i for i, kind in enumerate(kinds) if kind == _FUNCTION]
         functions = [file.read_sets(i) for i in numbers]
+        units = [file.read_sets(i) for i, kind in enumerate(kinds) if kind == _UNITS]
     for number, function in zip(numbers, functions, strict=True):
         _check(function, f"{source}: dataset {number + 1}")
-    return functions
+    return functions, units
 
 
 @contextmanager

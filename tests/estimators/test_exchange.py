@@ -184,6 +184,60 @@ def test_faulty_universal_files_are_named(tmp_path, change, message):
         read_frf(path, positions=np.zeros((1, 2)), noise=RelativeNoise())
 
 
+def _each(**entries):
+    return lambda sets: [s | entries for s in sets]
+
+
+@pytest.mark.parametrize(
+    ("change", "factor", "hertz"),
+    [
+        (_each(ordinate_axis_units_lab="deg/s^2"), np.pi / 180, 1.0),
+        (_each(ordinate_axis_units_lab="rad/s**2"), 1.0, 1.0),
+        (_each(orddenom_axis_units_lab="N cm"), 100.0, 1.0),
+        (_each(abscissa_axis_units_lab="rad/s"), 1.0, 1 / (2 * np.pi)),
+        (_each(abscissa_axis_units_lab="RPM"), 1.0, 1 / 60),
+        (_each(rsp_dir=-4), -1.0, 1.0),
+        (_each(rsp_dir=-4, ref_dir=-1), 1.0, 1.0),
+    ],
+)
+def test_units_and_directions_of_universal_files_are_obeyed(tmp_path, change, factor, hertz):
+    path, noise, positions = tmp_path / "other.uff", RelativeNoise(), np.zeros((1, 2))
+    foreign(path)
+    plain = read_frf(path, positions=positions, noise=noise)
+    path.unlink()
+    foreign(path, change)
+    estimate = read_frf(path, positions=positions, noise=noise)
+    assert np.allclose(estimate.response, factor * plain.response, rtol=1e-12)
+    assert np.allclose(estimate.omega, hertz * plain.omega, rtol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (_each(ordinate_axis_units_lab="V"), "nodes 10 and 10: ordinate in 'V'; possible are rad"),
+        (_each(orddenom_axis_units_lab="A"), "denominator in 'A'; possible are nm"),
+        (_each(orddenom_axis_units_lab="MNm"), "denominator in 'MNm'"),
+        (_each(abscissa_axis_units_lab="s"), "abscissa in 's'; possible are hz"),
+        (_each(orddenom_spec_data_type=12), "denominator of type 12; torques"),
+        (_each(ref_dir=7), "ref_dir 7; -6 to 6 are needed"),
+        (_each(x=np.array([1.0, 4.0, 2.0])), "frequency 2 .* does not lie above frequency 1"),
+        (
+            lambda sets: [
+                {"type": 164, "units_code": 5, "length": 1e3, "force": 1e3}
+                | {"temp": 1.0, "temp_offset": 0.0},
+                *sets,
+            ],
+            r"units \(dataset 164\): code 5, .* length 1000 and force 1000; export in SI",
+        ),
+    ],
+)
+def test_other_units_of_universal_files_are_refused(tmp_path, change, message):
+    path = tmp_path / "other.uff"
+    foreign(path, change)
+    with pytest.raises(InvalidInput, match=message):
+        read_frf(path, positions=np.zeros((1, 2)), noise=RelativeNoise())
+
+
 def test_what_universal_files_cannot_hold(tmp_path):
     with pytest.raises(InvalidInput, match="one frequency; UFF 58 is written from two on"):
         write_frf(tmp_path / "frf.uff", frf(f=1))

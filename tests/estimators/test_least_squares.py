@@ -86,6 +86,18 @@ def test_elements_without_weight_may_be_zero():
     assert np.allclose(found.parameters.values, TRUTH)
 
 
+def test_magnitudes_are_no_data_for_residuals_with_phases():
+    estimate = exact()
+    magnitudes = FrfEstimate(
+        POSITIONS, OMEGA, abs(estimate.response), estimate.covariance, estimate.repetitions
+    )
+    for residual in ("nls", "lls"):
+        with pytest.raises(InvalidInput, match=f"magnitudes without phases, and {residual} comp"):
+            fit(MODEL, magnitudes, residual)
+    estimate_of_magnitudes = fit(MODEL, magnitudes, "lls_magnitude", start=TRUTH * 1.1)
+    assert np.allclose(estimate_of_magnitudes.parameters.values, TRUTH)
+
+
 def test_a_bound_that_stops_the_search_is_told():
     found = fit(MODEL, exact(), start=TRUTH * 1.5, bounds=(1.2, 2.0))
     assert "at a bound: k1" in found.message

@@ -15,6 +15,7 @@ POSITIONS = [[0.0, 1.0], [2.0, -3.0]]
     [
         ("a.csv", "0, 1\n2,-3\n"),
         ("a.csv", "# positions\nelbow, m1\n1,0\n-3,2\n"),
+        ("a.csv", "# elbow,base\n1,0\n-3,2\n"),
         ("a.yaml", "- [0, 1]\n- [2, -3]\n"),
         ("a.yml", "positions: [[0, 1], [2, -3]]\n"),
     ],
