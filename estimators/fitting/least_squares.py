@@ -17,6 +17,7 @@ from estimators.fitting.start_values import named_start
 from estimators.fitting.trust_region import SearchResult
 from estimators.fitting.weight_choice import evaluate_weights
 from estimators.frf.frf_estimate import FrfEstimate
+from estimators.frf.rigid_body_check import RigidLimit, rigid_limit
 from estimators.trust.intervals import Interval, Verdict
 from estimators.trust.linearised_fit import LinearisedFit
 from estimators.trust.trust import Trust
@@ -114,6 +115,11 @@ class Fit(ReprHtml):
         return self.cost - float(self.prior.cost(self.parameters.names, self.parameters.values))
 
     @cached_property
+    def data_check(self) -> RigidLimit:
+        """Signs, units and order of the data, against what the model says at any parameters."""
+        return rigid_limit(self.estimate, self.model)
+
+    @cached_property
     def trust(self) -> Trust:
         """How far the fit can be trusted, with all evidence.
 
@@ -151,6 +157,7 @@ class Fit(ReprHtml):
         ]
         for name, value, unit, start in zip(p.names, p.values, p.units, self.start, strict=True):
             lines.append(f"  {name:<{width}}  {value:12.6g} {unit:<10} start x {value / start:.4g}")
+        lines += [f"  CHECK THE DATA: {message}" for message in self.data_check.messages]
         return "\n".join(lines)
 
 

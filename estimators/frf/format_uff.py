@@ -75,16 +75,7 @@ def read_frf(
     with np.errstate(over="ignore"):  # what is infinite is refused with the estimate
         omega = frequency_factor(responses[0], _who(responses[0])) * responses[0]["x"]
     response = np.asarray(_gathered(responses, axes, responses[0]), dtype=complex)
-    variances = [s for s in sets if s["id1"].strip() == "variance"]
-    freedom = read_freedom(_single(sets, "degrees of freedom"), len(response))
-    if variances:
-        if any(abs(response_factor(s, _who(s))) != 1 for s in responses):
-            raise InvalidInput("variances beside FRFs in other units than rad/s^2 and N m")
-        variance = np.asarray(_gathered(variances, axes, responses[0]).real, dtype=float)
-    elif noise is not None:
-        variance, freedom = noise.variance(response), np.full(len(response), np.inf)
-    else:
-        raise InvalidInput("no variances; give the law of the errors as noise=RelativeNoise(...)")
+    variance, freedom = _variances(sets, axes, response, noise)
     numbers = axes[0]
     told = [s for s in sets if s["id1"].strip() == "positions"]
     if told:
@@ -101,6 +92,27 @@ def read_frf(
         whole_numbers(repetitions, "repetitions"),
         freedom,
     )
+
+
+def _variances(
+    sets: list[dict[str, Any]],
+    axes: list[list[Any]],
+    response: ComplexArray,
+    noise: NoiseLaw | None,
+) -> tuple[Array, Array]:
+    """Return variances and their degrees of freedom, from the file or by the law."""
+    variances = [s for s in sets if s["id1"].strip() == "variance"]
+    if not variances:
+        if noise is None:
+            raise InvalidInput(
+                "no variances; give the law of the errors as noise=RelativeNoise(...)"
+            )
+        return noise.variance(response), np.full(len(response), np.inf)
+    responses = [s for s in sets if s["func_type"] == _FRF]
+    if any(abs(response_factor(s, _who(s))) != 1 for s in responses):
+        raise InvalidInput("variances beside FRFs in other units than rad/s^2 and N m")
+    freedom = read_freedom(_single(sets, "degrees of freedom"), len(response))
+    return np.asarray(_gathered(variances, axes, responses[0]).real, dtype=float), freedom
 
 
 def _single(sets: list[dict[str, Any]], name: str) -> Array | None:

@@ -284,14 +284,7 @@ def _check_axes(positions: Array, omega: Array, response: ComplexArray) -> None:
     if wrong.any():
         f = int(np.argmax(wrong))
         raise InvalidInput(f"omega: frequency {f} is {omega[f]:g}, a positive number is needed")
-    level = np.flatnonzero(~(np.diff(omega) > SAME_LINE * omega[1:]))
-    if level.size:
-        f = int(level[0])
-        raise InvalidInput(
-            f"omega: frequency {f + 1} ({omega[f + 1]:.9g} rad/s) does not lie above frequency {f} "
-            f"({omega[f]:.9g} rad/s); sort the lines, with all that belongs to them, and give each "
-            "once: copies of data count as new data"
-        )
+    _check_rising(omega)
     broken = np.argwhere(~np.isfinite(response))
     if broken.size:
         raise InvalidInput(
@@ -302,6 +295,17 @@ def _check_axes(positions: Array, omega: Array, response: ComplexArray) -> None:
         raise InvalidInput(
             f"response: {response[tuple(large[0])]:.3g} at {location(large[0], omega)} is beyond "
             f"any robot; at most {_MOST:g} is possible"
+        )
+
+
+def _check_rising(omega: Array) -> None:
+    level = np.flatnonzero(~(np.diff(omega) > SAME_LINE * omega[1:]))
+    if level.size:
+        f = int(level[0])
+        raise InvalidInput(
+            f"omega: frequency {f + 1} ({omega[f + 1]:.9g} rad/s) does not lie above frequency {f} "
+            f"({omega[f]:.9g} rad/s); sort the lines, with all that belongs to them, and give each "
+            "once: copies of data count as new data"
         )
 
 

@@ -58,8 +58,8 @@ def read_positions(path: str | Path, robot: HasMotors) -> Array:
     """Return the positions of a file, (Q, n) [rad or m].
 
     ``.csv``: a position per line, and if the first line is words, a column for each motor or joint
-    that it names, in any order (also after a ``#``); ``.yaml``: a list of positions, or one under the key
-    ``positions``; ``.npy``: an array (Q, n).
+    that it names, in any order, also after a ``#``; ``.yaml``: a list of positions, or one under
+    the key ``positions``; ``.npy``: an array (Q, n).
 
     Raises
     ------

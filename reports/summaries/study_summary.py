@@ -14,6 +14,7 @@ from reports.sections.plan_labels import cost
 from reports.sections.verdict import discredited, interval_words
 from reports.summaries.columns import hung, plain, plural
 from reports.text import duration, efficiency, percent
+from robotmodels.common.arrays import IMPROBABLE
 
 Lines = list[tuple[str, str]]
 _WEAKEST = 3
@@ -24,6 +25,7 @@ def study_summary(results: PlannedStudy, written: list[Path]) -> str:
     """Return the summary of a study, as far as it was computed."""
     lines = _design_lines(results)
     if isinstance(results, FittedStudy):
+        lines += [("CHECK", message) for message in results.data.warnings]
         lines += _fit_lines(results.fit_summary)
     if isinstance(results, StudyResults):
         lines += _uncertainty_lines(results)
@@ -62,6 +64,9 @@ def study_json(results: PlannedStudy, written: list[Path]) -> dict[str, Any]:
             "cost": fit.cost,
             "fit_converged": fit.converged,
             "at_bounds": fit.at_bounds,
+            "data_warnings": list(r.data.warnings),
+            "residuals_over_expected": fit.residual_ratio,
+            "residuals_p_value": fit.residual_probability,
             "failures": r.run.reasons,
             **{key: trust[key] for key in ("verdict", "reason", "intervals")},
         }
@@ -74,10 +79,7 @@ def study_json(results: PlannedStudy, written: list[Path]) -> dict[str, Any]:
 def _uncertainty_document(
     r: StudyResults, fit: FitSummary, methods: UncertaintySummary
 ) -> dict[str, Any]:
-    document: dict[str, Any] = {
-        "residuals_over_expected": fit.residual_ratio,
-        "residuals_p_value": fit.residual_probability,
-    }
+    document: dict[str, Any] = {}
     if methods.posterior is not None:
         document["posterior_converged"] = methods.posterior.converged
     if methods.theorem1 is not None:
@@ -130,7 +132,10 @@ def _fit_lines(fit: FitSummary) -> Lines:
         ("", f"AT A BOUND: {name}, the {side} one: its interval is one-sided")
         for name, side in fit.at_bounds.items()
     ]
-    return [*lines, ("", f"starts that reached the best cost: {reached_words(fit.reached)}")]
+    lines.append(("", f"starts that reached the best cost: {reached_words(fit.reached)}"))
+    if fit.residual_probability < IMPROBABLE:
+        lines.append(("", f"MISFIT: residuals {fit.residual_ratio:.3g} times what noise explains"))
+    return lines
 
 
 def _uncertainty_lines(r: StudyResults) -> Lines:

@@ -8,6 +8,7 @@ from estimators.frf.file_formats import read_frf
 from estimators.frf.frf_estimate import FrfEstimate, simulate_frf
 from estimators.frf.frf_from_records import measured_frf
 from estimators.frf.repeated_visits import merge_visits
+from estimators.frf.rigid_body_check import rigid_limit
 from oed.study.stage_cache import Stage, dataclass_files
 from oed.study.stages.run import MeasuredRun, Run, SimulatedRun, Visits
 from robotmodels import ElasticRobot
@@ -27,7 +28,7 @@ class Data:
     distortion : Distortion or None
         Noise and distortion, told apart; None without repeated periods.
     warnings : tuple of str
-        Warnings about the records.
+        Warnings about the records or FRFs.
     """
 
     estimate: FrfEstimate
@@ -104,12 +105,14 @@ def measured_data(run: MeasuredRun) -> Stage[Data]:
         _check_shape(estimate, run.robot, run.file)
         if run.study.data.structure == "diagonal":
             estimate = replace(estimate, covariance=estimate.variance)
-        return Data(merge_visits(estimate))
+        estimate = merge_visits(estimate)
+        return Data(estimate, warnings=rigid_limit(estimate, run.robot).messages)
 
     inputs = {
         "robot": run.robot_digest,
         "frf": file_digest(run.file),
         "structure": run.study.data.structure,
+        "checked": 1,
     }
     return run.stages.run("data", inputs, compute, dataclass_files(Data))
 
