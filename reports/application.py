@@ -31,8 +31,8 @@ register_all(app)
 _DISK_FULL = "the disk is full; free some space and run the same command again"
 
 
-def _version(wanted: bool) -> None:
-    if wanted:
+def _version(requested: bool) -> None:
+    if requested:
         from importlib.metadata import version
 
         typer.echo(f"oed {version('elastic-robot-oed')}")

@@ -97,7 +97,7 @@ def degrees(position: Array) -> list[str]:
     return [fixed(float(a), 0) + "°" for a in np.degrees(position)]
 
 
-def places(position: Array, prismatic: Sequence[bool]) -> list[str]:
+def format_position(position: Array, prismatic: Sequence[bool]) -> list[str]:
     """Return a position's angles [rad] in whole degrees, and of prismatic joints the way [m]."""
     return [
         f"{fixed(float(way), 3)}{THIN}m" if straight else degree
@@ -127,7 +127,7 @@ def typeset(words: str) -> str:
     """Return plain words of a message as a page prints them: ± and powers of ten."""
     powers = re.sub(
         r"(?<=\d)e([-+]?\d+)",
-        lambda found: f"{THIN}×{THIN}10{str(int(found[1])).translate(_SUPERSCRIPT)}",
+        lambda power: f"{THIN}×{THIN}10{str(int(power[1])).translate(_SUPERSCRIPT)}",
         words,
     )
     return powers.replace("+-", "±")

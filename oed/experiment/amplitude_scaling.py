@@ -191,27 +191,29 @@ def _bounds(limits: Limits, motors: Sequence[str]) -> Array:
     return bounds
 
 
-def _room(plan: ExperimentPlan, rest: Array, bounds: Array, friction: Array | None = None) -> Array:
+def _room(
+    plan: ExperimentPlan, operating_point: Array, bounds: Array, friction: Array | None = None
+) -> Array:
     """Return the distances from rest down and up to the bounds, (V, 3, n, 2), less friction."""
     lost = np.zeros(bounds.shape)
     lost[0] = 0.0 if friction is None else np.outer(friction, [1.0, -1.0])
     free = bounds + lost
-    room = np.abs(free - rest[..., None])
-    inside = (free[..., 0] < rest) & (rest < free[..., 1])
+    room = np.abs(free - operating_point[..., None])
+    inside = (free[..., 0] < operating_point) & (operating_point < free[..., 1])
     if not inside.all():
         visit, k, motor = np.argwhere(~inside)[0]
         low, high = bounds[k, motor]
         name = f"position {plan.visits[visit] + 1}: motor {plan.motors[motor]!r}"
         if k == 0:
-            needed, rubbing = abs(rest[visit, k, motor]), lost[k, motor, 0]
+            needed, rubbing = abs(operating_point[visit, k, motor]), lost[k, motor, 0]
             beside = f" and {rubbing:.4g} N m against friction" if rubbing else ""
             raise InvalidInput(
                 f"limits.torque: {name} needs {needed:.4g} N m to hold the arm alone{beside}, "
                 f"which leaves nothing of its limit {high:.4g} N m"
             )
         raise InvalidInput(
-            f"limits.positions: {name} at {rest[visit, k, motor]:.4g} is not inside its limits "
-            f"[{low:.4g}, {high:.4g}], which leaves no room to move"
+            f"limits.positions: {name} at {operating_point[visit, k, motor]:.4g} is not inside its "
+            f"limits [{low:.4g}, {high:.4g}], which leaves no room to move"
         )
     return np.asarray(room)
 

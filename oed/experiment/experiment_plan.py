@@ -197,9 +197,9 @@ class ExperimentPlan:
         return plan
 
 
-def _checked_phases(given: Array, visits: int, shape: tuple[int, int]) -> Array:
+def _checked_phases(values: Array, visits: int, shape: tuple[int, int]) -> Array:
     """Return phases (V, B, F, n) with lines and motors of a shape (F, n)."""
-    phases = np.array(given, dtype=float)
+    phases = np.array(values, dtype=float)
     if phases.ndim != 4 or len(phases) != visits or phases.shape[2:] != shape:
         raise InvalidInput(
             f"phases: shape {phases.shape}; ({visits}, blocks, {shape[0]}, {shape[1]}) is "

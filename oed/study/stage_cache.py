@@ -42,7 +42,7 @@ _LOG = logging.getLogger(__name__)
 _PACKAGES = (PACKAGE, "numpy", "scipy", "pin", "mujoco", "cvxpy", "clarabel", "emcee", "numba")
 _RECORD, _KEY, _RESULT = "stage.json", "key", "result.h5"
 _MOST_BYTES = 2**20
-_OWN = frozenset({_RECORD, "stage.part.json", _KEY})
+_CACHE_FILES = frozenset({_RECORD, "stage.part.json", _KEY})
 
 
 @dataclass(frozen=True)
@@ -225,7 +225,7 @@ class Stages:
             raise
         record = {
             "key": key,
-            "digest": folder_digest(part, _OWN),
+            "digest": folder_digest(part, _CACHE_FILES),
             "seconds": time.perf_counter() - begun,
             "versions": versions(),
         }
@@ -266,7 +266,7 @@ def _fitting(folder: Path, key: str) -> dict[str, Any] | None:
     """Return the record of a finished stage if it has that key and its files are as they were."""
     try:
         record = json.loads(_read_small(folder / _RECORD))
-        fits = record["key"] == key and record["digest"] == folder_digest(folder, _OWN)
+        fits = record["key"] == key and record["digest"] == folder_digest(folder, _CACHE_FILES)
         timed = type(record["seconds"]) is float and 0 <= record["seconds"] < math.inf
     except (OSError, InvalidInput, ValueError, RecursionError, KeyError, TypeError):
         return None

@@ -23,22 +23,24 @@ def read_position(robot: ElasticRobot, words: str | None) -> Array:
     limits = robot.position_limits
     if words is None:
         return np.asarray(limits.mean(axis=1))
-    given = _numbers("--position", words, "0,-90")
+    values = _numbers("--position", words, "0,-90")
     joints = robot.motor_joints
-    if len(given) != len(joints):
+    if len(values) != len(joints):
         raise InvalidInput(
-            f"--position: {len(given)} given, {len(joints)} needed, one per motor: "
+            f"--position: {len(values)} given, {len(joints)} needed, one per motor: "
             f"{', '.join(joints)}"
         )
     units = [("m", 1.0) if j in robot.elements.prismatic else ("°", np.pi / 180) for j in joints]
-    for value, joint, (low, high), (unit, factor) in zip(given, joints, limits, units, strict=True):
+    for value, joint, (low, high), (unit, factor) in zip(
+        values, joints, limits, units, strict=True
+    ):
         if not low - 1e-9 <= value * factor <= high + 1e-9:
             least, most = (plain(text.significant(x / factor, 4)) for x in (low, high))
             raise InvalidInput(
                 f"--position: joint {joint!r} at {value:g}{unit.replace('m', ' m')} is outside "
                 f"its limits, {least} to {most}{unit.replace('m', ' m')}"
             )
-    return np.array([value * factor for value, (_, factor) in zip(given, units, strict=True)])
+    return np.array([value * factor for value, (_, factor) in zip(values, units, strict=True)])
 
 
 def read_band(words: str) -> tuple[float, float]:
@@ -49,10 +51,10 @@ def read_band(words: str) -> tuple[float, float]:
     InvalidInput
         If these are not two rising positive numbers.
     """
-    given = _numbers("--band", words, "2,80")
-    if len(given) != 2:
-        raise InvalidInput(f"--band: {len(given)} given, two are needed: LOW,HIGH in Hz")
-    low, high = given
+    frequencies = _numbers("--band", words, "2,80")
+    if len(frequencies) != 2:
+        raise InvalidInput(f"--band: {len(frequencies)} given, two are needed: LOW,HIGH in Hz")
+    low, high = frequencies
     if not 0 < low < high < np.inf:
         raise InvalidInput(
             f"--band: {low:g} to {high:g} Hz; two positive frequencies are needed, the lower first"
@@ -68,8 +70,8 @@ def guesses(robot: str) -> list[Suspicion]:
     marked = sum("# GUESS" in line and not line.lstrip().startswith("#") for line in lines)
     if not marked:
         return []
-    said = f"{plural(marked, 'line')} of {robot} still marked GUESS; data sheets say better"
-    return [Suspicion("guesses", (), said)]
+    message = f"{plural(marked, 'line')} of {robot} still marked GUESS; data sheets say better"
+    return [Suspicion("guesses", (), message)]
 
 
 def _numbers(option: str, words: str, example: str) -> list[float]:

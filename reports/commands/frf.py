@@ -64,7 +64,7 @@ def frf(
 
     target = (records.parent if output is None else output).resolve()
     with progress_bars() as progress:
-        found = measured_frf(
+        measurement = measured_frf(
             records,
             method,
             covariance=covariance,
@@ -77,8 +77,8 @@ def frf(
             progress=progress,
         )
         with staged_folder(target) as folder:
-            write_frf(folder / "frf.h5", found.estimate)
-            write_frf_page(found, records, folder / "frf.html", progress)
-    warn(found.warnings)
+            write_frf(folder / "frf.h5", measurement.estimate)
+            write_frf_page(measurement, records, folder / "frf.html", progress)
+    warn(measurement.warnings)
     files = [target / "frf.h5", target / "frf.html"]
-    say(lambda: frf_summary(found, files), lambda: frf_json(found, files), as_json)
+    say(lambda: frf_summary(measurement, files), lambda: frf_json(measurement, files), as_json)

@@ -70,21 +70,25 @@ def starter_files(robot: str, folder: Path) -> StarterFiles:
     if not robot.endswith((".urdf", ".xml")):
         if not robot.endswith((".yaml", ".yml")) and Path(robot).is_file():
             raise InvalidInput(f"{robot}: a URDF (.urdf, .xml) or a robot file (.yaml) is needed")
-        found = load_robot(robot)
-        known = not robot.endswith((".yaml", ".yml"))
-        reference = robot if known else _from(folder, Path(robot))
-        return StarterFiles(found.name, {"study.yaml": _study(found, reference, known)})
+        elastic_robot = load_robot(robot)
+        builtin = not robot.endswith((".yaml", ".yml"))
+        reference = robot if builtin else _from(folder, Path(robot))
+        return StarterFiles(
+            elastic_robot.name, {"study.yaml": _study(elastic_robot, reference, builtin)}
+        )
     urdf = robot if ":" in robot else _from(folder, Path(robot))
     name = Path(robot).stem
     joints = moving_joints(robot, Path())
     coupled = {name for j in joints if j.leader for name in (j.name, j.leader)}
     moving = [j for j in joints if j.name not in coupled]
-    held = [j for j in joints if j.name in coupled]
+    locked = [j for j in joints if j.name in coupled]
     if not moving:
         raise InvalidInput(f"{robot}: no joint moves by itself; a robot has one at least")
-    content = _robot(name, urdf, propose_drives(moving), held)
-    found = _loaded(content, folder)
-    return StarterFiles(name, {"robot.yaml": content, "study.yaml": _study(found, "robot.yaml")})
+    content = _robot(name, urdf, propose_drives(moving), locked)
+    elastic_robot = _loaded(content, folder)
+    return StarterFiles(
+        name, {"robot.yaml": content, "study.yaml": _study(elastic_robot, "robot.yaml")}
+    )
 
 
 def default_folder(robot: str) -> Path:
@@ -126,7 +130,7 @@ def _loaded(content: str, folder: Path) -> ElasticRobot:
     return ElasticRobot(parse_yaml(content, RobotFile, "robot.yaml"), folder)
 
 
-def _robot(name: str, urdf: str, drives: tuple[Drive, ...], held: list[UrdfJoint]) -> str:
+def _robot(name: str, urdf: str, drives: tuple[Drive, ...], locked: list[UrdfJoint]) -> str:
     bearings = [
         {
             "name": f"b{number}{axis}",
@@ -144,7 +148,7 @@ def _robot(name: str, urdf: str, drives: tuple[Drive, ...], held: list[UrdfJoint
         name=yaml_word(name),
         urdf=yaml_word(urdf),
         file="robot.yaml",
-        locked={yaml_word(j.name): _yaml(min(max(0.0, j.low), j.high)) for j in held},
+        locked={yaml_word(j.name): _yaml(min(max(0.0, j.low), j.high)) for j in locked},
         drives=[_entries(d) for d in drives],
         any_prismatic=any(d.joint.prismatic for d in drives),
         bearings=bearings,

@@ -50,19 +50,19 @@ def report(
         say(lambda: study_summary(one, written), lambda: study_json(one, written), as_json)
         end_with_failures(studies[0], one)
         return
-    found = {
+    results_by_name = {
         name: compute_study(path, run_study, workers, False)
         for name, path in zip(study_names(studies), studies, strict=True)
     }
     target = Path("comparison.html") if output is None else output
     with about(target):
-        write_comparison(found, target)
+        write_comparison(results_by_name, target)
     say(
-        lambda: comparison_summary(found, target),
-        lambda: comparison_json(found, target),
+        lambda: comparison_summary(results_by_name, target),
+        lambda: comparison_json(results_by_name, target),
         as_json,
     )
-    for path, results in zip(studies, found.values(), strict=True):
+    for path, results in zip(studies, results_by_name.values(), strict=True):
         end_with_failures(path, results)
 
 

@@ -60,7 +60,7 @@ def json_schema(kind: str) -> dict[str, Any]:
 
 def key_words(module: ModuleType) -> Words:
     """Return what the comments of the commented file in a module's docstring say of its keys."""
-    found: Words = {}
+    descriptions: Words = {}
     within: list[tuple[int, str]] = []  # keys of the line and above it, with their indentation
     for line in (inspect.getdoc(module) or "").splitlines():
         if not line.startswith("    "):
@@ -80,8 +80,8 @@ def key_words(module: ModuleType) -> Words:
         else:
             continue
         keys = tuple(name for _, name in within)
-        found[keys] = f"{found.get(keys, '')} {words}".strip()
-    return {keys: words.rstrip(",;: ") for keys, words in found.items() if words}
+        descriptions[keys] = f"{descriptions.get(keys, '')} {words}".strip()
+    return {keys: words.rstrip(",;: ") for keys, words in descriptions.items() if words}
 
 
 def _describe(

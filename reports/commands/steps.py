@@ -14,14 +14,14 @@ _PURPOSE = {
     "sample": "Say how certain the fit of a study is, by Theorem 1 and emcee; "
     "writes uncertainty.json.",
 }
-_KEPT = "What an earlier command computed is kept while nothing it rests on changes."
+_RESUMED = "What an earlier command computed is kept while nothing it rests on changes."
 _WRITTEN = {"design": "design.json", "fit": "fit.json", "sample": "uncertainty.json"}
 
 
 def register(app: typer.Typer) -> None:
     """Add the commands."""
     for name, purpose in _PURPOSE.items():
-        told = f"{purpose}\n\n{_KEPT}\n\nExample: oed {name} studies/ur10.yaml"
+        told = f"{purpose}\n\n{_RESUMED}\n\nExample: oed {name} studies/ur10.yaml"
         app.command(name, help=told)(_up_to(name))
 
 

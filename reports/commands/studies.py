@@ -135,5 +135,5 @@ def end_with_failures(study: Path, results: "PlannedStudy") -> None:
     if not failures:
         return
     reasons = "; ".join(f"{one.name}: {one.reason}" for one in failures)
-    rest = "all else is written, and the same command goes on from it"
-    fail(f"{study}: {reasons}; {rest}", 2 if all(one.mistake for one in failures) else 1)
+    remedy = "all else is written, and the same command goes on from it"
+    fail(f"{study}: {reasons}; {remedy}", 2 if all(one.mistake for one in failures) else 1)

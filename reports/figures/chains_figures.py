@@ -34,8 +34,8 @@ def pole_zero_panels(
         Measured FRFs, lines left out included.
     """
     dense = np.geomspace(omega[0], omega[-1], _POINTS)
-    own = np.diagonal(modal_response(modes.x, modes.layout, dense), axis1=1, axis2=2)
-    fitted = decibels(np.abs(own))
+    diagonal = np.diagonal(modal_response(modes.x, modes.layout, dense), axis1=1, axis2=2)
+    fitted = decibels(np.abs(diagonal))
 
     def draw(palette: Palette) -> Figure:
         figure, panels = _canvas(response.shape[1])
@@ -43,11 +43,11 @@ def pole_zero_panels(
             _curve(axes, omega, response[:, i, i], palette)
             axes.plot(dense / (2 * np.pi), fitted[:, i], color=palette.second, lw=0.7)
             low, high = axes.get_ylim()
-            places = (
+            markers = (
                 (modes.omega, "x", palette.ink, low + 0.10 * (high - low)),
                 (modes.zeros[i], "o", palette.accent, low + 0.04 * (high - low)),
             )
-            for where, marker, colour, height in places:
+            for where, marker, colour, height in markers:
                 x = where / (2 * np.pi)
                 (marks,) = axes.plot(
                     x, np.full(len(x), height), marker, color=colour, ms=4, mew=0.9

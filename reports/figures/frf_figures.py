@@ -17,7 +17,7 @@ _DEEPEST = 140.0  # [dB]
 
 
 def detection_panels(
-    found: Distortion, position: int, outputs: Sequence[str]
+    distortion: Distortion, position: int, outputs: Sequence[str]
 ) -> Callable[[Palette], Figure]:
     """Return motion at excited and at detection lines of one position, a panel per output."""
 
@@ -30,9 +30,9 @@ def detection_panels(
             if k >= len(outputs):
                 axes.set_axis_off()
                 continue
-            _panel(axes, found, position, k, palette)
+            _panel(axes, distortion, position, k, palette)
             axes.set_title(outputs[k])
-        low, high = _range(found, position)
+        low, high = _range(distortion, position)
         panels[0, 0].set_ylim(low, high)
         figure.supxlabel("frequency [Hz]", color=palette.muted, size=9)
         figure.supylabel("dB of 1 rad/s²", color=palette.muted, size=9)
@@ -41,14 +41,16 @@ def detection_panels(
     return draw
 
 
-def _panel(axes: Axes, found: Distortion, position: int, output: int, palette: Palette) -> None:
+def _panel(
+    axes: Axes, distortion: Distortion, position: int, output: int, palette: Palette
+) -> None:
     axes.grid(True)
     axes.set_axisbelow(True)
-    hertz = found.omega / (2 * np.pi)
-    axes.plot(hertz, decibels(found.output[position, :, output]), color=palette.accent, lw=1.0)
+    hertz = distortion.omega / (2 * np.pi)
+    axes.plot(hertz, decibels(distortion.output[position, :, output]), color=palette.accent, lw=1.0)
     for omega, level, noise, marker, colour in (
-        (found.odd_omega, found.odd_level, found.odd_noise, "o", palette.second),
-        (found.even_omega, found.even_level, found.even_noise, "x", palette.ink),
+        (distortion.odd_omega, distortion.odd_level, distortion.odd_noise, "o", palette.second),
+        (distortion.even_omega, distortion.even_level, distortion.even_noise, "x", palette.ink),
     ):
         if len(omega):
             f = omega / (2 * np.pi)
@@ -62,10 +64,10 @@ def _panel(axes: Axes, found: Distortion, position: int, output: int, palette: P
     axes.yaxis.set_major_formatter(FuncFormatter(lambda y, _: fixed(y, 0)))
 
 
-def _range(found: Distortion, position: int) -> tuple[float, float]:
+def _range(distortion: Distortion, position: int) -> tuple[float, float]:
     """Return the lowest and highest level to show [dB]."""
     shown = [
-        getattr(found, name)[position].ravel()
+        getattr(distortion, name)[position].ravel()
         for name in ("output", "odd_level", "even_level", "odd_noise", "even_noise")
     ]
     levels = decibels(np.concatenate(shown))

@@ -64,7 +64,7 @@ def costs(evaluation: Evaluation, normalised: Array, label: str, limit: bool = F
 
 
 def parameters(
-    evaluation: Evaluation, chosen: Sequence[int], names: Sequence[str], rows: Sequence[str]
+    evaluation: Evaluation, indices: Sequence[int], names: Sequence[str], rows: Sequence[str]
 ) -> Drawing:
     """Return parameters over those of the best model, a panel per estimator: figures 5, 6 and 7.
 
@@ -84,11 +84,11 @@ def parameters(
         figure = Figure(figsize=(7.2, 1.5 + 1.55 * lines), layout="constrained")
         panels = np.atleast_1d(figure.subplots(lines, columns, sharex=True, sharey=True)).ravel()
         for axes, name in zip(panels, names, strict=True):
-            _parameter_panel(axes, evaluation, evaluation.of(name), chosen, rows, palette)
+            _parameter_panel(axes, evaluation, evaluation.of(name), indices, rows, palette)
             axes.set_title(name, loc="left")
         figure.supxlabel("optimisation, sorted by the cost with user-defined weights", fontsize=9)
         figure.legend(
-            *panels[0].get_legend_handles_labels(), loc="outside upper center", ncols=len(chosen)
+            *panels[0].get_legend_handles_labels(), loc="outside upper center", ncols=len(indices)
         )
         return figure
 
@@ -141,7 +141,7 @@ def _parameter_panel(
     axes: Axes,
     evaluation: Evaluation,
     row: int,
-    chosen: Sequence[int],
+    indices: Sequence[int],
     labels: Sequence[str],
     palette: Palette,
 ) -> None:
@@ -150,8 +150,8 @@ def _parameter_panel(
     axes.set_axisbelow(True)
     for end in REASONABLE_RANGE:
         axes.axhline(end, color=palette.ink, lw=0.8)
-    for k, (place, label) in enumerate(zip(chosen, labels, strict=True)):
-        values = np.clip(evaluation.relative[row, :, place], _LOWEST, _HIGHEST)
+    for k, (index, label) in enumerate(zip(indices, labels, strict=True)):
+        values = np.clip(evaluation.relative[row, :, index], _LOWEST, _HIGHEST)
         axes.plot(number, values, label=label, **_line(k, palette))
     axes.set(yscale="log", ylim=(_LOWEST, _HIGHEST), xlim=(1, max(len(number), 2)))
     axes.xaxis.set_major_locator(MaxNLocator(4, integer=True))

@@ -42,8 +42,8 @@ class _Scales:
 
     def line(self, magnitude: Array) -> Array:
         """Return heights of a curve: kept near the panel, with gaps where there is no value."""
-        known = np.where(magnitude > 0, magnitude, np.nan)
-        return np.asarray(np.where(magnitude > 0, np.maximum(self.up(known), -0.3), np.nan))
+        positive = np.where(magnitude > 0, magnitude, np.nan)
+        return np.asarray(np.where(magnitude > 0, np.maximum(self.up(positive), -0.3), np.nan))
 
     def frequency_ticks(self) -> Array:
         """Return 1, 2, 5, 10, ... Hz, or fewer where they would crowd."""
@@ -84,15 +84,15 @@ def response_panels(
         rows, columns = measured.shape[1:]
         figure, axes = _canvas(rows, columns)
         for i, j in np.ndindex(rows, columns):
-            left, low = j * (1 + _GAP_X), -i * _PITCH - 1
+            left_edge, low = j * (1 + _GAP_X), -i * _PITCH - 1
             heights = (scales.level_ticks() - scales.low) / (scales.high - scales.low)
-            frame = _panel(axes, (left, low), 1.0, scales, heights, palette)
-            artists = curves.magnitude(axes, (i, j), (left, low), scales, palette)
+            frame = _panel(axes, (left_edge, low), 1.0, scales, heights, palette)
+            artists = curves.magnitude(axes, (i, j), (left_edge, low), scales, palette)
             below = low - _GAP_PHASE - _PHASE
-            phase_frame = _panel(axes, (left, below), _PHASE, scales, np.array([0.5]), palette)
+            phase_frame = _panel(axes, (left_edge, below), _PHASE, scales, np.array([0.5]), palette)
             for artist in artists:
                 artist.set_clip_path(frame)
-            for artist in curves.phase(axes, (i, j), (left, below), scales, palette):
+            for artist in curves.phase(axes, (i, j), (left_edge, below), scales, palette):
                 artist.set_clip_path(phase_frame)
         _labels(axes, motors if outputs is None else outputs, motors, scales, palette)
         return figure
@@ -150,10 +150,10 @@ class _Curves:
     ) -> list[Artist]:
         """Draw phases from -180 to 180 degrees; the measured one where it is more than noise."""
         at = (slice(None), *element)
-        known = np.where(self.std[at] < np.abs(self.measured[at]), self.measured[at], np.nan)
+        above_noise = np.where(self.std[at] < np.abs(self.measured[at]), self.measured[at], np.nan)
         artists: list[Artist] = []
         for values, colour, width in (
-            (known, palette.accent, 0.7),
+            (above_noise, palette.accent, 0.7),
             (None if self.fitted is None else self.fitted[at], palette.second, 1.1),
         ):
             if values is not None:
@@ -243,9 +243,9 @@ def _labels(
     bottom = _GAP_Y - len(outputs) * _PITCH
     ticks = scales.frequency_ticks()
     for j in range(columns):
-        left = j * (1 + _GAP_X)
-        axes.text(left + 0.5, 0.07, f"from {motors[j]}", ha="center", va="bottom")
-        for tick, x in zip(ticks, left + scales.across(ticks), strict=True):
+        left_edge = j * (1 + _GAP_X)
+        axes.text(left_edge + 0.5, 0.07, f"from {motors[j]}", ha="center", va="bottom")
+        for tick, x in zip(ticks, left_edge + scales.across(ticks), strict=True):
             axes.text(float(x), bottom - 0.05, f"{tick:g}", ha="center", va="top", **small)
     for i in range(len(outputs)):
         low = -i * _PITCH - 1

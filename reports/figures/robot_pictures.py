@@ -33,8 +33,8 @@ class Scene:
     """What all pictures share: the floor's radius [m] and the edges of what is seen."""
 
     radius: float
-    left: float
-    top: float
+    x_min: float
+    y_min: float
     width: float
     height: float
 
@@ -54,8 +54,8 @@ def scene_of(skeletons: list[Array]) -> Scene:
     drawn = np.concatenate([seen(everything), *map(seen, _floor(radius))])
     low, high = drawn.min(axis=0), drawn.max(axis=0)
     margin = _MARGIN * float((high - low).max())
-    (left, top), (width, height) = low - margin, high - low + 2 * margin
-    return Scene(radius, float(left), float(top), float(width), float(height))
+    (x_min, y_min), (width, height) = low - margin, high - low + 2 * margin
+    return Scene(radius, float(x_min), float(y_min), float(width), float(height))
 
 
 def stick_figure(skeleton: Array, scene: Scene, alt: str) -> Markup:
@@ -78,7 +78,7 @@ def stick_figure(skeleton: Array, scene: Scene, alt: str) -> Markup:
         "pins": _dots(joints),
         "tool": _dots(skeleton[-1:]),
     }
-    box = " ".join(f"{v:.3f}" for v in (scene.left, scene.top, scene.width, scene.height))
+    box = " ".join(f"{v:.3f}" for v in (scene.x_min, scene.y_min, scene.width, scene.height))
     scale = scene.width / _WIDTH
     paths = "".join(
         f'<path class="{name}" d="{lines[name]}" fill="none" stroke="var(--{colour})" '

@@ -96,13 +96,13 @@ def deviations(
         colours = (palette.accent, palette.second, palette.ink, palette.muted)
         bars = [None] * len(stds) if ends is None else ends
         # Bars lie beside each other.
-        apart = np.linspace(-0.22, 0.22, len(stds)) if ends else np.zeros(len(stds))
+        offsets = np.linspace(-0.22, 0.22, len(stds)) if ends else np.zeros(len(stds))
         for axes, (title, group) in zip(grid, groups.items(), strict=True):
             # The first study last, on top of the others.
             for k in reversed(range(len(stds))):
                 colour, bar = colours[k % len(colours)], bars[k]
                 x = 100 * np.atleast_2d(stds[k])[:, group]
-                rows = np.arange(len(group)) + apart[k]
+                rows = np.arange(len(group)) + offsets[k]
                 y = np.tile(rows, len(x))
                 axes.plot(x.ravel(), y, "o", color=colour, ms=4 if len(x) == 1 else 2.5)
                 if bar is not None:

@@ -128,14 +128,14 @@ def _poles(shown: MeasuredChains) -> Figure:
 
 def _responses(shown: MeasuredChains) -> Figure:
     e, q, modes = shown.frf.estimate, shown.position, shown.identification.modes
-    kept = e.omega >= modes.data.omega[0]
+    fitted_lines = e.omega >= modes.data.omega[0]
     fitted = modes.response
     if shown.dampers is not None and not worse_with_dampers(shown):
         fitted = shown.dampers.response
     drawing = response_panels(
-        e.omega[kept],
-        e.response[q, kept],
-        np.sqrt(e.variance[q, kept]),
+        e.omega[fitted_lines],
+        e.response[q, fitted_lines],
+        np.sqrt(e.variance[q, fitted_lines]),
         fitted,
         shown.frf.motors,
     )

@@ -195,8 +195,8 @@ def _section(id: str, title: str, **contents: object) -> Section:
 
 def _aligned(studies: Studies, results: StudyResults, values: Array) -> Array:
     """Return values of a study's parameters in the order of all, NaN where it has none."""
-    known = dict(zip(results.fits.result.parameters.names, values, strict=True))
-    return np.array([known.get(name, np.nan) for name in all_names(studies)])
+    value_of = dict(zip(results.fits.result.parameters.names, values, strict=True))
+    return np.array([value_of.get(name, np.nan) for name in all_names(studies)])
 
 
 def _offsets(studies: Studies) -> list[Array]:
@@ -209,10 +209,10 @@ def settings_of(content: Any, prefix: str = "") -> dict[str, str]:
     """Return the settings of a study in words, by keys such as ``fit.starts``."""
     if not isinstance(content, dict):
         return {prefix: "–" if content is None else str(content)}
-    found: dict[str, str] = {}
+    settings: dict[str, str] = {}
     for key, value in content.items():
-        found |= settings_of(value, f"{prefix}.{key}" if prefix else key)
-    return found
+        settings |= settings_of(value, f"{prefix}.{key}" if prefix else key)
+    return settings
 
 
 def _count(value: int) -> Number:

@@ -31,10 +31,10 @@ from robotmodels.common.progress import StageProgress
 
 
 def write_frf_page(
-    found: MeasuredFrf, source: Path, path: Path, progress: StageProgress | None = None
+    measurement: MeasuredFrf, source: Path, path: Path, progress: StageProgress | None = None
 ) -> None:
     """Write FRFs as one HTML file that needs nothing else."""
-    title = found.robot.name if found.robot is not None else source.name
+    title = measurement.robot.name if measurement.robot is not None else source.name
     write_text(
         path,
         page(
@@ -45,44 +45,44 @@ def write_frf_page(
                 "From motor torque to motor acceleration, and how much of what remains unexplained "
                 "is noise and how much distortion."
             ),
-            sections=frf_sections(found, source, progress),
+            sections=frf_sections(measurement, source, progress),
         ),
     )
 
 
 def frf_sections(
-    found: MeasuredFrf, source: Path, progress: StageProgress | None = None
+    measurement: MeasuredFrf, source: Path, progress: StageProgress | None = None
 ) -> list[Section]:
     """Return the sections of the page."""
-    total, responses, detection = len(found.estimate.positions), [], []
+    total, responses, detection = len(measurement.estimate.positions), [], []
     for q in range(total):
-        responses.append(_response(found, q))
-        if (lines := _detection(found, q)) is not None:
+        responses.append(_response(measurement, q))
+        if (lines := _detection(measurement, q)) is not None:
             detection.append(lines)
         if progress is not None:
             progress("page", q + 1, total)
     contents: list[tuple[str, str, dict[str, Any]]] = [
-        ("summary", "Summary", {"facts": _facts(found), "source": source}),
+        ("summary", "Summary", {"facts": _facts(measurement), "source": source}),
         (
             "responses",
             "Frequency responses",
-            {"panels": responses, "lines": len(lines_drawn(found.estimate.response.shape))},
+            {"panels": responses, "lines": len(lines_drawn(measurement.estimate.response.shape))},
         ),
-        ("levels", "Levels", {"levels": level_table(found)}),
+        ("levels", "Levels", {"levels": level_table(measurement)}),
     ]
-    if found.distortion is not None:
+    if measurement.distortion is not None:
         contents.insert(2, ("distortion", "Distortion", {"panels": detection}))
-    if found.comparison is not None:
-        contents.append(("methods", "Methods", {"methods": method_table(found.comparison)}))
+    if measurement.comparison is not None:
+        contents.append(("methods", "Methods", {"methods": method_table(measurement.comparison)}))
     return [
-        Section(name, title, filled(f"frf_{name}.html.j2", found=found, **parts))
+        Section(name, title, filled(f"frf_{name}.html.j2", measurement=measurement, **parts))
         for name, title, parts in contents
     ]
 
 
-def _facts(found: MeasuredFrf) -> dict[str, str]:
+def _facts(measurement: MeasuredFrf) -> dict[str, str]:
     """Return numbers that appear in sentences."""
-    r, e = found.first, found.estimate
+    r, e = measurement.first, measurement.estimate
     blocks, runs, periods = r.torque.shape[1:4]
     return {
         "positions": text.plural(len(e.positions), "position"),
@@ -93,23 +93,23 @@ def _facts(found: MeasuredFrf) -> dict[str, str]:
         "lines": text.plural(len(e.omega), "line"),
         "low": text.hertz(e.omega[0]),
         "high": text.hertz(e.omega[-1]),
-        "std": text.percent(float(np.median(relative_std(found)))),
-        "excess": _ratio(excess(found)),
-        "missing": text.plural(found.missing, "run"),
+        "std": text.percent(float(np.median(relative_std(measurement)))),
+        "excess": _ratio(excess(measurement)),
+        "missing": text.plural(measurement.missing, "run"),
     }
 
 
-def _response(found: MeasuredFrf, q: int) -> Figure:
-    e, d = found.estimate, found.distortion
-    outputs, lines = output_names(found), lines_drawn(e.response.shape)
+def _response(measurement: MeasuredFrf, q: int) -> Figure:
+    e, d = measurement.estimate, measurement.distortion
+    outputs, lines = output_names(measurement), lines_drawn(e.response.shape)
     drawing = response_panels.response_panels(
         e.omega[lines],
         e.response[q, lines],
         np.sqrt(e.variance[q, lines]),
-        None if found.modelled is None else found.modelled[q, lines],
-        found.motors,
+        None if measurement.modelled is None else measurement.modelled[q, lines],
+        measurement.motors,
         noise=None if d is None else np.sqrt(d.noise[q, lines]),
-        distortion=None if d is None else mean_distortion(found)[q, lines],
+        distortion=None if d is None else mean_distortion(measurement)[q, lines],
         outputs=outputs,
     )
     alt = (
@@ -117,61 +117,65 @@ def _response(found: MeasuredFrf, q: int) -> Figure:
         "their standard deviations and what of them is noise and distortion"
     )
     wide = len(outputs) > 2
-    return figure(f"frf-{q + 1}", drawing, alt, label=_label(found, q), wide=wide)
+    return figure(f"frf-{q + 1}", drawing, alt, label=_label(measurement, q), wide=wide)
 
 
-def _detection(found: MeasuredFrf, q: int) -> Figure | None:
+def _detection(measurement: MeasuredFrf, q: int) -> Figure | None:
     """Return motion between excited lines; none without detection lines."""
-    d, outputs = found.distortion, output_names(found)
+    d, outputs = measurement.distortion, output_names(measurement)
     if d is None or not len(d.odd_omega) + len(d.even_omega):
         return None
     alt = f"Motion at excited, odd and even detection lines in position {q + 1}"
     drawing = detection_panels(d, q, outputs)
     wide = len(outputs) > 2
-    return figure(f"detection-{q + 1}", drawing, alt, label=_label(found, q), wide=wide)
+    return figure(f"detection-{q + 1}", drawing, alt, label=_label(measurement, q), wide=wide)
 
 
-def _label(found: MeasuredFrf, q: int) -> str:
+def _label(measurement: MeasuredFrf, q: int) -> str:
     """Return a position's number, its angles, and which visits are averaged."""
-    places = ", ".join(text.places(found.estimate.positions[q], prismatic_joints(found)))
-    label = f"Position {q + 1}: {places}"
-    if len(found.visits[q]) > 1:
-        label += f"; mean of visits {text.ranges([i + 1 for i in found.visits[q]])}"
+    coordinates = ", ".join(
+        text.format_position(measurement.estimate.positions[q], prismatic_joints(measurement))
+    )
+    label = f"Position {q + 1}: {coordinates}"
+    if len(measurement.visits[q]) > 1:
+        label += f"; mean of visits {text.ranges([i + 1 for i in measurement.visits[q]])}"
     return label
 
 
-def prismatic_joints(found: MeasuredFrf) -> list[bool]:
+def prismatic_joints(measurement: MeasuredFrf) -> list[bool]:
     """Return which coordinates of a position are in m; none where no robot is known."""
-    if found.robot is None:
-        return [False] * found.estimate.positions.shape[1]
-    return [joint in found.robot.elements.prismatic for joint in found.robot.motor_joints]
+    if measurement.robot is None:
+        return [False] * measurement.estimate.positions.shape[1]
+    return [
+        joint in measurement.robot.elements.prismatic for joint in measurement.robot.motor_joints
+    ]
 
 
-def output_names(found: MeasuredFrf) -> list[str]:
+def output_names(measurement: MeasuredFrf) -> list[str]:
     """Return names of the rows of FRFs: motors, then other sensors by number."""
-    m = found.estimate.response.shape[2]
-    names = list(found.motors[:m])
+    m = measurement.estimate.response.shape[2]
+    names = list(measurement.motors[:m])
     return names + [f"sensor {i + 1}" for i in range(m - len(names))]
 
 
-def mean_distortion(found: MeasuredFrf) -> Array:
+def mean_distortion(measurement: MeasuredFrf) -> Array:
     """Return the part of the FRFs' standard deviations that is distortion, (Q, F, m, n)."""
-    d = found.distortion
+    d = measurement.distortion
     if d is None:
-        return np.full(found.estimate.response.shape, np.nan)
+        return np.full(measurement.estimate.response.shape, np.nan)
     return np.asarray(np.sqrt(np.maximum(d.total - d.noise, 0.0)))
 
 
-def level_table(found: MeasuredFrf) -> Table:
+def level_table(measurement: MeasuredFrf) -> Table:
     """Return medians over lines and inputs, for each position and output."""
-    e, d = found.estimate, found.distortion
+    e, d = measurement.estimate, measurement.distortion
     size, rows = np.abs(e.response), []
     std, noise = (np.sqrt(v) / size for v in (e.variance, e.variance if d is None else d.noise))
-    apart = mean_distortion(found) / size
+    distortion = mean_distortion(measurement) / size
     for q, i in np.ndindex(e.response.shape[0], e.response.shape[2]):
-        row: list[Cell] = [Number(str(q + 1), q + 1), output_names(found)[i]]
+        row: list[Cell] = [Number(str(q + 1), q + 1), output_names(measurement)[i]]
         row.append(_percent(std[q, :, i]))
-        row += ["–" if d is None else _percent(noise[q, :, i]), _percent(apart[q, :, i])]
+        row += ["–" if d is None else _percent(noise[q, :, i]), _percent(distortion[q, :, i])]
         if d is None:
             row += ["–", "–"]
         else:
@@ -202,10 +206,10 @@ def method_table(comparison: MethodComparison) -> Table:
 
 
 def _percent(values: Array) -> Cell:
-    known = values[np.isfinite(values)]
-    if not known.size:
+    finite = values[np.isfinite(values)]
+    if not finite.size:
         return "–"
-    median = float(np.median(known))
+    median = float(np.median(finite))
     return Number(text.percent(median), median)
 
 

@@ -78,14 +78,14 @@ def _parameters(results: FittedStudy, published: Replication) -> Section:
     g = published.groups
     truth = np.log(published.reference.parameters.values / results.truth)
     drawn = [
-        _parameter_figure(id, published, chosen, estimators, what, caption)
-        for id, chosen, estimators, what, caption in (
+        _parameter_figure(id, published, indices, estimators, what, caption)
+        for id, indices, estimators, what, caption in (
             ("figure-5", g.gear_springs, ESTIMATORS, "gearbox springs", "figure 5 of the paper"),
             ("figure-6", g.arm_springs, ESTIMATORS, "arm springs", "figure 6"),
             ("figure-7a", g.gear_dampers, ESTIMATORS[:3], "gearbox dampers", "figure 7, above"),
             ("figure-7b", g.arm_dampers, ESTIMATORS[:3], "arm dampers", "figure 7, below"),
         )
-        if chosen
+        if indices
     ]
     body = filled(
         "published_parameters.html.j2",
@@ -99,13 +99,13 @@ def _parameters(results: FittedStudy, published: Replication) -> Section:
 def _parameter_figure(
     id: str,
     published: Replication,
-    chosen: tuple[int, ...],
+    indices: tuple[int, ...],
     estimators: tuple[str, ...],
     what: str,
     like: str,
 ) -> Figure:
-    labels = [published.evaluation.parameters[i].split(".")[0] for i in chosen]
-    draw = figures.parameters(published.evaluation, chosen, estimators, labels)
+    labels = [published.evaluation.parameters[i].split(".")[0] for i in indices]
+    draw = figures.parameters(published.evaluation, indices, estimators, labels)
     alt = f"Values of the {what} over those of the best model, for {', '.join(estimators)}"
     return figure(id, draw, alt, caption=f"{what[0].upper()}{what[1:]}, as {like}.")
 
@@ -115,11 +115,11 @@ def _responses(results: FittedStudy, published: Replication) -> Section:
     e, single = published.evaluation, results.fits.searches["LLS1U"]
     estimate = single.result.estimate
     position = estimate.positions
-    chosen = e.values[e.of("LLS15U"), : figures.best_count(e)]
+    indices = e.values[e.of("LLS15U"), : figures.best_count(e)]
     models = np.array(
         [
             robotmodels.frequency_response(results.robot, position, estimate.omega, values)[0]
-            for values in chosen
+            for values in indices
         ]
     )
     last = min(_ELEMENT, *(side - 1 for side in estimate.response.shape[2:]))
@@ -149,11 +149,11 @@ def _responses(results: FittedStudy, published: Replication) -> Section:
     return Section("responses", "Frequency responses", body)
 
 
-def _rival(found: TimeDomainComparison, seconds: dict[str, float]) -> Section:
+def _rival(comparison: TimeDomainComparison, seconds: dict[str, float]) -> Section:
     body = filled(
         "published_rival.html.j2",
-        found=found,
-        table=tables.rival(found),
+        comparison=comparison,
+        table=tables.rival(comparison),
         seconds=seconds["rival"],
     )
     return Section("rival", "Fits in time", body)

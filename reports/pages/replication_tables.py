@@ -18,16 +18,16 @@ from robotmodels.common.arrays import Array
 _STATISTICS = ("min", "median", "max", "mean", "std", "std by Theorem 1")
 
 
-def shares(found: Replication) -> Table:
+def shares(replication: Replication) -> Table:
     """Return the percentages of reasonable models."""
     rows = [
         (
             name,
-            _share(found.by_cost[name]),
+            _share(replication.by_cost[name]),
             _share(REASONABLE_BY_COST[name]),
-            _share(found.by_springs[name]),
+            _share(replication.by_springs[name]),
             _share(REASONABLE_BY_SPRINGS[name]),
-            _share(found.by_all_springs[name]),
+            _share(replication.by_all_springs[name]),
             _share(ALL_SPRINGS) if name == "LLS15U" else "–",
         )
         for name in ESTIMATORS
@@ -38,14 +38,14 @@ def shares(found: Replication) -> Table:
     ]
     caption = (
         "Reasonable models: those with a normalised cost below 1.5, and those whose springs lie "
-        f"within half and twice the best model's (without {found.hardest}, and all)."
+        f"within half and twice the best model's (without {replication.hardest}, and all)."
     )
     return table("reasonable", caption, columns, rows)
 
 
-def table_1(found: Replication, z_scores: Array) -> Table:
+def table_1(replication: Replication, z_scores: Array) -> Table:
     """Return the statistics of the best models."""
-    t = found.table
+    t = replication.table
     rows: list[list[Cell]] = []
     statistics = (t.minimum, t.median, t.maximum, t.mean, t.std, t.theory)
     for i, name in enumerate(t.names):
@@ -72,7 +72,7 @@ def paper_table_1() -> Table:
     return table("paper-table-1", caption, columns, rows)
 
 
-def rival(found: TimeDomainComparison) -> Table:
+def rival(comparison: TimeDomainComparison) -> Table:
     """Return what fits in time and fits of FRFs came to from the same starts."""
     rows = [
         (
@@ -84,7 +84,7 @@ def rival(found: TimeDomainComparison) -> Table:
             Number(text.significant(way.seconds, 2), way.seconds),
             Number(str(way.unfinished), way.unfinished),
         )
-        for way in found.ways
+        for way in comparison.ways
     ]
     columns = [
         Column("starts"),

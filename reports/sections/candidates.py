@@ -7,7 +7,7 @@ from oed.study.parts import DesignedPlan
 from oed.study.results import StudyResults
 from reports import text
 from reports.page_elements import Column, Number, Row, Section, Table, filled, numbers, table
-from reports.sections.plan_labels import place_numbers
+from reports.sections.plan_labels import position_cells
 
 
 def section(results: StudyResults) -> Section | None:
@@ -30,7 +30,7 @@ def range_table(results: StudyResults) -> Table:
     """Return the table of joints: limits, and the range of the candidates."""
     robot, positions = results.robot, results.plan.information.positions
     sides = [
-        place_numbers(results, side)
+        position_cells(results, side)
         for side in (*robot.position_limits.T, positions.min(axis=0), positions.max(axis=0))
     ]
     rows: list[Row] = []

@@ -25,44 +25,46 @@ from robotmodels.common.arrays import Array
 
 def section(results: StudyResults) -> Section | None:
     """Return the section; none where plans were not simulated."""
-    found = results.comparison
-    if found is None:
+    comparison = results.comparison
+    if comparison is None:
         return None
-    own = found.optimal
-    ratio, ends = own.std / own.promised.std, own.std_interval()
-    inside = (ends[:, 0] <= own.promised.std) & (own.promised.std <= ends[:, 1])
+    optimal = comparison.optimal
+    ratio, ends = optimal.std / optimal.promised.std, optimal.std_interval()
+    inside = (ends[:, 0] <= optimal.promised.std) & (optimal.promised.std <= ends[:, 1])
     body = filled(
         "comparison.html.j2",
-        found=found,
+        comparison=comparison,
         study=results.study,
-        runs=len(own.simulation.estimates) + len(own.simulation.failures),
+        runs=len(optimal.simulation.estimates) + len(optimal.simulation.failures),
         failures=sum(
-            len(plan.simulation.failures) for plan in found.plans if isinstance(plan, SimulatedPlan)
+            len(plan.simulation.failures)
+            for plan in comparison.plans
+            if isinstance(plan, SimulatedPlan)
         ),
         cost=cost(results),
         grid=results.study.compare.grid,
-        best=_best(found),
+        best=_best(comparison),
         ratios=(text.fixed(float(ratio.min()), 2), text.fixed(float(ratio.max()), 2)),
         inside=int(inside.sum()),
-        plans=plan_table(found),
-        stds=std_table(found),
-        picture=picture(found),
+        plans=plan_table(comparison),
+        stds=std_table(comparison),
+        picture=picture(comparison),
     )
     return Section("comparison", "Plans compared", body)
 
 
-def plan_table(found: PlanComparison) -> Table:
+def plan_table(comparison: PlanComparison) -> Table:
     """Return what each plan is worth, promised and found."""
     rows: list[list[Cell]] = []
-    p = len(found.names)
-    for k, trial in enumerate(found.plans):
+    p = len(comparison.names)
+    for k, trial in enumerate(comparison.plans):
         row: list[Cell] = [trial.name, Number(str(len(trial.support)), len(trial.support))]
-        worth = (found.promised[k], found.simulated[k], *found.interval[k])
+        worth = (comparison.promised[k], comparison.simulated[k], *comparison.interval[k])
         row += [Number(text.fixed(float(v), 2), float(v)) for v in worth[:2]]
         if not k:
             rows.append([*row, "–", "–", "–"])
             continue
-        _, clear, against = found.more_certain(k)
+        _, clear, against = comparison.more_certain(k)
         between = f"{text.fixed(float(worth[2]), 2)} to {text.fixed(float(worth[3]), 2)}"
         if isinstance(trial, UnidentifiedPlan):
             between = f"leaves open {text.listed(list(trial.unidentified))}"
@@ -82,11 +84,11 @@ def plan_table(found: PlanComparison) -> Table:
     return table("plans", caption, columns, rows)
 
 
-def std_table(found: PlanComparison) -> Table:
+def std_table(comparison: PlanComparison) -> Table:
     """Return standard deviations of every parameter, promised and found, plan by plan."""
-    groups = _groups(found)
+    groups = _groups(comparison)
     rows: list[list[Cell]] = []
-    for i, name in enumerate(found.names):
+    for i, name in enumerate(comparison.names):
         row: list[Cell] = [name]
         for _, trials in groups:
             promised = _mean([t.promised.std[i] for t in trials])
@@ -101,12 +103,14 @@ def std_table(found: PlanComparison) -> Table:
     return table("plan-stds", caption, [Column("parameter", code=True), *numbers(*titles)], rows)
 
 
-def picture(found: PlanComparison) -> Figure:
+def picture(comparison: PlanComparison) -> Figure:
     """Return standard deviations found, with the intervals of the plan and of the designer's."""
-    shown = [(name, plans) for name, plans in _groups(found) if plans]
+    shown = [(name, plans) for name, plans in _groups(comparison) if plans]
     stds: list[Array] = [np.stack([t.std for t in trials]) for _, trials in shown]
     ends = [trials[0].std_interval() if len(trials) == 1 else None for _, trials in shown]
-    drawing = uncertainty_figures.deviations(found.names, stds, [name for name, _ in shown], ends)
+    drawing = uncertainty_figures.deviations(
+        comparison.names, stds, [name for name, _ in shown], ends
+    )
     return figure(
         "plan-deviations",
         drawing,
@@ -114,22 +118,22 @@ def picture(found: PlanComparison) -> Figure:
     )
 
 
-def _groups(found: PlanComparison) -> list[tuple[str, list[SimulatedPlan]]]:
+def _groups(comparison: PlanComparison) -> list[tuple[str, list[SimulatedPlan]]]:
     """Return the plan, the designer's, and all random ones together; none of those left open."""
     groups: dict[str, list[SimulatedPlan]] = {}
-    for plan in found.plans:
+    for plan in comparison.plans:
         name = "random" if plan.name.startswith("random") else plan.name
         groups.setdefault(name, []).extend([plan] if isinstance(plan, SimulatedPlan) else [])
     return list(groups.items())
 
 
-def _best(found: PlanComparison) -> dict[str, str]:
+def _best(comparison: PlanComparison) -> dict[str, str]:
     """Return the best of the rivals: its name, and what it is worth."""
-    k = 1 + int(np.argmax(found.simulated[1:])) if len(found.plans) > 1 else 0
-    low, high = (text.fixed(float(v), 2) for v in found.interval[k])
+    k = 1 + int(np.argmax(comparison.simulated[1:])) if len(comparison.plans) > 1 else 0
+    low, high = (text.fixed(float(v), 2) for v in comparison.interval[k])
     return {
-        "name": found.plans[k].name if k else OPTIMAL,
-        "worth": text.fixed(float(found.simulated[k]), 2),
+        "name": comparison.plans[k].name if k else OPTIMAL,
+        "worth": text.fixed(float(comparison.simulated[k]), 2),
         "low": low,
         "high": high,
     }

@@ -8,32 +8,32 @@ from reports.page_elements import Cell, Column, Number, Section, Table, filled, 
 from reports.sections.verdict import discredited
 
 
-def section(found: CrossCheck) -> Section:
+def section(check: CrossCheck) -> Section:
     """Return the section."""
-    verdicts = {v: found.verdicts.count(v) for v in dict.fromkeys(found.verdicts)}
+    verdicts = {v: check.verdicts.count(v) for v in dict.fromkeys(check.verdicts)}
     body = filled(
         "cross_check.html.j2",
-        found=found,
+        check=check,
         verdicts=verdicts,
-        agreeing=text.listed(list(found.agreeing())),
-        stds=verdict_table(found),
+        agreeing=text.listed(list(check.agreeing())),
+        stds=verdict_table(check),
     )
     return Section("cross-check", "Cross-check", body)
 
 
-def verdict_table(found: CrossCheck) -> Table:
+def verdict_table(check: CrossCheck) -> Table:
     """Return standard deviations by every method, Theorem 1 over emcee, and the verdict."""
     rows = []
-    ratio = found.ratio()
-    for i, name in enumerate(found.names):
+    ratio = check.ratio()
+    for i, name in enumerate(check.names):
         row: list[Cell] = [name]
-        struck = discredited(found.trust.intervals[i])
-        row += [_number(float(std), struck) for std in found.stds[:, i]]
+        struck = discredited(check.trust.intervals[i])
+        row += [_number(float(std), struck) for std in check.stds[:, i]]
         row.append(Number(text.fixed(ratio[i], 2) if np.isfinite(ratio[i]) else "–", ratio[i]))
-        rows.append([*row, found.verdicts[i]])
+        rows.append([*row, check.verdicts[i]])
     columns = [
         Column("parameter", code=True),
-        *numbers(*found.methods, "Theorem 1 / posterior"),
+        *numbers(*check.methods, "Theorem 1 / posterior"),
         Column("verdict"),
     ]
     return table("cross-check-table", "Relative standard deviations by method.", columns, rows)

@@ -52,20 +52,20 @@ def section(results: StudyResults) -> Section | None:
 
 def limits(choice: DesignChoice) -> list[str]:
     """Return in words what limits the plan besides the number of visits."""
-    found = []
+    phrases = []
     if choice.most is not None:
-        found.append(f"at most {text.plural(choice.most, 'visit')} to one position")
+        phrases.append(f"at most {text.plural(choice.most, 'visit')} to one position")
     if choice.time is not None:
-        found.append(f"{text.duration(choice.time)} for visits and moves")
+        phrases.append(f"{text.duration(choice.time)} for visits and moves")
     if choice.mandatory:
-        found.append(f"{text.plural(len(choice.mandatory), 'mandatory position')}")
+        phrases.append(f"{text.plural(len(choice.mandatory), 'mandatory position')}")
     if choice.forbidden:
-        found.append(f"{text.plural(len(choice.forbidden), 'forbidden range')}")
+        phrases.append(f"{text.plural(len(choice.forbidden), 'forbidden range')}")
     for name, group in choice.groups.items():
         least = [f"at least {group.least}"] if group.least else []
         most = [] if group.most is None else [f"at most {group.most}"]
-        found.append(f"{' and '.join(least + most)} in the group {name}")
-    return found
+        phrases.append(f"{' and '.join(least + most)} in the group {name}")
+    return phrases
 
 
 def visiting(plan: DesignedPlan, order: VisitingOrder, choice: DesignChoice) -> dict[str, str]:

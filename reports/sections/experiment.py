@@ -79,8 +79,8 @@ def level_table(distortion: Distortion, estimate: FrfEstimate, outputs: tuple[st
 
 
 def _median(values: Array) -> float:
-    known = values[np.isfinite(values)]
-    return float(np.median(known)) if known.size else float("nan")
+    finite = values[np.isfinite(values)]
+    return float(np.median(finite)) if finite.size else float("nan")
 
 
 def _ratio(level: Array, output: Array, i: int) -> float:

@@ -52,11 +52,11 @@ def distances(results: StudyResults) -> list[tuple[str, str]]:
     """Return, per other estimator, how far its estimate lies at most, in standard deviations."""
     if results.uncertainty.theorem1 is None:
         return []
-    chosen, rows = results.fits.result.parameters.values, []
+    estimate, rows = results.fits.result.parameters.values, []
     for name, search in results.fits.searches.items():
         if name != results.fits.result.residual:
             away = (
-                np.abs(np.log(search.result.parameters.values / chosen)) / results.uncertainty.std
+                np.abs(np.log(search.result.parameters.values / estimate)) / results.uncertainty.std
             )
             rows.append((text.residual_label(name), text.fixed(float(away.max()), 1)))
     return rows

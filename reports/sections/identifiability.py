@@ -10,31 +10,36 @@ WEAKEST = 5
 """Directions shown."""
 
 
-def section(found: Identifiability) -> Section:
+def section(identifiability: Identifiability) -> Section:
     """Return the section."""
     body = filled(
         "identifiability.html.j2",
-        found=found,
-        limit=text.percent(found.limit),
-        directions=direction_table(found),
-        prices=price_table(found),
+        identifiability=identifiability,
+        limit=text.percent(identifiability.limit),
+        directions=direction_table(identifiability),
+        prices=price_table(identifiability),
     )
     return Section("weak-directions", "Weak directions", body)
 
 
-def direction_table(found: Identifiability) -> Table:
+def direction_table(identifiability: Identifiability) -> Table:
     """Return the least certain directions of ln theta, with what they consist of."""
-    order = np.argsort(-found.direction_std, kind="stable")[:WEAKEST]
-    rows = [(_std(float(found.direction_std[k])), _mixture(found, int(k))) for k in order]
+    order = np.argsort(-identifiability.direction_std, kind="stable")[:WEAKEST]
+    rows = [
+        (_std(float(identifiability.direction_std[k])), _mixture(identifiability, int(k)))
+        for k in order
+    ]
     caption = "Least certain directions of the logarithms, of unit length."
     return table("directions", caption, [*numbers("std"), Column("direction", "words")], rows)
 
 
-def price_table(found: Identifiability) -> Table:
+def price_table(identifiability: Identifiability) -> Table:
     """Return what each parameter would be known to alone, and what freeing it costs the others."""
     rows = []
-    for i, name in enumerate(found.names):
-        std, alone, price = (float(a[i]) for a in (found.std, found.alone, found.price))
+    for i, name in enumerate(identifiability.names):
+        std, alone, price = (
+            float(a[i]) for a in (identifiability.std, identifiability.alone, identifiability.price)
+        )
         rows.append((name, _std(std), _std(alone), Number(text.significant(price), price)))
     columns = [
         Column("parameter", code=True),
@@ -44,9 +49,9 @@ def price_table(found: Identifiability) -> Table:
     return table("prices", caption, columns, rows)
 
 
-def _mixture(found: Identifiability, k: int) -> str:
+def _mixture(identifiability: Identifiability, k: int) -> str:
     """Return the main parts of a direction, ``0.72 b1x.stiffness − 0.69 d2.stiffness``."""
-    direction = found.directions[k]
+    direction = identifiability.directions[k]
     order = np.argsort(-np.round(np.abs(direction), 6), kind="stable")  # ties as the names are
     main = [int(i) for i in order if abs(direction[i]) > 0.2][:4]
     words = ""
@@ -56,9 +61,9 @@ def _mixture(found: Identifiability, k: int) -> str:
             "+" if direction[i] > 0 else text.MINUS,
         )
         words += (
-            f" {sign} {size} {found.names[i]}"
+            f" {sign} {size} {identifiability.names[i]}"
             if words or sign != "+"
-            else f"{size} {found.names[i]}"
+            else f"{size} {identifiability.names[i]}"
         )
     return words.strip()
 

@@ -48,27 +48,27 @@ def kind_of(name: str) -> str:
 
 def parameter_table(results: StudyResults) -> Table:
     """Return the table of parameters: one recommended interval each, other methods beside it."""
-    known = np.isfinite(results.truth)
+    has_truth = np.isfinite(results.truth)
     columns = [
         Column("parameter", code=True),
-        *(numbers("truth") if known.any() else []),
+        *(numbers("truth") if has_truth.any() else []),
         *numbers("estimate", "±"),
         Column("unit", "u"),
         *numbers("std", "95 % interval", "dof"),
         Column("verdict"),
         *numbers("Theorem 1", "emcee", "Theorem 1 / emcee"),
-        *(numbers("z") if known.any() else []),
+        *(numbers("z") if has_truth.any() else []),
     ]
     groups: dict[str, list[tuple[Cell, ...]]] = {}
     for i, name in enumerate(results.fits.result.parameters.names):
-        groups.setdefault(kind_of(name), []).append(tuple(_row(results, i, bool(known.any()))))
+        groups.setdefault(kind_of(name), []).append(tuple(_row(results, i, bool(has_truth.any()))))
     caption = (
         "Recommended: estimate with one standard deviation, also as a part of it, and 95 % "
         f"interval, by {results.trust.method}; beside them the relative standard deviations by "
         "Theorem 1 and emcee. Struck out is what must not be quoted."
     )
-    found = tuple((kind, tuple(rows)) for kind, rows in groups.items())
-    return Table("estimates", caption, tuple(columns), found)
+    row_groups = tuple((kind, tuple(rows)) for kind, rows in groups.items())
+    return Table("estimates", caption, tuple(columns), row_groups)
 
 
 def _row(results: StudyResults, i: int, with_truth: bool) -> list[Cell]:
@@ -128,8 +128,8 @@ def _ratio_words(ratio: Array) -> str:
 
 def _offsets(results: StudyResults) -> tuple[Array, Array, Array]:
     """Return ln theta by the fit (twice) and by emcee, less the truth or else less the fit."""
-    known = np.isfinite(results.truth).all()
-    reference = np.log(results.truth if known else results.fits.result.parameters.values)
+    has_truth = np.isfinite(results.truth).all()
+    reference = np.log(results.truth if has_truth else results.fits.result.parameters.values)
     fitted = np.log(results.fits.result.parameters.values)
     sampled = (
         np.nan * fitted

@@ -33,17 +33,17 @@ def prismatic(results: StudyResults) -> list[bool]:
     return [joint in robot.elements.prismatic for joint in robot.motor_joints]
 
 
-def place_numbers(results: StudyResults, position: Array) -> list[Number]:
+def position_cells(results: StudyResults, position: Array) -> list[Number]:
     """Return the entries of a table for a position (n,) [rad or m]."""
-    words = text.places(position, prismatic(results))
+    words = text.format_position(position, prismatic(results))
     return [Number(word, float(value)) for word, value in zip(words, position, strict=True)]
 
 
 def labels(results: StudyResults) -> list[str]:
     """Return a label for each position of the plan: number, angles, visits."""
     straight = prismatic(results)
-    found = []
+    position_labels = []
     for number, i in enumerate(results.plan.used, start=1):
-        angles = ", ".join(text.places(results.plan.information.positions[i], straight))
-        found.append(f"Position {number}: {angles}; {visits(results, int(i))}")
-    return found
+        angles = ", ".join(text.format_position(results.plan.information.positions[i], straight))
+        position_labels.append(f"Position {number}: {angles}; {visits(results, int(i))}")
+    return position_labels

@@ -9,7 +9,7 @@ from oed.study.results import StudyResults
 from reports import text
 from reports.figures import robot_pictures
 from reports.page_elements import Cell, Number, Section, Table, filled, numbers, table
-from reports.sections.plan_labels import place_numbers, prismatic, visit_noun, visits
+from reports.sections.plan_labels import position_cells, prismatic, visit_noun, visits
 from robotmodels.elastic.rigid_pose import joint_origins
 
 
@@ -38,13 +38,13 @@ def poses(results: StudyResults) -> list[Pose]:
     plan = results.plan
     skeletons = [joint_origins(results.robot, position) for position in plan.positions]
     scene = robot_pictures.scene_of(skeletons)
-    straight, found = prismatic(results), []
+    straight, pictures = prismatic(results), []
     for number, (i, skeleton) in enumerate(zip(plan.used, skeletons, strict=True), start=1):
-        angles = ", ".join(text.places(plan.information.positions[i], straight))
+        angles = ", ".join(text.format_position(plan.information.positions[i], straight))
         alt = f"Stick figure of the robot in position {number}: {angles}"
         drawing = robot_pictures.stick_figure(skeleton, scene, alt)
-        found.append(Pose(number, visits(results, int(i)), drawing))
-    return found
+        pictures.append(Pose(number, visits(results, int(i)), drawing))
+    return pictures
 
 
 def position_table(results: StudyResults) -> Table:
@@ -54,7 +54,7 @@ def position_table(results: StudyResults) -> Table:
     for number, i in enumerate(plan.used, start=1):
         position = plan.information.positions[i]
         row: list[Cell] = [Number(str(number), number)]
-        row += place_numbers(results, position)
+        row += position_cells(results, position)
         if not measured:
             share = float(plan.design.weights[i] / plan.design.weights.sum())
             row.append(Number(text.fixed(share, 4) if share else "–", share))

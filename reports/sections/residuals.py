@@ -25,32 +25,33 @@ MOST_CONSPICUOUS, MOST_RISKY = 40, 10
 
 
 def section(
-    found: ResidualAnalysis, trust: Trust, outputs: tuple[str, ...], motors: tuple[str, ...]
+    analysis: ResidualAnalysis, trust: Trust, outputs: tuple[str, ...], motors: tuple[str, ...]
 ) -> Section:
     """Return the section."""
     body = filled(
         "residuals.html.j2",
-        found=found,
-        size=size_words(found),
+        analysis=analysis,
+        size=size_words(analysis),
         tested=len(trust.tests.names),
         fired=len(trust.tests.significant(LEVEL)),
         directions=direction_table(trust),
-        ratio=text.significant(found.ratio, 4),
-        correlation=text.fixed(float(found.autocorrelation[0]), 3),
-        whiteness=text.probability(found.whiteness_p_value),
-        outlying=text.listed([str(q + 1) for q in found.outlying]),
-        positions=by_position(found),
-        elements=element_table(found.by_element, outputs, motors),
+        ratio=text.significant(analysis.ratio, 4),
+        correlation=text.fixed(float(analysis.autocorrelation[0]), 3),
+        whiteness=text.probability(analysis.whiteness_p_value),
+        outlying=text.listed([str(q + 1) for q in analysis.outlying]),
+        positions=by_position(analysis),
+        elements=element_table(analysis.by_element, outputs, motors),
     )
     return Section("residuals", "Residuals", body)
 
 
-def size_words(found: ResidualAnalysis) -> str:
+def size_words(analysis: ResidualAnalysis) -> str:
     """Return whether noise alone leaves as much."""
-    first, second = (text.count(round(v)) if np.isfinite(v) else "∞" for v in found.dof)
+    first, second = (text.count(round(v)) if np.isfinite(v) else "∞" for v in analysis.dof)
     return (
         f"if the model is right and the noise as stated, chance gives as much with a probability "
-        f"of {text.probability(found.p_value)} ({first} degrees of freedom, {second} of the noise)"
+        f"of {text.probability(analysis.p_value)} "
+        f"({first} degrees of freedom, {second} of the noise)"
     )
 
 
@@ -93,13 +94,13 @@ def direction_table(trust: Trust) -> Table | None:
     return table("directions-tested", caption, columns, rows)
 
 
-def by_position(found: ResidualAnalysis) -> Figure | None:
+def by_position(analysis: ResidualAnalysis) -> Figure | None:
     """Return squared residuals over their expectation by position; None where there is only one."""
-    if len(found.by_position) < 2:
+    if len(analysis.by_position) < 2:
         return None
     return figure(
         "residuals-by-position",
-        study_figures.over_expected(found.by_position, found.outlying),
+        study_figures.over_expected(analysis.by_position, analysis.outlying),
         "Sum of squared residuals over its expectation, for every position",
     )
 

@@ -31,7 +31,7 @@ def panels(results: StudyResults, lines: IntArray) -> list[Figure]:
         r.robot, r.data.estimate.positions, omega, r.fits.result.parameters.values
     )
     std = np.sqrt(r.data.estimate.variance)
-    found = []
+    figures = []
     for q, label in enumerate(labels(r)):
         drawing = response_panels.response_panels(
             omega,
@@ -45,5 +45,5 @@ def panels(results: StudyResults, lines: IntArray) -> list[Figure]:
             f"Magnitudes and phases of the measured and fitted frequency responses, "
             f"{len(r.robot.output_names)} by {len(r.robot.motor_names)}, in {label}"
         )
-        found.append(figure(f"frf-{q + 1}", drawing, alt, label=label, wide=True))
-    return found
+        figures.append(figure(f"frf-{q + 1}", drawing, alt, label=label, wide=True))
+    return figures

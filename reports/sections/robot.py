@@ -74,8 +74,8 @@ def _stiffness(spring: Spring) -> Number | str:
 def _states(spring: Spring, free: set[str]) -> list[str]:
     hardening = isinstance(spring.stiffness, Hardening)
     entries = ("stiffness.low", "stiffness.high") if hardening else ("stiffness",)
-    found = [entry for entry in (*entries, "damping") if f"{spring.name}.{entry}" in free]
-    return found or ["–"]
+    free_entries = [entry for entry in (*entries, "damping") if f"{spring.name}.{entry}" in free]
+    return free_entries or ["–"]
 
 
 def _number(value: float) -> Number:

@@ -66,8 +66,8 @@ def strongest_correlation(t: Uncertainty) -> tuple[str, str, str]:
 
 def corner_names(t: Uncertainty) -> list[str]:
     """Return the least certain parameters, in the order of all."""
-    chosen = np.sort(np.argsort(-t.std)[:CORNER_PARAMETERS])
-    return [t.names[i] for i in chosen]
+    widest = np.sort(np.argsort(-t.std)[:CORNER_PARAMETERS])
+    return [t.names[i] for i in widest]
 
 
 def corner(results: StudyResults, theorem1: Uncertainty, posterior: Posterior) -> Figure:

@@ -23,21 +23,21 @@ from reports.sections.plan_labels import prismatic
 
 def section(results: StudyResults) -> Section | None:
     """Return the section; none where no position was held out."""
-    found = results.validation
-    if found is None:
+    validation = results.validation
+    if validation is None:
         return None
     body = filled(
         "validation.html.j2",
-        found=found,
+        validation=validation,
         measured=results.measured,
-        count=len(found.estimate.positions),
-        judged=judged_table(found),
-        positions=position_table(results, found),
+        count=len(validation.estimate.positions),
+        judged=judged_table(validation),
+        positions=position_table(results, validation),
         calibration=figure(
             "calibration",
             study_figures.calibration(
-                found.theorem1.levels,
-                (found.theorem1.coverage,),
+                validation.theorem1.levels,
+                (validation.theorem1.coverage,),
                 ("Theorem 1",),
             ),
             "Share of measured elements inside their predicted regions, against the nominal share",
@@ -46,10 +46,10 @@ def section(results: StudyResults) -> Section | None:
     return Section("validation", "Validation", body)
 
 
-def judged_table(found: HeldOut) -> Table:
+def judged_table(validation: HeldOut) -> Table:
     """Return misfit, its probability and coverage."""
     rows: list[Row] = []
-    for name, one in (("Theorem 1", found.theorem1),):
+    for name, one in (("Theorem 1", validation.theorem1),):
         at, covered = _highest(one), one.coverage
         rows.append(
             [
@@ -60,7 +60,7 @@ def judged_table(found: HeldOut) -> Table:
                 str(one).split(";")[0],
             ]
         )
-    level = text.percent(float(found.theorem1.levels[_highest(found.theorem1)]))
+    level = text.percent(float(validation.theorem1.levels[_highest(validation.theorem1)]))
     columns = [
         Column("covariance"),
         *numbers("misfit per datum", "probability", f"inside {level} regions"),
@@ -72,16 +72,16 @@ def judged_table(found: HeldOut) -> Table:
     return table("validation-table", caption, columns, rows)
 
 
-def position_table(results: StudyResults, found: HeldOut) -> Table:
+def position_table(results: StudyResults, validation: HeldOut) -> Table:
     """Return the coverage in each position that was held out."""
     straight = prismatic(results)
     rows: list[Row] = []
-    at = _highest(found.theorem1)
-    for q, position in enumerate(found.estimate.positions):
-        angles = ", ".join(text.places(position, straight))
-        share = float(found.theorem1.by_position[q, at])
+    at = _highest(validation.theorem1)
+    for q, position in enumerate(validation.estimate.positions):
+        angles = ", ".join(text.format_position(position, straight))
+        share = float(validation.theorem1.by_position[q, at])
         rows.append([angles, Number(text.percent(share), share)])
-    level = text.percent(float(found.theorem1.levels[at]))
+    level = text.percent(float(validation.theorem1.levels[at]))
     caption = f"Elements inside their {level} regions, position by position."
     columns = [Column("position"), *numbers("Theorem 1")]
     return table("held-out", caption, columns, rows)

@@ -21,11 +21,11 @@ def number(value: float, digits: int = 3) -> str:
     return plain(text.significant(value, digits))
 
 
-def vector(values: Iterable[float], places: int | None = None) -> str:
+def vector(values: Iterable[float], digits: int | None = None) -> str:
     """Return the values in a row, with so many decimals or as they are."""
-    if places is None:
+    if digits is None:
         return ", ".join(f"{v:g}" for v in values)
-    return ", ".join(f"{round(v, places) + 0.0:.{places}f}" for v in values)
+    return ", ".join(f"{round(v, digits) + 0.0:.{digits}f}" for v in values)
 
 
 def plural(count: int, noun: str) -> str:
@@ -37,7 +37,7 @@ def plain(words: str) -> str:
     """Return what a terminal shows in any font: plain spaces and hyphens, 1.2e-5 for powers."""
     powers = re.sub(
         f"{text.THIN}×{text.THIN}10([⁻⁰¹²³⁴⁵⁶⁷⁸⁹]+)",
-        lambda found: "e" + found[1].translate(_DIGITS),
+        lambda power: "e" + power[1].translate(_DIGITS),
         words,
     )
     return powers.replace(text.THIN, " ").replace(text.MINUS, "-")

@@ -12,11 +12,11 @@ from reports.summaries.columns import number, plain, plural, table
 from robotmodels.common.arrays import Array
 
 
-def frf_summary(found: MeasuredFrf, files: list[Path]) -> str:
+def frf_summary(measurement: MeasuredFrf, files: list[Path]) -> str:
     """Return the summary of estimated FRFs, one screen."""
-    e, r = found.estimate, found.first
+    e, r = measurement.estimate, measurement.first
     blocks, runs, periods = r.torque.shape[1:4]
-    medians = relative_std(found)
+    medians = relative_std(measurement)
     lines = [
         (
             "records",
@@ -25,44 +25,50 @@ def frf_summary(found: MeasuredFrf, files: list[Path]) -> str:
         ),
         (
             "FRFs",
-            f"{found.method}, {e.response.shape[2]} x {e.response.shape[3]} at "
+            f"{measurement.method}, {e.response.shape[2]} x {e.response.shape[3]} at "
             f"{plural(len(e.omega), 'line')} from {plain(text.hertz(e.omega[0]))} to "
             f"{plain(text.hertz(e.omega[-1]))}",
         ),
         ("std", f"{plain(text.percent(float(np.median(medians))))} of the element (median)"),
     ]
-    if found.distortion is not None:
-        ratio = excess(found)
+    if measurement.distortion is not None:
+        ratio = excess(measurement)
         if np.isfinite(ratio):
             lines.append(("", f"variance over blocks is {number(ratio)} times that of noise alone"))
     lines += [("written", str(path)) for path in files]
     shown = [f"  {key:<9}{value}" for key, value in lines]
-    if found.comparison is not None:
-        shown += _ranking(found.comparison)
-    return "\n".join([found.robot.name if found.robot else "frequency responses", *shown])
+    if measurement.comparison is not None:
+        shown += _ranking(measurement.comparison)
+    return "\n".join(
+        [measurement.robot.name if measurement.robot else "frequency responses", *shown]
+    )
 
 
-def frf_json(found: MeasuredFrf, files: list[Path]) -> dict[str, Any]:
+def frf_json(measurement: MeasuredFrf, files: list[Path]) -> dict[str, Any]:
     """Return the summary for scripts; frequencies in rad/s."""
-    e, ratio = found.estimate, excess(found)
+    e, ratio = measurement.estimate, excess(measurement)
     ranking = {}
-    if found.comparison is not None:
+    if measurement.comparison is not None:
         ranking = dict(
-            zip(found.comparison.methods, map(float, found.comparison.scores), strict=True)
+            zip(
+                measurement.comparison.methods,
+                map(float, measurement.comparison.scores),
+                strict=True,
+            )
         )
     return {
-        "robot": found.robot.name if found.robot else None,
-        "method": found.method,
+        "robot": measurement.robot.name if measurement.robot else None,
+        "method": measurement.method,
         "positions": len(e.positions),
-        "missing_runs": found.missing,
+        "missing_runs": measurement.missing,
         "outputs": e.response.shape[2],
         "inputs": e.response.shape[3],
         "lines": len(e.omega),
         "band": [float(e.omega[0]), float(e.omega[-1])],
-        "relative_std": float(np.median(relative_std(found))),
+        "relative_std": float(np.median(relative_std(measurement))),
         "variance_over_noise": ratio if np.isfinite(ratio) else None,
         "relative_error": ranking,
-        "warnings": list(found.warnings),
+        "warnings": list(measurement.warnings),
         "files": [str(path) for path in files],
     }
 
@@ -77,15 +83,15 @@ def _ranking(comparison: MethodComparison) -> list[str]:
     return table(header, rows, right=(1, 2))
 
 
-def relative_std(found: MeasuredFrf) -> Array:
+def relative_std(measurement: MeasuredFrf) -> Array:
     """Return standard deviations of the FRFs over their magnitudes, (Q, F, m, n)."""
-    e = found.estimate
+    e = measurement.estimate
     return np.asarray(np.sqrt(e.variance) / np.maximum(np.abs(e.response), 1e-300))
 
 
-def excess(found: MeasuredFrf) -> float:
+def excess(measurement: MeasuredFrf) -> float:
     """Return the median ratio of total to noise variances; 1 without distortion."""
-    d = found.distortion
+    d = measurement.distortion
     if d is None or np.isnan(d.total).all():
         return float("nan")
     return float(np.nanmedian(d.total / d.noise))

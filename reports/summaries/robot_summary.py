@@ -15,7 +15,7 @@ MAIN_SPRINGS = 3  # named per mode, if they hold at least a tenth of its energy
 _UNITS = {"acceleration": "rad/s²", "velocity": "rad/s", "position": "rad"}
 
 
-def robot_summary(diagnosis: Diagnosis, found: Sequence[Suspicion], file: RobotFile) -> str:
+def robot_summary(diagnosis: Diagnosis, suspicions: Sequence[Suspicion], file: RobotFile) -> str:
     """Return the whole summary; `file` adds the payload, cuts and sensors as they were given."""
     d = diagnosis
     sections = [
@@ -28,16 +28,16 @@ def robot_summary(diagnosis: Diagnosis, found: Sequence[Suspicion], file: RobotF
         _modes(d),
         _anti_resonances(d),
         _source(d),
-        _warnings(found),
+        _warnings(suspicions),
     ]
     return "\n\n".join("\n".join(lines) for lines in sections if lines)
 
 
-def robot_json(diagnosis: Diagnosis, found: Sequence[Suspicion], file: RobotFile) -> str:
+def robot_json(diagnosis: Diagnosis, suspicions: Sequence[Suspicion], file: RobotFile) -> str:
     """Return the same as JSON, in SI units (rad, rad/s, N m) and at full precision."""
-    given = file.model_dump(include={"gravity", "payload", "accelerometers"})
+    settings = file.model_dump(include={"gravity", "payload", "accelerometers"})
     gains = {motor.name: motor.torque_gain for motor in file.motors}
-    content = json_data(diagnosis) | given | {"torque_gains": gains, "warnings": found}
+    content = json_data(diagnosis) | settings | {"torque_gains": gains, "warnings": suspicions}
     return json_text(content)
 
 
@@ -50,8 +50,8 @@ def _title(d: Diagnosis, file: RobotFile) -> list[str]:
     behind = ", then the motors behind a spring" if any(m.spring for m in d.motors) else ""
     count = plural(len(d.coordinates), "coordinate")
     lines += wrapped(f"{count}: what moves the bodies, in the order below{behind}")
-    place = ", ".join(_angle(m.angle, m.prismatic) for m in d.motors)
-    lines += wrapped(f"position: {place}")
+    position = ", ".join(_angle(m.angle, m.prismatic) for m in d.motors)
+    lines += wrapped(f"position: {position}")
     lines += wrapped(f"gravity: ({vector(file.gravity)}) m/s²")
     return lines
 
@@ -108,14 +108,19 @@ def _springs(d: Diagnosis, file: RobotFile) -> list[str]:
     """Return springs and dampers with their state, and what gravity does to them."""
     states = {p.name: p for p in d.parameters}
     rows: list[tuple[str, ...]] = []
-    for s, given in zip(d.springs, file.springs, strict=True):
+    for s, spring_entry in zip(d.springs, file.springs, strict=True):
         k = f"{s.name}.stiffness"
-        rest, damping = states.get(k) or states[f"{k}.low"], states[f"{s.name}.damping"]
+        stiffness, damping = states.get(k) or states[f"{k}.low"], states[f"{s.name}.damping"]
         load = (_deflection(s), _small(s.torque) + (" N" if s.linear else ""))
-        row = (s.name, f"{s.attached_to} {s.axis}", _kilo(rest.value, rest.unit), _state(rest))
+        row = (
+            s.name,
+            f"{s.attached_to} {s.axis}",
+            _kilo(stiffness.value, stiffness.unit),
+            _state(stiffness),
+        )
         rows.append((*row, _plainly(damping), _state(damping), *load))
-        if isinstance(given.stiffness, Hardening):
-            high, reached = states[f"{k}.high"], f"  at {given.stiffness.torque:g} N m"
+        if isinstance(spring_entry.stiffness, Hardening):
+            high, reached = states[f"{k}.high"], f"  at {spring_entry.stiffness.torque:g} N m"
             rows.append(("", reached, _kilo(high.value, high.unit), _state(high), *[""] * 4))
             rows.append(("", "  under its load", _kilo(s.stiffness, high.unit), *[""] * 5))
     header = (
@@ -200,8 +205,8 @@ def _source(d: Diagnosis) -> list[str]:
     return ["source of the numbers", *hung("  ", d.source, indent=2)] if d.source else []
 
 
-def _warnings(found: Sequence[Suspicion]) -> list[str]:
-    lines = [line for s in found for line in hung(f"  {s.rule}: ", s.message)]
+def _warnings(suspicions: Sequence[Suspicion]) -> list[str]:
+    lines = [line for s in suspicions for line in hung(f"  {s.rule}: ", s.message)]
     return ["warnings", *lines] if lines else ["no warnings"]
 
 

@@ -37,11 +37,11 @@ def study_summary(results: PlannedStudy, written: list[Path]) -> str:
         lines.append(
             ("kept", f"{', '.join(results.run.loaded)} (nothing they rest on has changed)")
         )
-    said = [results.robot.name]
+    printed = [results.robot.name]
     for key, value in lines:
-        said += hung(f"  {key:<9}", value, 11)
+        printed += hung(f"  {key:<9}", value, 11)
     files = [("report" if p.suffix == ".html" else "written", str(p)) for p in written]
-    return "\n".join([*said, *(f"  {key:<9}{path}" for key, path in files)])
+    return "\n".join([*printed, *(f"  {key:<9}{path}" for key, path in files)])
 
 
 def study_json(results: PlannedStudy, written: list[Path]) -> dict[str, Any]:

@@ -41,7 +41,7 @@ def test_no_minus_sign_before_zero():
 
 
 def test_positions_of_prismatic_joints_are_in_metres():
-    shown = text.places(np.array([-0.25, np.pi / 2]), [True, False])
+    shown = text.format_position(np.array([-0.25, np.pi / 2]), [True, False])
     assert [plain(words) for words in shown] == [f"{text.MINUS}0.250 m", "90°"]
 
 
