@@ -154,7 +154,7 @@ def scale(
         raise InvalidInput(f"margin: {margin!r}; a number from 0 to below 1 is needed")
     bounds = _bounds(limits, plan.motors)
     loop = PlannedLoop.of(plan, robot, controller, holding)
-    room = (1 - margin) * _room(plan, loop.rest, bounds, friction)
+    room = (1 - margin) * _room(plan, loop.operating_point, bounds, friction)
     passes = 1 + len(plan.motors) if balance else 1
     done = _counter(passes * len(plan.visits), progress)
     if balance:
@@ -164,7 +164,7 @@ def scale(
     each = allowed.reshape(len(allowed), -1).min(axis=1)
     factors = each if per_visit else np.full(len(each), each.min())
     bindings = tuple(_binding(plan, v, allowed[v] / factors[v], bounds) for v in range(len(each)))
-    peaks = Peaks(read_only(loop.rest), read_only(swing * factors[:, None, None, None]))
+    peaks = Peaks(read_only(loop.operating_point), read_only(swing * factors[:, None, None, None]))
     return Scaling(plan.rescaled(factors), peaks, bindings)
 
 

@@ -299,7 +299,7 @@ def _order_document(order: VisitingOrder | None) -> dict[str, Any]:
     """Return how positions were put in order; nothing where they are as given."""
     if order is None:
         return {}
-    times = {"duration": order.duration, "given": order.unordered_duration}
+    times = {"duration": order.duration, "unordered_duration": order.unordered_duration}
     return {"order": {"order": order.order.tolist(), **times, "optimal": order.optimal}}
 
 
@@ -311,7 +311,7 @@ def _order(section: OrderSection | None, count: int) -> VisitingOrder | None:
             f"order: {section.order[:8]} ...; each of the numbers 0 to {count - 1} once is needed"
         )
     order = read_only(np.array(section.order, dtype=np.int64))
-    return VisitingOrder(order, section.duration, section.given, section.optimal)
+    return VisitingOrder(order, section.duration, section.unordered_duration, section.optimal)
 
 
 def _matrix(name: str, rows: list[list[float]]) -> Any:

@@ -15,10 +15,11 @@ from typing import Annotated, Any, Literal
 
 import numpy as np
 import yaml
-from pydantic import Field
+from pydantic import Field, model_validator
 
 from robotmodels.common.arrays import Array
 from robotmodels.common.atomic_files import atomic_write
+from robotmodels.common.deprecation import current_key
 from robotmodels.common.errors import InvalidInput
 from robotmodels.common.file_paths import reason
 from robotmodels.common.fingerprints import fingerprint
@@ -63,8 +64,19 @@ class OrderSection(FileSection):
 
     order: list[int]
     duration: float
-    given: float
+    unordered_duration: float
     optimal: bool
+
+    @model_validator(mode="before")
+    @classmethod
+    def _current_keys(cls, section: Any) -> Any:
+        """Return the section with the present names of its keys."""
+        if not isinstance(section, dict):
+            return section
+        return {
+            current_key(key, "order", "0.2", given="unordered_duration"): value
+            for key, value in section.items()
+        }
 
 
 class PlanFile(FileSection):

@@ -12,6 +12,7 @@ import numpy as np
 
 from oed.experiment.experiment_plan import ExperimentPlan
 from robotmodels.common.arrays import Array, ComplexArray, read_only
+from robotmodels.common.deprecation import renamed_attributes
 from robotmodels.common.errors import InvalidInput
 from robotmodels.elastic.rigid_pose import holding_torques
 from robotmodels.elastic.robot import ElasticRobot
@@ -29,25 +30,27 @@ _START = 2.0
 _LARGEST_POLE = 1 + 1e-6
 
 
+@renamed_attributes("0.2", rest="operating_point")
 @dataclass(frozen=True, eq=False)
 class Peaks:
     """Lowest and highest predicted values over all blocks and runs of each visit.
 
     Attributes
     ----------
-    rest : ndarray, (V, 3, n)
+    operating_point : ndarray, (V, 3, n)
         Holding torque [N m, motor shaft], zero speed, position [rad, arm side].
     swing : ndarray, (V, 3, n, 2)
-        Lowest and highest deviation of torque, speed [rad/s, motor shaft] and position from it.
+        Lowest and highest deviation of torque, speed [rad/s, motor shaft] and position from the
+        operating point.
     """
 
-    rest: Array
+    operating_point: Array
     swing: Array
 
     @property
     def largest(self) -> Array:
         """Largest magnitudes of torque and speed, and of the position's deviation, (V, 3, n)."""
-        shift = self.rest.copy()
+        shift = self.operating_point.copy()
         shift[:, 2] = 0.0
         return np.asarray(np.abs(shift[..., None] + self.swing).max(axis=-1))
 
@@ -62,7 +65,7 @@ class PlannedLoop:
         Motor torque [N m] and angle [rad] per speed reference [rad/s].
     ratios : ndarray, (n,)
         Gear ratios.
-    rest : ndarray, (V, 3, n)
+    operating_point : ndarray, (V, 3, n)
         As in `Peaks`.
     starts : tuple of SampledLoop
         The loop sample by sample, for each position.
@@ -71,7 +74,7 @@ class PlannedLoop:
     torque: ComplexArray
     angle: ComplexArray
     ratios: Array
-    rest: Array
+    operating_point: Array
     starts: tuple[SampledLoop, ...]
 
     @classmethod
@@ -98,14 +101,16 @@ class PlannedLoop:
         torques = _holding(robot, plan.positions) if holding is None else np.asarray(holding)
         if torques.shape != plan.positions.shape:
             raise InvalidInput(f"holding: shape {torques.shape}; {plan.positions.shape} is needed")
-        rest = np.stack([torques, np.zeros_like(torques), plan.positions], axis=1)[plan.visits]
+        operating_point = np.stack([torques, np.zeros_like(torques), plan.positions], axis=1)[
+            plan.visits
+        ]
         ratios = selector[np.abs(selector).argmax(axis=0), np.arange(n)]
         model = network.linear_model()
         starts = tuple(
             _stable(model.at(q), controller, f"position {q + 1}")
             for q in range(len(plan.positions))
         )
-        return cls(loop.torque, loop.angle, ratios, rest, starts)
+        return cls(loop.torque, loop.angle, ratios, operating_point, starts)
 
     def swing(
         self,
@@ -175,7 +180,9 @@ def predicted_peaks(
         If the springs cannot carry the robot's weight in a position.
     """
     loop = PlannedLoop.of(plan, robot, controller, holding)
-    return Peaks(read_only(loop.rest), read_only(loop.swing(plan, plan.multisine.amplitudes)))
+    return Peaks(
+        read_only(loop.operating_point), read_only(loop.swing(plan, plan.multisine.amplitudes))
+    )
 
 
 def _stable(model: LinearModel, controller: Controller, where: str) -> SampledLoop:

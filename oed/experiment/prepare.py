@@ -232,7 +232,7 @@ def within_swing(scaling: Scaling, swing: Array) -> Scaling:
         return replace(scaling, bindings=bindings)
     return Scaling(
         scaling.plan.rescaled(np.asarray(factor)),
-        Peaks(peaks.rest, read_only(peaks.swing * factor)),
+        Peaks(peaks.operating_point, read_only(peaks.swing * factor)),
         tuple(replace(b, factor=b.factor / factor) for b in bindings),
     )
 

@@ -70,8 +70,8 @@ def parameters(
 
     Parameters
     ----------
-    chosen : sequence of int
-        Places of the parameters.
+    indices : sequence of int
+        Indices of the parameters.
     names : sequence of str
         Names of the estimators.
     rows : sequence of str

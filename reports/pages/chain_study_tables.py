@@ -182,5 +182,5 @@ def _five_digits(value: float) -> Number:
 
 
 def _with_std(value: float, std: float) -> Number:
-    places = min(text.decimals_for(std), 8)
-    return Number(f"{text.fixed(value, places)} ± {text.fixed(std, places)}", value)
+    decimals = min(text.decimals_for(std), 8)
+    return Number(f"{text.fixed(value, decimals)} ± {text.fixed(std, decimals)}", value)

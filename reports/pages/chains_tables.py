@@ -153,8 +153,8 @@ def order_table(shown: MeasuredChains) -> Table:
 
 def _hertz(omega: float, std: float) -> Number:
     hertz, spread = (float(v) for v in in_hertz(np.array([omega, std])))
-    places = min(text.decimals_for(spread), 5)
-    return Number(f"{text.fixed(hertz, places)} ± {text.significant(spread, 2)}", hertz)
+    decimals = min(text.decimals_for(spread), 5)
+    return Number(f"{text.fixed(hertz, decimals)} ± {text.significant(spread, 2)}", hertz)
 
 
 def _percent(value: float) -> Cell:

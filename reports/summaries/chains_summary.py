@@ -126,8 +126,8 @@ def _contents(shown: MeasuredChains) -> dict[str, Any]:
         "anti_resonances_std": modes.zeros_std.tolist(),
         "damping_ratios": modes.damping.tolist(),
         "delay": modes.delay,
-        "misfit": known(identification.misfit),
-        "structure_p_value": known(identification.structure_p_value),
+        "misfit": finite_or_none(identification.misfit),
+        "structure_p_value": finite_or_none(identification.structure_p_value),
         "residuals": evidence.get("residuals"),
         "directions": evidence.get("directions"),
         "warnings": list(shown.warnings),
@@ -147,10 +147,12 @@ def _estimate(e: ChainEstimate) -> dict[str, Any]:
 def _std(e: ChainEstimate) -> list[float | None]:
     """Return standard deviations, none where the verdict gives no interval."""
     hidden = [refused(i) for i in e.intervals] or [False] * len(e.names)
-    return [None if none else known(float(s)) for none, s in zip(hidden, e.std, strict=True)]
+    return [
+        None if none else finite_or_none(float(s)) for none, s in zip(hidden, e.std, strict=True)
+    ]
 
 
-def known(value: float) -> float | None:
+def finite_or_none(value: float) -> float | None:
     """Return a number, or None for one that is not."""
     return value if np.isfinite(value) else None
 

@@ -5,6 +5,7 @@ import pytest
 from random_candidates import random_set
 
 import oed
+from oed.experiment.plan_files import OrderSection
 from oed.plan_comparison.plan_comparison import PlanComparison, SimulatedPlan
 
 INFO = random_set(3, 40, 3, 2)
@@ -32,6 +33,7 @@ def test_classes(old, new):
         (PlanComparison, "found", "simulated"),
         (PlanComparison, "held", "fixed_equilibria"),
         (oed.VisitingOrder, "given", "unordered_duration"),
+        (oed.Peaks, "rest", "operating_point"),
     ],
 )
 def test_attributes(cls, old, new):
@@ -53,3 +55,10 @@ def test_plans_of_a_comparison_by_their_old_name():
     comparison = PlanComparison("D", "plan", ("rival",), 1.0, 1.0, 1.0, True)
     with pytest.warns(DeprecationWarning, match="plans"):
         assert comparison.trials == ("plan", "rival")
+
+
+def test_order_of_a_plan_file_by_its_old_key():
+    content = {"order": [1, 0], "duration": 2.0, "optimal": True}
+    with pytest.warns(DeprecationWarning, match="'given' is now 'unordered_duration'"):
+        section = OrderSection.model_validate(content | {"given": 3.0})
+    assert section == OrderSection.model_validate(content | {"unordered_duration": 3.0})

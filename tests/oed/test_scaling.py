@@ -114,7 +114,7 @@ def test_scaled_plan_meets_one_limit_and_stays_inside_the_others():
     peaks = scaling.peaks
     again = predicted_peaks(scaling.plan, AXES, CONTROLLER, HELD)
     np.testing.assert_allclose(again.swing, peaks.swing, rtol=1e-12)
-    ends = peaks.rest[..., None] + peaks.swing
+    ends = peaks.operating_point[..., None] + peaks.swing
     used = np.abs(ends[:, :2]).max(axis=-1) / np.stack([LIMITS.torque, LIMITS.speed])
     assert used.max() == pytest.approx(1)
     assert (ends[:, 2, :, 0] > LIMITS.positions[:, 0]).all()
@@ -165,7 +165,8 @@ def test_a_margin_is_kept():
 
 def test_a_factor_per_visit_fills_the_limits_in_each():
     scaling = scale(plan(), AXES, CONTROLLER, LIMITS, holding=HELD, per_visit=True)
-    ends = np.abs(scaling.peaks.rest[..., None] + scaling.peaks.swing)[:, :2].max(axis=-1)
+    peaks = scaling.peaks
+    ends = np.abs(peaks.operating_point[..., None] + peaks.swing)[:, :2].max(axis=-1)
     used = ends / np.stack([LIMITS.torque, LIMITS.speed])
     np.testing.assert_allclose(used.max(axis=(1, 2)), 1)
     assert len(set(scaling.plan.scale)) == 3
@@ -272,7 +273,7 @@ def test_a_real_robot_holds_itself_against_gravity():
     # Holding torques are the slope of the potential energy; the stiff gears hardly sag.
     arm, data = robot.arm.model, robot.arm.model.createData()
     ratios = np.array([m.gear_ratio for m in robot.file.motors])
-    for rest, q in zip(scaling.peaks.rest, positions, strict=True):
+    for rest, q in zip(scaling.peaks.operating_point, positions, strict=True):
         energy = [
             [pin.computePotentialEnergy(arm, data, q + sign * step) for sign in (1, -1)]
             for step in 1e-6 * np.eye(6)
@@ -281,7 +282,7 @@ def test_a_real_robot_holds_itself_against_gravity():
         np.testing.assert_allclose(rest[0], slope / ratios, rtol=1e-2, atol=1e-3)
         assert np.abs(rest[0]).max() > 1
     assert np.abs(scaling.peaks.largest[:, 0]).max() == pytest.approx(9.0)
-    heavy = int(np.abs(scaling.peaks.rest[1, 0]).argmax())
+    heavy = int(np.abs(scaling.peaks.operating_point[1, 0]).argmax())
     weak = replace(limits, torque=np.where(np.arange(6) == heavy, 0.2, 9.0))
     alone = rf"limits.torque: position .: motor 'm{heavy + 1}' needs .* N m to hold the arm alone"
     with pytest.raises(InvalidInput, match=alone):
