@@ -20,7 +20,7 @@ Drawing = Callable[[Palette], MatplotlibFigure]
 
 @dataclass(frozen=True)
 class Section:
-    """A part of a page with a heading of its own and a place in the contents."""
+    """A part of a page with a heading and an entry in the contents."""
 
     id: str
     title: str

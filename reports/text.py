@@ -16,7 +16,7 @@ _PREFIXES = ((1e9, "G"), (1e6, "M"), (1e3, "k"))
 
 
 def fixed(value: float, decimals: int) -> str:
-    """Return a number with so many decimals, thousands apart and a true minus sign."""
+    """Return a number with so many decimals, spaces between thousands and a true minus sign."""
     text = f"{value:z,.{max(decimals, 0)}f}".replace(",", THIN)
     return text.replace("-", MINUS)
 
@@ -35,7 +35,7 @@ def significant(value: float, digits: int = 3) -> str:
 
 
 def count(number: int) -> str:
-    """Return a whole number with its thousands apart."""
+    """Return a whole number with spaces between thousands."""
     return fixed(number, 0)
 
 

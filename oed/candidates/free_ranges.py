@@ -32,7 +32,7 @@ def free_ranges(robot: ElasticRobot, ranges: Array, cell: Workcell) -> Array:
     robot : ElasticRobot
         The robot.
     ranges : ndarray, (n, 2), rad or m
-        Ranges within the joints' own limits; a range of one value holds its joint.
+        Ranges within the joint limits; a range of one value locks its joint.
     cell : Workcell
         What is in the way.
 

@@ -50,7 +50,7 @@ def candidate_positions(
         named). One point lies in the middle of the range, more include both its ends. Default: 1,
         6, 6, and 4 for each further joint.
     limits : sequence of sequence of float, mapping of str to sequence of float or ndarray, optional
-        (n, 2) ranges, or (low, high) by joint name, within the joints' own limits.
+        (n, 2) ranges, or (low, high) by joint name, within the joint limits.
 
     Raises
     ------
@@ -201,7 +201,7 @@ def _ranges(
     joints: list[str],
     joint_limits: Array,
 ) -> Array:
-    """Return the range of each joint, (n, 2), checked against its own limits."""
+    """Return the range of each joint, (n, 2), checked against its limits."""
     ranges = joint_limits.copy()
     if isinstance(limits, Mapping):
         _check_names("limits", limits, joints)

@@ -104,7 +104,7 @@ def screened_candidates(
     Raises
     ------
     InvalidInput
-        If there is no position, none is left (counted by reason), or shapes or signs do not fit.
+        If there is no position, none remains (counted by reason), or shapes or signs do not fit.
     """
     positions = _checked(positions, list(robot.motor_names))
     screen = _screened(robot, positions, surroundings, torque_limits, progress)
@@ -216,7 +216,7 @@ def _checked(positions: Array, motors: list[str]) -> Array:
     positions = real_numbers(positions, "positions")
     if positions.ndim != 2 or positions.shape[1] != len(motors) or not len(positions):
         raise InvalidInput(
-            f"positions: an array of shape {positions.shape} was given; (Q, {len(motors)}) is "
+            f"positions: an array of shape {positions.shape} ; (Q, {len(motors)}) is "
             f"needed, one column per motor: {', '.join(motors)}"
         )
     wrong = ~np.isfinite(positions).all(axis=1)

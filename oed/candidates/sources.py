@@ -251,7 +251,7 @@ def gathered_candidates(
     Raises
     ------
     InvalidInput
-        As the functions named above; with counts by reason, if none is left.
+        As the functions named above; with counts by reason, if none remains.
     """
     cell = Workcell(self_collision=False) if workcell is None else workcell
     boxes, files = tuple(boxes), tuple(files)

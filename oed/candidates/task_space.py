@@ -97,7 +97,7 @@ class TaskPositions:
     target : ndarray of int, (Q,)
         The point that each position reaches.
     unreached : ndarray of int
-        Points for which no position was found.
+        Points that no position reaches.
     """
 
     positions: Array

@@ -60,14 +60,14 @@ class ChainStudyResults:
     measured : MeasuredChains
         Identification from the records.
     responses : HeldResponses
-        Responses with other chains held, and the gains read off them.
+        Responses with the other chains locked, and the gains read off them.
     steps : tuple of ChainSteps
         Steps of the paper, chain by chain.
     read_off : ndarray, (k,)
         Masses, springs and couplings by (13) to (22), (7) and (8), from measured poles and zeros
         and the gains read off.
     stepwise : ChainEstimate
-        The same from the gains of the fitted modes, no chain held, with its covariance.
+        The same from the gains of the fitted modes, no chain locked, with its covariance.
     """
 
     study: ChainStudy
@@ -166,7 +166,7 @@ def simulated_records(
 def controlled_response(
     results: ChainStudyResults, omega: Array, free: tuple[int, ...]
 ) -> ComplexArray:
-    """Return FRFs (F, M, M) of the fitted modes, all motors but those `free` held.
+    """Return FRFs (F, M, M) of the fitted modes, all motors but those `free` locked.
 
     The other motors have the study's sampled controllers, their torque held over a sample.
     """
@@ -188,7 +188,7 @@ def _steps(resonances: Array, zeros: Array) -> ChainSteps:
 def _read_off(
     resonances: Array, steps: tuple[ChainSteps, ...], responses: HeldResponses, like: ChainEstimate
 ) -> Array:
-    """Return theta as the paper has it: from poles, zeros, and gains with other chains held."""
+    """Return theta as in the paper: from poles, zeros, and gains with other chains locked."""
     poles, count = np.concatenate([[0.0], resonances**2]), like.layout.masses
     chains = [
         masses_in_steps(poles, one.first, 1 / high, count, 1 / low, 2)

@@ -23,7 +23,7 @@ Kind = Literal["D", "A", "E"]
 # Below this a pivot or an eigenvalue of a matrix of unit diagonal is rounding.
 _PIVOT = 1e-7
 OPEN = 1e-9
-"""What a singular matrix may leave open of a unit combination and still be said to determine it."""
+"""Largest undetermined part of a unit combination that a singular matrix counts as determining."""
 
 
 @dataclass(frozen=True, eq=False)

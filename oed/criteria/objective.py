@@ -55,7 +55,7 @@ class Objective:
     references: tuple[float, ...] | None = None
 
     def value(self, information: Array) -> float:
-        """Return the criterion in its usual form, -inf where something is left open.
+        """Return the criterion in its usual form, -inf if a combination is undetermined.
 
         D: log det M, D_s: -log det of the covariance of what is of interest; A, c, I: minus the
         (weighted) sum of variances; E: the smallest eigenvalue; all others: the log value.

@@ -52,7 +52,7 @@ class MaximinCriterion:
     criterion : str or Criterion
         Criterion of each sample.
     references : sequence of float or None
-        log value, see `Objective.log_value`, of each sample's own best design; the values
+        log value, see `Objective.log_value`, of the best design of each sample; the values
         themselves are compared if None. `robust_design` finds and uses them.
     """
 

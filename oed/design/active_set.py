@@ -23,7 +23,7 @@ _SCOUTED = 0.03
 _CLOSED, _EXCESS = 0.5, 0.25
 # Of the condition: rounding in white matrices.
 _ROUNDING = 1e-15
-# For the few candidates left in the end: the goal, of the tolerance, and multiplicative steps.
+# For the few candidates at the end: the goal, of the tolerance, and multiplicative steps.
 _PRECISE, _STEPS = 1e-3, 1000
 
 
@@ -58,7 +58,7 @@ def solve(
     solver : DesignSolver
         Solver of the active sets, with `Newton` behind it where it stalls.
     trim : bool
-        Whether small weights that are not needed are left out.
+        Whether small weights that are not needed are set to zero.
 
     Raises
     ------

@@ -5,7 +5,7 @@ semidefinite W_j, with c from `Objective.log_polar`, no allowed weights w' have 
 
     [ sum_j tr(W_j M_0) + max_w' sum_i w'_i sum_j tr(W_j H_ij) ] / c,
 
-and the gap is that divided by the design's own value, less one. Where W is the derivative of log f
+and the gap is that divided by the design's value, less one. Where W is the derivative of log f
 this is the equivalence theorem (Kiefer and Wolfowitz 1960; Pukelsheim 1993): for D and shares,
 max_i tr(M^-1 H_i)/p - 1. E, maximin and a singular M need a better W than the derivative, which is
 not unique. All of it is computed in white coordinates: in others the terms of a trace may cancel.

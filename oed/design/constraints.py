@@ -1,4 +1,4 @@
-"""What limits a design: experiments, time, positions, groups of them, and the user's own rows."""
+"""Constraints of a design: experiments, time, positions, groups of them, and linear rows."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -51,7 +51,7 @@ class Constraints:
     groups : mapping of str to Group
         Limits on positions together, by name.
     linear : mapping of str to tuple of (array_like, float)
-        The user's own rows a'w <= b, by name: a of shape (Q,), and b.
+        Linear rows a'w <= b of the user, by name: a of shape (Q,), and b.
     """
 
     experiments: float | None = None

@@ -85,7 +85,7 @@ class Coordinates:
                 raise NotIdentifiable(
                     unidentifiable(reference, names), _REMEDY, open_combinations(reference, names)
                 )
-            # What only rounding tells of is left out; what more tells of, too little to be sure of
+            # Directions within rounding are omitted; those above it, too weak to be certain of
             # it, is not.
             regular = ratios > len(s) * _ROUNDING
             condition = max(condition, 1.0 / float(ratios[regular].min(initial=1.0)))

@@ -24,7 +24,7 @@ from oed.design.problem import ScaledProblem, SolverAnswer
 from robotmodels.common.arrays import Array
 from robotmodels.common.errors import InvalidInput, SolverFailed, nearest
 
-# Larger determinants fall apart into smaller ones: cvxpy states one of p rows by a cone of 2p.
+# Larger determinants are split into smaller ones: cvxpy states one of p rows by a cone of 2p.
 _LARGEST_DETERMINANT = 8
 # Columns of the combinations in one cone: more make it large, fewer make too many.
 _COLUMNS = 9

@@ -37,7 +37,7 @@ class Design(ReprHtml):
     solver : str
         Every method that took part, in the order used.
     witness : tuple of ndarray
-        W_j of each of the criterion's terms, with which the gap was found; the derivative at the
+        W_j of each of the criterion's terms, with which the gap was computed; the derivative at the
         weights where that is unique.
     sensitivity : ndarray, (Q,)
         What a unit of each weight adds to the logarithm of the efficiency; over a position's cost

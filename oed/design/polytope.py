@@ -61,7 +61,7 @@ class Polytope:
 
         Any multipliers y >= 0 (m,) of the rows give one, (c - R'y)'w + b'y, to be maximised
         over the budget and the limits alone, a fractional knapsack solved by sorting. The best ones
-        make it the largest; a linear program finds them if they are not given.
+        make it the largest; a linear program computes them if None.
         """
         if len(self.rows) == 1:
             return self._knapsack(coefficients)
@@ -118,7 +118,7 @@ class Polytope:
     def conflict(self) -> str:
         """Return the names of rows that together with the limits allow no weights.
 
-        Rows are left out one by one as long as the others still conflict.
+        Rows are removed one by one as long as the others still conflict.
         """
         conflicting = list(range(len(self.rows)))
         for row in reversed(range(len(self.rows))):

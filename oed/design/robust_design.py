@@ -2,7 +2,7 @@
 
 Information depends on the parameters that an experiment is to find. With samples of theta, drawn
 from what is believed before, a design can be good on average (pseudo-Bayesian) or at worst
-(maximin), and its efficiency against each sample's own best design says what that costs.
+(maximin), and its efficiency against the best design of each sample is the price of that.
 """
 
 from collections.abc import Sequence
@@ -34,7 +34,7 @@ class RobustDesign(ReprHtml):
     nominal : Design
         The best design for the first sample.
     efficiency : ndarray, (K,)
-        Efficiency of the robust design against each sample's own best one.
+        Efficiency of the robust design against the best one of each sample.
     nominal_efficiency : ndarray, (K,)
         Nominal efficiency of the nominal design.
     """
@@ -72,8 +72,8 @@ def robust_design(
     shares : sequence of float, optional
         Shares of each sample in the average.
     options : Any
-        Options of `optimal_design`; its solver finds the robust design, the samples' own best ones
-        are found by the fastest one that takes the criterion.
+        Options of `optimal_design`; its solver computes the robust design; the best designs of
+        the samples come from the fastest solver that takes the criterion.
 
     Raises
     ------

@@ -1,6 +1,6 @@
 """An upper bound on every choice of sensors within a budget.
 
-In the relaxation each experiment may use its own sensors, and only their mean cost keeps to the
+In the relaxation each experiment may use other sensors, and only their mean cost keeps to the
 budget. Its columns are positions with the sensors used there; at multipliers y of the mean cost the
 best column of position q has the value tr(W H_q0) + sum_s max(0, tr(W H_qs) - y c_s), so that
 the few columns that matter are generated one round after the other.

@@ -1,10 +1,10 @@
 """Which sensors to buy, and where to measure with them.
 
 An experiment in a position informs by its motors and, independently, by each sensor that was
-bought: H_q = H_q0 + sum of H_qs over the chosen sensors s. A choice within the budget is judged by
+bought: H_q = H_q0 + sum of H_qs over the bought sensors s. A choice within the budget is judged by
 its best design over the positions. Every choice is tried where there are few; where there are many
 sensors are added, dropped and swapped one by one. A relaxation, in which each experiment may use
-its own sensors and only their mean cost keeps to the budget, bounds what any choice could reach.
+other sensors and only their mean cost keeps to the budget, bounds what any choice could reach.
 """
 
 from collections.abc import Callable, Mapping
@@ -50,7 +50,7 @@ class SensorDesign(ReprHtml):
     Attributes
     ----------
     sensors : tuple of str
-        Names of the chosen sensors.
+        Names of the bought sensors.
     cost : float
         Cost of all of them.
     design : Design
@@ -60,8 +60,8 @@ class SensorDesign(ReprHtml):
     relaxed_efficiency : float
         Against the relaxation, in which sensors move from position to position.
     relative_efficiency : mapping of str to float
-        Efficiency relative to this choice: of each chosen sensor without it, below one, of each
-        other sensor with it besides; each with its own best positions.
+        Efficiency relative to this choice: of each bought sensor without it, below one, of each
+        other sensor with it added; each with the best positions for it.
     usage : mapping of str to float
         Of the relaxation: share of the experiments that would use each sensor.
     tried : int

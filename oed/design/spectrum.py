@@ -1,7 +1,7 @@
 """Positions and spectra together: which position to excite at which frequency lines, how strongly.
 
 The information of an experiment is linear in the power of each line, and so are its limits. With
-powers P_f of a position's lines between zero and their own limits, and C P <= c for every limit
+powers P_f of a position's lines between zero and upper limits, and C P <= c for every limit
 (mean squares of torques and speeds, total power), the experiments in a position fill a polytope; a
 design shares the experiments between corners of these polytopes. The corners are too many to list:
 the best one of each position, by the gradient at the present design, is generated when it is

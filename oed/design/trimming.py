@@ -55,7 +55,7 @@ def trimmed(
 def _without(problem: ScaledProblem, weights: Array, used: Array) -> Array:
     """Return the used weights, changed so that rows stay as far used up as they are.
 
-    The change is the least one relative to each weight, or to what is left below its cap.
+    The change is the least one relative to each weight, or to the distance to its cap.
     """
     fewer = np.where(used, weights, 0.0)
     tight = problem.rows @ weights >= problem.bounds - _TIGHT

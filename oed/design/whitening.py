@@ -180,7 +180,7 @@ def _inside(rows: Array, bounds: Array, caps: Array, inside: Array) -> Array:
     """Return positive shares with room in every row, beside shares (n,) that may be zero.
 
     They lie half way to equal ones, as far as there is room. Equations, rows that leave hardly any,
-    are kept by changing the larger shares, unless that leaves nothing of a smaller one.
+    are kept by changing the larger shares, unless a smaller one would vanish.
     """
     equal: Array = np.minimum(0.9 / rows.shape[1], 0.5 * caps)
     if len(rows) == 1:

@@ -35,7 +35,7 @@ class BestPlans(ReprHtml):
     efficiency : float
         Efficiency of the first against every plan of whole experiments, at least; 1 if proven.
     considered : int
-        Candidates that the first bound left.
+        Candidates that the first bound does not exclude.
     nodes : int
         Relaxed problems solved.
     """

@@ -42,7 +42,7 @@ class BranchAndBound:
     nodes : int
         Relaxed problems solved.
     considered : int
-        Candidates that the first bound left.
+        Candidates that the first bound does not exclude.
     complete : bool
         Whether every plan was considered or ruled out.
     exhausted : bool

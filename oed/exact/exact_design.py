@@ -125,7 +125,7 @@ def improve_by_exchange(problem: ExactProblem, derivatives: Array, weights: Arra
     Raises
     ------
     InvalidInput
-        If no whole plan that satisfies the constraints is found.
+        If the search reaches no whole plan that satisfies the constraints.
     """
     pool = Pool(problem, _promising(derivatives, weights))
     plans = [exchange(pool, start) for start in _starts(problem, pool, weights)]

@@ -165,7 +165,7 @@ def _better(
     value: float,
     ceilings: Array | None = None,
 ) -> int | None:
-    """Return the best candidate to take the place of `leaving`, if the plan's value then grows."""
+    """Return the best candidate to replace `leaving`, if the plan's value then grows."""
     counts = counts.copy()
     counts[leaving] -= 1
     addable = problem.can_add(counts, indices)

@@ -111,7 +111,7 @@ def refined_design(
     noise : NoiseLaw or LoopNoise
         Noise it was computed for.
     limits : ndarray, (n, 2), optional
-        Ranges to stay in; the joints' own if None.
+        Ranges to stay in; the joint limits if None.
     surroundings : Surroundings, optional
         What positions must not collide with, as in `screened_candidates`.
     torque_limits : float or ndarray, optional

@@ -1,4 +1,4 @@
-"""Designs of further experiments, given the information of those already made."""
+"""Designs of further experiments, based on the information of those already made."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -51,7 +51,7 @@ class ExperimentCurve(ReprHtml):
     Attributes
     ----------
     counts : ndarray of int, (C,)
-        Numbers of experiments; those that cannot identify every parameter are left out.
+        Numbers of experiments; those that cannot identify every parameter are skipped.
     std : ndarray, (C, p)
         Predicted standard deviations, relative ones where parameters are ln theta.
     efficiency : ndarray, (C,)
@@ -196,7 +196,7 @@ def experiment_curve(
     Raises
     ------
     InvalidInput
-        If no number is given.
+        If `counts` is empty.
     NotIdentifiable
         Naming the parameters, if even the largest number is too small.
     """

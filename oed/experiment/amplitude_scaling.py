@@ -133,7 +133,7 @@ def scale(
     per_visit : bool
         One factor for each visit instead of one for all.
     margin : float, dimensionless
-        Part of each limit, between rest and limit, to stay away from it.
+        Part of the distance from operating point to limit that is not used.
     holding : ndarray, (Q, n), N m, optional
         Motor torques that hold the arm; by default the robot's.
     friction : ndarray, (n,), N m, optional
@@ -144,9 +144,9 @@ def scale(
     Raises
     ------
     InvalidInput
-        Naming position, motor and quantity, if a limit leaves no room at rest, because holding the
-        arm alone takes the torque or the position is not inside; if there is no limit, or one has a
-        wrong shape or sign.
+        Naming position, motor and quantity, if the operating point is not inside a limit: of the
+        torque that holds the arm, or of the position; if there is no limit, or one has a wrong
+        shape or sign.
     NoEquilibrium
         If the springs cannot carry the robot's weight in a position.
     """
@@ -194,7 +194,7 @@ def _bounds(limits: Limits, motors: Sequence[str]) -> Array:
 def _room(
     plan: ExperimentPlan, operating_point: Array, bounds: Array, friction: Array | None = None
 ) -> Array:
-    """Return the distances from rest down and up to the bounds, (V, 3, n, 2), less friction."""
+    """Return distances (V, 3, n, 2) from operating point to both bounds, less friction."""
     lost = np.zeros(bounds.shape)
     lost[0] = 0.0 if friction is None else np.outer(friction, [1.0, -1.0])
     free = bounds + lost

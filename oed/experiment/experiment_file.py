@@ -8,7 +8,7 @@ joint). Where a key is "per motor", one number serves all motors and a list has 
     robot: manutec_r3            # a built-in robot, or the path of a robot file
     positions:                   # where to measure, one angle per motor, in this order
       - [0.0, 0.5, -0.8, 0.0, 0.6, 0.0]
-    repetitions: [2]             # visits to each; once by default
+    repetitions: [2]             # experiments in each; one by default
     # design: ../out/r3/design.json    in place of positions and repetitions: those of a study
     multisine:
       band: [1.0, 50.0]          # [Hz]
@@ -21,7 +21,7 @@ joint). Where a key is "per motor", one number serves all motors and a list has 
                                  # distortion; none by default
       slope: 0.0                 # the speed's amplitude goes with frequency to this power
       crest_iterations: 0        # 200 lowers the crest factor; 0 leaves the phases random
-    blocks: 4                    # per visit, each with phases of its own
+    blocks: 4                    # per experiment, each with phases of its own
     periods: 2                   # measured in each experiment
     transient_periods: 1         # before them, not measured
     ramp: true                   # the first of those rises from rest (default), which leaves room
@@ -230,7 +230,7 @@ def load_experiment(path: str | Path) -> Experiment:
 
 
 def planned_positions(experiment: Experiment, robot: str) -> tuple[Array, IntArray]:
-    """Return positions (Q, n) [rad] and visits to each (Q,), from the file or its design.
+    """Return positions (Q, n) [rad] and experiments in each (Q,), from the file or its design.
 
     Parameters
     ----------

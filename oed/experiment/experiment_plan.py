@@ -18,11 +18,11 @@ from robotmodels.common.errors import InvalidInput
 
 @dataclass(frozen=True, eq=False)
 class ExperimentPlan:
-    """Visits to positions, in the order given; in each, blocks of n runs.
+    """Visits to positions, in order; in each, blocks of n runs.
 
     A position with r repetitions is visited r times in a row. A visit has B blocks of n
     runs each; a run repeats one period of the reference, first until transients
-    have died out, then as often as is measured. Every visit and every block has phases of its own.
+    have died out, then as often as is measured. Every visit and every block has different phases.
 
     Attributes
     ----------
@@ -49,7 +49,7 @@ class ExperimentPlan:
     start : ndarray or None, (n,), rad
         Where the robot is before the first move; the first position by default.
     order : VisitingOrder or None
-        How the positions were put in order and what that saves; None if they are as given.
+        How the positions were put in order and what that saves; None if they are not reordered.
 
     Raises
     ------
@@ -296,7 +296,7 @@ def _document(plan: ExperimentPlan) -> dict[str, Any]:
 
 
 def _order_document(order: VisitingOrder | None) -> dict[str, Any]:
-    """Return how positions were put in order; nothing where they are as given."""
+    """Return the reordering of the positions; an empty mapping if there is none."""
     if order is None:
         return {}
     times = {"duration": order.duration, "unordered_duration": order.unordered_duration}

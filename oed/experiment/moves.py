@@ -125,7 +125,7 @@ def move(
     """Return the fastest quintic from `start` to `goal`, (n,) each; all motors arrive together.
 
     The path is a straight line between positions within the limits and so within them too.
-    Nothing is known of obstacles: check the path before a robot takes it.
+    Obstacles are not considered: check the path before a robot takes it.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""Orthogonal random-phase multisines: periodic signals that tell n inputs apart in n runs.
+"""Orthogonal random-phase multisines: periodic signals that separate n inputs in n runs.
 
 In run l of a block, input i is r_i(t) = sum_k A_ki cos(w_k t + phi_ki + 2 pi i l / n),
 i, l = 0..n-1, so that the DFTs of a block form R = diag(R_i) T with T_il = e^{2 pi j i l / n} and
@@ -43,7 +43,7 @@ class Multisine:
     inputs : int
         n.
     detection : ndarray of int
-        Lines left out on purpose, so that what appears there is distortion.
+        Lines that are not excited, so that motion at them is distortion.
     odd : bool
         Whether all of these lines are odd, so that even distortion falls between them.
 
@@ -116,7 +116,7 @@ class Multisine:
     def period_of(self, spectrum: ComplexArray, samples: int | None = None) -> Array:
         """Return the period whose DFT at the lines is `spectrum` (..., F, k, n), (..., n, N, k).
 
-        `samples` points of it are given, N by default; the signal is the same with more of them.
+        `samples` points per period, N by default; more of them sample the same signal.
         """
         points = self.samples if samples is None else samples
         swapped = np.moveaxis(spectrum, -1, -3)  # (..., runs, F, k)

@@ -1,11 +1,10 @@
 """Plans on disk: a YAML file to read and an HDF5 file of arrays beside it.
 
 ``PLAN.yaml`` (``schema: plan/1``) holds everything a person looks for; ``duration`` [s] is there to
-be read only, it follows from the rest; ``order``, where positions were reordered, tells their
-places among those given and what the moves take [s]. ``PLAN.h5`` has the datasets ``phases``
-(V, B, F, n) [rad], ``amplitudes`` (F, n) [rad/s] and ``scale`` (V,), and the attribute
-``fingerprint`` that the YAML file repeats, so that two files of different plans cannot be taken
-for one.
+be read only, it follows from the other keys; ``order``, where positions were reordered, has their
+indices in the original order and the duration of the moves [s]. ``PLAN.h5`` has the datasets
+``phases`` (V, B, F, n) [rad], ``amplitudes`` (F, n) [rad/s] and ``scale`` (V,), and the attribute
+``fingerprint`` that the YAML file repeats, so that files of different plans cannot be confused.
 """
 
 import os
@@ -145,7 +144,7 @@ def write_plan(
         allow_unicode=True,
     )
     try:
-        # The inner one takes its place first: no plan names arrays that are not there.
+        # The inner file is renamed first: no plan names arrays that are not there.
         with atomic_write(target) as unfinished, atomic_write(arrays) as unfinished_arrays:
             with h5py.File(unfinished_arrays, "w") as file:
                 file.attrs["fingerprint"] = fingerprint

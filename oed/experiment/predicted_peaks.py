@@ -140,7 +140,7 @@ class PlannedLoop:
     def steady(self, plan: ExperimentPlan, visit: int, spectrum: ComplexArray) -> Array:
         """Return the extremes (3, n, 2) that references of a (B, F, n, E) spectrum settle to."""
         sine, q = plan.multisine, plan.visits[visit]
-        # A held torque has no values but those at the samples; what moves has.
+        # A zero-order hold torque has only its sample values; motion varies between them.
         points = sine.samples * int(np.ceil(_POINTS * sine.lines[-1] / sine.samples))
         Y = self.angle[q] @ spectrum
         signals = (

@@ -50,7 +50,7 @@ class Prepared:
     imperfections : Imperfections
         Imperfections of the simulated robot.
     rng : Generator
-        What is left of the seed's random numbers, for the simulation.
+        Generator of the seed's further random numbers, for the simulation.
     """
 
     robot: ElasticRobot
@@ -238,7 +238,7 @@ def within_swing(scaling: Scaling, swing: Array) -> Scaling:
 
 
 def _tighter(binding: Binding, allowed: Array, swing: Array, plan: ExperimentPlan) -> Binding:
-    """Return the limit of a visit that is met first, the swing's or the one found before."""
+    """Return the limit of a visit that is met first: the swing's or the present one."""
     motor = int(np.argmin(allowed))
     if allowed[motor] >= binding.factor:
         return binding

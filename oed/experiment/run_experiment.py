@@ -93,7 +93,7 @@ class SimulatedPlant:
     def measure(
         self, plan: ExperimentPlan, visit: int, progress: Progress | None = None
     ) -> Records:
-        """Simulate one visit, with random numbers of its own.
+        """Simulate one visit, with an independent stream of random numbers.
 
         Raises
         ------
@@ -135,7 +135,7 @@ def run_plan(
     """Carry out a plan: write plan.yaml, plan.h5 and records.h5 into `folder`.
 
     The records have one entry per visit, in the plan's order: a position that is visited twice
-    appears twice, each time with phases of its own. Visits are written as they end, so that an
+    appears twice, each time with different phases. Visits are written as they end, so that an
     interrupted run of the same plan goes on with the next.
 
     Parameters
@@ -192,7 +192,7 @@ def run_experiment(
     Parameters
     ----------
     plant : ElasticRobot, optional
-        Robot to simulate in place of the one that the plan was made for.
+        Robot to simulate instead of the one that the plan was made for.
 
     Raises
     ------

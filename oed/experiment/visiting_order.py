@@ -27,9 +27,9 @@ class VisitingOrder(ReprHtml):
     duration : float, s
         Duration of all moves, from the start and back to it where asked.
     unordered_duration : float, s
-        The same for the order in which the positions were given.
+        The same for the original order of the positions.
     optimal : bool
-        Whether no other order is shorter; else none is found by moving or reversing a part.
+        Whether no other order is shorter; else moving or reversing a part yields none.
     """
 
     order: IntArray
@@ -39,7 +39,7 @@ class VisitingOrder(ReprHtml):
 
     @property
     def saved(self) -> float:
-        """What the order saves against the one given [s]."""
+        """Time that the order saves against the original one [s]."""
         return self.unordered_duration - self.duration
 
     def __str__(self) -> str:

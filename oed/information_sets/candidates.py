@@ -21,7 +21,7 @@ class Candidates(Protocol):
 
     @property
     def samples(self) -> int:
-        """Number K of parameter values for which the information is known."""
+        """Number K of parameter values for which there is information."""
         ...
 
     def __len__(self) -> int: ...

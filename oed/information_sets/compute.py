@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 _WORTHWHILE = 128
 """Fewest positions in a chunk that overlaps with the next."""
 _GENERAL = 64
-"""Positions whose sensitivities are held at once where the kernel does not serve."""
+"""Positions whose sensitivities are in memory at once if the kernel does not apply."""
 _FEW = 4
 """Positions that are tried to see whether it does."""
 
@@ -77,7 +77,7 @@ class ChunkInformation:
         network, tangents = linearised
         noise, simple = self.noise, tangents is None and self._suits_kernel(network)
         if simple and isinstance(noise, RelativeNoise | SeparableNoise):
-            # Imported when used: a user's own matrices do not need it.
+            # Imported when used: user-defined matrices do not need it.
             import robotmodels.kernel as kernel
 
             return np.asarray(kernel.information(network, self.omega, noise))
@@ -144,7 +144,7 @@ def information(
     *,
     equilibrium_shift: bool = False,
 ) -> "InformationSet | StoredInformation":
-    """Return the information of one experiment in each position, equilibria held fixed.
+    """Return the information of one experiment in each position, at fixed equilibria.
 
     For the built-in robots the latter changes no standard deviation by more than 0.3 % (15 random
     positions, 2 to 80 Hz); for soft robots under heavy loads it may, and `equilibrium_shift` is

@@ -126,11 +126,11 @@ class InformationSet(ReprHtml):
         return len(self.names) - int(weak_directions(self.total).shape[1])
 
     def unidentifiable(self, total: Array | None = None) -> tuple[str, ...]:
-        """Return the parameters left open by `total` (p, p), by default by all candidates."""
+        """Return the parameters not determined by `total` (p, p), by default all candidates."""
         return unidentifiable(self.total if total is None else total, self.names)
 
     def open_combinations(self, total: Array | None = None) -> tuple[str, ...]:
-        """Return in words the combinations left open, as ``"a - 0.5 b"``, one for each direction.
+        """Return the undetermined combinations, as ``"a - 0.5 b"``, one for each direction.
 
         Along it parameters may move together, by these factors, and no experiment would tell.
         """

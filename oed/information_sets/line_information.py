@@ -11,7 +11,7 @@ from robotmodels.elastic.robot import ElasticRobot
 from robotmodels.linear.noise import NoiseLaw
 from robotmodels.linear.response import Elastic, check_omega, frequency_response, sensitivity
 
-_PART = 64  # positions whose sensitivities are held at once
+_PART = 64  # positions whose sensitivities are in memory at once
 
 
 def sensor_information(

@@ -27,7 +27,7 @@ def check_matrices(matrices: Array, first: int = 0) -> None:
         Naming the candidate, if one is not finite, symmetric or positive semidefinite, all to
         rounding.
     """
-    # Which candidate is at fault is found out only where one is.
+    # The candidate at fault is searched only if there is one.
     parts = range(0, len(matrices), _PART)
     if all(_is_definite(matrices[start : start + _PART]) for start in parts):
         return

@@ -40,13 +40,13 @@ def open_combinations(matrix: Array, names: Sequence[str]) -> tuple[str, ...]:
     """
     from scipy.linalg import qr
 
-    # From scaled coordinates to the parameters' own; one not informed on at all is a unit there.
+    # From scaled coordinates to parameters; one without any information is a unit vector.
     s = unit_diagonal_scaling(matrix, SPREAD)
     basis = weak_directions(matrix) * np.where(s > 0, s, 1.0)[:, None]
     count = basis.shape[1]
     if not count:
         return ()
-    # In echelon form each direction has a parameter of its own, and as few others as can be.
+    # In echelon form each direction has a parameter that no other has, and few others.
     pivots = qr(basis.T * np.linspace(1, 1 - _TIE, len(basis)), mode="r", pivoting=True)[1][:count]
     basis = basis @ np.linalg.inv(basis[pivots])
     return tuple(_in_words(direction, names) for direction in basis.T[np.argsort(pivots)])

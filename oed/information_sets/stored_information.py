@@ -3,7 +3,7 @@
 After a header of one line of JSON, padded to `_HEADER` bytes, follow the sum of all matrices, the
 positions, (Q, n), and the matrices, (Q, p (p + 1) / 2), all float64 of this machine; of matrices
 the upper triangles. Pages are mapped,
-used once and given back, so that a pass over gigabytes keeps the process at tens of megabytes.
+used once and released, so that a pass over gigabytes keeps the process at tens of megabytes.
 """
 
 import json
@@ -117,7 +117,7 @@ class StoredInformation:
         return self.take(np.arange(len(self)))
 
     def unidentifiable(self, total: Array | None = None) -> tuple[str, ...]:
-        """Return the parameters left open by `total` (p, p), by default by all candidates."""
+        """Return the parameters not determined by `total` (p, p), by default all candidates."""
         return unidentifiable(self.total if total is None else total, self.names)
 
     def take(self, indices: IntArray) -> Array:
@@ -164,7 +164,7 @@ class StoredInformation:
                 first = self._offset + 8 * start * self._size
                 aligned = first // page * page
                 length = first - aligned + 8 * rows * self._size
-                # The map ends, and its pages are given back, when nothing refers to it any more.
+                # The map ends, and its pages are released, when nothing refers to it any more.
                 mapped = mmap.mmap(file.fileno(), length, offset=aligned, access=mmap.ACCESS_READ)
                 part = np.frombuffer(mapped, np.float64, rows * self._size, first - aligned)
                 yield start, part.reshape(rows, self._size)
@@ -205,7 +205,7 @@ def write_store(
     total, written = np.zeros(_packed_size(len(names))), 0
     with atomic_write(path) as part, _opened(part, path) as file:
         file.write(line.ljust(_HEADER))
-        file.write(total.tobytes())  # once more at the end, when it is known
+        file.write(total.tobytes())  # once more at the end, when it is complete
         file.write(positions.tobytes())
         for matrices in chunks:
             check_matrices(matrices, written)

@@ -59,7 +59,7 @@ def even_plan(positions: Array, n_experiments: int) -> IntArray:
 def grid_plan(
     positions: Array, n_experiments: int, per_joint: Mapping[str, int], joints: tuple[str, ...]
 ) -> IntArray:
-    """Return experiments (Q,) in the candidates closest to the points of a designer's own grid.
+    """Return experiments (Q,) in the candidates closest to the points of a designer's grid.
 
     Points lie evenly over the candidates' ranges, ends included; a joint with one point, as every
     joint that is not named, stays in the middle. Experiments beyond the points repeat them in

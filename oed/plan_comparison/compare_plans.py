@@ -51,18 +51,18 @@ def compare_plans(
     """Return the efficiencies of plans against the first one, predicted and simulated.
 
     FRFs of the model, with errors by the noise law, are fitted from the true values by least
-    squares with the noise's own weights (NLS), `runs` times for each plan.
+    squares with the noise's weights (NLS), `runs` times for each plan.
 
     Parameters
     ----------
     model : Elastic
         The true one, which is also fitted.
     info : Candidates
-        Information of each candidate, for the model's own values.
+        Information of each candidate, at the model's values.
     positions : ndarray, (Q, n)
         Positions of the candidates.
     plans : mapping of str to ndarray of int
-        Experiments (Q,) in each candidate, by name; the first plan is compared with the rest.
+        Experiments (Q,) in each candidate, by name; the first plan is compared with the others.
     omega : ndarray
         As in `oed.information`, of one experiment.
     noise : NoiseLaw

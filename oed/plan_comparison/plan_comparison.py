@@ -89,7 +89,7 @@ class PlanComparison(ReprHtml):
     """A plan against its rivals, the plan first.
 
     Efficiencies say how many experiments of the plan are worth as much as one of a rival, by the
-    criterion; the plan's own is one.
+    criterion; that of the optimal plan is one.
 
     Attributes
     ----------
@@ -107,7 +107,7 @@ class PlanComparison(ReprHtml):
     interval : ndarray, (K, 2)
         Where the true ones lie with 95 %, each by itself, of normal estimates.
     fixed_equilibria : bool
-        Whether fits kept the equilibria of the true values fixed.
+        Whether fits used fixed equilibria of the true values.
     """
 
     criterion: str
@@ -179,7 +179,7 @@ DRAWS = 400
 
 
 def std_interval(std: Array, samples: int, level: float) -> Array:
-    """Return where true standard deviations lie, (p, 2), given those of so many samples, (p,)."""
+    """Return intervals (p, 2) of standard deviations from those (p,) of so many samples."""
     from scipy.stats import chi2
 
     tails = np.array([(1 + level) / 2, (1 - level) / 2])

@@ -87,7 +87,7 @@ def contest(evaluation: Evaluation, first: str, second: str) -> Contest:
 
 
 def sign_test(wins: int, losses: int) -> float:
-    """Return how likely so unequal a split is by chance: two-sided, exact; ties are left out."""
+    """Return the p value of an unequal split, two-sided and exact; ties do not count."""
     from scipy.stats import binomtest
 
     return float(binomtest(wins, wins + losses).pvalue) if wins + losses else 1.0
@@ -113,7 +113,7 @@ def conclusions(
     groups : Groups
         Groups of the parameters.
     truth : ndarray, (p,)
-        True parameters [SI], NaN where they are not known.
+        True parameters [SI], NaN if unknown.
     """
     contests = (
         (("LLS15U", "NLS15U"), ("LLS15O", "NLS15O")),
@@ -162,7 +162,7 @@ def _estimators_differ(
 
 
 def _errors(evaluation: Evaluation, name: str, truth: Array) -> Array:
-    """Return |ln(estimate/truth)| of the parameters whose truth is known."""
+    """Return |ln(estimate/truth)| of the parameters that have a true value."""
     errors = np.abs(np.log(evaluation.values[evaluation.of(name), 0] / truth))
     return np.asarray(errors[np.isfinite(errors)])
 
@@ -225,9 +225,9 @@ def _pairs_differ(
 
 
 def _indicative(table: Table1, z_scores: Array) -> tuple[Verdict, str]:
-    """Judge std_th by the scatter of the best models and, where known, by the true errors.
+    """Judge std_th by the scatter of the best models and, if there are any, by the true errors.
 
-    Models that are one minimum, found to the search's tolerance, say nothing by their scatter.
+    Models that are one minimum, to the search's tolerance, have no informative scatter.
     It indicates the scatter if the ranks correlate and the median ratio lies within a factor of
     ten ([WM] have 1.5 to 33, median 3); the errors if their root mean square is at most three.
     """

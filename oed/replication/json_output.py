@@ -1,4 +1,4 @@
-"""``published.json``: what a study that repeats [WM] section 6 found, for other programs.
+"""``published.json``: results of a study that repeats [WM] section 6, for other programs.
 
 ``estimators``: for each its ``cost`` with user-defined weights and its ``optimal_cost``, both
 normalised and sorted by the first (null: no FRF), ``start`` numbers, and the parts of reasonable

@@ -1,4 +1,4 @@
-"""What [WM] section 6 found on an ABB IRB6600: their numbers and their conclusions."""
+"""Numbers and conclusions of [WM] section 6 on an ABB IRB6600."""
 
 REASONABLE_BY_COST = {
     "LLS15U": 0.80,

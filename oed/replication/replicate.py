@@ -38,7 +38,7 @@ class Replication:
     groups : Groups
         Parameters of gearboxes and arm.
     hardest : str
-        The arm spring that is left out of the second share.
+        The arm spring that the second share ignores.
     conclusions : tuple of Judged
         The seven, judged.
     rivalry : TimeDomainComparison or None
@@ -65,7 +65,7 @@ class Replication:
 
     @property
     def by_springs(self) -> dict[str, float]:
-        """Part of each estimator's models with reasonable springs, the hardest one left out."""
+        """Part of each estimator's models with reasonable springs, the hardest one ignored."""
         share = self.evaluation.reasonable_by_springs((self.hardest,)).mean(axis=1)
         return dict(zip(ESTIMATORS, share.tolist(), strict=True))
 
@@ -85,7 +85,7 @@ def replicate(
 ) -> Replication:
     """Return a fitted study's figures, table and verdicts beside the paper's.
 
-    What it computes is kept beside the stages of the study, as these are.
+    Its results are stored beside the stages of the study.
 
     Parameters
     ----------
@@ -96,7 +96,7 @@ def replicate(
     executor : Executor, optional
         Computes costs and fits in time in parallel.
     fresh : bool
-        Compute again what is kept.
+        Compute stored results again.
 
     Raises
     ------

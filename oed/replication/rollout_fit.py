@@ -1,7 +1,7 @@
 """Springs and dampers of gears by rollouts in time with mujoco.sysid: a peer of fits of FRFs.
 
-The recorded torques are replayed from rest and the motors' angles fitted by Gauss-Newton.
-Residuals are divided by the encoders' noise: divided by the angles' own size, as by default, they
+The recorded torques are replayed from standstill and the motors' angles fitted by Gauss-Newton.
+Residuals are divided by the encoders' noise: divided by the size of the angles, as by default, they
 are so small that mujoco.sysid's tolerances end the search far from the minimum.
 """
 
@@ -38,7 +38,7 @@ class RolloutCase:
     ratios : ndarray, (n,)
         Its gear ratio.
     rest_angles : tuple of tuple of (str, float), (name, angle), rad
-        Angle at rest of every coordinate that a position sets.
+        Initial angle of every coordinate that a position sets.
     tendons : dict of str to str
         The tendon of each drive spring, by the spring's name.
     parameters : Parameters
@@ -72,7 +72,7 @@ class RolloutFit:
     values : ndarray, (p,)
         SI.
     ended : bool
-        Whether by its own tolerances, rather than by the limit of rollouts.
+        Whether by its tolerances, rather than by the limit of rollouts.
     rollouts : int
         Rollouts of all runs.
     seconds : float
@@ -108,7 +108,7 @@ def rollout_case(
     Parameters
     ----------
     position : ndarray, (n,), rad
-        Position at rest.
+        Initial position.
     torque : ndarray
         See `RolloutCase`.
     angle : ndarray

@@ -1,6 +1,6 @@
 """The study of [WM] section 6: six estimators judged by one cost.
 
-Every model, whatever estimator found it, is judged by the LLS cost with user-defined weights over
+Every model of every estimator is judged by the LLS cost with user-defined weights over
 all positions (their figure 3), and by the one with optimal weights (figure 4). The models of each
 estimator are then sorted by the first.
 """
@@ -53,7 +53,7 @@ class Evaluation:
     values : ndarray, (E, N, p)
         Values [SI].
     converged : ndarray, (E, N)
-        Whether the search ended in a minimum of its own cost.
+        Whether the search ended in a minimum of its cost.
     """
 
     estimators: tuple[str, ...]

@@ -1,4 +1,4 @@
-"""[WM] Table 1 from this study's models, and how easily each parameter is found."""
+"""[WM] Table 1 from this study's models, and how often each parameter is reasonable."""
 
 from dataclasses import dataclass
 
@@ -71,7 +71,7 @@ def table_1(evaluation: Evaluation, theorem1: Uncertainty) -> Table1:
 
 @dataclass(frozen=True, eq=False)
 class Groups:
-    """Places of the parameters of gearboxes and of the arm structure, dampers after springs.
+    """Indices of the parameters of gearboxes and of the arm structure, dampers after springs.
 
     Attributes
     ----------

@@ -1,7 +1,7 @@
 """The same records fitted in time, by mujoco.sysid, and as FRFs: [WM] section 7 asks which does.
 
-The case is small enough for rollouts: a Manutec r3 without gravity (its static sag would be a
-second unknown of every rollout), three gear springs and dampers, one position, six experiments of
+The case is small enough for rollouts: a Manutec r3 without gravity (its static deflection would
+be a second unknown of every rollout), three gear springs and dampers, one position, six runs of
 1.5 s at 1 kHz in closed loop with encoder noise. Both ways start from the same parameters and
 search within 10^+-1.5 of the truth.
 """
@@ -30,7 +30,7 @@ REACH = 1.5
 CLOSE = 0.05
 """A start succeeds if every spring ends nearer than this to the truth, in ln."""
 ROLLOUTS = 400
-"""Rollouts of all experiments after which the rival's search from one start is given up."""
+"""Rollouts of all runs after which the rival's search from one start is stopped."""
 _SAMPLE_TIME, _SAMPLES, _PERIODS = 1e-3, 500, 3
 _LINES = np.arange(1, 32, 2)
 _POSITION = np.array([[0.3, 0.4, 0.5, 0.2, 0.6, 0.1]])
@@ -48,13 +48,13 @@ class MethodResult:
     decades : float
         The starts are the truth times 10^U(-decades, decades).
     starts, successes : int
-        How many, and how many found all springs within 5 %.
+        Number of starts, and of those that end with all springs within 5 %.
     spring_error, damper_error : float
         Median |ln(estimate/truth)| of the successes, of all without any.
     seconds : float
         Seconds of wall time per start, FRFs included; not what is loaded or compiled once.
     unfinished : int
-        How many were given up.
+        Number of stopped searches.
     """
 
     name: Literal["frequency domain", "mujoco.sysid"]
@@ -128,7 +128,7 @@ def compare(
 
 
 def case() -> "tuple[ElasticRobot, Records]":
-    """Return the robot and the records of its experiments, from rest on."""
+    """Return the robot and the records of its runs, from standstill on."""
     from robotmodels import ElasticRobot, load_robot
     from robotmodels.simulation.controller import default_controller
     from robotmodels.simulation.imperfections import Imperfections
@@ -191,7 +191,7 @@ def _ours(
     begun = time.perf_counter()
     estimate = estimate_frf(records, covariance="noise", transient=1)
     shared = (time.perf_counter() - begun) / sum(len(starts) for _, starts in distances)
-    # What is compiled, loaded or kept once is no part of a fit.
+    # Compiling and loading, done once, are no part of a fit.
     fit(robot, estimate, "lls", "user", distances[0][1][0], bounds, max_evaluations=1)
     ways = []
     for decades, starts in distances:

@@ -1,1 +1,1 @@
-"""The whole path from a study file to its results, stage by stage; what is finished is kept."""
+"""The whole path from a study file to its results, stage by stage; finished stages are stored."""

@@ -1,4 +1,4 @@
-"""What a study leaves behind for other programs: three JSON files beside its stages.
+"""Results of a study for other programs: three JSON files beside its stages.
 
 SI units and radians, except frequencies [Hz]; covariances are for ln theta. Nothing in these
 files depends on the clock or on where they lie: the same seed gives the same files.
@@ -8,21 +8,22 @@ files depends on the clock or on where they lie: the same seed gives the same fi
     ``stages/information/information.h5``), their ``weights``, ``value``, certified ``gap``;
     ``exact``: ``experiments`` (visits to a position), their ``runs``, and ``efficiency``
     (certified lower bound against the relaxed optimum); ``promised``: relative ``std`` by the
-    plan's own information (null where a parameter is left open) and ``weak`` combinations in
+    plan's own information (null where a parameter is undetermined) and ``weak`` combinations in
     words; ``positions``: the positions to measure in,
     each with ``candidate``, ``position`` [rad, in the order of ``motors``], ``weight``,
-    ``repetitions`` (visits), in the order of visits; where the study asks for them, ``order``:
-    ``candidates`` in that order, ``seconds`` of all moves, from the start and back to it, and
-    ``robust``: efficiencies at each sample of theta of the design and of the ``nominal`` one.
+    ``repetitions`` (experiments in it), in the order of visits; where the study asks for them,
+    ``order``: ``candidates`` in that order, ``seconds`` of all moves, from the start and back to
+    it, and ``robust``: efficiencies at each sample of theta of the design and of the ``nominal``
+    one.
 ``fit.json``
-    ``parameters``: name, unit, ``truth`` (null where it is not known), ``estimate``;
-    ``residual``, ``cost``, ``origin`` of the chosen fit; ``trust``: ``verdict`` (one of
+    ``parameters``: name, unit, ``truth`` (null where it is unknown), ``estimate``;
+    ``residual``, ``cost``, ``origin`` of the selected fit; ``trust``: ``verdict`` (one of
     `estimators.VERDICTS`) and ``reason``, ``intervals`` (``name``, ``value``, ``std``, ``low`` and
     ``high`` in SI units, null where there is none, ``method``, ``dof``, ``verdict``, ``reason``),
     ``residuals`` (``ratio`` to what noise explains, its ``dof``, ``probability``, ``whiteness`` and
     ``lag_one``), ``directions`` tested for errors of the model; ``estimators``: what each estimator
     came to: ``residual``, ``weights``, ``positions`` (how many), ``estimate``, ``cost``,
-    ``converged``; ``starts``: per estimator, the runs with ``start`` number and ``values``,
+    ``converged``; ``starts``: per estimator, the searches with ``start`` number and ``values``,
     ``cost`` (null where the search could not begin), ``converged``, ``evaluations``, ``message``,
     best first.
 ``uncertainty.json``
@@ -30,10 +31,10 @@ files depends on the clock or on where they lie: the same seed gives the same fi
     first; ``trust``: as in fit.json, refined by posterior and profiles; ``convergence``:
     ``r_hat``, ``ess``,
     ``autocorrelation_time`` [steps], ``acceptance``, ``converged``, ``message``;
-    ``z``: (ln estimate - ln truth) / std of Theorem 1, null where no truth is known.
+    ``z``: (ln estimate - ln truth) / std of Theorem 1, null without a true value.
     ``failures``: stages that could not be computed, with the reason; what they would give is null.
     ``plans``: of plans compared, ``positions``, ``worth`` promised and found with its 95 %
-    ``interval``, ``promised`` and ``found`` relative std; null where parameters are left open.
+    ``interval``, ``promised`` and ``found`` relative std; null where parameters are undetermined.
 ``stages/``
     what each stage computed, see `oed.study.stage_cache`; among it
     ``information/information.h5`` with

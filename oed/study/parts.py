@@ -70,7 +70,7 @@ class _Plan:
 
     @cached_property
     def promise(self) -> Identifiability:
-        """Standard deviations and open combinations by the plan's own information."""
+        """Standard deviations and open combinations by the plan's information."""
         counts = self.exact.repetitions[self.used]
         matrices = self.information.take(self.used)
         total = sum(n * matrix for n, matrix in zip(counts, matrices, strict=True))
@@ -84,7 +84,7 @@ class DesignedPlan(_Plan):
     Attributes
     ----------
     candidates : ScreenedCandidates
-        Candidates that the robot can take and why others were left out.
+        Feasible candidates, and the reasons for removing others.
     robust : RobustDesign or None
         Efficiency of a robust design at each sample of theta; None where it is for one theta.
     order : VisitingOrder or None

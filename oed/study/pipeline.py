@@ -74,7 +74,7 @@ def run_study(
     Stages are stored in the folder ``stages`` of the study's output: what an earlier run computed
     from the same settings and data is not computed again, and an interrupted run goes on.
 
-    What comes after the fit may fail without cost to it: the results have the rest, and
+    Stages after the fit may fail without cost to it: the results have the others, and
     `run.failures` with the reasons.
 
     Parameters

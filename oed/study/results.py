@@ -43,7 +43,7 @@ class PlannedStudy:
     robot : ElasticRobot
         Model that was fitted.
     plan : DesignedPlan or MeasuredPlan
-        Positions and visits: chosen for simulated data, given with measured data.
+        Positions and visits: designed for simulated data, part of measured data.
     run : RunRecord
         Failures, times and versions.
     """

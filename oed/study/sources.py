@@ -165,7 +165,7 @@ class MeasuredStudy:
     def validation(
         self, result: Stage[SelectedFit], theorem1: Stage[Uncertainty] | None
     ) -> Stage[HeldOut] | None:
-        """Return predictions of the positions held out; None if not asked for."""
+        """Return predictions in the validation positions; None if not asked for."""
         if self.split is None:
             return None
         return measured_validation(self.run, self.split, result, needed(theorem1))

@@ -9,7 +9,7 @@ A stage lives in a folder of its name::
 The key is a hash of the stage's settings, of the results it rests on (their digests) and of this
 package's version; the digest is a hash of the stage's files. A stage whose key fits is loaded
 instead of computed. A run may be killed at any moment: a finished stage appears under its name by
-one renaming, and an unfinished one goes on from what its own files hold.
+one renaming, and an unfinished one resumes from its files.
 """
 
 import json
@@ -99,7 +99,7 @@ class Stage(Generic[Result]):
     value : Result
         Its result.
     digest : str
-        Hash of its files, for the keys of stages that rest on it.
+        Hash of its files, for the keys of stages that depend on it.
     seconds : float
         Seconds that its computation took.
     loaded : bool
@@ -274,13 +274,13 @@ def _fitting(folder: Path, key: str) -> dict[str, Any] | None:
 
 
 def _read_small(path: Path) -> str:
-    """Return the text of a file of a stage's own; a device, or a longer file, is none of them."""
+    """Return the text of a stage's file; a device, or a longer file, is none of them."""
     check_file(path, _MOST_BYTES)
     return path.read_text(encoding="utf-8")
 
 
 def _prepare(part: Path, key: str, fresh: bool) -> None:
-    """Make the folder of an unfinished stage; keep what an interrupted run left of the same."""
+    """Make the folder of an unfinished stage; keep files of an interrupted run."""
     try:
         same = _read_small(part / _KEY) == key
     except (OSError, InvalidInput, ValueError):
@@ -293,7 +293,7 @@ def _prepare(part: Path, key: str, fresh: bool) -> None:
 
 
 def _rename(part: Path, target: Path) -> None:
-    """Put a finished stage in the place of an older one."""
+    """Replace an older stage by a finished one."""
     (part / _KEY).unlink(missing_ok=True)
     old = target.with_name(f"{target.name}.old")
     remove(old)

@@ -10,7 +10,7 @@ from oed.study.parts import DesignedPlan, Fits, MeasuredPlan, UncertaintyOfResul
 
 @dataclass(frozen=True)
 class NamedStd:
-    """Relative standard deviation of a parameter; infinite where it is left open."""
+    """Relative standard deviation of a parameter; infinite if undetermined."""
 
     name: str
     std: float
@@ -25,13 +25,13 @@ class PlanSummary:
     candidates, positions : int
         Candidates, and how many of them are measured in.
     experiments, runs : int
-        Visits to a position, and all their runs.
+        Experiments (visits to a position), and all their runs.
     gap : float
         Certified gap of the relaxed optimum.
     efficiency : float
         Certified lower bound of the plan's efficiency against it.
     promised : tuple of NamedStd
-        Standard deviation of each parameter by the plan's own information.
+        Standard deviation of each parameter by the plan's information.
     best, worst : NamedStd
         The parameters of the least and of the largest one.
     weak : tuple of str

@@ -11,7 +11,7 @@ from robotmodels.common.errors import IdentificationError
 def is_chain_study(study: Path) -> bool:
     """Tell whether a file says that it is a study of coupled chains.
 
-    A file that cannot be read is left to the reader of studies, whose errors say what is needed.
+    Return False for a file that cannot be read; the reader of studies names its error.
     """
     from robotmodels.common.yaml_files import MOST_CHARACTERS, read_text, yaml_document
 

@@ -43,7 +43,7 @@ _LINK_RADIUS = 0.05
 """Of links without collision shapes [m]."""
 
 _FLOOR, _BURIED = 0.01, 0.3
-"""Noise relative to the largest element, and the most that it may be of a motor's own response."""
+"""Noise relative to the largest element, and its upper limit relative to a motor's response."""
 
 
 @dataclass(frozen=True)

@@ -27,7 +27,7 @@ def report(
 ) -> None:
     """Write the report of a study, or one page that compares several.
 
-    What earlier commands computed is kept; what is lacking is computed.
+    Results of earlier commands are used again; missing ones are computed.
 
     Example: oed report studies/ur10.yaml more_positions.yaml -o comparison.html
     """
@@ -67,7 +67,7 @@ def report(
 
 
 def study_names(studies: list[Path]) -> list[str]:
-    """Return what tells the studies apart: the names of their files, or of their folders too."""
+    """Return distinct names of the studies: those of their files, with their folders if needed."""
     if len(set(studies)) < len(studies):
         raise InvalidInput(f"studies: {studies[0]} is given twice; give each study once")
     # `oed init` calls every study study.yaml: the name is that of its folder.

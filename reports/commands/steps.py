@@ -8,7 +8,7 @@ from reports.commands.options import WORKERS, AsJson, Workers, say
 from reports.commands.studies import Cluster, Fresh, StudyFile, compute_study, end_with_failures
 
 _PURPOSE = {
-    "design": "Choose where to measure: candidates, optimal design, whole visits, what they "
+    "design": "Choose where to measure: candidates, optimal design, whole experiments, what they "
     "promise; writes design.json.",
     "fit": "Take or simulate the data of a study and fit them; writes design.json and fit.json.",
     "sample": "Say how certain the fit of a study is, by Theorem 1 and emcee; "

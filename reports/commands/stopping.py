@@ -4,7 +4,7 @@ An exception that a handler raises may rise while compiled code calls back into 
 it or crashes. So handlers only set a flag: the interpreter writes a signal's number into a pipe, a
 thread reads it and wakes what waits for other processes, and the computation ends itself at the
 next step that it reports. A second signal ends the process at once, as does the end of `PATIENCE`:
-what is kept outlives that, as it outlives a kill.
+checkpoints outlive that, as they outlive a kill.
 """
 
 import os
@@ -32,7 +32,7 @@ class _Request:
         self.wakers: list[Callable[[], object]] = []
 
     def watch(self, pipe: int) -> None:
-        """Wait for signals, in a thread of its own, until told that the command has ended."""
+        """Wait for signals in a separate thread until the command has ended."""
         number = os.read(pipe, 1)[0]
         if not number:
             return

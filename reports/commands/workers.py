@@ -50,7 +50,7 @@ def process_pool(workers: int) -> Iterator[Executor | None]:
         with waking(pool.terminate):
             yield pool
     except BaseException:
-        pool.terminate()  # what they compute is not wanted any more
+        pool.terminate()  # their results are not needed any more
         raise
     finally:
         pool.shutdown(cancel_futures=True)

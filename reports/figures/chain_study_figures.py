@@ -20,7 +20,7 @@ _LOWEST = 0.15  # of the lowest anti-resonance: where the panels begin
 
 
 def direct_panels(results: ChainStudyResults, chains: Sequence[int]) -> Callable[[Palette], Figure]:
-    """Return motors' accelerations per their own torques, with poles, zeros, A_L and A_H."""
+    """Return each motor's acceleration per its torque, with poles, zeros, A_L and A_H."""
     modes, responses = results.measured.identification.modes, results.responses
     omega = modes.data.omega
     dense = np.geomspace(omega[0], omega[-1], _POINTS)
@@ -52,7 +52,7 @@ def direct_panels(results: ChainStudyResults, chains: Sequence[int]) -> Callable
 def cross_panels(
     results: ChainStudyResults, pairs: Sequence[tuple[int, int]]
 ) -> Callable[[Palette], Figure]:
-    """Return accelerations of motor i per torque of motor j, other chains held, with A_C."""
+    """Return accelerations of motor i per torque of motor j, the other chains locked, with A_C."""
     responses, count = results.responses, len(results.truth.masses)
     every = list(combinations(range(count), 2))
     dense = np.geomspace(responses.omega[0], responses.omega[-1], _POINTS)

@@ -1,4 +1,4 @@
-"""Figures of identified chains: poles and zeros under each motor's own FRF."""
+"""Figures of identified chains: poles and zeros under the FRF of each motor."""
 
 from collections.abc import Callable
 
@@ -22,16 +22,16 @@ _FEW = 60  # measured points that larger dots show better
 def pole_zero_panels(
     modes: FittedModes, omega: Array, response: ComplexArray
 ) -> Callable[[Palette], Figure]:
-    """Return each chain's own FRF, measured and of the modes, with its poles and zeros.
+    """Return the diagonal FRF of each chain, measured and of the modes, with poles and zeros.
 
     Parameters
     ----------
     modes : FittedModes
         Modes that were fitted.
     omega : ndarray, (F,), rad/s
-        Angular frequencies, lines left out included.
+        Angular frequencies, those of omitted lines included.
     response : ndarray of complex, (F, M, M)
-        Measured FRFs, lines left out included.
+        Measured FRFs, those of omitted lines included.
     """
     dense = np.geomspace(omega[0], omega[-1], _POINTS)
     diagonal = np.diagonal(modal_response(modes.x, modes.layout, dense), axis1=1, axis2=2)
@@ -63,7 +63,7 @@ def pole_zero_panels(
 def resonance_panels(
     omega: Array, response: ComplexArray, resonances: Array
 ) -> Callable[[Palette], Figure]:
-    """Return each chain's own FRF with the resonances that it shows, (k,) [rad/s]."""
+    """Return the diagonal FRF of each chain with its resonances, (k,) [rad/s]."""
 
     def draw(palette: Palette) -> Figure:
         figure, panels = _canvas(response.shape[1])

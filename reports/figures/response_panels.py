@@ -41,7 +41,7 @@ class _Scales:
         return np.asarray((level - self.low) / (self.high - self.low))
 
     def line(self, magnitude: Array) -> Array:
-        """Return heights of a curve: kept near the panel, with gaps where there is no value."""
+        """Return heights of a curve, clipped near the panel, with gaps where there is no value."""
         positive = np.where(magnitude > 0, magnitude, np.nan)
         return np.asarray(np.where(magnitude > 0, np.maximum(self.up(positive), -0.3), np.nan))
 
@@ -72,7 +72,7 @@ def response_panels(
     `noise` and `distortion`, (F, m, n), are parts of `std`, drawn as levels below; where one is
     zero or not a number there is a gap. `outputs` names the rows, which are motors by default.
 
-    One pair of axes holds all panels: drawing them as axes of their own takes ten times as long.
+    One pair of axes holds all panels: drawing separate axes takes ten times as long.
     """
     below = [part for part in (noise, distortion) if part is not None]
     low, high = _level_range(np.abs(measured), below, fitted)

@@ -31,7 +31,7 @@ LIGHT = Palette(ink="#1c2126", muted="#5d666f", rule="#d9dde1", accent="#1d5c92"
 """The page's colours in the light, for pictures of points."""
 
 STAND_IN = Palette(*(f"#01020{i}" for i in range(3, 8)))
-"""Colours that matplotlib draws with and the page replaces by its own, light or dark."""
+"""Colours that matplotlib draws with and the page replaces by light or dark ones."""
 
 _OFTEN = 4
 """Times that a style occurs from which a class is shorter."""
@@ -46,7 +46,7 @@ def inline(draw: Callable[[Palette], Figure], name: str, alt: str) -> Markup:
     Parameters
     ----------
     draw : callable
-        Draws the figure in the colours given.
+        Draws the figure in the colours of a palette.
     name : str
         Prefixes every identifier inside, so that figures can share a page.
     alt : str

@@ -252,7 +252,7 @@ def corner_plot(names: Sequence[str], draws: Array, covariance: Array, truth: Ar
 
 
 def corner_spans(draws: Array, covariance: Array, truth: Array) -> Array:
-    """Return the ends (k, 2) of axes that show draws, ellipses and, where known, the truth."""
+    """Return the ends (k, 2) of axes that show draws, ellipses and, if there is one, the truth."""
     reach = max(_ELLIPSE_RADII) * np.sqrt(np.diagonal(covariance))
     low = np.minimum(draws.min(axis=0), np.fmin(-reach, truth))
     high = np.maximum(draws.max(axis=0), np.fmax(reach, truth))

@@ -108,7 +108,7 @@ def vector_table(results: ChainStudyResults) -> Table:
 
 
 def parameter_table(results: ChainStudyResults) -> Table:
-    """Return masses, springs and couplings: printed, simulated, and found in three ways."""
+    """Return masses, springs and couplings: printed, simulated, and estimated in three ways."""
     stepwise, best = results.stepwise, results.measured.recommended
     rows: list[tuple[Cell, ...]] = []
     for k, interval in enumerate(best.intervals):
@@ -145,7 +145,7 @@ def parameter_table(results: ChainStudyResults) -> Table:
 
 
 def repeats(results: ChainStudyResults) -> bool:
-    """Tell whether a study repeats the paper's, whose numbers then stand beside its own."""
+    """Return whether a study repeats the paper's, so that both numbers stand side by side."""
     return results.study.compare_with is not None
 
 

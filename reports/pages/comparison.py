@@ -107,7 +107,7 @@ def overview_table(studies: Studies) -> Table:
     titles = [
         "candidates",
         "positions",
-        "visits",
+        "experiments",
         "runs",
         "efficiency",
         "residuals over expected",
@@ -174,8 +174,8 @@ def comparison_summary(studies: Studies, path: Path) -> str:
         for name, r in studies.items()
     ]
     header = (
-        "studies", "posi-\ntions", "visits", "runs", "least\nstd", "mean\nstd", "largest\nstd",
-        "verdict",
+        "studies", "posi-\ntions", "experi-\nments", "runs", "least\nstd", "mean\nstd",
+        "largest\nstd", "verdict",
     )  # fmt: skip
     lines = columns.table(header, rows, right=(1, 2, 3, 4, 5, 6))
     return "\n".join([*lines, f"  report   {path}"])

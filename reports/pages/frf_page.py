@@ -132,18 +132,18 @@ def _detection(measurement: MeasuredFrf, q: int) -> Figure | None:
 
 
 def _label(measurement: MeasuredFrf, q: int) -> str:
-    """Return a position's number, its angles, and which visits are averaged."""
+    """Return a position's number, its angles, and which experiments are averaged."""
     coordinates = ", ".join(
         text.format_position(measurement.estimate.positions[q], prismatic_joints(measurement))
     )
     label = f"Position {q + 1}: {coordinates}"
     if len(measurement.visits[q]) > 1:
-        label += f"; mean of visits {text.ranges([i + 1 for i in measurement.visits[q]])}"
+        label += f"; mean of experiments {text.ranges([i + 1 for i in measurement.visits[q]])}"
     return label
 
 
 def prismatic_joints(measurement: MeasuredFrf) -> list[bool]:
-    """Return which coordinates of a position are in m; none where no robot is known."""
+    """Return a mask of the prismatic coordinates; all false without a robot."""
     if measurement.robot is None:
         return [False] * measurement.estimate.positions.shape[1]
     return [

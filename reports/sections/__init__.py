@@ -1,4 +1,4 @@
-"""The sections of a study's report, one module each; what a study has not is left out."""
+"""The sections of a study's report, one module each; sections without data are omitted."""
 
 from collections.abc import Callable
 from functools import partial
@@ -33,7 +33,7 @@ def study_sections(
 ) -> tuple[list[Section], tuple[Failure, ...]]:
     """Return the sections of a report, in order, and which of them could not be made.
 
-    One that cannot be made does not cost the others: what failed has a section of its own.
+    A section that cannot be made does not cost the others; a section lists the failures.
 
     Parameters
     ----------

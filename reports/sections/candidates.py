@@ -11,7 +11,7 @@ from reports.sections.plan_labels import position_cells
 
 
 def section(results: StudyResults) -> Section | None:
-    """Return the section; none where positions were not chosen."""
+    """Return the section; None if the positions were not designed."""
     plan = results.plan
     if not isinstance(plan, DesignedPlan):
         return None

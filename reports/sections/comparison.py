@@ -54,7 +54,7 @@ def section(results: StudyResults) -> Section | None:
 
 
 def plan_table(comparison: PlanComparison) -> Table:
-    """Return what each plan is worth, promised and found."""
+    """Return the worth of each plan, promised and simulated."""
     rows: list[list[Cell]] = []
     p = len(comparison.names)
     for k, trial in enumerate(comparison.plans):
@@ -72,12 +72,12 @@ def plan_table(comparison: PlanComparison) -> Table:
         rows.append([*row, Number(str(against), against)])
     columns = [
         Column("plan"),
-        *numbers("positions", "worth, promised", "worth, found"),
+        *numbers("positions", "worth, promised", "worth, simulated"),
         Column("with 95 % between"),
         *numbers("optimal is surer of", "less sure of"),
     ]
     caption = (
-        "What one visit of each plan is worth in visits of the optimal plan, by "
+        "What one experiment of each plan is worth in experiments of the optimal plan, by "
         "information and by the scatter of repeated simulations; parameters of which a plan is "
         "surer than chance explains (F test, 5 %)."
     )
@@ -85,7 +85,7 @@ def plan_table(comparison: PlanComparison) -> Table:
 
 
 def std_table(comparison: PlanComparison) -> Table:
-    """Return standard deviations of every parameter, promised and found, plan by plan."""
+    """Return standard deviations of every parameter, promised and simulated, plan by plan."""
     groups = _groups(comparison)
     rows: list[list[Cell]] = []
     for i, name in enumerate(comparison.names):
@@ -95,16 +95,16 @@ def std_table(comparison: PlanComparison) -> Table:
             std = _mean([t.std[i] for t in trials])
             row += [_number(promised), _number(std)]
         rows.append(row)
-    titles = [f"{name}: {what}" for name, _ in groups for what in ("Theorem 1", "found")]
+    titles = [f"{name}: {what}" for name, _ in groups for what in ("Theorem 1", "simulated")]
     caption = (
-        "Relative standard deviations by Theorem 1, and found over the repeated simulations; of "
+        "Relative standard deviations by Theorem 1 and over the repeated simulations; of "
         "random plans the geometric mean."
     )
     return table("plan-stds", caption, [Column("parameter", code=True), *numbers(*titles)], rows)
 
 
 def picture(comparison: PlanComparison) -> Figure:
-    """Return standard deviations found, with the intervals of the plan and of the designer's."""
+    """Return simulated standard deviations, with intervals of the plan and the designer's grid."""
     shown = [(name, plans) for name, plans in _groups(comparison) if plans]
     stds: list[Array] = [np.stack([t.std for t in trials]) for _, trials in shown]
     ends = [trials[0].std_interval() if len(trials) == 1 else None for _, trials in shown]

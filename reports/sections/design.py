@@ -1,4 +1,4 @@
-"""The design: how good the chosen positions are, the proof of it, and what limits them."""
+"""The design: efficiency of the positions, its certificate, and the limits on them."""
 
 import numpy as np
 
@@ -15,14 +15,14 @@ from reports.sections.verdict import discredited
 
 
 def section(results: StudyResults) -> Section | None:
-    """Return the section; none where the positions were given with the data."""
+    """Return the section; None if the positions come with the data."""
     plan, summary = results.plan, results.plan_summary
     if not isinstance(plan, DesignedPlan):
         return None
     design, robust = plan.design, plan.robust
     sensitivity = figure(
         "sensitivity",
-        # Per share of all visits, whether weights are shares or visits.
+        # Per share of all experiments, whether weights are shares or numbers of experiments.
         study_figures.sensitivity_function(
             design.sensitivity * design.weights.sum(), design.support
         ),
@@ -51,12 +51,12 @@ def section(results: StudyResults) -> Section | None:
 
 
 def limits(choice: DesignChoice) -> list[str]:
-    """Return in words what limits the plan besides the number of visits."""
+    """Return in words the limits of the plan besides the number of experiments."""
     phrases = []
     if choice.most is not None:
-        phrases.append(f"at most {text.plural(choice.most, 'visit')} to one position")
+        phrases.append(f"at most {text.plural(choice.most, 'experiment')} in one position")
     if choice.time is not None:
-        phrases.append(f"{text.duration(choice.time)} for visits and moves")
+        phrases.append(f"{text.duration(choice.time)} for experiments and moves")
     if choice.mandatory:
         phrases.append(f"{text.plural(len(choice.mandatory), 'mandatory position')}")
     if choice.forbidden:
@@ -83,7 +83,7 @@ def visiting(plan: DesignedPlan, order: VisitingOrder, choice: DesignChoice) -> 
 
 
 def promised_table(results: PlannedStudy) -> Table:
-    """Return what the plan promises of each parameter beside what the data gave."""
+    """Return promised and recommended standard deviations of each parameter."""
     rows = []
     trust = results.trust if isinstance(results, FittedStudy) else None
     std = {} if trust is None else dict(zip(trust.names, trust.std, strict=True))
@@ -111,5 +111,5 @@ def robust_table(robust: RobustDesign) -> Table:
     for k, values in enumerate(pairs):
         row = [Number("file" if not k else str(k), k)]
         rows.append([*row, *(Number(text.percent(float(v)), float(v)) for v in values)])
-    caption = "Efficiency at each sample of the parameters, against its own best design."
+    caption = "Efficiency at each sample of the parameters, against the best design of that sample."
     return table("robust", caption, numbers("sample", "robust design", "nominal design"), rows)

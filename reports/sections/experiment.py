@@ -1,4 +1,4 @@
-"""The experiment: what a simulation in closed loop met, and what the data hold beside noise."""
+"""The experiments: what a simulation in closed loop met, and what the data hold beside noise."""
 
 import numpy as np
 
@@ -28,7 +28,7 @@ def section(results: StudyResults) -> Section | None:
         if data.distortion is None
         else level_table(data.distortion, data.estimate, outputs),
     )
-    return Section("experiment", "Experiment", body)
+    return Section("experiment", "Experiments", body)
 
 
 def peak_table(o: Outcome, motors: tuple[str, ...]) -> Table:

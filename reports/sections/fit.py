@@ -1,4 +1,4 @@
-"""The fit: costs over starts, and where the result came from."""
+"""The fit: costs over starts, and the origin of the result."""
 
 from collections.abc import Sequence
 

@@ -1,4 +1,4 @@
-"""Which combinations of parameters the data tell least."""
+"""Combinations of parameters that the data determine least."""
 
 import numpy as np
 
@@ -23,7 +23,7 @@ def section(identifiability: Identifiability) -> Section:
 
 
 def direction_table(identifiability: Identifiability) -> Table:
-    """Return the least certain directions of ln theta, with what they consist of."""
+    """Return the least certain directions of ln theta, with their main parts."""
     order = np.argsort(-identifiability.direction_std, kind="stable")[:WEAKEST]
     rows = [
         (_std(float(identifiability.direction_std[k])), _mixture(identifiability, int(k)))
@@ -34,7 +34,7 @@ def direction_table(identifiability: Identifiability) -> Table:
 
 
 def price_table(identifiability: Identifiability) -> Table:
-    """Return what each parameter would be known to alone, and what freeing it costs the others."""
+    """Return the std of each parameter if alone free, and what freeing it costs the others."""
     rows = []
     for i, name in enumerate(identifiability.names):
         std, alone, price = (
@@ -43,9 +43,9 @@ def price_table(identifiability: Identifiability) -> Table:
         rows.append((name, _std(std), _std(alone), Number(text.significant(price), price)))
     columns = [
         Column("parameter", code=True),
-        *numbers("std", "std if the others were known", "widens the others by"),
+        *numbers("std", "std, others fixed", "widens the others by"),
     ]
-    caption = "Standard deviations with all others free and with all others known."
+    caption = "Standard deviations with all others free and with all others fixed."
     return table("prices", caption, columns, rows)
 
 

@@ -1,4 +1,4 @@
-"""The parameters: estimates with their standard deviations, against the truth where known."""
+"""The parameters: estimates with standard deviations, against the truth if there is one."""
 
 from collections.abc import Callable
 

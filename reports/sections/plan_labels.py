@@ -1,4 +1,4 @@
-"""How the positions of a plan, its visits and its runs are written."""
+"""Words for the positions of a plan, its experiments and its runs."""
 
 from oed.study.results import PlannedStudy, StudyResults
 from reports import text
@@ -7,24 +7,24 @@ from robotmodels.common.arrays import Array
 
 
 def counts(results: PlannedStudy) -> dict[str, int]:
-    """Return how many visits and runs; of measured data, how many blocks were averaged."""
+    """Return the numbers of experiments and runs; of measured data, of averaged blocks."""
     summary = results.plan_summary
-    return {visit_noun(results): summary.experiments, "run": summary.runs}
+    return {experiment_noun(results): summary.experiments, "run": summary.runs}
 
 
 def cost(results: PlannedStudy) -> str:
-    """Return ``15 visits, 90 runs``."""
+    """Return ``15 experiments, 90 runs``."""
     return ", ".join(text.plural(count, noun) for noun, count in counts(results).items())
 
 
-def visits(results: PlannedStudy, candidate: int) -> str:
-    """Return how often one candidate is visited, ``2 visits``."""
-    return text.plural(int(results.plan.exact.repetitions[candidate]), visit_noun(results))
+def experiments(results: PlannedStudy, candidate: int) -> str:
+    """Return the number of experiments in one candidate position, ``2 experiments``."""
+    return text.plural(int(results.plan.exact.repetitions[candidate]), experiment_noun(results))
 
 
-def visit_noun(results: PlannedStudy) -> str:
-    """Return what is counted in a position: of measured data only the blocks are known."""
-    return "block" if results.measured else "visit"
+def experiment_noun(results: PlannedStudy) -> str:
+    """Return the noun of what is counted in a position: measured data tell only blocks."""
+    return "block" if results.measured else "experiment"
 
 
 def prismatic(results: StudyResults) -> list[bool]:
@@ -40,10 +40,10 @@ def position_cells(results: StudyResults, position: Array) -> list[Number]:
 
 
 def labels(results: StudyResults) -> list[str]:
-    """Return a label for each position of the plan: number, angles, visits."""
+    """Return a label for each position of the plan: number, angles, experiments."""
     straight = prismatic(results)
     position_labels = []
     for number, i in enumerate(results.plan.used, start=1):
         angles = ", ".join(text.format_position(results.plan.information.positions[i], straight))
-        position_labels.append(f"Position {number}: {angles}; {visits(results, int(i))}")
+        position_labels.append(f"Position {number}: {angles}; {experiments(results, int(i))}")
     return position_labels

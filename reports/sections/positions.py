@@ -9,7 +9,7 @@ from oed.study.results import StudyResults
 from reports import text
 from reports.figures import robot_pictures
 from reports.page_elements import Cell, Number, Section, Table, filled, numbers, table
-from reports.sections.plan_labels import position_cells, prismatic, visit_noun, visits
+from reports.sections.plan_labels import experiment_noun, experiments, position_cells, prismatic
 from robotmodels.elastic.rigid_pose import joint_origins
 
 
@@ -18,7 +18,7 @@ class Pose:
     """A picture of the robot in a position."""
 
     number: int
-    visits: str
+    experiments: str
     drawing: Markup
 
 
@@ -43,12 +43,12 @@ def poses(results: StudyResults) -> list[Pose]:
         angles = ", ".join(text.format_position(plan.information.positions[i], straight))
         alt = f"Stick figure of the robot in position {number}: {angles}"
         drawing = robot_pictures.stick_figure(skeleton, scene, alt)
-        pictures.append(Pose(number, visits(results, int(i)), drawing))
+        pictures.append(Pose(number, experiments(results, int(i)), drawing))
     return pictures
 
 
 def position_table(results: StudyResults) -> Table:
-    """Return the table of positions; without shares where they were given with the data."""
+    """Return the table of positions; without shares if the positions come with the data."""
     plan, measured = results.plan, results.measured
     rows = []
     for number, i in enumerate(plan.used, start=1):
@@ -61,7 +61,7 @@ def position_table(results: StudyResults) -> Table:
         count = int(plan.exact.repetitions[i])
         rows.append([*row, Number(str(count), count)])
     titles = ["no.", *results.robot.motor_names, *([] if measured else ["share"])]
-    titles.append(f"{visit_noun(results)}s")
+    titles.append(f"{experiment_noun(results)}s")
     shares = "" if measured else f"; {_shares(plan)}"
     order = (
         ""
@@ -70,7 +70,7 @@ def position_table(results: StudyResults) -> Table:
     )
     caption = (
         f"Motor angles over gear ratios, in degrees here and in radians in files{shares}; "
-        f"{visit_noun(results)}s, each of {text.plural(plan.runs_per_visit, 'run')}{order}."
+        f"{experiment_noun(results)}s, each of {text.plural(plan.runs_per_visit, 'run')}{order}."
     )
     return table("plan", caption, numbers(*titles), rows)
 
@@ -79,11 +79,11 @@ def _shares(plan: DesignedPlan | MeasuredPlan) -> str:
     """Return what the column of shares holds, and what of it the plan leaves out."""
     weights = plan.design.weights / plan.design.weights.sum()
     omitted = len(set(plan.design.support) - set(plan.used))
-    words = "share of the visits if they could be split at will (–: none)"
+    words = "share of the experiments if they could be split at will (–: none)"
     if not omitted:
         return words
     share = 1 - float(weights[plan.used].sum())
     return (
         f"{words}, {text.fixed(share, 4)} of which belongs to {text.plural(omitted, 'position')} "
-        "where whole visits are better spent elsewhere"
+        "where whole experiments are better spent elsewhere"
     )

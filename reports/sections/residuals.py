@@ -1,4 +1,4 @@
-"""What the fit leaves unexplained: is it noise, and if not, where is it."""
+"""Residuals of the fit: whether noise explains them, and if not, where they are large."""
 
 import numpy as np
 
@@ -46,7 +46,7 @@ def section(
 
 
 def size_words(analysis: ResidualAnalysis) -> str:
-    """Return whether noise alone leaves as much."""
+    """Return in words how probable residuals of this size are."""
     first, second = (text.count(round(v)) if np.isfinite(v) else "∞" for v in analysis.dof)
     return (
         f"if the model is right and the noise as stated, chance gives as much with a probability "

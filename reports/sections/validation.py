@@ -1,4 +1,4 @@
-"""Validation: how well the fit predicts frequency responses that it has not seen."""
+"""Validation: how well the fit predicts frequency responses of other positions."""
 
 import numpy as np
 
@@ -22,7 +22,7 @@ from reports.sections.plan_labels import prismatic
 
 
 def section(results: StudyResults) -> Section | None:
-    """Return the section; none where no position was held out."""
+    """Return the section; None without validation positions."""
     validation = results.validation
     if validation is None:
         return None
@@ -73,7 +73,7 @@ def judged_table(validation: HeldOut) -> Table:
 
 
 def position_table(results: StudyResults, validation: HeldOut) -> Table:
-    """Return the coverage in each position that was held out."""
+    """Return the coverage in each validation position."""
     straight = prismatic(results)
     rows: list[Row] = []
     at = _highest(validation.theorem1)

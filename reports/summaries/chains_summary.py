@@ -135,7 +135,7 @@ def _contents(shown: MeasuredChains) -> dict[str, Any]:
 
 
 def _estimate(e: ChainEstimate) -> dict[str, Any]:
-    """Return an estimate with its own verdict."""
+    """Return an estimate with its verdict."""
     return {
         "values": e.values.tolist(),
         "std": _std(e),

@@ -46,7 +46,7 @@ def plain(words: str) -> str:
 def table(header: Sequence[str], rows: Sequence[Sequence[str]], right: Sequence[int]) -> list[str]:
     """Return aligned lines; the columns `right` end flush.
 
-    Columns are two spaces apart, or one where a line would else be too long for a terminal.
+    Two spaces separate columns, or one if a line would not fit a terminal.
     """
     titles = [*zip_longest(*(title.split("\n") for title in header), fillvalue="")]
     for gap in ("  ", " "):

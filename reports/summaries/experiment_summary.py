@@ -33,8 +33,10 @@ def experiment_summary(prepared: Prepared, outcome: Outcome, folder: Path) -> st
 def _plan_entries(plan: ExperimentPlan) -> list[tuple[str, str]]:
     """Return how much is measured, for how long, and at which frequencies."""
     lines, period = plan.multisine.lines, plan.multisine.period
-    visits = len(plan.visits)
-    repeated = f" in {plural(visits, 'visit')}" if visits > len(plan.positions) else ""
+    experiments = len(plan.visits)
+    repeated = (
+        f" in {plural(experiments, 'experiment')}" if experiments > len(plan.positions) else ""
+    )
     left_out = len(plan.multisine.detection)
     detection = f", {plural(left_out, 'detection line')}" if left_out else ""
     return [
@@ -90,7 +92,7 @@ def experiment_json(prepared: Prepared, outcome: Outcome, folder: Path) -> dict[
     return {
         "robot": prepared.robot.name,
         "positions": len(plan.positions),
-        "visits": len(plan.visits),
+        "experiments": len(plan.visits),
         "blocks": plan.blocks,
         "runs": plan.multisine.inputs,
         "periods": plan.periods,

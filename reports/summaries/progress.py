@@ -40,7 +40,7 @@ def progress_bars() -> Iterator[StageProgress | None]:
                 tasks[stage] = bars.add_task(stage, total=None)
             elif bars.tasks[tasks[stage]].finished:
                 return  # it counted its own steps
-            # A total of zero announces a stage whose length is not known: the bar pulses.
+            # A total of zero announces a stage of unknown length: the bar pulses.
             bars.update(tasks[stage], completed=done, total=total or None)
 
         yield report

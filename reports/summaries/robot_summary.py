@@ -16,7 +16,7 @@ _UNITS = {"acceleration": "rad/s²", "velocity": "rad/s", "position": "rad"}
 
 
 def robot_summary(diagnosis: Diagnosis, suspicions: Sequence[Suspicion], file: RobotFile) -> str:
-    """Return the whole summary; `file` adds the payload, cuts and sensors as they were given."""
+    """Return the whole summary; `file` adds payload, cuts and sensors."""
     d = diagnosis
     sections = [
         _title(d, file),
@@ -256,7 +256,7 @@ def _hertz(omega: float) -> float:
 
 
 def _clean(value: float) -> float:
-    """Return `value`, or zero where only rounding is left of it."""
+    """Return `value`, or zero if it is rounding only."""
     return 0.0 if abs(value) < 1e-6 else value
 
 

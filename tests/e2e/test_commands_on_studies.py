@@ -51,7 +51,7 @@ def test_summaries_say_what_there_is(steps):
     assert "NLS cost" not in words["design"]
     assert "NLS cost" in words["fit"]
     assert "R-hat" not in words["fit"]
-    assert "5 visits, 10 runs" in words["design"]
+    assert "5 experiments, 10 runs" in words["design"]
     std = r"d\d\.\w+ [\d.]+ %"
     assert re.search(rf"promised std best {std}, worst {std}", words["design"])
     assert "verdict" not in words["design"]

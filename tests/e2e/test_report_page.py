@@ -114,7 +114,7 @@ def test_words_and_numbers_of_the_certificate_and_the_table(page):
         "Theorem 1",
         "Trustworthy",
         "Quote the recommended standard deviations",
-        "5 visits, 10 runs",
+        "5 experiments, 10 runs",
         "R-hat",
         "Seed 3",
     ):

@@ -224,7 +224,7 @@ def test_visits_of_a_position_are_one(tmp_path):
     assert merged.estimate.response[0] == pytest.approx(mean)
     assert merged.distortion.noise[0] == pytest.approx(apart.distortion.noise.mean(axis=0) / 2)
     text, _ = shown(merged, tmp_path)
-    assert "mean of visits 1 and 2" in text
+    assert "mean of experiments 1 and 2" in text
 
 
 def test_structure_of_the_covariance(tmp_path):

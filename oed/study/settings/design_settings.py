@@ -3,10 +3,10 @@
     design:
       criterion: D               # or A, E, Ds, As
       interest: [g1.stiffness]   # parameters that Ds and As are about
-      experiments: 15            # visits, a run per motor each; left out where there is a time: any
+      experiments: 15            # visits with a run per motor; left out where there is a time: any
       most: 1                    # in one position; left out: any number
-      time: 3600.0               # of all visits and moves [s]
-      measuring: 40.0            # what one visit takes [s]; needed with time
+      time: 3600.0               # of all experiments and moves [s]
+      measuring: 40.0            # what one experiment takes [s]; needed with time
       moves:                     # orders the visits; each motor's largest, arm side
         speed: 1.0               # [rad/s]
         acceleration: 2.0        # [rad/s^2]

@@ -15,7 +15,7 @@
     candidates: {...}            # positions to choose from, `candidates_settings`
     design: {...}                # criterion and limits, `design_settings`
     compare:                     # the plan in repeated simulations, beside rivals
-      random: 5                  # so many plans of as many visits to random candidates
+      random: 5                  # so many plans of as many experiments in random candidates
       grid: {elbow_joint: 5}     # a grid by hand; left out: spread evenly over all joints' ranges
       runs: 200                  # simulations of each plan; 0: no comparison
     data:                        # left out: FRFs with that noise; one of the first three

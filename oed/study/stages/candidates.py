@@ -1,4 +1,4 @@
-"""The stage ``candidates``: the positions that the robot can take, and why others are left out."""
+"""The stage ``candidates``: feasible positions, and the reasons for removing others."""
 
 from pathlib import Path
 
@@ -17,7 +17,7 @@ from robotmodels.library.robot_digest import mesh_digests
 
 
 def candidates(run: SimulatedRun) -> Stage[ScreenedCandidates]:
-    """Return the candidate positions that the robot can take, and why others are left out."""
+    """Return the feasible candidate positions, and the reasons for removing others."""
     choice = run.candidates
 
     def compute(folder: Path, report: Progress | None) -> ScreenedCandidates:

@@ -26,7 +26,7 @@ class Data:
     estimate : FrfEstimate
         FRFs, one for each position.
     distortion : Distortion or None
-        Noise and distortion, told apart; None without repeated periods.
+        Noise and distortion separately; None without repeated periods.
     warnings : tuple of str
         Warnings about the records or FRFs.
     """

@@ -37,7 +37,7 @@ class Search:
     runs : tuple of Fit
         One fit per start, the least cost first.
     result : Fit
-        The best run; if the estimator asks for it, once more with optimal weights at its own FRF.
+        The best run; if the estimator asks for it, once more with optimal weights at its FRF.
     positions : ndarray of int
         Which of the data's positions the estimator uses.
     """
@@ -137,7 +137,7 @@ def positions_of(
 ) -> IntArray:
     """Return which positions of the data an estimator uses.
 
-    "best" is the single one in which the estimator's own covariance by Theorem 1, from the
+    "best" is the single one in which the estimator's covariance by Theorem 1, from the
     covariances of the data and at the nominal parameters, has the least determinant ([WM] 6).
 
     Raises

@@ -48,7 +48,7 @@ def split(run: MeasuredRun, choice: ValidationChoice, data: Stage[Data]) -> Stag
     Raises
     ------
     InvalidInput
-        If there are no such positions, or none is left to fit.
+        If there are no such positions, or none remains to fit.
     """
     estimate = data.value.estimate
     out = _positions_out(run, choice, len(estimate.positions))
@@ -68,7 +68,7 @@ def split(run: MeasuredRun, choice: ValidationChoice, data: Stage[Data]) -> Stag
 
 
 def _positions_out(run: MeasuredRun, choice: ValidationChoice, count: int) -> IntArray:
-    """Return which of the data's positions are held out, (k,)."""
+    """Return indices (k,) of the data's positions that are not fitted."""
     if choice.positions is not None:
         wrong = [i for i in choice.positions if i >= count]
         if wrong:
@@ -172,7 +172,7 @@ def _unused(run: SimulatedRun, count: int, info: Information, plan: StudyDesign)
 def _simulated(
     run: SimulatedRun, positions: Array, folder: Path, report: Progress | None
 ) -> FrfEstimate:
-    """Return FRFs simulated as the study's own data, once in each position."""
+    """Return FRFs simulated as the data of the study, once in each position."""
     once, rng = np.ones(len(positions), dtype=np.int64), run.rng("held out")
     excitation = run.study.data.experiment
     if excitation is None:
