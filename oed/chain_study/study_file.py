@@ -34,10 +34,9 @@ import numpy as np
 from pydantic import Field, model_validator
 
 from oed.experiment.experiment_file import (
-    MOST_SAMPLES,
-    MultisineChoice,
     NonNegativeEach,
     PositiveEach,
+    RunSettings,
     per_motor,
 )
 from robotmodels.common.errors import InvalidInput, nearest
@@ -75,26 +74,14 @@ class HoldingController(FileSection):
     damping: PositiveEach
 
 
-class ChainExperiment(FileSection):
+class ChainExperiment(RunSettings):
     """How the chains are moved and measured, motor after motor."""
 
-    multisine: MultisineChoice
     amplitude: PositiveEach
     blocks: Annotated[int, Field(ge=2, le=1000)] = 2
     periods: Annotated[int, Field(ge=2, le=1000)] = 4
-    transient_periods: Annotated[int, Field(ge=0, le=1000)] = 1
     angle_noise: NonNegativeEach = 0.0
     controller: HoldingController
-
-    @model_validator(mode="after")
-    def _not_too_long(self) -> Self:
-        periods = self.blocks * (self.periods + self.transient_periods)
-        if periods * self.multisine.samples > MOST_SAMPLES:
-            raise ValueError(
-                f"blocks, periods: {periods} periods of {self.multisine.samples} samples in all; "
-                f"at most {MOST_SAMPLES} samples can be measured in one go"
-            )
-        return self
 
 
 class ChainStudy(FileSection):

@@ -161,18 +161,13 @@ class ImperfectionChoice(FileSection):
     nonlinear_gears: bool = True
 
 
-class ExcitationSettings(FileSection):
-    """Excitation of a robot in its positions: the keys that a study's ``experiment`` has too."""
+class RunSettings(FileSection):
+    """Multisine of each run, and how often it is repeated."""
 
     multisine: MultisineChoice
     blocks: Count = 4
     periods: Count = 2
     transient_periods: Annotated[int, Field(ge=0, le=1000)] = 1
-    ramp: bool = True
-    limits: LimitChoice
-    moves: MoveChoice = MoveChoice()
-    controller: ControllerChoice | None = None
-    imperfections: ImperfectionChoice = ImperfectionChoice()
 
     @model_validator(mode="after")
     def _not_too_long(self) -> Self:
@@ -183,6 +178,16 @@ class ExcitationSettings(FileSection):
                 f"at most {MOST_SAMPLES} samples can be measured in one go"
             )
         return self
+
+
+class ExcitationSettings(RunSettings):
+    """Excitation of a robot in its positions: the keys that a study's ``experiment`` has too."""
+
+    ramp: bool = True
+    limits: LimitChoice
+    moves: MoveChoice = MoveChoice()
+    controller: ControllerChoice | None = None
+    imperfections: ImperfectionChoice = ImperfectionChoice()
 
 
 class Experiment(ExcitationSettings):
