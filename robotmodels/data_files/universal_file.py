@@ -14,8 +14,10 @@ from robotmodels.data_files.file_guard import PathLike, library_errors
 
 _CONTAINER = "a universal file that pyuff can read"
 _FUNCTION, _UNITS = 58, 164
-_WHOLE = ("func_type", "ver_num", "rsp_node", "rsp_dir", "ref_node", "ref_dir", "num_pts")
-_WHOLE += tuple(f"{axis}_spec_data_type" for axis in ("abscissa", "ordinate", "orddenom"))
+_WHOLE = (
+    *("func_type", "ver_num", "rsp_node", "rsp_dir", "ref_node", "ref_dir", "num_pts"),
+    *(f"{axis}_spec_data_type" for axis in ("abscissa", "ordinate", "orddenom")),
+)
 _TEXT = ("id1", "id2")
 _MOST = 10**9  # of what a header of ten letters holds
 
