@@ -49,7 +49,9 @@ def chain_trust(
     """
     fit = data.linearised(names, fitted, jacobian)
     evidence = gather_evidence(
-        fit, _directions(fit, data, fitted, modal), noise_known=data.estimate.noise_known
+        fit,
+        _directions(fit, data, fitted, modal),
+        has_degrees_of_freedom=data.estimate.has_degrees_of_freedom,
     )
     verdicts = judge(evidence)
     scatter = evidence.scatter.scaled(variance_scale(evidence))

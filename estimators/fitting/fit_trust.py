@@ -45,7 +45,7 @@ def fit_trust(problem: Problem, values: Array, converged: bool) -> Trust:
         linearise(problem, values, at),
         directions,
         converged=converged,
-        noise_known=estimate.noise_known,
+        has_degrees_of_freedom=estimate.has_degrees_of_freedom,
     )
     slope, square = loss_factors(problem.loss)
     scatter = evidence.scatter.scaled(variance_scale(evidence) * square / slope**2)
@@ -54,7 +54,7 @@ def fit_trust(problem: Problem, values: Array, converged: bool) -> Trust:
 
 def _summary(problem: Problem, values: Array, evidence: Evidence, scatter: Scatter) -> Trust:
     verdicts, ends = _ends(values, problem.bounds, scatter, judge(evidence))
-    if not evidence.noise_known:
+    if not evidence.has_degrees_of_freedom:
         unknown = np.full_like(scatter.degrees_of_freedom, np.nan)
         scatter = replace(scatter, degrees_of_freedom=unknown)
     correlation = evidence.correlation
@@ -77,7 +77,7 @@ def _method(residual: str, evidence: Evidence) -> str:
     """Return where the standard deviations come from."""
     estimated = np.isfinite(evidence.fit.degrees_of_freedom).any()
     parts = ["scatter of the lines over blocks" if estimated else "Theorem 1, declared noise"]
-    if not evidence.noise_known:
+    if not evidence.has_degrees_of_freedom:
         parts = ["Theorem 1, noise of unknown degrees of freedom"]
     if not evidence.correlation.white:
         parts.append("correlated along lines")

@@ -22,6 +22,7 @@ from estimators.trust.intervals import Interval, Verdict
 from estimators.trust.linearised_fit import LinearisedFit
 from estimators.trust.trust import Trust
 from robotmodels.common.arrays import Array, ComplexArray, IntArray, read_only
+from robotmodels.common.deprecation import renamed_attributes
 from robotmodels.common.errors import SolverFailed
 from robotmodels.common.printing import ReprHtml
 from robotmodels.description.parameters import Parameters
@@ -29,6 +30,7 @@ from robotmodels.linear.residuals import RESIDUALS, ResidualForm
 from robotmodels.linear.response import Elastic, frequency_response
 
 
+@renamed_attributes("0.2", own_residual="custom_residual")
 @dataclass(frozen=True, eq=False)
 class Fit(ReprHtml):
     """The end of one search, converged or not.
@@ -40,7 +42,7 @@ class Fit(ReprHtml):
     estimate : FrfEstimate
         FRFs that it was fitted to.
     residual : str
-        "nls", "lls", "lls_magnitude", or the name of `own_residual`.
+        "nls", "lls", "lls_magnitude", or the name of `custom_residual`.
     weights : ndarray or ndarray of complex
         Lambda^-1, (Q, F, m, n) or (Q, F, m n, m n).
     parameters : Parameters
@@ -67,7 +69,7 @@ class Fit(ReprHtml):
         "linear", or the robust loss.
     weighting : str
         The name of the weights; empty for an array.
-    own_residual : ResidualForm or None
+    custom_residual : ResidualForm or None
         A residual that the user defined.
     """
 
@@ -85,12 +87,12 @@ class Fit(ReprHtml):
     prior: Prior | None = None
     loss: str = "linear"
     weighting: str = ""
-    own_residual: ResidualForm | None = None
+    custom_residual: ResidualForm | None = None
 
     @property
     def kind(self) -> Residual:
         """The residual with its derivative and noise."""
-        return find_residual(self.own_residual or self.residual)
+        return find_residual(self.custom_residual or self.residual)
 
     @property
     def converged(self) -> bool:
@@ -299,5 +301,5 @@ def as_fit(problem: Problem, start: Array, outcome: SearchResult) -> Fit:
         prior=problem.prior,
         loss=problem.loss,
         weighting=problem.weighting,
-        own_residual=None if form in RESIDUALS.values() else form,
+        custom_residual=None if form in RESIDUALS.values() else form,
     )

@@ -3,7 +3,7 @@
 import numpy as np
 
 from estimators.fitting.fit_problem import Problem
-from estimators.fitting.weight_choice import own_line_shares
+from estimators.fitting.weight_choice import line_shares
 from estimators.frf.frf_estimate import is_full, vec
 from estimators.trust.linearised_fit import LinearisedFit
 from robotmodels.common.arrays import Array, ComplexArray
@@ -44,7 +44,7 @@ def linearise(
     names = problem.model.parameters.names
     freedom = estimate.degrees_of_freedom
     nu = freedom[:, None, None]
-    share = vec(own_line_shares(problem.weighting, estimate, kind, response))
+    share = vec(line_shares(problem.weighting, estimate, kind, response))
     prior = np.zeros((len(names),) * 2)
     return LinearisedFit(
         names=names,

@@ -72,7 +72,7 @@ def _named(
     return optimal_weights(estimate, kind, response, minimum_snr, diagonal=diagonal)
 
 
-def own_line_shares(
+def line_shares(
     weighting: str, estimate: FrfEstimate, kind: Residual, response: ComplexArray
 ) -> Array:
     """Return by which power (Q, F, m, n) weights fall with the estimated variance of their line.
@@ -84,7 +84,7 @@ def own_line_shares(
     response : ndarray of complex, (Q, F, m, n)
         Response at which weights were evaluated.
     """
-    share = np.broadcast_to(estimate.pooled_noise.own_share, response.shape)
+    share = np.broadcast_to(estimate.pooled_noise.line_share, response.shape)
     if weighting == "user":
         return np.zeros(response.shape)
     if weighting != "combined":

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from estimators.frf.pooled_noise import PooledNoise, pooled_covariances, pooled_noise
 from robotmodels.common.arrays import Array, ComplexArray, IntArray, read_only, real_numbers
+from robotmodels.common.deprecation import renamed_attributes
 from robotmodels.common.errors import InvalidInput
 from robotmodels.common.printing import ReprHtml
 from robotmodels.linear.noise import NoiseLaw
@@ -60,6 +61,7 @@ SAME_LINE = 1e-9
 """Relative difference below which two frequencies are one line."""
 
 
+@renamed_attributes("0.2", noise_known="has_degrees_of_freedom")
 @dataclass(frozen=True, eq=False)
 class FrfEstimate(ReprHtml):
     """FRF estimates in Q positions at F frequencies, and how far to trust them.
@@ -143,7 +145,7 @@ class FrfEstimate(ReprHtml):
         return bool(self.response.imag.any() or (self.response.real < 0).any())
 
     @property
-    def noise_known(self) -> bool:
+    def has_degrees_of_freedom(self) -> bool:
         """Whether the degrees of freedom of the covariance are known in every position."""
         return not bool(np.isnan(self.degrees_of_freedom).any())
 

@@ -28,16 +28,16 @@ class PooledNoise:
     ----------
     variance : ndarray, (Q, F, ...)
         Variance from neighbouring lines alone.
-    own_share : ndarray, (Q, 1, ...)
-        How much a line's own variance tells beside them, 0 to 1.
+    line_share : ndarray, (Q, 1, ...)
+        Share of the variance of the line itself, 0 to 1.
     mixed : ndarray, (Q, F, ...)
-        Geometric means of the own variance, by its share, and that of the neighbours.
+        Geometric means of the variance of the line, by its share, and that of the neighbours.
     lag_one : float
         Correlation of the errors of neighbouring lines.
     """
 
     variance: Array
-    own_share: Array
+    line_share: Array
     mixed: Array
     lag_one: float = 0.0
 

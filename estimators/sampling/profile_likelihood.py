@@ -141,11 +141,11 @@ def profile_likelihood(
     check_level(level, "profile")
     selected = fit.parameters.names if names is None else tuple(names)
     columns = [fit.parameters.index(name) for name in selected]
-    noise_known = noise == "known" and scale is None
-    if noise_known:
+    fixed_scale = noise == "known" and scale is None
+    if fixed_scale:
         scale = _mean_scale(fit)
     density = posterior_density(fit, noise=noise, scale=scale, prior=prior)
-    factors = adjustments(fit, density.noise.scale) if noise_known else np.ones(len(fit.parameters))
+    factors = adjustments(fit, density.noise.scale) if fixed_scale else np.ones(len(fit.parameters))
     start = laplace(fit, density)
     unit = np.sqrt(np.sum(start.root**2, axis=1))
     one = partial(_profile, density, start.center, unit, level, points)

@@ -60,7 +60,7 @@ class Evidence:
         Position, line and element of a single residual that no noise explains.
     converged : bool
         Whether the fit ended at a minimum.
-    noise_known : bool
+    has_degrees_of_freedom : bool
         Whether the estimate tells the degrees of freedom of the noise.
     """
 
@@ -73,7 +73,7 @@ class Evidence:
     correlated_excess: bool
     outlier: tuple[int, ...] | None
     converged: bool
-    noise_known: bool
+    has_degrees_of_freedom: bool
 
     @property
     def too_large(self) -> bool:
@@ -86,7 +86,7 @@ def gather_evidence(
     directions: Directions,
     *,
     converged: bool = True,
-    noise_known: bool = True,
+    has_degrees_of_freedom: bool = True,
 ) -> Evidence:
     """Compute everything that `judge` looks at."""
     correlation = find_correlation(fit)
@@ -112,7 +112,7 @@ def gather_evidence(
         fit, correlation, scatter, size, tests, explanation,
         size.too_large and _smooth_excess(fit.noise_fit, correlation, size),
         _outlier(fit.noise_fit, size),
-        converged, noise_known,
+        converged, has_degrees_of_freedom,
     )  # fmt: skip
 
 
@@ -159,7 +159,7 @@ def _overall(e: Evidence) -> Verdict:
     """Return the verdict as far as it concerns all parameters alike."""
     if not e.converged:
         return Verdict("not converged", "the search did not end at a minimum of the cost")
-    if not e.noise_known:
+    if not e.has_degrees_of_freedom:
         return Verdict(
             "too few blocks", "the degrees of freedom of the noise covariance are not known"
         )

@@ -10,6 +10,7 @@ from estimators.fitting.least_squares import Fit
 from estimators.trust.trust import Trust
 from estimators.uncertainty.covariance import Uncertainty, covariance
 from robotmodels.common.arrays import Array, read_only
+from robotmodels.common.deprecation import renamed_keywords
 from robotmodels.common.errors import InvalidInput, NotIdentifiable
 from robotmodels.common.printing import ReprHtml
 
@@ -105,12 +106,13 @@ class CrossCheck(ReprHtml):
         return "\n".join(lines)
 
 
+@renamed_keywords("0.2", own_cost="cost_posterior")
 def cross_check(
     fit: Fit,
     *,
     theorem1: Uncertainty | None = None,
     posterior: "Posterior | None" = None,
-    own_cost: "Posterior | None" = None,
+    cost_posterior: "Posterior | None" = None,
     importance: "ImportanceSample | None" = None,
     profiles: "Sequence[Profile]" = (),
     monte_carlo: "MonteCarlo | None" = None,
@@ -131,7 +133,7 @@ def cross_check(
         ``covariance(fit)``; computed where None.
     posterior : Posterior, optional
         Posterior by the likelihood: the density exp(-V), V the cost with the noise's weights.
-    own_cost : Posterior, optional
+    cost_posterior : Posterior, optional
         Posterior of the fit's cost, where its weights are not those of the noise.
     importance : ImportanceSample, optional
         Importance sample of the same fit, if computed.
@@ -148,15 +150,15 @@ def cross_check(
         If a method is about other parameters.
     """
     names = fit.parameters.names
-    for one in (theorem1, posterior, own_cost, importance, monte_carlo):
+    for one in (theorem1, posterior, cost_posterior, importance, monte_carlo):
         if one is not None and one.names != names:
             raise InvalidInput(
                 f"cross-check: {type(one).__name__} is about {', '.join(one.names)}, the fit "
                 f"about {', '.join(names)}"
             )
-    notes = _dropped_methods(posterior, own_cost, importance)
-    posterior, own_cost = (
-        None if one is None or not one.converged else one for one in (posterior, own_cost)
+    notes = _dropped_methods(posterior, cost_posterior, importance)
+    posterior, cost_posterior = (
+        None if one is None or not one.converged else one for one in (posterior, cost_posterior)
     )
     importance = None if importance is None or not importance.trusted else importance
     trust = fit.trust
@@ -165,7 +167,7 @@ def cross_check(
         RECOMMENDED: trust.std,
         THEOREM_1: _theorem1(fit, theorem1),
         POSTERIOR: None if posterior is None else posterior.uncertainty().std,
-        "own cost": None if own_cost is None else own_cost.uncertainty().std,
+        "own cost": None if cost_posterior is None else cost_posterior.uncertainty().std,
         "importance": None if importance is None else importance.uncertainty().std,
         "Monte Carlo": None if monte_carlo is None else monte_carlo.uncertainty().std,
         "profile": _profile_std(names, profiles),
@@ -213,13 +215,13 @@ def _scatter(fit: Fit, multistart: Sequence[Fit]) -> Array | None:
 
 def _dropped_methods(
     posterior: "Posterior | None",
-    own_cost: "Posterior | None",
+    cost_posterior: "Posterior | None",
     importance: "ImportanceSample | None",
 ) -> list[str]:
     """Return why what was computed is not to be trusted."""
     notes = [
         f"{name} left out: {one.message}"
-        for name, one in ((POSTERIOR, posterior), ("own cost", own_cost))
+        for name, one in ((POSTERIOR, posterior), ("own cost", cost_posterior))
         if one is not None and not one.converged
     ]
     if importance is not None and not importance.trusted:

@@ -16,7 +16,7 @@ from oed.study.sources import MeasuredStudy, SimulatedDesign, SimulatedStudy
 from oed.study.stage_cache import Stage, Stages, versions
 from oed.study.stages.cross_check import CrossCheckInputs, cross_check
 from oed.study.stages.fit import Search, fit, starts_of
-from oed.study.stages.posterior import check_posterior, own_cost, posterior
+from oed.study.stages.posterior import check_posterior, cost_posterior, posterior
 from oed.study.stages.profiles import profiles
 from oed.study.stages.result import SelectedFit, result
 from oed.study.stages.run import MeasuredRun, SimulatedRun, open_run
@@ -102,7 +102,7 @@ def run_study(
         methods = CrossCheckInputs(
             theorem1,
             attempt("posterior", lambda: posterior(run, best)),
-            attempt("own-cost", lambda: own_cost(run, best)),
+            attempt("cost-posterior", lambda: cost_posterior(run, best)),
             attempt("profiles", lambda: profiles(run, best, theorem1)),
             plans,
         )

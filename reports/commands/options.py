@@ -10,7 +10,6 @@ import typer
 
 from reports.commands.workers import available_cores
 from robotmodels.common.errors import IdentificationError
-from robotmodels.common.plain_data import json_text
 from robotmodels.common.printing import printable
 
 Workers = Annotated[
@@ -40,7 +39,12 @@ BesideRecords = Annotated[
 
 def say(text: Callable[[], str], document: Callable[[], Any], as_json: bool) -> None:
     """Print the summary for people, or the one for scripts."""
-    typer.echo(printable(json_text(document()) if as_json else text()))
+    if not as_json:
+        typer.echo(printable(text()))
+        return
+    from robotmodels.common.plain_data import json_text  # loads numpy, which help does without
+
+    typer.echo(printable(json_text(document())))
 
 
 def warn(warnings: Iterable[str]) -> None:

@@ -174,7 +174,7 @@ def test_a_cost_with_other_weights_is_no_likelihood():
     own = sample_posterior(weighted, rng=rng, walkers=16, target=StoppingCriterion(ess=400))
     likelihood = likelihood_fit(weighted)
     sampled = sample_posterior(likelihood, rng=rng, walkers=16, target=StoppingCriterion(ess=400))
-    table = cross_check(weighted, posterior=sampled, own_cost=own)
+    table = cross_check(weighted, posterior=sampled, cost_posterior=own)
     (note,) = (note for note in table.notes if "no likelihood" in note)
     assert note.startswith("own cost")
     assert np.abs(np.log(table.ratio("own cost", "recommended"))).max() > 0.5

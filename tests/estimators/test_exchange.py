@@ -392,7 +392,7 @@ def test_degrees_of_freedom_travel_with_the_covariance(tmp_path, suffix):
     write_frf(path, replace(estimate, degrees_of_freedom=[3.0, np.inf], line_correlation=[0.5]))
     found = read_frf(path)
     assert found.degrees_of_freedom.tolist() == [3.0, np.inf]
-    assert found.noise_known
+    assert found.has_degrees_of_freedom
     if suffix != ".uff":
         assert found.line_correlation.tolist() == [0.5]
 
@@ -415,7 +415,7 @@ def test_files_from_before_leave_degrees_of_freedom_unknown(tmp_path):
         del file["degrees_of_freedom"]
     found = read_frf(path)
     assert np.isnan(found.degrees_of_freedom).all()
-    assert not found.noise_known
+    assert not found.has_degrees_of_freedom
 
 
 def _edit(path, change):

@@ -75,7 +75,7 @@ def test_declared_variances_stay_beside_estimated_ones():
     noise = pooled_noise(s2, np.array([3.0, np.inf]))
     np.testing.assert_array_equal(noise.variance[1], s2[1])
     np.testing.assert_array_equal(noise.mixed[1], s2[1])
-    assert (noise.own_share[1] == 0).all()
+    assert (noise.line_share[1] == 0).all()
     assert (noise.variance[0] != s2[0]).any()
 
 
@@ -87,8 +87,8 @@ def test_a_line_has_a_share_of_its_own_where_neighbours_differ(seed):
     draws = complex_normal(rng, (1, nu, lines, 2)) / np.sqrt(nu)
     draws = draws * np.sqrt(np.stack([smooth, rough], axis=-1))
     noise = pooled_noise((np.abs(draws) ** 2).sum(axis=1), np.array([float(nu)]), draws)
-    assert noise.own_share[0, 0, 0] < 0.3
-    assert noise.own_share[0, 0, 1] > 0.8
+    assert noise.line_share[0, 0, 0] < 0.3
+    assert noise.line_share[0, 0, 1] > 0.8
 
 
 @pytest.mark.parametrize(("nu", "share"), [(3, 0.5), (3, 0.75), (19, 1.0), (1, 0.25)])

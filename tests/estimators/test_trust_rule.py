@@ -242,7 +242,7 @@ def test_the_gravest_verdict_comes_first():
         {"size": replace(evidence.size, probability=1e-9)},
         {"scatter": replace(evidence.scatter, variance=np.full(P, 1.1))},
         {"tests": fired_tests(evidence, 1e-9)},
-        {"noise_known": False},
+        {"has_degrees_of_freedom": False},
         {"converged": False},
     ]
     for change, verdict in zip(order, reversed(VERDICTS[:-1]), strict=True):

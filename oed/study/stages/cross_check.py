@@ -29,7 +29,7 @@ class CrossCheckInputs:
 
     covariances: Stage[Uncertainty] | None
     posterior: Stage[Posterior] | None
-    own_cost: Stage[Posterior] | None
+    cost_posterior: Stage[Posterior] | None
     profiles: Stage[Profiles] | None
     comparison: Stage[PlanComparison] | None
 
@@ -51,7 +51,7 @@ def cross_check(
             fit,
             theorem1=_value(methods.covariances),
             posterior=_value(methods.posterior),
-            own_cost=_value(methods.own_cost),
+            cost_posterior=_value(methods.cost_posterior),
             importance=importance_sample(likelihood_of(fit), rng=run.rng("importance")),
             profiles=() if methods.profiles is None else methods.profiles.value.profiles,
             monte_carlo=repeated,
@@ -63,7 +63,7 @@ def cross_check(
         "result": result.digest,
         "uncertainty": _digest(methods.covariances),
         "posterior": _digest(methods.posterior),
-        "own cost": _digest(methods.own_cost),
+        "own cost": _digest(methods.cost_posterior),
         "profiles": _digest(methods.profiles),
         "comparison": _digest(methods.comparison),
         "repeated": repeated is not None,

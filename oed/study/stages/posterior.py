@@ -1,4 +1,4 @@
-"""The stages ``posterior`` and ``own-cost``: draws of the parameters, by emcee.
+"""The stages ``posterior`` and ``cost-posterior``: draws of the parameters, by emcee.
 
 The first samples the likelihood of the noise, the second the result's own cost where its weights
 are not those of the noise; the sampler and its settings are the same.
@@ -45,11 +45,11 @@ def posterior(run: Run, result: Stage[SelectedFit]) -> Stage[Posterior]:
     return _sampled(run, result, "posterior", likelihood_of)
 
 
-def own_cost(run: Run, result: Stage[SelectedFit]) -> Stage[Posterior] | None:
-    """Return draws by the result's own cost, where its weights are not those of the noise."""
+def cost_posterior(run: Run, result: Stage[SelectedFit]) -> Stage[Posterior] | None:
+    """Return draws by the result's cost, if its weights are not those of the noise."""
     if has_noise_weights(result.value.fit):
         return None
-    return _sampled(run, result, "own-cost", lambda fit: fit)
+    return _sampled(run, result, "cost-posterior", lambda fit: fit)
 
 
 def likelihood_of(fit: Fit) -> Fit:

@@ -31,7 +31,7 @@ STREAMS = (
     "robust",
     "comparison",
     "rival",
-    "own-cost",
+    "cost-posterior",
 )
 """Independent random numbers; a new one goes to the end, lest the others change.
 
