@@ -7,7 +7,7 @@ from weakref import WeakKeyDictionary
 import numpy as np
 
 from estimators.fitting.fit_problem import Problem
-from estimators.fitting.trust_region import SearchResult, trust_region
+from estimators.fitting.trust_region import Minimiser, SearchResult, trust_region
 from estimators.frf.frf_estimate import is_full
 from robotmodels.common.arrays import Array
 from robotmodels.common.errors import IdentificationError, SolverFailed
@@ -116,7 +116,11 @@ def hardens(network: SpringNetwork) -> bool:
 
 
 def renewed_search(
-    problem: Problem, start: Array, max_evaluations: int, tolerance: float
+    problem: Problem,
+    start: Array,
+    max_evaluations: int,
+    tolerance: float,
+    minimise: Minimiser = trust_region,
 ) -> SearchResult:
     """Search as `exact_search` does, but with compiled normal equations at every point.
 
@@ -131,7 +135,7 @@ def renewed_search(
     def evaluate(values: Array) -> tuple[Array, Array]:
         return CorrectedModel(problem, *network_and_shift(problem, values))(values)
 
-    return trust_region(problem, evaluate, start, max_evaluations, tolerance)
+    return minimise(problem, evaluate, start, max_evaluations, tolerance)
 
 
 def frozen_search(
@@ -140,10 +144,11 @@ def frozen_search(
     network: SpringNetwork,
     max_evaluations: int,
     tolerance: float,
+    minimise: Minimiser = trust_region,
 ) -> SearchResult:
     """Search as `exact_search` does, ten times faster.
 
-    Equilibria are computed at one point, and fixed there while a trust region minimises
+    Equilibria are computed at one point, and fixed there while `minimise` minimises
     V(x; fixed equilibria) + s^T x, with s the gradient through the equilibria at that point: a
     model of V that is exact in cost and gradient there and costs a few products of small matrices.
     Its minimum is the next point, until a minimum is the point itself: there cost and gradient
@@ -168,7 +173,7 @@ def frozen_search(
     for nth in range(ROUNDS):
         model = CorrectedModel(problem, network, shift if nth else None)
         allowed = max(tolerance, ROUGH) if nth == 0 else tolerance
-        outcome = trust_region(problem, model, values, max(max_evaluations - spent, 2), allowed)
+        outcome = minimise(problem, model, values, max(max_evaluations - spent, 2), allowed)
         spent += outcome.evaluations
         end = replace(outcome, evaluations=spent)
         if model.cost < least:
@@ -185,7 +190,7 @@ def frozen_search(
             break
         cost = model.cost if nth else cost
         values, network, shift = _reachable(problem, values, outcome.values, network, shift)
-    outcome = renewed_search(problem, best, max_evaluations - spent, tolerance)
+    outcome = renewed_search(problem, best, max_evaluations - spent, tolerance, minimise)
     return replace(outcome, evaluations=spent + outcome.evaluations)
 
 

@@ -15,7 +15,14 @@ from estimators.fitting.least_squares import Fit, as_fit
 from estimators.fitting.priors import Prior
 from estimators.fitting.search import check_effort, search_or_reason
 from estimators.fitting.search_checkpoint import SearchStore, problem_fingerprint
-from estimators.fitting.trust_region import START_FAILED, STOPPED, SearchResult
+from estimators.fitting.trust_region import (
+    MINIMISERS,
+    START_FAILED,
+    STOPPED,
+    Minimiser,
+    SearchResult,
+)
+from estimators.frf.estimate_frf import check_choice
 from estimators.frf.frf_estimate import FrfEstimate
 from robotmodels.common.arrays import Array, IntArray, check_above_zero, check_count
 from robotmodels.common.errors import InvalidInput
@@ -80,6 +87,7 @@ def multistart(
     loss: str = "linear",
     early_stop: EarlyStop | None = None,
     store: str | Path | None = None,
+    minimiser: str = "trust_region",
 ) -> tuple[Fit, ...]:
     """Return the fits from all `starts` (N, p), the least cost first, equal ones as the starts.
 
@@ -98,6 +106,9 @@ def multistart(
         HDF5 file that keeps every search as soon as it has ended; with an executor, as soon as its
         share of the starts has. A run that was interrupted, or one with more starts, goes on from
         it.
+    minimiser : {"trust_region", "quasi_newton"}
+        Gauss-Newton steps in a trust region, or L-BFGS-B, which uses gradients alone as [WM]'s
+        fminunc does.
 
     Raises
     ------
@@ -105,6 +116,7 @@ def multistart(
         As `fit`; if there is no start; if the store holds searches of something else.
     """
     check_effort(max_evaluations, tolerance)
+    check_choice("minimiser", minimiser, tuple(MINIMISERS))
     problem = make_fit_problem(model, estimate, residual, weights, bounds, positions, prior, loss)
     points = [problem.checked_start(np.asarray(start, dtype=float)) for start in starts]
     if not points:
@@ -112,9 +124,9 @@ def multistart(
     checkpoint = None
     if store is not None:
         checkpoint = SearchStore(
-            Path(store), problem_fingerprint(problem, max_evaluations, tolerance)
+            Path(store), problem_fingerprint(problem, max_evaluations, tolerance, minimiser)
         )
-    runs = _Runs(problem, max_evaluations, tolerance, executor, checkpoint)
+    runs = _Runs(problem, max_evaluations, tolerance, minimiser, executor, checkpoint)
     outcomes = _all_searched(runs, points, early_stop, progress)
     fits = [as_fit(problem, point, outcomes[i]) for i, point in enumerate(points)]
     return tuple(fits[i] for i in order_of_costs([one.cost for one in fits]))
@@ -164,6 +176,7 @@ class _Runs:
     problem: Problem
     max_evaluations: int
     tolerance: float
+    minimiser: str
     executor: Executor | None
     store: SearchStore | None
 
@@ -190,7 +203,13 @@ class _Runs:
                 yield i, stored
             else:
                 waiting[i] = before
-        several = partial(_search_several, self.problem, limit=limit, tolerance=self.tolerance)
+        several = partial(
+            _search_several,
+            self.problem,
+            limit=limit,
+            tolerance=self.tolerance,
+            minimise=MINIMISERS[self.minimiser],
+        )
         for i, outcome in self._ran(several, points, waiting):
             if self.store is not None:
                 self.store.append(stage, points[i], outcome)
@@ -249,15 +268,21 @@ def _begin(
 
 
 def _search_several(
-    problem: Problem, begun: list[_Begun], *, limit: int, tolerance: float
+    problem: Problem,
+    begun: list[_Begun],
+    *,
+    limit: int,
+    tolerance: float,
+    minimise: Minimiser,
 ) -> list[SearchResult]:
     """Search from starts, or from where earlier searches ended."""
     outcomes = []
     for start, before in begun:
         if before is None:
-            outcomes.append(search_or_reason(problem, start, limit, tolerance))
+            outcomes.append(search_or_reason(problem, start, limit, tolerance, minimise))
             continue
-        after = search_or_reason(problem, before.values, limit - before.evaluations, tolerance)
+        left = limit - before.evaluations
+        after = search_or_reason(problem, before.values, left, tolerance, minimise)
         if after.status == START_FAILED:
             outcomes.append(replace(before, message=f"not pursued: {after.message}"))
         else:

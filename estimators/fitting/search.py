@@ -9,7 +9,13 @@ from estimators.fitting.fixed_equilibrium_search import (
     hardens,
     renewed_search,
 )
-from estimators.fitting.trust_region import START_FAILED, SearchResult, exact_search
+from estimators.fitting.trust_region import (
+    START_FAILED,
+    Minimiser,
+    SearchResult,
+    exact_search,
+    trust_region,
+)
 from robotmodels.common.arrays import Array, check_count
 from robotmodels.common.errors import IdentificationError, InvalidInput
 
@@ -29,7 +35,13 @@ def check_effort(max_evaluations: int, tolerance: float) -> None:
         raise InvalidInput(f"tolerance: {tolerance!r}; {least:.2g} to less than 1 is needed")
 
 
-def search(problem: Problem, start: Array, max_evaluations: int, tolerance: float) -> SearchResult:
+def search(
+    problem: Problem,
+    start: Array,
+    max_evaluations: int,
+    tolerance: float,
+    minimise: Minimiser = trust_region,
+) -> SearchResult:
     """Return the minimum from `start` (p,): compiled code for large problems of springs.
 
     Raises
@@ -39,21 +51,25 @@ def search(problem: Problem, start: Array, max_evaluations: int, tolerance: floa
     """
     network = problem.model.network(problem.estimate.positions, start)
     if not can_compile(problem, network):
-        return exact_search(problem, start, max_evaluations, tolerance)
+        return exact_search(problem, start, max_evaluations, tolerance, minimise)
     if hardens(network):
-        return renewed_search(problem, start, max_evaluations, tolerance)
-    return frozen_search(problem, start, network, max_evaluations, tolerance)
+        return renewed_search(problem, start, max_evaluations, tolerance, minimise)
+    return frozen_search(problem, start, network, max_evaluations, tolerance, minimise)
 
 
 def search_or_reason(
-    problem: Problem, start: Array, max_evaluations: int, tolerance: float
+    problem: Problem,
+    start: Array,
+    max_evaluations: int,
+    tolerance: float,
+    minimise: Minimiser = trust_region,
 ) -> SearchResult:
     """Return what a search came to, or why it could not begin or go on.
 
     An error that a start's numbers cause is returned as its reason: in a pool it would end all.
     """
     try:
-        return search(problem, start, max_evaluations, tolerance)
+        return search(problem, start, max_evaluations, tolerance, minimise)
     except (IdentificationError, ArithmeticError, ValueError, np.linalg.LinAlgError) as error:
         reason = " ".join(str(error).split()) or type(error).__name__
         return SearchResult(start, np.inf, START_FAILED, f"no FRF at the start: {reason}", 1)

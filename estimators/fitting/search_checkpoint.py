@@ -12,11 +12,13 @@ from robotmodels.common.fingerprints import fingerprint
 from robotmodels.linear.response import network_of
 
 
-def problem_fingerprint(problem: Problem, max_evaluations: int, tolerance: float) -> str:
+def problem_fingerprint(
+    problem: Problem, max_evaluations: int, tolerance: float, minimiser: str
+) -> str:
     """Return a number that changes with anything that changes the outcome of a search."""
     estimate = problem.estimate
     inputs = (
-        (problem.kind.name, problem.loss, problem.prior, max_evaluations, tolerance),
+        (problem.kind.name, problem.loss, problem.prior, max_evaluations, tolerance, minimiser),
         (problem.model.parameters, problem.bounds, problem.weights),
         (estimate.positions, estimate.omega, estimate.response),
         None if problem.loss == "linear" else estimate.covariance,

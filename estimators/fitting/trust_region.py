@@ -1,8 +1,8 @@
-"""Searches in a trust region about ln theta, by scipy."""
+"""Searches about ln theta by scipy: Gauss-Newton in a trust region, or quasi-Newton."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 
@@ -23,6 +23,22 @@ class SearchResult:
     status: int
     message: str
     evaluations: int
+
+
+class Minimiser(Protocol):
+    """A way to minimise the squares of residuals; see `trust_region` for the arguments."""
+
+    def __call__(
+        self,
+        problem: Problem,
+        evaluate: Callable[[Array], tuple[Array, Array]],
+        start: Array,
+        max_evaluations: int,
+        tolerance: float,
+        loss: Callable[[Array], Array] | None = None,
+    ) -> SearchResult:
+        """Return the minimum from `start` (p,)."""
+        ...
 
 
 class _Point:
@@ -59,14 +75,6 @@ class _Point:
     def jacobian(self, x: Array) -> Array:
         slopes = self.at(x)[1]
         return np.vstack([slopes, np.diag(~slopes.any(axis=0) * np.abs(slopes).max())])
-
-
-def exact_search(
-    problem: Problem, start: Array, max_evaluations: int, tolerance: float
-) -> SearchResult:
-    """Search with exact residuals and derivatives, equilibria computed anew at every point."""
-    loss = None if problem.loss == "linear" else problem.robust
-    return trust_region(problem, problem.evaluate, start, max_evaluations, tolerance, loss)
 
 
 def trust_region(
@@ -110,6 +118,80 @@ def trust_region(
         message=_message(problem, solution),
         evaluations=point.evaluations,
     )
+
+
+def exact_search(
+    problem: Problem,
+    start: Array,
+    max_evaluations: int,
+    tolerance: float,
+    minimise: Minimiser = trust_region,
+) -> SearchResult:
+    """Search with exact residuals and derivatives, equilibria computed anew at every point."""
+    loss = None if problem.loss == "linear" else problem.robust
+    return minimise(problem, problem.evaluate, start, max_evaluations, tolerance, loss)
+
+
+def quasi_newton(
+    problem: Problem,
+    evaluate: Callable[[Array], tuple[Array, Array]],
+    start: Array,
+    max_evaluations: int,
+    tolerance: float,
+    loss: Callable[[Array], Array] | None = None,
+) -> SearchResult:
+    """Minimise as `trust_region` does, by L-BFGS-B: from gradients alone, as [WM]'s fminunc does.
+
+    As many updates of the Hessian as there are parameters are stored, and none from before the
+    search. Arguments as in `trust_region`; the gradient's tolerance is relative to 1 + that at the
+    start, as fminunc's is.
+    """
+    from scipy.optimize import minimize
+
+    point = _Point(evaluate, start)
+
+    def cost_and_gradient(x: Array) -> tuple[float, Array]:
+        try:
+            residuals, jacobian = point.at(x)
+        except (IdentificationError, np.linalg.LinAlgError):
+            if point.evaluations == 1:
+                raise
+            # A number, not infinity: the line search interpolates.
+            return _NO_MODEL * worst, np.zeros_like(x)
+        squares = residuals**2
+        if loss is None:
+            return float(squares.sum()), 2 * jacobian.T @ residuals
+        losses, slopes = loss(squares)[:2]
+        return float(losses.sum()), 2 * jacobian.T @ (slopes * residuals)
+
+    worst, gradient = cost_and_gradient(np.zeros_like(start))
+    solution = minimize(
+        cost_and_gradient,
+        np.zeros_like(start),
+        jac=True,
+        method="L-BFGS-B",
+        bounds=np.log(problem.bounds / start).T,
+        options={
+            "maxcor": len(start),
+            "maxfun": max_evaluations,
+            "maxiter": max_evaluations,
+            "ftol": tolerance,
+            "gtol": tolerance * (1 + float(np.abs(gradient).max())),
+        },
+    )
+    return SearchResult(
+        values=np.clip(start * np.exp(solution.x), *problem.bounds),
+        cost=float(solution.fun),
+        status=int(solution.success),
+        message=str(solution.message),
+        evaluations=point.evaluations,
+    )
+
+
+# Cost, over that at the start, of a trial point at which the robot has no equilibrium.
+_NO_MODEL = 10.0
+
+MINIMISERS: dict[str, Minimiser] = {"trust_region": trust_region, "quasi_newton": quasi_newton}
 
 
 def _message(problem: Problem, solution: Any) -> str:

@@ -5,7 +5,8 @@ normalised and sorted by the first (null: no FRF), ``start`` numbers, and the pa
 models by ``reasonable`` criterion; ``table_1``: per parameter, relative to the best LLS15U model;
 ``conclusions``: text, ``verdict``, ``evidence``; ``paper``: the published numbers; ``rival``:
 fits in time and of FRFs, see `TimeDomainComparison` in `oed.replication.time_domain_comparison`
-(null where the study has none).
+(null where the study has none);
+``as_published``: ``estimators`` and ``conclusions`` of the paper's choices (null: not asked for).
 """
 
 from pathlib import Path
@@ -23,23 +24,11 @@ def write_published_json(replication: Replication, path: Path) -> None:
 
 def published_document(replication: Replication) -> dict[str, Any]:
     """Return its content."""
-    e, t = replication.evaluation, replication.table
+    t, other = replication.table, replication.as_published
     statistics = ("minimum", "median", "maximum", "mean", "std", "theory")
     return {
         "schema": "published/1",
-        "estimators": {
-            name: {
-                "cost": e.user_normalised[i],
-                "optimal_cost": e.optimal_normalised[i],
-                "start": e.start[i],
-                "reasonable": {
-                    "cost": replication.by_cost[name],
-                    "springs": replication.by_springs[name],
-                    "all_springs": replication.by_all_springs[name],
-                },
-            }
-            for i, name in enumerate(e.estimators)
-        },
+        "estimators": _estimators(replication),
         "left_out": replication.hardest,
         "table_1": {
             "models": t.count,
@@ -56,4 +45,24 @@ def published_document(replication: Replication) -> dict[str, Any]:
             },
         },
         "rival": replication.rivalry,
+        "as_published": None
+        if other is None
+        else {"estimators": _estimators(other), "conclusions": other.conclusions},
+    }
+
+
+def _estimators(replication: Replication) -> dict[str, Any]:
+    e = replication.evaluation
+    return {
+        name: {
+            "cost": e.user_normalised[i],
+            "optimal_cost": e.optimal_normalised[i],
+            "start": e.start[i],
+            "reasonable": {
+                "cost": replication.by_cost[name],
+                "springs": replication.by_springs[name],
+                "all_springs": replication.by_all_springs[name],
+            },
+        }
+        for i, name in enumerate(e.estimators)
     }

@@ -1,13 +1,14 @@
 """A study that repeats [WM] section 6: its estimators beside those of the paper."""
 
 from concurrent.futures import Executor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 
 from estimators.fitting.least_squares import Fit
 from estimators.uncertainty.covariance import Uncertainty, covariance
+from oed.replication.as_published import fit_as_published
 from oed.replication.conclusions import Judged, conclusions
 from oed.replication.six_estimators import REFERENCE, Evaluation, evaluate
 from oed.replication.table_1 import Groups, Table1, groups_of, hardest_spring, table_1
@@ -15,7 +16,7 @@ from oed.replication.time_domain_comparison import ROLLOUTS, TimeDomainCompariso
 from oed.study.results import FittedStudy
 from oed.study.settings.study_file import ESTIMATORS, RivalChoice
 from oed.study.stage_cache import Stage, dataclass_files, open_stages
-from oed.study.stages.fit import weights_of
+from oed.study.stages.fit import weighting_of, weights_of
 from oed.study.stages.run import Run
 from robotmodels.common.fingerprints import fingerprint
 from robotmodels.common.progress import Progress, StageProgress
@@ -45,6 +46,8 @@ class Replication:
         Fits in time beside fits of FRFs; None unless the study asks for it.
     seconds : dict of str to float
         Time per stage, when it was computed.
+    as_published : Replication or None
+        The same of the paper's excitation, mean, weights and search; None unless the study asks.
     """
 
     evaluation: Evaluation
@@ -56,6 +59,7 @@ class Replication:
     conclusions: tuple[Judged, ...]
     rivalry: TimeDomainComparison | None
     seconds: dict[str, float]
+    as_published: "Replication | None" = None
 
     @property
     def by_cost(self) -> dict[str, float]:
@@ -103,6 +107,19 @@ def replicate(
     IdentificationError
         Where it cannot be computed, naming what is at fault.
     """
+    replication = _replication(results, progress, executor, fresh)
+    if not results.study.as_published:
+        return replication
+    other = fit_as_published(results, progress, executor=executor, fresh=fresh)
+    return replace(replication, as_published=_replication(other, progress, executor, fresh))
+
+
+def _replication(
+    results: FittedStudy,
+    progress: StageProgress | None,
+    executor: Executor | None,
+    fresh: bool,
+) -> Replication:
     study, robot = results.study, results.robot
     with open_stages(study.output / "stages", progress, fresh) as stages:
         run = Run(study, robot, stages, executor)
@@ -132,15 +149,18 @@ def _evaluation(run: Run, results: FittedStudy) -> Stage[Evaluation]:
     }
 
     def compute(folder: Path, report: Progress | None) -> Evaluation:
-        kind, choice = searches[REFERENCE].estimator, run.study.fit.user_weights
-        user = np.asarray(weights_of(kind, estimate, choice))
-        return evaluate(run.robot, estimate, searches, user, starts, run.executor, report)
+        user, optimal = (
+            weights_of(searches[name].estimator, estimate, run.study.fit)
+            for name in (REFERENCE, "LLS15O")
+        )
+        weights = np.asarray(user), "optimal_diagonal" if isinstance(optimal, str) else optimal
+        return evaluate(run.robot, estimate, searches, weights, starts, run.executor, report)
 
     inputs = {
         "robot": run.robot_digest,
         "data": fingerprint(estimate),
         "fits": fingerprint((ends, starts)),
-        "user_weights": run.study.fit.user_weights.model_dump(mode="json"),
+        **weighting_of(run.study.fit),
     }
     return run.stages.run("published", inputs, compute, dataclass_files(Evaluation))
 

@@ -15,12 +15,11 @@ import numpy as np
 from estimators.fitting.fit_problem import Problem, make_fit_problem
 from estimators.fitting.fixed_equilibrium_search import can_compile, cost_kernel
 from estimators.fitting.multistart import order_of_costs
-from estimators.fitting.weights import MINIMUM_SNR, optimal_weights
 from estimators.frf.frf_estimate import FrfEstimate
 from oed.study.settings.study_file import ESTIMATORS
 from oed.study.stages.fit import Search, start_number
 from robotmodels import ElasticRobot
-from robotmodels.common.arrays import Array, IntArray
+from robotmodels.common.arrays import Array, ComplexArray, IntArray
 from robotmodels.common.errors import IdentificationError
 from robotmodels.common.progress import Progress
 
@@ -109,7 +108,7 @@ def evaluate(
     robot: ElasticRobot,
     estimate: FrfEstimate,
     searches: Mapping[str, Search],
-    user: Array,
+    weights: tuple[Array, str | Array | ComplexArray],
     starts: Array,
     executor: Executor | None = None,
     progress: Progress | None = None,
@@ -124,13 +123,11 @@ def evaluate(
         Data of all positions.
     searches : mapping of str to Search
         Searches of at least the six estimators, from the same starts.
-    user : ndarray, (Q, F, m, n)
-        Weights of figure 3.
+    weights : tuple of (ndarray, str or ndarray)
+        User-defined weights (Q, F, m, n) of figure 3, and optimal ones of figure 4.
     starts : ndarray, (N, p)
         SI.
     """
-    optimal = optimal_weights(estimate, "lls", minimum_snr=MINIMUM_SNR, diagonal=True)
-    weights = user, np.asarray(optimal.real)
     problems = tuple(
         make_fit_problem(robot, estimate, "lls", weight, _BOUNDS) for weight in weights
     )

@@ -15,6 +15,13 @@ from reports.page_elements import Figure, Section, figure, filled, page
 from reports.pages import replication_tables as tables
 from robotmodels.common.atomic_files import write_text
 
+_MEANS = {
+    "ari": "the arithmetic mean",
+    "har": "the harmonic mean",
+    "log": "the geometric mean",
+    "h1": "least squares (H1)",
+    "jio": "instrumental variables (JIO)",
+}
 _ELEMENT = 3
 """Figure 8 shows element (4,4), or the last one."""
 
@@ -62,9 +69,25 @@ def _models(results: FittedStudy, published: Replication) -> Section:
         figures.costs(e, e.optimal_normalised, "cost, optimal weights"),
         "Sorted normalised costs with optimal weights of all models of each estimator",
     )
+    other, study = published.as_published, results.study
     body = filled(
         "published_models.html.j2",
         results=results,
+        means=_MEANS,
+        excitation=study.data.experiment,
+        fit=study.fit,
+        other=None
+        if other is None
+        else figure(
+            "figure-3-published",
+            figures.costs(
+                other.evaluation,
+                other.evaluation.user_normalised,
+                "cost, user-defined weights",
+                limit=True,
+            ),
+            "Sorted normalised costs of all models, with the paper's choices",
+        ),
         user=user,
         optimal=optimal,
         shares=tables.shares(published),

@@ -20,22 +20,27 @@ _STATISTICS = ("min", "median", "max", "mean", "std", "std by Theorem 1")
 
 def shares(replication: Replication) -> Table:
     """Return the percentages of reasonable models."""
+    other = replication.as_published
+    studies = [replication] if other is None else [replication, other]
     rows = [
         (
             name,
-            _share(replication.by_cost[name]),
+            *(_share(one.by_cost[name]) for one in studies),
             _share(REASONABLE_BY_COST[name]),
-            _share(replication.by_springs[name]),
+            *(_share(one.by_springs[name]) for one in studies),
             _share(REASONABLE_BY_SPRINGS[name]),
-            _share(replication.by_all_springs[name]),
+            *(_share(one.by_all_springs[name]) for one in studies),
             _share(ALL_SPRINGS) if name == "LLS15U" else "–",
         )
         for name in ESTIMATORS
     ]
-    columns = [
-        Column("estimator"),
-        *numbers("cost < 1.5", "paper", "springs but one", "paper", "all springs", "paper"),
+    beside = ["paper"] if other is None else ["as published", "paper"]
+    headings = [
+        heading
+        for criterion in ("cost < 1.5", "springs but one", "all springs")
+        for heading in (criterion, *beside)
     ]
+    columns = [Column("estimator"), *numbers(*headings)]
     caption = (
         "Reasonable models: those with a normalised cost below 1.5, and those whose springs lie "
         f"within half and twice the best model's (without {replication.hardest}, and all)."

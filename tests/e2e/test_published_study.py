@@ -9,8 +9,9 @@ from conftest import ROBOT, STUDY, drawn, oed, write_study
 
 import estimators
 import robotmodels
+from oed.replication.as_published import published_settings
 from oed.replication.paper import CONCLUSIONS
-from oed.study.settings.study_file import ESTIMATORS
+from oed.study.settings.study_file import ESTIMATORS, load_study
 from oed.study.stages.data import Data
 from robotmodels.common.dataclass_files import read_dataclass
 
@@ -144,3 +145,83 @@ def test_a_study_without_a_published_one_is_not_put_beside_it(tmp_path):
     code, _, err = oed("replicate", write_study(tmp_path, STUDY, MODEL))
     assert code == 2
     assert "study.yaml: compare_with: missing" in err
+
+
+EXPERIMENT = """\
+data:
+  experiment:
+    multisine: {band: [3.0, 40.0], sample_time: 0.004, period: 0.5, odd: false, slope: -1.0}
+    blocks: 3
+    periods: 1
+    limits: {torque: 60.0, speed: 10.0}
+    imperfections: {friction: 0.0, angle_noise: 1.0e-6}
+  method: log
+as_published: true
+"""
+
+
+@pytest.fixture(scope="module")
+def both(tmp_path_factory):
+    """Study file that is repeated as published too."""
+    folder = tmp_path_factory.mktemp("both")
+    path = write_study(folder, PUBLISHED.replace("posterior", f"{EXPERIMENT}posterior"), MODEL)
+    (folder / "plant.yaml").write_text(PLANT, encoding="utf-8")
+    with drawn():
+        code, _, err = oed("replicate", path, "--workers", 1)
+    assert (code, err) == (0, "")
+    return path
+
+
+def test_as_published_is_an_ordinary_study_of_other_settings(both):
+    """The stages of both, and a study that says in its file what the paper did."""
+    study = load_study(both)
+    other = published_settings(study)
+    assert other.data.experiment.multisine.slope == 0.0
+    assert (other.data.method, other.fit.minimiser, other.fit.minimum_snr) == (
+        "ari",
+        "quasi_newton",
+        0.0,
+    )
+    stages = study.output / "as_published" / "stages"
+    robot = robotmodels.load_robot(both.parent / "robot.yaml")
+    data = read_dataclass(stages / "data" / "result.h5", Data).estimate
+    records = list(robotmodels.iterate_records(stages / "experiment" / "records.h5"))
+    again = estimators.estimate_frf(records, "ari", structure="diagonal")
+    np.testing.assert_allclose(data.response, again.response, rtol=1e-12)
+    own = read_dataclass(study.output / "stages" / "data" / "result.h5", Data).estimate
+    assert not np.allclose(own.response, data.response, rtol=1e-6)
+    weights = {
+        "LLS15O": np.abs(data.response) ** 2 / data.variance,
+        "NLS15O": 1 / data.variance,
+        "LLS15U": np.broadcast_to(np.where(np.eye(2, dtype=bool), 1.0, 0.1), data.response.shape),
+    }
+    for name, expected in weights.items():
+        fits = estimators.read_fits(stages / f"fit-{name}" / "runs.h5", robot, data)
+        usual = estimators.read_fits(
+            study.output / "stages" / f"fit-{name}" / "runs.h5", robot, own
+        )
+        assert {tuple(run.start) for run in fits} == {tuple(run.start) for run in usual}
+        assert all("CONVERGENCE" in run.message or not run.converged for run in fits)
+        np.testing.assert_allclose(fits[0].weights, expected, rtol=1e-9)
+
+
+def test_the_page_has_both_beside_the_paper(both):
+    output = load_study(both).output
+    page = (output / "published.html").read_text(encoding="utf-8")
+    found = json.loads((output / "published.json").read_text())
+    assert set(found["as_published"]["estimators"]) == set(ESTIMATORS)
+    assert len(found["as_published"]["conclusions"]) == 7
+    table = page.partition('id="reasonable"')[2].partition("</table>")[0]
+    assert table.count("as published") == 3
+    assert 'id="figure-3-published"' in page
+    assert "power \N{MINUS SIGN}1" in page
+
+
+def test_as_published_needs_an_experiment(tmp_path):
+    study = PUBLISHED + "as_published: true\n"
+    code, _, err = oed("replicate", write_study(tmp_path, study, MODEL))
+    assert code == 2
+    assert "as_published: it repeats the experiment" in err
+    code, _, err = oed("run", write_study(tmp_path, STUDY + "as_published: true\n", MODEL))
+    assert code == 2
+    assert "as_published: it belongs to a study with compare_with" in err

@@ -320,3 +320,46 @@ def test_positions_are_an_axis():
     assert (one.estimate.positions == POSITIONS[1]).all()
     with pytest.raises(InvalidInput, match="does not choose from positions 0 to 2"):
         fit(MODEL, estimate, positions=[3])
+
+
+@pytest.mark.parametrize("residual", ["nls", "lls"])
+@pytest.mark.parametrize("seed", range(3))
+def test_quasi_newton_ends_in_the_minimum_that_gauss_newton_finds(residual, seed):
+    estimate, points = noisy(), starts(2, decades=0.05, seed=seed)
+    ends = [
+        multistart(MODEL, estimate, points, residual, "user", tolerance=1e-14, minimiser=name)
+        for name in ("trust_region", "quasi_newton")
+    ]
+    for one, other in zip(*ends, strict=True):
+        assert np.isclose(one.cost, other.cost, rtol=1e-9)
+        np.testing.assert_allclose(one.parameters.values, other.parameters.values, rtol=1e-3)
+    assert not same(*ends)
+
+
+def test_quasi_newton_stays_inside_the_bounds_and_where_there_is_a_model():
+    bounds = np.outer([0.9, 1.1], TRUTH)
+    bounds[:, 0] = TRUTH[0] * np.array([1.05, 1.1])  # the truth lies outside
+    (end,) = multistart(
+        MODEL, noisy(), [1.08 * TRUTH], "lls", "user", bounds, minimiser="quasi_newton"
+    )
+    assert end.parameters.values[0] == pytest.approx(bounds[0, 0])
+    assert ((end.parameters.values >= bounds[0]) & (end.parameters.values <= bounds[1])).all()
+    model = MassSprings(weakest=0.95 * TRUTH[0])  # a step below it has no equilibrium
+    (end,) = multistart(model, exact(), [3.0 * TRUTH], "lls", "user", minimiser="quasi_newton")
+    assert end.parameters.values[0] >= 0.95 * TRUTH[0]
+    assert np.isfinite(end.cost)
+
+
+def test_quasi_newton_minimises_robust_losses_too():
+    for loss in ("soft_l1", "huber", "cauchy"):
+        problem = (MODEL, noisy(), [1.02 * TRUTH], "nls", "optimal")
+        one, other = (
+            multistart(*problem, tolerance=1e-14, loss=loss, minimiser=name)[0]
+            for name in ("trust_region", "quasi_newton")
+        )
+        assert np.isclose(one.cost, other.cost, rtol=1e-8)
+
+
+def test_an_unknown_minimiser_is_refused():
+    with pytest.raises(InvalidInput, match=r"minimiser 'quasinewton' is none of .*quasi_newton"):
+        multistart(MODEL, noisy(), starts(1), minimiser="quasinewton")

@@ -6,8 +6,9 @@ from two_axes import TwoAxes
 
 import oed.study.stages.result
 from estimators import simulate_frf
-from oed.study.settings.fit_settings import Estimator, WeightChoice
-from oed.study.stages.fit import Search, positions_of, start_number
+from estimators.fitting.weights import MINIMUM_SNR
+from oed.study.settings.fit_settings import Estimator, FitChoice, WeightChoice
+from oed.study.stages.fit import Search, positions_of, start_number, weights_of
 from oed.study.stages.result import best_likelihood
 from robotmodels import RelativeNoise
 from robotmodels.common.errors import InvalidInput, NotIdentifiable
@@ -90,7 +91,7 @@ def data(noise, positions=((0.3, 0.1), (-1.0, 1.6), (0.2, 0.8))):
 
 
 def positions_used(estimator, estimate):
-    return positions_of(estimator, AXES, estimate, WeightChoice()).tolist()
+    return positions_of(estimator, AXES, estimate, FitChoice()).tolist()
 
 
 @pytest.mark.parametrize("residual", ["nls", "lls"])
@@ -107,7 +108,7 @@ def test_the_best_position_is_that_with_the_least_covariance_of_the_estimator(
 
 def test_no_position_alone_may_do():
     kind = LLS.model_copy(update={"positions": "best"})
-    beyond = WeightChoice(low=70.0)  # [Hz]: no line of the data counts
+    beyond = FitChoice(user_weights=WeightChoice(low=70.0))  # [Hz]: no line of the data counts
     with pytest.raises(NotIdentifiable, match="no single position identifies all parameters"):
         positions_of(kind, AXES, data(np.ones(3)), beyond)
 
@@ -117,3 +118,31 @@ def test_positions_by_number():
     assert positions_used(some, data([1, 1, 1])) == [0, 2]
     with pytest.raises(InvalidInput, match="lls: there is no position 2; the data have 2"):
         positions_used(some, data([1, 1], ((0.3, 0.1), (-1.0, 1.6))))
+
+
+@pytest.mark.parametrize("residual", ["nls", "lls"])
+def test_weights_as_published_leave_nothing_out_and_follow_each_line(residual):
+    """[WM] (6) and (8) from the covariance as estimated; user weights are constant."""
+    estimate = data([1.0, 20.0, 400.0])
+    scatter = np.random.default_rng(2).gamma(7.0, 1 / 7.0, estimate.response.shape)
+    estimate = replace(
+        estimate, covariance=estimate.covariance * scatter, degrees_of_freedom=np.full(3, 7.0)
+    )
+    choice = FitChoice(minimum_snr=0.0, variances="own")
+    kind = Estimator(name="one", residual=residual, weights="optimal")
+    size = np.abs(estimate.response) ** 2 if residual == "lls" else 1.0
+    printed = size / estimate.covariance
+    np.testing.assert_allclose(weights_of(kind, estimate, choice), printed, rtol=1e-12)
+    user = weights_of(kind.model_copy(update={"weights": "user"}), estimate, choice)
+    n = estimate.response.shape[-1]
+    assert (user == np.where(np.eye(n, dtype=bool), 1.0, 0.1)).all()
+    # By default noisy elements of a logarithm have no weight, and variances are pooled.
+    usual = weights_of(kind.model_copy(update={"weights": "user"}), estimate, FitChoice())
+    assert (usual == 0).any() == (residual == "lls")
+    assert weights_of(kind, estimate, FitChoice()) == "optimal"
+    masked = weights_of(kind, estimate, FitChoice(variances="own"))
+    assert (masked == 0).any() == (residual == "lls")
+
+
+def test_the_default_ratio_of_a_study_is_that_of_named_weights():
+    assert FitChoice().minimum_snr == MINIMUM_SNR

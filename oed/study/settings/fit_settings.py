@@ -33,13 +33,21 @@ class Estimator(FileSection):
 
 
 class FitChoice(FileSection):
-    """Estimators, each from the same starts, perturbed by 10^U(-decades, decades)."""
+    """Estimators, each from the same starts, perturbed by 10^U(-decades, decades).
+
+    Where a logarithm is taken, elements below `minimum_snr` of their standard deviations have no
+    weight. Optimal weights follow `variances` "pooled" over neighbouring lines, or each line's
+    "own" and no covariances.
+    """
 
     residuals: Annotated[tuple[Residual, ...], Field(min_length=1)] = ("lls", "nls")
     estimators: Annotated[tuple[Estimator, ...], Field(min_length=1, max_length=100)] | None = None
     decades: Annotated[float, Field(ge=0, lt=3)] = 0.3  # fits seek within three decades
     starts: Annotated[int, Field(ge=1, le=10_000)] = 4
     user_weights: WeightChoice = WeightChoice()
+    minimum_snr: NonNegative = 10.0**0.5  # 10 dB, as of named weights
+    variances: Literal["pooled", "own"] = "pooled"
+    minimiser: Literal["trust_region", "quasi_newton"] = "trust_region"
     result: str | None = None
 
     @model_validator(mode="after")

@@ -35,6 +35,9 @@
         - {name: LLS15U, residual: lls, weights: user}
         - {name: LLS1U, residual: lls, weights: user, positions: best}    # or all, or [0, 3]
       user_weights: {diagonal: 1.0, off_diagonal: 0.1, low: 3.0}    # zero below `low` [Hz]
+      minimum_snr: 3.16          # elements below have no weight where a logarithm is taken
+      variances: pooled          # of optimal weights: over neighbouring lines, or each line's own
+      minimiser: trust_region    # or quasi_newton, by gradients alone
       result: LLS15U             # left out: the likelihood, from where the estimators ended
     posterior:                   # sampled by emcee
       ensembles: 4               # independent ones, which R-hat compares
@@ -46,6 +49,7 @@
     validation: {count: 3}       # positions that check predictions; left out: none. Of measured
                                  # data  {positions: [0, 4]}  or  {share: 0.2},  then not fitted
     compare_with: wernholt_moberg_2008    # left out, except to repeat the study of that paper
+    as_published: true           # with it: once more with the paper's excitation, mean and search
     rival: {starts: 3, decades: [0.1, 1.0]}    # with it: fits in time, a case of their own
     output: ../out/ur10          # relative to this file, as every path in it
 
@@ -214,6 +218,7 @@ class Study(FileSection):
     profiles: Annotated[int, Field(ge=0, le=1000)] = 3
     validation: ValidationChoice | None = None
     compare_with: Literal["wernholt_moberg_2008"] | None = None
+    as_published: bool = False
     rival: RivalChoice | None = None
     output: Path
 
@@ -254,8 +259,14 @@ class Study(FileSection):
 
     @model_validator(mode="after")
     def _six_estimators(self) -> Self:
-        if self.rival is not None and self.compare_with is None:
-            raise ValueError("rival: it belongs to a study with compare_with; leave it out")
+        for key in ("rival", "as_published"):
+            if getattr(self, key) and self.compare_with is None:
+                raise ValueError(f"{key}: it belongs to a study with compare_with; leave it out")
+        if self.as_published and self.data.experiment is None:
+            raise ValueError(
+                "as_published: it repeats the experiment with the paper's excitation, so "
+                "data.experiment is needed; leave it out"
+            )
         names = [estimator.name for estimator in self.fit.used]
         missing = [name for name in ESTIMATORS if name not in names]
         if self.compare_with is not None and missing:

@@ -1,23 +1,29 @@
 """The stages ``fit-NAME``: the fits of each estimator, all from the same starts."""
 
 import json
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from estimators.fitting.fit_files import read_fits, write_fits
 from estimators.fitting.least_squares import Fit, fit as fit_from, reweighted
 from estimators.fitting.multistart import multistart, perturbed_starts
-from estimators.fitting.weights import MINIMUM_SNR, user_weights
+from estimators.fitting.weights import (
+    MINIMUM_SNR,
+    combined_weights,
+    optimal_weights,
+    user_weights,
+)
 from estimators.frf.frf_estimate import FrfEstimate
 from estimators.uncertainty.covariance import covariance
-from oed.study.settings.fit_settings import Estimator, WeightChoice
+from oed.study.settings.fit_settings import Estimator, FitChoice
 from oed.study.stage_cache import Files, Stage
 from oed.study.stages.data import Data
 from oed.study.stages.run import Run
 from robotmodels import ElasticRobot
-from robotmodels.common.arrays import Array, IntArray
+from robotmodels.common.arrays import Array, ComplexArray, IntArray
 from robotmodels.common.errors import InvalidInput, NotIdentifiable, SolverFailed
 from robotmodels.common.progress import Progress
 from robotmodels.data_files.json_text import read_json
@@ -83,10 +89,10 @@ def fit(
     SolverFailed
         If no start led to an answer.
     """
-    whole, weights = data.value.estimate, run.study.fit.user_weights
+    whole, choice = data.value.estimate, run.study.fit
 
     def compute(folder: Path, report: Progress | None) -> Search:
-        positions = positions_of(estimator, run.robot, whole, weights)
+        positions = positions_of(estimator, run.robot, whole, choice)
         runs = _runs(run, estimator, whole.subset(positions), starts, folder / _STORE, report)
         best = reweighted(runs[0]) if estimator.reweight else runs[0]
         return Search(estimator, runs, best, positions)
@@ -102,7 +108,8 @@ def fit(
         "robot": run.robot_digest,
         "data": data.digest,
         "estimator": estimator.model_dump(mode="json"),
-        "user_weights": run.study.fit.user_weights.model_dump(mode="json"),
+        **weighting_of(choice),
+        "minimiser": choice.minimiser,
         "starts": starts.tolist(),
     }
     return run.stages.run(f"fit-{estimator.name}", inputs, compute, Files(_save, load))
@@ -122,10 +129,11 @@ def _runs(
         estimate,
         starts,
         estimator.residual,
-        weights_of(estimator, estimate, run.study.fit.user_weights),
+        weights_of(estimator, estimate, run.study.fit),
         executor=run.executor,
         progress=report,
         store=store,
+        minimiser=run.study.fit.minimiser,
     )
     if not np.isfinite(runs[0].cost):
         raise SolverFailed(f"fit: no start of {estimator.name} led to an answer; {runs[0].message}")
@@ -133,7 +141,7 @@ def _runs(
 
 
 def positions_of(
-    estimator: Estimator, robot: ElasticRobot, estimate: FrfEstimate, choice: WeightChoice
+    estimator: Estimator, robot: ElasticRobot, estimate: FrfEstimate, choice: FitChoice
 ) -> IntArray:
     """Return which positions of the data an estimator uses.
 
@@ -171,7 +179,7 @@ def positions_of(
 
 
 def _log_volume(
-    estimator: Estimator, robot: ElasticRobot, estimate: FrfEstimate, choice: WeightChoice
+    estimator: Estimator, robot: ElasticRobot, estimate: FrfEstimate, choice: FitChoice
 ) -> float:
     """Return the logarithm of the determinant of an estimator's covariance at nominal values."""
     weights = weights_of(estimator, estimate, choice)
@@ -183,17 +191,33 @@ def _log_volume(
     return float(size) if sign > 0 else np.inf
 
 
-def weights_of(estimator: Estimator, estimate: FrfEstimate, choice: WeightChoice) -> str | Array:
-    """Return the weights of an estimator: an array if they are the user's, a name otherwise."""
-    if estimator.weights != "user":
+def weights_of(
+    estimator: Estimator, estimate: FrfEstimate, choice: FitChoice
+) -> str | Array | ComplexArray:
+    """Return the weights of an estimator: a name where they are the usual ones of that name."""
+    minimum_snr = 0.0 if estimator.residual == "nls" else choice.minimum_snr
+    if estimator.weights == "user":
+        user = choice.user_weights
+        return user_weights(
+            estimate,
+            diagonal=user.diagonal,
+            off_diagonal=user.off_diagonal,
+            from_omega=2 * np.pi * user.low,
+            minimum_snr=minimum_snr,
+        )
+    own = choice.variances == "own"
+    if not own and minimum_snr == (0.0 if estimator.residual == "nls" else MINIMUM_SNR):
         return estimator.weights
-    return user_weights(
-        estimate,
-        diagonal=choice.diagonal,
-        off_diagonal=choice.off_diagonal,
-        from_omega=2 * np.pi * choice.low,
-        minimum_snr=0.0 if estimator.residual == "nls" else MINIMUM_SNR,
-    )
+    if estimator.weights == "combined":
+        return combined_weights(estimate, estimator.residual, minimum_snr=minimum_snr)
+    if own:  # nothing is pooled of variances that count as certain
+        estimate = replace(estimate, degrees_of_freedom=np.array(np.inf), deviations=None)
+    return optimal_weights(estimate, estimator.residual, minimum_snr=minimum_snr, diagonal=own)
+
+
+def weighting_of(choice: FitChoice) -> dict[str, Any]:
+    """Return what weights depend on beside estimator and data, for the key of a stage."""
+    return choice.model_dump(mode="json", include={"user_weights", "minimum_snr", "variances"})
 
 
 def start_number(starts: Array, run: Fit) -> int:
