@@ -166,7 +166,7 @@ def _evaluation(run: Run, results: FittedStudy) -> Stage[Evaluation]:
 
 
 def _rivalry(run: Run, choice: RivalChoice) -> Stage[TimeDomainComparison]:
-    """Return both ways of fitting; computed again where mujoco.sysid has come to be there."""
+    """Return all ways of fitting; computed again where mujoco.sysid has come to be there."""
     from oed.replication.rollout_fit import missing
 
     def compute(folder: Path, report: Progress | None) -> TimeDomainComparison:

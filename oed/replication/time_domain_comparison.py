@@ -1,26 +1,29 @@
-"""The same records fitted in time, by mujoco.sysid, and as FRFs: [WM] section 7 asks which does.
+"""The same records fitted as FRFs and in time, in two ways: [WM] section 7 asks which does.
 
-The case is small enough for rollouts: a Manutec r3 without gravity (its static deflection would
-be a second unknown of every rollout), three gear springs and dampers, one position, six runs of
-1.5 s at 1 kHz in closed loop with encoder noise. Both ways start from the same parameters and
-search within 10^+-1.5 of the truth.
+The case is small enough for rollouts: a Manutec r3 without gravity (its static deflection would be a
+second unknown of every rollout), three gear springs and dampers, one position, six runs of
+1.5 s at 1 kHz in closed loop with encoder noise. In time: by one-step predictions with a noise
+model, see `prediction_error_fit`, and by rollouts of mujoco.sysid. All start from the same
+parameters and search within 10^+-1.5 of the truth.
 """
 
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass
 from functools import partial
+from itertools import count
 from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
+from oed.replication.prediction_error_fit import fit_prediction_errors
 from oed.study.settings.study_file import RivalChoice
 from robotmodels.common.arrays import Array
 from robotmodels.common.progress import Progress
 
 if TYPE_CHECKING:
-    from oed.replication.rollout_fit import RolloutCase
+    from oed.replication.rollout_fit import RolloutCase, RolloutFit
     from robotmodels import ElasticRobot
     from robotmodels.records.records import Records
 
@@ -30,11 +33,14 @@ REACH = 1.5
 CLOSE = 0.05
 """A start succeeds if every spring ends nearer than this to the truth, in ln."""
 ROLLOUTS = 400
-"""Rollouts of all runs after which the rival's search from one start is stopped."""
+"""Rollouts, or predictions, of all runs after which a search from one start is stopped."""
 _SAMPLE_TIME, _SAMPLES, _PERIODS = 1e-3, 500, 3
 _LINES = np.arange(1, 32, 2)
 _POSITION = np.array([[0.3, 0.4, 0.5, 0.2, 0.6, 0.1]])
 _ANGLE_NOISE = 1e-5
+
+
+MethodName = Literal["frequency domain", "prediction error", "mujoco.sysid"]
 
 
 @dataclass(frozen=True)
@@ -43,7 +49,7 @@ class MethodResult:
 
     Attributes
     ----------
-    name : {"frequency domain", "mujoco.sysid"}
+    name : {"frequency domain", "prediction error", "mujoco.sysid"}
         Name of the way.
     decades : float
         The starts are the truth times 10^U(-decades, decades).
@@ -57,7 +63,7 @@ class MethodResult:
         Number of stopped searches.
     """
 
-    name: Literal["frequency domain", "mujoco.sysid"]
+    name: MethodName
     decades: float
     starts: int
     successes: int
@@ -69,12 +75,12 @@ class MethodResult:
 
 @dataclass(frozen=True)
 class TimeDomainComparison:
-    """Both ways beside each other.
+    """All ways beside each other.
 
     Attributes
     ----------
     ways : tuple of MethodResult
-        Ways at each distance, ours and then the rival's.
+        Ways at each distance: of FRFs, by predictions, by rollouts.
     missing : str
         Module that mujoco.sysid lacks here, so that it could not run; else nothing.
     misfit : float
@@ -95,67 +101,98 @@ def compare(
     executor: Executor | None = None,
     progress: Progress | None = None,
 ) -> TimeDomainComparison:
-    """Fit the case's records both ways from the same starts.
+    """Fit the case's records in all ways from the same starts.
 
     Parameters
     ----------
     rng : Generator
         Random generator of the starts.
     executor : Executor, optional
-        Runs the rival's fits, which take nearly all of the time.
+        Runs the fits in time, which take nearly all of the time.
     progress : Progress, optional
         Told how many of these are done.
     """
-    from oed.replication.rollout_fit import misfit, missing
+    from oed.replication.rollout_fit import fit_rollouts, misfit, missing
 
     robot, records = case()
     lacks = missing()
     distances = [
         (decades, _starts(robot, choice.starts, decades, rng)) for decades in choice.decades
     ]
-    ways = _ours(robot, records, distances)
-    if lacks:
-        return TimeDomainComparison(tuple(ways), lacks, float("nan"), ROLLOUTS)
     rollouts = rollouts_of(robot, records)
-    theirs = _theirs(robot, rollouts, distances, executor, progress)
-    pairs = zip(ways, theirs, strict=True)
+    predict = partial(fit_prediction_errors, robot, _POSITION[0], rollouts)
+    searches: dict[MethodName, Callable[..., RolloutFit]] = {"prediction error": predict}
+    if not lacks:
+        searches["mujoco.sysid"] = partial(fit_rollouts, rollouts)
+    total = len(searches) * choice.starts * len(distances)
+    done = count(1)
+
+    def finished() -> None:
+        if progress is not None:
+            progress(next(done), total)
+
+    ways = [_ours(robot, records, distances)]
+    for name, search in searches.items():
+        ways.append(_in_time(name, search, robot, distances, executor, finished))
     return TimeDomainComparison(
-        tuple(way for pair in pairs for way in pair),
+        tuple(way for group in zip(*ways, strict=True) for way in group),
         lacks,
-        misfit(rollouts, robot.parameters.values),
+        float("nan") if lacks else misfit(rollouts, robot.parameters.values),
         ROLLOUTS,
     )
 
 
 def case() -> "tuple[ElasticRobot, Records]":
     """Return the robot and the records of its runs, from standstill on."""
+    robot = small_robot()
+    return robot, simulated(robot, 0.5, 1, 0.0, np.random.default_rng(0))
+
+
+def small_robot() -> "ElasticRobot":
+    """Return the robot of the case."""
     from robotmodels import ElasticRobot, load_robot
+
+    loaded = load_robot("manutec_r3")
+    file = loaded.file.model_copy(update={"gravity": (0.0, 0.0, 0.0)})
+    return ElasticRobot(file, loaded.folder)
+
+
+def simulated(
+    robot: "ElasticRobot", amplitude: float, blocks: int, friction: float, rng: np.random.Generator
+) -> "Records":
+    """Return records of blocks of orthogonal multisines.
+
+    Parameters
+    ----------
+    amplitude : float, rad/s
+        Of each line of the speed reference, motor shafts.
+    friction : float
+        Factor of the robot file's Coulomb friction.
+    """
     from robotmodels.simulation.controller import default_controller
     from robotmodels.simulation.imperfections import Imperfections
     from robotmodels.simulation.simulate import simulate
 
-    loaded = load_robot("manutec_r3")
-    file = loaded.file.model_copy(update={"gravity": (0.0, 0.0, 0.0)})
-    robot = ElasticRobot(file, loaded.folder)
-    rng = np.random.default_rng(0)
     n = len(robot.motor_names)
-    turned = np.exp(2j * np.pi / n * np.outer(np.arange(n), np.arange(n)))[:, :, None]
-    phases = np.exp(2j * np.pi * rng.random((n, 1, len(_LINES))))
-    spectrum = np.zeros((1, n, n, _SAMPLES // 2 + 1), dtype=complex)
-    spectrum[0, :, :, _LINES] = np.moveaxis(turned * phases.swapaxes(0, 1), -1, 0) * _SAMPLES / 2
-    signals = 0.5 * np.swapaxes(np.fft.irfft(spectrum, n=_SAMPLES), 2, 3)
+    turned = np.exp(2j * np.pi / n * np.outer(np.arange(n), np.arange(n)))[..., None]
+    phases = np.exp(2j * np.pi * rng.random((blocks, n, 1, len(_LINES))))
+    spectrum = np.zeros((blocks, n, n, _SAMPLES // 2 + 1), dtype=complex)
+    spectrum[..., _LINES] = turned * phases.swapaxes(1, 2) * _SAMPLES / 2
+    signals = amplitude * np.swapaxes(np.fft.irfft(spectrum, n=_SAMPLES), 2, 3)
     (records,) = simulate(
         robot,
         _POSITION,
         signals,
         default_controller(robot, _SAMPLE_TIME),
         lines=_LINES,
-        imperfections=Imperfections(friction=0.0, nonlinear_gears=False, angle_noise=_ANGLE_NOISE),
+        imperfections=Imperfections(
+            friction=friction, nonlinear_gears=False, angle_noise=_ANGLE_NOISE
+        ),
         rng=rng,
         periods=_PERIODS,
         transient=0,
     )
-    return robot, records
+    return records
 
 
 def rollouts_of(robot: "ElasticRobot", records: "Records") -> "RolloutCase":
@@ -204,36 +241,34 @@ def _ours(
     return ways
 
 
-def _theirs(
+def _in_time(
+    name: MethodName,
+    search: "Callable[..., RolloutFit]",
     robot: "ElasticRobot",
-    rollouts: "RolloutCase",
     distances: Sequence[tuple[float, Array]],
     executor: Executor | None,
-    progress: Progress | None,
+    finished: Callable[[], None],
 ) -> list[MethodResult]:
-    """Fit rollouts from every start."""
-    from oed.replication.rollout_fit import fit_rollouts
-
-    fit = partial(fit_rollouts, rollouts, reach=REACH, limit=ROLLOUTS)
+    """Fit records in time from every start."""
+    fit = partial(search, reach=REACH, limit=ROLLOUTS)
     every = np.concatenate([starts for _, starts in distances])
     ran = map(fit, every) if executor is None else executor.map(fit, every)
     fits = []
-    for done, one in enumerate(ran, start=1):
+    for one in ran:
         fits.append(one)
-        if progress is not None:
-            progress(done, len(every))
+        finished()
     ways = []
     for decades, starts in distances:
         group, fits = fits[: len(starts)], fits[len(starts) :]
         values = np.array([one.values for one in group])
         seconds = float(np.mean([one.seconds for one in group]))
         unfinished = sum(not one.ended for one in group)
-        ways.append(judged("mujoco.sysid", robot, decades, values, seconds, unfinished))
+        ways.append(judged(name, robot, decades, values, seconds, unfinished))
     return ways
 
 
 def judged(
-    name: Literal["frequency domain", "mujoco.sysid"],
+    name: MethodName,
     robot: "ElasticRobot",
     decades: float,
     values: Array,

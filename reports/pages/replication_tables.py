@@ -15,6 +15,7 @@ from reports import text
 from reports.page_elements import Cell, Column, Number, Table, numbers, table
 from robotmodels.common.arrays import Array
 
+_METHODS = {"frequency domain": "FRFs, LLS", "prediction error": "predictions, innovation form"}
 _STATISTICS = ("min", "median", "max", "mean", "std", "std by Theorem 1")
 
 
@@ -82,7 +83,7 @@ def rival(comparison: TimeDomainComparison) -> Table:
     rows = [
         (
             f"within {text.significant(10**way.decades, 2)} times",
-            "FRFs, LLS" if way.name == "frequency domain" else way.name,
+            _METHODS.get(way.name, way.name),
             Number(f"{way.successes} of {way.starts}", way.successes / way.starts),
             _percentage(way.spring_error),
             _percentage(way.damper_error),

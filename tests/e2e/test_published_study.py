@@ -164,7 +164,8 @@ as_published: true
 def both(tmp_path_factory):
     """Study file that is repeated as published too."""
     folder = tmp_path_factory.mktemp("both")
-    path = write_study(folder, PUBLISHED.replace("posterior", f"{EXPERIMENT}posterior"), MODEL)
+    study = PUBLISHED.replace("posterior", f"{EXPERIMENT}posterior")
+    path = write_study(folder, study.replace("experiments: 5", "experiments: 3, most: 1"), MODEL)
     (folder / "plant.yaml").write_text(PLANT, encoding="utf-8")
     with drawn():
         code, _, err = oed("replicate", path, "--workers", 1)

@@ -56,12 +56,18 @@ def test_a_fit_in_time_that_is_given_up_says_so(short):
         assert np.allclose(found.values, 1.03 * truth)  # the best so far
 
 
+def unmoved(robot, position, rollouts, start, reach, limit):
+    return rollout_fit.RolloutFit(start, True, limit, 2.0)
+
+
 def test_frfs_of_the_same_records_find_the_truth_and_a_missing_module_is_told(case, monkeypatch):
     monkeypatch.setattr(time_domain_comparison, "case", lambda: case)
     monkeypatch.setattr(rollout_fit, "missing", lambda: "tabulate")
+    monkeypatch.setattr(time_domain_comparison, "fit_prediction_errors", unmoved)
     nearer = RivalChoice(starts=1, decades=(0.02, 0.05))
     found = compare(nearer, np.random.default_rng(0))
-    for ours in found.ways:
+    assert [way.name for way in found.ways] == ["frequency domain", "prediction error"] * 2
+    for ours in found.ways[::2]:
         assert (ours.successes, ours.starts, ours.unfinished) == (1, 1, 0)
         assert ours.spring_error < 0.01
     assert found.missing == "tabulate"
@@ -81,12 +87,15 @@ def test_both_ways_start_alike_and_are_judged_alike(case, monkeypatch):
     monkeypatch.setattr(time_domain_comparison, "case", lambda: case)
     monkeypatch.setattr(rollout_fit, "missing", lambda: "")
     monkeypatch.setattr(rollout_fit, "fit_rollouts", near)
+    monkeypatch.setattr(time_domain_comparison, "fit_prediction_errors", unmoved)
     monkeypatch.setattr(rollout_fit, "misfit", lambda rollouts, values: 1.5)
     told = []
     found = compare(NEAR, np.random.default_rng(0), progress=lambda *a: told.append(a))
-    ours, theirs = found.ways
-    assert (ours.name, theirs.name) == ("frequency domain", "mujoco.sysid")
-    assert told == [(1, 2), (2, 2)]
+    _, predicted, theirs = found.ways
+    names = ["frequency domain", "prediction error", "mujoco.sysid"]
+    assert [way.name for way in found.ways] == names
+    assert told == [(i, 4) for i in range(1, 5)]
+    assert replace(predicted, name="mujoco.sysid") == theirs
     robot, _ = case
     ln = np.log(np.array(asked) / robot.parameters.values)
     assert np.abs(ln).max() < 0.05 * np.log(10)
