@@ -1,10 +1,10 @@
 """The same records fitted as FRFs and in time, in two ways: [WM] section 7 asks which does.
 
-The case is small enough for rollouts: a Manutec r3 without gravity (its static deflection would be a
-second unknown of every rollout), three gear springs and dampers, one position, six runs of
-1.5 s at 1 kHz in closed loop with encoder noise. In time: by one-step predictions with a noise
-model, see `prediction_error_fit`, and by rollouts of mujoco.sysid. All start from the same
-parameters and search within 10^+-1.5 of the truth.
+The case is small enough for rollouts: a Manutec r3 without gravity (its static deflection would be
+a second unknown of every rollout), three gear springs and dampers, one position, six runs of 1.5 s
+at 1 kHz in closed loop with encoder noise. In time: by one-step predictions with a noise model, see
+`prediction_error_fit`, and by rollouts of mujoco.sysid. All start from the same parameters and
+search within 10^+-1.5 of the truth.
 """
 
 import time
