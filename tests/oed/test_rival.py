@@ -72,7 +72,9 @@ def test_frfs_of_the_same_records_find_the_truth_and_a_missing_module_is_told(ca
         assert ours.spring_error < 0.01
     assert found.missing == "tabulate"
     assert json_data(found)["misfit"] is None
-    page = filled("published_rival.html.j2", found=found, table=tables.rival(found), seconds=1.0)
+    page = filled(
+        "published_rival.html.j2", comparison=found, table=tables.rival(found), seconds=1.0
+    )
     assert "its module tabulate is not installed" in page
     assert "pip install" in page
 
@@ -102,7 +104,9 @@ def test_both_ways_start_alike_and_are_judged_alike(case, monkeypatch):
     assert theirs.seconds == 2.0
     springs = ln[:, [name.endswith("stiffness") for name in robot.parameters.names]]
     assert theirs.successes == int((np.abs(springs).max(axis=1) < 0.05).sum())
-    page = filled("published_rival.html.j2", found=found, table=tables.rival(found), seconds=9.0)
+    page = filled(
+        "published_rival.html.j2", comparison=found, table=tables.rival(found), seconds=9.0
+    )
     assert "by 1.5 standard deviations" in page
     assert "mujoco.sysid" in page
 
