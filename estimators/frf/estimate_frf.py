@@ -13,6 +13,7 @@ from estimators.frf.averaging import (
     jackknife,
     noise_deviations,
 )
+from estimators.frf.block_checks import check_blocks, check_excited, check_samples
 from estimators.frf.frf_estimate import FrfEstimate, unvec
 from estimators.frf.record_checks import (
     check_condition,
@@ -184,8 +185,10 @@ def usable_spectra(
         As `estimate_frf` does.
     """
     check_records(records, 0, who)
+    check_samples(records, who)
     measured = spectra(records, hold=hold, delay=delay)
     check_periods(measured, who)
+    check_excited(measured, records.lines, who)
     n, E = measured.input.shape[-2:]
     if n > E:
         raise InvalidInput(
@@ -202,6 +205,7 @@ def usable_spectra(
     first = first_period(measured, transient, who)
     measured = spectra(records, hold=hold, delay=delay, first=first) if first else measured
     measured = _without_missing(measured, method, who)
+    check_blocks(measured, who)
     _check_inputs(measured, method, records.lines.astype(float), who)
     return measured
 

@@ -9,6 +9,7 @@ from collections.abc import Iterable
 
 import numpy as np
 
+from estimators.frf.block_checks import check_excited, check_samples
 from estimators.frf.estimate_frf import (
     PositionFrf,
     Transient,
@@ -76,8 +77,10 @@ def local_frf(
 
     def estimated(part: Records, who: str) -> PositionFrf:
         check_records(part, 0, who)
+        check_samples(part, who)
         measured = spectra(part, hold=hold, delay=delay)
         check_periods(measured, who)
+        check_excited(measured, part.lines, who)
         first = first_period(measured, transient, who)
         measured = spectra(part, hold=hold, delay=delay, first=first) if first else measured
         Y, U, _ = measured.averaged()

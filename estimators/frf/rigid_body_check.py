@@ -28,6 +28,7 @@ _MOST_LINES = 30  # that frequencies are compared at
 _CLEAR = 0.03
 _MOST_ERROR = 3.0  # of one element, in ln and rad
 _MODEL_ERROR = 0.2  # of the rigid robot's elements
+_MOST_LEFT = 0.5  # beside noise, by what is the cause
 # The undone mix-up must leave less than this part of the misfit, and take away so much of it.
 _EXPLAINS, _LEAST_GAIN = 0.5, 0.15
 _SIMPLEST = 0.95  # of the most that is explained will do for a simpler cause
@@ -105,7 +106,22 @@ def rigid_limit(estimate: FrfEstimate, model: Elastic) -> RigidLimit:
     messages = [cause] if cause else _sizes(ratio)
     messages += [] if messages else _passivity(estimate, network)
     messages += [] if messages else _reciprocity(estimate, network)
+    messages += _copies(estimate)
     return RigidLimit(ratio, tuple(messages))
+
+
+def _copies(estimate: FrfEstimate) -> list[str]:
+    """Look for positions with the same numbers, noise included."""
+    first: dict[bytes, int] = {}
+    messages = []
+    for q, response in enumerate(estimate.response):
+        original = first.setdefault(response.tobytes(), q)
+        if original != q:
+            messages.append(
+                f"positions {original + 1} and {q + 1} have the same FRFs to the last digit; a "
+                "copy counts as new data, leave it out"
+            )
+    return messages
 
 
 def rigid_response(network: SpringNetwork, omega: Array) -> ComplexArray:
@@ -174,15 +190,16 @@ def _rigid(
         tried.append((MixUp("positions look turned round, all signs of them", measured), turned))
     before = _mean_errors(measured, rigid, weight)
     total = weight.sum(axis=1)
-    trust = np.where(total > 0, 1 / (1 / np.maximum(total, 1e-300) + _MODEL_ERROR**2), 0.0)
+    noise = np.where(total > 0, np.maximum(total, 1e-300) ** -0.5, 0.0)
+    trust = np.where(total > 0, 1 / (noise**2 + _MODEL_ERROR**2), 0.0)
     gains: list[tuple[float, str]] = []
     for one, expected in tried:
         after = _mean_errors(one.response, expected, weight)
         changed = ((one.response != measured) | (expected != rigid)).any(axis=1) * trust
         if not changed.any():
             continue
-        sizes = [float(np.average(each, weights=changed)) for each in (before, after)]
-        if _explains(sizes[1], sizes[0]):
+        sizes = [float(np.average(each, weights=changed)) for each in (before, after, noise)]
+        if _explains(sizes[1], sizes[0]) and sizes[1] < _MOST_LEFT + sizes[2]:
             cause = (
                 f"{one.cause} (lowest {len(omega)} lines, {int((changed > 0).sum())} elements "
                 f"against the rigid robot: mean error {sizes[0]:.2g}, {sizes[1]:.2g} without it)"
@@ -254,7 +271,7 @@ def _passivity(estimate: FrfEstimate, network: SpringNetwork) -> list[str]:
     omega, n = estimate.omega, network.selector.shape[1]
     factors = _motor_factors(network, omega)
     driving = _diagonal(estimate.response)[..., :n] / factors
-    deviation = np.sqrt(_diagonal(estimate.variance).real)[..., :n] / np.abs(factors)
+    deviation = np.sqrt(_diagonal(estimate.weight_variance).real)[..., :n] / np.abs(factors)
     messages = []
     for q, (G, std) in enumerate(zip(driving, deviation, strict=True)):
         active = _activity(G, std)
@@ -301,15 +318,19 @@ def _activity(response: ComplexArray, std: Array) -> Array:
     size = np.maximum(np.abs(response), 1e-300)
     sine, variance = response.imag / size, (std / size) ** 2 / 2
     weight = 1 / (variance + _ACTIVE**2)
-    width = max(1, len(response) // _WINDOWS)
+    active = []
+    for width in {1, max(1, len(response) // _WINDOWS)}:
+        whole, total, square = (
+            _summed(values, width) for values in (weight, weight * sine, weight**2 * variance)
+        )
+        active.append(np.maximum(-total / whole - _SIGMAS * np.sqrt(square) / whole, 0.0))
+    return np.concatenate(active)
 
-    def summed(values: Array) -> Array:
-        total = np.cumsum(np.vstack([np.zeros((1, values.shape[1])), values]), axis=0)
-        return np.asarray(total[width:] - total[:-width])
 
-    whole = summed(weight)
-    deviation = np.sqrt(summed(weight**2 * variance)) / whole
-    return np.maximum(-summed(weight * sine) / whole - _SIGMAS * deviation, 0.0)
+def _summed(values: Array, width: int) -> Array:
+    """Return the sums of `width` rows that follow each other."""
+    total = np.cumsum(np.vstack([np.zeros((1, values.shape[1])), values]), axis=0)
+    return np.asarray(total[width:] - total[:-width])
 
 
 def _reciprocity(estimate: FrfEstimate, network: SpringNetwork) -> list[str]:

@@ -1,0 +1,163 @@
+"""What blocks, runs and samples of one position say of each other, before they are averaged."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from estimators.frf.record_checks import warn
+from estimators.frf.spectra import Spectra
+from robotmodels.common.arrays import Array, ComplexArray, IntArray
+from robotmodels.common.errors import InvalidInput
+from robotmodels.records.records import Records
+
+_SAME_PHASES = 0.98  # coherence of two blocks' excitation
+_FEWEST_PHASES = 8
+_OUTLIER = 9.0  # of a run's misfit power, against the same run's of other blocks
+_LEAST_MISFIT = 0.05  # of a run's signal, rms
+_REACH = 20  # samples that a slip may have
+_JUMP = 5.0  # from the end of a period to its start, against other steps, rms
+_WRAP = 0.4  # of the range, that a step from one sample to the next is not
+_FEW_LEVELS = 40
+_EXCITED = 4.0  # times the power of noise
+_NO_POWER = 1e-12  # of the reference's strongest line
+
+
+def check_samples(records: Records, who: str) -> None:
+    """Refuse copies; warn of angles that wrap, jump between periods or have few levels.
+
+    Raises
+    ------
+    InvalidInput
+        Naming blocks that hold the same samples.
+    """
+    angle, present = records.angle[0], ~records.missing[0]
+    _refuse_copies(angle, present, who)
+    runs = angle[present]  # (runs, P, N, m)
+    for i in range(runs.shape[-1]):
+        _check_angle(runs[..., i], f"{who}: output {i + 1}")
+
+
+def _refuse_copies(angle: Array, present: NDArray[np.bool_], who: str) -> None:
+    blocks: dict[bytes, int] = {}
+    for b, block in enumerate(angle):
+        if not present[b].all() or np.ptp(block) == 0:
+            continue
+        first = blocks.setdefault(block.tobytes(), b)
+        if first != b:
+            raise InvalidInput(
+                f"{who}: blocks {first + 1} and {b + 1} hold the same samples; a copy counts as "
+                "new data, leave it out"
+            )
+    P = angle.shape[2]
+    copies = P > 1 and bool((angle[present] == angle[present][:, :1]).all())
+    if copies and np.ptp(angle[present]) > 0:
+        warn(f"{who}: all periods hold the same samples; copies tell nothing of noise")
+
+
+def _check_angle(signal: Array, who: str) -> None:
+    """Check the samples (runs, P, N) of one output."""
+    size = float((signal.max(axis=-1) - signal.min(axis=-1)).max())
+    if size == 0:
+        return
+    steps = np.abs(np.diff(signal, axis=-1))
+    largest = steps.max()
+    wraps = steps > largest / 2
+    if largest > _WRAP * size and wraps.mean() < 0.02 and steps[~wraps].max() < largest / 3:
+        warn(
+            f"{who}: {int(wraps.sum())} steps of {largest:.3g} rad from one sample to the next, "
+            f"others below {steps[~wraps].max():.2g}: the angle wraps around or samples are lost; "
+            "unwrap it"
+        )
+        return
+    jump = np.sqrt(np.mean((signal[..., 0] - signal[..., -1]) ** 2))
+    usual = np.sqrt(np.mean(steps**2))
+    if jump > _JUMP * usual:
+        warn(
+            f"{who}: from the end of a period to its start the angle jumps by {jump:.3g} rad, "
+            f"{jump / usual:.2g} times a usual step: it drifts, or these are no whole periods"
+        )
+    levels = len(np.unique(signal[0, 0]))
+    if levels <= _FEW_LEVELS < signal.shape[-1] / 4:
+        warn(f"{who}: the angle has {levels} different values in a period; move more")
+
+
+def check_excited(measured: Spectra, lines: IntArray, who: str) -> None:
+    """Refuse lines at which no motor is excited: their FRFs would be noise over noise.
+
+    Raises
+    ------
+    InvalidInput
+        Naming them.
+    """
+    reference = (np.abs(measured.reference) ** 2).sum(axis=(0, 1, 3, 4))
+    silent = (reference <= _NO_POWER * reference.max()) & (reference.max() > 0)
+    if measured.noise_input.shape[1]:
+        torque = (np.abs(measured.input.mean(axis=1)) ** 2).sum(axis=(0, 3))
+        noise = (np.abs(measured.noise_input) ** 2).mean(axis=1).sum(axis=(0, 3))
+        silent |= (torque <= _EXCITED * noise).all(axis=-1)
+    if silent.any():
+        raise InvalidInput(
+            f"{who}: lines {', '.join(map(str, lines[silent][:8]))} are declared as excited, but "
+            "no motor's torque is above its noise there, or the reference is zero; leave them out"
+        )
+
+
+def check_blocks(measured: Spectra, who: str) -> None:
+    """Warn of blocks without new phases, and of runs that differ from those of other blocks."""
+    _check_phases(measured, who)
+    complete = measured.blocks(measured.complete)
+    B, _, _, n, E = complete.input.shape
+    if B > 2 and n == E:
+        _check_runs(complete, np.flatnonzero(measured.complete), who)
+
+
+def _check_phases(measured: Spectra, who: str) -> None:
+    signal = measured.reference if measured.reference.any() else measured.input
+    blocks = signal.mean(axis=1)[measured.complete]
+    B = len(blocks)
+    flat = blocks.reshape(B, -1)
+    if B < 2 or flat.shape[1] < _FEWEST_PHASES or blocks.shape[1] < 2:
+        return
+    power = np.sum(np.abs(flat) ** 2, axis=1)
+    with np.errstate(all="ignore"):
+        coherence = np.abs(flat @ flat.conj().T) ** 2 / np.outer(power, power)
+    alike = np.triu(coherence > _SAME_PHASES, 1)
+    if alike.any():
+        first, second = np.argwhere(alike)[0] + 1
+        warn(
+            f"{who}: blocks {first} and {second} have the same phases; what is not linear repeats "
+            "in them, and their scatter hides it: give each block new random phases"
+        )
+
+
+def _check_runs(measured: Spectra, numbers: IntArray, who: str) -> None:
+    """Compare each run with what the median FRF of all blocks makes of its torques."""
+    Y, U, _ = measured.averaged()  # (B, F, ., E)
+    with np.errstate(all="ignore"):
+        G = np.linalg.solve(np.swapaxes(U, -1, -2), np.swapaxes(Y, -1, -2)).swapaxes(-1, -2)
+    median = np.median(G.real, axis=0) + 1j * np.median(G.imag, axis=0)
+    expected = median @ U
+    size = np.sqrt((np.abs(Y) ** 2).mean(axis=(0, 3), keepdims=True))
+    size = np.where(size > 0, size, 1.0)
+    power = (np.abs((Y - expected) / size) ** 2).mean(axis=1)  # (B, m, E)
+    usual = np.maximum(np.median(power, axis=0), 1e-300)
+    outlier = ((power > _OUTLIER * usual) & (power > _LEAST_MISFIT**2)).any(axis=1)
+    for b, e in np.argwhere(outlier):
+        slip = _slip(Y[b, ..., e], expected[b, ..., e], measured.omega)
+        words = "samples lost, a disturbance, or another excitation"
+        if slip:
+            words = f"its angles lie {abs(slip) * 1e3:.3g} ms {'late' if slip > 0 else 'early'}"
+        warn(
+            f"{who}: block {numbers[b] + 1}, run {e + 1} differs from the same run of other blocks "
+            f"by {np.sqrt(power[b, :, e].max()):.2g} of the signal, they by "
+            f"{np.sqrt(usual[:, e].max()):.2g}: {words}; leave it out or mend it"
+        )
+
+
+def _slip(output: ComplexArray, expected: ComplexArray, omega: Array) -> float:
+    """Return the delay [s] of outputs (F, m) that explains nearly all of their difference, or 0."""
+    delays = np.linspace(-_REACH, _REACH, 40 * _REACH + 1) / (omega[-1] / np.pi)
+    shifts = np.exp(-1j * omega * delays[:, None])[..., None]
+    size = np.maximum(np.abs(expected), 1e-300)
+    errors = (np.abs((output - shifts * expected) / size) ** 2).sum(axis=(1, 2))
+    best = int(np.argmin(errors))
+    return float(delays[best]) if errors[best] < 0.1 * errors[len(delays) // 2] else 0.0
