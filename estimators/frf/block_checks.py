@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from estimators.frf.record_checks import warn
+from estimators.frf.record_checks import check_records, warn
 from estimators.frf.spectra import Spectra
 from robotmodels.common.arrays import Array, ComplexArray, IntArray
 from robotmodels.common.errors import InvalidInput
@@ -18,6 +18,7 @@ _JUMP = 5.0  # from the end of a period to its start, against other steps, rms
 _WRAP = 0.4  # of the range, that a step from one sample to the next is not
 _FEW_LEVELS = 40
 _EXCITED = 4.0  # times the power of noise
+_ROUNDING = 1e-13
 _NO_POWER = 1e-12  # of the reference's strongest line
 
 
@@ -27,8 +28,9 @@ def check_samples(records: Records, who: str) -> None:
     Raises
     ------
     InvalidInput
-        Naming blocks that hold the same samples.
+        Naming blocks that hold the same samples, and as `check_records`.
     """
+    check_records(records, 0, who)
     angle, present = records.angle[0], ~records.missing[0]
     _refuse_copies(angle, present, who)
     runs = angle[present]  # (runs, P, N, m)
@@ -47,10 +49,6 @@ def _refuse_copies(angle: Array, present: NDArray[np.bool_], who: str) -> None:
                 f"{who}: blocks {first + 1} and {b + 1} hold the same samples; a copy counts as "
                 "new data, leave it out"
             )
-    P = angle.shape[2]
-    copies = P > 1 and bool((angle[present] == angle[present][:, :1]).all())
-    if copies and np.ptp(angle[present]) > 0:
-        warn(f"{who}: all periods hold the same samples; copies tell nothing of noise")
 
 
 def _check_angle(signal: Array, who: str) -> None:
@@ -97,8 +95,17 @@ def check_excited(measured: Spectra, lines: IntArray, who: str) -> None:
     if silent.any():
         raise InvalidInput(
             f"{who}: lines {', '.join(map(str, lines[silent][:8]))} are declared as excited, but "
-            "no motor's torque is above its noise there, or the reference is zero; leave them out"
+            "no motor's torque is above its noise there, or the reference is zero; leave them out, "
+            "or mend the number of samples a period"
         )
+
+
+def check_copied_periods(measured: Spectra, who: str) -> None:
+    """Warn of periods that are the same to rounding: a noise covariance would be of nothing."""
+    output = measured.output
+    size = np.abs(output).max()
+    if size > 0 and np.abs(output - output[:, :1]).max() <= _ROUNDING * size:
+        warn(f"{who}: all periods hold the same samples; copies tell nothing of noise")
 
 
 def check_blocks(measured: Spectra, who: str) -> None:
@@ -113,10 +120,9 @@ def check_blocks(measured: Spectra, who: str) -> None:
 def _check_phases(measured: Spectra, who: str) -> None:
     signal = measured.reference if measured.reference.any() else measured.input
     blocks = signal.mean(axis=1)[measured.complete]
-    B = len(blocks)
-    flat = blocks.reshape(B, -1)
-    if B < 2 or flat.shape[1] < _FEWEST_PHASES or blocks.shape[1] < 2:
+    if len(blocks) < 2 or blocks[0].size < _FEWEST_PHASES or blocks.shape[1] < 2:
         return
+    flat = blocks.reshape(len(blocks), -1)
     power = np.sum(np.abs(flat) ** 2, axis=1)
     with np.errstate(all="ignore"):
         coherence = np.abs(flat @ flat.conj().T) ** 2 / np.outer(power, power)
@@ -132,8 +138,10 @@ def _check_phases(measured: Spectra, who: str) -> None:
 def _check_runs(measured: Spectra, numbers: IntArray, who: str) -> None:
     """Compare each run with what the median FRF of all blocks makes of its torques."""
     Y, U, _ = measured.averaged()  # (B, F, ., E)
-    with np.errstate(all="ignore"):
+    try:
         G = np.linalg.solve(np.swapaxes(U, -1, -2), np.swapaxes(Y, -1, -2)).swapaxes(-1, -2)
+    except np.linalg.LinAlgError:  # of which methods that sum over blocks make the best
+        return
     median = np.median(G.real, axis=0) + 1j * np.median(G.imag, axis=0)
     expected = median @ U
     size = np.sqrt((np.abs(Y) ** 2).mean(axis=(0, 3), keepdims=True))

@@ -13,12 +13,16 @@ from estimators.frf.averaging import (
     jackknife,
     noise_deviations,
 )
-from estimators.frf.block_checks import check_blocks, check_excited, check_samples
+from estimators.frf.block_checks import (
+    check_blocks,
+    check_copied_periods,
+    check_excited,
+    check_samples,
+)
 from estimators.frf.frf_estimate import FrfEstimate, unvec
 from estimators.frf.record_checks import (
     check_condition,
     check_periods,
-    check_records,
     settling,
     warn,
 )
@@ -184,7 +188,6 @@ def usable_spectra(
     InvalidInput
         As `estimate_frf` does.
     """
-    check_records(records, 0, who)
     check_samples(records, who)
     measured = spectra(records, hold=hold, delay=delay)
     check_periods(measured, who)
@@ -235,6 +238,7 @@ def with_deviations(
     else:
         if P < 2:
             raise InvalidInput(f"{who}: one period; a noise covariance needs at least 2")
+        check_copied_periods(measured, who)
         response = find_method(method)(Y, U, R)
         noise = [np.moveaxis(a, 2, 0) for a in (measured.noise_output, measured.noise_input)]
         draws = noise_deviations(method, response, noise[0], noise[1], U, R)

@@ -19,7 +19,7 @@ from estimators.frf.estimate_frf import (
     structured,
 )
 from estimators.frf.frf_estimate import FrfEstimate
-from estimators.frf.record_checks import check_periods, check_records
+from estimators.frf.record_checks import check_periods
 from estimators.frf.spectra import spectra
 from robotmodels.common.arrays import Array, ComplexArray, check_count
 from robotmodels.common.errors import InvalidInput
@@ -76,7 +76,6 @@ def local_frf(
     check_count(denominator, "denominator", 0)
 
     def estimated(part: Records, who: str) -> PositionFrf:
-        check_records(part, 0, who)
         check_samples(part, who)
         measured = spectra(part, hold=hold, delay=delay)
         check_periods(measured, who)

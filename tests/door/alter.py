@@ -22,11 +22,13 @@ def listed() -> dict[str, str]:
     return {name: how for name, _, how in lines}
 
 
-def estimated(data: GoodData, records: Records) -> tuple[FrfEstimate, list[str]]:
+def estimated(
+    data: GoodData, records: Records, covariance: str = "total"
+) -> tuple[FrfEstimate, list[str]]:
     """Return FRFs and the warnings about their records."""
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always", IdentificationWarning)
-        estimate = estimate_frf(records, structure="diagonal")
+        estimate = estimate_frf(records, structure="diagonal", covariance=covariance)
     return estimate, [str(w.message) for w in caught]
 
 
@@ -37,7 +39,9 @@ def questions(data: GoodData, name: str, good: FrfEstimate | None = None) -> lis
             estimate, said = FRFS[name](good or estimated(data, data.records)[0], data), []
         else:
             records = RECORDS[name](data.records, data) if name else data.records
-            estimate, said = estimated(data, records)
+            # Copies of periods do no harm to a covariance over blocks.
+            covariance = "noise" if name == "periods_copied" else "total"
+            estimate, said = estimated(data, records, covariance)
         with warnings.catch_warnings(record=True) as caught:
             warnings.simplefilter("always", IdentificationWarning)
             check_rigid_limit(estimate, data.robot)

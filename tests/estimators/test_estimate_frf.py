@@ -233,6 +233,8 @@ def test_wrong_sample_counts_are_refused():
     with (
         pytest.warns(IdentificationWarning, match=r"only .* % of the torque's power lies at"),
         pytest.warns(IdentificationWarning, match="periods differ more than they agree"),
+        pytest.warns(IdentificationWarning, match="from the end of a period to its start"),
+        pytest.raises(InvalidInput, match=r"declared as excited, .* number of samples a period"),
     ):
         estimate_frf(silent)
 
@@ -282,7 +284,14 @@ def test_wrong_options_are_named(options, message):
 def test_noise_free_records_have_the_variance_of_rounding():
     records = bench_records(Bench(periods=1, blocks=2))
     same = replace(records, **{k: getattr(records, k)[:, [0, 0]] for k in SIGNALS})
-    estimate = estimate_frf(same)
+    with pytest.raises(InvalidInput, match="blocks 1 and 2 hold the same samples; a copy counts"):
+        estimate_frf(same)
+
+    def rounded(array):
+        array[:, 1] *= 1 + 2**-52
+
+    with pytest.warns(IdentificationWarning, match="blocks 1 and 2 have the same phases"):
+        estimate = estimate_frf(changed(same, "angle", rounded))
     assert (estimate.variance > 0).all()
     assert np.sqrt(estimate.variance.max()) < 1e-12 * np.abs(estimate.response).max()
 
