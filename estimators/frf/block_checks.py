@@ -11,7 +11,7 @@ from robotmodels.records.records import Records
 
 _SAME_PHASES = 0.98  # coherence of two blocks' excitation
 _FEWEST_PHASES = 8
-_OUTLIER = 9.0  # of a run's misfit power, against the same run's of other blocks
+_OUTLIER = 25.0  # of a run's misfit power, against the same run's of other blocks
 _LEAST_MISFIT = 0.05  # of a run's signal, rms
 _REACH = 20  # samples that a slip may have
 _JUMP = 5.0  # from the end of a period to its start, against other steps, rms
