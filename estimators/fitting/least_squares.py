@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,6 +28,9 @@ from robotmodels.common.printing import ReprHtml
 from robotmodels.description.parameters import Parameters
 from robotmodels.linear.residuals import RESIDUALS, ResidualForm
 from robotmodels.linear.response import Elastic, frequency_response
+
+if TYPE_CHECKING:
+    from robotmodels.elastic.robot import ElasticRobot
 
 
 @renamed_attributes("0.2", own_residual="custom_residual")
@@ -148,6 +151,28 @@ class Fit(ReprHtml):
     def verdict(self) -> Verdict:
         """The verdict on the whole fit, one of `estimators.VERDICTS`, with its reason."""
         return self.trust.verdict
+
+    def robot(self, trust: Trust | None = None) -> "ElasticRobot":
+        """Return the robot with the fitted values, for `robotmodels.save_robot` and `export`.
+
+        Its file's section ``fitted`` has the standard deviations of parameters with an interval,
+        the verdict, and what the fit rests on; `robot_prior` makes a prior of it.
+
+        Parameters
+        ----------
+        trust : Trust, optional
+            Recommended intervals; by default the fit's own, `Fit.trust`.
+
+        Raises
+        ------
+        InvalidInput
+            If the model that was fitted is no robot, or no body can have the fitted inertia.
+        SolverFailed
+            If the search could not begin.
+        """
+        from estimators.fitting.fitted_robot import fitted_robot
+
+        return fitted_robot(self, trust)
 
     def __str__(self) -> str:
         p = self.parameters

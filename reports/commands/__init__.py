@@ -5,6 +5,7 @@ import typer
 from reports.commands import (
     chains,
     check,
+    export,
     frf,
     init,
     replicate,
@@ -15,7 +16,7 @@ from reports.commands import (
     steps,
 )
 
-_IN_ORDER = (init, check, run, steps, replicate, report, simulate, frf, chains, schema)
+_IN_ORDER = (init, check, run, steps, replicate, report, export, simulate, frf, chains, schema)
 
 
 def register_all(app: typer.Typer) -> None:

@@ -41,6 +41,10 @@
       at: [0.0, 0.0, 0.3]        # in the link's frame [m]
       direction: [1.0, 0.0, 0.0] # along which it measures, in the link's frame
     delay: 0.0                   # of all that is measured [s]
+    fitted:                      # of identified values, written by `oed export`
+      relative_std: {d1.stiffness: 0.01}      # standard deviations of their logarithms
+      verdict: trustworthy       # on the fit, see `estimators.VERDICTS`
+      provenance: {residual: nls}             # data, settings and programs behind them, in words
 
 `motors`, `springs` and `accelerometers` are lists; of one entry each, what its keys mean.
 """
@@ -200,6 +204,17 @@ class Accelerometer(FileSection):
         return self
 
 
+class Fitted(FileSection):
+    """How certain the values of a fit are and where they come from.
+
+    `relative_std` holds standard deviations of ln theta of parameters whose interval can be quoted.
+    """
+
+    relative_std: dict[str, Annotated[float, Field(gt=0)]] = {}
+    verdict: str = ""
+    provenance: dict[str, str] = {}
+
+
 class RobotFile(FileSection):
     """A robot file, ``schema: robot/1``."""
 
@@ -216,6 +231,7 @@ class RobotFile(FileSection):
     output: Literal["acceleration", "velocity", "position"] = "acceleration"
     accelerometers: list[Accelerometer] = Field([], max_length=256)
     delay: float = Field(0.0, ge=0, le=1e3)
+    fitted: Fitted | None = None
 
     @model_validator(mode="after")
     def _names_are_unique(self) -> Self:

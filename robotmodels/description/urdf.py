@@ -14,7 +14,7 @@ from robotmodels.common.errors import InvalidInput, nearest
 from robotmodels.common.file_paths import absolute
 from robotmodels.description.urdf_check import checked_urdf
 
-_PACKAGE_PREFIX = "example-robot-data:"
+PACKAGE_PREFIX = "example-robot-data:"
 
 
 def locate(urdf: str, beside: Path) -> Path:
@@ -27,14 +27,14 @@ def locate(urdf: str, beside: Path) -> Path:
     InvalidInput
         If there is no such file.
     """
-    if not urdf.startswith(_PACKAGE_PREFIX):
+    if not urdf.startswith(PACKAGE_PREFIX):
         path = absolute(beside, urdf)
         if os.path.isdir(path):
             raise InvalidInput(f"urdf: {path} is a folder; the URDF file itself is needed")
         if not os.path.isfile(path):
             raise InvalidInput(f"urdf: {path}: no such file")
         return path
-    ending = "/robots/" + urdf.removeprefix(_PACKAGE_PREFIX)
+    ending = "/robots/" + urdf.removeprefix(PACKAGE_PREFIX)
     files = importlib.metadata.files("example-robot-data") or []
     urdfs = [str(f) for f in files if f.suffix == ".urdf"]
     match = next((f for f in files if str(f).endswith(ending)), None)
@@ -42,7 +42,7 @@ def locate(urdf: str, beside: Path) -> Path:
         names = {k.split("/robots/")[-1] for k in urdfs}
         raise InvalidInput(
             f"urdf: {urdf}: no such file in example-robot-data"
-            f"{nearest(urdf.removeprefix(_PACKAGE_PREFIX), names)}"
+            f"{nearest(urdf.removeprefix(PACKAGE_PREFIX), names)}"
         )
     return Path(str(match.locate()))
 

@@ -157,6 +157,30 @@ class Elements:
         elements = dict(zip(self.names, self.at(theta), strict=True))
         return apply_extra(self.file, {name: elements[name] for name in self._extra})
 
+    def check_fitted(self) -> None:
+        """Refuse standard deviations of what the robot does not have.
+
+        Raises
+        ------
+        InvalidInput
+            Naming the entry.
+        """
+        fitted = self.file.fitted
+        for name in fitted.relative_std if fitted else ():
+            if name not in self.names:
+                raise InvalidInput(
+                    f"fitted.relative_std: {name!r} is not a parameter of this robot"
+                    f"{nearest(name, self.names)}"
+                )
+
+    def whole_file_at(self, theta: Array) -> RobotFile:
+        """Return the robot file with all elements of `theta`; a free one is exactly its value."""
+        elements = dict(zip(self.names, self.at(theta).tolist(), strict=True))
+        elements |= dict(zip(self.parameters.names, np.asarray(theta).tolist(), strict=True))
+        file = apply_extra(self.file, {name: elements[name] for name in self._extra})
+        springs = [spring.model_copy(update=_values(spring, elements)) for spring in file.springs]
+        return file.model_copy(update={"springs": springs})
+
     @cached_property
     def extra_columns(self) -> list[int]:
         """Free parameters that scale something other than a spring, a damper or a motor's inertia.
@@ -264,6 +288,15 @@ class Elements:
         return next(
             self.names.index(f"{spring}.{e}") for e in endings if f"{spring}.{e}" in self.names
         )
+
+
+def _values(spring: Spring, elements: dict[str, float]) -> dict[str, object]:
+    """Return stiffness and damping of a spring among all elements."""
+    k, damping = spring.stiffness, elements[f"{spring.name}.damping"]
+    if not isinstance(k, Hardening):
+        return {"stiffness": elements[f"{spring.name}.stiffness"], "damping": damping}
+    slopes = {e: elements[f"{spring.name}.stiffness.{e}"] for e in ("low", "high")}
+    return {"stiffness": k.model_copy(update=slopes), "damping": damping}
 
 
 def _meant(name: str, names: Collection[str]) -> str:

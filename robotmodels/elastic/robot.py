@@ -47,6 +47,7 @@ class ElasticRobot:
         check_bodies(self.file, self.rigid)
         check_mass(self.layout)
         _ = self.parameters  # a robot that exists can be used
+        self.elements.check_fitted()
 
     @property
     def name(self) -> str:

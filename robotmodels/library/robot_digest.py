@@ -22,10 +22,11 @@ def mesh_digests(robot: "ElasticRobot") -> dict[str, str | None]:
 def robot_digest(robot: "ElasticRobot") -> str:
     """Return the SHA-256 of a robot file's content and of the URDF it names, not of their paths.
 
-    Meshes are no part of it: they matter to collisions only, see `mesh_digests`.
+    How certain its values are is no part of it: responses do not depend on that. Nor are meshes,
+    which matter to collisions only, see `mesh_digests`.
     """
     from robotmodels.description.urdf import locate
 
     urdf = file_digest(Path(locate(robot.file.urdf, robot.folder)))
-    content = robot.file.model_dump(mode="json", by_alias=True, exclude={"urdf"})
+    content = robot.file.model_dump(mode="json", by_alias=True, exclude={"urdf", "fitted"})
     return json_digest({"file": content, "urdf": urdf})

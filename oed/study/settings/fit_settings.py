@@ -49,6 +49,7 @@ class FitChoice(FileSection):
     variances: Literal["pooled", "own"] = "pooled"
     minimiser: Literal["trust_region", "quasi_newton"] = "trust_region"
     result: str | None = None
+    prior: Literal["none", "robot"] = "none"
 
     @model_validator(mode="after")
     def _each_once(self) -> Self:

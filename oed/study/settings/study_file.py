@@ -39,6 +39,7 @@
       variances: pooled          # of optimal weights: over neighbouring lines, or each line's own
       minimiser: trust_region    # or quasi_newton, by gradients alone
       result: LLS15U             # left out: the likelihood, from where the estimators ended
+      prior: none                # or robot: the standard deviations in the robot file's `fitted`
     posterior:                   # sampled by emcee
       ensembles: 4               # independent ones, which R-hat compares
       walkers: 64                # in each, at least twice the number of parameters

@@ -8,8 +8,10 @@ from typing import Any
 import numpy as np
 
 from estimators.fitting.fit_files import read_fits, write_fits
+from estimators.fitting.fitted_robot import robot_prior
 from estimators.fitting.least_squares import Fit, fit as fit_from, reweighted
 from estimators.fitting.multistart import multistart, perturbed_starts
+from estimators.fitting.priors import Prior
 from estimators.fitting.weights import (
     MINIMUM_SNR,
     combined_weights,
@@ -112,6 +114,8 @@ def fit(
         "minimiser": choice.minimiser,
         "starts": starts.tolist(),
     }
+    if (prior := prior_of(run)) is not None:  # not of a digest without one
+        inputs["prior"] = dict(zip(prior.names, prior.std.tolist(), strict=True))
     return run.stages.run(f"fit-{estimator.name}", inputs, compute, Files(_save, load))
 
 
@@ -134,10 +138,22 @@ def _runs(
         progress=report,
         store=store,
         minimiser=run.study.fit.minimiser,
+        prior=prior_of(run),
     )
     if not np.isfinite(runs[0].cost):
         raise SolverFailed(f"fit: no start of {estimator.name} led to an answer; {runs[0].message}")
     return runs
+
+
+def prior_of(run: Run) -> Prior | None:
+    """Return the prior that the study asks for.
+
+    Raises
+    ------
+    InvalidInput
+        If its robot file holds none.
+    """
+    return robot_prior(run.robot) if run.study.fit.prior == "robot" else None
 
 
 def positions_of(

@@ -69,8 +69,8 @@ def best_likelihood(
         if search.is_likelihood:
             from_starts.append(SelectedFit(search.runs[0], origin_of(starts, search.runs[0])))
         else:
-            values = search.result.parameters.values
-            refined = fit(robot, estimate, "nls", "optimal", start=values)
+            values, prior = search.result.parameters.values, search.result.prior
+            refined = fit(robot, estimate, "nls", "optimal", start=values, prior=prior)
             from_fits.append(SelectedFit(refined, f"the {name.replace('_', ' ')} fit"))
     # Perturbed starts first: they owe nothing to other estimators.
     candidates = from_starts + from_fits

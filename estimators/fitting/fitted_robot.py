@@ -1,0 +1,68 @@
+"""The robot that a fit found: its values in a robot file, how certain they are, and from what."""
+
+from importlib.metadata import version
+
+import numpy as np
+
+from estimators.fitting.least_squares import Fit
+from estimators.fitting.priors import Prior
+from estimators.trust.trust import Trust
+from robotmodels.common.errors import InvalidInput
+from robotmodels.description.robot_file import Fitted
+from robotmodels.elastic.robot import ElasticRobot
+from robotmodels.export.robot_files import with_values
+from robotmodels.library.robot_digest import robot_digest
+from robotmodels.linear.derived_models import WithParameters
+
+
+def fitted_robot(fit: Fit, trust: Trust | None = None) -> ElasticRobot:
+    """Return the robot of a fit with the fitted values, see `Fit.robot`."""
+    model = fit.model
+    while isinstance(model, WithParameters):
+        model = model.model
+    if not isinstance(model, ElasticRobot):
+        raise InvalidInput(
+            f"robot: the fit is of a {type(fit.model).__name__}; only that of a robot has one"
+        )
+    trust = fit.trust if trust is None else trust
+    std = {
+        interval.name: float(trust.std[i])
+        for i, interval in enumerate(trust.intervals)
+        if interval.verdict.gives_interval and np.isfinite(trust.std[i]) and trust.std[i] > 0
+    }
+    estimate = fit.estimate
+    low, high = estimate.omega[[0, -1]] / (2 * np.pi)
+    provenance = {
+        "program": f"elastic-robot-oed {version('elastic-robot-oed')}",
+        "start": f"robot file {model.name}, sha256 {robot_digest(model)}",
+        "data": f"FRFs at {len(estimate.positions)} positions and {len(estimate.omega)} lines "
+        f"from {low:.6g} to {high:.6g} Hz",
+        "fit": f"{fit.residual}, weights {fit.weighting or 'given'}, cost {fit.cost:.9g}, "
+        f"{'converged' if fit.converged else 'not converged'}",
+        "standard deviations": trust.method,
+        "verdict": trust.verdict.reason,
+    }
+    fitted = Fitted(relative_std=std, verdict=str(trust.verdict), provenance=provenance)
+    return with_values(model, fit.parameters.values, fitted)
+
+
+def robot_prior(robot: ElasticRobot) -> Prior:
+    """Return the prior that the robot file of an earlier fit holds, see `Fit.robot`.
+
+    Its medians are the file's values; free parameters without a standard deviation have none.
+
+    Raises
+    ------
+    InvalidInput
+        If the file has no standard deviation of a free parameter.
+    """
+    fitted, parameters = robot.file.fitted, robot.parameters
+    std = fitted.relative_std if fitted else {}
+    names = tuple(name for name in parameters.names if name in std)
+    if not names:
+        raise InvalidInput(
+            f"prior: robot file {robot.name!r} has no fitted.relative_std of a free parameter; "
+            "the robot file of a fit has"
+        )
+    values = parameters.values[[parameters.index(name) for name in names]]
+    return Prior(names, values, np.array([std[name] for name in names]))

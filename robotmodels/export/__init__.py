@@ -1,0 +1,1 @@
+"""The model taken out: robot files, MJCF, URDF, state space, modes."""

@@ -1,0 +1,91 @@
+"""One robot in the format of another program."""
+
+from pathlib import Path
+from typing import get_args
+
+import numpy as np
+
+from robotmodels.common.arrays import Array, real_numbers
+from robotmodels.common.errors import InvalidInput, nearest
+from robotmodels.common.plain_data import json_text
+from robotmodels.elastic.robot import ElasticRobot
+from robotmodels.export.formats import ENDINGS, Format
+from robotmodels.export.robot_files import save_robot, write_file
+
+
+def export(
+    robot: ElasticRobot,
+    path: str | Path,
+    format: Format = "mjcf",
+    position: Array | None = None,
+    covariance: Array | None = None,
+) -> tuple[str, ...]:
+    """Write a robot for another program and return what the format leaves out, one line each.
+
+    Parameters
+    ----------
+    robot : ElasticRobot
+        Robot, such as `estimators.Fit.robot` returns.
+    path : str or Path
+        File to write; its folder is made.
+    format : {"mjcf", "urdf", "state_space", "modes", "robot"}
+        MuJoCo's model; the rigid robot; MATLAB's .mat; JSON; a robot file.
+    position : ndarray, (n,) or (Q, n), rad or m, optional
+        Positions of MJCF's keyframes, of state-space models and of modes; by default the middle
+        of all ranges.
+    covariance : ndarray, (p, p), optional
+        Covariance of ln theta that goes along with state-space models, see `state_space`.
+
+    Raises
+    ------
+    InvalidInput
+        If there is no such format, the file cannot be written, or a position is outside the joint
+        limits.
+    NoEquilibrium
+        If a spring is too weak for gravity.
+    """
+    check_format(format)
+    path = Path(path)
+    if position is None:
+        position = robot.position_limits.mean(axis=1)
+    positions = robot.checked_positions(np.atleast_2d(real_numbers(position, "position")))
+    file = robot.file
+    if format == "robot":
+        save_robot(robot, path)
+        return ()
+    if format == "urdf":
+        from robotmodels.export.urdf_file import left_out_of_urdf, urdf_text
+
+        write_file(path, urdf_text(robot, path.parent))
+        return left_out_of_urdf(file)
+    if format == "mjcf":
+        from robotmodels.export.mjcf import mjcf_text
+
+        write_file(path, mjcf_text(robot, positions))
+        delay = (f"delay of {file.delay:g} s of all that is measured",) if file.delay else ()
+        return ("shapes and meshes of the URDF", *delay)
+    if format == "modes":
+        from robotmodels.export.modes import modal_parameters
+
+        write_file(path, json_text(modal_parameters(robot, positions)) + "\n")
+        return ()
+    from robotmodels.export.state_space import state_space, write_state_space
+
+    write_state_space(state_space(robot, positions, covariance), path)
+    return ("Coulomb friction",) if any(motor.coulomb for motor in file.motors) else ()
+
+
+def check_format(format: str) -> None:
+    """Refuse an unknown format.
+
+    Raises
+    ------
+    InvalidInput
+        Naming those there are.
+    """
+    if format not in ENDINGS:
+        formats = get_args(Format)
+        raise InvalidInput(
+            f"format: {format!r} is unknown{nearest(format, formats)}; there are "
+            f"{', '.join(formats)}"
+        )

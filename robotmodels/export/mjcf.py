@@ -1,0 +1,124 @@
+"""The robot as MJCF: torsions as hinges, gears as tendons, motors as actuators on their shafts."""
+
+import xml.etree.ElementTree as ET
+from collections.abc import Sequence
+
+import mujoco
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from robotmodels.common.arrays import Array
+from robotmodels.description.urdf import locate
+from robotmodels.elastic.dynamics import gravity_torques
+from robotmodels.elastic.robot import ElasticRobot
+from robotmodels.linear.modes import resonances
+from robotmodels.linear.response import linearize
+from robotmodels.simulation.mujoco_model import PlantBuilder
+from robotmodels.simulation.urdf_tree import read_tree
+
+_STEPS = 20  # in a period of the fastest mode
+_LONGEST_STEP = 2e-3  # MuJoCo's own [s]
+
+
+def mjcf_text(robot: ElasticRobot, positions: Array) -> str:
+    """Return the robot as MJCF, with one keyframe at equilibrium for each of `positions` (Q, n).
+
+    Controls are the commanded torques on the motor shafts [N m]; sensors ``m1.position`` and
+    ``m1.velocity`` of a motor m1 are on its shaft too; the third number of an accelerometer is
+    along the direction in the robot file.
+
+    Raises
+    ------
+    NoEquilibrium
+        If a spring is too weak for gravity.
+    InvalidInput
+        If MuJoCo refuses a body.
+    """
+    file = robot.file
+    builder = PlantBuilder(file, read_tree(locate(file.urdf, robot.folder)), fuse=False)
+    model, spec = builder.compile(), builder.spec
+    spec.modelname = robot.name
+    spec.option.disableflags = 0  # friction is a constraint
+    spec.option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
+    fastest = resonances(linearize(robot, positions)).frequencies.max(initial=1.0)
+    spec.option.timestep = min(2 * np.pi / fastest / _STEPS, _LONGEST_STEP)
+    names = [model.joint(i).name for i in range(model.njnt)]
+    _add_motors(spec, robot, names)
+    for sensor in file.accelerometers:
+        turn = Rotation.align_vectors([sensor.direction], [[0.0, 0.0, 1.0]])[0]
+        spec.site(sensor.name).quat = turn.as_quat(scalar_first=True)
+    coordinates = robot.equilibrium(positions).coordinates
+    torques = gravity_torques(robot.arm, coordinates)[:, robot.layout.drives]
+    scale = np.array([motor.gear_ratio * motor.torque_gain for motor in file.motors])
+    for i, (position, q, load) in enumerate(zip(positions, coordinates, torques, strict=True)):
+        here = dict(zip(robot.motor_names, position, strict=True))
+        here |= {name: q[c] for name, c in robot.arm.coordinate.items()}
+        spec.add_key(name=f"position {i}", qpos=[here[n] for n in names], ctrl=load / scale)
+    return _exact(spec.to_xml(), spec.compile())
+
+
+def _add_motors(spec: mujoco.MjSpec, robot: ElasticRobot, joints: Sequence[str]) -> None:
+    """Add actuators, their sensors and the friction of motors."""
+    for motor in robot.file.motors:
+        shaft = motor.name if motor.name in joints else motor.joint
+        spec.joint(shaft).frictionloss = motor.coulomb * abs(motor.gear_ratio)
+        actuator = spec.add_actuator(name=motor.name, target=shaft)
+        actuator.trntype = mujoco.mjtTrn.mjTRN_JOINT
+        actuator.gear[0], actuator.gainprm[0] = motor.gear_ratio, motor.torque_gain
+        for word, kind in (("position", "POS"), ("velocity", "VEL")):
+            spec.add_sensor(
+                name=f"{motor.name}.{word}",
+                type=getattr(mujoco.mjtSensor, f"mjSENS_ACTUATOR{kind}"),
+                objtype=mujoco.mjtObj.mjOBJ_ACTUATOR,
+                objname=motor.name,
+            )
+
+
+def _exact(xml: str, model: mujoco.MjModel) -> str:
+    """Return MuJoCo's XML, which has six digits, with the numbers of the compiled model."""
+    root = ET.fromstring(xml)
+    option = _entry(root, "option")
+    option.set("gravity", _numbers(model.opt.gravity))
+    option.set("timestep", _numbers([model.opt.timestep]))
+    for body in root.iter("body"):
+        it = model.body(body.get("name"))
+        _set(body, pos=it.pos, quat=it.quat)
+        if (inertial := body.find("inertial")) is not None:
+            _set(inertial, pos=it.ipos, quat=it.iquat, mass=it.mass, diaginertia=it.inertia)
+        for joint in body.findall("joint"):
+            _set_joint(joint, model)
+        for site in body.findall("site"):
+            _set(site, pos=model.site(site.get("name")).pos, quat=model.site(site.get("name")).quat)
+    for tendon in root.iter("fixed"):
+        i = model.tendon(tendon.get("name")).id
+        stiffness = model.tendon_stiffness[i], *model.tendon_stiffnesspoly[i]
+        _set(tendon, stiffness=stiffness, damping=model.tendon_damping[[i]])
+    for actuator in _entry(root, "actuator"):
+        it = model.actuator(actuator.get("name"))
+        _set(actuator, gear=it.gear, gainprm=it.gainprm[:1])
+    for i, key in enumerate(_entry(root, "keyframe")):
+        _set(key, qpos=model.key_qpos[i], ctrl=model.key_ctrl[i])
+    ET.indent(root)
+    return ET.tostring(root, encoding="unicode") + "\n"
+
+
+def _set_joint(joint: ET.Element, model: mujoco.MjModel) -> None:
+    i = model.joint(joint.get("name")).id
+    stiffness = model.jnt_stiffness[i], *model.jnt_stiffnesspoly[i]
+    _set(joint, axis=model.jnt_axis[i], stiffness=stiffness, damping=model.dof_damping[[i]])
+    _set(joint, armature=model.dof_armature[[i]], frictionloss=model.dof_frictionloss[[i]])
+
+
+def _set(element: ET.Element, **values: Array | Sequence[float]) -> None:
+    for key, numbers in values.items():
+        element.set(key, _numbers(numbers))
+
+
+def _numbers(values: Array | Sequence[float]) -> str:
+    return " ".join(repr(float(value)) for value in values)
+
+
+def _entry(root: ET.Element, name: str) -> ET.Element:
+    entry = root.find(name)
+    assert entry is not None, name
+    return entry

@@ -1,0 +1,104 @@
+"""Robot files written: values at full precision, the URDF found from the new folder."""
+
+import os
+from pathlib import Path
+
+import yaml
+
+from robotmodels.common.arrays import Array
+from robotmodels.common.atomic_files import created_folder, unwritable, write_text
+from robotmodels.common.errors import InvalidInput
+from robotmodels.common.yaml_reader import reads_as_text
+from robotmodels.description.robot_file import Fitted, RobotFile
+from robotmodels.description.urdf import PACKAGE_PREFIX, locate
+from robotmodels.elastic.robot import ElasticRobot
+
+
+def with_values(robot: ElasticRobot, values: Array, fitted: Fitted | None = None) -> ElasticRobot:
+    """Return the robot whose file has other values of the free parameters.
+
+    Parameters
+    ----------
+    robot : ElasticRobot
+        The robot.
+    values : ndarray, (p,)
+        Values in the order of its parameters [SI].
+    fitted : Fitted, optional
+        How certain they are; by default nothing is said of that.
+
+    Raises
+    ------
+    InvalidInput
+        If a value is not positive, or no body can have such a mass and inertia.
+    """
+    file = robot.elements.whole_file_at(robot.parameters.check(values))
+    return ElasticRobot(file.model_copy(update={"fitted": fitted}), robot.folder)
+
+
+def save_robot(robot: ElasticRobot, path: str | Path) -> None:
+    """Write a robot file that `load_robot` reads as the same robot, number by number.
+
+    A relative path of the URDF becomes one from the new file's folder. Comments are not kept,
+    entries that equal their default are left out.
+
+    Raises
+    ------
+    InvalidInput
+        If the path does not end in .yaml or .yml, or cannot be written.
+    """
+    path = Path(path)
+    if path.suffix not in (".yaml", ".yml"):
+        raise InvalidInput(f"{path}: a robot file ends in .yaml or .yml")
+    urdf = robot.file.urdf
+    if not urdf.startswith(PACKAGE_PREFIX):
+        urdf = relative_to(path.parent, locate(urdf, robot.folder))
+    file = robot.file.model_copy(update={"urdf": urdf})
+    write_file(path, robot_text(file))
+
+
+def robot_text(file: RobotFile) -> str:
+    """Return a robot file as YAML."""
+    content = file.model_dump(mode="json", by_alias=True, exclude_defaults=True)
+    return yaml.dump(
+        content,
+        Dumper=_Dumper,
+        sort_keys=False,
+        default_flow_style=None,
+        width=100,
+        allow_unicode=True,
+    )
+
+
+class _Dumper(yaml.SafeDumper):
+    """Quotes also text that only YAML 1.2 takes for a number."""
+
+
+def _text(dumper: _Dumper, text: str) -> yaml.ScalarNode:
+    style = None if reads_as_text(text) else "'"
+    return dumper.represent_scalar("tag:yaml.org,2002:str", text, style)
+
+
+_Dumper.add_representer(str, _text)
+
+
+def relative_to(folder: Path, target: Path) -> str:
+    """Return the path of `target` as seen from `folder`, absolute where there is none."""
+    try:
+        return Path(os.path.relpath(target.resolve(), folder.resolve())).as_posix()
+    except ValueError:  # another drive
+        return target.resolve().as_posix()
+
+
+def write_file(path: Path, text: str) -> None:
+    """Write a text file, making its folder.
+
+    Raises
+    ------
+    InvalidInput
+        If that is impossible.
+    """
+    with created_folder(path.parent):
+        try:
+            write_text(path, text)
+        except OSError as error:
+            raise unwritable(path, error) from None

@@ -1,0 +1,268 @@
+"""State-space models about equilibria, for MATLAB and for python-control."""
+
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from robotmodels.common.arrays import Array, real_numbers
+from robotmodels.common.atomic_files import atomic_write, created_folder, unwritable
+from robotmodels.common.errors import IdentificationError, InvalidInput
+from robotmodels.elastic.robot import ElasticRobot
+from robotmodels.linear.response import check_omega, frequency_response, linearize
+
+if TYPE_CHECKING:
+    import control
+
+_MOTOR_UNITS = {"acceleration": "rad/s^2", "velocity": "rad/s", "position": "rad"}
+# Characters that python-control gives a meaning of its own in signal names.
+_RESERVED = str.maketrans(".[]", "___")
+
+
+@dataclass(frozen=True, eq=False)
+class StateSpaceModel:
+    """x' = A x + B u, y(t) = (C x + D u)(t - delay) about the equilibria at Q positions.
+
+    States are deviations of the d coordinates from equilibrium, then their rates; inputs are
+    deviations of the commanded motor torques from those that hold the arm. Angles and torques of
+    motors are on the motor shaft in inputs and outputs, on the arm side in states.
+
+    Attributes
+    ----------
+    robot : ElasticRobot
+        The robot.
+    positions : ndarray, (Q, n), rad or m
+        Positions, on the arm side.
+    A, B, C, D : ndarray, (Q, 2 d, 2 d), (Q, 2 d, n), (Q, m, 2 d), (Q, m, n)
+        Matrices.
+    delay : float, s
+        Delay of all outputs, which the matrices leave out.
+    covariance : ndarray, (p, p)
+        Covariance of ln theta; not a number where it is not known.
+    """
+
+    robot: ElasticRobot
+    positions: Array
+    A: Array
+    B: Array
+    C: Array
+    D: Array
+    delay: float
+    covariance: Array
+
+    @property
+    def inputs(self) -> tuple[str, ...]:
+        """Names of the n inputs."""
+        return self.robot.motor_names
+
+    @property
+    def outputs(self) -> tuple[str, ...]:
+        """Names of the m outputs."""
+        return self.robot.output_names
+
+    @property
+    def states(self) -> tuple[str, ...]:
+        """Names of the 2 d states: of coordinates, then of their rates."""
+        names = self.robot.coordinate_names
+        return (*names, *(f"{name}.rate" for name in names))
+
+    @property
+    def output_units(self) -> tuple[str, ...]:
+        """Units of the outputs."""
+        file = self.robot.file
+        motors = (_MOTOR_UNITS[file.output],) * len(file.motors)
+        return (*motors, *("m/s^2" for _ in file.accelerometers))
+
+    @property
+    def state_units(self) -> tuple[str, ...]:
+        """Units of the states."""
+        motor_joints = {m.name: m.joint for m in self.robot.file.motors}
+        units = [
+            "m" if motor_joints.get(name, name) in self.robot.elements.prismatic else "rad"
+            for name in self.robot.coordinate_names
+        ]
+        return (*units, *(f"{unit}/s" for unit in units))
+
+    @cached_property
+    def equilibria(self) -> Array:
+        """Coordinates at equilibrium, (Q, d) [rad or m]."""
+        robot = self.robot
+        arm = robot.equilibrium(self.positions).coordinates
+        return np.hstack([arm, self.positions[:, robot.layout.elastic_motors]])
+
+    def frequency_response(self, omega: Array) -> Array:
+        """Return G, (Q, F, m, n), of the matrices and the delay."""
+        s = 1j * check_omega(omega)
+        eye = np.eye(self.A.shape[-1])
+        matrices = s[:, None, None] * eye - self.A[:, None]
+        X = np.linalg.solve(
+            matrices, np.broadcast_to(self.B[:, None], matrices.shape[:-1] + self.B.shape[-1:])
+        )
+        G = self.C[:, None] @ X + self.D[:, None]
+        return np.asarray(G * np.exp(-s * self.delay)[:, None, None])
+
+    def to_control(self) -> "list[control.StateSpace]":
+        """Return a `control.StateSpace` for each position, without the delay.
+
+        Raises
+        ------
+        IdentificationError
+            If python-control is not installed.
+        """
+        ct = _control()
+        return [
+            ct.ss(
+                *matrices,
+                name=f"{_signal(self.robot.name)}_{i}",
+                **self._signals,
+                states=[*map(_signal, self.states)],
+            )
+            for i, matrices in enumerate(zip(self.A, self.B, self.C, self.D, strict=True))
+        ]
+
+    def to_control_frd(self, omega: Array) -> "list[control.FrequencyResponseData]":
+        """Return `control.FRD` at `omega` (F,) [rad/s] for each position, with the delay.
+
+        Raises
+        ------
+        IdentificationError
+            If python-control is not installed.
+        """
+        ct = _control()
+        responses = frequency_response(self.robot, self.positions, omega)
+        return [
+            ct.frd(
+                np.moveaxis(G, 0, -1),
+                omega,
+                name=f"{_signal(self.robot.name)}_{i}",
+                **self._signals,
+            )
+            for i, G in enumerate(responses)
+        ]
+
+    def _signals(self, position: int) -> dict[str, Any]:
+        return {
+            "name": f"{_signal(self.robot.name)}_{position}",
+            "inputs": [f"{_signal(name)}_torque" for name in self.inputs],
+            "outputs": [_signal(name) for name in self.outputs],
+        }
+
+
+def state_space(
+    robot: ElasticRobot, positions: Array, covariance: Array | None = None
+) -> StateSpaceModel:
+    """Return state-space models about the equilibria at `positions` (Q, n) or (n,).
+
+    Parameters
+    ----------
+    robot : ElasticRobot
+        Robot, such as `estimators.Fit.robot` returns.
+    positions : ndarray, (Q, n) or (n,), rad or m
+        Positions.
+    covariance : ndarray, (p, p), optional
+        Covariance of ln theta that goes along; by default the squared standard deviations of the
+        robot file's ``fitted`` on the diagonal, not a number for parameters without one.
+
+    Raises
+    ------
+    NoEquilibrium
+        If a spring is too weak for gravity.
+    InvalidInput
+        If a position is outside the joint limits, or an array has a wrong shape.
+    """
+    positions = np.atleast_2d(real_numbers(positions, "positions"))
+    model = linearize(robot, positions)
+    measured, count = model.measured, len(positions)
+    C0, C1, C2 = (
+        np.broadcast_to(c, (count, *c.shape[-2:]))
+        for c in (measured.position, measured.velocity, measured.acceleration)
+    )
+    d = model.selector.shape[0]
+    inverse = np.linalg.inv(model.mass)
+    inputs = inverse @ (model.selector * measured.gain)
+    K, D = inverse @ model.stiffness, inverse @ model.damping
+    eye, zeros = np.broadcast_to(np.eye(d), K.shape), np.zeros(K.shape)
+    return StateSpaceModel(
+        robot=robot,
+        positions=positions,
+        A=np.block([[zeros, eye], [-K, -D]]),
+        B=np.concatenate([np.zeros(inputs.shape), inputs], axis=1),
+        C=np.concatenate([C0 - C2 @ K, C1 - C2 @ D], axis=2),
+        D=np.asarray(C2 @ inputs),
+        delay=measured.delay,
+        covariance=_covariance(robot, covariance),
+    )
+
+
+def write_state_space(model: StateSpaceModel, path: Path) -> None:
+    """Write state-space models as MATLAB's .mat; positions are the last axis there, as in ``ss``.
+
+    Raises
+    ------
+    InvalidInput
+        If the file cannot be written.
+    """
+    from scipy.io import savemat
+
+    parameters = model.robot.parameters
+    content: dict[str, Any] = {
+        **{name: np.moveaxis(getattr(model, name), 0, -1) for name in "ABCD"},
+        "delay": model.delay,
+        "positions": model.positions,
+        "equilibria": model.equilibria,
+        "inputs": _cells(model.inputs),
+        "input_units": _cells(["N m"] * len(model.inputs)),
+        "outputs": _cells(model.outputs),
+        "output_units": _cells(model.output_units),
+        "states": _cells(model.states),
+        "state_units": _cells(model.state_units),
+        "parameter_names": _cells(parameters.names),
+        "parameter_units": _cells(parameters.units),
+        "parameter_values": parameters.values[:, None],
+        "covariance_of_ln_parameters": model.covariance,
+        "robot": model.robot.name,
+    }
+    with created_folder(path.parent):
+        try:
+            with atomic_write(path) as unfinished:
+                savemat(unfinished, content)
+        except OSError as error:
+            raise unwritable(path, error) from None
+
+
+def _covariance(robot: ElasticRobot, covariance: Array | None) -> Array:
+    names = robot.parameters.names
+    if covariance is None:
+        std = robot.file.fitted.relative_std if robot.file.fitted else {}
+        variances = np.array([std.get(name, np.nan) for name in names]) ** 2
+        return np.where(np.eye(len(names), dtype=bool), variances[:, None], np.nan)
+    covariance = real_numbers(covariance, "covariance")
+    if covariance.shape != (len(names), len(names)):
+        raise InvalidInput(
+            f"covariance: shape {covariance.shape} given; "
+            f"({len(names)}, {len(names)}) is needed, of {', '.join(names)}"
+        )
+    return covariance
+
+
+def _cells(words: Any) -> Any:
+    """Return text as MATLAB's cell column."""
+    cells = np.empty((len(words), 1), dtype=object)
+    cells[:, 0] = list(words)
+    return cells
+
+
+def _signal(name: str) -> str:
+    return name.translate(_RESERVED)
+
+
+def _control() -> Any:
+    try:
+        import control
+    except ImportError:
+        raise IdentificationError(
+            "python-control is not installed; run: pip install 'elastic-robot-oed[control]'"
+        ) from None
+    return control

@@ -1,0 +1,111 @@
+"""The rigid part of a robot as URDF: payload and locks as fixed joints, friction, gear ratios."""
+
+import os
+import xml.etree.ElementTree as ET
+from pathlib import Path
+
+from scipy.spatial.transform import Rotation
+
+from robotmodels.common.arrays import Array
+from robotmodels.description.robot_file import Motor, Payload, RobotFile
+from robotmodels.description.urdf import locate
+from robotmodels.description.urdf_check import read_xml
+from robotmodels.elastic.robot import ElasticRobot
+from robotmodels.export.robot_files import relative_to
+from robotmodels.simulation.urdf_tree import Joint, read_tree
+
+_AXES = ("xx", "xy", "xz", "yy", "yz", "zz")
+
+
+def urdf_text(robot: ElasticRobot, folder: Path) -> str:
+    """Return the robot as URDF for `folder`, meshes found from there.
+
+    Its mass matrix and gravity are those of the robot file with rigid springs and without motors.
+    What the format cannot hold, `left_out_of_urdf` lists, also in a comment on top of the text.
+    """
+    source = locate(robot.file.urdf, robot.folder)
+    root, file = read_xml(source), robot.file
+    joints = {j.name: j for each in read_tree(source).joints.values() for j in each}
+    for element in root.findall("joint"):
+        if (name := element.get("name", "")) in file.lock:
+            _lock(element, joints[name], file.lock[name])
+    for motor in file.motors:
+        _add_motor(root, motor)
+    if file.payload is not None:
+        _add_payload(root, file.payload)
+    for mesh in root.iter("mesh"):
+        filename = mesh.get("filename", "")
+        if filename and "://" not in filename and not os.path.isabs(filename):
+            mesh.set("filename", relative_to(folder, source.parent / filename))
+    root.set("name", robot.name)
+    ET.indent(root)
+    lines = "\n".join(f"  - {line.replace('--', '- -')}" for line in left_out_of_urdf(file))
+    text = ET.tostring(root, encoding="unicode")
+    return f'<?xml version="1.0"?>\n<!-- Not in this file:\n{lines}\n-->\n{text}\n'
+
+
+def left_out_of_urdf(file: RobotFile) -> tuple[str, ...]:
+    """Return what of a robot file a URDF cannot hold, one line each."""
+    lines = [f"stiffness and damping of spring {spring.name}" for spring in file.springs]
+    lines += [f"rotor inertia of motor {motor.name}" for motor in file.motors]
+    lines += [
+        f"torque gain of motor {motor.name}" for motor in file.motors if motor.torque_gain != 1
+    ]
+    lines += [f"accelerometer {sensor.name}" for sensor in file.accelerometers]
+    lines.append(f"gravity {list(file.gravity)} m/s^2 in the frame of the root link")
+    return (*lines, f"delay of {file.delay:g} s") if file.delay else tuple(lines)
+
+
+def _lock(element: ET.Element, joint: Joint, value: float) -> None:
+    """Make a joint fixed at its locked value."""
+    position, rotation = joint.position, joint.rotation
+    if joint.kind == "prismatic":
+        position = position + rotation.apply(value * joint.axis)
+    else:
+        rotation = rotation * Rotation.from_rotvec(value * joint.axis)
+    for tag in ("origin", "axis", "limit", "dynamics", "mimic", "calibration", "safety_controller"):
+        if (child := element.find(tag)) is not None:
+            element.remove(child)
+    element.set("type", "fixed")
+    rpy = rotation.as_euler("xyz")
+    element.insert(0, ET.Element("origin", xyz=_numbers(position), rpy=_numbers(rpy)))
+
+
+def _add_motor(root: ET.Element, motor: Motor) -> None:
+    """Add a motor's friction, on the arm side, and its gear ratio."""
+    ratio = motor.gear_ratio
+    (joint,) = (j for j in root.findall("joint") if j.get("name") == motor.joint)
+    if (dynamics := joint.find("dynamics")) is None:
+        dynamics = ET.SubElement(joint, "dynamics")
+    dynamics.set("damping", repr(motor.viscous * ratio**2))
+    dynamics.set("friction", repr(motor.coulomb * abs(ratio)))
+    for other in root.findall("transmission"):
+        if any(j.get("name") == motor.joint for j in other.findall("joint")):
+            root.remove(other)
+    transmission = ET.SubElement(root, "transmission", name=f"{motor.joint}_{motor.name}")
+    kind = "transmission_interface/SimpleTransmission"
+    ET.SubElement(transmission, "type").text = kind
+    ET.SubElement(transmission, "joint", name=motor.joint)
+    actuator = ET.SubElement(transmission, "actuator", name=motor.name)
+    ET.SubElement(actuator, "mechanicalReduction").text = repr(ratio)
+
+
+def _add_payload(root: ET.Element, payload: Payload) -> None:
+    """Add a payload as a link of its own."""
+    names = {element.get("name") for element in root}
+    name = "payload"
+    while name in names or f"{name}_joint" in names:
+        name += "_"
+    link = ET.SubElement(root, "link", name=name)
+    inertial = ET.SubElement(link, "inertial")
+    ET.SubElement(inertial, "origin", xyz=_numbers(payload.com), rpy="0 0 0")
+    ET.SubElement(inertial, "mass", value=repr(payload.mass))
+    moments = zip(_AXES, payload.inertia, strict=True)
+    ET.SubElement(inertial, "inertia", {f"i{axes}": repr(value) for axes, value in moments})
+    joint = ET.SubElement(root, "joint", name=f"{name}_joint", type="fixed")
+    ET.SubElement(joint, "parent", link=payload.link)
+    ET.SubElement(joint, "child", link=name)
+
+
+def _numbers(values: Array | tuple[float, ...]) -> str:
+    return " ".join(repr(float(value)) for value in values)

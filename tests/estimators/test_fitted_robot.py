@@ -1,0 +1,77 @@
+"""The robot of a fit: a file with its values, its standard deviations, and a prior for the next."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from robots import SENSED, built
+
+import estimators
+import robotmodels
+from robotmodels import InvalidInput, WithParameters
+
+OMEGA = 2 * np.pi * np.geomspace(3.0, 60.0, 20)
+NOISE = robotmodels.RelativeNoise(relative=0.03, floor=0.01)
+
+
+@pytest.fixture(scope="module")
+def fit() -> estimators.Fit:
+    robot = robotmodels.load_robot("manutec_r3")
+    positions = np.array([[0.0, 0.4, -0.6, 0.0, 0.5, 0.0], [0.5, -0.2, 0.3, 0.8, -0.4, 0.0]])
+    rng = np.random.default_rng(3)
+    data = estimators.simulate_frf(robot, positions, OMEGA, NOISE, rng)
+    return estimators.fit(robot, data, residual="nls", weights="optimal")
+
+
+def test_a_fit_is_a_robot_file_and_the_next_fits_prior(fit: estimators.Fit, tmp_path: Path) -> None:
+    robotmodels.save_robot(fit.robot(), tmp_path / "fitted.yaml")
+    robot = robotmodels.load_robot(tmp_path / "fitted.yaml")
+    np.testing.assert_array_equal(robot.parameters.values, fit.parameters.values)
+    assert robot.file.fitted is not None
+    assert robot.file.fitted.verdict == str(fit.verdict)
+    assert "2 positions and 20 lines" in robot.file.fitted.provenance["data"]
+    prior = estimators.robot_prior(robot)
+    assert prior.names == fit.parameters.names
+    np.testing.assert_array_equal(prior.values, fit.parameters.values)
+    np.testing.assert_array_equal(prior.std, fit.trust.std)
+    again = estimators.fit(robot, fit.estimate, residual="nls", weights="optimal", prior=prior)
+    np.testing.assert_array_equal(again.start, fit.parameters.values)
+    twice = estimators.covariance(again).std / estimators.covariance(fit).std
+    np.testing.assert_allclose(twice, np.sqrt(0.5), atol=0.2)
+
+
+def test_parameters_without_an_interval_have_no_standard_deviation(fit: estimators.Fit) -> None:
+    trust = fit.trust.not_identifiable({1: "flat"})
+    robot = fit.robot(trust)
+    names = fit.parameters.names
+    assert robot.file.fitted is not None
+    assert set(robot.file.fitted.relative_std) == {*names} - {names[1]}
+    assert estimators.robot_prior(robot).names == (names[0], *names[2:])
+
+
+def test_every_kind_of_parameter_goes_into_the_file() -> None:
+    robot = built(SENSED)
+    values = robot.parameters.values * np.linspace(0.97, 1.03, len(robot.parameters))
+    positions = np.array([[0.3, -1.0, 0.8, 0.4, -0.6, 0.2]])
+    other = robotmodels.with_values(robot, values)
+    expected = robotmodels.frequency_response(robot, positions, OMEGA, values)
+    response = robotmodels.frequency_response(other, positions, OMEGA)
+    assert np.abs(response - expected).max() < 1e-10 * np.abs(expected).max()
+    assert other.file.payload is not None
+    assert other.file.payload.mass == values[robot.parameters.index("payload.mass")]
+    with pytest.raises(InvalidInput, match="is not a positive number"):
+        robotmodels.with_values(robot, -values)
+
+
+def test_a_fit_of_no_robot_has_none(fit: estimators.Fit) -> None:
+    from dataclasses import replace
+
+    start = WithParameters(fit.model, fit.parameters.values * 1.1)
+    assert replace(fit, model=start).robot(fit.trust).name == "manutec_r3"
+    with pytest.raises(InvalidInput, match="only that of a robot has one"):
+        replace(fit, model=object()).robot(fit.trust)
+
+
+def test_a_robot_file_without_a_fit_is_no_prior() -> None:
+    with pytest.raises(InvalidInput, match=r"prior: robot file 'manutec_r3' has no fitted"):
+        estimators.robot_prior(robotmodels.load_robot("manutec_r3"))
