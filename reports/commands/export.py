@@ -1,8 +1,9 @@
 """``oed export``: a robot, or that of a study's fit, in the format of another program."""
 
 import os
+from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -11,6 +12,7 @@ from reports.commands.studies import compute_study, end_with_failures
 from reports.commands.workers import one_thread_each
 from robotmodels.common.errors import InvalidInput, nearest
 from robotmodels.common.yaml_files import MOST_CHARACTERS, read_text, yaml_document
+from robotmodels.export.formats import ENDINGS
 
 if TYPE_CHECKING:
     from oed.study.results import FittedStudy
@@ -43,8 +45,8 @@ def export(
     position: Annotated[
         list[str] | None,
         typer.Option(
-            help="One number per motor, in degrees (m if prismatic): 0,-90,90,0,45,0; repeat it for "
-            "more. Default: all positions of a study's plan; mid-range of a robot."
+            help="One number per motor, in degrees (m if prismatic): 0,-90,90,0,45,0; several "
+            "times for several. Default: those of a study's plan; mid-range of a robot."
         ),
     ] = None,
     workers: Workers = WORKERS,
@@ -60,27 +62,17 @@ def export(
     one_thread_each()
     import numpy as np
 
-    from estimators.uncertainty.covariance import covariance
     from oed.study.pipeline import fit_study
     from reports.commands.check_options import read_position
-    from robotmodels import export as write, load_robot
-    from robotmodels.export.formats import ENDINGS
+    from robotmodels import export as write
 
-    format: Any = FORMATS[to]
-    results: FittedStudy | None = None
-    positions: Array | None
-    certainty: Array | None = None
-    if _is_study(source):
-        results = compute_study(Path(source), fit_study, workers, False)
-        fit, folder = results.fits.result, results.study.output
-        robot, positions = fit.robot(results.trust), results.plan.positions
-        certainty = covariance(fit).covariance if format == "state_space" else None
-    else:
-        robot, positions, folder = load_robot(source), None, Path()
+    results = compute_study(Path(source), fit_study, workers, False) if _is_study(source) else None
+    model = _of_robot(source) if results is None else _of_study(results)
+    positions = model.positions
     if position:
-        positions = np.array([read_position(robot, words) for words in position])
-    target = folder / f"{_file_name(robot)}{ENDINGS[format]}" if output is None else output
-    left_out = write(robot, target, format, positions, certainty)
+        positions = np.array([read_position(model.robot, words) for words in position])
+    target = output or model.folder / f"{_file_name(model.robot)}{ENDINGS[FORMATS[to]]}"
+    left_out = write(model.robot, target, FORMATS[to], positions, model.covariance)
     say(
         lambda: "\n".join([f"written  {target}", *(f"left out {line}" for line in left_out)]),
         lambda: {"schema": "export/1", "files": [str(target)], "left_out": left_out},
@@ -88,6 +80,31 @@ def export(
     )
     if results is not None:
         end_with_failures(Path(source), results)
+
+
+@dataclass(frozen=True, eq=False)
+class _Model:
+    """A robot, default positions (Q, n), covariance of ln theta, folder of its files."""
+
+    robot: "ElasticRobot"
+    positions: "Array | None"
+    covariance: "Array | None"
+    folder: Path
+
+
+def _of_robot(name: str) -> _Model:
+    from robotmodels import load_robot
+
+    return _Model(load_robot(name), None, None, Path())
+
+
+def _of_study(results: "FittedStudy") -> _Model:
+    """Return the robot of the fit that is a study's result."""
+    from estimators.uncertainty.covariance import covariance
+
+    fit, positions = results.fits.result, results.plan.positions
+    matrix = covariance(fit).covariance
+    return _Model(fit.robot(results.trust), positions, matrix, results.study.output)
 
 
 def _is_study(source: str) -> bool:

@@ -9,7 +9,7 @@ from robotmodels.common.arrays import Array, real_numbers
 from robotmodels.common.errors import InvalidInput, nearest
 from robotmodels.common.plain_data import json_text
 from robotmodels.elastic.robot import ElasticRobot
-from robotmodels.export.formats import ENDINGS, Format
+from robotmodels.export.formats import ENDINGS, Format, left_out
 from robotmodels.export.robot_files import save_robot, write_file
 
 
@@ -49,30 +49,30 @@ def export(
     if position is None:
         position = robot.position_limits.mean(axis=1)
     positions = robot.checked_positions(np.atleast_2d(real_numbers(position, "position")))
-    file = robot.file
     if format == "robot":
         save_robot(robot, path)
-        return ()
-    if format == "urdf":
-        from robotmodels.export.urdf_file import left_out_of_urdf, urdf_text
+    elif format == "state_space":
+        from robotmodels.export.state_space import state_space, write_state_space
 
-        write_file(path, urdf_text(robot, path.parent))
-        return left_out_of_urdf(file)
+        write_state_space(state_space(robot, positions, covariance), path)
+    else:
+        write_file(path, _text(robot, path.parent, format, positions))
+    return left_out(robot.file, format)
+
+
+def _text(robot: ElasticRobot, folder: Path, format: Format, positions: Array) -> str:
+    """Return the text of a file in `folder`."""
+    if format == "urdf":
+        from robotmodels.export.urdf_file import urdf_text
+
+        return urdf_text(robot, folder)
     if format == "mjcf":
         from robotmodels.export.mjcf import mjcf_text
 
-        write_file(path, mjcf_text(robot, positions))
-        delay = (f"delay of {file.delay:g} s of all that is measured",) if file.delay else ()
-        return ("shapes and meshes of the URDF", *delay)
-    if format == "modes":
-        from robotmodels.export.modes import modal_parameters
+        return mjcf_text(robot, positions)
+    from robotmodels.export.modes import modal_parameters
 
-        write_file(path, json_text(modal_parameters(robot, positions)) + "\n")
-        return ()
-    from robotmodels.export.state_space import state_space, write_state_space
-
-    write_state_space(state_space(robot, positions, covariance), path)
-    return ("Coulomb friction",) if any(motor.coulomb for motor in file.motors) else ()
+    return json_text(modal_parameters(robot, positions)) + "\n"
 
 
 def check_format(format: str) -> None:

@@ -1,6 +1,8 @@
-"""The formats of `robotmodels.export`, and how their files end."""
+"""The formats of `robotmodels.export`: how their files end, and what they cannot hold."""
 
 from typing import Literal
+
+from robotmodels.description.robot_file import RobotFile
 
 Format = Literal["mjcf", "urdf", "state_space", "modes", "robot"]
 ENDINGS: dict[Format, str] = {
@@ -10,3 +12,27 @@ ENDINGS: dict[Format, str] = {
     "modes": ".modes.json",
     "robot": ".yaml",
 }
+
+
+def left_out(file: RobotFile, format: Format) -> tuple[str, ...]:
+    """Return what of a robot file a format cannot hold, one line each."""
+    delay = (f"delay of {file.delay:g} s of all that is measured",) if file.delay else ()
+    friction = tuple(f"Coulomb friction of motor {m.name}" for m in file.motors if m.coulomb)
+    lines: dict[Format, tuple[str, ...]] = {
+        "mjcf": ("shapes and meshes of the URDF", *delay),
+        "urdf": (*_left_out_of_urdf(file), *delay),
+        "state_space": friction,
+        "modes": (*friction, *delay),
+        "robot": (),
+    }
+    return lines[format]
+
+
+def _left_out_of_urdf(file: RobotFile) -> tuple[str, ...]:
+    return (
+        *(f"stiffness and damping of spring {spring.name}" for spring in file.springs),
+        *(f"rotor inertia of motor {motor.name}" for motor in file.motors),
+        *(f"torque gain of motor {motor.name}" for motor in file.motors if motor.torque_gain != 1),
+        *(f"accelerometer {sensor.name}" for sensor in file.accelerometers),
+        f"gravity {list(file.gravity)} m/s^2 in the frame of the root link",
+    )

@@ -37,24 +37,31 @@ def mjcf_text(robot: ElasticRobot, positions: Array) -> str:
     file = robot.file
     builder = PlantBuilder(file, read_tree(locate(file.urdf, robot.folder)), fuse=False)
     model, spec = builder.compile(), builder.spec
+    names = [model.joint(i).name for i in range(model.njnt)]
     spec.modelname = robot.name
     spec.option.disableflags = 0  # friction is a constraint
     spec.option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
     fastest = resonances(linearize(robot, positions)).frequencies.max(initial=1.0)
     spec.option.timestep = min(2 * np.pi / fastest / _STEPS, _LONGEST_STEP)
-    names = [model.joint(i).name for i in range(model.njnt)]
     _add_motors(spec, robot, names)
     for sensor in file.accelerometers:
         turn = Rotation.align_vectors([sensor.direction], [[0.0, 0.0, 1.0]])[0]
         spec.site(sensor.name).quat = turn.as_quat(scalar_first=True)
-    coordinates = robot.equilibrium(positions).coordinates
-    torques = gravity_torques(robot.arm, coordinates)[:, robot.layout.drives]
-    scale = np.array([motor.gear_ratio * motor.torque_gain for motor in file.motors])
-    for i, (position, q, load) in enumerate(zip(positions, coordinates, torques, strict=True)):
+    _add_keyframes(spec, robot, names, positions)
+    return _exact(spec.to_xml(), spec.compile())
+
+
+def _add_keyframes(
+    spec: mujoco.MjSpec, robot: ElasticRobot, joints: Sequence[str], positions: Array
+) -> None:
+    """Add the equilibria at `positions` (Q, n), with the torques that hold the arm there."""
+    equilibria = robot.equilibrium(positions).coordinates
+    torques = gravity_torques(robot.arm, equilibria)[:, robot.layout.drives]
+    scale = np.array([motor.gear_ratio * motor.torque_gain for motor in robot.file.motors])
+    for i, (position, q, load) in enumerate(zip(positions, equilibria, torques, strict=True)):
         here = dict(zip(robot.motor_names, position, strict=True))
         here |= {name: q[c] for name, c in robot.arm.coordinate.items()}
-        spec.add_key(name=f"position {i}", qpos=[here[n] for n in names], ctrl=load / scale)
-    return _exact(spec.to_xml(), spec.compile())
+        spec.add_key(name=f"position {i}", qpos=[here[n] for n in joints], ctrl=load / scale)
 
 
 def _add_motors(spec: mujoco.MjSpec, robot: ElasticRobot, joints: Sequence[str]) -> None:
@@ -81,14 +88,7 @@ def _exact(xml: str, model: mujoco.MjModel) -> str:
     option.set("gravity", _numbers(model.opt.gravity))
     option.set("timestep", _numbers([model.opt.timestep]))
     for body in root.iter("body"):
-        it = model.body(body.get("name"))
-        _set(body, pos=it.pos, quat=it.quat)
-        if (inertial := body.find("inertial")) is not None:
-            _set(inertial, pos=it.ipos, quat=it.iquat, mass=it.mass, diaginertia=it.inertia)
-        for joint in body.findall("joint"):
-            _set_joint(joint, model)
-        for site in body.findall("site"):
-            _set(site, pos=model.site(site.get("name")).pos, quat=model.site(site.get("name")).quat)
+        _set_body(body, model)
     for tendon in root.iter("fixed"):
         i = model.tendon(tendon.get("name")).id
         stiffness = model.tendon_stiffness[i], *model.tendon_stiffnesspoly[i]
@@ -100,6 +100,18 @@ def _exact(xml: str, model: mujoco.MjModel) -> str:
         _set(key, qpos=model.key_qpos[i], ctrl=model.key_ctrl[i])
     ET.indent(root)
     return ET.tostring(root, encoding="unicode") + "\n"
+
+
+def _set_body(body: ET.Element, model: mujoco.MjModel) -> None:
+    it = model.body(body.get("name"))
+    _set(body, pos=it.pos, quat=it.quat)
+    if (inertial := body.find("inertial")) is not None:
+        _set(inertial, pos=it.ipos, quat=it.iquat, mass=it.mass, diaginertia=it.inertia)
+    for joint in body.findall("joint"):
+        _set_joint(joint, model)
+    for site in body.findall("site"):
+        it = model.site(site.get("name"))
+        _set(site, pos=it.pos, quat=it.quat)
 
 
 def _set_joint(joint: ET.Element, model: mujoco.MjModel) -> None:

@@ -97,9 +97,8 @@ class StateSpaceModel:
         s = 1j * check_omega(omega)
         eye = np.eye(self.A.shape[-1])
         matrices = s[:, None, None] * eye - self.A[:, None]
-        X = np.linalg.solve(
-            matrices, np.broadcast_to(self.B[:, None], matrices.shape[:-1] + self.B.shape[-1:])
-        )
+        B = np.broadcast_to(self.B[:, None], (*matrices.shape[:-1], self.B.shape[-1]))
+        X = np.linalg.solve(matrices, B)
         G = self.C[:, None] @ X + self.D[:, None]
         return np.asarray(G * np.exp(-s * self.delay)[:, None, None])
 
@@ -113,12 +112,7 @@ class StateSpaceModel:
         """
         ct = _control()
         return [
-            ct.ss(
-                *matrices,
-                name=f"{_signal(self.robot.name)}_{i}",
-                **self._signals,
-                states=[*map(_signal, self.states)],
-            )
+            ct.ss(*matrices, states=[*map(_signal, self.states)], **self._signals(i))
             for i, matrices in enumerate(zip(self.A, self.B, self.C, self.D, strict=True))
         ]
 
@@ -133,16 +127,12 @@ class StateSpaceModel:
         ct = _control()
         responses = frequency_response(self.robot, self.positions, omega)
         return [
-            ct.frd(
-                np.moveaxis(G, 0, -1),
-                omega,
-                name=f"{_signal(self.robot.name)}_{i}",
-                **self._signals,
-            )
+            ct.frd(np.moveaxis(G, 0, -1), omega, **self._signals(i))
             for i, G in enumerate(responses)
         ]
 
     def _signals(self, position: int) -> dict[str, Any]:
+        """Return the names of the system at a position and of its signals."""
         return {
             "name": f"{_signal(self.robot.name)}_{position}",
             "inputs": [f"{_signal(name)}_torque" for name in self.inputs],

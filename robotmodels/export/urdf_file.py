@@ -7,10 +7,11 @@ from pathlib import Path
 from scipy.spatial.transform import Rotation
 
 from robotmodels.common.arrays import Array
-from robotmodels.description.robot_file import Motor, Payload, RobotFile
+from robotmodels.description.robot_file import Motor, Payload
 from robotmodels.description.urdf import locate
 from robotmodels.description.urdf_check import read_xml
 from robotmodels.elastic.robot import ElasticRobot
+from robotmodels.export.formats import left_out
 from robotmodels.export.robot_files import relative_to
 from robotmodels.simulation.urdf_tree import Joint, read_tree
 
@@ -21,7 +22,7 @@ def urdf_text(robot: ElasticRobot, folder: Path) -> str:
     """Return the robot as URDF for `folder`, meshes found from there.
 
     Its mass matrix and gravity are those of the robot file with rigid springs and without motors.
-    What the format cannot hold, `left_out_of_urdf` lists, also in a comment on top of the text.
+    What the format cannot hold stands in a comment on top of the text, see `left_out`.
     """
     source = locate(robot.file.urdf, robot.folder)
     root, file = read_xml(source), robot.file
@@ -39,21 +40,9 @@ def urdf_text(robot: ElasticRobot, folder: Path) -> str:
             mesh.set("filename", relative_to(folder, source.parent / filename))
     root.set("name", robot.name)
     ET.indent(root)
-    lines = "\n".join(f"  - {line.replace('--', '- -')}" for line in left_out_of_urdf(file))
+    lines = "\n".join(f"  - {line.replace('--', '- -')}" for line in left_out(file, "urdf"))
     text = ET.tostring(root, encoding="unicode")
     return f'<?xml version="1.0"?>\n<!-- Not in this file:\n{lines}\n-->\n{text}\n'
-
-
-def left_out_of_urdf(file: RobotFile) -> tuple[str, ...]:
-    """Return what of a robot file a URDF cannot hold, one line each."""
-    lines = [f"stiffness and damping of spring {spring.name}" for spring in file.springs]
-    lines += [f"rotor inertia of motor {motor.name}" for motor in file.motors]
-    lines += [
-        f"torque gain of motor {motor.name}" for motor in file.motors if motor.torque_gain != 1
-    ]
-    lines += [f"accelerometer {sensor.name}" for sensor in file.accelerometers]
-    lines.append(f"gravity {list(file.gravity)} m/s^2 in the frame of the root link")
-    return (*lines, f"delay of {file.delay:g} s") if file.delay else tuple(lines)
 
 
 def _lock(element: ET.Element, joint: Joint, value: float) -> None:

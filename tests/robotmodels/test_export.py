@@ -1,5 +1,6 @@
 """Exported files, each loaded by the program they are for, against the robot they came from."""
 
+import importlib
 import json
 from dataclasses import dataclass
 from pathlib import Path
@@ -304,3 +305,8 @@ def test_mistakes_are_named(tmp_path: Path) -> None:
     for format in ("mjcf", "robot", "state_space"):
         with pytest.raises(InvalidInput, match="cannot be written"):
             robotmodels.export(robot, tmp_path / "file" / "x.yaml", format)
+
+
+def test_the_room_does_not_hide_the_function() -> None:
+    importlib.import_module("robotmodels.export.formats")
+    assert callable(robotmodels.export)
