@@ -11,17 +11,14 @@ from reports.commands.options import WORKERS, AsJson, Workers, robot_names, say
 from reports.commands.studies import compute_study, end_with_failures
 from reports.commands.workers import one_thread_each
 from robotmodels.common.errors import InvalidInput, nearest
-from robotmodels.common.yaml_files import MOST_CHARACTERS, read_text, yaml_document
-from robotmodels.export.formats import ENDINGS
+from robotmodels.export.formats import ENDINGS, Format
 
 if TYPE_CHECKING:
     from oed.study.results import FittedStudy
     from robotmodels import ElasticRobot
     from robotmodels.common.arrays import Array
 
-FORMATS = {
-    name.replace("_", "-"): name for name in ("mjcf", "urdf", "state_space", "modes", "robot")
-}
+FORMATS: dict[str, Format] = {name.replace("_", "-"): name for name in ENDINGS}
 
 
 def register(app: typer.Typer) -> None:
@@ -109,6 +106,8 @@ def _of_study(results: "FittedStudy") -> _Model:
 
 def _is_study(source: str) -> bool:
     """Whether a name is that of a study file, by what the file says of itself."""
+    from robotmodels.common.yaml_files import MOST_CHARACTERS, read_text, yaml_document
+
     path = Path(source)
     if path.suffix not in (".yaml", ".yml") or not os.path.isfile(path):
         return os.path.isdir(path) and os.path.isfile(path / "study.yaml")

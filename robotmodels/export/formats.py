@@ -1,8 +1,9 @@
 """The formats of `robotmodels.export`: how their files end, and what they cannot hold."""
 
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
-from robotmodels.description.robot_file import RobotFile
+if TYPE_CHECKING:
+    from robotmodels.description.robot_file import RobotFile
 
 Format = Literal["mjcf", "urdf", "state_space", "modes", "robot"]
 ENDINGS: dict[Format, str] = {
@@ -14,7 +15,7 @@ ENDINGS: dict[Format, str] = {
 }
 
 
-def left_out(file: RobotFile, format: Format) -> tuple[str, ...]:
+def left_out(file: "RobotFile", format: Format) -> tuple[str, ...]:
     """Return what of a robot file a format cannot hold, one line each."""
     delay = (f"delay of {file.delay:g} s of all that is measured",) if file.delay else ()
     friction = tuple(f"Coulomb friction of motor {m.name}" for m in file.motors if m.coulomb)
@@ -28,7 +29,7 @@ def left_out(file: RobotFile, format: Format) -> tuple[str, ...]:
     return lines[format]
 
 
-def _left_out_of_urdf(file: RobotFile) -> tuple[str, ...]:
+def _left_out_of_urdf(file: "RobotFile") -> tuple[str, ...]:
     return (
         *(f"stiffness and damping of spring {spring.name}" for spring in file.springs),
         *(f"rotor inertia of motor {motor.name}" for motor in file.motors),
