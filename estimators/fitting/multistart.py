@@ -281,8 +281,8 @@ def _search_several(
         if before is None:
             outcomes.append(search_or_reason(problem, start, limit, tolerance, minimise))
             continue
-        left = limit - before.evaluations
-        after = search_or_reason(problem, before.values, left, tolerance, minimise)
+        remaining = limit - before.evaluations
+        after = search_or_reason(problem, before.values, remaining, tolerance, minimise)
         if after.status == START_FAILED:
             outcomes.append(replace(before, message=f"not pursued: {after.message}"))
         else:

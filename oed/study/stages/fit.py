@@ -221,14 +221,14 @@ def weights_of(
             from_omega=2 * np.pi * user.low,
             minimum_snr=minimum_snr,
         )
-    own = choice.variances == "own"
-    if not own and minimum_snr == (0.0 if estimator.residual == "nls" else MINIMUM_SNR):
+    by_line = choice.variances == "own"
+    if not by_line and minimum_snr == (0.0 if estimator.residual == "nls" else MINIMUM_SNR):
         return estimator.weights
     if estimator.weights == "combined":
         return combined_weights(estimate, estimator.residual, minimum_snr=minimum_snr)
-    if own:  # nothing is pooled of variances that count as certain
+    if by_line:  # nothing is pooled of variances that count as certain
         estimate = replace(estimate, degrees_of_freedom=np.array(np.inf), deviations=None)
-    return optimal_weights(estimate, estimator.residual, minimum_snr=minimum_snr, diagonal=own)
+    return optimal_weights(estimate, estimator.residual, minimum_snr=minimum_snr, diagonal=by_line)
 
 
 def weighting_of(choice: FitChoice) -> dict[str, Any]:
