@@ -24,6 +24,7 @@ class Ended:
 
     cost: float
     start: np.ndarray = field(default_factory=lambda: STARTS[0])
+    prior: None = None
 
     @property
     def parameters(self):
@@ -41,7 +42,9 @@ def search(estimator, *runs):
 @pytest.fixture
 def refine_to(monkeypatch):
     def set_cost(cost):
-        monkeypatch.setattr(oed.study.stages.result, "fit", lambda *args, start: Ended(cost, start))
+        monkeypatch.setattr(
+            oed.study.stages.result, "fit", lambda *args, start, prior: Ended(cost, start)
+        )
 
     return set_cost
 
