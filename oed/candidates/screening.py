@@ -216,7 +216,7 @@ def _checked(positions: Array, motors: list[str]) -> Array:
     positions = real_numbers(positions, "positions")
     if positions.ndim != 2 or positions.shape[1] != len(motors) or not len(positions):
         raise InvalidInput(
-            f"positions: an array of shape {positions.shape} ; (Q, {len(motors)}) is "
+            f"positions: an array of shape {positions.shape}; (Q, {len(motors)}) is "
             f"needed, one column per motor: {', '.join(motors)}"
         )
     wrong = ~np.isfinite(positions).all(axis=1)

@@ -80,6 +80,7 @@ MULTISTART = {
     "prior": (None, [PRIOR]),
     "loss": ("linear", ["huber"]),
     "early_stop": (None, [EarlyStop(2, 1.01)]),
+    "minimiser": ("trust_region", ["quasi_newton"]),
 }
 CHAIN_STARTS = np.exp(0.001 * np.random.default_rng(5).normal(size=(12, 6))) * TRUTH
 POSTERIOR = {

@@ -100,7 +100,7 @@ def test_ensembles_stop_when_told_and_say_how_far_they_came():
     told = []
     chains, _ = run(
         steps=2000,
-        enough=lambda chains: chains.shape[1] >= 50,
+        has_converged=lambda chains: chains.shape[1] >= 50,
         progress=lambda done, total: told.append((done, total)),
     )
     assert chains.shape == (2, 60, 16, P)

@@ -103,7 +103,7 @@ def test_nothing_left_says_why(tmp_path):
 @pytest.mark.parametrize(
     ("positions", "limits", "message"),
     [
-        (np.empty((0, 3)), None, r"positions: an array of shape \(0, 3\) was given; \(Q, 3\)"),
+        (np.empty((0, 3)), None, r"positions: an array of shape \(0, 3\); \(Q, 3\)"),
         (np.zeros((2, 2)), None, r"one column per motor: m0, m1, m2"),
         (np.full((2, 3), np.nan), None, "position 0 is not finite"),
         (np.zeros((1, 3)), [1.0, 2.0], r"torque_limits: shape \(2,\); one number or \(3,\)"),
