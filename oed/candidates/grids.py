@@ -5,7 +5,7 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from robotmodels.common.arrays import Array, BoolArray, check_count, equal_rows
+from robotmodels.common.arrays import Array, BoolArray, cartesian_grid, check_count, equal_rows
 from robotmodels.common.errors import InvalidInput, nearest
 
 # The first joint often turns about the vertical and then changes nothing; the next two carry
@@ -71,7 +71,7 @@ def candidate_positions(
         np.linspace(low, high, count) if count > 1 else np.array([(low + high) / 2])
         for count, (low, high) in zip(counts, ranges, strict=True)
     ]
-    return np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, len(joints))
+    return cartesian_grid(axes)
 
 
 def sobol_positions(

@@ -7,6 +7,7 @@ import numpy as np
 from robotmodels.common.arrays import (
     Array,
     IntArray,
+    cartesian_grid,
     check_count,
     is_count,
     read_only,
@@ -81,7 +82,7 @@ class TaskBox:
             np.linspace(low, high, count) if count > 1 else np.array([(low + high) / 2])
             for low, high, count in zip(self.low, self.high, self.points, strict=True)
         ]
-        return np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3)
+        return cartesian_grid(axes)
 
 
 @dataclass(frozen=True, eq=False)

@@ -5,7 +5,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from robotmodels.common.arrays import Array, IntArray
+from robotmodels.common.arrays import Array, IntArray, cartesian_grid
 from robotmodels.common.errors import InvalidInput, nearest
 
 
@@ -83,8 +83,8 @@ def grid_plan(
     """
     _check(len(positions), n_experiments)
     levels = grid_levels(n_experiments, per_joint, joints)
-    number = int(np.prod([len(level) for level in levels]))
-    points = np.stack(np.meshgrid(*levels, indexing="ij"), axis=-1).reshape(number, -1)
+    points = cartesian_grid(levels)
+    number = len(points)
     scaled = _in_ranges(positions)
     candidates = [int(np.argmin(_squares(scaled, point))) for point in points]
     times = np.full(number, n_experiments // number)

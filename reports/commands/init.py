@@ -6,7 +6,7 @@ from typing import Annotated
 
 import typer
 
-from reports.commands.options import AsJson, robot_names, say
+from reports.commands.options import AsJson, robot_names, say, warn
 
 
 def register(app: typer.Typer) -> None:
@@ -45,8 +45,13 @@ def init(
         lines.append(f"  next     oed check {checked}, once its guesses are replaced")
     run = shlex.quote(str(folder / "study.yaml"))
     lines.append(f"  {'then' if robot_file else 'next'}     oed run {run}")
+    warn(starter.notes)
     say(
         lambda: "\n".join(lines),
-        lambda: {"robot": starter.robot, "files": [str(path) for path in paths]},
+        lambda: {
+            "robot": starter.robot,
+            "files": [str(path) for path in paths],
+            "notes": list(starter.notes),
+        },
         as_json,
     )

@@ -15,7 +15,7 @@ from robotmodels.elastic.arm import motions
 from robotmodels.elastic.robot import ElasticRobot
 from robotmodels.linear.response import linearize
 
-_LEAST_INERTIA = 1e-3
+_LEAST_INERTIA = 1e-6
 """[kg m^2 or kg] Taken for joints beyond which a URDF has next to no mass."""
 
 
@@ -39,6 +39,8 @@ class UrdfJoint:
         along none.
     leader : str or None
         Joint it follows (``<mimic>``), or None.
+    carrier : str or None
+        Moving joint before it, or None.
     """
 
     name: str
@@ -48,6 +50,7 @@ class UrdfJoint:
     load: float
     across: tuple[str, ...]
     leader: str | None
+    carrier: str | None = None
 
 
 def moving_joints(urdf: str, beside: Path) -> tuple[UrdfJoint, ...]:
@@ -78,6 +81,7 @@ def moving_joints(urdf: str, beside: Path) -> tuple[UrdfJoint, ...]:
             load=max(float(loads[model.joints[j + 1].idx_v]), _LEAST_INERTIA),
             across=_across(motion),
             leader=leaders.get(name),
+            carrier=model.names[model.parents[j + 1]] if model.parents[j + 1] else None,
         )
         for j, (name, motion) in enumerate(zip(list(model.names)[1:], motions(model), strict=True))
     )
@@ -102,6 +106,43 @@ def _across(motion: Array) -> tuple[str, ...]:
     along = np.abs(axis) > 1 - 1e-6
     return tuple(name for name, same in zip("xyz", along, strict=True) if not same) * any(along)
 
+
+_FARTHEST, _HEAVIEST, _WIDEST = 30.0, 5000.0, 13.0
+"""Of robots: a joint from the one before it [m], a link [kg], a limit of two turns [rad]."""
+
+
+def unit_doubts(urdf: str, beside: Path) -> tuple[str, ...]:
+    """Return a sentence for each quantity of a URDF that looks as if it had another unit.
+
+    Parameters
+    ----------
+    urdf : str
+        As for `robotmodels.description.urdf.locate`.
+    beside : Path
+        As for `robotmodels.description.urdf.locate`.
+    """
+    model = rigid_model(locate(urdf, beside), {})
+    names = list(model.names)
+    doubts = []
+    for joint in range(1, model.njoints):
+        far = float(np.linalg.norm(model.jointPlacements[joint].translation))
+        if far > _FARTHEST:
+            doubts.append(f"joint {names[joint]!r} is {far:g} m from the one before: in mm?")
+        if (mass := float(model.inertias[joint].mass)) > _HEAVIEST:
+            doubts.append(f"the body moved by joint {names[joint]!r} has {mass:g} kg: in g?")
+    for j, motion in enumerate(motions(model), start=1):
+        index = model.joints[j].idx_q
+        ends = model.lowerPositionLimit[index], model.upperPositionLimit[index]
+        widest = max(map(abs, ends))
+        if motion[3:].any() and model.joints[j].nq == 1 and _WIDEST < widest < _UNLIMITED:
+            doubts.append(
+                f"joint {names[j]!r} has limits {ends[0]:g} to {ends[1]:g} rad: in degrees?"
+            )
+    return tuple(doubts)
+
+
+_UNLIMITED = 1e3
+"""Limit that stands for none [rad]."""
 
 FIRST_HERTZ, LAST_HERTZ = 8.0, 20.0
 """Resonances of the drives from base to tip, motors held: those of industrial robots."""
@@ -144,9 +185,29 @@ class Drive:
 
 
 def propose_drives(joints: Sequence[UrdfJoint]) -> tuple[Drive, ...]:
-    """Return a drive for each joint: the motor matches its load, the spring resonates with it."""
-    hertz = np.linspace(FIRST_HERTZ, LAST_HERTZ, max(len(joints), 2))
-    return tuple(_drive(joint, 2 * np.pi * f) for joint, f in zip(joints, hertz, strict=False))
+    """Return a drive for each joint: the motor matches its load, the spring resonates with it.
+
+    Resonances rise evenly along each branch, so that equal arms get equal drives.
+    """
+    span = LAST_HERTZ - FIRST_HERTZ
+    return tuple(
+        _drive(joint, 2 * np.pi * (FIRST_HERTZ + span * along))
+        for joint, along in zip(joints, _along_branches(joints), strict=True)
+    )
+
+
+def _along_branches(joints: Sequence[UrdfJoint]) -> list[float]:
+    """Return where each joint is on the longest branch through it: 0 at its base, 1 at its tip."""
+    before = {joint.name: joint.carrier for joint in joints}
+    depth, height = dict.fromkeys(before, 0), dict.fromkeys(before, 0)
+    for joint in joints:
+        steps, carrier = 0, joint.carrier
+        while carrier in before:
+            steps += 1
+            height[carrier] = max(height[carrier], steps)
+            carrier = before[carrier]
+        depth[joint.name] = steps
+    return [depth[n] / max(depth[n] + height[n], 1) for n in before]
 
 
 def _drive(joint: UrdfJoint, omega: float) -> Drive:
@@ -191,4 +252,5 @@ def idle_joints(robot: ElasticRobot) -> tuple[str, ...]:
         return ()
     change = np.abs(moved - reference).max(axis=(1, 2, 3))
     idle = change < _CHANGE * np.abs(reference).max()
+    idle &= high > low  # what cannot turn shows nothing
     return tuple(name for name, still in zip(robot.motor_joints, idle, strict=True) if still)

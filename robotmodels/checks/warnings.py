@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from robotmodels.checks.diagnosis import Diagnosis
+from robotmodels.description.urdf import nearest_consistent
 
 # A parameter that changes no response by more than this, per relative change, drowns in noise.
 LEAST_SENSITIVITY = 0.01
@@ -127,15 +128,17 @@ def softened(d: Diagnosis) -> Iterator[Suspicion]:
 
 
 def inconsistent_inertia(d: Diagnosis) -> Iterator[Suspicion]:
-    """Bodies that break the triangle inequality by up to the 1 % that passes as rounding."""
+    """Bodies that break the triangle inequality by what passes as rounding."""
     for b in d.bodies:
         first, second, third = b.moments
         if (excess := third - first - second) > 1e-6 * third:
+            nearest = np.diag(nearest_consistent(np.diag(b.moments)))
             yield Suspicion(
                 "inertia",
                 (b.name,),
                 f"{b.name}: the largest principal moment of inertia exceeds the sum of the other "
-                f"two by {100 * excess / third:.2g} %; no body has that, but rounding may",
+                f"two by {100 * excess / third:.2g} %; no body has that, but rounding may; the "
+                f"nearest of a body are {', '.join(f'{moment:.4g}' for moment in nearest)} kg m^2",
             )
 
 

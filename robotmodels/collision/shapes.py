@@ -5,18 +5,20 @@ import re
 import xml.etree.ElementTree as ET
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import lru_cache
 from pathlib import Path
 
 import coal
 import numpy as np
 import pinocchio as pin
 
+from robotmodels.collision.convex_hull import enclosing_shape
 from robotmodels.common.arrays import Array, check_above_zero
 from robotmodels.common.errors import InvalidInput
 from robotmodels.common.file_paths import check_file
-from robotmodels.description.ranges import MOST_LENGTH
 from robotmodels.description.urdf import locate
-from robotmodels.description.urdf_check import checked_urdf, read_xml
+from robotmodels.description.urdf_check import checked_urdf
+from robotmodels.description.xml_reader import read_xml
 from robotmodels.elastic.robot import ElasticRobot
 
 LINE_RADIUS = 1e-3
@@ -90,14 +92,16 @@ def robot_shapes(robot: ElasticRobot, link_radius: float | None = None) -> Robot
     if link_radius is not None:
         check_above_zero(link_radius, "link_radius [m]")
     path = locate(robot.file.urdf, robot.folder)
-    drawn, missing = _drawn(robot.rigid, path)
+    drawn, missing, boxed = _own_shapes(robot)
     if drawn and link_radius is not None:
         raise InvalidInput(
             f"link_radius: {path.name} has collision shapes of its own, which are used; leave "
             "the radius out"
         )
     if drawn:
-        return RobotShapes(drawn, True, (*_notes(robot, drawn, missing), *_payload_note(robot)))
+        return RobotShapes(
+            drawn, True, (*_notes(robot, drawn, missing), *boxed, *_payload_note(robot))
+        )
     capsules = tuple(_capsules(robot.rigid, link_radius or LINE_RADIUS))
     why = f"{path.name} has no collision shapes" if not missing else "; ".join(missing)
     if link_radius is None:
@@ -110,6 +114,26 @@ def robot_shapes(robot: ElasticRobot, link_radius: float | None = None) -> Robot
     return RobotShapes(capsules, link_radius is not None, (note, *_payload_note(robot)))
 
 
+def lowest_of_base(robot: ElasticRobot) -> float:
+    """Return the height of the lowest point of what does not move [m]; 0 without shapes.
+
+    The height is above the root link's origin, against gravity.
+    """
+    gravity = np.array(robot.file.gravity)
+    if not gravity.any():
+        return 0.0
+    up = -gravity / np.linalg.norm(gravity)
+    heights = [0.0]
+    for shape in _own_shapes(robot)[0]:
+        if shape.joint == 0:
+            shape.hull.computeLocalAABB()
+            box, at = shape.hull.aabb_local, shape.placement
+            middle = at.act((np.asarray(box.min_) + np.asarray(box.max_)) / 2)
+            half = (np.asarray(box.max_) - np.asarray(box.min_)) / 2
+            heights.append(float(up @ middle - np.abs(at.rotation.T @ up) @ half))
+    return min(heights)
+
+
 def mesh_files(robot: ElasticRobot) -> dict[str, Path | None]:
     """Return the collision meshes as the URDF names them, and where each is; None if nowhere."""
     path = locate(robot.file.urdf, robot.folder)
@@ -118,42 +142,41 @@ def mesh_files(robot: ElasticRobot) -> dict[str, Path | None]:
     return {name: _mesh_file(name, path) for name in names}
 
 
-def _drawn(rigid: pin.Model, path: Path) -> tuple[tuple[Shape, ...], tuple[str, ...]]:
-    """Return the shapes of a URDF, and a sentence on each mesh that is not there."""
-    robot, missing = _with_absolute_meshes(path)
-    xml = ET.tostring(robot, encoding="unicode")
+def _own_shapes(
+    robot: ElasticRobot,
+) -> tuple[tuple[Shape, ...], tuple[str, ...], tuple[str, ...]]:
+    """Return `_read_shapes`, read again only where a file has changed."""
+    files = (locate(robot.file.urdf, robot.folder), *mesh_files(robot).values())
+    stamps = (os.stat(file) for file in files if file is not None)
+    return _read_shapes(robot, tuple((stamp.st_mtime_ns, stamp.st_size) for stamp in stamps))
+
+
+@lru_cache(maxsize=2)
+def _read_shapes(
+    robot: ElasticRobot, stamps: tuple[tuple[int, int], ...]
+) -> tuple[tuple[Shape, ...], tuple[str, ...], tuple[str, ...]]:
+    """Return the shapes of the URDF, and sentences on meshes not there and meshes simplified."""
+    rigid, path = robot.rigid, locate(robot.file.urdf, robot.folder)
+    tree, missing = _with_absolute_meshes(path)
+    xml = ET.tostring(tree, encoding="unicode")
     try:
         geometry = pin.buildGeomFromUrdfString(rigid, xml, pin.COLLISION)
     except (ValueError, RuntimeError) as error:
         parts = " ".join(str(error).split()).partition("message: ")
         raise InvalidInput(f"{path}: collision shapes: {parts[2] or parts[0]}") from None
-    shapes = []
+    shapes, notes = [], []
     for item in geometry.geometryObjects:
         link = rigid.frames[item.parentFrame].name
-        hull, mesh = item.geometry, None
+        hull, mesh, placement = item.geometry, None, item.placement
         if isinstance(hull, coal.BVHModelBase):
-            mesh = hull
-            hull = _convex_hull(mesh, f"{path}: link {link!r}: mesh {Path(item.meshPath).name}")
-        shapes.append(Shape(link, int(item.parentJoint), item.placement, hull, mesh))
-    return tuple(shapes), missing
-
-
-def _convex_hull(mesh: coal.BVHModelBase, who: str) -> coal.CollisionGeometry:
-    """Return the convex hull of a mesh.
-
-    Raises
-    ------
-    InvalidInput
-        If its points are not finite, which ends the process inside Qhull, or span none.
-    """
-    points = mesh.vertices()
-    if not (np.isfinite(points).all() and np.abs(points).max(initial=0.0) <= MOST_LENGTH):
-        raise InvalidInput(f"{who}: its points are not finite numbers of at most {MOST_LENGTH:g} m")
-    try:
-        mesh.buildConvexHull(True, "Qt")  # Qhull's option for triangular faces
-    except (ValueError, RuntimeError):
-        raise InvalidInput(f"{who}: its points lie in a plane or are too few for a body") from None
-    return mesh.convex
+            mesh, name = hull, f"link {link!r}: mesh {Path(item.meshPath).name}"
+            hull, moved, note = enclosing_shape(mesh.vertices(), f"{path}: {name}")
+            # Surfaces decide only where the hull is in the frame of its mesh.
+            mesh = mesh if moved is None else None
+            placement = placement if moved is None else placement * moved
+            notes += [f"{name}: {note}"] if note else []
+        shapes.append(Shape(link, int(item.parentJoint), placement, hull, mesh))
+    return tuple(shapes), missing, tuple(notes)
 
 
 def _with_absolute_meshes(path: Path) -> tuple[ET.Element, tuple[str, ...]]:

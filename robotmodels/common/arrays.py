@@ -1,7 +1,8 @@
 """Types of arrays, and checks of numbers that people give."""
 
 import os
-from math import isfinite
+from collections.abc import Sequence
+from math import isfinite, prod
 from numbers import Real
 from typing import TypeGuard, TypeVar
 
@@ -25,6 +26,18 @@ def read_only(array: NDArray[_T]) -> NDArray[_T]:
     view = array.view()
     view.flags.writeable = False
     return view
+
+
+def cartesian_grid(axes: Sequence[ArrayLike]) -> Array:
+    """Return all combinations of the values on n axes, (Q, n); the last axis runs fastest."""
+    # Column by column: numpy's arrays have at most 64 axes, broadcast ones 32.
+    values = [np.asarray(axis, dtype=float) for axis in axes]
+    step = np.arange(prod(map(len, values)))
+    columns = []
+    for axis in reversed(values):
+        step, index = np.divmod(step, len(axis))
+        columns.append(axis[index])
+    return np.stack(columns[::-1], axis=1)
 
 
 def real_numbers(values: ArrayLike, what: str, *, copy: bool = True) -> Array:

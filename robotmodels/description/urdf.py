@@ -12,9 +12,10 @@ import pinocchio as pin
 from robotmodels.common.arrays import Array
 from robotmodels.common.errors import InvalidInput, nearest
 from robotmodels.common.file_paths import absolute
-from robotmodels.description.urdf_check import checked_urdf
+from robotmodels.description.urdf_check import GROUND, checked_urdf
 
 PACKAGE_PREFIX = "example-robot-data:"
+"""Of files in that installed package."""
 
 
 def locate(urdf: str, beside: Path) -> Path:
@@ -58,11 +59,7 @@ def rigid_model(path: Path, lock: dict[str, float]) -> pin.Model:
         If the file is malformed, has an unsupported joint type or unphysical inertias, or does not
         have a joint of `lock`.
     """
-    xml = ET.tostring(checked_urdf(path), encoding="unicode")
-    try:
-        model = pin.buildModelFromXML(xml)
-    except ValueError as error:
-        raise InvalidInput(f"{path}: not a valid URDF: {error}") from None
+    model, link_names = _read_model(path)
     joints = list(model.names)[1:]
     configuration = pin.neutral(model)
     for name, angle in lock.items():
@@ -77,9 +74,48 @@ def rigid_model(path: Path, lock: dict[str, float]) -> pin.Model:
     model = pin.buildReducedModel(model, [model.getJointId(n) for n in lock], configuration)
     for name in lock:
         _mend_locked_frame(model, whole, name)
-    for name, inertia in zip(list(model.names)[1:], list(model.inertias)[1:], strict=True):
-        check_inertia(inertia, f"{path.name}: the body moved by joint {name!r}")
+    _restore_names(model, link_names)
+    _check_inertias(model, path)
     return model
+
+
+def _read_model(path: Path) -> tuple[pin.Model, dict[str, str]]:
+    """Return Pinocchio's model of a URDF, and the own names of links that it has by another."""
+    tree = checked_urdf(path)
+    renamed = _rename_links(tree)
+    try:
+        return pin.buildModelFromXML(ET.tostring(tree, encoding="unicode")), renamed
+    except ValueError as error:
+        raise InvalidInput(f"{path}: not a valid URDF: {error}") from None
+
+
+def _restore_names(model: pin.Model, link_names: dict[str, str]) -> None:
+    for frame in model.frames:
+        if frame.type == pin.BODY:
+            frame.name = link_names.get(frame.name, frame.name)
+
+
+def _check_inertias(model: pin.Model, path: Path) -> None:
+    for name, inertia in zip(list(model.names)[1:], list(model.inertias)[1:], strict=True):
+        if inertia.toDynamicParameters().any():  # without any, `check_mass` decides
+            check_inertia(inertia, f"{path.name}: the body moved by joint {name!r}")
+
+
+def _rename_links(tree: ET.Element) -> dict[str, str]:
+    """Rename the links that share a name with a joint or the ground; return their own names.
+
+    Pinocchio looks frames up by name alone while it reads and locks; afterwards by name and type.
+    """
+    links = [str(link.get("name")) for link in tree.findall("link")]
+    joints = {str(joint.get("name")) for joint in tree.findall("joint")} | {GROUND}
+    # Longer than any name, so nobody's.
+    suffix = "~" * max(map(len, {*links, *joints}))
+    renamed = {name: name + suffix for name in links if name in joints}
+    for link in tree.findall("link"):
+        link.set("name", renamed.get(str(link.get("name")), str(link.get("name"))))
+    for end in (*tree.iterfind("joint/parent"), *tree.iterfind("joint/child")):
+        end.set("link", renamed.get(str(end.get("link")), str(end.get("link"))))
+    return {new: name for name, new in renamed.items()}
 
 
 def _mend_locked_frame(model: pin.Model, whole: pin.Model, name: str) -> None:
@@ -139,10 +175,34 @@ def check_moments(mass: float, inertia: Array, who: str) -> None:
     if not mass > 0:
         raise InvalidInput(f"{who} has mass {mass:g} kg; a positive mass is needed")
     moments = np.linalg.eigvalsh(inertia)
-    # Published inertias are rounded: allow the triangle inequality one part in a hundred.
-    if moments[0] < -1e-9 * moments[2] or moments[0] + moments[1] < 0.99 * moments[2]:
+    # A point mass may have moments of rounding: those of a body of a tenth of a millimetre.
+    rounding = 1e-9 * max(moments[2], 0.0) + 1e-8 * mass
+    if moments[0] < -rounding or inconsistency(inertia) > _MOST_INCONSISTENT:
         listed = ", ".join(f"{m:.3g}" for m in moments)
+        entries = nearest_consistent(inertia)[np.triu_indices(3)]
         raise InvalidInput(
             f"{who} is not physically consistent: its principal moments of inertia are {listed} "
-            "kg m^2; each must be >= 0 and at most the sum of the other two"
+            "kg m^2; each must be >= 0 and at most the sum of the other two; the nearest "
+            f"that is so has xx, xy, xz, yy, yz, zz = {', '.join(f'{m:.6g}' for m in entries)}"
         )
+
+
+_MOST_INCONSISTENT = 0.15
+"""Of inertias that are used: makers publish rounded ones, and some 8 % off."""
+
+
+def inconsistency(inertia: Array) -> float:
+    """Return the part by which the largest principal moment exceeds the sum of the other two."""
+    moments = np.linalg.eigvalsh(inertia)
+    return float(max(0.0, 1 - (moments[0] + moments[1]) / moments[2])) if moments[2] > 0 else 0.0
+
+
+def nearest_consistent(inertia: Array) -> Array:
+    """Return the inertia (3, 3) [kg m^2] of the body with the nearest second moments.
+
+    The second moments tr(I)/2 - I of a distribution of mass are positive semidefinite: their
+    projection (in the Frobenius norm) drops the negative eigenvalues.
+    """
+    values, vectors = np.linalg.eigh(np.trace(inertia) / 2 * np.eye(3) - inertia)
+    second = (vectors * np.maximum(values, 0.0)) @ vectors.T
+    return np.asarray(np.trace(second) * np.eye(3) - second)

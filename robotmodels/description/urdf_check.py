@@ -10,8 +10,9 @@ import xml.etree.ElementTree as ET
 from collections import Counter
 from pathlib import Path
 
+from scipy.spatial.transform import Rotation
+
 from robotmodels.common.errors import InvalidInput, nearest
-from robotmodels.common.file_paths import check_file, reason
 from robotmodels.common.printing import decimal, unprintable
 from robotmodels.description.ranges import (
     LEAST_DIRECTION,
@@ -20,12 +21,22 @@ from robotmodels.description.ranges import (
     MOST_LIMIT,
     MOST_MASS,
 )
+from robotmodels.description.xml_reader import read_xml
 
 MOST_LINKS = 500
 """Links of a URDF."""
 
+GROUND = "universe"
+"""Pinocchio's name for what does not move: no joint's."""
+
 _SUPPORTED = ("revolute", "continuous", "prismatic", "fixed")
-_SHAPES = {"box": ("size", 3), "cylinder": ("radius", 1), "sphere": ("radius", 1)}
+_SHAPES = {
+    "box": ("size", 3),
+    "capsule": ("radius", 1),
+    "cylinder": ("radius", 1),
+    "sphere": ("radius", 1),
+}
+_LONG = ("capsule", "cylinder")
 
 
 def checked_urdf(path: Path, *, shapes: bool = False) -> ET.Element:
@@ -101,6 +112,8 @@ def _check_tree(robot: ET.Element) -> None:
 
 def _end(joint: ET.Element, end: str, links: list[str]) -> str:
     who = f"joint {joint.get('name')!r}"
+    if joint.get("name") == GROUND:
+        raise InvalidInput(f"joint {GROUND!r} has Pinocchio's name for the ground; rename it")
     element = _only(joint, end, who)
     if element is None:
         raise InvalidInput(f"{who} has no <{end}>")
@@ -160,8 +173,32 @@ def _link(link: ET.Element, shapes: bool) -> ET.Element:
         moments = {key: repr(_number(inertia, key, who, most=MOST_INERTIA)) for key in entries}
         ET.SubElement(part, "inertia", moments)
     for number, collision in enumerate(link.findall("collision") if shapes else (), start=1):
-        checked.append(_collision(collision, f"{who}: collision shape {number}"))
+        shape = _collision(collision, f"{who}: collision shape {number}")
+        checked.extend([shape] if shape.find("geometry/capsule") is None else _parts(shape))
     return checked
+
+
+def _parts(collision: ET.Element) -> list[ET.Element]:
+    """Return the cylinder and the two spheres whose union a capsule is; few readers know it."""
+    (capsule,) = collision.findall("geometry/capsule")
+    radius, length = capsule.get("radius", ""), float(capsule.get("length", ""))
+    rotation = Rotation.from_euler("xyz", _triple(collision, "rpy"))
+    parts = []
+    for tag, offset in (("cylinder", 0.0), ("sphere", length / 2), ("sphere", -length / 2)):
+        center = _triple(collision, "xyz") + rotation.apply([0.0, 0.0, offset])
+        part = ET.Element("collision")
+        numbers = {"xyz": _written(center.tolist()), "rpy": _written(_triple(collision, "rpy"))}
+        ET.SubElement(part, "origin", numbers)
+        shape = ET.SubElement(ET.SubElement(part, "geometry"), tag, radius=radius)
+        if tag == "cylinder":
+            shape.set("length", repr(length))
+        parts.append(part)
+    return parts
+
+
+def _triple(collision: ET.Element, key: str) -> list[float]:
+    origin = collision.find("origin")
+    return [0.0] * 3 if origin is None else [float(x) for x in origin.get(key, "").split()]
 
 
 def _collision(collision: ET.Element, who: str) -> ET.Element:
@@ -170,7 +207,9 @@ def _collision(collision: ET.Element, who: str) -> ET.Element:
     geometry = _only(collision, "geometry", who)
     drawn = [] if geometry is None else list(geometry)
     if len(drawn) != 1 or drawn[0].tag not in (*_SHAPES, "mesh"):
-        raise InvalidInput(f"{who}: <geometry> with a box, cylinder, sphere or mesh is needed")
+        raise InvalidInput(
+            f"{who}: <geometry> with a box, cylinder, capsule, sphere or mesh is needed"
+        )
     (shape,) = drawn
     part = ET.SubElement(ET.SubElement(checked, "geometry"), shape.tag)
     if shape.tag == "mesh":
@@ -178,7 +217,7 @@ def _collision(collision: ET.Element, who: str) -> ET.Element:
         part.set("scale", _written(_numbers(shape, "scale", 3, who, "1 1 1")))
         return checked
     key, count = _SHAPES[shape.tag]
-    for name, numbers in ((key, count), ("length", 1 if shape.tag == "cylinder" else 0)):
+    for name, numbers in ((key, count), ("length", 1 if shape.tag in _LONG else 0)):
         lengths = _numbers(shape, name, numbers, who, "") if numbers else []
         if any(length <= 0 for length in lengths):
             raise InvalidInput(f"{who}: <{shape.tag}> has {name}={shape.get(name)!r}; not positive")
@@ -234,64 +273,3 @@ def _numbers(
 
 def _written(numbers: list[float]) -> str:
     return " ".join(map(repr, numbers))
-
-
-MOST_BYTES = 4_000_000
-"""Size of a URDF."""
-
-_MOST_NESTED = 32
-
-
-class _GuardedTree(ET.TreeBuilder):
-    """Refuses what no robot needs as soon as it begins."""
-
-    def __init__(self) -> None:
-        super().__init__()
-        self._depth = 0
-
-    def doctype(self, name: str, public: str | None, system: str | None) -> None:
-        """Refuse definitions of entities, which expand without end or name other files."""
-        raise InvalidInput("it has a <!DOCTYPE>, which is not read; leave it out")
-
-    def start(self, tag: str, attributes: dict[str, str]) -> ET.Element:
-        """Begin an element."""
-        self._depth += 1
-        if self._depth > _MOST_NESTED:
-            raise InvalidInput(f"elements are nested more than {_MOST_NESTED} deep")
-        return super().start(tag, attributes)
-
-    def end(self, tag: str) -> ET.Element:
-        """End an element."""
-        self._depth -= 1
-        return super().end(tag)
-
-
-def read_xml(path: Path, most: int = MOST_BYTES, kind: str = "URDF") -> ET.Element:
-    """Return the root of an XML file.
-
-    Parameters
-    ----------
-    path : Path
-        Of the file.
-    most : int
-        Largest size of the file [bytes].
-    kind : str
-        What the file is to be, for errors.
-
-    Raises
-    ------
-    InvalidInput
-        If it cannot be read, is not well formed, defines entities or nests too deeply.
-    """
-    check_file(path, most)
-    try:
-        return ET.fromstring(path.read_bytes(), parser=ET.XMLParser(target=_GuardedTree()))
-    except ET.ParseError as error:
-        raise InvalidInput(f"{path}: not a well-formed {kind}: {error}") from None
-    except (LookupError, ValueError) as error:
-        # Of an encoding that Python does not have, or that is none of text.
-        raise InvalidInput(f"{path}: not a well-formed {kind}: {reason(error)}") from None
-    except OSError as error:
-        raise InvalidInput(f"{path}: cannot be read: {reason(error)}") from None
-    except InvalidInput as error:
-        raise InvalidInput(f"{path}: {error}") from None

@@ -43,7 +43,12 @@ class Segment:
     @property
     def inertia(self) -> pin.Inertia:
         """Inertia in the frame of the joint."""
-        return _inertia(np.sum([np.zeros(10), *self.links.values(), *self.stubs], axis=0))
+        return _inertia(self.inertial_parameters)
+
+    @property
+    def inertial_parameters(self) -> Array:
+        """Mass [kg], first [kg m] and second moments [kg m^2] about the joint's frame, (10,)."""
+        return np.asarray(np.sum([np.zeros(10), *self.links.values(), *self.stubs], axis=0))
 
 
 def segments(file: RobotFile, rigid: pin.Model, joint: int) -> list[Segment]:
@@ -66,8 +71,9 @@ def segments(file: RobotFile, rigid: pin.Model, joint: int) -> list[Segment]:
                 raise InvalidInput(f"payload: link {payload.link!r} does not move")
             carrier.links[frame] = carrier.links[frame] + _placed(rigid, frame, payload)
     for part in parts:
-        # The ground needs no mass, nor does a root link that only carries others.
-        if joint or (part.springs and part.inertia.mass != 0):
+        # Neither the ground nor what only carries others needs mass; `check_mass` decides.
+        massive = part.inertial_parameters.any() if joint else part.inertia.mass != 0
+        if massive and (joint or part.springs):
             check_inertia(part.inertia, _part_name(rigid, joint, parts, part))
     return parts
 

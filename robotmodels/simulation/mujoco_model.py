@@ -124,7 +124,7 @@ class PlantBuilder:
             If MuJoCo refuses a body, whose moments of inertia must fit each other exactly, also
             where bodies fixed to it make up for them.
         """
-        self._add_link(self.tree.root, self.spec.worldbody.add_body(name="root"))
+        self._add_link(self.tree.root, self.spec.worldbody.add_body(name="the root link"))
         for motor in self.file.motors:
             if motor.joint in self.drives:
                 self._add_motor(motor, self.drives[motor.joint])
@@ -170,7 +170,7 @@ class PlantBuilder:
         _set_inertia(body, _shift(inertial, frame))
         payload = self.file.payload
         if payload is not None and payload.link == link:
-            _set_inertia(body.add_body(name="payload", pos=frame), _from_body(payload))
+            _set_inertia(body.add_body(name="the payload", pos=frame), _from_body(payload))
         for sensor in self.file.accelerometers:
             if sensor.link == link:
                 body.add_site(name=sensor.name, pos=frame + np.array(sensor.at))
@@ -185,7 +185,9 @@ class PlantBuilder:
         elif locked:
             rotation = rotation * Rotation.from_rotvec(self.file.lock[joint.name] * joint.axis)
         quaternion = rotation.as_quat(scalar_first=True)
-        body = parent.add_body(name=joint.child, pos=frame + position, quat=quaternion)
+        # MuJoCo's own name for the ground is no link's.
+        name = joint.child if joint.child != "world" else "link world"
+        body = parent.add_body(name=name, pos=frame + position, quat=quaternion)
         if joint.kind != "fixed" and not locked:
             for spring in self.file.springs:
                 if spring.joint == joint.name and spring.axis != "drive":

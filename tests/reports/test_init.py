@@ -9,14 +9,9 @@ from oed import Workcell, candidate_positions
 from oed.candidates.screening import usable
 from oed.study.settings.study_file import load_study
 from reports import cli
-from reports.commands.init_files import (
-    default_folder,
-    grid_points,
-    noise_floor,
-    starter_files,
-    write_starter_files,
-    yaml_word,
-)
+from reports.commands.init_files import default_folder, starter_files, write_starter_files
+from reports.commands.init_study import grid_points, noise_floor
+from reports.commands.yaml_text import yaml_word
 from robotmodels import InvalidInput, load_robot
 from robotmodels.checks.proposed_drives import idle_joints, moving_joints, propose_drives
 from robotmodels.common.yaml_reader import read_document

@@ -2,6 +2,7 @@ import struct
 from dataclasses import replace
 from pathlib import Path
 
+import coal
 import mujoco
 import numpy as np
 import pytest
@@ -231,7 +232,6 @@ def test_a_shape_that_cannot_be_read(tmp_path):
     [
         ("nan.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 nan\nf 1 2 3\nf 1 2 4\n", "finite numbers"),
         ("far.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1e30\nf 1 2 3\nf 1 2 4\n", "finite numbers"),
-        ("flat.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n", "lie in a plane or are too few"),
         ("empty.stl", "", "File is empty"),
         ("large.stl", " " * 30_000_001, "30 MB; a file of this kind has at most 30"),
         ("a.dae", "<a><p>0 1 1.5</p></a>", "<p> has '.5'; whole numbers are needed"),
@@ -245,6 +245,40 @@ def test_meshes_that_are_no_bodies(tmp_path, name, content, said):
         surroundings(arm(tmp_path, SHAPES | {"hand": shape(f'<mesh filename="{name}"/>')}))
     assert "\n" not in str(error.value)
     assert name in str(error.value)
+
+
+def test_a_flat_mesh_is_compared_as_its_bounding_box(tmp_path):
+    (tmp_path / "flat.obj").write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n")
+    robot = arm(tmp_path, SHAPES | {"hand": shape('<mesh filename="flat.obj"/>')})
+    shapes = surroundings(robot).shapes
+    (note,) = [note for note in shapes.notes if "flat.obj" in note]
+    assert note.startswith("link 'hand': mesh flat.obj: its points lie in a plane")
+    hand = next(s for s in shapes.shapes if s.link == "hand")
+    assert np.allclose(hand.hull.halfSide, [0.5, 0.5, 5e-4])
+
+
+def test_a_capsule_is_a_cylinder_with_round_ends(tmp_path):
+    ends = '<origin xyz="0.1 0.2 0.3" rpy="0.4 -0.5 0.6"/>'
+    drawn = (
+        f'<collision>{ends}<geometry><capsule radius="0.1" length="0.4"/></geometry></collision>'
+    )
+    robot = arm(tmp_path, SHAPES | {"hand": drawn})
+    parts = [s for s in surroundings(robot).shapes.shapes if s.link == "hand"]
+    at = parts[0].placement
+    capsule, whole = coal.Capsule(0.1, 0.4), coal.Transform3s(at.rotation, at.translation)
+    rng = np.random.default_rng(0)
+    for point in at.translation + rng.normal(scale=0.3, size=(100, 3)):
+        probe, seat = coal.Sphere(1e-9), coal.Transform3s(np.eye(3), point)
+
+        def distance(shape, placement, probe=probe, seat=seat):
+            request, result = coal.DistanceRequest(), coal.DistanceResult()
+            return coal.distance(shape, placement, probe, seat, request, result)
+
+        nearest = min(
+            distance(s.hull, coal.Transform3s(s.placement.rotation, s.placement.translation))
+            for s in parts
+        )
+        assert max(nearest, 0) == pytest.approx(max(distance(capsule, whole), 0), abs=1e-6)
 
 
 @pytest.mark.parametrize("name", ["package://", "package:///etc/passwd", "package://a/../../b.stl"])

@@ -1,0 +1,238 @@
+"""URDFs as robots' makers publish them: ``oed init`` writes studies of them that run."""
+
+import importlib.metadata
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from oed.study.settings.study_file import load_study
+from oed.study.stages.candidates import gather
+from reports.commands.init_files import starter_files, write_starter_files
+from robotmodels import InvalidInput, linearize, load_robot
+from robotmodels.description.urdf import (
+    check_moments,
+    inconsistency,
+    nearest_consistent,
+    rigid_model,
+)
+from robotmodels.linear.modes import resonances
+
+EXAMPLES = "example-robot-data:"
+MOMENTS = 'ixx="{0}" iyy="{0}" izz="{0}" ixy="0" ixz="0" iyz="0"'
+
+
+def link(name, mass=1.0, moment=0.01, inside=""):
+    inertia = MOMENTS.format(moment)
+    body = f'<inertial><origin xyz="0 0 0.1"/><mass value="{mass}"/><inertia {inertia}/></inertial>'
+    return f'<link name="{name}">{body if mass else ""}{inside}</link>'
+
+
+def joint(name, parent, child, axis="0 1 0", limits=(-1, 1), inside=""):
+    return (
+        f'<joint name="{name}" type="revolute"><parent link="{parent}"/><child link="{child}"/>'
+        f'<origin xyz="0 0 0.3"/><axis xyz="{axis}"/>'
+        f'<limit lower="{limits[0]}" upper="{limits[1]}" effort="1" velocity="1"/>{inside}</joint>'
+    )
+
+
+def urdf(*parts, attributes=""):
+    return f'<robot name="arm"{attributes}>{"".join(parts)}</robot>'
+
+
+ARM = (link("base"), link("post"), link("beam"))
+JOINTS = (joint("turn", "base", "post", "0 0 1"), joint("lean", "post", "beam"))
+
+
+def started(folder, content, name="arm.urdf"):
+    """Return what init writes about a URDF, with the robot and the candidates of its study."""
+    folder.mkdir(exist_ok=True)
+    (folder / name).write_text(content, encoding="utf-8")
+    return run_of(str(folder / name), folder / "new")
+
+
+def run_of(reference, folder):
+    starter = starter_files(reference, folder)
+    write_starter_files(starter, folder)
+    robot = load_robot(folder / "robot.yaml")
+    screened = gather(load_study(folder / "study.yaml").candidates, robot)
+    linearize(robot, screened.positions[0])
+    return starter, robot, screened
+
+
+@pytest.mark.parametrize(
+    ("links", "joints"),
+    [
+        (("base", "post", "beam"), ("post", "beam")),
+        (("base", "post", "beam"), ("beam", "base")),
+        (("universe", "post", "world"), ("turn", "lean")),
+        (("base", "universe", "beam"), ("base", "universe joint")),
+        (("base", "post", "beam"), ("m1", "d2")),
+        (("base", "root", "payload"), ("motor1", "m2")),
+    ],
+)
+def test_names_that_clash_with_links_or_invented_names(tmp_path, links, joints):
+    names = [link(name) for name in links]
+    moving = [joint(joints[0], *links[:2], "0 0 1"), joint(joints[1], *links[1:])]
+    _, robot, _ = started(tmp_path, urdf(*names, *moving))
+    assert robot.motor_joints == joints
+    reference = rigid_model(tmp_path / "arm.urdf", {joints[1]: 0.3})
+    assert [f.name for f in reference.frames if "BODY" in str(f.type)] == list(links)
+    plain = urdf(*ARM, *JOINTS)
+    (tmp_path / "plain.urdf").write_text(plain)
+    same = rigid_model(tmp_path / "plain.urdf", {"lean": 0.3})
+    assert np.allclose(
+        reference.inertias[1].toDynamicParameters(), same.inertias[1].toDynamicParameters()
+    )
+
+
+def test_a_joint_with_the_name_of_the_ground_is_refused_in_one_line(tmp_path):
+    content = urdf(*ARM, joint("universe", "base", "post"), JOINTS[1])
+    with pytest.raises(InvalidInput, match=r"arm.urdf: joint 'universe' has Pinocchio's name"):
+        started(tmp_path, content)
+
+
+@pytest.mark.parametrize("name", ["arm.URDF", "a:b.urdf"])
+def test_names_of_files(tmp_path, name):
+    _, robot, _ = started(tmp_path / "in: here", urdf(*ARM, *JOINTS), name)
+    assert robot.motor_joints == ("turn", "lean")
+
+
+def test_a_default_namespace(tmp_path):
+    attributes = ' xmlns="https://www.ros.org" xmlns:gazebo="https://gazebosim.org"'
+    content = urdf(*ARM, *JOINTS, "<gazebo:plugin/>", attributes=attributes)
+    _, robot, _ = started(tmp_path, content)
+    assert robot.motor_joints == ("turn", "lean")
+
+
+def test_more_motors_than_arrays_have_axes(tmp_path):
+    names = [f"l{i}" for i in range(41)]
+    joints = [
+        joint(f"j{i}", names[i], names[i + 1], "1 0 0" if i % 2 else "0 1 0", (-0.1, 0.1))
+        for i in range(40)
+    ]
+    _, robot, screened = started(tmp_path, urdf(*map(link, names), *joints))
+    assert len(robot.motor_names) == 40
+    assert len(screened) > 30
+
+
+def test_moments_of_rounding_and_massless_links_are_used(tmp_path):
+    check_moments(0.01, np.diag([-5e-20, 0.0, 0.0]), "point")
+    with pytest.raises(InvalidInput, match="not physically consistent"):
+        check_moments(0.01, np.diag([-5e-9, 0.0, 0.0]), "point")
+    wrist = (link("beam", mass=0), link("hand"), joint("nod", "beam", "hand", "1 0 0"))
+    _, robot, _ = started(tmp_path, urdf(*ARM[:2], *JOINTS, *wrist))
+    assert robot.motor_joints == ("turn", "lean", "nod")
+    same_axis = (link("beam", mass=0), link("hand"), joint("nod", "beam", "hand"))
+    content = urdf(*ARM[:2], *JOINTS, *same_axis)
+    _, robot, _ = started(tmp_path / "regular", content)  # its axes are 0.3 m apart
+    tip = urdf(*ARM[:2], link("beam", mass=0), *JOINTS)
+    with pytest.raises(InvalidInput, match="moves no mass"):
+        started(tmp_path / "singular", tip)
+
+
+def test_the_nearest_consistent_inertia():
+    rounded = np.diag([1.0, 2.0, 3.2])
+    assert inconsistency(rounded) == pytest.approx(0.2 / 3.2)
+    check_moments(1.0, rounded, "link")
+    with pytest.raises(InvalidInput, match=r"the nearest .* = 1\.5, 0, 0, 2\.5, 0, 4"):
+        check_moments(1.0, np.diag([1.0, 2.0, 4.0]), "link")
+    # By the definition: of all bodies none has nearer second moments.
+    wrong = np.diag([-0.5, 1.5, 2.5])
+    nearest = nearest_consistent(np.trace(wrong) * np.eye(3) - wrong)
+    assert inconsistency(nearest) == pytest.approx(0, abs=1e-12)
+    second = np.trace(nearest) / 2 * np.eye(3) - nearest
+    distance = np.linalg.norm(second - wrong)
+    rng = np.random.default_rng(0)
+    for _ in range(2000):
+        root = np.sqrt(np.abs(second)) + rng.normal(scale=0.2, size=(3, 3))
+        assert np.linalg.norm(root @ root.T - wrong) >= distance - 1e-12
+
+
+def test_equal_arms_get_equal_springs(tmp_path):
+    arms = [
+        part
+        for side in ("left", "right")
+        for part in (
+            link(f"{side} upper"),
+            link(f"{side} lower"),
+            joint(f"{side} shoulder", "base", f"{side} upper"),
+            joint(f"{side} elbow", f"{side} upper", f"{side} lower"),
+        )
+    ]
+    _, robot, _ = started(tmp_path, urdf(link("base"), *arms))
+    stiffness = {s.joint: s.stiffness for s in robot.file.springs}
+    assert stiffness["left shoulder"] == stiffness["right shoulder"]
+    assert stiffness["left elbow"] == stiffness["right elbow"]
+
+
+def test_light_last_axes_resonate_inside_the_band(tmp_path):
+    tip = link("beam", 0.001, 1e-7)
+    _, robot, screened = started(tmp_path, urdf(*ARM[:2], tip, *JOINTS))
+    band = load_study(tmp_path / "new" / "study.yaml").frequencies
+    hertz = resonances(linearize(robot, screened.positions[0])).frequencies / (2 * np.pi)
+    assert hertz.max() < band.high <= 80
+
+
+def test_equal_limits_are_told_and_no_false_sentence(tmp_path):
+    still = joint("lean", "post", "beam", limits=(0, 0))
+    starter, robot, _ = started(tmp_path, urdf(*ARM, JOINTS[0], still))
+    assert "joint 'lean' has equal limits and stays where it is" in starter.notes
+    assert "lean changes no response" not in starter.files["study.yaml"]
+    assert robot.motor_joints == ("turn", "lean")
+
+
+@pytest.mark.parametrize(
+    ("parts", "doubt"),
+    [
+        ((*ARM, JOINTS[0], joint("lean", "post", "beam", limits=(-90, 90))), "in degrees?"),
+        ((*ARM[:2], link("beam", 6000, 60), *JOINTS), "6000 kg: in g?"),
+    ],
+)
+def test_other_units_are_warned_of(tmp_path, parts, doubt):
+    starter, _, _ = started(tmp_path, urdf(*parts))
+    assert any(doubt in note for note in starter.notes)
+    right, _, _ = started(tmp_path / "right", urdf(*ARM, *JOINTS))
+    assert not any("in degrees?" in note or "in g?" in note for note in right.notes)
+
+
+BOX = '<collision><geometry><box size="0.2 0.2 0.7"/></geometry></collision>'
+
+
+def test_links_that_always_touch_the_floor_or_each_other(tmp_path):
+    """Boxes about the joints' origins: neighbours overlap, the base stands 0.35 m deeper."""
+    links = [link(name, inside=BOX) for name in ("base", "post", "beam", "hand")]
+    joints = (*JOINTS, joint("nod", "beam", "hand", "1 0 0"))
+    starter, _, screened = started(tmp_path, urdf(*links, *joints))
+    assert len(screened) >= 0.05 * screened.proposed
+    assert "floor: -0.35" in starter.files["study.yaml"]
+    assert "ignored:" in starter.files["study.yaml"]
+    assert any("not compared" in note for note in starter.notes)
+
+
+def examples():
+    files = importlib.metadata.files("example-robot-data") or []
+    return sorted({str(f).split("/robots/")[-1] for f in files if f.suffix == ".urdf"})
+
+
+@pytest.mark.parametrize(
+    "name", ["so_arm_description/urdf/so100.urdf", "finger_edu.urdf", "kinova.urdf"]
+)
+def test_studies_of_some_published_robots_run(tmp_path, name):
+    _, robot, screened = run_of(EXAMPLES + name, tmp_path)
+    assert len(screened) >= 10
+    assert np.isfinite(linearize(robot, screened.positions[-1]).mass).all()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", examples())
+def test_studies_of_all_published_robots_run_or_say_why_not(tmp_path, name):
+    refusal = ""
+    try:
+        _, _, screened = run_of(EXAMPLES + name, tmp_path)
+    except InvalidInput as error:
+        refusal = str(error)
+    assert refusal or len(screened) >= 1
+    assert "\n" not in refusal
+    assert "candidate positions are left" not in refusal
+    assert Path(name).name in refusal or not refusal
