@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 from robotmodels.common.arrays import Array
 from robotmodels.description.robot_file import Motor, Payload
 from robotmodels.description.urdf import locate
-from robotmodels.description.urdf_check import read_xml
+from robotmodels.description.xml_reader import read_xml
 from robotmodels.elastic.robot import ElasticRobot
 from robotmodels.export.formats import left_out
 from robotmodels.export.robot_files import relative_to
