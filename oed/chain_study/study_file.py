@@ -34,9 +34,9 @@ import numpy as np
 from pydantic import Field, model_validator
 
 from oed.experiment.experiment_file import (
+    MultisineSettings,
     NonNegativeEach,
     PositiveEach,
-    RunSettings,
     per_motor,
 )
 from robotmodels.common.errors import InvalidInput, nearest
@@ -74,7 +74,7 @@ class HoldingController(FileSection):
     damping: PositiveEach
 
 
-class ChainExperiment(RunSettings):
+class ChainExperiment(MultisineSettings):
     """How the chains are moved and measured, motor after motor."""
 
     amplitude: PositiveEach

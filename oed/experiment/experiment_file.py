@@ -161,7 +161,7 @@ class ImperfectionChoice(FileSection):
     nonlinear_gears: bool = True
 
 
-class RunSettings(FileSection):
+class MultisineSettings(FileSection):
     """Multisine of each run, and how often it is repeated."""
 
     multisine: MultisineChoice
@@ -180,7 +180,7 @@ class RunSettings(FileSection):
         return self
 
 
-class ExcitationSettings(RunSettings):
+class ExcitationSettings(MultisineSettings):
     """Excitation of a robot in its positions: the keys that a study's ``experiment`` has too."""
 
     ramp: bool = True
