@@ -19,7 +19,6 @@ import numpy as np
 
 from robotmodels.common.arrays import Array
 from robotmodels.description.parameters import Parameters
-from robotmodels.description.urdf import locate
 from robotmodels.elastic.robot import ElasticRobot
 from robotmodels.simulation.mujoco_model import PlantBuilder
 from robotmodels.simulation.urdf_tree import read_tree
@@ -119,7 +118,7 @@ def rollout_case(
         See `RolloutCase`.
     """
     file = robot.file
-    builder = PlantBuilder(file, read_tree(locate(file.urdf, robot.folder)))
+    builder = PlantBuilder(file, read_tree(robot.model_file))
     builder.compile()
     motors = tuple(m.name if m.joint in builder.drives else m.joint for m in file.motors)
     at = {**dict(zip(motors, position, strict=True)), **dict(_joints(robot, position))}

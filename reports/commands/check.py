@@ -38,8 +38,11 @@ def check(
     from robotmodels.checks.diagnosis import diagnose
     from robotmodels.checks.warnings import suspicions
     from robotmodels.common.printing import printable
+    from robotmodels.description.unused_elements import unused_parts
 
     model = load_robot(robot)
     diagnosis = diagnose(model, read_position(model, position), read_band(band))
     show = robot_json if as_json else robot_summary
-    typer.echo(printable(show(diagnosis, (*guesses(robot), *suspicions(diagnosis)), model.file)))
+    warnings = (*guesses(robot), *suspicions(diagnosis))
+    unused = unused_parts(model.model_file, beside_robot_file=True)
+    typer.echo(printable(show(diagnosis, warnings, model.file, unused)))

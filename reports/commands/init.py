@@ -18,25 +18,41 @@ def init(
     robot: Annotated[
         str,
         typer.Argument(
-            help="A URDF, a robot file, or a built-in robot.", autocompletion=robot_names
+            help="A URDF, xacro or MJCF file, a robot file, or a built-in robot.",
+            autocompletion=robot_names,
         ),
     ],
     output: Annotated[
         Path | None,
         typer.Option("-o", "--output", help="Folder; by default the robot's name."),
     ] = None,
+    argument: Annotated[
+        list[str] | None,
+        typer.Option(help="Of a xacro file, NAME:=VALUE; once for each."),
+    ] = None,
+    packages: Annotated[
+        list[Path] | None,
+        typer.Option(help="Folder with packages that a xacro file or meshes need; once for each."),
+    ] = None,
+    lock: Annotated[
+        list[str] | None,
+        typer.Option(help="Joint held rigid, JOINT or JOINT=ANGLE in rad (m); once for each."),
+    ] = None,
+    base: Annotated[str | None, typer.Option(help="Link: only joints beyond it move.")] = None,
+    tip: Annotated[str | None, typer.Option(help="Link: only joints before it move.")] = None,
     as_json: AsJson = False,
 ) -> None:
-    """Write a commented study, and from a URDF a robot file with guesses to replace.
+    """Write a commented study, and from a model file a robot file with guesses to replace.
 
     Nothing is overwritten.
 
     Example: oed init my_robot.urdf -o my_study
     """
     from reports.commands.init_files import default_folder, starter_files, write_starter_files
+    from reports.commands.init_options import model_options
 
     folder = default_folder(robot) if output is None else output
-    starter = starter_files(robot, folder)
+    starter = starter_files(robot, folder, model_options(argument, packages, lock, base, tip))
     paths = write_starter_files(starter, folder)
     robot_file = next((path for path in paths if path.name == "robot.yaml"), None)
     lines = [starter.robot, *(f"  written  {path}" for path in paths)]

@@ -1,25 +1,27 @@
 """What ``oed init`` writes: a commented study, and a robot file from a URDF."""
 
-import os
-import re
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
+from reports.commands.init_options import ModelOptions, model_options
+from reports.commands.init_robot import path_from, robot_text
 from reports.commands.init_study import study_text
-from reports.commands.yaml_text import yaml_number, yaml_word
-from reports.page_elements import filled_text
 from robotmodels import ElasticRobot, load_robot
+from robotmodels.checks.model_doubts import doubts_about
 from robotmodels.checks.proposed_drives import (
     Drive,
-    UrdfJoint,
     moving_joints,
     propose_drives,
-    unit_doubts,
 )
+from robotmodels.checks.sub_chain import locked_joints, rest_angle
 from robotmodels.common.errors import InvalidInput
-from robotmodels.description.urdf import PACKAGE_PREFIX
+from robotmodels.description.model_files import ModelFile, refuse_other_formats
+from robotmodels.description.unused_elements import unused_parts
+from robotmodels.description.urdf import PACKAGE_PREFIX, locate
+from robotmodels.description.urdf_check import checked_urdf
 
+_MODELS = (".urdf", ".xml", ".mjcf", ".xacro")
 _MOST_MOTORS = 64
 
 
@@ -32,39 +34,71 @@ class StarterFiles:
     notes: tuple[str, ...] = ()
 
 
-def starter_files(robot: str, folder: Path) -> StarterFiles:
+def starter_files(robot: str, folder: Path, options: ModelOptions | None = None) -> StarterFiles:
     """Return the files of a new study that will lie in `folder`.
 
     Parameters
     ----------
     robot : str
-        A built-in robot, a robot file, or a URDF, for which a robot file is made as well.
+        A built-in robot, a robot file, or a URDF, xacro or MJCF file, for which a robot file is
+        made as well.
+    folder : Path
+        Of the study.
+    options : ModelOptions
+        How a model file is read.
 
     Raises
     ------
     InvalidInput
         If there is no such robot, or it cannot be used.
     """
-    ending = Path(robot).suffix.lower()
-    if ending not in (".urdf", ".xml"):
-        robot_file = ending in (".yaml", ".yml")
-        if not robot_file and Path(robot).is_file():
-            raise InvalidInput(f"{robot}: a URDF (.urdf, .xml) or a robot file (.yaml) is needed")
-        loaded = load_robot(robot)
-        reference = _from(folder, Path(robot)) if robot_file else robot
-        study, notes = study_text(loaded, reference, not robot_file)
-        return StarterFiles(loaded.name, {"study.yaml": study}, notes)
-    urdf = robot if robot.startswith(PACKAGE_PREFIX) else _from(folder, Path(robot))
-    name = Path(robot).stem
-    joints = moving_joints(robot, Path())
+    options = options or model_options()
+    if Path(robot).suffix.lower() in _MODELS:
+        return _of_model_file(robot, folder, options)
+    refuse_other_formats(Path(robot))
+    robot_file = Path(robot).suffix.lower() in (".yaml", ".yml")
+    if not robot_file and Path(robot).is_file():
+        raise InvalidInput(
+            f"{robot}: a URDF (.urdf), xacro (.xacro), MJCF (.xml) or robot file (.yaml) is needed"
+        )
+    if options != model_options():
+        raise InvalidInput(f"{robot}: --lock, --tip, --base and xacro's are of model files only")
+    loaded = load_robot(robot)
+    reference = path_from(folder, Path(robot)) if robot_file else robot
+    study, notes = study_text(loaded, reference, not robot_file)
+    return StarterFiles(loaded.name, {"study.yaml": study}, notes)
+
+
+def _of_model_file(robot: str, folder: Path, options: ModelOptions) -> StarterFiles:
+    urdf = robot if robot.startswith(PACKAGE_PREFIX) else path_from(folder, Path(robot))
+    name = _stem(robot)
+    source = ModelFile(locate(robot, Path()), options.arguments, options.packages)
+    joints, checked = moving_joints(source), checked_urdf(source)
     coupled = {name for j in joints if j.leader for name in (j.name, j.leader)}
-    moving = [j for j in joints if j.name not in coupled]
-    locked = [j for j in joints if j.name in coupled]
+    locked = {j.name: rest_angle(j) for j in joints if j.name in coupled}
+    locked |= locked_joints(joints, checked, options.chain)
+    moving = [j for j in joints if j.name not in locked]
     _check_count(robot, len(moving))
-    content = _robot(name, urdf, propose_drives(moving), locked)
-    study, notes = study_text(_loaded(content, folder), "robot.yaml")
-    notes = (*unit_doubts(robot, Path()), *notes)
+    drives = propose_drives(moving)
+    content = robot_text(name, urdf, drives, locked, source, folder)
+    study, notes = study_text(_loaded(content, folder), "robot.yaml", drives=drives)
+    notes = (*doubts_about(source), *_fillers(drives), *map(str, unused_parts(source)), *notes)
     return StarterFiles(name, {"robot.yaml": content, "study.yaml": study}, notes)
+
+
+def _fillers(drives: Sequence[Drive]) -> Iterator[str]:
+    """Yield that limits and fillers of templates are no numbers of a drive."""
+    if any(drive.joint.stated.effort or drive.joint.stated.velocity for drive in drives):
+        yield (
+            "effort and velocity of <limit>: not used, because limits belong to experiments; they "
+            "stand in study.yaml as comments, on the motor shafts"
+        )
+    if any(drive.joint.fillers for drive in drives):
+        names = sorted({name for drive in drives for name in drive.joint.fillers})
+        yield (
+            f"{', '.join(names)}: not used where they are 0 (a ratio: 1), because that is what "
+            "templates have; guesses stand instead"
+        )
 
 
 def _check_count(robot: str, moving: int) -> None:
@@ -82,8 +116,14 @@ def default_folder(robot: str) -> Path:
 
     ``robot.yaml``, as `starter_files` calls every robot file, is no name; its folder's is.
     """
-    path = Path(robot)
-    return Path(path.resolve().parent.name if path.stem == "robot" else path.stem)
+    stem = _stem(robot)
+    return Path(Path(robot).resolve().parent.name if stem == "robot" else stem)
+
+
+def _stem(robot: str) -> str:
+    """Return the name of a file without its endings, ``.urdf.xacro`` being two."""
+    path = Path(Path(robot).stem)
+    return path.stem if path.suffix.lower() in _MODELS else path.name
 
 
 def write_starter_files(starter: StarterFiles, folder: Path) -> list[Path]:
@@ -114,56 +154,3 @@ def _loaded(content: str, folder: Path) -> ElasticRobot:
     from robotmodels.description.robot_file import RobotFile
 
     return ElasticRobot(parse_yaml(content, RobotFile, "robot.yaml"), folder)
-
-
-def _robot(name: str, urdf: str, drives: tuple[Drive, ...], locked: list[UrdfJoint]) -> str:
-    joints = {*(d.joint.name for d in drives), *(j.name for j in locked)}
-    motor, drive, bearing = (_prefix(word, joints) for word in ("motor", "drive", "bearing"))
-    bearings = [
-        {
-            "name": f"{bearing}{number}{axis}",
-            "joint": yaml_word(d.joint.name),
-            "axis": axis,
-            "stiffness": yaml_number(d.bearing_stiffness),
-            "damping": yaml_number(d.bearing_damping),
-        }
-        for number, d in enumerate(drives, start=1)
-        for axis in d.joint.across
-        if not d.joint.prismatic
-    ]
-    return filled_text(
-        "robot.yaml.j2",
-        name=yaml_word(name),
-        urdf=yaml_word(urdf),
-        file="robot.yaml",
-        locked={yaml_word(j.name): yaml_number(min(max(0.0, j.low), j.high)) for j in locked},
-        drives=[
-            _entries(d) | {"motor": f"{motor}{number}", "spring": f"{drive}{number}"}
-            for number, d in enumerate(drives, start=1)
-        ],
-        any_prismatic=any(d.joint.prismatic for d in drives),
-        bearings=bearings,
-    )
-
-
-def _prefix(word: str, joints: set[str]) -> str:
-    """Return the first letter of a word; all of it where joints have names like that."""
-    letter = word[0]
-    alike = any(re.fullmatch(rf"{letter}\d+[xyz]?", joint) for joint in joints)
-    while alike and any(joint.startswith(word) for joint in joints):
-        word += "_"
-    return word if alike else letter
-
-
-def _entries(drive: Drive) -> dict[str, Any]:
-    numbers = ("gear_ratio", "inertia", "viscous", "stiffness", "damping")
-    return {
-        "joint": yaml_word(drive.joint.name),
-        "prismatic": drive.joint.prismatic,
-        **{key: yaml_number(getattr(drive, key)) for key in numbers},
-    }
-
-
-def _from(folder: Path, path: Path) -> str:
-    """Return `path` as seen from `folder`."""
-    return Path(os.path.relpath(path.resolve(), folder.resolve())).as_posix()

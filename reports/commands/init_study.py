@@ -14,7 +14,7 @@ from reports import text
 from reports.commands.yaml_text import yaml_number, yaml_word
 from reports.page_elements import filled_text
 from robotmodels import ElasticRobot
-from robotmodels.checks.proposed_drives import idle_joints
+from robotmodels.checks.proposed_drives import Drive, idle_joints
 from robotmodels.collision.shapes import RobotShapes, robot_shapes
 from robotmodels.common.arrays import Array
 from robotmodels.common.errors import NoEquilibrium
@@ -44,9 +44,21 @@ _FLOOR, _BURIED = 0.01, 0.3
 
 
 def study_text(
-    robot: ElasticRobot, reference: str, builtin: bool = False
+    robot: ElasticRobot, reference: str, builtin: bool = False, drives: Sequence[Drive] = ()
 ) -> tuple[str, tuple[str, ...]]:
-    """Return the study file of a robot, and sentences on what it leaves out."""
+    """Return the study file of a robot, and sentences on what it leaves out.
+
+    Parameters
+    ----------
+    robot : ElasticRobot
+        The robot.
+    reference : str
+        What the study calls it.
+    builtin : bool
+        Whether that is a name, not a path.
+    drives : sequence of Drive
+        Drives whose limits of effort and velocity are mentioned.
+    """
     idle = idle_joints(robot)
     still = [
         n for n, (a, b) in zip(robot.motor_joints, robot.position_limits, strict=True) if a == b
@@ -95,10 +107,21 @@ def study_text(
         candidates=math.prod(points),
         idle=text.listed([yaml_word(name) for name in idle if name not in still]),
         units="[rad; m]" if robot.elements.prismatic else "[rad]",
+        torque=_limits(drives, "effort", -1),
+        speed=_limits(drives, "velocity", 1),
         walkers=max(64, 4 * len(robot.parameters.names)),
         runs=max(50, 2 * len(robot.parameters.names)),
     )
     return content, tuple(_notes(shapes, still, below, last.ignored))
+
+
+def _limits(drives: Sequence[Drive], key: str, power: int) -> list[str]:
+    """Return limits stated on the arm side as those of the motor shafts; none if one lacks."""
+    stated = [getattr(drive.joint.stated, key) for drive in drives]
+    if None in stated:
+        return []
+    ratios = [abs(drive.gear_ratio) for drive in drives]
+    return [yaml_number(v * r**power) for v, r in zip(stated, ratios, strict=True)]
 
 
 def _notes(

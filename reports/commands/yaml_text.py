@@ -18,7 +18,15 @@ def yaml_word(word: str) -> str:
 
 
 def yaml_number(value: float, digits: int = 2) -> str:
-    """Return a number that YAML reads as one."""
-    word = f"{float(f'{value:.{digits - 1}e}'):g}" if digits < 3 else f"{value:.{digits}f}"
+    """Return a number, rounded, that YAML reads as one."""
+    return _yaml(f"{float(f'{value:.{digits - 1}e}'):g}" if digits < 3 else f"{value:.{digits}f}")
+
+
+def yaml_exact(value: float) -> str:
+    """Return a number, every digit of it, that YAML reads as one."""
+    return _yaml(repr(float(value)))
+
+
+def _yaml(word: str) -> str:
     mantissa, e, exponent = word.partition("e")
     return word if not e else f"{mantissa if '.' in mantissa else mantissa + '.0'}e{exponent}"

@@ -10,13 +10,19 @@ from robotmodels.checks.diagnosis import Diagnosis, MotorState, ParameterState, 
 from robotmodels.checks.warnings import Suspicion
 from robotmodels.common.plain_data import json_data, json_text
 from robotmodels.description.robot_file import Hardening, RobotFile
+from robotmodels.description.unused_elements import UnusedPart
 
 MAIN_SPRINGS = 3  # named per mode, if they hold at least a tenth of its energy
 _UNITS = {"acceleration": "rad/s²", "velocity": "rad/s", "position": "rad"}
 
 
-def robot_summary(diagnosis: Diagnosis, suspicions: Sequence[Suspicion], file: RobotFile) -> str:
-    """Return the whole summary; `file` adds payload, cuts and sensors."""
+def robot_summary(
+    diagnosis: Diagnosis,
+    suspicions: Sequence[Suspicion],
+    file: RobotFile,
+    unused: Sequence[UnusedPart] = (),
+) -> str:
+    """Return the whole summary; `file` adds payload, cuts, sensors, `unused` the model file's."""
     d = diagnosis
     sections = [
         _title(d, file),
@@ -28,17 +34,29 @@ def robot_summary(diagnosis: Diagnosis, suspicions: Sequence[Suspicion], file: R
         _modes(d),
         _anti_resonances(d),
         _source(d),
+        _unused(unused),
         _warnings(suspicions),
     ]
     return "\n\n".join("\n".join(lines) for lines in sections if lines)
 
 
-def robot_json(diagnosis: Diagnosis, suspicions: Sequence[Suspicion], file: RobotFile) -> str:
+def robot_json(
+    diagnosis: Diagnosis,
+    suspicions: Sequence[Suspicion],
+    file: RobotFile,
+    unused: Sequence[UnusedPart] = (),
+) -> str:
     """Return the same as JSON, in SI units (rad, rad/s, N m) and at full precision."""
     settings = file.model_dump(include={"gravity", "payload", "accelerometers"})
     gains = {motor.name: motor.torque_gain for motor in file.motors}
-    content = json_data(diagnosis) | settings | {"torque_gains": gains, "warnings": suspicions}
-    return json_text(content)
+    lists = {"torque_gains": gains, "warnings": suspicions, "unused": unused}
+    return json_text(json_data(diagnosis) | settings | lists)
+
+
+def _unused(parts: Sequence[UnusedPart]) -> list[str]:
+    """Return what of the model file is not used, in a line each."""
+    lines = [line for p in parts for line in wrapped(f"{p.label}: {p.reason}")]
+    return ["not used of the model file", *lines] if lines else []
 
 
 def _title(d: Diagnosis, file: RobotFile) -> list[str]:

@@ -1,16 +1,22 @@
-"""Moving joints of a URDF file, drives proposed for them, and joints without a use."""
+"""Moving joints of a model file, drives proposed for them, and joints without a use."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
-from pathlib import Path
+from dataclasses import dataclass, field
 
 import numpy as np
 import pinocchio as pin
 
 from robotmodels.common.arrays import Array
 from robotmodels.common.errors import NoEquilibrium
-from robotmodels.description.urdf import locate, rigid_model
-from robotmodels.description.urdf_check import mimics
+from robotmodels.description.joint_drives import (
+    JointDrive,
+    couplings,
+    drive_fillers,
+    joint_drives,
+)
+from robotmodels.description.model_files import ModelSource
+from robotmodels.description.urdf import rigid_model
+from robotmodels.description.urdf_check import checked_urdf
 from robotmodels.elastic.arm import motions
 from robotmodels.elastic.robot import ElasticRobot
 from robotmodels.linear.response import linearize
@@ -41,6 +47,10 @@ class UrdfJoint:
         Joint it follows (``<mimic>``), or None.
     carrier : str or None
         Moving joint before it, or None.
+    stated : JointDrive
+        What the file says of its drive.
+    fillers : tuple of str
+        Of that, numbers that templates have and no drive: 0, or a gear ratio of 1.
     """
 
     name: str
@@ -51,25 +61,20 @@ class UrdfJoint:
     across: tuple[str, ...]
     leader: str | None
     carrier: str | None = None
+    stated: JointDrive = field(default_factory=JointDrive)
+    fillers: tuple[str, ...] = ()
 
 
-def moving_joints(urdf: str, beside: Path) -> tuple[UrdfJoint, ...]:
-    """Return the moving joints of a URDF, base to tool.
-
-    Parameters
-    ----------
-    urdf : str
-        As for `robotmodels.description.urdf.locate`.
-    beside : Path
-        As for `robotmodels.description.urdf.locate`.
+def moving_joints(source: ModelSource) -> tuple[UrdfJoint, ...]:
+    """Return the moving joints of a model file, base to tool.
 
     Raises
     ------
     InvalidInput
-        If the URDF is absent or cannot be used.
+        If the file is absent or cannot be used.
     """
-    path = locate(urdf, beside)
-    model, leaders = rigid_model(path, {}), mimics(path)
+    model, checked = rigid_model(source, {}), checked_urdf(source)
+    followers, drives, fillers = couplings(checked), joint_drives(checked), drive_fillers(checked)
     low, high, middle = _ranges(model)
     loads = np.diag(pin.crba(model, model.createData(), middle))
     return tuple(
@@ -80,8 +85,10 @@ def moving_joints(urdf: str, beside: Path) -> tuple[UrdfJoint, ...]:
             high=float(high[j]),
             load=max(float(loads[model.joints[j + 1].idx_v]), _LEAST_INERTIA),
             across=_across(motion),
-            leader=leaders.get(name),
+            leader=followers[name].leader if name in followers else None,
             carrier=model.names[model.parents[j + 1]] if model.parents[j + 1] else None,
+            stated=drives[name],
+            fillers=fillers[name],
         )
         for j, (name, motion) in enumerate(zip(list(model.names)[1:], motions(model), strict=True))
     )
@@ -107,43 +114,6 @@ def _across(motion: Array) -> tuple[str, ...]:
     return tuple(name for name, same in zip("xyz", along, strict=True) if not same) * any(along)
 
 
-_FARTHEST, _HEAVIEST, _WIDEST = 30.0, 5000.0, 13.0
-"""Of robots: a joint from the one before it [m], a link [kg], a limit of two turns [rad]."""
-
-
-def unit_doubts(urdf: str, beside: Path) -> tuple[str, ...]:
-    """Return a sentence for each quantity of a URDF that looks as if it had another unit.
-
-    Parameters
-    ----------
-    urdf : str
-        As for `robotmodels.description.urdf.locate`.
-    beside : Path
-        As for `robotmodels.description.urdf.locate`.
-    """
-    model = rigid_model(locate(urdf, beside), {})
-    names = list(model.names)
-    doubts = []
-    for joint in range(1, model.njoints):
-        far = float(np.linalg.norm(model.jointPlacements[joint].translation))
-        if far > _FARTHEST:
-            doubts.append(f"joint {names[joint]!r} is {far:g} m from the one before: in mm?")
-        if (mass := float(model.inertias[joint].mass)) > _HEAVIEST:
-            doubts.append(f"the body moved by joint {names[joint]!r} has {mass:g} kg: in g?")
-    for j, motion in enumerate(motions(model), start=1):
-        index = model.joints[j].idx_q
-        ends = model.lowerPositionLimit[index], model.upperPositionLimit[index]
-        widest = max(map(abs, ends))
-        if motion[3:].any() and model.joints[j].nq == 1 and _WIDEST < widest < _UNLIMITED:
-            doubts.append(
-                f"joint {names[j]!r} has limits {ends[0]:g} to {ends[1]:g} rad: in degrees?"
-            )
-    return tuple(doubts)
-
-
-_UNLIMITED = 1e3
-"""Limit that stands for none [rad]."""
-
 FIRST_HERTZ, LAST_HERTZ = 8.0, 20.0
 """Resonances of the drives from base to tip, motors held: those of industrial robots."""
 
@@ -160,14 +130,14 @@ FRICTION_RATE = 5.0
 
 @dataclass(frozen=True)
 class Drive:
-    """A motor, its gear and the bearing of its joint: guesses from the URDF's masses.
+    """A motor, its gear and the bearing of its joint: as the file states, else guesses.
 
     Attributes
     ----------
     joint : UrdfJoint
         Joint that it drives.
-    gear_ratio, inertia, viscous : float
-        Of the motor, on its shaft [kg m^2, N m s/rad].
+    gear_ratio, inertia, viscous, coulomb : float
+        Of the motor, on its shaft [kg m^2, N m s/rad, N m].
     stiffness, damping : float
         Of the gear on the arm side [N m/rad, N m s/rad; N/m, N s/m].
     bearing_stiffness, bearing_damping : float
@@ -178,6 +148,7 @@ class Drive:
     gear_ratio: float
     inertia: float
     viscous: float
+    coulomb: float
     stiffness: float
     damping: float
     bearing_stiffness: float
@@ -186,6 +157,8 @@ class Drive:
 
 def propose_drives(joints: Sequence[UrdfJoint]) -> tuple[Drive, ...]:
     """Return a drive for each joint: the motor matches its load, the spring resonates with it.
+
+    Gear ratios, rotors and friction that the file states come before guesses.
 
     Resonances rise evenly along each branch, so that equal arms get equal drives.
     """
@@ -211,15 +184,18 @@ def _along_branches(joints: Sequence[UrdfJoint]) -> list[float]:
 
 
 def _drive(joint: UrdfJoint, omega: float) -> Drive:
-    ratio = PRISMATIC_RATIO if joint.prismatic else REVOLUTE_RATIO
-    inertia = joint.load / ratio**2
+    stated = joint.stated
+    ratio = stated.gear_ratio or (PRISMATIC_RATIO if joint.prismatic else REVOLUTE_RATIO)
+    inertia = (stated.armature or joint.load) / ratio**2
+    viscous = FRICTION_RATE * inertia if stated.damping is None else stated.damping / ratio**2
     stiffness = omega**2 * joint.load
     damping = 2 * RELATIVE_DAMPING * stiffness / omega
     return Drive(
         joint=joint,
         gear_ratio=ratio,
         inertia=inertia,
-        viscous=FRICTION_RATE * inertia,
+        viscous=viscous,
+        coulomb=(stated.friction or 0.0) / abs(ratio),
         stiffness=stiffness,
         damping=damping,
         bearing_stiffness=BEARING_STIFFNESS * stiffness,

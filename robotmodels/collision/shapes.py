@@ -16,7 +16,7 @@ from robotmodels.collision.convex_hull import enclosing_shape
 from robotmodels.common.arrays import Array, check_above_zero
 from robotmodels.common.errors import InvalidInput
 from robotmodels.common.file_paths import check_file
-from robotmodels.description.urdf import locate
+from robotmodels.description.model_files import ModelFile
 from robotmodels.description.urdf_check import checked_urdf
 from robotmodels.description.xml_reader import read_xml
 from robotmodels.elastic.robot import ElasticRobot
@@ -91,7 +91,7 @@ def robot_shapes(robot: ElasticRobot, link_radius: float | None = None) -> Robot
     """
     if link_radius is not None:
         check_above_zero(link_radius, "link_radius [m]")
-    path = locate(robot.file.urdf, robot.folder)
+    path = robot.model_file.path
     drawn, missing, boxed = _own_shapes(robot)
     if drawn and link_radius is not None:
         raise InvalidInput(
@@ -136,17 +136,16 @@ def lowest_of_base(robot: ElasticRobot) -> float:
 
 def mesh_files(robot: ElasticRobot) -> dict[str, Path | None]:
     """Return the collision meshes as the URDF names them, and where each is; None if nowhere."""
-    path = locate(robot.file.urdf, robot.folder)
-    meshes = checked_urdf(path, shapes=True).iterfind("link/collision/geometry/mesh")
+    meshes = checked_urdf(robot.model_file, shapes=True).iterfind("link/collision/geometry/mesh")
     names = [mesh.get("filename", "") for mesh in meshes]
-    return {name: _mesh_file(name, path) for name in names}
+    return {name: _mesh_file(name, robot.model_file) for name in names}
 
 
 def _own_shapes(
     robot: ElasticRobot,
 ) -> tuple[tuple[Shape, ...], tuple[str, ...], tuple[str, ...]]:
     """Return `_read_shapes`, read again only where a file has changed."""
-    files = (locate(robot.file.urdf, robot.folder), *mesh_files(robot).values())
+    files = (robot.model_file.path, *mesh_files(robot).values())
     stamps = (os.stat(file) for file in files if file is not None)
     return _read_shapes(robot, tuple((stamp.st_mtime_ns, stamp.st_size) for stamp in stamps))
 
@@ -156,8 +155,8 @@ def _read_shapes(
     robot: ElasticRobot, stamps: tuple[tuple[int, int], ...]
 ) -> tuple[tuple[Shape, ...], tuple[str, ...], tuple[str, ...]]:
     """Return the shapes of the URDF, and sentences on meshes not there and meshes simplified."""
-    rigid, path = robot.rigid, locate(robot.file.urdf, robot.folder)
-    tree, missing = _with_absolute_meshes(path)
+    rigid, path = robot.rigid, robot.model_file.path
+    tree, missing = _with_absolute_meshes(robot.model_file)
     xml = ET.tostring(tree, encoding="unicode")
     try:
         geometry = pin.buildGeomFromUrdfString(rigid, xml, pin.COLLISION)
@@ -179,9 +178,9 @@ def _read_shapes(
     return tuple(shapes), missing, tuple(notes)
 
 
-def _with_absolute_meshes(path: Path) -> tuple[ET.Element, tuple[str, ...]]:
+def _with_absolute_meshes(source: ModelFile) -> tuple[ET.Element, tuple[str, ...]]:
     """Return the URDF with absolute mesh paths, without the meshes not found, and their names."""
-    robot = checked_urdf(path, shapes=True)
+    robot = checked_urdf(source, shapes=True)
     missing = []
     for link in robot.findall("link"):
         for collision in link.findall("collision"):
@@ -189,7 +188,7 @@ def _with_absolute_meshes(path: Path) -> tuple[ET.Element, tuple[str, ...]]:
             if mesh is None:
                 continue
             filename = mesh.get("filename", "")
-            file = _mesh_file(filename, path)
+            file = _mesh_file(filename, source)
             if file is None:
                 missing.append(f"link {link.get('name')!r}: its mesh {filename} is not found")
                 link.remove(collision)
@@ -214,12 +213,13 @@ def _check_mesh(path: Path) -> None:
             raise InvalidInput(f"{path}: <{tag}> has {wrong[0][:40]!r}; whole numbers are needed")
 
 
-def _mesh_file(filename: str, urdf: Path) -> Path | None:
+def _mesh_file(filename: str, source: ModelFile) -> Path | None:
     """Return where a mesh is.
 
     A ``package://NAME/...`` is sought in folders NAME, or that hold NAME, around the URDF and on
     ROS's search paths, and stays inside NAME; another path starts at the URDF's folder.
     """
+    urdf = source.path
     if not filename.startswith(_PACKAGE):
         path = urdf.parent / filename.removeprefix("file://")
         return path if os.path.isfile(path) else None
@@ -231,7 +231,7 @@ def _mesh_file(filename: str, urdf: Path) -> Path | None:
         )
     ros = ("ROS_PACKAGE_PATH", "AMENT_PREFIX_PATH")
     roots = [Path(p) for v in ros for p in os.environ.get(v, "").split(os.pathsep) if p]
-    for folder in (*urdf.parents, *roots, *(p / "share" for p in roots)):
+    for folder in (*source.packages, *urdf.parents, *roots, *(p / "share" for p in roots)):
         candidates = [folder / inside]
         if folder.name == inside.parts[0]:
             candidates.append(folder.parent / inside)

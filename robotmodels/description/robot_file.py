@@ -3,7 +3,11 @@
     schema: robot/1
     name: my robot               # what people read
     source: data sheet of 2019   # where the numbers come from
-    urdf: my_robot.urdf          # relative to this file, or example-robot-data:... in that package
+    urdf: my_robot.urdf          # or a .xacro or an MJCF (.xml); relative to this file, or
+                                 # example-robot-data:... in that package
+    xacro:                       # of a .xacro
+      arguments: {prefix: left_} # of its macros
+      packages: [../ros/src]     # folders in which the packages of $(find NAME) lie
     gravity: [0.0, 0.0, -9.81]   # acceleration in the frame of the URDF's root [m/s^2]
     lock: {finger: 0.0}          # joints held rigid, at an angle [rad; m]
     motors:                      # in the order of the FRFs' rows and columns; values on the shaft
@@ -215,6 +219,21 @@ class Fitted(FileSection):
     provenance: dict[str, str] = {}
 
 
+class Xacro(FileSection):
+    """How the macros of a xacro file are expanded."""
+
+    arguments: dict[str, str | bool | int | float] = {}
+    packages: list[str] = []
+
+    @property
+    def argument_words(self) -> tuple[tuple[str, str], ...]:
+        """Names and values of the arguments, as xacro takes them."""
+        words = {
+            k: str(v).lower() if isinstance(v, bool) else str(v) for k, v in self.arguments.items()
+        }
+        return tuple(words.items())
+
+
 class RobotFile(FileSection):
     """A robot file, ``schema: robot/1``."""
 
@@ -222,6 +241,7 @@ class RobotFile(FileSection):
     name: str
     source: str = ""
     urdf: str
+    xacro: Xacro | None = None
     gravity: Vector = (0.0, 0.0, -9.81)
     lock: dict[str, JointLimit] = {}
     motors: list[Motor] = Field(min_length=1, max_length=64)

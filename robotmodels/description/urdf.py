@@ -12,6 +12,7 @@ import pinocchio as pin
 from robotmodels.common.arrays import Array
 from robotmodels.common.errors import InvalidInput, nearest
 from robotmodels.common.file_paths import absolute
+from robotmodels.description.model_files import ModelSource, path_of
 from robotmodels.description.urdf_check import GROUND, checked_urdf
 
 PACKAGE_PREFIX = "example-robot-data:"
@@ -48,8 +49,8 @@ def locate(urdf: str, beside: Path) -> Path:
     return Path(str(match.locate()))
 
 
-def rigid_model(path: Path, lock: dict[str, float]) -> pin.Model:
-    """Return the Pinocchio model of a URDF with the joints in `lock` held at an angle [rad].
+def rigid_model(source: ModelSource, lock: dict[str, float]) -> pin.Model:
+    """Return the Pinocchio model of a model file with the joints in `lock` held at an angle [rad].
 
     Meshes are not read and may be absent.
 
@@ -59,7 +60,7 @@ def rigid_model(path: Path, lock: dict[str, float]) -> pin.Model:
         If the file is malformed, has an unsupported joint type or unphysical inertias, or does not
         have a joint of `lock`.
     """
-    model, link_names = _read_model(path)
+    model, link_names = _read_model(source)
     joints = list(model.names)[1:]
     configuration = pin.neutral(model)
     for name, angle in lock.items():
@@ -75,18 +76,18 @@ def rigid_model(path: Path, lock: dict[str, float]) -> pin.Model:
     for name in lock:
         _mend_locked_frame(model, whole, name)
     _restore_names(model, link_names)
-    _check_inertias(model, path)
+    _check_inertias(model, path_of(source))
     return model
 
 
-def _read_model(path: Path) -> tuple[pin.Model, dict[str, str]]:
-    """Return Pinocchio's model of a URDF, and the own names of links that it has by another."""
-    tree = checked_urdf(path)
+def _read_model(source: ModelSource) -> tuple[pin.Model, dict[str, str]]:
+    """Return the Pinocchio model of a file, and the own names of links that it has by another."""
+    tree = checked_urdf(source)
     renamed = _rename_links(tree)
     try:
         return pin.buildModelFromXML(ET.tostring(tree, encoding="unicode")), renamed
     except ValueError as error:
-        raise InvalidInput(f"{path}: not a valid URDF: {error}") from None
+        raise InvalidInput(f"{path_of(source)}: not a valid URDF: {error}") from None
 
 
 def _restore_names(model: pin.Model, link_names: dict[str, str]) -> None:

@@ -5,7 +5,6 @@ and MuJoCo are handed what was checked, whatever their own readers make of other
 """
 
 import math
-import re
 import xml.etree.ElementTree as ET
 from collections import Counter
 from pathlib import Path
@@ -13,15 +12,24 @@ from pathlib import Path
 from scipy.spatial.transform import Rotation
 
 from robotmodels.common.errors import InvalidInput, nearest
-from robotmodels.common.printing import decimal, unprintable
+from robotmodels.common.printing import unprintable
+from robotmodels.description.joint_drives import add_drive, add_mimic, gear_ratios
+from robotmodels.description.model_files import ModelSource, path_of, read_model
 from robotmodels.description.ranges import (
     LEAST_DIRECTION,
     MOST_INERTIA,
-    MOST_LENGTH,
     MOST_LIMIT,
     MOST_MASS,
 )
-from robotmodels.description.xml_reader import read_xml
+from robotmodels.description.urdf_elements import (
+    add_origin,
+    elements,
+    number_text,
+    only_child,
+    read_number,
+    read_numbers,
+)
+from robotmodels.description.xml_reader import XmlElement
 
 MOST_LINKS = 500
 """Links of a URDF."""
@@ -39,13 +47,15 @@ _SHAPES = {
 _LONG = ("capsule", "cylinder")
 
 
-def checked_urdf(path: Path, *, shapes: bool = False) -> ET.Element:
-    """Return the links and joints of a URDF, their numbers written anew.
+def checked_urdf(source: ModelSource, *, shapes: bool = False) -> ET.Element:
+    """Return the links and joints of a model file as URDF, their numbers written anew.
+
+    Each joint that moves has a ``<drive>`` besides, see `joint_drives`.
 
     Parameters
     ----------
-    path : Path
-        Path of the URDF.
+    source : Path or ModelFile
+        A URDF, xacro or MJCF file.
     shapes : bool
         Whether the links' collision shapes are read too.
 
@@ -54,26 +64,26 @@ def checked_urdf(path: Path, *, shapes: bool = False) -> ET.Element:
     InvalidInput
         Naming the file and the link or joint at fault.
     """
-    robot = read_xml(path)
-    if robot.tag != "robot":
-        raise InvalidInput(f"{path}: not a URDF: its root is <{robot.tag}>, not <robot>")
-    if any("xacro" in element.tag for element in robot.iter() if isinstance(element.tag, str)):
-        raise InvalidInput(f"{path}: has xacro macros; a URDF in which they are expanded is needed")
+    return check_robot(read_model(source), path_of(source), shapes=shapes)
+
+
+def check_robot(robot: XmlElement, path: Path, *, shapes: bool) -> ET.Element:
+    """Return `checked_urdf` of a ``<robot>`` that was read from `path`.
+
+    Raises
+    ------
+    InvalidInput
+        As `checked_urdf`.
+    """
     checked = ET.Element("robot", name="robot")
     try:
         _check_tree(robot)
-        joints = [_joint(joint) for joint in robot.findall("joint")]
+        ratios = gear_ratios(robot)
+        joints = [_joint(joint, ratios) for joint in elements(robot, "joint")]
         checked.extend([*(_link(link, shapes) for link in robot.findall("link")), *joints])
     except InvalidInput as error:
         raise InvalidInput(f"{path}: {error}") from None
     return checked
-
-
-def mimics(path: Path) -> dict[str, str]:
-    """Return which joints of a URDF follow which others (``<mimic>``)."""
-    joints = read_xml(path).findall("joint")
-    elements = ((str(j.get("name")), j.find("mimic")) for j in joints)
-    return {name: str(mimic.get("joint")) for name, mimic in elements if mimic is not None}
 
 
 def _check_tree(robot: ET.Element) -> None:
@@ -114,7 +124,7 @@ def _end(joint: ET.Element, end: str, links: list[str]) -> str:
     who = f"joint {joint.get('name')!r}"
     if joint.get("name") == GROUND:
         raise InvalidInput(f"joint {GROUND!r} has Pinocchio's name for the ground; rename it")
-    element = _only(joint, end, who)
+    element = only_child(joint, end, who)
     if element is None:
         raise InvalidInput(f"{who} has no <{end}>")
     link = str(element.get("link"))
@@ -123,7 +133,7 @@ def _end(joint: ET.Element, end: str, links: list[str]) -> str:
     return link
 
 
-def _joint(joint: ET.Element) -> ET.Element:
+def _joint(joint: XmlElement, ratios: dict[str, float]) -> ET.Element:
     """Return what of a joint matters."""
     who, kind = f"joint {joint.get('name')!r}", joint.get("type")
     if kind not in _SUPPORTED:
@@ -132,45 +142,52 @@ def _joint(joint: ET.Element) -> ET.Element:
             f"only {', '.join(_SUPPORTED)} joints are supported"
         )
     checked = ET.Element("joint", name=str(joint.get("name")), type=kind)
-    _add_origin(checked, joint, who)
+    add_origin(checked, joint, who)
     for end in ("parent", "child"):
         ET.SubElement(checked, end, link=str(joint.find(end).get("link")))  # type: ignore[union-attr]
-    axis = _only(joint, "axis", who)
+    axis = only_child(joint, "axis", who)
     if kind != "fixed" and axis is not None:
-        direction = _numbers(axis, "xyz", 3, who)
+        direction = read_numbers(axis, "xyz", 3, who)
         if math.hypot(*direction) < LEAST_DIRECTION:
             raise InvalidInput(f"{who}: its axis is zero; a direction is needed")
-        ET.SubElement(checked, "axis", xyz=_written(direction))
+        ET.SubElement(checked, "axis", xyz=number_text(direction))
     if kind in ("revolute", "prismatic"):
-        limit = _only(joint, "limit", who)
-        if limit is None:
-            raise InvalidInput(f"{who} has no <limit>; a {kind} joint needs lower and upper")
-        low, high = (_number(limit, key, who, "0", MOST_LIMIT) for key in ("lower", "upper"))
-        if low > high:
-            raise InvalidInput(f"{who}: its lower limit {low:g} is above its upper one, {high:g}")
-        # The parser insists on effort and velocity, which nothing here needs.
-        ends = {"lower": repr(low), "upper": repr(high)}
-        ET.SubElement(checked, "limit", ends | {"effort": "0", "velocity": "0"})
+        _add_limit(checked, joint, who, kind)
+    if kind != "fixed":
+        add_drive(checked, joint, ratios.get(str(joint.get("name"))), who)
+        add_mimic(checked, joint, who)
     return checked
+
+
+def _add_limit(checked: ET.Element, joint: ET.Element, who: str, kind: str) -> None:
+    limit = only_child(joint, "limit", who)
+    if limit is None:
+        raise InvalidInput(f"{who} has no <limit>; a {kind} joint needs lower and upper")
+    low, high = (read_number(limit, key, who, "0", MOST_LIMIT) for key in ("lower", "upper"))
+    if low > high:
+        raise InvalidInput(f"{who}: its lower limit {low:g} is above its upper one, {high:g}")
+    # Parsers insist on effort and velocity.
+    ends = {"lower": repr(low), "upper": repr(high)}
+    ET.SubElement(checked, "limit", ends | {"effort": "0", "velocity": "0"})
 
 
 def _link(link: ET.Element, shapes: bool) -> ET.Element:
     """Return what of a link matters."""
     who = f"link {link.get('name')!r}"
     checked = ET.Element("link", name=str(link.get("name")))
-    inertial = _only(link, "inertial", who)
+    inertial = only_child(link, "inertial", who)
     if inertial is not None:
         part = ET.SubElement(checked, "inertial")
-        _add_origin(part, inertial, who)
-        mass, inertia = _only(inertial, "mass", who), _only(inertial, "inertia", who)
+        add_origin(part, inertial, who)
+        mass, inertia = only_child(inertial, "mass", who), only_child(inertial, "inertia", who)
         if mass is None or inertia is None:
             raise InvalidInput(f"{who}: its <inertial> needs <mass> and <inertia>")
-        value = _number(mass, "value", who, most=MOST_MASS)
+        value = read_number(mass, "value", who, most=MOST_MASS)
         if value < 0:
             raise InvalidInput(f"{who} has mass {mass.get('value')} kg; it must not be negative")
         ET.SubElement(part, "mass", value=repr(value))
         entries = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
-        moments = {key: repr(_number(inertia, key, who, most=MOST_INERTIA)) for key in entries}
+        moments = {key: repr(read_number(inertia, key, who, most=MOST_INERTIA)) for key in entries}
         ET.SubElement(part, "inertia", moments)
     for number, collision in enumerate(link.findall("collision") if shapes else (), start=1):
         shape = _collision(collision, f"{who}: collision shape {number}")
@@ -187,8 +204,11 @@ def _parts(collision: ET.Element) -> list[ET.Element]:
     for tag, offset in (("cylinder", 0.0), ("sphere", length / 2), ("sphere", -length / 2)):
         center = _triple(collision, "xyz") + rotation.apply([0.0, 0.0, offset])
         part = ET.Element("collision")
-        numbers = {"xyz": _written(center.tolist()), "rpy": _written(_triple(collision, "rpy"))}
-        ET.SubElement(part, "origin", numbers)
+        entries = {
+            "xyz": number_text(center.tolist()),
+            "rpy": number_text(_triple(collision, "rpy")),
+        }
+        ET.SubElement(part, "origin", entries)
         shape = ET.SubElement(ET.SubElement(part, "geometry"), tag, radius=radius)
         if tag == "cylinder":
             shape.set("length", repr(length))
@@ -203,8 +223,8 @@ def _triple(collision: ET.Element, key: str) -> list[float]:
 
 def _collision(collision: ET.Element, who: str) -> ET.Element:
     checked = ET.Element("collision")
-    _add_origin(checked, collision, who)
-    geometry = _only(collision, "geometry", who)
+    add_origin(checked, collision, who)
+    geometry = only_child(collision, "geometry", who)
     drawn = [] if geometry is None else list(geometry)
     if len(drawn) != 1 or drawn[0].tag not in (*_SHAPES, "mesh"):
         raise InvalidInput(
@@ -214,62 +234,13 @@ def _collision(collision: ET.Element, who: str) -> ET.Element:
     part = ET.SubElement(ET.SubElement(checked, "geometry"), shape.tag)
     if shape.tag == "mesh":
         part.set("filename", shape.get("filename", ""))
-        part.set("scale", _written(_numbers(shape, "scale", 3, who, "1 1 1")))
+        part.set("scale", number_text(read_numbers(shape, "scale", 3, who, "1 1 1")))
         return checked
     key, count = _SHAPES[shape.tag]
-    for name, numbers in ((key, count), ("length", 1 if shape.tag in _LONG else 0)):
-        lengths = _numbers(shape, name, numbers, who, "") if numbers else []
+    for name, size in ((key, count), ("length", 1 if shape.tag in _LONG else 0)):
+        lengths = read_numbers(shape, name, size, who, "") if size else []
         if any(length <= 0 for length in lengths):
             raise InvalidInput(f"{who}: <{shape.tag}> has {name}={shape.get(name)!r}; not positive")
         if lengths:
-            part.set(name, _written(lengths))
+            part.set(name, number_text(lengths))
     return checked
-
-
-def _add_origin(checked: ET.Element, element: ET.Element, who: str) -> None:
-    origin = _only(element, "origin", who)
-    if origin is not None:
-        numbers = {key: _written(_numbers(origin, key, 3, who)) for key in ("xyz", "rpy")}
-        ET.SubElement(checked, "origin", numbers)
-
-
-def _only(element: ET.Element, tag: str, who: str) -> ET.Element | None:
-    """Return the child with a tag; parsers take the first of several, silently."""
-    children = element.findall(tag)
-    if len(children) > 1:
-        raise InvalidInput(f"{who} has {len(children)} <{tag}>; one at most")
-    return children[0] if children else None
-
-
-def _number(
-    element: ET.Element, key: str, who: str, default: str = "", most: float = MOST_LENGTH
-) -> float:
-    (value,) = _numbers(element, key, 1, who, default, most)
-    return value
-
-
-def _numbers(
-    element: ET.Element,
-    key: str,
-    count: int,
-    who: str,
-    default: str = "0 0 0",
-    most: float = MOST_LENGTH,
-) -> list[float]:
-    text = element.get(key, default)
-    parts = re.split("[ \t\r\n]+", text.strip(" \t\r\n"))
-    values = [decimal(part) for part in parts]
-    if len(values) != count or not all(map(math.isfinite, values)):
-        raise InvalidInput(
-            f"{who}: <{element.tag}> has {key}={text!r}; "
-            f"{'a number is' if count == 1 else f'{count} numbers are'} needed"
-        )
-    if max(map(abs, values)) > most:
-        raise InvalidInput(
-            f"{who}: <{element.tag}> has {key}={text!r}; numbers of at most {most:g} are needed"
-        )
-    return values
-
-
-def _written(numbers: list[float]) -> str:
-    return " ".join(map(repr, numbers))

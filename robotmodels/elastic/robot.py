@@ -10,10 +10,13 @@ import pinocchio as pin
 from robotmodels.common.arrays import Array, BoolArray, real_numbers
 from robotmodels.common.deprecation import renamed_keywords
 from robotmodels.common.errors import InvalidInput
+from robotmodels.common.file_paths import absolute
+from robotmodels.description.joint_drives import couplings
+from robotmodels.description.model_files import ModelFile
 from robotmodels.description.parameters import Parameters
 from robotmodels.description.robot_file import RobotFile, Spring
 from robotmodels.description.urdf import locate, rigid_model, unknown_joint
-from robotmodels.description.urdf_check import mimics
+from robotmodels.description.urdf_check import checked_urdf
 from robotmodels.elastic.arm import Arm, build_arm, motions
 from robotmodels.elastic.equilibrium import Equilibrium, Labels, find_equilibrium
 from robotmodels.elastic.equilibrium_derivatives import differentiate
@@ -55,9 +58,18 @@ class ElasticRobot:
         return self.file.name
 
     @cached_property
+    def model_file(self) -> ModelFile:
+        """The file of its bodies and joints."""
+        path, xacro = locate(self.file.urdf, self.folder), self.file.xacro
+        if xacro is None:
+            return ModelFile(path)
+        folders = tuple(absolute(self.folder, folder) for folder in xacro.packages)
+        return ModelFile(path, xacro.argument_words, folders)
+
+    @cached_property
     def rigid(self) -> pin.Model:
         """The rigid Pinocchio model with the joints of `lock` fixed."""
-        return rigid_model(locate(self.file.urdf, self.folder), self.file.lock)
+        return rigid_model(self.model_file, self.file.lock)
 
     @cached_property
     def arm(self) -> Arm:
@@ -303,11 +315,11 @@ class ElasticRobot:
                 f"joints without motor or drive spring: {', '.join(loose)}; "
                 "give each a motor or hold it under 'lock'"
             )
-        for joint, leader in mimics(locate(self.file.urdf, self.folder)).items():
+        for joint, coupling in couplings(checked_urdf(self.model_file)).items():
             if joint in joints:
                 raise InvalidInput(
-                    f"joint {joint!r} mimics {leader!r}; coupled joints are not supported, "
-                    "hold it under 'lock'"
+                    f"joint {joint!r} mimics {coupling.leader!r}; coupled joints are not "
+                    "supported, hold it under 'lock'"
                 )
 
 

@@ -8,7 +8,6 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from robotmodels.common.arrays import Array
-from robotmodels.description.urdf import locate
 from robotmodels.elastic.dynamics import gravity_torques
 from robotmodels.elastic.robot import ElasticRobot
 from robotmodels.linear.modes import resonances
@@ -35,7 +34,7 @@ def mjcf_text(robot: ElasticRobot, positions: Array) -> str:
         If MuJoCo refuses a body.
     """
     file = robot.file
-    builder = PlantBuilder(file, read_tree(locate(file.urdf, robot.folder)), fuse=False)
+    builder = PlantBuilder(file, read_tree(robot.model_file), fuse=False)
     model, spec = builder.compile(), builder.spec
     names = [model.joint(i).name for i in range(model.njnt)]
     spec.modelname = robot.name

@@ -10,7 +10,7 @@ from robotmodels.common.atomic_files import created_folder, unwritable, write_te
 from robotmodels.common.errors import InvalidInput
 from robotmodels.common.yaml_reader import reads_as_text
 from robotmodels.description.robot_file import Fitted, RobotFile
-from robotmodels.description.urdf import PACKAGE_PREFIX, locate
+from robotmodels.description.urdf import PACKAGE_PREFIX
 from robotmodels.elastic.robot import ElasticRobot
 
 
@@ -49,10 +49,13 @@ def save_robot(robot: ElasticRobot, path: str | Path) -> None:
     path = Path(path)
     if path.suffix not in (".yaml", ".yml"):
         raise InvalidInput(f"{path}: a robot file ends in .yaml or .yml")
-    urdf = robot.file.urdf
-    if not urdf.startswith(PACKAGE_PREFIX):
-        urdf = relative_to(path.parent, locate(urdf, robot.folder))
-    file = robot.file.model_copy(update={"urdf": urdf})
+    paths: dict[str, object] = {}
+    if not robot.file.urdf.startswith(PACKAGE_PREFIX):
+        paths["urdf"] = relative_to(path.parent, robot.model_file.path)
+    if (xacro := robot.file.xacro) is not None:
+        folders = [relative_to(path.parent, folder) for folder in robot.model_file.packages]
+        paths["xacro"] = xacro.model_copy(update={"packages": folders})
+    file = robot.file.model_copy(update=paths)
     write_file(path, robot_text(file))
 
 

@@ -7,9 +7,8 @@ from pathlib import Path
 from scipy.spatial.transform import Rotation
 
 from robotmodels.common.arrays import Array
+from robotmodels.description.model_files import read_model
 from robotmodels.description.robot_file import Motor, Payload
-from robotmodels.description.urdf import locate
-from robotmodels.description.xml_reader import read_xml
 from robotmodels.elastic.robot import ElasticRobot
 from robotmodels.export.formats import left_out
 from robotmodels.export.robot_files import relative_to
@@ -24,8 +23,8 @@ def urdf_text(robot: ElasticRobot, folder: Path) -> str:
     Its mass matrix and gravity are those of the robot file with rigid springs and without motors.
     What the format cannot hold stands in a comment on top of the text, see `left_out`.
     """
-    source = locate(robot.file.urdf, robot.folder)
-    root, file = read_xml(source), robot.file
+    source = robot.model_file
+    root, file = read_model(source), robot.file
     joints = {j.name: j for each in read_tree(source).joints.values() for j in each}
     for element in root.findall("joint"):
         if (name := element.get("name", "")) in file.lock:
@@ -37,7 +36,7 @@ def urdf_text(robot: ElasticRobot, folder: Path) -> str:
     for mesh in root.iter("mesh"):
         filename = mesh.get("filename", "")
         if filename and "://" not in filename and not os.path.isabs(filename):
-            mesh.set("filename", relative_to(folder, source.parent / filename))
+            mesh.set("filename", relative_to(folder, source.path.parent / filename))
     root.set("name", robot.name)
     ET.indent(root)
     lines = "\n".join(f"  - {line.replace('--', '- -')}" for line in left_out(file, "urdf"))

@@ -1,6 +1,5 @@
 """Fingerprints of a robot: of its file, its URDF and its meshes."""
 
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 from robotmodels.common.fingerprints import file_digest, json_digest
@@ -25,8 +24,8 @@ def robot_digest(robot: "ElasticRobot") -> str:
     How certain its values are is no part of it: responses do not depend on that. Nor are meshes,
     which matter to collisions only, see `mesh_digests`.
     """
-    from robotmodels.description.urdf import locate
+    from robotmodels.description.model_files import model_digest
 
-    urdf = file_digest(Path(locate(robot.file.urdf, robot.folder)))
-    content = robot.file.model_dump(mode="json", by_alias=True, exclude={"urdf", "fitted"})
+    urdf = model_digest(robot.model_file)
+    content = robot.file.model_dump(mode="json", by_alias=True, exclude={"urdf", "xacro", "fitted"})
     return json_digest({"file": content, "urdf": urdf})

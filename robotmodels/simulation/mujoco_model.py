@@ -15,6 +15,7 @@ from scipy.spatial.transform import Rotation
 
 from robotmodels.common.arrays import Array, IntArray
 from robotmodels.common.errors import InvalidInput
+from robotmodels.description.model_files import ModelSource
 from robotmodels.description.robot_file import Body, Hardening, Motor, RobotFile, Spring
 from robotmodels.simulation.urdf_tree import Inertial, Joint, Tree, read_tree
 
@@ -71,7 +72,7 @@ class PlantModel:
         return np.asarray(self.data.qfrc_passive - self.data.qfrc_bias)
 
 
-def build_plant(file: RobotFile, urdf: Path) -> PlantModel:
+def build_plant(file: RobotFile, urdf: ModelSource) -> PlantModel:
     """Return the robot with all springs, dampers and viscous friction of its file."""
     model = PlantBuilder(file, read_tree(urdf)).compile()
     names = [model.joint(i).name for i in range(model.njnt)]

@@ -9,7 +9,6 @@ from numpy.typing import NDArray
 from robotmodels.common.arrays import Array, ComplexArray
 from robotmodels.common.errors import NoEquilibrium, SolverFailed
 from robotmodels.description.robot_file import Hardening, RobotFile
-from robotmodels.description.urdf import locate
 from robotmodels.elastic.robot import ElasticRobot
 from robotmodels.simulation.controller import Controller
 from robotmodels.simulation.imperfections import Imperfections
@@ -68,7 +67,7 @@ def run_block(block: Block) -> tuple[Array, Array, NDArray[np.bool_]]:
     """
     register_mujoco()
     robot, controller, flaws = block.robot, block.controller, block.imperfections
-    plant = build_plant(robot.file, locate(robot.file.urdf, robot.folder))
+    plant = build_plant(robot.file, robot.model_file)
     state, hold = static_state(plant, robot, block.position, block.where)
     if not flaws.nonlinear_gears:
         linearise_gears(plant, state)

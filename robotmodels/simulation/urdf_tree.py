@@ -2,12 +2,12 @@
 
 import xml.etree.ElementTree as ET
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
 from robotmodels.common.arrays import Array
+from robotmodels.description.model_files import ModelSource
 from robotmodels.description.urdf_check import checked_urdf
 
 
@@ -52,9 +52,9 @@ class Tree:
     joints: dict[str, list[Joint]]
 
 
-def read_tree(path: Path) -> Tree:
-    """Read the kinematics and inertias of a URDF; whatever is drawn or collides is skipped."""
-    robot = checked_urdf(path)
+def read_tree(source: ModelSource) -> Tree:
+    """Read kinematics and inertias of a model file; whatever is drawn or collides is skipped."""
+    robot = checked_urdf(source)
     inertials = {str(link.get("name")): _inertial(link) for link in robot.findall("link")}
     joints: dict[str, list[Joint]] = {name: [] for name in inertials}
     children = set()

@@ -9,7 +9,10 @@ import pytest
 from oed.study.settings.study_file import load_study
 from oed.study.stages.candidates import gather
 from reports.commands.init_files import starter_files, write_starter_files
+from reports.commands.init_options import model_options
 from robotmodels import InvalidInput, linearize, load_robot
+from robotmodels.common.yaml_files import parse_yaml
+from robotmodels.description.robot_file import RobotFile
 from robotmodels.description.urdf import (
     check_moments,
     inconsistency,
@@ -194,6 +197,77 @@ def test_other_units_are_warned_of(tmp_path, parts, doubt):
     assert any(doubt in note for note in starter.notes)
     right, _, _ = started(tmp_path / "right", urdf(*ARM, *JOINTS))
     assert not any("in degrees?" in note or "in g?" in note for note in right.notes)
+
+
+def test_placeholders_of_templates_are_warned_of(tmp_path):
+    starter, _, _ = started(tmp_path / "three", urdf(*ARM, *JOINTS))
+    assert "links base, post, beam have the same mass and inertia: placeholders?" in starter.notes
+    unit = (*ARM[:2], link("beam", 2, 1), *JOINTS)
+    starter, _, _ = started(tmp_path / "unit", urdf(*unit))
+    assert (
+        "link 'beam' has an inertia of 1 kg m^2 about every axis: a placeholder?" in starter.notes
+    )
+    assert not any("same mass" in note for note in starter.notes)
+
+
+DYNAMICS = '<dynamics damping="3" friction="7"/>'
+GEAR = """<transmission name="t"><joint name="turn"/><actuator name="a">
+<mechanicalReduction>-120</mechanicalReduction></actuator></transmission>"""
+
+
+def test_numbers_of_drives_in_the_file_come_before_guesses(tmp_path):
+    drives = (joint("turn", "base", "post", "0 0 1", inside=DYNAMICS), JOINTS[1], GEAR)
+    starter, robot, _ = started(tmp_path, urdf(*ARM, *drives))
+    turn, lean = robot.file.motors
+    assert turn.gear_ratio == -120
+    assert turn.viscous * turn.gear_ratio**2 == pytest.approx(3, rel=1e-12)
+    assert turn.coulomb * 120 == pytest.approx(7, rel=1e-12)
+    assert (lean.gear_ratio, lean.coulomb) == (100, 0)
+    text = starter.files["robot.yaml"]
+    assert "# GUESS but for gear_ratio, viscous and coulomb" in text
+    assert not any("<dynamics>" in note or "<transmission>" in note for note in starter.notes)
+    study = starter.files["study.yaml"]
+    assert "# torque: [0.0083, 0.01] " in study  # effort 1 N m over 120 and 100
+    assert "[120, 100]" in study  # velocity 1 rad/s
+    assert any("effort and velocity of <limit>: not used, because" in n for n in starter.notes)
+
+
+def test_fillers_of_templates_are_no_numbers_of_drives(tmp_path):
+    zero = '<dynamics damping="0" friction="0.0"/>'
+    drives = (joint("turn", "base", "post", "0 0 1", inside=zero), JOINTS[1])
+    one = GEAR.replace("-120", "1.0")
+    starter, robot, _ = started(tmp_path, urdf(*ARM, *drives, one))
+    assert robot.file.motors[0].gear_ratio == 100
+    assert robot.file.motors[0].viscous > 0
+    assert any(n.startswith("damping, friction, gear_ratio: not used") for n in starter.notes)
+
+
+def test_a_part_of_a_robot(tmp_path):
+    content = urdf(
+        *ARM, link("hand"), link("tool"), *JOINTS, joint("nod", "beam", "hand"),
+        joint("bite", "hand", "tool", limits=(0.2, 1)),
+    )  # fmt: skip
+    (tmp_path / "arm.urdf").write_text(content, encoding="utf-8")
+    for words, moving, locked in (
+        ({"tip": "beam"}, ("turn", "lean"), {"nod": 0, "bite": 0.2}),
+        ({"base": "post"}, ("lean", "nod", "bite"), {"turn": 0}),
+        ({"base": "post", "tip": "hand"}, ("lean", "nod"), {"turn": 0, "bite": 0.2}),
+        ({"lock": ["lean=0.5", "nod"]}, ("turn", "bite"), {"lean": 0.5, "nod": 0}),
+    ):
+        starter = starter_files(str(tmp_path / "arm.urdf"), tmp_path, model_options(**words))
+        file = parse_yaml(starter.files["robot.yaml"], RobotFile, "robot.yaml")
+        assert tuple(motor.joint for motor in file.motors) == moving
+        assert file.lock == locked
+    for words, message in (
+        ({"tip": "bean"}, r"--tip: 'bean' is not a link \(did you mean 'beam'"),
+        ({"base": "hand", "tip": "post"}, "--tip: link 'post' does not lie beyond 'hand'"),
+        ({"lock": ["lan"]}, "--lock: 'lan' is not a moving joint .did you mean 'lean'"),
+        ({"lock": ["lean=up"]}, "--lock: lean=nan; an angle"),
+        ({"lock": ["lean=3"]}, "joint 'lean' at 3 is outside its limits"),
+        ({"base": "tool"}, "no joint moves by itself"),
+    ):
+        with pytest.raises(InvalidInput, match=message):
+            starter_files(str(tmp_path / "arm.urdf"), tmp_path, model_options(**words))
 
 
 BOX = '<collision><geometry><box size="0.2 0.2 0.7"/></geometry></collision>'

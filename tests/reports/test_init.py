@@ -71,7 +71,7 @@ def test_words_of_files_are_text_in_either_version_of_yaml(word):
 
 
 def test_joints_of_a_urdf(urdf):
-    turn, yes, reach, finger, thumb = moving_joints(str(urdf), urdf.parent)
+    turn, yes, reach, finger, thumb = moving_joints(urdf)
     assert (turn.low, turn.high, yes.low, yes.high) == pytest.approx(
         (-3.14159265, 3.14159265, -1.2, 0.8)
     )
@@ -85,7 +85,7 @@ def test_joints_of_a_urdf(urdf):
 
 
 def test_proposed_drives_resonate_where_robots_do(urdf):
-    joints = moving_joints(str(urdf), urdf.parent)[:3]
+    joints = moving_joints(urdf)[:3]
     for drive, hertz in zip(propose_drives(joints), (8, 14, 20), strict=True):
         load = drive.joint.load
         assert (drive.stiffness / load) ** 0.5 / 6.283185 == pytest.approx(hertz, rel=1e-6)

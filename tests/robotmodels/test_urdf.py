@@ -203,14 +203,6 @@ def test_zero_inertias_are_refused_where_a_motion_moves_no_mass(tmp_path: Path) 
     assert line.startswith("a motion about 'hinge' moves no mass")
 
 
-def test_macros_must_be_expanded(tmp_path: Path) -> None:
-    (tmp_path / "arm.urdf").write_text(
-        '<robot xmlns:xacro="http://www.ros.org/wiki/xacro"><xacro:include filename="a"/></robot>'
-    )
-    line = refusal(changed(CRANE, urdf="arm.urdf"), tmp_path)
-    assert line.endswith("arm.urdf: has xacro macros; a URDF in which they are expanded is needed")
-
-
 def test_a_joint_that_mimics_another_must_be_locked(tmp_path: Path) -> None:
     text = (HERE / "crane.urdf").read_text()
     coupled = text.replace('"nod" type="revolute">', '"nod" type="revolute"><mimic joint="lean"/>')
@@ -226,9 +218,14 @@ def test_a_joint_that_mimics_another_must_be_locked(tmp_path: Path) -> None:
 
 
 def test_another_kind_of_xml_is_refused(tmp_path: Path) -> None:
-    (tmp_path / "world.urdf").write_text("<sdf><world/></sdf>")
-    line = refusal(changed(CRANE, urdf="world.urdf"), tmp_path)
-    assert "world.urdf: not a URDF: its root is <sdf>, not <robot>" in line
+    for name, content, message in (
+        ("a.urdf", "<sdf><world/></sdf>", "a.urdf: SDF is not read; convert it to MJCF first (sdf"),
+        ("a.sdf", "<sdf/>", "a.sdf: SDF is not read; convert it to MJCF first (sdformat2mjcf"),
+        ("a.usda", "#usda", "a.usda: USDA is not read; convert it to a URDF first (usd_to_urdf"),
+        ("a.urdf", "<svg/>", "a.urdf: not a URDF: its root is <svg>, not <robot> (nor <mujoco>)"),
+    ):
+        (tmp_path / name).write_text(content)
+        assert message in refusal(changed(CRANE, urdf=name), tmp_path)
 
 
 def test_a_robot_without_moving_joints_is_refused(tmp_path: Path) -> None:

@@ -1,0 +1,84 @@
+"""A part of a robot to move: what lies between two links, the other joints held."""
+
+import math
+import xml.etree.ElementTree as ET
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field
+
+from robotmodels.checks.proposed_drives import UrdfJoint
+from robotmodels.common.errors import InvalidInput, nearest
+
+
+@dataclass(frozen=True)
+class SubChain:
+    """Which joints of a model file are held rigid.
+
+    Attributes
+    ----------
+    base : str or None
+        Link from which joints move outwards; the root link where None.
+    tip : str or None
+        Link up to which joints move; all links beyond the base where None.
+    lock : dict of str to (float or None), rad or m
+        Further joints held, and where; None for zero, or the limit nearest to it.
+    """
+
+    base: str | None = None
+    tip: str | None = None
+    lock: dict[str, float | None] = field(default_factory=dict)
+
+
+def locked_joints(
+    joints: Sequence[UrdfJoint], checked: ET.Element, chain: SubChain
+) -> dict[str, float]:
+    """Return the moving joints that are held, and where [rad or m].
+
+    Raises
+    ------
+    InvalidInput
+        If there is no such link or joint, or the tip does not lie beyond the base.
+    """
+    links = [str(link.get("name")) for link in checked.findall("link")]
+    names = [joint.name for joint in joints]
+    above = {
+        str(j.find("child").get("link")): (str(j.get("name")), str(j.find("parent").get("link")))  # type: ignore[union-attr]
+        for j in checked.findall("joint")
+    }
+    for option, link in (("--base", chain.base), ("--tip", chain.tip)):
+        if link is not None and link not in links:
+            raise InvalidInput(f"{option}: {link!r} is not a link{nearest(link, links)}")
+    for name, value in chain.lock.items():
+        if name not in names:
+            raise InvalidInput(f"--lock: {name!r} is not a moving joint{nearest(name, names)}")
+        if value is not None and not math.isfinite(value):
+            raise InvalidInput(
+                f"--lock: {name}={value}; an angle [rad] or a distance [m] is needed"
+            )
+    beyond = set(names)
+    if chain.base is not None:
+        beyond = {
+            joint for link, (joint, _) in above.items() if chain.base in _ancestors(link, above)
+        }
+    if chain.tip is not None:
+        if chain.base not in (None, *_ancestors(chain.tip, above)):
+            raise InvalidInput(f"--tip: link {chain.tip!r} does not lie beyond {chain.base!r}")
+        path = [chain.tip, *_ancestors(chain.tip, above)]
+        beyond &= {above[link][0] for link in path if link in above}
+    return {
+        joint.name: rest_angle(joint) if (at := chain.lock.get(joint.name)) is None else at
+        for joint in joints
+        if joint.name not in beyond or joint.name in chain.lock
+    }
+
+
+def _ancestors(link: str, above: dict[str, tuple[str, str]]) -> Iterable[str]:
+    ancestors = []
+    while link in above:
+        link = above[link][1]
+        ancestors.append(link)
+    return ancestors
+
+
+def rest_angle(joint: UrdfJoint) -> float:
+    """Return zero, or the limit nearest to it [rad or m]."""
+    return min(max(0.0, joint.low), joint.high)
