@@ -7,7 +7,13 @@ from weakref import WeakKeyDictionary
 import numpy as np
 
 from estimators.fitting.fit_problem import Problem
-from estimators.fitting.trust_region import Minimiser, SearchResult, trust_region
+from estimators.fitting.trust_region import (
+    Loss,
+    Minimiser,
+    Residuals,
+    SearchResult,
+    trust_region,
+)
 from estimators.frf.frf_estimate import is_full
 from robotmodels.common.arrays import Array
 from robotmodels.common.errors import IdentificationError, SolverFailed
@@ -135,7 +141,7 @@ def renewed_search(
     def evaluate(values: Array) -> tuple[Array, Array]:
         return CorrectedModel(problem, *network_and_shift(problem, values))(values)
 
-    return minimise(problem, evaluate, start, max_evaluations, tolerance)
+    return minimise(problem, Residuals(evaluate), start, max_evaluations, tolerance)
 
 
 def frozen_search(
@@ -149,13 +155,14 @@ def frozen_search(
     """Search as `exact_search` does, ten times faster.
 
     Equilibria are computed at one point, and fixed there while `minimise` minimises
-    V(x; fixed equilibria) + s^T x, with s the gradient through the equilibria at that point: a
-    model of V that is exact in cost and gradient there and costs a few products of small matrices.
-    Its minimum is the next point, until a minimum is the point itself: there cost and gradient
-    of V are exact (the first-order corrected models of Alexandrov and Lewis 2001). The first
-    time, far away, s is zero. The search ends where the next point would gain nothing, judging by
-    how much less the last one gained than the one before. Where points do not get better, or too
-    many are needed, it goes on from the best with equilibria computed anew at every step.
+    V(x; fixed equilibria) + s^T tanh(x), x = ln theta from that point on and s the gradient through
+    the equilibria there: a model of V that is exact in cost and gradient at the point, not much
+    less than V anywhere, and costs a few products of small matrices. Its minimum is the next
+    point, until a minimum is the point itself: there cost and gradient of V are exact (the
+    first-order corrected models of Alexandrov and Lewis 2001). The first time, far away, s is zero.
+    The search ends where the next point would gain nothing, judging by how much less the last one
+    gained than the one before. Where points do not get better, or too many are needed, it goes on
+    from the best with equilibria computed anew at every step.
 
     Parameters
     ----------
@@ -167,14 +174,15 @@ def frozen_search(
     IdentificationError
         If the model has no FRF at the start.
     """
-    values, spent, cost, gain = start, 0, np.inf, np.inf
+    values, spent, cost, gain, curvature = start, 0, np.inf, np.inf, None
     best, least = start, np.inf  # of V itself, about equilibria of its own
     shift: EquilibriumShift | None = None
     for nth in range(ROUNDS):
         model = CorrectedModel(problem, network, shift if nth else None)
         allowed = max(tolerance, ROUGH) if nth == 0 else tolerance
-        outcome = minimise(problem, model, values, max(max_evaluations - spent, 2), allowed)
-        spent += outcome.evaluations
+        left = max(max_evaluations - spent, 2)
+        outcome = minimise(problem, model, values, left, allowed, curvature)
+        spent, curvature = spent + outcome.evaluations, outcome.curvature
         end = replace(outcome, evaluations=spent)
         if model.cost < least:
             best, least = values, model.cost
@@ -239,13 +247,15 @@ def squares(normal: NormalEquations) -> tuple[Array, Array]:
 
 
 class CorrectedModel:
-    """Residuals and Jacobian equivalent to the cost about the equilibria of one network.
+    """The objective that is the cost about the equilibria of one network, corrected.
 
     Attributes
     ----------
     cost : float
         Cost at the parameters of the network.
     """
+
+    loss: Loss | None = None
 
     def __init__(
         self, problem: Problem, network: SpringNetwork, shift: EquilibriumShift | None
@@ -261,12 +271,33 @@ class CorrectedModel:
     def __call__(self, values: Array) -> tuple[Array, Array]:
         """Return residuals (p + 1,) and their Jacobian by ln theta at `values` (p,)."""
         normal = self.kernel.normal_equations(values)
-        linear = float(self.shift @ np.log(values / self.centre))
-        normal = replace(normal, cost=normal.cost + linear, gradient=normal.gradient + self.shift)
-        normal = _with_prior(self.problem, values, normal)
+        cost, gradient = self._corrected(values, normal.cost, normal.gradient)
+        hessian, prior = normal.hessian, self.problem.prior
+        if prior is not None:
+            slope = prior.slope(self.problem.model.parameters.names)
+            hessian = hessian + slope.T @ slope
+        return squares(NormalEquations(cost, gradient, hessian))
+
+    def gradient(self, values: Array) -> tuple[float, Array]:
+        """Return the cost and its gradient by ln theta (p,) at `values` (p,)."""
+        cost, gradient = self._corrected(values, *self.kernel.gradient(values))
+        if not (np.isfinite(cost) and np.isfinite(gradient).all()):
+            raise SolverFailed("the model's FRF or its sensitivity is not finite")
+        return cost, gradient
+
+    def _corrected(self, values: Array, cost: float, gradient: Array) -> tuple[float, Array]:
+        """Add what the equilibria's shift and the prior make of cost and gradient."""
+        # Linear nearby, but bounded: far away, a line would lead ever further.
+        step = np.tanh(np.log(values / self.centre))
+        cost += float(self.shift @ step)
+        gradient = gradient + self.shift * (1 - step**2)
+        prior, names = self.problem.prior, self.problem.model.parameters.names
+        if prior is not None:
+            z = prior.standardised(names, values)
+            cost, gradient = cost + float(z @ z) / 2, gradient + prior.slope(names).T @ z
         if np.isnan(self.cost):
-            self.cost = normal.cost
-        return squares(normal)
+            self.cost = cost
+        return cost, gradient
 
 
 # Data are prepared once for all starts: most of what a kernel does before its first evaluation.
@@ -284,16 +315,6 @@ def cost_kernel(problem: Problem, network: SpringNetwork) -> "CostKernel":
     kernel = CostKernel(network, estimate.omega, estimate.response, weights, problem.kind.form)
     _PREPARED[problem] = kernel
     return kernel
-
-
-def _with_prior(problem: Problem, values: Array, data: NormalEquations) -> NormalEquations:
-    if problem.prior is None:
-        return data
-    names = problem.model.parameters.names
-    slope, z = problem.prior.slope(names), problem.prior.standardised(names, values)
-    return NormalEquations(
-        data.cost + float(z @ z) / 2, data.gradient + slope.T @ z, data.hessian + slope.T @ slope
-    )
 
 
 def _reachable(

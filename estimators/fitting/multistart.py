@@ -13,15 +13,9 @@ from numpy.typing import NDArray
 from estimators.fitting.fit_problem import Problem, make_fit_problem
 from estimators.fitting.least_squares import Fit, as_fit
 from estimators.fitting.priors import Prior
-from estimators.fitting.search import check_effort, search_or_reason
+from estimators.fitting.search import MINIMISERS, check_effort, search_or_reason
 from estimators.fitting.search_checkpoint import SearchStore, problem_fingerprint
-from estimators.fitting.trust_region import (
-    MINIMISERS,
-    START_FAILED,
-    STOPPED,
-    Minimiser,
-    SearchResult,
-)
+from estimators.fitting.trust_region import START_FAILED, STOPPED, Minimiser, SearchResult
 from estimators.frf.estimate_frf import check_choice
 from estimators.frf.frf_estimate import FrfEstimate
 from robotmodels.common.arrays import Array, IntArray, check_above_zero, check_count
@@ -107,8 +101,8 @@ def multistart(
         share of the starts has. A run that was interrupted, or one with more starts, goes on from
         it.
     minimiser : {"trust_region", "quasi_newton"}
-        Gauss-Newton steps in a trust region, or L-BFGS-B, which uses gradients alone as [WM]'s
-        fminunc does.
+        Gauss-Newton steps in a trust region, or BFGS, which uses gradients alone as [WM]'s fminunc
+        does; the tolerance of its gradient is relative to 1 + that at the start.
 
     Raises
     ------

@@ -9,6 +9,7 @@ from estimators.fitting.fixed_equilibrium_search import (
     hardens,
     renewed_search,
 )
+from estimators.fitting.quasi_newton import quasi_newton
 from estimators.fitting.trust_region import (
     START_FAILED,
     Minimiser,
@@ -18,6 +19,8 @@ from estimators.fitting.trust_region import (
 )
 from robotmodels.common.arrays import Array, check_count
 from robotmodels.common.errors import IdentificationError, InvalidInput
+
+MINIMISERS: dict[str, Minimiser] = {"trust_region": trust_region, "quasi_newton": quasi_newton}
 
 
 def check_effort(max_evaluations: int, tolerance: float) -> None:

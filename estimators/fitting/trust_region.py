@@ -1,8 +1,8 @@
-"""Searches about ln theta by scipy: Gauss-Newton in a trust region, or quasi-Newton."""
+"""Searches about ln theta by scipy: what is minimised, and Gauss-Newton in a trust region."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
@@ -14,30 +14,82 @@ START_FAILED = -1
 STOPPED = -2
 
 
+Loss = Callable[[Array], Array]
+
+
+class Curvature(NamedTuple):
+    """What a quasi-Newton search has learnt: inverse Hessian (p, p), largest slope at its start."""
+
+    inverse_hessian: Array
+    first_slope: float
+
+
 @dataclass(frozen=True, eq=False)
 class SearchResult:
-    """What a search came to: values (p,), cost, and status, message, evaluations as in `Fit`."""
+    """What a search came to: values (p,), cost, and status, message, evaluations as in `Fit`.
+
+    A search that goes on from there may begin with the `curvature`, if there is one.
+    """
 
     values: Array
     cost: float
     status: int
     message: str
     evaluations: int
+    curvature: Curvature | None = None
+
+
+class Objective(Protocol):
+    """A cost, as squares of residuals or with its gradient alone."""
+
+    @property
+    def loss(self) -> Loss | None:
+        """Loss of squared residuals, with its derivatives; none where None."""
+        ...
+
+    def __call__(self, values: Array) -> tuple[Array, Array]:
+        """Return residuals (r,) and their Jacobian by ln theta (r, p) at `values` (p,)."""
+        ...
+
+    def gradient(self, values: Array) -> tuple[float, Array]:
+        """Return the cost and its gradient by ln theta (p,) at `values` (p,)."""
+        ...
+
+
+@dataclass(frozen=True, eq=False)
+class Residuals:
+    """The objective that a function of residuals and Jacobian makes."""
+
+    evaluate: Callable[[Array], tuple[Array, Array]]
+    loss: Loss | None = None
+
+    def __call__(self, values: Array) -> tuple[Array, Array]:
+        """Return residuals (r,) and their Jacobian by ln theta (r, p) at `values` (p,)."""
+        return self.evaluate(values)
+
+    def gradient(self, values: Array) -> tuple[float, Array]:
+        """Return the cost and its gradient by ln theta (p,) at `values` (p,)."""
+        residuals, jacobian = self.evaluate(values)
+        squares = residuals**2
+        if self.loss is None:
+            return float(squares.sum()), 2 * jacobian.T @ residuals
+        losses, slopes = self.loss(squares)[:2]
+        return float(losses.sum()), 2 * jacobian.T @ (slopes * residuals)
 
 
 class Minimiser(Protocol):
-    """A way to minimise the squares of residuals; see `trust_region` for the arguments."""
+    """A way to minimise an objective inside the problem's bounds."""
 
     def __call__(
         self,
         problem: Problem,
-        evaluate: Callable[[Array], tuple[Array, Array]],
+        objective: Objective,
         start: Array,
         max_evaluations: int,
         tolerance: float,
-        loss: Callable[[Array], Array] | None = None,
+        curvature: Curvature | None = None,
     ) -> SearchResult:
-        """Return the minimum from `start` (p,)."""
+        """Return the minimum from `start` (p,), with the curvature of an earlier search if any."""
         ...
 
 
@@ -49,7 +101,7 @@ class _Point:
     region reaches, by rounding: p more residuals, all zero, have a slope that holds it.
     """
 
-    def __init__(self, evaluate: Callable[[Array], tuple[Array, Array]], reference: Array) -> None:
+    def __init__(self, evaluate: Objective, reference: Array) -> None:
         self.evaluate = evaluate
         self.reference = reference
         self.evaluations = 0
@@ -79,26 +131,21 @@ class _Point:
 
 def trust_region(
     problem: Problem,
-    evaluate: Callable[[Array], tuple[Array, Array]],
+    objective: Objective,
     start: Array,
     max_evaluations: int,
     tolerance: float,
-    loss: Callable[[Array], Array] | None = None,
+    curvature: Curvature | None = None,
 ) -> SearchResult:
-    """Minimise the squares that `evaluate` gives, inside the problem's bounds, from `start` (p,).
+    """Minimise by Gauss-Newton steps, inside the problem's bounds; see `Minimiser`.
 
-    Parameters
-    ----------
-    evaluate : callable
-        Residuals (r,) and their Jacobian by ln theta (r, p) at values (p,).
-    loss : callable, optional
-        Loss of squared residuals, with its derivatives; none where None.
+    Curvature is that of the Jacobian: none is taken over from an earlier search, or handed on.
     """
     from scipy.optimize import least_squares
 
     # About the start x = 0, so the first trust region is one e-fold whatever the units.
-    point = _Point(evaluate, start)
-    loss_name: Any = "linear" if loss is None else loss
+    point = _Point(objective, start)
+    loss_name: Any = "linear" if objective.loss is None else objective.loss
     solution = least_squares(
         point.residuals,
         np.zeros_like(start),
@@ -129,69 +176,8 @@ def exact_search(
 ) -> SearchResult:
     """Search with exact residuals and derivatives, equilibria computed anew at every point."""
     loss = None if problem.loss == "linear" else problem.robust
-    return minimise(problem, problem.evaluate, start, max_evaluations, tolerance, loss)
-
-
-def quasi_newton(
-    problem: Problem,
-    evaluate: Callable[[Array], tuple[Array, Array]],
-    start: Array,
-    max_evaluations: int,
-    tolerance: float,
-    loss: Callable[[Array], Array] | None = None,
-) -> SearchResult:
-    """Minimise as `trust_region` does, by L-BFGS-B: from gradients alone, as [WM]'s fminunc does.
-
-    As many updates of the Hessian as there are parameters are stored, and none from before the
-    search. Arguments as in `trust_region`; the gradient's tolerance is relative to 1 + that at the
-    start, as fminunc's is.
-    """
-    from scipy.optimize import minimize
-
-    point = _Point(evaluate, start)
-
-    def cost_and_gradient(x: Array) -> tuple[float, Array]:
-        try:
-            residuals, jacobian = point.at(x)
-        except (IdentificationError, np.linalg.LinAlgError):
-            if point.evaluations == 1:
-                raise
-            # A number, not infinity: the line search interpolates.
-            return _NO_MODEL * worst, np.zeros_like(x)
-        squares = residuals**2
-        if loss is None:
-            return float(squares.sum()), 2 * jacobian.T @ residuals
-        losses, slopes = loss(squares)[:2]
-        return float(losses.sum()), 2 * jacobian.T @ (slopes * residuals)
-
-    worst, gradient = cost_and_gradient(np.zeros_like(start))
-    solution = minimize(
-        cost_and_gradient,
-        np.zeros_like(start),
-        jac=True,
-        method="L-BFGS-B",
-        bounds=np.log(problem.bounds / start).T,
-        options={
-            "maxcor": len(start),
-            "maxfun": max_evaluations,
-            "maxiter": max_evaluations,
-            "ftol": tolerance,
-            "gtol": tolerance * (1 + float(np.abs(gradient).max())),
-        },
-    )
-    return SearchResult(
-        values=np.clip(start * np.exp(solution.x), *problem.bounds),
-        cost=float(solution.fun),
-        status=int(solution.success),
-        message=str(solution.message),
-        evaluations=point.evaluations,
-    )
-
-
-# Cost, over that at the start, of a trial point at which the robot has no equilibrium.
-_NO_MODEL = 10.0
-
-MINIMISERS: dict[str, Minimiser] = {"trust_region": trust_region, "quasi_newton": quasi_newton}
+    objective = Residuals(problem.evaluate, loss)
+    return minimise(problem, objective, start, max_evaluations, tolerance)
 
 
 def _message(problem: Problem, solution: Any) -> str:

@@ -12,7 +12,12 @@ from oed.replication.as_published import fit_as_published
 from oed.replication.conclusions import Judged, conclusions
 from oed.replication.six_estimators import REFERENCE, Evaluation, evaluate
 from oed.replication.table_1 import Groups, Table1, groups_of, hardest_spring, table_1
-from oed.replication.time_domain_comparison import ROLLOUTS, TimeDomainComparison, compare
+from oed.replication.time_domain_comparison import (
+    ROLLOUTS,
+    TimeDomainComparison,
+    compare,
+    method_names,
+)
 from oed.study.results import FittedStudy
 from oed.study.settings.study_file import ESTIMATORS, RivalChoice
 from oed.study.stage_cache import Stage, dataclass_files, open_stages
@@ -166,11 +171,10 @@ def _evaluation(run: Run, results: FittedStudy) -> Stage[Evaluation]:
 
 
 def _rivalry(run: Run, choice: RivalChoice) -> Stage[TimeDomainComparison]:
-    """Return all ways of fitting; computed again where mujoco.sysid has come to be there."""
-    from oed.replication.rollout_fit import missing
+    """Return all ways of fitting; computed again where there are other methods than before."""
 
     def compute(folder: Path, report: Progress | None) -> TimeDomainComparison:
         return compare(choice, run.rng("rival"), run.executor, report)
 
-    inputs = {"missing": missing(), "limit": ROLLOUTS, **run.settings("rival", "seed")}
+    inputs = {"methods": method_names(), "limit": ROLLOUTS, **run.settings("rival", "seed")}
     return run.stages.run("rival", inputs, compute, dataclass_files(TimeDomainComparison))

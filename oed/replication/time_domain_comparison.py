@@ -43,6 +43,14 @@ _ANGLE_NOISE = 1e-5
 MethodName = Literal["frequency domain", "prediction error", "mujoco.sysid"]
 
 
+def method_names() -> tuple[MethodName, ...]:
+    """Return the methods that can run here."""
+    from oed.replication.rollout_fit import missing
+
+    methods: tuple[MethodName, ...] = ("frequency domain", "prediction error", "mujoco.sysid")
+    return methods[:-1] if missing() else methods
+
+
 @dataclass(frozen=True)
 class MethodResult:
     """What one way of fitting came to from starts at one distance.

@@ -140,7 +140,7 @@ class CostKernel:
                 self.network.parameters.check(row)
         if self._plan is None:
             return np.array([self._reference(row) for row in theta])
-        costs = self._sum(cell_costs, theta, len(theta), (len(theta),), len(theta))
+        costs = self._sum(cell_costs, theta, len(theta), len(theta), len(theta))
         return np.asarray(self._constant + costs)
 
     def normal_equations(self, parameters: Array) -> NormalEquations:
@@ -160,12 +160,21 @@ class CostKernel:
                 self.network, self._omega, self._measured, self._weights, theta, self.residual
             )
         p = len(theta)
-        sums = self._sum(cell_normals, theta[None], 1 + p + p * p, (), _SOLVES)
+        sums = self._sum(cell_normals, theta[None], 1 + p + p * p, _SOLVES, True)
         return NormalEquations(
             cost=float(self._constant + sums[0]),
             gradient=sums[1 : 1 + p],
             hessian=sums[1 + p :].reshape(p, p),
         )
+
+    def gradient(self, parameters: Array) -> tuple[float, Array]:
+        """Return the cost and the gradient (p,) of `normal_equations`, in half of its time."""
+        theta = self.network.parameters.check(parameters)
+        if self._plan is None:
+            normal = self.normal_equations(theta)
+            return normal.cost, normal.gradient
+        sums = self._sum(cell_normals, theta[None], 1 + len(theta), _SOLVES // 2, False)
+        return float(self._constant + sums[0]), sums[1:]
 
     def model_slopes(self) -> tuple[Array, Array]:
         """Return dV/dK and dV/dM, (Q, d, d) each, at the network's own parameters.
@@ -201,10 +210,12 @@ class CostKernel:
         compiled: Callable[..., None],
         theta: Array,
         length: int,
-        walkers: tuple[int, ...],
         work_per_item: int,
+        choice: int,
     ) -> Array:
         """Return the sum over all cells of the `length` doubles that compiled code adds to.
+
+        `choice` is its argument before the options: sets of parameters, or whether to sum a matrix.
 
         Each of a few pieces has a sum of its own, whatever thread computes it: the same bits from
         any number of threads.
@@ -221,7 +232,7 @@ class CostKernel:
             with self._spaces.one() as work:
                 for k in range(start, stop):
                     ends, out = bounds[k : k + 2], address(sums[k])
-                    compiled(work, self._at, *springs, *walkers, self._options, *ends, out)
+                    compiled(work, self._at, *springs, choice, self._options, *ends, out)
 
         over_threads(run, _PIECES, work_per_item * cells // _PIECES)
         return np.asarray(sums.sum(axis=0))

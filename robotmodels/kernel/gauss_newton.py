@@ -12,6 +12,7 @@ from robotmodels.kernel.ldlt import SOURCES, compiled, entry, inverse, square
 from robotmodels.kernel.memory import integer, load, load_complex, scalar, store, store_scalar
 from robotmodels.kernel.sensitivity_products import (
     accumulate,
+    accumulate_last,
     exponent_row,
     fill_block,
     outer_products,
@@ -91,10 +92,10 @@ def add_gradient(work, q, stiffness, damping, out):
 
 
 @compiled
-def _cell_normals(work, cells, stiffness, damping, options, start, stop, out):
-    """Add the cost, gradient and Gauss-Newton matrix of some cells to the doubles at `out`.
+def _cell_normals(work, cells, stiffness, damping, matrix, options, start, stop, out):
+    """Add the cost, gradient and, if `matrix`, Gauss-Newton's of some cells to doubles at `out`.
 
-    Arguments as of `cost_cells`, of one set of parameters; `out` holds 1 + p + p^2 doubles.
+    Arguments as of `cost_cells`, of one set of parameters; `out` holds 1 + p (+ p^2) doubles.
     """
     _, blocks, coupled, residual = options
     real = residual != NLS and residual != LLS
@@ -114,11 +115,15 @@ def _cell_normals(work, cells, stiffness, damping, options, start, stop, out):
         w = load(cells.omega, cell)
         spring_elongations(work, w)
         outer_products(work, False)
-        accumulate(work, work.m + 1, w, real)
+        if matrix:
+            accumulate(work, work.m + 1, w, real)
+        else:
+            accumulate_last(work, work.m, w, real)
         if cell == stop - 1 or (cell + 1) % blocks == 0:
-            fill_block(work, k, c, real)
             add_gradient(work, q, k, c, out + 8)
-            project(work, q, out + 8 * (1 + work.p))
+            if matrix:
+                fill_block(work, k, c, real)
+                project(work, q, out + 8 * (1 + work.p))
 
 
 def _cached(sources):

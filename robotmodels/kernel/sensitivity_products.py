@@ -127,6 +127,13 @@ def add(target, parts, w, real):
     store(target, 3, fma(other * w, w, load(target, 3)))
 
 
+@inlined
+def pair_offset(s, t):
+    """Return where the sums of rows s and t are; their tile must not lie above the diagonal."""
+    a, b = s // 2, t // 2
+    return 16 * (a * (a + 1) // 2 + b) + 8 * (s % 2) + 4 * (t % 2)
+
+
 @compiled
 def accumulate(work, count, w, real):
     """Add the products of all pairs of the first `count` rows at the frequencies `w`."""
@@ -148,18 +155,21 @@ def accumulate(work, count, w, real):
 
 
 @compiled
+def accumulate_last(work, last, w, real):
+    """Add the products of row `last` with those before it, which is all a gradient needs."""
+    for t in range(0, last, 2):
+        p, q = half_tile(work, last, t)
+        target = work.sums + BYTES * pair_offset(last, t)
+        add(target, p, w, real)
+        add(target + 4 * BYTES, q, w, real)
+
+
+@compiled
 def zero_sums(work):
     """Set the sums to zero."""
     pairs = (work.m + 2) // 2
     for index in range(8 * pairs * (pairs + 1)):
         store(work.sums, index, splat(0.0))
-
-
-@inlined
-def pair_offset(s, t):
-    """Return where the sums of rows s and t are; their tile must not lie above the diagonal."""
-    a, b = s // 2, t // 2
-    return 16 * (a * (a + 1) // 2 + b) + 8 * (s % 2) + 4 * (t % 2)
 
 
 @compiled

@@ -75,6 +75,9 @@ def test_the_gradient_is_that_of_the_cost(network, residual):
     differences = (cost(theta * steps) - cost(theta / steps)) / (2 * step)
     size = np.sqrt(np.diag(found.hessian) * found.cost)
     np.testing.assert_allclose(found.gradient / size, differences / size, atol=5e-6)
+    alone = cost.gradient(theta)  # without the matrix
+    assert alone[0] == pytest.approx(found.cost, rel=1e-12)
+    np.testing.assert_allclose(alone[1] / size, found.gradient / size, rtol=0, atol=1e-12)
 
 
 @pytest.mark.parametrize("residual", RESIDUALS)

@@ -32,6 +32,11 @@ from robotmodels.data_files.json_text import read_json
 
 SAME_COST = 1e-6
 """Costs this close, relatively, are one minimum."""
+# Of quasi-Newton searches, the usual ones of MATLAB's fminunc: 400 steps.
+_EFFORT: dict[str, dict[str, Any]] = {
+    "trust_region": {},
+    "quasi_newton": {"tolerance": 1e-6, "max_evaluations": 400},
+}
 
 
 @dataclass(frozen=True, eq=False)
@@ -128,6 +133,7 @@ def _runs(
     report: Progress | None,
 ) -> tuple[Fit, ...]:
     """Return the fits from all starts, the least cost first."""
+    minimiser = run.study.fit.minimiser
     runs = multistart(
         run.robot,
         estimate,
@@ -137,7 +143,8 @@ def _runs(
         executor=run.executor,
         progress=report,
         store=store,
-        minimiser=run.study.fit.minimiser,
+        minimiser=minimiser,
+        **_EFFORT[minimiser],
         prior=prior_of(run),
     )
     if not np.isfinite(runs[0].cost):
