@@ -119,8 +119,8 @@ def prepare_in(
         crest_iterations=settings.multisine.crest_iterations,
         progress=None if progress is None else partial(progress, "plan"),
     )
-    controller = _controller(settings, robot)
-    imperfections = _imperfections(settings, motors)
+    controller = controller_of(settings, robot)
+    imperfections = imperfections_of(settings, motors)
     scaling = _scaled(settings, plan, robot, controller, progress)
     return Prepared(robot, controller, scaling, imperfections, rng)
 
@@ -153,7 +153,8 @@ def _multisine(settings: ExcitationSettings, motors: int, rng: np.random.Generat
     )
 
 
-def _controller(settings: ExcitationSettings, robot: ElasticRobot) -> Controller:
+def controller_of(settings: ExcitationSettings, robot: ElasticRobot) -> Controller:
+    """Return the controller of the settings, the default one where they have none."""
     choice, sample_time = settings.controller, settings.multisine.sample_time
     if choice is None:
         return default_controller(robot, sample_time)
@@ -164,7 +165,8 @@ def _controller(settings: ExcitationSettings, robot: ElasticRobot) -> Controller
     return Controller(sample_time=sample_time, **gains)
 
 
-def _imperfections(settings: ExcitationSettings, motors: tuple[str, ...]) -> Imperfections:
+def imperfections_of(settings: ExcitationSettings, motors: tuple[str, ...]) -> Imperfections:
+    """Return the imperfections of the settings, per motor."""
     choice = settings.imperfections
     lists = {
         name: per_motor(f"imperfections.{name}", value, motors)

@@ -37,6 +37,7 @@ def published_settings(study: Study) -> Study:
             "fit": study.fit.model_copy(update=choices),
             "as_published": False,
             "rival": None,
+            "local_minima": None,
             "output": study.output / "as_published",
         }
     )

@@ -5,7 +5,8 @@ normalised and sorted by the first (null: no FRF), ``start`` numbers, and the pa
 models by ``reasonable`` criterion; ``table_1``: per parameter, relative to the best LLS15U model;
 ``conclusions``: text, ``verdict``, ``evidence``; ``paper``: the published numbers; ``rival``:
 fits in time and of FRFs, see `TimeDomainComparison` in `oed.replication.time_domain_comparison`
-(null where the study has none);
+(null where the study has none); ``minima``: see `LocalMinima` in `oed.replication.local_minima`
+(likewise);
 ``as_published``: ``estimators`` and ``conclusions`` of the paper's choices (null: not asked for).
 """
 
@@ -45,6 +46,7 @@ def published_document(replication: Replication) -> dict[str, Any]:
             },
         },
         "rival": replication.rivalry,
+        "minima": replication.minima,
         "as_published": None
         if other is None
         else {"estimators": _estimators(other), "conclusions": other.conclusions},

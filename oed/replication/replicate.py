@@ -10,6 +10,7 @@ from estimators.fitting.least_squares import Fit
 from estimators.uncertainty.covariance import Uncertainty, covariance
 from oed.replication.as_published import fit_as_published
 from oed.replication.conclusions import Judged, conclusions
+from oed.replication.local_minima import LocalMinima, local_minima
 from oed.replication.six_estimators import REFERENCE, Evaluation, evaluate
 from oed.replication.table_1 import Groups, Table1, groups_of, hardest_spring, table_1
 from oed.replication.time_domain_comparison import (
@@ -19,7 +20,7 @@ from oed.replication.time_domain_comparison import (
     method_names,
 )
 from oed.study.results import FittedStudy
-from oed.study.settings.study_file import ESTIMATORS, RivalChoice
+from oed.study.settings.study_file import ESTIMATORS, LocalMinimaChoice, RivalChoice
 from oed.study.stage_cache import Stage, dataclass_files, open_stages
 from oed.study.stages.fit import weighting_of, weights_of
 from oed.study.stages.run import Run
@@ -49,6 +50,8 @@ class Replication:
         The seven, judged.
     rivalry : TimeDomainComparison or None
         Fits in time beside fits of FRFs; None unless the study asks for it.
+    minima : LocalMinima or None
+        Fits of less excitation; None unless the study asks for it.
     seconds : dict of str to float
         Time per stage, when it was computed.
     as_published : Replication or None
@@ -63,6 +66,7 @@ class Replication:
     hardest: str
     conclusions: tuple[Judged, ...]
     rivalry: TimeDomainComparison | None
+    minima: LocalMinima | None
     seconds: dict[str, float]
     as_published: "Replication | None" = None
 
@@ -141,6 +145,7 @@ def _replication(
             hardest_spring(evaluation, theorem1, groups),
             conclusions(evaluation, theorem1, table, groups, results.truth),
             None if study.rival is None else _rivalry(run, study.rival).value,
+            None if study.local_minima is None else _minima(run, study.local_minima, results).value,
             stages.seconds,
         )
 
@@ -178,3 +183,16 @@ def _rivalry(run: Run, choice: RivalChoice) -> Stage[TimeDomainComparison]:
 
     inputs = {"methods": method_names(), "limit": ROLLOUTS, **run.settings("rival", "seed")}
     return run.stages.run("rival", inputs, compute, dataclass_files(TimeDomainComparison))
+
+
+def _minima(run: Run, choice: LocalMinimaChoice, results: FittedStudy) -> Stage[LocalMinima]:
+    def compute(folder: Path, report: Progress | None) -> LocalMinima:
+        return local_minima(run, choice, results, report)
+
+    inputs = {
+        "robot": run.robot_digest,
+        "data": fingerprint((results.data.estimate, results.fits.starts)),
+        **run.settings("local_minima", "truth", "data", "seed"),
+        **weighting_of(run.study.fit),
+    }
+    return run.stages.run("local-minima", inputs, compute, dataclass_files(LocalMinima))

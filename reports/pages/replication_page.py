@@ -5,6 +5,7 @@ from pathlib import Path
 import numpy as np
 
 import robotmodels
+from oed.replication.local_minima import LocalMinima
 from oed.replication.replicate import Replication
 from oed.replication.time_domain_comparison import TimeDomainComparison
 from oed.study.results import FittedStudy
@@ -41,6 +42,7 @@ def write_published(results: FittedStudy, published: Replication, path: Path) ->
             _models(results, published),
             _parameters(results, published),
             _responses(results, published),
+            *([] if published.minima is None else [_minima(published.minima)]),
             *([] if published.rivalry is None else [_rival(published.rivalry, published.seconds)]),
         ],
     )
@@ -170,6 +172,11 @@ def _responses(results: FittedStudy, published: Replication) -> Section:
         number=int(single.positions[0]) + 1,
     )
     return Section("responses", "Frequency responses", body)
+
+
+def _minima(minima: LocalMinima) -> Section:
+    body = filled("published_minima.html.j2", minima=minima, table=tables.minima(minima))
+    return Section("minima", "Local minima against excitation and time", body)
 
 
 def _rival(comparison: TimeDomainComparison, seconds: dict[str, float]) -> Section:

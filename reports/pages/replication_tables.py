@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from oed.replication.local_minima import SEARCHED, LocalMinima
 from oed.replication.paper import (
     ALL_SPRINGS,
     REASONABLE_BY_COST,
@@ -102,6 +103,31 @@ def rival(comparison: TimeDomainComparison) -> Table:
         "successes, or of all fits where none succeeded."
     )
     return table("rival-table", caption, columns, rows)
+
+
+def minima(minima: LocalMinima) -> Table:
+    """Return how often searches of more or less excitation end in the best minimum."""
+    most = max(one.seconds for one in minima.excitations)
+    rows = [
+        (
+            Number(text.significant(one.amplitude, 2), one.amplitude),
+            Number(str(one.blocks), one.blocks),
+            _share(one.amplitude**2 * one.seconds / most),
+            Number(text.significant(one.seconds / 60, 2), one.seconds / 60),
+            _percentage(np.log1p(one.deviation)),
+            *(_share(search.reached) for search in one.searches),
+            *(_percentage(search.error) for search in one.searches),
+        )
+        for one in minima.excitations
+    ]
+    headings = [f"{name[:3]}, {what}" for what in ("best minimum", "springs") for name in SEARCHED]
+    columns = numbers("amplitude", "blocks", "energy", "minutes", "std of FRFs", *headings)
+    caption = (
+        "Best minimum: starts that end in it. Springs: median error of its springs, where the "
+        "truth is known. Std of FRFs: median over elements. LLS with user-defined, NLS with "
+        "optimal weights."
+    )
+    return table("minima-table", caption, columns, rows)
 
 
 def _percentage(error: float) -> Number:

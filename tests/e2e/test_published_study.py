@@ -10,6 +10,7 @@ from conftest import ROBOT, STUDY, drawn, oed, write_study
 import estimators
 import robotmodels
 from oed.replication.as_published import published_settings
+from oed.replication.local_minima import first_blocks
 from oed.replication.paper import CONCLUSIONS
 from oed.study.settings.study_file import ESTIMATORS, load_study
 from oed.study.stages.data import Data
@@ -157,6 +158,7 @@ data:
     imperfections: {friction: 0.0, angle_noise: 1.0e-6}
   method: log
 as_published: true
+local_minima: {positions: 2, amplitudes: [0.5, 1.0], blocks: [2, 3], starts: 2}
 """
 
 
@@ -202,7 +204,7 @@ def test_as_published_is_an_ordinary_study_of_other_settings(both):
             study.output / "stages" / f"fit-{name}" / "runs.h5", robot, own
         )
         assert {tuple(run.start) for run in fits} == {tuple(run.start) for run in usual}
-        assert all("CONVERGENCE" in run.message or not run.converged for run in fits)
+        assert all("maximum number" in run.message or run.converged for run in fits)
         np.testing.assert_allclose(fits[0].weights, expected, rtol=1e-9)
 
 
@@ -218,6 +220,29 @@ def test_the_page_has_both_beside_the_paper(both):
     assert "power \N{MINUS SIGN}1" in page
 
 
+def test_less_excitation_is_measured_and_fitted(both):
+    output = load_study(both).output
+    minima = json.loads((output / "published.json").read_text())["minima"]
+    rows = minima["excitations"]
+    assert (minima["positions"], minima["starts"]) == (2, 2)
+    assert [(one["amplitude"], one["blocks"]) for one in rows] == [
+        (1.0, 2), (1.0, 3), (0.5, 2), (0.5, 3),
+    ]  # fmt: skip
+    records = list(robotmodels.iterate_records(output / "stages" / "experiment" / "records.h5"))
+    for one in rows[:2]:
+        estimate = estimators.estimate_frf(
+            [first_blocks(part, one["blocks"]) for part in records[:2]], "log", structure="diagonal"
+        )
+        relative = np.sqrt(estimate.variance) / np.abs(estimate.response)
+        assert one["deviation"] == pytest.approx(np.median(relative))
+        assert one["seconds"] == 2 * one["blocks"] * 2 * 0.5  # positions, motors, period
+    for full, half in zip(rows[:2], rows[2:], strict=True):
+        assert half["deviation"] != pytest.approx(full["deviation"], rel=1e-6)  # measured anew
+        assert all(0.5 <= search["reached"] <= 1 for search in full["searches"])
+    page = (output / "published.html").read_text(encoding="utf-8")
+    assert page.partition('id="minima-table"')[2].partition("</table>")[0].count("<tr") == 5
+
+
 def test_as_published_needs_an_experiment(tmp_path):
     study = PUBLISHED + "as_published: true\n"
     code, _, err = oed("replicate", write_study(tmp_path, study, MODEL))
@@ -226,3 +251,8 @@ def test_as_published_needs_an_experiment(tmp_path):
     code, _, err = oed("run", write_study(tmp_path, STUDY + "as_published: true\n", MODEL))
     assert code == 2
     assert "as_published: it belongs to a study with compare_with" in err
+    more = EXPERIMENT.replace("blocks: [2, 3]", "blocks: [2, 4]")
+    study = PUBLISHED.replace("posterior", f"{more}posterior")
+    code, _, err = oed("replicate", write_study(tmp_path, study, MODEL))
+    assert code == 2
+    assert "local_minima: blocks: 4; the experiment has 3" in err

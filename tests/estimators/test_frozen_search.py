@@ -14,7 +14,7 @@ from estimators.fitting.fixed_equilibrium_search import (
     network_and_shift,
     squares,
 )
-from estimators.fitting.search import search
+from estimators.fitting.search import MINIMISERS, search
 from estimators.fitting.trust_region import exact_search
 from robotmodels import InvalidInput, RelativeNoise, SolverFailed, load_robot
 from robotmodels.linear.normal_equations import NormalEquations
@@ -66,6 +66,45 @@ def test_cost_and_gradient_are_those_of_the_whitened_residuals(robot, estimate, 
     assert np.isclose(r @ r, f @ f, rtol=1e-12)
     apart = np.abs(J.T @ r - gradient).max() / np.abs(gradient).max()
     assert 1e-6 < apart < 0.05
+
+
+def test_the_gradient_alone_is_that_of_the_corrected_cost(robot, estimate):
+    problem = make_fit_problem(robot, estimate, "lls", "user", BOUNDS, None, known(robot))
+    model = CorrectedModel(problem, *network_and_shift(problem, far(robot)))
+    values, step = far(robot, seed=2), 1e-6
+    _, gradient = model.gradient(values)
+    ends = [
+        [model.gradient(values * np.exp(h * e))[0] for h in (step, -step)]
+        for e in np.eye(len(values))
+    ]
+    differences = np.diff(ends).ravel() / (-2 * step)
+    assert np.abs(gradient - differences).max() < 1e-5 * np.abs(gradient).max()
+
+
+def test_corrections_never_pay_for_going_far(robot, estimate):
+    """A correction that grew with the distance would take the cost below zero."""
+    problem = make_fit_problem(robot, estimate, "lls", "user", BOUNDS)
+    network, shift = network_and_shift(problem, far(robot))
+    plain, model = CorrectedModel(problem, network, None), CorrectedModel(problem, network, shift)
+    most = np.abs(model.shift).sum()
+    assert most > 0
+    for reach in (0.1, 1.0, 5.0):
+        values = model.centre * np.exp(-reach * np.sign(model.shift))
+        correction = model.gradient(values)[0] - plain.gradient(values)[0]
+        assert -most <= correction < 0
+
+
+@pytest.mark.parametrize("residual", ["nls", "lls"])
+def test_bfgs_ends_where_gauss_newton_does_and_renews_equilibria(robot, estimate, residual):
+    problem = make_fit_problem(robot, estimate, residual, "user", BOUNDS)
+    start = far(robot, decades=0.05)
+    network = robot.network(estimate.positions, start)
+    ends = [
+        frozen_search(problem, start, network, 1000, 1e-12, MINIMISERS[name])
+        for name in ("trust_region", "quasi_newton")
+    ]
+    assert np.isclose(ends[0].cost, ends[1].cost, rtol=1e-6)
+    assert stands(problem, ends[1])
 
 
 @pytest.mark.parametrize(

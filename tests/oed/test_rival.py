@@ -2,13 +2,16 @@
 
 import logging
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 
-from oed.replication import rollout_fit, time_domain_comparison
-from oed.replication.time_domain_comparison import compare, judged
-from oed.study.settings.study_file import RivalChoice, Study
+from oed.replication import replicate, rollout_fit, time_domain_comparison
+from oed.replication.time_domain_comparison import TimeDomainComparison, compare, judged
+from oed.study.settings.study_file import RivalChoice, Study, load_study
+from oed.study.stage_cache import open_stages
+from oed.study.stages.run import Run
 from reports.page_elements import filled
 from reports.pages import replication_tables as tables
 from robotmodels import load_robot
@@ -109,6 +112,24 @@ def test_both_ways_start_alike_and_are_judged_alike(case, monkeypatch):
     )
     assert "by 1.5 standard deviations" in page
     assert "mujoco.sysid" in page
+
+
+def test_fits_by_fewer_methods_are_not_taken_for_all(tmp_path, monkeypatch):
+    """A module that was missing and is there now: the stage is computed again, and only then."""
+    study = load_study(Path(__file__).parents[2] / "studies" / "published.yaml")
+    computed = []
+
+    def fake(*_):
+        computed.append(rollout_fit.missing())
+        return TimeDomainComparison((), computed[-1], 1.0, 1)
+
+    monkeypatch.setattr(replicate, "compare", fake)
+    with open_stages(tmp_path / "stages") as stages:
+        run = Run(study, load_robot("manutec_r3"), stages, None)
+        for module in ("tabulate", "tabulate", "", ""):
+            monkeypatch.setattr(rollout_fit, "missing", lambda module=module: module)
+            assert replicate._rivalry(run, study.rival).value.missing == module
+    assert computed == ["tabulate", ""]
 
 
 def test_success_asks_for_every_spring():

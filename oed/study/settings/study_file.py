@@ -52,6 +52,7 @@
     compare_with: wernholt_moberg_2008    # left out, except to repeat the study of that paper
     as_published: true           # with it: once more with the paper's excitation, mean and search
     rival: {starts: 3, decades: [0.1, 1.0]}    # with it: fits in time, a case of their own
+    local_minima: {amplitudes: [0.1, 1.0], blocks: [2, 8]}    # with it: fits of less excitation
     output: ../out/ur10          # relative to this file, as every path in it
 
 With measured data, the positions are those of the data: `candidates` is left out, and `design` but
@@ -201,6 +202,22 @@ class RivalChoice(FileSection):
     )
 
 
+class LocalMinimaChoice(FileSection):
+    """With which parts of the amplitude and how many blocks searches are repeated.
+
+    They are measured in the first `positions` of the plan and fitted from the first `starts`.
+    """
+
+    positions: Annotated[int, Field(ge=1, le=1000)] = 5
+    amplitudes: Annotated[
+        tuple[Annotated[float, Field(gt=0, le=1)], ...], Field(min_length=1, max_length=20)
+    ] = (0.2, 0.5, 1.0)
+    blocks: Annotated[
+        tuple[Annotated[int, Field(ge=2)], ...], Field(min_length=1, max_length=20)
+    ] = (2, 8)
+    starts: Annotated[int, Field(ge=1, le=1000)] = 20
+
+
 class Study(FileSection):
     """A study file, ``schema: study/1``; paths in it are relative to the file."""
 
@@ -221,6 +238,7 @@ class Study(FileSection):
     compare_with: Literal["wernholt_moberg_2008"] | None = None
     as_published: bool = False
     rival: RivalChoice | None = None
+    local_minima: LocalMinimaChoice | None = None
     output: Path
 
     @model_validator(mode="after")
@@ -260,7 +278,7 @@ class Study(FileSection):
 
     @model_validator(mode="after")
     def _six_estimators(self) -> Self:
-        for key in ("rival", "as_published"):
+        for key in ("rival", "as_published", "local_minima"):
             if getattr(self, key) and self.compare_with is None:
                 raise ValueError(f"{key}: it belongs to a study with compare_with; leave it out")
         if self.as_published and self.data.experiment is None:
@@ -268,6 +286,13 @@ class Study(FileSection):
                 "as_published: it repeats the experiment with the paper's excitation, so "
                 "data.experiment is needed; leave it out"
             )
+        if self.local_minima is not None:
+            blocks = 0 if self.data.experiment is None else self.data.experiment.blocks
+            if max(self.local_minima.blocks) > blocks:
+                raise ValueError(
+                    f"local_minima: blocks: {max(self.local_minima.blocks)}; the experiment has "
+                    f"{blocks}"
+                )
         names = [estimator.name for estimator in self.fit.used]
         missing = [name for name in ESTIMATORS if name not in names]
         if self.compare_with is not None and missing:

@@ -32,10 +32,11 @@ STREAMS = (
     "comparison",
     "rival",
     "cost-posterior",
+    "local minima",
 )
 """Independent random numbers; a new one goes to the end, lest the others change.
 
-"rival" is that of `oed.replication`."""
+"rival" and "local minima" are those of `oed.replication`."""
 
 
 @dataclass(frozen=True, eq=False)
