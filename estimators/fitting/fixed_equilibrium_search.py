@@ -180,8 +180,9 @@ def frozen_search(
     for nth in range(ROUNDS):
         model = CorrectedModel(problem, network, shift if nth else None)
         allowed = max(tolerance, ROUGH) if nth == 0 else tolerance
-        left = max(max_evaluations - spent, 2)
-        outcome = minimise(problem, model, values, left, allowed, curvature)
+        outcome = minimise(
+            problem, model, values, max(max_evaluations - spent, 2), allowed, curvature
+        )
         spent, curvature = spent + outcome.evaluations, outcome.curvature
         end = replace(outcome, evaluations=spent)
         if model.cost < least:

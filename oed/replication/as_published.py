@@ -4,9 +4,9 @@ Where this project's studies differ: FRFs by the mean (2) of each block's `Y U^-
 logarithms; a flat spectrum of the speed reference, not one that falls with frequency; no element
 left out for its signal-to-noise ratio; optimal weights from each line's own variance, not one
 pooled over neighbours; a quasi-Newton search, as MATLAB's fminunc with its usual tolerance, not
-Gauss-Newton steps. Positions, number of blocks, limits and starts are those of the study. What the paper does not say
-of its search is taken from the study too: parameters are sought as ln theta within three decades,
-and gradients are exact.
+Gauss-Newton steps. Positions, number of blocks, limits and starts are those of the study. What the
+paper does not say of its search is taken from the study too: parameters are sought as ln theta
+within three decades, and gradients are exact.
 """
 
 from concurrent.futures import Executor

@@ -8,8 +8,7 @@ frequency, whatever changes.
 # numba compiles what follows and infers its types:
 # mypy: allow-untyped-decorators, allow-untyped-defs, allow-untyped-calls
 
-from robotmodels.kernel.cost_cells import LLS, NLS
-from robotmodels.kernel.gauss_newton import lls_rows, nls_rows
+from robotmodels.kernel.gauss_newton import residual_rows
 from robotmodels.kernel.ldlt import SOURCES, compiled, entry
 from robotmodels.kernel.memory import integer, load, load_complex, scalar, store, store_scalar
 from robotmodels.kernel.simd import BYTES, fma, fma_conjugate, lane_sum, pack, splat
@@ -89,10 +88,7 @@ def _slopes(work, cells, options, columns, sums, start, stop, out):
         for cell in range(q * blocks, (q + 1) * blocks):
             w = load(cells.omega, cell)
             solve(work, q, w)
-            if residual == NLS:
-                nls_rows(work, cells, cell)
-            else:
-                lls_rows(work, cells, cell, residual == LLS)
+            residual_rows(work, cells, cell, residual)
             unit_responses(work, columns)
             element_weights(work, symmetric)
             add_products(work, columns, symmetric, sums, w)

@@ -76,6 +76,14 @@ def lls_rows(work, cells, cell, phases):
 
 
 @compiled
+def residual_rows(work, cells, cell, residual):
+    """Do it for the residual that is asked for."""
+    if residual == NLS:
+        return nls_rows(work, cells, cell)
+    return lls_rows(work, cells, cell, residual == LLS)
+
+
+@compiled
 def add_gradient(work, q, stiffness, damping, out):
     """Add what the sums of position `q` hold of the gradient to the (p,) doubles at `out`."""
     for i in range(2 * work.m):
@@ -107,10 +115,7 @@ def _cell_normals(work, cells, stiffness, damping, matrix, options, start, stop,
             zero_sums(work)
         prefetch_cell(work, cells, cell + 1)
         solve_cell(work, cells, cell, coupled, k, c, work.first)
-        if residual == NLS:
-            squares = nls_rows(work, cells, cell)
-        else:
-            squares = lls_rows(work, cells, cell, residual == LLS)
+        squares = residual_rows(work, cells, cell, residual)
         store_scalar(out, 0, scalar(out, 0) + lane_sum(squares))
         w = load(cells.omega, cell)
         spring_elongations(work, w)
