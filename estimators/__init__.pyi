@@ -60,10 +60,12 @@ from .frf.method_comparison import (
 from .frf.record_checks import Settling as Settling, settling as settling
 from .frf.rigid_body_check import RigidLimit as RigidLimit, check_rigid_limit as check_rigid_limit
 from .sampling.convergence import StoppingCriterion as StoppingCriterion
+from .sampling.exported_draws import export_draws as export_draws
 from .sampling.importance_sampling import (
     ImportanceSample as ImportanceSample,
     importance_sample as importance_sample,
 )
+from .sampling.labelled_data import frf_dataset as frf_dataset, posterior_tree as posterior_tree
 from .sampling.posterior import Posterior as Posterior, sample_posterior as sample_posterior
 from .sampling.profile_likelihood import (
     Profile as Profile,

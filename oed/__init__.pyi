@@ -59,6 +59,7 @@ from .design.sensors import (
 from .design.spectrum import SpectrumDesign as SpectrumDesign, optimal_spectrum as optimal_spectrum
 from .design.spectrum_polytope import LineLimit as LineLimit
 from .exact.best_plans import BestPlans as BestPlans, best_plans as best_plans
+from .exact.design_dataset import design_dataset as design_dataset
 from .exact.exact_design import ExactDesign as ExactDesign, exact_design as exact_design
 from .exact.local_ascent import Region as Region
 from .exact.off_grid import (

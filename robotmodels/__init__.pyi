@@ -11,10 +11,10 @@ from .common.errors import (
 from .common.process_pool import ProcessPool as ProcessPool
 from .description.parameters import Parameters as Parameters
 from .elastic.robot import ElasticRobot as ElasticRobot
-from .export.export import export as export
-from .export.modes import modal_parameters as modal_parameters
-from .export.robot_files import save_robot as save_robot, with_values as with_values
-from .export.state_space import StateSpaceModel as StateSpaceModel, state_space as state_space
+from .exports.export import export as export
+from .exports.modes import modal_parameters as modal_parameters
+from .exports.robot_files import save_robot as save_robot, with_values as with_values
+from .exports.state_space import StateSpaceModel as StateSpaceModel, state_space as state_space
 from .library import builtin_robots as builtin_robots, load_robot as load_robot
 from .linear.chain_responses import (
     chain_response as chain_response,

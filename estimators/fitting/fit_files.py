@@ -41,6 +41,7 @@ _FIT = ArraySchema(
         "prior_names": Field(("prior",), "text", attribute=True, optional=True),
         "prior_values": Field(("prior",), optional=True),
         "prior_std": Field(("prior",), optional=True),
+        "prior_correlation": Field(("prior", "prior"), optional=True),
     }
 )
 
@@ -131,6 +132,8 @@ def _write_fit(group: Any, one: Fit, weights: int) -> None:
     if one.prior is not None:
         group.attrs["prior_names"] = list(one.prior.names)
         group["prior_values"], group["prior_std"] = one.prior.values, one.prior.std
+        if one.prior.correlation is not None:
+            group["prior_correlation"] = one.prior.correlation
 
 
 def _read_fit(
@@ -191,7 +194,8 @@ def _prior(stored: dict[str, Any]) -> Prior | None:
         return None
     if missing:
         raise InvalidInput(f"{missing[0]!r} is missing; a prior has {', '.join(names)}")
-    return Prior(*(stored[name] for name in names))
+    values = (stored[name] for name in names)
+    return Prior(*values, correlation=stored.get("prior_correlation"))
 
 
 def _position_indices(path: str, positions: Array, estimate: FrfEstimate) -> IntArray:

@@ -7,15 +7,18 @@ import numpy as np
 from estimators.fitting.least_squares import Fit
 from estimators.fitting.priors import Prior
 from estimators.trust.trust import Trust
+from robotmodels.common.arrays import Array, real_numbers
 from robotmodels.common.errors import InvalidInput
 from robotmodels.description.robot_file import Fitted
 from robotmodels.elastic.robot import ElasticRobot
-from robotmodels.export.robot_files import with_values
+from robotmodels.exports.robot_files import with_values
 from robotmodels.library.robot_digest import robot_digest
 from robotmodels.linear.derived_models import WithParameters
 
 
-def fitted_robot(fit: Fit, trust: Trust | None = None) -> ElasticRobot:
+def fitted_robot(
+    fit: Fit, trust: Trust | None = None, covariance: Array | None = None
+) -> ElasticRobot:
     """Return the robot of a fit with the fitted values, see `Fit.robot`."""
     model = fit.model
     while isinstance(model, WithParameters):
@@ -42,14 +45,32 @@ def fitted_robot(fit: Fit, trust: Trust | None = None) -> ElasticRobot:
         "standard deviations": trust.method,
         "verdict": trust.verdict.reason,
     }
-    fitted = Fitted(relative_std=std, verdict=str(trust.verdict), provenance=provenance)
+    fitted = Fitted(
+        relative_std=std,
+        correlation=[] if covariance is None else _correlations(fit, list(std), covariance),
+        verdict=str(trust.verdict),
+        provenance=provenance,
+    )
     return with_values(model, fit.parameters.values, fitted)
+
+
+def _correlations(fit: Fit, names: list[str], covariance: Array) -> list[list[float]]:
+    """Return the rows below the diagonal of the correlation matrix of some parameters."""
+    p = len(fit.parameters)
+    matrix = real_numbers(covariance, "covariance")
+    if matrix.shape != (p, p):
+        raise InvalidInput(f"covariance: shape {matrix.shape}; {(p, p)} is needed")
+    columns = [fit.parameters.index(name) for name in names]
+    selected = matrix[np.ix_(columns, columns)]
+    scale = np.sqrt(np.diag(selected))
+    return [row[:i].tolist() for i, row in enumerate(selected / np.outer(scale, scale))]
 
 
 def robot_prior(robot: ElasticRobot) -> Prior:
     """Return the prior that the robot file of an earlier fit holds, see `Fit.robot`.
 
     Its medians are the file's values; free parameters without a standard deviation have none.
+    Correlations are those of the file.
 
     Raises
     ------
@@ -65,4 +86,16 @@ def robot_prior(robot: ElasticRobot) -> Prior:
             "the robot file of a fit has"
         )
     values = parameters.values[[parameters.index(name) for name in names]]
-    return Prior(names, values, np.array([std[name] for name in names]))
+    return Prior(names, values, np.array([std[name] for name in names]), _matrix(fitted, names))
+
+
+def _matrix(fitted: Fitted | None, names: tuple[str, ...]) -> Array | None:
+    """Return the correlations of some parameters from a robot file, (k, k); None without any."""
+    if fitted is None or not fitted.correlation:
+        return None
+    matrix = np.eye(len(fitted.relative_std))
+    for i, row in enumerate(fitted.correlation):
+        matrix[i, :i] = matrix[:i, i] = row
+    order = list(fitted.relative_std)
+    columns = [order.index(name) for name in names]
+    return matrix[np.ix_(columns, columns)]

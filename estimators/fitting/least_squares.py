@@ -152,7 +152,7 @@ class Fit(ReprHtml):
         """The verdict on the whole fit, one of `estimators.VERDICTS`, with its reason."""
         return self.trust.verdict
 
-    def robot(self, trust: Trust | None = None) -> "ElasticRobot":
+    def robot(self, trust: Trust | None = None, covariance: Array | None = None) -> "ElasticRobot":
         """Return the robot with the fitted values, for `robotmodels.save_robot` and `export`.
 
         Its file's section ``fitted`` has the standard deviations of parameters with an interval,
@@ -162,6 +162,9 @@ class Fit(ReprHtml):
         ----------
         trust : Trust, optional
             Recommended intervals; by default the fit's own, `Fit.trust`.
+        covariance : ndarray, (p, p), optional
+            Covariance of ln theta, such as `estimators.covariance` gives, whose correlations go
+            along; without it the file has none.
 
         Raises
         ------
@@ -172,7 +175,7 @@ class Fit(ReprHtml):
         """
         from estimators.fitting.fitted_robot import fitted_robot
 
-        return fitted_robot(self, trust)
+        return fitted_robot(self, trust, covariance)
 
     def __str__(self) -> str:
         p = self.parameters

@@ -124,6 +124,20 @@ class LogPosterior:
             return self.kernel(parameters)
         return np.concatenate([squares.sum(axis=1) for squares in self._squares(parameters)])
 
+    def line_log_likelihood(self, parameters: Array) -> Array:
+        """Return minus the parts of V from each line, (W, Q, F), scaled as known noise is.
+
+        Raises
+        ------
+        InvalidInput
+            If the scale of the noise is unknown, which couples all lines.
+        """
+        if self.noise.kind != "known":
+            raise InvalidInput("log likelihood of lines: the scale of the noise must be known")
+        shape = len(parameters), *self.measured.shape[:2], -1
+        squares = np.concatenate([*self._squares(parameters)])
+        return np.asarray(-self.noise.scale * squares.reshape(shape).sum(axis=-1))
+
     def described(self, theta: Array) -> str:
         """Name the three parameters of `theta` (p,) [SI] that are farthest from the fit."""
         fitted = self.network.parameters.values

@@ -10,8 +10,8 @@ import typer
 from reports.commands.options import WORKERS, AsJson, Workers, robot_names, say
 from reports.commands.studies import compute_study, end_with_failures
 from reports.commands.workers import one_thread_each
-from robotmodels.common.errors import InvalidInput, nearest
-from robotmodels.export.formats import ENDINGS, Format
+from robotmodels.common.errors import IdentificationError, InvalidInput, nearest
+from robotmodels.exports.formats import ENDINGS, Format
 
 if TYPE_CHECKING:
     from oed.study.results import FittedStudy
@@ -46,6 +46,12 @@ def export(
             "times for several. Default: those of a study's plan; mid-range of a robot."
         ),
     ] = None,
+    draws: Annotated[
+        int,
+        typer.Option(
+            min=0, max=10_000, help="Write so many robots drawn from the fit's covariance too."
+        ),
+    ] = 0,
     workers: Workers = WORKERS,
     as_json: AsJson = False,
 ) -> None:
@@ -70,9 +76,13 @@ def export(
         positions = np.array([read_position(model.robot, words) for words in position])
     target = output or model.folder / f"{_file_name(model.robot)}{ENDINGS[FORMATS[to]]}"
     left_out = write(model.robot, target, FORMATS[to], positions, model.covariance)
+    left_out += model.no_covariance
+    files = [target, *(_drawn(results, model, target, FORMATS[to], draws) if draws else ())]
     say(
-        lambda: "\n".join([f"written  {target}", *(f"left out {line}" for line in left_out)]),
-        lambda: {"schema": "export/1", "files": [str(target)], "left_out": left_out},
+        lambda: "\n".join(
+            [f"written  {_range(files)}", *(f"left out {line}" for line in left_out)]
+        ),
+        lambda: {"schema": "export/1", "files": list(map(str, files)), "left_out": left_out},
         as_json,
     )
     if results is not None:
@@ -81,12 +91,13 @@ def export(
 
 @dataclass(frozen=True, eq=False)
 class _Model:
-    """A robot, default positions (Q, n), covariance of ln theta, folder of its files."""
+    """A robot, default positions (Q, n), covariance of ln theta or why not, folder of its files."""
 
     robot: "ElasticRobot"
     positions: "Array | None"
     covariance: "Array | None"
     folder: Path
+    no_covariance: tuple[str, ...] = ()
 
 
 def _of_robot(name: str) -> _Model:
@@ -100,8 +111,39 @@ def _of_study(results: "FittedStudy") -> _Model:
     from estimators.uncertainty.covariance import covariance
 
     fit, positions = results.fits.result, results.plan.positions
-    matrix = covariance(fit).covariance
-    return _Model(fit.robot(results.trust), positions, matrix, results.study.output)
+    folder = results.study.output
+    try:
+        matrix = covariance(fit).covariance
+    except IdentificationError as error:  # the model can be written all the same
+        robot = fit.robot(results.trust)
+        return _Model(robot, positions, None, folder, (f"covariance: {error}",))
+    return _Model(fit.robot(results.trust, matrix), positions, matrix, folder)
+
+
+def _drawn(
+    results: "FittedStudy | None", model: _Model, target: Path, format: Format, count: int
+) -> "tuple[Path, ...]":
+    """Write robots drawn about a fit, the same ones every time for a study's seed."""
+    import numpy as np
+
+    from estimators.sampling.exported_draws import export_draws
+
+    if results is None or model.covariance is None:
+        raise InvalidInput("--draws: a study is needed, whose fit has a covariance")
+    rng = np.random.default_rng(results.study.settings.seed)
+    return export_draws(
+        results.fits.result,
+        target,
+        format,
+        count=count,
+        rng=rng,
+        covariance=model.covariance,
+        position=model.positions,
+    )
+
+
+def _range(files: list[Path]) -> str:
+    return str(files[0]) + (f" and {files[1]} to {files[-1].name}" if len(files) > 1 else "")
 
 
 def _is_study(source: str) -> bool:

@@ -211,12 +211,24 @@ class Accelerometer(FileSection):
 class Fitted(FileSection):
     """How certain the values of a fit are and where they come from.
 
-    `relative_std` holds standard deviations of ln theta of parameters whose interval can be quoted.
+    `relative_std` holds standard deviations of ln theta of parameters whose interval can be quoted,
+    `correlation` in each row a parameter's correlations with those before it.
     """
 
     relative_std: dict[str, Annotated[float, Field(gt=0)]] = {}
+    correlation: list[list[Annotated[float, Field(gt=-1, lt=1)]]] = []
     verdict: str = ""
     provenance: dict[str, str] = {}
+
+    @model_validator(mode="after")
+    def _rows_below_the_diagonal(self) -> Self:
+        lengths, p = [len(row) for row in self.correlation], len(self.relative_std)
+        if lengths and lengths != list(range(p)):
+            raise ValueError(
+                f"fitted.correlation: rows of lengths {lengths[:8]}; {p} rows with 0 to {p - 1} "
+                "numbers are needed, one for each entry of relative_std"
+            )
+        return self
 
 
 class Xacro(FileSection):

@@ -1,5 +1,6 @@
 """A cascaded position and speed controller per motor, sampled, its torque held over a sample."""
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -134,7 +135,7 @@ def _inertias(robot: ElasticRobot) -> tuple[Array, Array]:
     """
     layout = robot.layout
     # A few positions all over the joints' ranges; no two angles of an arm are alike in them.
-    spread = np.sin(np.outer(np.arange(16), 1 + np.arange(len(layout.motors)) / np.e))
+    spread = np.sin(np.outer(np.arange(16), 1 + np.arange(len(layout.motors)) / math.e))
     low, high = robot.position_limits.T
     coordinates = np.zeros((len(spread), layout.arm_size))
     coordinates[:, layout.drives] = low + (high - low) * (1 + spread) / 2

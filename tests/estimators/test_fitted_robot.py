@@ -2,12 +2,14 @@
 
 from pathlib import Path
 
+import mujoco
 import numpy as np
 import pytest
 from robots import SENSED, built
 
 import estimators
 import robotmodels
+from estimators import Prior
 from robotmodels import InvalidInput, WithParameters
 
 OMEGA = 2 * np.pi * np.geomspace(3.0, 60.0, 20)
@@ -38,6 +40,77 @@ def test_a_fit_is_a_robot_file_and_the_next_fits_prior(fit: estimators.Fit, tmp_
     np.testing.assert_array_equal(again.start, fit.parameters.values)
     twice = estimators.covariance(again).std / estimators.covariance(fit).std
     np.testing.assert_allclose(twice, np.sqrt(0.5), atol=0.2)
+
+
+def test_correlations_go_along(fit: estimators.Fit, tmp_path: Path) -> None:
+    covariance = estimators.covariance(fit).covariance
+    robotmodels.save_robot(fit.robot(covariance=covariance), tmp_path / "fitted.yaml")
+    robot = robotmodels.load_robot(tmp_path / "fitted.yaml")
+    prior = estimators.robot_prior(robot)
+    size = np.sqrt(np.diag(covariance))
+    shape = covariance / np.outer(size, size) * np.outer(prior.std, prior.std)
+    expected = np.linalg.inv(shape)
+    scale = np.abs(expected).max()
+    np.testing.assert_allclose(
+        prior.information(prior.names), expected, rtol=1e-8, atol=1e-8 * scale
+    )
+    x = 0.01 * np.arange(6)
+    cost = prior.cost(prior.names, fit.parameters.values * np.exp(x))
+    np.testing.assert_allclose(cost, x @ expected @ x / 2, rtol=1e-8)
+    again = estimators.fit(robot, fit.estimate, residual="nls", weights="optimal", prior=prior)
+    estimators.write_fits(tmp_path / "fits.h5", [again])
+    (stored,) = estimators.read_fits(tmp_path / "fits.h5", robot, fit.estimate)
+    assert stored.prior is not None
+    np.testing.assert_array_equal(stored.prior.correlation, prior.correlation)
+
+
+@pytest.mark.parametrize(
+    ("matrix", "message"),
+    [
+        (np.eye(3), r"shape \(3, 3\); finite numbers of shape \(2, 2\)"),
+        (np.array([[1.0, 0.2], [0.3, 1.0]]), "a symmetric matrix with ones"),
+        (np.array([[1.0, -1.1], [-1.1, 1.0]]), "not positive definite"),
+    ],
+)
+def test_what_is_no_correlation_matrix_is_refused(matrix: np.ndarray, message: str) -> None:
+    with pytest.raises(InvalidInput, match=message):
+        Prior(("a", "b"), np.ones(2), np.ones(2), matrix)
+
+
+def test_a_file_with_other_rows_of_correlations_is_refused(
+    fit: estimators.Fit, tmp_path: Path
+) -> None:
+    covariance = estimators.covariance(fit).covariance
+    path = tmp_path / "fitted.yaml"
+    robotmodels.save_robot(fit.robot(covariance=covariance), path)
+    text = path.read_text(encoding="utf-8")
+    path.write_text(text.replace("  - []\n", "", 1), encoding="utf-8")
+    with pytest.raises(InvalidInput, match=r"6 rows with 0 to 5 numbers are needed"):
+        robotmodels.load_robot(path)
+
+
+def test_robots_drawn_from_a_fit(fit: estimators.Fit, tmp_path: Path) -> None:
+    covariance = estimators.covariance(fit).covariance
+    rng = np.random.default_rng(2)
+    files = estimators.export_draws(
+        fit, tmp_path / "r3.yaml", "robot", count=40, rng=rng, covariance=covariance
+    )
+    assert [file.name for file in files[:2]] == ["r3-01.yaml", "r3-02.yaml"]
+    values = np.array([robotmodels.load_robot(file).parameters.values for file in files])
+    z = np.log(values / fit.parameters.values)
+    squares = np.einsum("ij,jk,ik->i", z, np.linalg.inv(covariance), z)
+    assert abs(squares.mean() - 6) < 4 * np.sqrt(12 / 40)  # chi^2 of 6 degrees of freedom
+    draws = np.log(values)
+    (file,) = estimators.export_draws(
+        fit, tmp_path / "one.xml", "mjcf", count=1, rng=rng, draws=draws
+    )
+    mujoco.MjModel.from_xml_path(str(file))
+    with pytest.raises(InvalidInput, match="count: 50; there are 40 draws"):
+        estimators.export_draws(fit, file, count=50, rng=rng, draws=draws)
+    with pytest.raises(InvalidInput, match="one of covariance and draws is needed"):
+        estimators.export_draws(fit, file, count=1, rng=rng)
+    with pytest.raises(InvalidInput, match=r"covariance: shape \(2, 2\)"):
+        estimators.export_draws(fit, file, count=1, rng=rng, covariance=np.eye(2))
 
 
 def test_parameters_without_an_interval_have_no_standard_deviation(fit: estimators.Fit) -> None:

@@ -17,6 +17,7 @@ from scipy.io import loadmat
 
 import robotmodels
 from robotmodels import ElasticRobot, IdentificationError, InvalidInput
+from robotmodels.collision.shapes import robot_shapes
 from robotmodels.elastic.dynamics import gravity_torques, mass_matrices
 from robotmodels.linear.modes import damped_modes
 
@@ -108,6 +109,41 @@ def check_deflections(
         point = plain.data.xpos[body] + plain.data.xmat[body].reshape(3, 3) @ offset
         expected = data.oMi[robot.arm.model.getJointId(name)].act(offset)
         np.testing.assert_allclose(point, expected, rtol=0, atol=1e-9)
+
+
+def test_mjcf_shows_shapes_limits_and_the_delay(tmp_path: Path) -> None:
+    robot = robotmodels.load_robot("ur5")
+    file = robot.file.model_copy(update={"delay": 0.004})
+    robotmodels.export(ElasticRobot(file, robot.folder), tmp_path / "ur5.xml")
+    model = mujoco.MjModel.from_xml_path(str(tmp_path / "ur5.xml"))
+    drawn = {model.body(i).name for i in model.geom_bodyid}
+    assert {"shoulder_link", "forearm_link", "wrist_3_link"} <= drawn
+    assert not model.geom_contype.any()
+    assert not model.geom_conaffinity.any()
+    limits = np.array([model.jnt_range[model.joint(name).id] for name in robot.motor_names])
+    np.testing.assert_allclose(limits, robot.position_limits, rtol=1e-5)
+    assert model.numeric_data.tolist() == [0.004]
+    # Points of the forearm's mesh, where Pinocchio has them.
+    position = np.array([0.3, -1.2, 1.0, 0.2, 0.5, -0.4])
+    (shape,) = (s for s in robot_shapes(robot).shapes if s.link == "forearm_link")
+    rigid = robot.rigid
+    data = rigid.createData()
+    pin.forwardKinematics(rigid, data, position)
+    assert shape.mesh is not None
+    points = np.asarray(shape.mesh.vertices())
+    expected = np.array([data.oMi[shape.joint].act(shape.placement).act(p) for p in points])
+    plain = mujoco.MjData(model)
+    for name, joint, angle in zip(robot.motor_names, robot.motor_joints, position, strict=True):
+        plain.qpos[model.joint(name).qposadr[0]] = angle
+        plain.qpos[model.joint(joint).qposadr[0]] = angle
+    mujoco.mj_kinematics(model, plain)
+    (geom,) = (i for i in range(model.ngeom) if model.geom(i).name.endswith("forearm_link"))
+    mesh = model.geom_dataid[geom]
+    first, count = model.mesh_vertadr[mesh], model.mesh_vertnum[mesh]
+    local = model.mesh_vert[first : first + count]
+    seen = plain.geom_xpos[geom] + local @ plain.geom_xmat[geom].reshape(3, 3).T
+    np.testing.assert_allclose(seen.min(axis=0), expected.min(axis=0), atol=2e-5)
+    np.testing.assert_allclose(seen.max(axis=0), expected.max(axis=0), atol=2e-5)
 
 
 def test_state_space(case: Case, tmp_path: Path) -> None:
@@ -308,5 +344,5 @@ def test_mistakes_are_named(tmp_path: Path) -> None:
 
 
 def test_the_room_does_not_hide_the_function() -> None:
-    importlib.import_module("robotmodels.export.formats")
+    importlib.import_module("robotmodels.exports.formats")
     assert callable(robotmodels.export)

@@ -121,6 +121,8 @@ def fit(
     }
     if (prior := prior_of(run)) is not None:  # not of a digest without one
         inputs["prior"] = dict(zip(prior.names, prior.std.tolist(), strict=True))
+        if prior.correlation is not None:
+            inputs["prior correlation"] = prior.correlation.tolist()
     return run.stages.run(f"fit-{estimator.name}", inputs, compute, Files(_save, load))
 
 

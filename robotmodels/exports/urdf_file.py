@@ -10,8 +10,8 @@ from robotmodels.common.arrays import Array
 from robotmodels.description.model_files import read_model
 from robotmodels.description.robot_file import Motor, Payload
 from robotmodels.elastic.robot import ElasticRobot
-from robotmodels.export.formats import left_out
-from robotmodels.export.robot_files import relative_to
+from robotmodels.exports.formats import left_out
+from robotmodels.exports.robot_files import relative_to
 from robotmodels.simulation.urdf_tree import Joint, read_tree
 
 _AXES = ("xx", "xy", "xz", "yy", "yz", "zz")

@@ -10,6 +10,7 @@ from scipy.spatial.transform import Rotation
 from robotmodels.common.arrays import Array
 from robotmodels.elastic.dynamics import gravity_torques
 from robotmodels.elastic.robot import ElasticRobot
+from robotmodels.exports.mjcf_shapes import add_shapes
 from robotmodels.linear.modes import resonances
 from robotmodels.linear.response import linearize
 from robotmodels.simulation.mujoco_model import PlantBuilder
@@ -40,6 +41,9 @@ def mjcf_text(robot: ElasticRobot, positions: Array) -> str:
     spec.modelname = robot.name
     spec.option.disableflags = 0  # friction is a constraint
     spec.option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
+    add_shapes(spec, robot)
+    if file.delay:
+        spec.add_numeric(name="delay of all sensors [s]", data=[file.delay])
     fastest = resonances(linearize(robot, positions)).frequencies.max(initial=1.0)
     spec.option.timestep = min(2 * np.pi / fastest / _STEPS, _LONGEST_STEP)
     _add_motors(spec, robot, names)
@@ -65,9 +69,12 @@ def _add_keyframes(
 
 def _add_motors(spec: mujoco.MjSpec, robot: ElasticRobot, joints: Sequence[str]) -> None:
     """Add actuators, their sensors and the friction of motors."""
-    for motor in robot.file.motors:
+    for motor, limits in zip(robot.file.motors, robot.position_limits, strict=True):
         shaft = motor.name if motor.name in joints else motor.joint
-        spec.joint(shaft).frictionloss = motor.coulomb * abs(motor.gear_ratio)
+        hinge = spec.joint(shaft)
+        hinge.frictionloss = motor.coulomb * abs(motor.gear_ratio)
+        if np.isfinite(limits).all():
+            hinge.range, hinge.limited = limits, mujoco.mjtLimited.mjLIMITED_TRUE
         actuator = spec.add_actuator(name=motor.name, target=shaft)
         actuator.trntype = mujoco.mjtTrn.mjTRN_JOINT
         actuator.gear[0], actuator.gainprm[0] = motor.gear_ratio, motor.torque_gain

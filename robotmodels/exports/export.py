@@ -9,8 +9,8 @@ from robotmodels.common.arrays import Array, real_numbers
 from robotmodels.common.errors import InvalidInput, nearest
 from robotmodels.common.plain_data import json_text
 from robotmodels.elastic.robot import ElasticRobot
-from robotmodels.export.formats import ENDINGS, Format, left_out
-from robotmodels.export.robot_files import save_robot, write_file
+from robotmodels.exports.formats import ENDINGS, Format, left_out
+from robotmodels.exports.robot_files import save_robot, write_file
 
 
 def export(
@@ -52,7 +52,7 @@ def export(
     if format == "robot":
         save_robot(robot, path)
     elif format == "state_space":
-        from robotmodels.export.state_space import state_space, write_state_space
+        from robotmodels.exports.state_space import state_space, write_state_space
 
         write_state_space(state_space(robot, positions, covariance), path)
     else:
@@ -63,14 +63,14 @@ def export(
 def _text(robot: ElasticRobot, folder: Path, format: Format, positions: Array) -> str:
     """Return the text of a file in `folder`."""
     if format == "urdf":
-        from robotmodels.export.urdf_file import urdf_text
+        from robotmodels.exports.urdf_file import urdf_text
 
         return urdf_text(robot, folder)
     if format == "mjcf":
-        from robotmodels.export.mjcf import mjcf_text
+        from robotmodels.exports.mjcf import mjcf_text
 
         return mjcf_text(robot, positions)
-    from robotmodels.export.modes import modal_parameters
+    from robotmodels.exports.modes import modal_parameters
 
     return json_text(modal_parameters(robot, positions)) + "\n"
 

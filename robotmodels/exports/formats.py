@@ -18,9 +18,10 @@ ENDINGS: dict[Format, str] = {
 def left_out(file: "RobotFile", format: Format) -> tuple[str, ...]:
     """Return what of a robot file a format cannot hold, one line each."""
     delay = (f"delay of {file.delay:g} s of all that is measured",) if file.delay else ()
+    noted = tuple(f"{line}: noted in <custom>, not simulated" for line in delay)
     friction = tuple(f"Coulomb friction of motor {m.name}" for m in file.motors if m.coulomb)
     lines: dict[Format, tuple[str, ...]] = {
-        "mjcf": ("shapes and meshes of the URDF", *delay),
+        "mjcf": ("contact: collision shapes are drawn only", "what the URDF draws", *noted),
         "urdf": (*_left_out_of_urdf(file), *delay),
         "state_space": friction,
         "modes": (*friction, *delay),
