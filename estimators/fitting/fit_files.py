@@ -194,8 +194,8 @@ def _prior(stored: dict[str, Any]) -> Prior | None:
         return None
     if missing:
         raise InvalidInput(f"{missing[0]!r} is missing; a prior has {', '.join(names)}")
-    values = (stored[name] for name in names)
-    return Prior(*values, correlation=stored.get("prior_correlation"))
+    label, value, std = (stored[name] for name in names)
+    return Prior(label, value, std, stored.get("prior_correlation"))
 
 
 def _position_indices(path: str, positions: Array, estimate: FrfEstimate) -> IntArray:

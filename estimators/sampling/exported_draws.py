@@ -59,7 +59,8 @@ def export_draws(
     robot, p = fit.robot(), len(fit.parameters)
     if (covariance is None) == (draws is None):
         raise InvalidInput("export_draws: one of covariance and draws is needed")
-    if draws is not None:
+    if covariance is None:
+        assert draws is not None
         drawn = _checked(draws, "draws", (len(draws), p))
         if len(drawn) < count:
             raise InvalidInput(f"count: {count}; there are {len(drawn)} draws")
@@ -74,7 +75,7 @@ def export_draws(
     return files
 
 
-def _checked(values: Array | None, name: str, shape: tuple[int, int]) -> Array:
+def _checked(values: Array, name: str, shape: tuple[int, int]) -> Array:
     array = real_numbers(values, name)
     if array.shape != shape or not np.isfinite(array).all():
         raise InvalidInput(f"{name}: shape {array.shape}; finite numbers of shape {shape} needed")

@@ -9,7 +9,7 @@ from estimators.fitting.least_squares import Fit
 from estimators.frf.frf_estimate import FrfEstimate, is_full
 from estimators.sampling.log_posterior import posterior_density
 from estimators.sampling.posterior import Posterior
-from robotmodels.common.arrays import check_memory
+from robotmodels.common.arrays import Array, check_count, check_memory
 from robotmodels.common.errors import InvalidInput
 
 if TYPE_CHECKING:
@@ -90,11 +90,7 @@ def posterior_tree(fit: Fit, posterior: Posterior, thin: int = 1) -> "DataTree":
         raise InvalidInput(
             f"posterior_tree: draws of {posterior.names}; the fit has {fit.parameters.names}"
         )
-    if thin < 1:
-        raise InvalidInput(f"thin: {thin}; a whole number of at least 1 is needed")
-    chains = np.moveaxis(posterior.chains[:, ::thin], 2, 1)  # ensembles, walkers, snapshots, p
-    theta = np.exp(chains.reshape(len(chains), -1, chains.shape[-1]))
-    estimate, model = fit.estimate, fit.model
+    theta, estimate, model = _thinned(posterior, thin), fit.estimate, fit.model
     lines = (len(estimate.positions), len(estimate.omega))
     check_memory(
         24.0 * theta[..., 0].size * np.prod(lines), "posterior_tree: a larger `thin` needs less; it"
@@ -128,8 +124,14 @@ def posterior_tree(fit: Fit, posterior: Posterior, thin: int = 1) -> "DataTree":
             "degrees_of_freedom": ["position"],
         },
     )
-    tree["posterior"]["theta"].attrs["units"] = list(fit.parameters.units)
     return tree  # type: ignore[no-any-return]
+
+
+def _thinned(posterior: Posterior, thin: int) -> Array:
+    """Return theta of an ensemble's walkers one after the other, (ensembles, draws, p)."""
+    check_count(thin, "thin")
+    chains = np.moveaxis(posterior.chains[:, ::thin], 2, 1)  # ensembles, walkers, snapshots, p
+    return np.exp(chains.reshape(len(chains), -1, chains.shape[-1]))
 
 
 def _arrays(estimate: FrfEstimate) -> dict[str, Any]:
@@ -151,9 +153,9 @@ def _labels(
     estimate: FrfEstimate, outputs: Sequence[str] | None, inputs: Sequence[str] | None
 ) -> dict[str, Any]:
     """Return the coordinates of all axes."""
-    places, _, m, n = estimate.response.shape
+    m, n = estimate.response.shape[2:]
     labels: dict[str, Any] = {
-        "position": np.arange(places),
+        "position": np.arange(len(estimate.positions)),
         "frequency": estimate.omega / (2 * np.pi),
         "motor": np.arange(1, estimate.positions.shape[1] + 1),
     }

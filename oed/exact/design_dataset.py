@@ -35,8 +35,10 @@ def design_dataset(design: Design | ExactDesign, positions: Array) -> "Dataset":
             "design_dataset: xarray is needed; pip install 'elastic-robot-oed[arviz]' brings it"
         ) from None
     positions = real_numbers(positions, "positions")
-    exact = isinstance(design, ExactDesign)
-    weights = design.repetitions if exact else design.weights
+    if isinstance(design, ExactDesign):
+        name, weights = "experiments", np.asarray(design.repetitions)
+    else:
+        name, weights = "weight", np.asarray(design.weights)
     if positions.ndim != 2 or len(positions) != len(weights):
         raise InvalidInput(
             f"positions: shape {positions.shape}; the design has {len(weights)} candidates"
@@ -45,7 +47,7 @@ def design_dataset(design: Design | ExactDesign, positions: Array) -> "Dataset":
     information = np.asarray(design.information)
     return xarray.Dataset(
         {
-            "experiments" if exact else "weight": ("candidate", weights),
+            name: ("candidate", weights),
             "angles": (("candidate", "motor"), positions, {"units": "rad"}),
             "information": (("sample", *axes)[-information.ndim :], information),
         },

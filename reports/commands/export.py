@@ -130,7 +130,7 @@ def _drawn(
 
     if results is None or model.covariance is None:
         raise InvalidInput("--draws: a study is needed, whose fit has a covariance")
-    rng = np.random.default_rng(results.study.settings.seed)
+    rng = np.random.default_rng(results.study.seed)
     return export_draws(
         results.fits.result,
         target,

@@ -1,5 +1,8 @@
 """The collision shapes of a URDF drawn in a MuJoCo model: seen, but without mass or contact."""
 
+from collections.abc import Callable
+from typing import Any
+
 import coal
 import mujoco
 import numpy as np
@@ -10,7 +13,7 @@ from robotmodels.elastic.robot import ElasticRobot
 
 _GROUP = 1  # of what viewers show
 _MOST_TRIANGLES = 20_000  # of a mesh that is drawn as it is; text of a megabyte
-_PRIMITIVES = {
+_PRIMITIVES: dict[type, tuple[str, Callable[[Any], Any]]] = {
     coal.Box: ("BOX", lambda box: box.halfSide),
     coal.Sphere: ("SPHERE", lambda ball: [ball.radius, 0, 0]),
     coal.Cylinder: ("CYLINDER", lambda rod: [rod.radius, rod.halfLength, 0]),

@@ -59,8 +59,9 @@ class PlantModel:
         """Return the mass matrix, motors included, (d, d)."""
         self.data.qpos[:] = coordinates
         mujoco.mj_forward(self.model, self.data)
-        dense = np.zeros((self.model.nv, self.model.nv))
-        mujoco.mj_fullM(self.model, self.data, dense)
+        dense = np.eye(self.model.nv)
+        for column in dense:  # mj_fullM takes other arguments before MuJoCo 3.8
+            mujoco.mj_mulM(self.model, self.data, column, column.copy())
         return dense
 
     def static_forces(self, coordinates: Array) -> Array:

@@ -57,8 +57,9 @@ class MujocoArm:
         """Return the mass matrix, motors included."""
         self._at(q)
         mujoco.mj_makeM(self.model, self.data)
-        dense = np.zeros((self.model.nv, self.model.nv))
-        mujoco.mj_fullM(self.model, self.data, dense)
+        dense = np.eye(self.model.nv)
+        for column in dense:  # mj_fullM takes other arguments before MuJoCo 3.8
+            mujoco.mj_mulM(self.model, self.data, column, column.copy())
         return dense
 
     def gravity(self, q: np.ndarray) -> np.ndarray:

@@ -47,8 +47,9 @@ class ReloadedMjcf:
         D = -differences(lambda x: self.forces(q, x, off), still, 1e-3)
         S = differences(lambda x: self.forces(q, still, x), off, 1.0)
         self.forces(q, still, off)
-        M = np.zeros((self.model.nv, self.model.nv))
-        mujoco.mj_fullM(self.model, self.data, M)
+        M = np.eye(self.model.nv)
+        for column in M:  # mj_fullM takes other arguments before MuJoCo 3.8
+            mujoco.mj_mulM(self.model, self.data, column, column.copy())
         gear = self.model.actuator_gear[:, :1]
         C = gear * np.eye(self.model.nv)[self.shafts]
         tilt = differences(lambda x: self._readings(x, still), q, 1e-3)[:directions]

@@ -51,7 +51,7 @@ def test_a_posterior_is_read_by_arviz(data: estimators.FrfEstimate, tmp_path: Pa
     constant = tree["constant_data"]
     np.testing.assert_array_equal(constant["angles"].values, POSITIONS)
     np.testing.assert_allclose(constant["weights"] * constant["variance"], 1.0)
-    with pytest.raises(InvalidInput, match="thin: 0"):
+    with pytest.raises(InvalidInput, match="thin: 0;"):
         estimators.posterior_tree(fit, posterior, thin=0)
 
 
