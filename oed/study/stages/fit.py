@@ -32,11 +32,8 @@ from robotmodels.data_files.json_text import read_json
 
 SAME_COST = 1e-6
 """Costs this close, relatively, are one minimum."""
-# Of quasi-Newton searches, the usual ones of MATLAB's fminunc: 400 steps.
-_EFFORT: dict[str, dict[str, Any]] = {
-    "trust_region": {},
-    "quasi_newton": {"tolerance": 1e-6, "max_evaluations": 400},
-}
+# Of BFGS, the usual one of MATLAB's fminunc; Gauss-Newton steps come nearer in no time.
+_TOLERANCE = {"trust_region": 1e-10, "quasi_newton": 1e-6}
 
 
 @dataclass(frozen=True, eq=False)
@@ -146,7 +143,7 @@ def _runs(
         progress=report,
         store=store,
         minimiser=minimiser,
-        **_EFFORT[minimiser],
+        tolerance=_TOLERANCE[minimiser],
         prior=prior_of(run),
     )
     if not np.isfinite(runs[0].cost):
