@@ -111,20 +111,18 @@ def minima(minima: LocalMinima) -> Table:
         (
             Number(text.significant(one.amplitude, 2), one.amplitude),
             Number(str(one.blocks), one.blocks),
-            _share(one.amplitude**2 * one.seconds / most),
+            _percentage(np.log1p(one.amplitude**2 * one.seconds / most)),
             Number(text.significant(one.seconds / 60, 2), one.seconds / 60),
-            _percentage(np.log1p(one.deviation)),
             *(_share(search.reached) for search in one.searches),
             *(_percentage(search.error) for search in one.searches),
         )
         for one in minima.excitations
     ]
-    headings = [f"{name[:3]}, {what}" for what in ("best minimum", "springs") for name in SEARCHED]
-    columns = numbers("amplitude", "blocks", "energy", "minutes", "std of FRFs", *headings)
+    headings = [f"{name[:3]} {what}" for what in ("best", "error") for name in SEARCHED]
+    columns = numbers("amplitude", "blocks", "energy", "minutes", *headings)
     caption = (
-        "Best minimum: starts that end in it. Springs: median error of its springs, where the "
-        "truth is known. Std of FRFs: median over elements. LLS with user-defined, NLS with "
-        "optimal weights."
+        "Best: starts that end in the best minimum. Error: median of its springs whose truth is "
+        "known. LLS with user-defined, NLS with optimal weights."
     )
     return table("minima-table", caption, columns, rows)
 
