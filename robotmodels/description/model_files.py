@@ -1,4 +1,4 @@
-"""Files of a robot's bodies and joints: URDF as it is, xacro turned into it."""
+"""Files of a robot's bodies and joints: URDF as it is, xacro and MJCF turned into it."""
 
 import os
 import xml.etree.ElementTree as ET
@@ -61,7 +61,8 @@ def read_model(source: ModelSource) -> XmlElement:
     refuse_other_formats(model.path)
     root = read_xml(model.path)
     if root.tag == "mujoco":
-        raise InvalidInput(f"{model.path}: MJCF is not read; a URDF is needed")
+        _refuse_arguments(model, "an MJCF")
+        return parse_xml(_converted(model, _stamp(model.path)), model.path)
     if root.tag == "sdf":
         raise InvalidInput(f"{model.path}: SDF is not read; {_ELSEWHERE['.sdf']}")
     if root.tag != "robot":
@@ -94,6 +95,11 @@ def model_digest(source: ModelFile) -> str:
         return file_digest(source.path)
     text = ET.tostring(read_model(source), encoding="unicode")
     return json_digest(text)
+
+
+def is_mjcf(source: ModelSource) -> bool:
+    """Whether a model file is an MJCF."""
+    return read_xml(path_of(source)).tag == "mujoco"
 
 
 def refuse_other_formats(path: Path) -> None:
@@ -129,3 +135,10 @@ def _expanded(model: ModelFile, stamp: tuple[int, int]) -> str:
     from robotmodels.description.xacro_file import expand_xacro
 
     return expand_xacro(model.path, dict(model.arguments), model.packages)
+
+
+@lru_cache(maxsize=8)
+def _converted(model: ModelFile, stamp: tuple[int, int]) -> str:
+    from robotmodels.description.mjcf_file import urdf_of_mjcf
+
+    return urdf_of_mjcf(model.path)

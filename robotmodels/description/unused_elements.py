@@ -1,10 +1,11 @@
 """What of a model file is not used, and why: all that its reader has not read."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 
 from robotmodels.description.joint_drives import joint_drives
-from robotmodels.description.model_files import ModelSource, path_of, read_model
+from robotmodels.description.mjcf_unused import unused_of_mjcf
+from robotmodels.description.model_files import ModelSource, is_mjcf, path_of, read_model
 from robotmodels.description.urdf_check import check_robot
 from robotmodels.description.xml_reader import XmlElement
 
@@ -103,25 +104,32 @@ def unused_parts(source: ModelSource, *, beside_robot_file: bool = False) -> tup
     """
     root = read_model(source)
     checked = check_robot(root, path_of(source), shapes=True)
-    owners: dict[str, list[str]] = {}
-    for top in root:
-        if isinstance(top, XmlElement):
-            name = str(top.attrib.get("name", top.attrib.get("reference", "")))
-            fixed = top.attrib.get("type") == "fixed" and top.tag == "joint"
-            for path in top.unread(top.tag):
-                path = path.removeprefix("ros2_control/") if "/transmission/" in path else path
-                if not (_below(path, _DRAWN) or (fixed and path.count("/"))):
-                    owners.setdefault(path, []).append(name)
-    parts = {
-        path: UnusedPart(path, _distinct(names), _reason(path)) for path, names in owners.items()
-    }
+    owners: dict[tuple[str, str], list[str]] = {}
+    for path, name, reason in _unread(root, source):
+        owners.setdefault((path, reason), []).append(name)
     if beside_robot_file:
-        for key, (path, reason) in _STATED.items():
+        for key, stated in _STATED.items():
             drives = joint_drives(checked).items()
             names = [name for name, drive in drives if getattr(drive, key) is not None]
-            if names:
-                parts[path] = UnusedPart(path, _distinct(names), reason)
-    return tuple(parts[path] for path in sorted(parts))
+            owners |= {stated: names} if names else {}
+    parts = [UnusedPart(path, _distinct(names), why) for (path, why), names in owners.items()]
+    return tuple(sorted(parts, key=lambda part: part.path))
+
+
+def _unread(root: XmlElement, source: ModelSource) -> Iterator[tuple[str, str, str]]:
+    """Yield the path, the owner's name and the reason of each part that was not used."""
+    if is_mjcf(source):
+        yield from unused_of_mjcf(path_of(source))
+        return
+    for top in root:
+        if not isinstance(top, XmlElement):
+            continue
+        name = str(top.attrib.get("name", top.attrib.get("reference", "")))
+        fixed = top.attrib.get("type") == "fixed" and top.tag == "joint"
+        for part in top.unread(top.tag):
+            path = part.removeprefix("ros2_control/") if "/transmission/" in part else part
+            if not (_below(path, _DRAWN) or (fixed and path.count("/"))):
+                yield path, name, _reason(path)
 
 
 def _distinct(names: Iterable[str]) -> tuple[str, ...]:

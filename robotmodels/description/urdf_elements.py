@@ -3,6 +3,7 @@
 import math
 import re
 import xml.etree.ElementTree as ET
+from collections.abc import Iterable
 
 from robotmodels.common.errors import InvalidInput
 from robotmodels.common.printing import decimal
@@ -69,6 +70,6 @@ def read_numbers(
     return values
 
 
-def number_text(numbers: list[float]) -> str:
+def number_text(numbers: Iterable[float]) -> str:
     """Return numbers as an attribute, at full precision."""
-    return " ".join(map(repr, numbers))
+    return " ".join(repr(float(number)) for number in numbers)

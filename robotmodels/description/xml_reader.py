@@ -8,9 +8,9 @@ from robotmodels.common.errors import InvalidInput
 from robotmodels.common.file_paths import check_file, reason
 
 MOST_BYTES = 4_000_000
-"""Size of a URDF."""
+"""Size of a URDF [bytes]."""
 
-_MOST_NESTED = 32
+_MOST_NESTED = 200
 
 
 class XmlElement(ET.Element):
