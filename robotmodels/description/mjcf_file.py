@@ -95,7 +95,8 @@ class _Converter:
             if site := model.site(i).name:
                 mark = self._new_link(root, site, "site")
                 body = self.bodies[model.site_bodyid[i]]
-                self._add_fixed(root, body, mark, model.site_pos[i], _matrix(model.site_quat[i]))
+                at = pin.SE3(_matrix(model.site_quat[i]), model.site_pos[i])
+                self._add_fixed(root, (body, mark), at)
         self._add_transmissions(root)
         return root
 
@@ -130,33 +131,32 @@ class _Converter:
 
     def _add_joints(self, root: ET.Element, i: int, followers: dict[int, dict[str, str]]) -> None:
         """Add the joints of a body, each with a link; the last is the body, if at its origin."""
-        model = self.model
+        model, body = self.model, self.bodies[i]
         first, count = int(model.body_jntadr[i]), int(model.body_jntnum[i])
-        here, at = self.bodies[model.body_parentid[i]], model.body_pos[i].copy()
-        turn = _matrix(model.body_quat[i])
+        here = self.bodies[model.body_parentid[i]]
+        start = pin.SE3(_matrix(model.body_quat[i]), model.body_pos[i])
         point = np.zeros(3)  # where the last joint is, in the frame of the body
         for j in range(first, first + count):
             kind = self._kind(j)
             if kind == "free":
                 continue
             new = model.jnt_pos[j] if kind == "hinge" else point
-            step, axis = new - point, model.jnt_axis[j]
-            last = j == first + count - 1 and not new.any()
-            link = self.bodies[i] if last else self._new_link(root, self.bodies[i], self.joints[j])
-            # Before its own motion a joint undoes what `ref` adds to its angle.
-            reference = float(model.qpos0[model.jnt_qposadr[j]])
-            at, point = at + turn @ step, new
-            if kind == "slide":
-                at = at - turn @ (reference * axis)
-            else:
-                turn = turn @ pin.exp3(-reference * axis)
-            joint = self._add_moving(root, j, kind, (here, link), axis)
+            at_end = j == first + count - 1 and not new.any()
+            link = body if at_end else self._new_link(root, body, self.joints[j])
+            joint = self._add_moving(root, j, kind, (here, link))
             if j in followers:
                 ET.SubElement(joint, "mimic", followers[j])
-            _add_origin(joint, at, turn)
-            here, at, turn = link, np.zeros(3), np.eye(3)
-        if here != self.bodies[i]:
-            self._add_fixed(root, here, self.bodies[i], at - turn @ point, turn)
+            _add_origin(joint, start * pin.SE3(np.eye(3), new - point) * self._undone(j, kind))
+            here, point, start = link, new, pin.SE3.Identity()
+        if here != body:
+            self._add_fixed(root, (here, body), start * pin.SE3(np.eye(3), -point))
+
+    def _undone(self, j: int, kind: str) -> pin.SE3:
+        """Return the motion by which `ref`, the angle where a joint has not moved, is undone."""
+        twist = -self.model.qpos0[self.model.jnt_qposadr[j]] * self.model.jnt_axis[j]
+        if kind == "slide":
+            return pin.SE3(np.eye(3), twist)
+        return pin.SE3(pin.exp3(twist), np.zeros(3))
 
     def _kind(self, j: int) -> str:
         kind = self.mj.mjtJoint(self.model.jnt_type[j]).name.removeprefix("mjJNT_").lower()
@@ -167,14 +167,14 @@ class _Converter:
         return str(kind)
 
     def _add_moving(
-        self, root: ET.Element, j: int, kind: str, links: tuple[str, str], axis: Array
+        self, root: ET.Element, j: int, kind: str, links: tuple[str, str]
     ) -> ET.Element:
         model, limited = self.model, bool(self.model.jnt_limited[j])
         word = "prismatic" if kind == "slide" else "revolute" if limited else "continuous"
         joint = ET.SubElement(root, "joint", name=self.joints[j], type=word)
         ET.SubElement(joint, "parent", link=links[0])
         ET.SubElement(joint, "child", link=links[1])
-        ET.SubElement(joint, "axis", xyz=number_text(axis))
+        ET.SubElement(joint, "axis", xyz=number_text(model.jnt_axis[j]))
         low, high = model.jnt_range[j] if limited else (-_SLIDE, _SLIDE)
         limit = {"lower": repr(float(low)), "upper": repr(float(high))}
         ET.SubElement(joint, "limit", limit | {"effort": repr(self._effort(j)), "velocity": "0"})
@@ -242,11 +242,12 @@ class _Converter:
             }
         return followers
 
-    def _add_fixed(self, root: ET.Element, parent: str, child: str, at: Array, turn: Array) -> None:
+    def _add_fixed(self, root: ET.Element, links: tuple[str, str], placement: pin.SE3) -> None:
+        parent, child = links
         name = child if child not in self.taken else _new_name(f"{child} fixed", self.taken)
         self.taken.add(name)
         joint = ET.SubElement(root, "joint", name=name, type="fixed")
-        _add_origin(joint, at, turn)
+        _add_origin(joint, placement)
         ET.SubElement(joint, "parent", link=parent)
         ET.SubElement(joint, "child", link=child)
 
@@ -263,6 +264,7 @@ def _matrix(quaternion: Sequence[float]) -> Array:
     return np.asarray(pin.Quaternion(w, x, y, z).normalized().matrix())
 
 
-def _add_origin(element: ET.Element, at: Array, turn: Array) -> None:
-    rpy = pin.rpy.matrixToRpy(turn)
-    ET.SubElement(element, "origin", xyz=number_text(at), rpy=number_text(rpy))
+def _add_origin(element: ET.Element, placement: pin.SE3) -> None:
+    rpy = pin.rpy.matrixToRpy(placement.rotation)
+    numbers = {"xyz": number_text(placement.translation), "rpy": number_text(rpy)}
+    ET.SubElement(element, "origin", numbers)

@@ -89,9 +89,9 @@ def unused_of_mjcf(path: Path) -> Iterator[tuple[str, str, str]]:
             continue
         silent = f"{_USED.get(section, '')} {_MOVE_NOTHING.get(section, '')}".split()
         for key, value in element.items():
-            held = section == "body/joint" and key == "type" and value == "free"
+            free = section == "body/joint" and key == "type" and value == "free"
             part = f"{section}@{key}"
-            if key not in silent or held or (key == "damping" and len(value.split()) > 1):
+            if key not in silent or free or (key == "damping" and len(value.split()) > 1):
                 yield part, name, _reason(part)
 
 
