@@ -16,7 +16,7 @@ from reports import text
 from reports.page_elements import Cell, Column, Number, Table, numbers, table
 from robotmodels.common.arrays import Array
 
-_METHODS = {"frequency domain": "FRFs, LLS", "prediction error": "predictions, innovation form"}
+_METHODS = {"frequency domain": "FRFs, LLS", "prediction error": "predictions"}
 _STATISTICS = ("min", "median", "max", "mean", "std", "std_th")
 
 
@@ -95,11 +95,11 @@ def rival(comparison: TimeDomainComparison) -> Table:
     columns = [
         Column("starts"),
         Column("fit"),
-        *numbers("success", "springs", "dampers", "seconds per start", "given up"),
+        *numbers("success", "springs", "dampers", "seconds", "given up"),
     ]
     caption = (
         "Success: all springs within 5 % of the truth. Springs, dampers: median error of the "
-        "successes, or of all fits where none succeeded."
+        "successes, or of all fits where none succeeded. Seconds: per start."
     )
     return table("rival-table", caption, columns, rows)
 
