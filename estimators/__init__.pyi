@@ -59,6 +59,8 @@ from .frf.method_comparison import (
 )
 from .frf.record_checks import Settling as Settling, settling as settling
 from .frf.rigid_body_check import RigidLimit as RigidLimit, check_rigid_limit as check_rigid_limit
+from .input_output.fit_runs import RunFit as RunFit, fit_runs as fit_runs
+from .input_output.run_spectra import RunSpectra as RunSpectra, run_spectra as run_spectra
 from .sampling.convergence import StoppingCriterion as StoppingCriterion
 from .sampling.exported_draws import export_draws as export_draws
 from .sampling.importance_sampling import (

@@ -142,24 +142,8 @@ class Problem:
         return half if self.kind.real else np.concatenate([half, half])
 
     def checked_start(self, start: Array | None) -> Array:
-        """Return the start's values (p,), the model's nominal values where None.
-
-        Raises
-        ------
-        InvalidInput
-            If it has the wrong size or lies outside the bounds.
-        """
-        parameters = self.model.parameters
-        values = np.array(parameters.check(start))
-        low, high = self.bounds
-        outside = (values < low) | (values > high)
-        if outside.any():
-            i = int(np.argmax(outside))
-            raise InvalidInput(
-                f"start: {parameters.names[i]} = {values[i]:g} lies outside its bounds "
-                f"[{low[i]:g}, {high[i]:g}]; move it or widen the bounds"
-            )
-        return values
+        """Return `checked_start` within the bounds."""
+        return checked_start(self.model.parameters, start, self.bounds)
 
 
 def make_fit_problem(
@@ -189,7 +173,7 @@ def make_fit_problem(
         estimate=estimate,
         kind=kind,
         weights=weight_values,
-        bounds=read_only(_checked_bounds(bounds, model.parameters)),
+        bounds=read_only(checked_bounds(bounds, model.parameters)),
         prior=prior,
         loss=check_loss(loss),
         weighting=weights if isinstance(weights, str) else "",
@@ -208,8 +192,14 @@ def _check_positions(positions: Sequence[int] | IntArray) -> None:
         )
 
 
-def _checked_bounds(bounds: tuple[float, float] | Array, parameters: Parameters) -> Array:
-    """Return the bounds' values, (2, p)."""
+def checked_bounds(bounds: tuple[float, float] | Array, parameters: Parameters) -> Array:
+    """Return the bounds' values, (2, p).
+
+    Raises
+    ------
+    InvalidInput
+        If they are neither two factors nor two values each.
+    """
     limits = np.asarray(bounds, dtype=float)
     if limits.shape == (2,):
         if not 0 < limits[0] < limits[1] < np.inf:
@@ -227,3 +217,23 @@ def _checked_bounds(bounds: tuple[float, float] | Array, parameters: Parameters)
             "0 < low < high is needed"
         )
     return limits
+
+
+def checked_start(parameters: Parameters, start: Array | None, bounds: Array) -> Array:
+    """Return the start's values (p,), the model's nominal values where None.
+
+    Raises
+    ------
+    InvalidInput
+        If it has the wrong size or lies outside the bounds.
+    """
+    values = np.array(parameters.check(start))
+    low, high = bounds
+    outside = (values < low) | (values > high)
+    if outside.any():
+        i = int(np.argmax(outside))
+        raise InvalidInput(
+            f"start: {parameters.names[i]} = {values[i]:g} lies outside its bounds "
+            f"[{low[i]:g}, {high[i]:g}]; move it or widen the bounds"
+        )
+    return values

@@ -1,14 +1,13 @@
 """How far a fit can be trusted: recommended intervals, the verdict and its evidence."""
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from estimators.fitting.fit_problem import Problem
 from estimators.fitting.linearise import linearise, sensitivities
-from estimators.fitting.residuals import Residual, loss_factors
+from estimators.fitting.residuals import loss_factors
 from estimators.frf.frf_estimate import vec
 from estimators.trust.directed_tests import Directions
 from estimators.trust.intervals import VERDICTS, Verdict
@@ -38,8 +37,14 @@ def fit_trust(problem: Problem, values: Array, converged: bool) -> Trust:
     """
     estimate = problem.estimate
     at = sensitivities(problem, values)
+    kind, used = problem.kind, problem.used
+
+    def changes(changed: ComplexArray) -> Lines:
+        slopes = -kind.jacobian(at[0], changed, used)
+        return np.moveaxis(vec(np.moveaxis(slopes, -1, 2)), 2, -1)
+
     directions = model_directions(
-        problem.model, problem.kind, estimate.positions, estimate.omega, values, at, problem.used
+        problem.model, estimate.positions, estimate.omega, values, at, changes
     )
     evidence = gather_evidence(
         linearise(problem, values, at),
@@ -49,21 +54,38 @@ def fit_trust(problem: Problem, values: Array, converged: bool) -> Trust:
     )
     slope, square = loss_factors(problem.loss)
     scatter = evidence.scatter.scaled(variance_scale(evidence) * square / slope**2)
-    return _summary(problem, values, evidence, scatter)
+    return judged_trust(kind.name, values, problem.bounds, evidence, scatter)
 
 
-def _summary(problem: Problem, values: Array, evidence: Evidence, scatter: Scatter) -> Trust:
-    verdicts, ends = _ends(values, problem.bounds, scatter, judge(evidence))
+def judged_trust(
+    residual: str, values: Array, bounds: Array, evidence: Evidence, scatter: Scatter
+) -> Trust:
+    """Return intervals and verdicts by the rule, from evidence and variances of ln theta.
+
+    Parameters
+    ----------
+    residual : str
+        Name of the residual.
+    values : ndarray, (p,), SI
+        Fitted.
+    bounds : ndarray, (2, p), SI
+        Bounds of the search.
+    evidence : Evidence
+        See `gather_evidence`.
+    scatter : Scatter
+        Variances of ln theta.
+    """
+    verdicts, ends = _ends(values, bounds, scatter, judge(evidence))
     if not evidence.has_degrees_of_freedom:
         unknown = np.full_like(scatter.degrees_of_freedom, np.nan)
         scatter = replace(scatter, degrees_of_freedom=unknown)
     correlation = evidence.correlation
     return Trust(
-        names=problem.model.parameters.names,
+        names=evidence.fit.names,
         values=values,
         scatter=scatter,
         ends=read_only(ends),
-        method=_method(problem.kind.name, evidence),
+        method=_method(residual, evidence),
         verdicts=tuple(str(v) for v in verdicts),
         reasons=tuple(v.reason for v in verdicts),
         size=evidence.size,
@@ -118,12 +140,11 @@ _GEAR_STEP = 1e-4
 
 def model_directions(
     model: Elastic,
-    kind: Residual,
     positions: Array,
     omega: Array,
     values: Array,
     at: tuple[ComplexArray, ComplexArray],
-    used: NDArray[np.bool_],
+    changes: Callable[[ComplexArray], Lines],
 ) -> Directions:
     """Return the directions that are tested at a fit.
 
@@ -135,8 +156,6 @@ def model_directions(
     ----------
     model : Elastic
         Model that was fitted.
-    kind : Residual
-        Residual of the fit.
     positions : ndarray, (Q, n), rad
         Positions.
     omega : ndarray, (F,), rad/s
@@ -146,8 +165,8 @@ def model_directions(
     at : tuple
         FRF of the model at the fit, (Q, F, m, n), and its derivatives with respect to ln theta, (Q,
         F, m, n, p).
-    used : ndarray of bool, (Q, F, m, n)
-        Which elements the fit uses.
+    changes : callable
+        Turns changes (Q, F, m, n, r) of the FRF into those of the modelled values, (Q, F, k, r).
     """
     response, jacobian = at
     names, units, columns = [], [], []
@@ -165,19 +184,11 @@ def model_directions(
     return Directions(
         (*names, *local),
         (*units, *["relative"] * len(local)),
-        _residual_changes(kind, response, stacked, used),
-        _residual_changes(kind, response, jacobian, used),
+        changes(stacked),
+        changes(jacobian),
         count,
         half,
     )
-
-
-def _residual_changes(
-    kind: Residual, response: ComplexArray, changes: ComplexArray, used: NDArray[np.bool_]
-) -> Lines:
-    """Return changes (Q, F, m, n, r) of the FRF as those of the modelled values, (Q, F, m n, r)."""
-    slopes = -kind.jacobian(response, changes, used)
-    return np.moveaxis(vec(np.moveaxis(slopes, -1, 2)), 2, -1)
 
 
 def _columns(

@@ -1,0 +1,1 @@
+"""Maximum likelihood with noisy inputs and outputs, for any number of runs in a position."""

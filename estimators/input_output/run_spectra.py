@@ -1,0 +1,273 @@
+"""Spectra of runs in each position, with the covariance of inputs and outputs together."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from estimators.frf.block_checks import check_excited
+from estimators.frf.estimate_frf import Transient, check_choice, each_position, first_period
+from estimators.frf.record_checks import check_condition, check_periods
+from estimators.frf.spectra import Spectra, spectra
+from robotmodels.common.arrays import Array, ComplexArray, IntArray, read_only, real_numbers
+from robotmodels.common.errors import InvalidInput
+from robotmodels.common.printing import ReprHtml
+from robotmodels.records.records import Records
+
+Noise = Literal["auto", "blocks", "periods", "detection"]
+_NEAREST = 6
+"""Lines without excitation that show the noise of an excited one."""
+
+_FEWEST = 3
+"""Degrees of freedom of a covariance at least, see `fit_runs`."""
+
+_BLOCKS = 4
+"""From so many on their scatter is preferred to that of periods."""
+
+
+@dataclass(frozen=True, eq=False)
+class RunSpectra(ReprHtml):
+    """Spectra of E runs in each of Q positions at F excited lines.
+
+    Attributes
+    ----------
+    positions : ndarray, (Q, n), rad
+        Positions.
+    omega : ndarray, (F,), rad/s
+        Angular frequencies, positive and rising.
+    inputs : ndarray of complex, (Q, E, F, n), N m
+        Motor torques.
+    outputs : ndarray of complex, (Q, E, F, m), rad/s^2
+        Motor accelerations.
+    covariance : ndarray of complex, (Q, F, m + n, m + n)
+        Covariance of the circular complex errors of outputs and inputs, outputs first, of each
+        run; it may be singular.
+    degrees_of_freedom : ndarray, (Q,)
+        Complex degrees of freedom of the covariance; infinite where it is declared. A scalar
+        stands for all positions.
+    noise : str
+        Where the covariance comes from, for people.
+    """
+
+    positions: Array
+    omega: Array
+    inputs: ComplexArray
+    outputs: ComplexArray
+    covariance: ComplexArray
+    degrees_of_freedom: Array = np.inf  # type: ignore[assignment]
+    noise: str = "declared"
+
+    def __post_init__(self) -> None:
+        positions = real_numbers(self.positions, "positions")
+        omega = real_numbers(self.omega, "omega")
+        inputs, outputs = (np.array(x, dtype=complex) for x in (self.inputs, self.outputs))
+        covariance = np.array(self.covariance, dtype=complex)
+        if inputs.ndim != 4 or outputs.ndim != 4 or inputs.shape[:3] != outputs.shape[:3]:
+            raise InvalidInput(
+                f"inputs, outputs: shapes {inputs.shape} and {outputs.shape}; (Q, E, F, n) and "
+                "(Q, E, F, m) are needed"
+            )
+        (q, _, f, n), m = inputs.shape, outputs.shape[3]
+        for name, array, shape in (
+            ("positions", positions, (q, *positions.shape[1:2])),
+            ("omega", omega, (f,)),
+            ("covariance", covariance, (q, f, m + n, m + n)),
+        ):
+            if array.shape != shape:
+                raise InvalidInput(f"{name}: shape {array.shape}; {shape} is needed")
+        for name, array in (
+            ("positions", positions), ("omega", omega), ("inputs", inputs),
+            ("outputs", outputs), ("covariance", covariance),
+        ):  # fmt: skip
+            if not np.isfinite(array).all() or not array.size:
+                raise InvalidInput(f"{name}: finite numbers are needed, at least one")
+        if not (omega[0] > 0 and (np.diff(omega) > 0).all()):
+            raise InvalidInput("omega: positive rising frequencies are needed [rad/s]")
+        freedom = np.broadcast_to(np.asarray(self.degrees_of_freedom, dtype=float), (q,)).copy()
+        if not (freedom >= _FEWEST).all():
+            raise InvalidInput(
+                f"degrees_of_freedom: {np.nanmin(freedom):g}; {_FEWEST} at least are needed"
+            )
+        _check_covariance(covariance, m, omega)
+        for name, value in (
+            ("positions", positions), ("omega", omega), ("inputs", inputs), ("outputs", outputs),
+            ("covariance", covariance), ("degrees_of_freedom", freedom),
+        ):  # fmt: skip
+            object.__setattr__(self, name, read_only(value))
+
+    def subset(self, positions: IntArray) -> "RunSpectra":
+        """Return the spectra of some positions."""
+        chosen = np.asarray(positions, dtype=np.int64)
+        return RunSpectra(
+            self.positions[chosen], self.omega, self.inputs[chosen], self.outputs[chosen],
+            self.covariance[chosen], self.degrees_of_freedom[chosen], self.noise,
+        )  # fmt: skip
+
+    def __str__(self) -> str:
+        q, e, f, n = self.inputs.shape
+        return (
+            f"{q} positions, {e} runs each, {f} lines; {n} inputs, {self.outputs.shape[3]} "
+            f"outputs; noise: {self.noise}"
+        )
+
+
+def run_spectra(
+    records: Records,
+    noise: Noise = "auto",
+    *,
+    hold: bool = True,
+    delay: float = 0.0,
+    transient: Transient = "auto",
+) -> RunSpectra:
+    """Return the spectra of runs with the covariance of their errors.
+
+    With `noise` "blocks", as many runs a block as motors, at least 4 blocks: each block's
+    spectra are multiplied by the inverse of its references, R_b^-1, and averaged: E = n runs, whose
+    scatter over blocks holds nonlinear distortions too, with (B - 1) E degrees of freedom. Else all
+    runs of all blocks count by themselves, and the noise is that between the bins of periods
+    ("periods", two or more), or of the 6 nearest lines that were not excited ("detection", which
+    holds odd distortions where odd lines were left out). Of "auto" the first that is possible.
+
+    Parameters
+    ----------
+    records : Records
+        Periodic runs.
+    noise : str
+        "auto", "blocks", "periods" or "detection".
+    hold, delay, transient
+        As in `estimate_frf`.
+
+    Raises
+    ------
+    InvalidInput
+        If the records cannot show the noise in this way, or runs are missing.
+    """
+    check_choice("noise", noise, ("auto", *_NOISES))
+    parts = []
+    for index, part in enumerate(each_position(records)):
+        who = f"position {index + 1}"
+        measured = _checked(part, who, hold, delay, transient)
+        kind = _possible(measured) if noise == "auto" else noise
+        parts.append((*_NOISES[kind](measured, _Silent(part, hold, delay), who), kind))
+    outputs, inputs, covariance = (np.stack([part[i] for part in parts]) for i in range(3))
+    return RunSpectra(
+        records.positions, records.omega, inputs, outputs, covariance,
+        np.array([part[3] for part in parts]), parts[0][4],
+    )  # fmt: skip
+
+
+def _checked(records: Records, who: str, hold: bool, delay: float, transient: Transient) -> Spectra:
+    """Return the spectra of one position without its transient."""
+    measured = spectra(records, hold=hold, delay=delay)
+    check_periods(measured, who)
+    check_excited(measured, records.lines, who)
+    if not measured.present.all():
+        raise InvalidInput(f"{who}: a run is missing; leave its block out")
+    first = first_period(measured, transient, who)
+    return spectra(records, hold=hold, delay=delay, first=first) if first else measured
+
+
+@dataclass(frozen=True, eq=False)
+class _Silent:
+    """Records whose lines without excitation may be wanted, and how to read them."""
+
+    records: Records
+    hold: bool
+    delay: float
+
+
+def _possible(measured: Spectra) -> str:
+    """Return the best way to the noise that a position's records allow."""
+    blocks, periods, _, n, runs = measured.input.shape
+    if runs == n and blocks >= _BLOCKS and measured.reference.any():
+        return "blocks"
+    return "periods" if periods > 1 else "detection"
+
+
+_Part = tuple[ComplexArray, ComplexArray, ComplexArray, float]
+"""Outputs (E, F, m), inputs (E, F, n), covariance (F, m + n, m + n), degrees of freedom."""
+
+
+def _from_blocks(measured: Spectra, silent: _Silent, who: str) -> _Part:
+    output, torque, reference = measured.averaged()
+    blocks, _, n, runs = torque.shape
+    if runs != n or blocks < 2 or not reference.any():
+        raise InvalidInput(
+            f"{who}: noise 'blocks' needs {n} runs a block, two blocks and references; there are "
+            f"{runs} runs in {blocks} blocks; take 'periods' or 'detection'"
+        )
+    check_condition(reference[0], measured.omega, measured.omega, who, "references")
+    size = np.sqrt((np.abs(reference) ** 2).mean(axis=(0, 2, 3)) * n)  # of a column of R, (F,)
+    turned = np.concatenate([output, torque], axis=2) @ np.linalg.inv(reference)
+    turned = turned * size[:, None, None]  # (B, F, m + n, E)
+    mean = turned.mean(axis=0)
+    errors = turned - mean
+    freedom = float((blocks - 1) * runs)
+    covariance = np.einsum("bfie,bfje->fij", errors, np.conj(errors)) / (freedom * blocks)
+    return (*_runs(mean[None], output.shape[2]), covariance, freedom)
+
+
+def _from_periods(measured: Spectra, silent: _Silent, who: str) -> _Part:
+    if measured.periods < 2:
+        raise InvalidInput(f"{who}: noise 'periods' needs two periods; take 'detection'")
+    noise = np.concatenate([measured.noise_output, measured.noise_input], axis=3)
+    covariance = np.einsum("bjfie,bjfke->fik", noise, np.conj(noise))
+    draws = noise.shape[0] * noise.shape[1] * noise.shape[4]
+    output, torque, _ = measured.averaged()
+    freedom = float(measured.noise_bins * measured.present.sum())
+    runs = _runs(np.concatenate([output, torque], axis=2), output.shape[2])
+    return (*runs, covariance / draws, freedom)
+
+
+def _from_detection(measured: Spectra, silent: _Silent, who: str) -> _Part:
+    """Return the noise of the nearest lines of their own; odd ones, where any were left out."""
+    records = silent.records
+    lines, count = records.lines, records.samples // 2
+    others = records.detection
+    if len(others) < _NEAREST:
+        others = np.setdiff1d(np.arange(1, count), lines)
+    if len(others) < _NEAREST:
+        raise InvalidInput(
+            f"{who}: {len(others)} lines are not excited; noise 'detection' needs {_NEAREST}"
+        )
+    first = records.torque.shape[3] - measured.periods
+    beside = spectra(records, lines=others, hold=silent.hold, delay=silent.delay, first=first)
+    output, torque, _ = beside.averaged()
+    noise = np.concatenate([output, torque], axis=2)  # (B, F', m + n, E)
+    nearest = np.argsort(np.abs(others - lines[:, None]), axis=1)[:, :_NEAREST]
+    draws = noise[:, nearest]  # (B, F, 6, m + n, E)
+    covariance = np.einsum("bfsie,bfske->fik", draws, np.conj(draws))
+    output, torque, _ = measured.averaged()
+    freedom = float(_NEAREST * len(noise) * noise.shape[3])
+    runs = _runs(np.concatenate([output, torque], axis=2), output.shape[2])
+    return (*runs, covariance / freedom, freedom)
+
+
+_NOISES: dict[str, Callable[[Spectra, _Silent, str], _Part]] = {
+    "blocks": _from_blocks,
+    "periods": _from_periods,
+    "detection": _from_detection,
+}
+
+
+def _runs(stacked: ComplexArray, m: int) -> tuple[ComplexArray, ComplexArray]:
+    """Return outputs (E, F, m) and inputs (E, F, n) of spectra (B, F, m + n, E / B)."""
+    by_run = np.moveaxis(stacked, 3, 1)
+    by_run = by_run.reshape(-1, *by_run.shape[2:])
+    return by_run[..., :m], by_run[..., m:]
+
+
+def _check_covariance(covariance: ComplexArray, m: int, omega: Array) -> None:
+    """Refuse covariances that are none, and outputs or runs without any noise."""
+    size = np.sqrt(np.abs(np.diagonal(covariance, axis1=-2, axis2=-1)))
+    scale = np.where(size > 0, size, 1.0)
+    unit = covariance / (scale[..., :, None] * scale[..., None, :])
+    if not np.allclose(unit, np.conj(np.swapaxes(unit, -1, -2)), rtol=0, atol=1e-9):
+        raise InvalidInput("covariance: the matrices are not Hermitian")
+    least = np.linalg.eigvalsh(unit).min(axis=(0, 2))
+    if least.min() < -1e-9:
+        at = omega[int(np.argmin(least))] / (2 * np.pi)
+        raise InvalidInput(f"covariance: negative eigenvalues at {at:.4g} Hz")
+    if not size.any(axis=-1).all():
+        raise InvalidInput("covariance: no noise at a line; declare what there is at least")
