@@ -182,7 +182,8 @@ def _possible(measured: Spectra) -> str:
     blocks, periods, _, n, runs = measured.input.shape
     if runs == n and blocks >= _BLOCKS and measured.reference.any():
         return "blocks"
-    return "periods" if periods > 1 else "detection"
+    enough = periods > 1 and measured.noise_bins * measured.present.sum() >= _FEWEST
+    return "periods" if enough else "detection"
 
 
 _Part = tuple[ComplexArray, ComplexArray, ComplexArray, float]

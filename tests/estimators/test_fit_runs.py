@@ -1,0 +1,254 @@
+"""Maximum likelihood with noisy inputs and outputs, against closed forms and simulation."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from closed_loop import Bench, bench_records, truth
+from mass_springs import OMEGA, POSITIONS
+from noisy_runs import MODEL, RESPONSE, TRUTH, F, Q, circular, noise_root, noisy_runs
+
+import estimators
+from estimators import Prior, RunSpectra, fit_runs, run_spectra
+from estimators.input_output.likelihood import RunProblem
+from robotmodels import InvalidInput
+
+BOUNDS = np.outer([1e-3, 1e3], TRUTH)
+OFF = TRUTH * np.exp(0.1 * np.cos(np.arange(6)))
+
+
+def problem(data: RunSpectra, row_wise: bool = False) -> RunProblem:
+    return RunProblem(MODEL, data, row_wise, BOUNDS)
+
+
+def cost(one: RunProblem, values: np.ndarray) -> float:
+    return float(np.sum(one.evaluate(values)[0] ** 2))
+
+
+def singular(data: RunSpectra) -> RunSpectra:
+    """The same with a covariance of rank 2, as of a loop with exact torques."""
+    root = noise_root(0.1, 0.1)[:, :, :2]
+    C = root @ np.conj(root.swapaxes(1, 2))
+    return replace(data, covariance=np.broadcast_to(C, data.covariance.shape))
+
+
+@pytest.mark.parametrize("row_wise", [False, True])
+@pytest.mark.parametrize("rank", ["full", "singular"])
+@pytest.mark.parametrize("runs", [1, 2, 5])
+def test_gradients_are_those_of_the_cost(runs: int, rank: str, row_wise: bool) -> None:
+    data = noisy_runs(np.random.default_rng(runs), runs, 0.3)
+    one = problem(singular(data) if rank == "singular" else data, row_wise)
+    residuals, jacobian = one.evaluate(OFF)
+    gradient = 2 * jacobian.T @ residuals
+    steps = [
+        (cost(one, OFF * np.exp(h)) - cost(one, OFF * np.exp(-h))) / 2e-5 for h in 1e-5 * np.eye(6)
+    ]
+    np.testing.assert_allclose(gradient, steps, atol=1e-7 * np.abs(gradient).max())
+
+
+def test_the_cost_is_the_likelihood_without_the_true_inputs() -> None:
+    """V is the least over U0 of what [Y; U] deviates from [G U0; U0], by its covariance."""
+    data = noisy_runs(np.random.default_rng(3), 2, 0.4)
+    one = problem(data)
+    G, _ = one.sensitivities(OFF)
+    total = 0.0
+    for q in range(Q):
+        for f in range(F):
+            root = np.linalg.inv(np.linalg.cholesky(data.covariance[q, f]))
+            tall = root @ np.vstack([G[q, f], np.eye(2)])
+            for e in range(2):
+                z = root @ np.concatenate([data.outputs[q, e, f], data.inputs[q, e, f]])
+                U0 = np.linalg.lstsq(tall, z)[0]
+                total += np.sum(np.abs(z - tall @ U0) ** 2)
+                estimated = one.errors(G).inputs[q, f, :, e]
+                np.testing.assert_allclose(estimated, U0, rtol=1e-9, atol=1e-9)
+    assert cost(one, OFF) == pytest.approx(total, rel=1e-11)
+
+
+def test_with_exact_inputs_and_n_runs_it_is_optimally_weighted_nls() -> None:
+    data = noisy_runs(np.random.default_rng(4), 2, input_noise=0.0)
+    U, Y = (np.moveaxis(x, 1, 3) for x in (data.inputs, data.outputs))
+    inverse = np.linalg.inv(U)
+    sigma = data.covariance[..., :2, :2]
+    spread = inverse.swapaxes(-1, -2) @ np.conj(inverse)  # Cov(vec(Y U^-1)) = (U U^H)^-T kron Sigma
+    full = np.einsum("qfij,qfkl->qfikjl", spread, sigma).reshape(Q, F, 4, 4)
+    frf = estimators.FrfEstimate(POSITIONS, OMEGA, Y @ inverse, full, np.ones(Q, dtype=int))
+    expected = estimators.fit(MODEL, frf, residual="nls", weights="optimal", tolerance=1e-14)
+    fitted = fit_runs(MODEL, data, tolerance=1e-14)
+    assert fitted.cost == pytest.approx(expected.cost, rel=1e-11)
+    np.testing.assert_allclose(fitted.parameters.values, expected.parameters.values, rtol=1e-8)
+    np.testing.assert_allclose(
+        fitted.covariance().covariance,
+        estimators.covariance(expected).covariance,
+        rtol=1e-6,
+        atol=1e-9 * fitted.covariance().std.max() ** 2,
+    )
+    assert fitted.verdict == expected.verdict
+
+
+def coverage(draw, fitted, count: int, seed: int):
+    """Shares of intervals that cover, (count, 6), cost over expectation and verdicts."""
+    rng = np.random.default_rng(seed)
+    covers, costs, verdicts = [], [], []
+    for _ in range(count):
+        fit = fitted(draw(rng))
+        ends = np.array([(one.low, one.high) for one in fit.intervals()], dtype=float)
+        covers.append((ends[:, 0] <= TRUTH) & (ends[:, 1] >= TRUTH))
+        costs.append(fit.cost / fit.expected_cost)
+        verdicts.append(str(fit.verdict))
+    return np.array(covers), np.mean(costs), verdicts
+
+
+CELLS = [
+    (1, 0.3, np.inf, "joint"),
+    (2, 0.1, np.inf, "joint"),
+    (4, 0.3, np.inf, "row_wise"),
+    (1, 0.3, 10, "joint"),
+    (4, 0.3, 5, "row_wise"),
+]
+
+
+def check_coverage(cell, count: int, slack: float) -> None:
+    runs, noise, freedom, rows = cell
+    covers, ratio, verdicts = coverage(
+        lambda rng: noisy_runs(rng, runs, noise, freedom=freedom),
+        lambda data: fit_runs(MODEL, data, rows),
+        count,
+        seed=11,
+    )
+    upper = 0.97 if np.isinf(freedom) else 0.995
+    assert 0.93 - slack < covers.mean() < upper + slack
+    assert abs(ratio - 1) < 0.02 + slack
+    assert np.mean([v == "trustworthy" for v in verdicts]) > 0.95 - slack
+
+
+@pytest.mark.parametrize("cell", CELLS)
+def test_intervals_cover(cell) -> None:
+    check_coverage(cell, 25, slack=0.06)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("cell", CELLS)
+def test_intervals_cover_in_400_studies(cell) -> None:
+    check_coverage(cell, 400, slack=0.0)
+
+
+def frozen(data: RunSpectra) -> RunSpectra:
+    """The same with Sigma of the true FRF as output noise, torques taken as exact."""
+    wide = np.concatenate([np.broadcast_to(np.eye(2), RESPONSE.shape), -RESPONSE], axis=3)
+    sigma = wide @ data.covariance @ np.conj(np.swapaxes(wide, -1, -2))
+    covariance = np.zeros_like(data.covariance)
+    covariance[..., :2, :2] = sigma
+    return replace(data, covariance=covariance)
+
+
+def test_inputs_taken_as_exact_cover_less() -> None:
+    """The negative control: noise of the torques biases a fit that does not know of it."""
+    covers, _, _ = coverage(
+        lambda rng: frozen(noisy_runs(rng, 4, 0.3)), lambda data: fit_runs(MODEL, data), 25, 12
+    )
+    assert covers.mean() < 0.85
+
+
+def test_the_covariance_of_outputs_enters_row_by_row() -> None:
+    """Correlated rows: the scatter over draws is that of the sandwich."""
+    rng = np.random.default_rng(8)
+    z = []
+    for _ in range(60):
+        fit = fit_runs(MODEL, noisy_runs(rng, 2, 0.1), "row_wise")
+        z.append(np.log(fit.parameters.values / TRUTH) / fit.covariance().std)
+    assert np.sqrt(np.mean(np.square(z))) == pytest.approx(1.0, abs=0.12)
+
+
+def test_noise_of_inputs_adds_to_the_scatter() -> None:
+    """The information of estimated inputs is H + D on average."""
+    rng = np.random.default_rng(9)
+    one = problem(noisy_runs(rng, 1, 1.0))
+    from estimators.input_output.linearised_runs import _input_scatter
+
+    G, J = one.sensitivities(TRUTH)
+    D = _input_scatter(one, one.errors(G), J)
+    U = circular(rng, Q, 1, F, 2)
+    Y = np.einsum("qfmn,qefn->qefm", RESPONSE, U)
+    root = noise_root(1.0, 0.1)
+    normal = np.zeros((400, 6, 6))
+    for i in range(400):
+        N = np.einsum("fij,qefj->qefi", root, circular(rng, Q, 1, F, 4))
+        data = replace(one.data, inputs=U + N[..., 2:], outputs=Y + N[..., :2])
+        _, jacobian = problem(data).evaluate(TRUTH)
+        normal[i] = 2 * jacobian.T @ jacobian
+    exact = replace(one.data, inputs=U, outputs=Y)
+    _, jacobian = problem(exact).evaluate(TRUTH)
+    H = 2 * jacobian.T @ jacobian
+    size = np.sqrt(np.diag(H + D))
+    difference = (normal.mean(axis=0) - H - D) / np.outer(size, size)
+    assert np.abs(difference).max() < 0.006
+    assert np.abs(D / np.outer(size, size)).max() > 0.03
+
+
+@pytest.mark.parametrize(("setup", "noise"), [
+    (Bench(blocks=6, periods=2, noise=3e-6, feedback=40.0), "blocks"),
+    (Bench(blocks=1, periods=6, noise=3e-6, feedback=40.0), "periods"),
+    (Bench(blocks=1, experiments=1, periods=5, noise=3e-6, feedback=40.0), "periods"),
+    (Bench(blocks=2, periods=1, noise=3e-6, feedback=40.0), "detection"),
+])  # fmt: skip
+def test_spectra_of_records_have_the_noise_that_is_in_them(setup: Bench, noise: str) -> None:
+    ratios = []
+    for seed in range(12):
+        data = run_spectra(bench_records(replace(setup, seed=seed)), delay=setup.delay)
+        assert data.noise == noise
+        one = RunProblem(_Known(), data, False, np.ones((2, 1)))
+        errors = one.errors(truth(data.omega)[None])
+        m, nu = 2, data.degrees_of_freedom[0]
+        ratios.append(np.mean(np.abs(errors.whitened) ** 2) * (nu - m) / nu)
+    assert np.mean(ratios) == pytest.approx(1.0, abs=0.15)
+
+
+class _Known:
+    """A model without parameters: the FRF is given."""
+
+
+def test_what_cannot_be_fitted_is_said() -> None:
+    data = noisy_runs(np.random.default_rng(1), 1, freedom=3)
+    with pytest.raises(InvalidInput, match="'joint' needs covariances of at least 4 degrees"):
+        fit_runs(MODEL, data, "joint")
+    assert fit_runs(MODEL, data).row_wise
+    with pytest.raises(InvalidInput, match="rows: 'both' is none of"):
+        fit_runs(MODEL, data, "both")  # type: ignore[arg-type]
+    C = data.covariance[..., 1:, 1:]
+    fewer = RunSpectra(POSITIONS, OMEGA, data.inputs, data.outputs[..., 1:], C)
+    with pytest.raises(InvalidInput, match="1 outputs of 2 inputs; the model has 2 of 2"):
+        fit_runs(MODEL, fewer)
+    with pytest.raises(InvalidInput, match="degrees_of_freedom: 2; 3 at least"):
+        replace(data, degrees_of_freedom=2)
+    with pytest.raises(InvalidInput, match="omega: positive rising"):
+        replace(data, omega=OMEGA[::-1])
+    with pytest.raises(InvalidInput, match="not Hermitian"):
+        replace(data, covariance=data.covariance + 1j)
+    with pytest.raises(InvalidInput, match="negative eigenvalues at 11 Hz"):
+        replace(data, covariance=data.covariance * np.where(np.eye(4), 1.0, 3.0))
+    with pytest.raises(InvalidInput, match=r"inputs, outputs: shapes"):
+        replace(data, inputs=data.inputs[:, :, :-1])
+    with pytest.raises(InvalidInput, match=r"covariance: shape"):
+        replace(data, covariance=data.covariance[..., :3, :3])
+    with pytest.raises(InvalidInput, match="outputs: finite numbers"):
+        replace(data, outputs=data.outputs * np.nan)
+
+
+def test_records_that_cannot_show_their_noise_are_refused() -> None:
+    records = bench_records(Bench(blocks=1, experiments=1, periods=1, noise=1e-6))
+    with pytest.raises(InvalidInput, match="position 1: noise 'periods' needs two periods"):
+        run_spectra(records, "periods")
+    with pytest.raises(InvalidInput, match="position 1: noise 'blocks' needs 2 runs a block"):
+        run_spectra(records, "blocks")
+    with pytest.raises(InvalidInput, match="noise 'none' is none of"):
+        run_spectra(records, "none")  # type: ignore[arg-type]
+
+
+def test_a_prior_counts_as_data() -> None:
+    data = noisy_runs(np.random.default_rng(2), 1)
+    prior = Prior(("k1",), TRUTH[:1], np.array([1e-6]))
+    fit = fit_runs(MODEL, data, prior=prior)
+    assert fit.parameters.values[0] == pytest.approx(TRUTH[0], rel=1e-5)
+    assert fit.covariance().std[0] == pytest.approx(1e-6, rel=1e-2)
+    assert "sml fit: converged" in str(fit)
