@@ -4,63 +4,88 @@ from importlib.metadata import version
 
 import numpy as np
 
-from estimators.fitting.least_squares import Fit
 from estimators.fitting.priors import Prior
 from estimators.trust.trust import Trust
 from robotmodels.common.arrays import Array, real_numbers
 from robotmodels.common.errors import InvalidInput
+from robotmodels.description.parameters import Parameters
 from robotmodels.description.robot_file import Fitted
 from robotmodels.elastic.robot import ElasticRobot
 from robotmodels.exports.robot_files import with_values
 from robotmodels.library.robot_digest import robot_digest
 from robotmodels.linear.derived_models import WithParameters
+from robotmodels.linear.response import Elastic
 
 
 def fitted_robot(
-    fit: Fit, trust: Trust | None = None, covariance: Array | None = None
+    fitted_model: Elastic,
+    values: Array,
+    trust: Trust,
+    provenance: dict[str, str],
+    covariance: Array | None = None,
 ) -> ElasticRobot:
-    """Return the robot of a fit with the fitted values, see `Fit.robot`."""
-    model = fit.model
+    """Return the robot of a fit with the fitted values, see `Fit.robot`.
+
+    Parameters
+    ----------
+    fitted_model : Elastic
+        Model that was fitted.
+    values : ndarray, (p,), SI
+        Fitted.
+    trust : Trust
+        Recommended intervals.
+    provenance : dict of str to str
+        What the fit rests on.
+    covariance : ndarray, (p, p), optional
+        Covariance of ln theta, whose correlations go along.
+
+    Raises
+    ------
+    InvalidInput
+        If the model is no robot, or no body can have the fitted inertia.
+    """
+    model = fitted_model
     while isinstance(model, WithParameters):
         model = model.model
     if not isinstance(model, ElasticRobot):
         raise InvalidInput(
-            f"robot: the fit is of a {type(fit.model).__name__}; only that of a robot has one"
+            f"robot: the fit is of a {type(fitted_model).__name__}; only that of a robot has one"
         )
-    trust = fit.trust if trust is None else trust
     std = {
         interval.name: float(trust.std[i])
         for i, interval in enumerate(trust.intervals)
         if interval.verdict.gives_interval and np.isfinite(trust.std[i]) and trust.std[i] > 0
     }
-    estimate = fit.estimate
-    low, high = estimate.omega[[0, -1]] / (2 * np.pi)
-    provenance = {
-        "program": f"elastic-robot-oed {version('elastic-robot-oed')}",
-        "start": f"robot file {model.name}, sha256 {robot_digest(model)}",
-        "data": f"FRFs at {len(estimate.positions)} positions and {len(estimate.omega)} lines "
-        f"from {low:.6g} to {high:.6g} Hz",
-        "fit": f"{fit.residual}, weights {fit.weighting or 'given'}, cost {fit.cost:.9g}, "
-        f"{'converged' if fit.converged else 'not converged'}",
-        "standard deviations": trust.method,
-        "verdict": trust.verdict.reason,
-    }
     fitted = Fitted(
         relative_std=std,
-        correlation=[] if covariance is None else _correlations(fit, list(std), covariance),
+        correlation=[]
+        if covariance is None
+        else _correlations(model.parameters, list(std), covariance),
         verdict=str(trust.verdict),
-        provenance=provenance,
+        provenance={
+            "program": f"elastic-robot-oed {version('elastic-robot-oed')}",
+            "start": f"robot file {model.name}, sha256 {robot_digest(model)}",
+            **provenance,
+            "standard deviations": trust.method,
+            "verdict": trust.verdict.reason,
+        },
     )
-    return with_values(model, fit.parameters.values, fitted)
+    return with_values(model, values, fitted)
 
 
-def _correlations(fit: Fit, names: list[str], covariance: Array) -> list[list[float]]:
+def lines_in_words(omega: Array) -> str:
+    """Return how many lines there are, and between which frequencies."""
+    low, high = omega[[0, -1]] / (2 * np.pi)
+    return f"{len(omega)} lines from {low:.6g} to {high:.6g} Hz"
+
+
+def _correlations(parameters: Parameters, names: list[str], covariance: Array) -> list[list[float]]:
     """Return the rows below the diagonal of the correlation matrix of some parameters."""
-    p = len(fit.parameters)
+    p = len(parameters)
     matrix = real_numbers(covariance, "covariance")
     if matrix.shape != (p, p):
         raise InvalidInput(f"covariance: shape {matrix.shape}; {(p, p)} is needed")
-    columns = [fit.parameters.index(name) for name in names]
+    columns = [parameters.index(name) for name in names]
     selected = matrix[np.ix_(columns, columns)]
     scale = np.sqrt(np.diag(selected))
     return [row[:i].tolist() for i, row in enumerate(selected / np.outer(scale, scale))]

@@ -173,9 +173,16 @@ class Fit(ReprHtml):
         SolverFailed
             If the search could not begin.
         """
-        from estimators.fitting.fitted_robot import fitted_robot
+        from estimators.fitting.fitted_robot import fitted_robot, lines_in_words
 
-        return fitted_robot(self, trust, covariance)
+        provenance = {
+            "data": f"FRFs at {len(self.estimate.positions)} positions and "
+            f"{lines_in_words(self.estimate.omega)}",
+            "fit": f"{self.residual}, weights {self.weighting or 'given'}, cost {self.cost:.9g}, "
+            f"{'converged' if self.converged else 'not converged'}",
+        }
+        values = self.parameters.values
+        return fitted_robot(self.model, values, trust or self.trust, provenance, covariance)
 
     def __str__(self) -> str:
         p = self.parameters

@@ -2,8 +2,7 @@
 
 import numpy as np
 
-from estimators.fitting.fit_problem import Problem
-from estimators.fitting.trust_region import Curvature, Objective, SearchResult
+from estimators.fitting.trust_region import Bounded, Curvature, Objective, SearchResult
 from robotmodels.common.arrays import Array
 from robotmodels.common.errors import IdentificationError
 
@@ -22,7 +21,7 @@ class _Point:
     Beyond a bound the cost is that at the bound: the search has no bounds of its own.
     """
 
-    def __init__(self, problem: Problem, objective: Objective, start: Array, limit: int) -> None:
+    def __init__(self, problem: Bounded, objective: Objective, start: Array, limit: int) -> None:
         self.objective, self.start, self.limit = objective, start, limit
         self.low, self.high = np.log(problem.bounds / start)
         self.evaluations, self.first, self.least = 0, np.nan, np.inf
@@ -47,7 +46,7 @@ class _Point:
 
 
 def quasi_newton(
-    problem: Problem,
+    problem: Bounded,
     objective: Objective,
     start: Array,
     max_evaluations: int,

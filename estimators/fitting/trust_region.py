@@ -9,6 +9,7 @@ import numpy as np
 from estimators.fitting.fit_problem import Problem
 from robotmodels.common.arrays import Array
 from robotmodels.common.errors import IdentificationError
+from robotmodels.linear.response import Elastic
 
 START_FAILED = -1
 STOPPED = -2
@@ -37,6 +38,20 @@ class SearchResult:
     message: str
     evaluations: int
     curvature: Curvature | None = None
+
+
+class Bounded(Protocol):
+    """What a search knows of its problem: the model, for names, and bounds (2, p)."""
+
+    @property
+    def model(self) -> Elastic:
+        """Model that is fitted."""
+        ...
+
+    @property
+    def bounds(self) -> Array:
+        """Lowest and highest values, (2, p)."""
+        ...
 
 
 class Objective(Protocol):
@@ -82,7 +97,7 @@ class Minimiser(Protocol):
 
     def __call__(
         self,
-        problem: Problem,
+        problem: Bounded,
         objective: Objective,
         start: Array,
         max_evaluations: int,
@@ -130,7 +145,7 @@ class _Point:
 
 
 def trust_region(
-    problem: Problem,
+    problem: Bounded,
     objective: Objective,
     start: Array,
     max_evaluations: int,
@@ -180,7 +195,7 @@ def exact_search(
     return minimise(problem, objective, start, max_evaluations, tolerance)
 
 
-def _message(problem: Problem, solution: Any) -> str:
+def _message(problem: Bounded, solution: Any) -> str:
     names = problem.model.parameters.names
     stuck = [name for name, side in zip(names, solution.active_mask, strict=True) if side]
     at = f"; at a bound: {', '.join(stuck)}" if stuck else ""

@@ -140,7 +140,7 @@ def measured_frf(
     signals: dict[str, Any] = {"delay": delay, "hold": hold}
     if local:
         method = covariance = _LOCAL
-    with _collected() as messages:
+    with collected_warnings() as messages:
         source = _source(path, elastic)
         with _stage(report, "FRFs"):
             visits = _visits(source, method, covariance, structure, signals)
@@ -213,7 +213,7 @@ def _modelled(estimate: FrfEstimate, robot: "ElasticRobot", path: Path) -> Compl
 
 
 @contextmanager
-def _collected() -> Iterator[list[str]]:
+def collected_warnings() -> Iterator[list[str]]:
     """Give a list of the warnings about the data, each once; others go where they would."""
     messages: list[str] = []
     with warnings.catch_warnings(record=True) as caught:

@@ -8,6 +8,7 @@ import numpy as np
 
 from estimators.fitting.fit_problem import checked_bounds, checked_start
 from estimators.fitting.fit_trust import judged_trust, model_directions
+from estimators.fitting.fitted_robot import fitted_robot, lines_in_words
 from estimators.fitting.priors import Prior
 from estimators.fitting.trust_region import Residuals, trust_region
 from estimators.input_output.likelihood import RunProblem
@@ -21,10 +22,11 @@ from estimators.trust.intervals import Interval, Verdict
 from estimators.trust.rule import gather_evidence, variance_scale
 from estimators.trust.trust import Trust
 from estimators.uncertainty.covariance import Uncertainty
-from robotmodels.common.arrays import Array, read_only
+from robotmodels.common.arrays import Array, ComplexArray, read_only
 from robotmodels.common.errors import InvalidInput, SolverFailed
 from robotmodels.common.printing import ReprHtml
 from robotmodels.description.parameters import Parameters
+from robotmodels.elastic.robot import ElasticRobot
 from robotmodels.linear.response import Elastic
 
 Rows = Literal["auto", "joint", "row_wise"]
@@ -107,7 +109,7 @@ class RunFit(ReprHtml):
         at = problem.sensitivities(values)
         errors = problem.errors(at[0])
 
-        def changes(changed: Array) -> Array:
+        def changes(changed: ComplexArray) -> ComplexArray:
             whitened = problem.whitened_changes(errors, changed)
             return np.asarray(whitened.reshape(*whitened.shape[:2], -1, whitened.shape[-1]))
 
@@ -137,6 +139,26 @@ class RunFit(ReprHtml):
         """
         matrix = error_covariance(self.problem, self.parameters.values)
         return Uncertainty(self.parameters.names, matrix, self._residual)
+
+    def robot(self) -> ElasticRobot:
+        """Return the robot with the fitted values, its uncertainty and where it comes from.
+
+        Raises
+        ------
+        InvalidInput
+            If the model that was fitted is no robot, or no body can have the fitted inertia.
+        NotIdentifiable
+            If the information is singular.
+        """
+        data = self.data
+        provenance = {
+            "data": f"{data.inputs.shape[1]} runs at each of {len(data.positions)} positions, "
+            f"{lines_in_words(data.omega)}",
+            "fit": f"{self._residual}, noise by {data.noise}, cost {self.cost:.9g}, "
+            f"{'converged' if self.converged else 'not converged'}",
+        }
+        values, covariance = self.parameters.values, self.covariance().covariance
+        return fitted_robot(self.model, values, self.trust, provenance, covariance)
 
     @property
     def _residual(self) -> str:

@@ -11,8 +11,10 @@ Pintelon and Schoukens, System Identification, 2nd edition.
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from estimators.fitting.priors import Prior
 from estimators.input_output.run_spectra import RunSpectra
@@ -69,7 +71,6 @@ class RunProblem:
     row_wise: bool
     bounds: Array
     prior: Prior | None = None
-    loss: str = "linear"
 
     @cached_property
     def _noise_root(self) -> ComplexArray:
@@ -100,25 +101,8 @@ class RunProblem:
         m, T = Y.shape[2], self._noise_root
         e = Y - response @ U
         X = T[..., :m, :] - response @ T[..., m:, :]
-        A = T[..., m:, :] @ np.conj(np.swapaxes(X, -1, -2))
-        sigma = X @ np.conj(np.swapaxes(X, -1, -2))
-        if self.row_wise:
-            std = np.linalg.norm(X, axis=-1)
-            if not (std > 0).all():
-                raise SolverFailed("runs: an output and the inputs have no noise at a line")
-            gain, whitened = A / std[..., None, :], e / std[..., None]
-            pulled = gain.swapaxes(-1, -2)[..., None] * whitened[..., None, :]  # (Q, F, m, n, E)
-            return Errors(std, whitened, U[:, :, None] - pulled, sigma, gain)
-        # A root of X X^H by orthogonal steps: squares would double the digits that noise spans.
-        L = np.conj(np.swapaxes(np.linalg.qr(np.conj(np.swapaxes(X, -1, -2)), mode="r"), -1, -2))
-        diagonal = np.abs(np.diagonal(L, axis1=-2, axis2=-1))
-        if not (diagonal > 1e-12 * diagonal.max(axis=-1, keepdims=True)).all():
-            raise SolverFailed(
-                "runs: the noise of some outputs is exactly that of others at a line"
-            )
-        whitened = np.linalg.solve(L, e)
-        gain = np.conj(np.swapaxes(np.linalg.solve(L, np.conj(np.swapaxes(A, -1, -2))), -1, -2))
-        return Errors(L, whitened, U - gain @ whitened, sigma, gain)
+        A = T[..., m:, :] @ _adjoint(X)
+        return (_row_by_row if self.row_wise else _jointly)(e, U, X, A)
 
     def whitened_changes(self, errors: Errors, changes: ComplexArray) -> ComplexArray:
         """Return L^-1 dG U0, (Q, F, m, E, r), of changes dG (Q, F, m, n, r) of the FRF."""
@@ -157,6 +141,35 @@ class RunProblem:
             raise SolverFailed("the model's FRF or its sensitivity is not finite")
         return G, J
 
-    def robust(self, squares: Array) -> Array:
-        """Return squared residuals and the derivatives of their sum, (3, r): no robust loss."""
-        return np.stack([squares, np.ones_like(squares), np.zeros_like(squares)])
+
+def _jointly(
+    error: ComplexArray, torque: ComplexArray, factor: ComplexArray, common: ComplexArray
+) -> Errors:
+    """Return the errors of outputs weighed together, with Sigma = X X^H of X = `factor`.
+
+    Its root comes by orthogonal steps: squares would double the digits that noise spans.
+    """
+    L = _adjoint(np.asarray(np.linalg.qr(_adjoint(factor), mode="r")))
+    diagonal = np.abs(np.diagonal(L, axis1=-2, axis2=-1))
+    if not (diagonal > 1e-12 * diagonal.max(axis=-1, keepdims=True)).all():
+        raise SolverFailed("runs: the noise of some outputs is exactly that of others at a line")
+    whitened = np.asarray(np.linalg.solve(L, error), dtype=complex)
+    gain = _adjoint(np.linalg.solve(L, _adjoint(common)))
+    return Errors(L, whitened, torque - gain @ whitened, factor @ _adjoint(factor), gain)
+
+
+def _row_by_row(
+    error: ComplexArray, torque: ComplexArray, factor: ComplexArray, common: ComplexArray
+) -> Errors:
+    """Return the errors of outputs weighed one by one, by the diagonal of X X^H, X = `factor`."""
+    std = np.linalg.norm(factor, axis=-1)
+    if not (std > 0).all():
+        raise SolverFailed("runs: an output and the inputs have no noise at a line")
+    gain = np.asarray(common / std[..., None, :], dtype=complex)
+    whitened = np.asarray(error / std[..., None], dtype=complex)
+    pulled = gain.swapaxes(-1, -2)[..., None] * whitened[..., None, :]  # (Q, F, m, n, E)
+    return Errors(std, whitened, torque[:, :, None] - pulled, factor @ _adjoint(factor), gain)
+
+
+def _adjoint(matrices: NDArray[Any]) -> ComplexArray:
+    return np.asarray(np.conj(np.swapaxes(matrices, -1, -2)), dtype=complex)

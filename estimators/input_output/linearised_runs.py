@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 
 from estimators.input_output.likelihood import Errors, RunProblem
-from estimators.trust.linearised_fit import LinearisedFit, sandwich
+from estimators.trust.linearised_fit import LinearisedFit, Lines, sandwich
 from robotmodels.common.arrays import Array, ComplexArray
 
 
@@ -42,7 +42,7 @@ def linearise_runs(problem: RunProblem, errors: Errors, jacobian: ComplexArray) 
     ones = np.ones((q, f, m * runs))
     rows = 1 if problem.row_wise else m
     size = expected_square(freedom, rows)
-    covariance = ones * size[:, None, None]
+    covariance: Lines = ones * size[:, None, None]
     if problem.row_wise and m > 1:
         covariance = size[:, None, None, None] * _correlation(errors, runs)
     prior = np.zeros((len(names),) * 2)

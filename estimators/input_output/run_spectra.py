@@ -2,9 +2,10 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
+from numpy.typing import NDArray
 
 from estimators.frf.block_checks import check_excited
 from estimators.frf.estimate_frf import Transient, check_choice, each_position, first_period
@@ -59,56 +60,45 @@ class RunSpectra(ReprHtml):
     noise: str = "declared"
 
     def __post_init__(self) -> None:
-        positions = real_numbers(self.positions, "positions")
-        omega = real_numbers(self.omega, "omega")
         inputs, outputs = (np.array(x, dtype=complex) for x in (self.inputs, self.outputs))
-        covariance = np.array(self.covariance, dtype=complex)
         if inputs.ndim != 4 or outputs.ndim != 4 or inputs.shape[:3] != outputs.shape[:3]:
             raise InvalidInput(
                 f"inputs, outputs: shapes {inputs.shape} and {outputs.shape}; (Q, E, F, n) and "
                 "(Q, E, F, m) are needed"
             )
         (q, _, f, n), m = inputs.shape, outputs.shape[3]
-        for name, array, shape in (
-            ("positions", positions, (q, *positions.shape[1:2])),
-            ("omega", omega, (f,)),
-            ("covariance", covariance, (q, f, m + n, m + n)),
-        ):
-            if array.shape != shape:
-                raise InvalidInput(f"{name}: shape {array.shape}; {shape} is needed")
-        for name, array in (
-            ("positions", positions), ("omega", omega), ("inputs", inputs),
-            ("outputs", outputs), ("covariance", covariance),
-        ):  # fmt: skip
-            if not np.isfinite(array).all() or not array.size:
-                raise InvalidInput(f"{name}: finite numbers are needed, at least one")
-        if not (omega[0] > 0 and (np.diff(omega) > 0).all()):
-            raise InvalidInput("omega: positive rising frequencies are needed [rad/s]")
+        arrays = {
+            "positions": real_numbers(self.positions, "positions"),
+            "omega": real_numbers(self.omega, "omega"),
+            "inputs": inputs,
+            "outputs": outputs,
+            "covariance": np.array(self.covariance, dtype=complex),
+        }
+        columns = arrays["positions"].shape[1:2]
+        shapes = {"positions": (q, *columns), "omega": (f,), "covariance": (q, f, m + n, m + n)}
+        _check_arrays(arrays, shapes)
+        _check_covariance(arrays["covariance"], arrays["omega"])
         freedom = np.broadcast_to(np.asarray(self.degrees_of_freedom, dtype=float), (q,)).copy()
         if not (freedom >= _FEWEST).all():
             raise InvalidInput(
                 f"degrees_of_freedom: {np.nanmin(freedom):g}; {_FEWEST} at least are needed"
             )
-        _check_covariance(covariance, m, omega)
-        for name, value in (
-            ("positions", positions), ("omega", omega), ("inputs", inputs), ("outputs", outputs),
-            ("covariance", covariance), ("degrees_of_freedom", freedom),
-        ):  # fmt: skip
+        for name, value in (*arrays.items(), ("degrees_of_freedom", freedom)):
             object.__setattr__(self, name, read_only(value))
 
     def subset(self, positions: IntArray) -> "RunSpectra":
         """Return the spectra of some positions."""
-        chosen = np.asarray(positions, dtype=np.int64)
+        rows = np.asarray(positions, dtype=np.int64)
         return RunSpectra(
-            self.positions[chosen], self.omega, self.inputs[chosen], self.outputs[chosen],
-            self.covariance[chosen], self.degrees_of_freedom[chosen], self.noise,
+            self.positions[rows], self.omega, self.inputs[rows], self.outputs[rows],
+            self.covariance[rows], self.degrees_of_freedom[rows], self.noise,
         )  # fmt: skip
 
     def __str__(self) -> str:
         q, e, f, n = self.inputs.shape
         return (
-            f"{q} positions, {e} runs each, {f} lines; {n} inputs, {self.outputs.shape[3]} "
-            f"outputs; noise: {self.noise}"
+            f"positions: {q}, runs in each: {e}, lines: {f}, inputs: {n}, outputs: "
+            f"{self.outputs.shape[3]}, noise by {self.noise}"
         )
 
 
@@ -259,7 +249,19 @@ def _runs(stacked: ComplexArray, m: int) -> tuple[ComplexArray, ComplexArray]:
     return by_run[..., :m], by_run[..., m:]
 
 
-def _check_covariance(covariance: ComplexArray, m: int, omega: Array) -> None:
+def _check_arrays(arrays: dict[str, NDArray[Any]], shapes: dict[str, tuple[int, ...]]) -> None:
+    """Refuse arrays of other shapes, numbers that are not finite, lines that do not rise."""
+    for name, array in arrays.items():
+        if array.shape != shapes.get(name, array.shape):
+            raise InvalidInput(f"{name}: shape {array.shape}; {shapes[name]} is needed")
+        if not (array.size and np.isfinite(array).all()):
+            raise InvalidInput(f"{name}: finite numbers are needed, at least one")
+    omega = arrays["omega"]
+    if not (omega[0] > 0 and (np.diff(omega) > 0).all()):
+        raise InvalidInput("omega: positive rising frequencies are needed [rad/s]")
+
+
+def _check_covariance(covariance: ComplexArray, omega: Array) -> None:
     """Refuse covariances that are none, and outputs or runs without any noise."""
     size = np.sqrt(np.abs(np.diagonal(covariance, axis1=-2, axis2=-1)))
     scale = np.where(size > 0, size, 1.0)

@@ -7,6 +7,7 @@ from reports.commands import (
     check,
     export,
     frf,
+    identify,
     init,
     replicate,
     report,
@@ -16,7 +17,20 @@ from reports.commands import (
     steps,
 )
 
-_IN_ORDER = (init, check, run, steps, replicate, report, export, simulate, frf, chains, schema)
+_IN_ORDER = (
+    init,
+    check,
+    run,
+    steps,
+    replicate,
+    report,
+    export,
+    simulate,
+    frf,
+    identify,
+    chains,
+    schema,
+)
 
 
 def register_all(app: typer.Typer) -> None:

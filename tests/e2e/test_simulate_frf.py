@@ -1,7 +1,9 @@
 """From an experiment file to records, from records to FRFs and their page: files alone."""
 
+import json
 import subprocess
 import sys
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -79,6 +81,42 @@ def test_other_formats_give_the_same_frfs(estimated, ending, tmp_path):
     assert (code, err) == (0, "")
     mine, other = read_frf(tmp_path / "there" / "frf.h5"), read_frf(folder / "frf.h5")
     assert np.abs(mine.response / other.response - 1).max() < 1e-12
+
+
+def test_identify_finds_the_springs_from_records(tmp_path):
+    noisy = EXPERIMENT.replace("1.0e-7", "1.0e-5").replace("results/axis", "noisy")
+    assert oed("simulate", write(tmp_path, noisy), "--workers", 1)[0] == 0
+    folder = tmp_path / "noisy"
+    records = read_records(folder / "records.h5")
+    single = {k: getattr(records, k)[:, :1] for k in ("reference", "torque", "angle", "saturated")}
+    write_records(tmp_path / "one.h5", replace(records, **single))
+    truth = robotmodels.load_robot("moberg_axis1")
+    for path, kind in ((folder / "records.h5", "periods"), (tmp_path / "one.h5", "detection")):
+        code, out, err = oed(
+            "identify", "moberg_axis1", path, "--noise", kind, "-o", tmp_path, "--json"
+        )
+        assert (code, err) == (0, "")
+        said = json.loads(out)
+        assert said["reached"] == 4
+        assert said["verdict"] == "trustworthy"
+        low, high = np.array([(one["low"], one["high"]) for one in said["intervals"]]).T
+        assert (np.log(high / low) < 0.1).all()
+        middle = np.log(np.sqrt(low * high) / truth.parameters.values)
+        assert (np.abs(middle) < 2 * np.log(high / low)).all()  # well beyond four deviations
+        robot = robotmodels.load_robot(said["file"])
+        assert set(robot.file.fitted.relative_std) == set(truth.parameters.names)
+        assert kind in robot.file.fitted.provenance["fit"]
+    code, out, err = oed("identify", "moberg_axis1", tmp_path / "one.h5", "-o", tmp_path)
+    assert (code, err) == (0, "")
+    assert "runs in each: 1" in out
+    assert "N m/rad" in out
+    assert "trustworthy" in out
+    code, out, err = oed("identify", "ur10", tmp_path / "one.h5", "-o", tmp_path)
+    assert code == 2
+    assert "(Q, 6) is needed, one column per motor" in err
+    code, _, err = oed("identify", "moberg_axis1", tmp_path / "one.h5", "--noise", "blocks")
+    assert code == 2
+    assert "noise 'blocks' needs 1 runs a block, two blocks" in err
 
 
 def test_measured_torques_are_not_held(estimated, tmp_path):

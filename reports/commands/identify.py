@@ -1,0 +1,118 @@
+"""``oed identify``: springs and dampers from records, without a study."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from reports.commands.options import (
+    AsJson,
+    BesideRecords,
+    Delay,
+    Hold,
+    Records,
+    robot_names,
+    say,
+    warn,
+)
+from reports.commands.workers import one_thread_each
+
+if TYPE_CHECKING:
+    from estimators import RunFit
+
+_SEED = 1  # of the starts
+
+
+def register(app: typer.Typer) -> None:
+    """Add the command."""
+    app.command()(identify)
+
+
+def identify(
+    robot: Annotated[
+        str,
+        typer.Argument(help="Built-in robot, or a robot file.", autocompletion=robot_names),
+    ],
+    records: Records,
+    noise: Annotated[
+        str, typer.Option(help="Where noise is seen: auto, blocks, periods or detection.")
+    ] = "auto",
+    rows: Annotated[
+        str, typer.Option(help="Outputs weighed jointly or one by one: auto, joint or row_wise.")
+    ] = "auto",
+    starts: Annotated[int, typer.Option(min=1, max=10_000, help="Searches.")] = 4,
+    decades: Annotated[
+        float, typer.Option(min=0, max=2.9, help="Starts are off by 10^U(-decades, decades).")
+    ] = 0.3,
+    delay: Delay = 0.0,
+    hold: Hold = True,
+    output: BesideRecords = None,
+    as_json: AsJson = False,
+) -> None:
+    """Fit a robot to records by maximum likelihood: any number of runs a position, one will do.
+
+    Noise of torques and angles counts alike. Writes the identified robot as a robot file.
+
+    Example: oed identify manutec_r3 out/manutec_r3_experiment/records.h5
+    """
+    one_thread_each()
+    import numpy as np
+
+    from estimators.fitting.multistart import perturbed_starts
+    from estimators.frf.file_formats import read_records
+    from estimators.frf.frf_from_records import collected_warnings
+    from estimators.input_output.fit_runs import fit_runs
+    from estimators.input_output.run_spectra import run_spectra
+    from robotmodels import load_robot, save_robot
+
+    model = load_robot(robot)
+    with collected_warnings() as warnings:
+        data = run_spectra(read_records(records), noise, delay=delay, hold=hold)  # type: ignore[arg-type]
+    begins = perturbed_starts(model.parameters, starts, decades, np.random.default_rng(_SEED))
+    fits = sorted(
+        (fit_runs(model, data, rows, begin) for begin in begins),  # type: ignore[arg-type]
+        key=lambda fit: fit.cost,
+    )
+    fit = fits[0]
+    reached = sum(other.cost <= fit.cost * (1 + 1e-6) for other in fits)
+    target = (records.parent if output is None else output) / f"{model.name}_identified.yaml"
+    save_robot(fit.robot(), target)
+    warn(warnings)
+    say(
+        lambda: _summary(fit, reached, starts, target), lambda: _json(fit, reached, target), as_json
+    )
+
+
+def _summary(fit: "RunFit", reached: int, starts: int, written: Path) -> str:
+    from reports.sections.verdict import interval_words
+    from reports.summaries.columns import hung, plain
+
+    ratio = fit.cost / fit.expected_cost
+    lines = [
+        ("runs", str(fit.data)),
+        ("fit", f"cost {ratio:.3f} times what noise makes of it; {reached} of {starts} starts"),
+        *(
+            (one.name, plain(f"{interval_words(one)} {unit}"))
+            for one, unit in zip(fit.intervals(), fit.parameters.units, strict=True)
+        ),
+        ("verdict", f"{fit.verdict}: {fit.verdict.reason}"),
+        ("written", str(written)),
+    ]
+    width = max(len(name) for name, _ in lines)
+    printed = [getattr(fit.model, "name", "model")]
+    for name, words in lines:
+        printed += hung(f"  {name:<{width}}  ", words, width + 4)
+    return "\n".join(printed)
+
+
+def _json(fit: "RunFit", reached: int, written: Path) -> dict[str, object]:
+    trust = fit.trust.document()
+    return {
+        "schema": "identify/1",
+        "cost": fit.cost,
+        "expected_cost": fit.expected_cost,
+        "row_wise": fit.row_wise,
+        "reached": reached,
+        **{key: trust[key] for key in ("verdict", "reason", "intervals")},
+        "file": str(written),
+    }
