@@ -90,6 +90,7 @@ def _models(results: FittedStudy, published: Replication) -> Section:
             ),
             "Sorted normalised costs of all models, with the paper's choices",
         ),
+        stopped=0 if other is None else int((other.evaluation.converged == 0).sum()),
         user=user,
         optimal=optimal,
         shares=tables.shares(published),
