@@ -89,6 +89,18 @@ def run_weights(method: str, input: ComplexArray, reference: ComplexArray) -> Co
     return np.asarray(instrument @ np.expand_dims(np.linalg.inv(total), _BLOCKS))
 
 
+def effective_runs(method: str, input: ComplexArray, reference: ComplexArray) -> float:
+    """Return of how many runs' noise errors are made, at most lines and motors.
+
+    (sum |w|^2)^2 / sum |w|^4 over runs and blocks, see `run_weights`: as many as there are where
+    all weigh alike, one of each block where a run tells its motor alone. The lowest decile over
+    lines and motors, so that hardly any variance counts as more certain than it is.
+    """
+    power = np.abs(run_weights(method, input, reference)) ** 2
+    axes = (_BLOCKS, _BLOCKS + 1)
+    return float(np.quantile(power.sum(axis=axes) ** 2 / (power**2).sum(axis=axes), 0.1))
+
+
 def jackknife(
     method: Method, output: ComplexArray, input: ComplexArray, reference: ComplexArray
 ) -> tuple[ComplexArray, ComplexArray]:

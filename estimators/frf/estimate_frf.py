@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from estimators.frf.averaging import (
     SUMMING,
     covariance_of,
+    effective_runs,
     find_method,
     jackknife,
     noise_deviations,
@@ -242,7 +243,7 @@ def with_deviations(
         response = find_method(method)(Y, U, R)
         noise = [np.moveaxis(a, 2, 0) for a in (measured.noise_output, measured.noise_input)]
         draws = noise_deviations(method, response, noise[0], noise[1], U, R)
-        freedom = float(measured.noise_bins * measured.present.sum())
+        freedom = measured.noise_bins * effective_runs(method, U, R)
     return response, above_rounding(draws, response), freedom
 
 

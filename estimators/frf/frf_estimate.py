@@ -152,7 +152,7 @@ class FrfEstimate(ReprHtml):
     @cached_property
     def pooled_noise(self) -> PooledNoise:
         """Variances (Q, F, m, n) from neighbouring lines."""
-        return pooled_noise(self.variance, self._freedom, self.deviations)
+        return pooled_noise(self.variance, self._freedom, self.deviations, self.response)
 
     @property
     def pooled_variance(self) -> Array:

@@ -18,6 +18,10 @@ _SHARE = 20  # of the lines, to either side, where that is more
 _MANY_LINES = 100
 _GAP_SHARE = 15  # at most a fifteenth of the lines is left out to either side
 _FORGOTTEN = 0.1  # squared correlation at which lines count as independent
+_ALIKE = 1e-6  # gains of rows and columns, as those of a single motor
+_CLEAR = (
+    10.0  # noise power below which gains count as flat, so that errors do not weight themselves
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,17 +47,23 @@ class PooledNoise:
 
 
 def pooled_noise(
-    variances: Array, degrees_of_freedom: Array, deviations: ComplexArray | None = None
+    variances: Array,
+    degrees_of_freedom: Array,
+    deviations: ComplexArray | None = None,
+    response: ComplexArray | None = None,
 ) -> PooledNoise:
     """Return variances of lines from those of their neighbours.
 
     The geometric mean over one to three lines, or a twentieth of all, to either side, whichever
     predicts the variances of an element best, times nu/exp(digamma(nu)), by which the logarithm of
-    a variance with nu complex degrees of freedom is too small on average. Where variances change
-    from line to line, as at resonances, log s^2 less its prediction scatters by more than
-    trigamma(nu), the variance of log s^2 itself: the excess over the whole is the best share of the
-    line's own one. One standard deviation of the estimated whole is given up, and a quarter of nu
-    is the most, beyond which weights scatter too much.
+    a variance with nu complex degrees of freedom is too small on average. Noise grows with the
+    gains of the motor that moves (what a loop lets through) and of the output (what disturbs it),
+    at resonances perhaps in a single line: powers of their norms, by least squares over the other
+    lines, are part of the prediction where it is better so. Where variances still change from line
+    to line, log s^2 less its prediction scatters by more than trigamma(nu), the variance of log s^2
+    itself: the excess over the whole is the best share of the line's own one. One standard
+    deviation of the estimated whole is given up, and a quarter of nu is the most, beyond which
+    weights scatter too much.
 
     Neighbours whose errors are correlated say what the line itself says: there as many lines as
     possible are averaged, none has a share of its own, and of 100 lines and more the nearest are
@@ -67,6 +77,8 @@ def pooled_noise(
         Complex ones of the variances.
     deviations : ndarray of complex, (Q, R, F, ...), optional
         Draws that the variances were made of; without them lines may be correlated.
+    response : ndarray of complex, (Q, F, m, n), optional
+        FRFs whose variances these are.
     """
     from scipy.special import digamma, polygamma
 
@@ -85,7 +97,11 @@ def pooled_noise(
         white = not gap
     gap = min(gap, lines // _GAP_SHARE) if lines >= _MANY_LINES else 0
     widths = (widest, *_HALF_WIDTHS[1:]) if white else (widest,)
-    means = np.stack([_neighbour_mean(logs, width, gap) for width in widths])
+    predictions = [_neighbour_mean(logs, width, gap) for width in widths]
+    if response is not None:
+        gains = _log_gains(response, np.exp(_neighbour_mean(logs, widest, 0)))
+        predictions += [_by_gains(logs, gains, width, gap) for width in widths]
+    means = np.stack(predictions)
     squares = ((logs - means) ** 2).mean(axis=2, keepdims=True)
     best = squares.argmin(axis=0)[None]
     mean = np.take_along_axis(means, best, axis=0)[0]
@@ -99,6 +115,36 @@ def pooled_noise(
     pooled = np.where(declared, variances, np.exp(mean) * bias)
     mixed = np.exp((1 - share) * mean + share * logs) * bias
     return PooledNoise(pooled, share, np.where(declared, variances, mixed), r)
+
+
+def _log_gains(response: ComplexArray, noise: Array) -> Array:
+    """Return logarithms of squared norms of columns and rows, (Q, F, m, n, 2), above the noise."""
+    power = np.abs(response) ** 2 + _CLEAR * noise
+    norms = np.stack(
+        [np.broadcast_to(power.sum(axis=axis, keepdims=True), power.shape) for axis in (-2, -1)],
+        axis=-1,
+    )
+    return np.asarray(np.log(norms))
+
+
+def _by_gains(logs: Array, gains: Array, width: int, gap: int) -> Array:
+    """Return neighbours' means, corrected by those powers of the gains that other lines show.
+
+    Lines whose neighbours' mean knows the variance of the line itself are none of the others.
+    """
+    mean = _neighbour_mean(logs, width, gap)
+    apart = gains - _neighbour_mean(gains, width, gap)  # (Q, F, m, n, 2)
+    index = np.arange(logs.shape[1])
+    others = (np.abs(index[:, None] - index) > width + gap).astype(float)
+    squares = _along_lines(others, apart[..., :, None] * apart[..., None, :])
+    products = _along_lines(others, apart * (logs - mean)[..., None])
+    powers = np.linalg.pinv(squares, rcond=_ALIKE, hermitian=True) @ products[..., None]
+    return np.asarray(mean + (apart * powers[..., 0]).sum(axis=-1))
+
+
+def _along_lines(weights: Array, values: Array) -> Array:
+    """Return sums over lines (axis 1) with weights (F, F)."""
+    return np.asarray(np.moveaxis(np.tensordot(weights, values, axes=(1, 1)), 0, 1))
 
 
 def pooled_covariances(
@@ -136,8 +182,7 @@ def _neighbour_mean(values: Array, width: int, gap: int) -> Array:
     index = np.arange(values.shape[1])
     distance = np.abs(index[:, None] - index)
     near = (distance <= width + gap) & (distance > gap)
-    share = near / near.sum(axis=1, keepdims=True)
-    return np.asarray(np.moveaxis(np.tensordot(share, values, axes=(1, 1)), 0, 1))
+    return _along_lines(near / near.sum(axis=1, keepdims=True), values)
 
 
 def _lag_one(white: NDArray[Any]) -> float:

@@ -5,6 +5,7 @@ from closed_loop import FEEDBACK, RESPONSE, circular, loop_spectra
 from estimators.frf.averaging import (
     METHODS,
     covariance_of,
+    effective_runs,
     find_method,
     jackknife,
     noise_deviations,
@@ -117,6 +118,21 @@ def test_noise_and_total_covariance_agree_for_a_linear_plant():
     distorted = Y + 0.1 * circular(Y.shape, np.random.default_rng(9))
     G, c = estimate_and_covariance("ari", distorted, U, R)
     assert trace(c).mean() > 2 * by_noise("ari", G)
+
+
+def test_variances_of_noise_scatter_as_the_runs_that_they_are_made_of():
+    """1/nu is the relative variance of a variance: one run of a block may tell a motor alone."""
+    rng = np.random.default_rng(6)
+    B, trials, G = 4, 20_000, np.zeros((2, 2), dtype=complex)
+    alone = np.tile(np.diag([1.0, 3.0]) + 0.01j, (B, 1, 1))
+    together = np.tile(np.array([[1.0, 1.0], [1.0, -1.0]]) + 0j, (B, 1, 1))
+    for U, expected in ((alone, B), (together, 2 * B)):
+        assert effective_runs("ari", U, U) == pytest.approx(expected, rel=1e-3)
+        error = circular((trials, B, 1, 2, 2), rng)
+        draws = noise_deviations("ari", G, error, np.zeros_like(error), U, U)
+        s2 = (np.abs(draws) ** 2).sum(axis=1)
+        scatter = (s2.var(axis=0) / s2.mean(axis=0) ** 2).mean()
+        assert 1 / scatter == pytest.approx(expected, rel=0.05)
 
 
 @pytest.mark.parametrize("method", METHODS)

@@ -91,6 +91,38 @@ def test_a_line_has_a_share_of_its_own_where_neighbours_differ(seed):
     assert noise.line_share[0, 0, 1] > 0.8
 
 
+@pytest.mark.parametrize("seed", SEEDS)
+def test_variances_follow_resonances_of_one_line_by_their_gains(seed):
+    rng = np.random.default_rng(seed)
+    nu, lines = 12, 120
+    gains = np.exp(0.1 * rng.standard_normal((1, lines, 2, 2)))
+    gains[:, 15::20] *= rng.uniform(10, 50, (1, 6, 1, 1))
+    # Feedback lets noise into a column's torque as its motor answers.
+    true = np.broadcast_to(1e-6 * (gains**2).sum(axis=-2, keepdims=True), gains.shape)
+    s2 = true * rng.gamma(nu, 1 / nu, true.shape)
+    noise = pooled_noise(s2, np.array([float(nu)]), response=gains * (1 + 0j))
+    assert np.abs(np.log(noise.variance / true)).max() < 2.0
+    # Negative control: neighbours alone miss the peaks by their height.
+    alone = pooled_noise(s2, np.array([float(nu)])).variance
+    assert np.abs(np.log(alone / true)).max() > 4.0
+    # Were errors larger than the gains, they would not weight themselves.
+    noisy = 30 * np.sqrt(s2) * complex_normal(rng, s2.shape)
+    buried = pooled_noise(s2 / s2, np.array([float(nu)]), response=noisy)
+    np.testing.assert_allclose(buried.variance, buried.variance.mean(), rtol=1e-6)
+
+
+def test_the_power_of_the_gains_is_independent_of_the_line_itself():
+    rng = np.random.default_rng(0)
+    gains = np.ones((1, 60, 1, 1), dtype=complex)
+    gains[:, [20, 40]] = 30.0
+    s2 = 1e-6 * np.abs(gains) ** 2 * rng.gamma(12, 1 / 12, gains.shape)
+    other = s2.copy()
+    other[0, 20] *= 3.0
+    nu = np.array([12.0])
+    first, second = (pooled_noise(v, nu, response=gains).variance[0, 20] for v in (s2, other))
+    np.testing.assert_allclose(first, second, rtol=1e-3)
+
+
 @pytest.mark.parametrize(("nu", "share"), [(3, 0.5), (3, 0.75), (19, 1.0), (1, 0.25)])
 def test_the_scatter_of_lines_that_weight_themselves_is_enlarged_exactly(nu, share):
     """E[g^-2q] = nu/(nu - 2 q) E[g^(1 - 2 q)], by draws; without the factor it fails."""

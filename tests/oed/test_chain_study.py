@@ -1,10 +1,17 @@
 """A study of coupled chains: its file, its records, and what comes out of them."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 import yaml
 
-from oed.chain_study.run_chain_study import controlled_response, run_chain_study
+from estimators.chain_dampers.chains_from_records import measured_chains
+from oed.chain_study.run_chain_study import (
+    controlled_response,
+    run_chain_study,
+    simulated_records,
+)
 from oed.chain_study.study_file import load_chain_study, study_chains, study_controller
 from robotmodels.common.errors import InvalidInput, SolverFailed
 from robotmodels.linear.chain_responses import position_controlled
@@ -76,6 +83,27 @@ def test_responses_under_the_controllers_are_those_that_were_measured(results):
     expected = spring.frequency_response(responses.omega[low])[:, 0, 0]
     assert np.abs(model[low] / expected - 1).max() < 0.05
     assert np.median(np.abs(responses.direct[:, 0] / model - 1)) < 1e-2
+
+
+CASE_STUDY = Path(__file__).parents[2] / "studies" / "coupled_chains.yaml"
+
+
+def test_chains_with_resonances_of_one_line_are_trusted(tmp_path):
+    """Of three true models at most one may be called wrong by chance; a mass 10 % off always is."""
+    study = load_chain_study(CASE_STUDY)
+    truth = study_chains(study.chains)
+    motors = ("one", "two", "three")
+    controller = study_controller(study.experiment, motors)
+    path, verdicts = tmp_path / "records.h5", []
+    for seed in (3, 4, 8):
+        records = simulated_records(
+            study.model_copy(update={"seed": seed}), truth, controller, motors
+        )
+        records.save(path)
+        verdicts.append(str(measured_chains(path, 3).recommended.verdict))
+    assert verdicts.count("model error") <= 1
+    wrong = measured_chains(path, 3, first_masses=truth.masses[:, 0] * [1.1, 1.0, 1.0])
+    assert wrong.recommended.verdict == "model error"
 
 
 def test_the_seed_decides(results, tmp_path):
