@@ -153,6 +153,24 @@ def measured(tmp_path):
     return path, robot.parameters.values
 
 
+def test_fit_says_in_one_line_what_is_wrong_with_a_file_of_frfs(measured):
+    from dataclasses import replace
+
+    path, _ = measured
+    right = estimators.read_frf(path.parent / "frf.h5")
+    factor = np.degrees(1.0)
+    degrees = replace(
+        right, response=factor * right.response, covariance=factor**2 * right.covariance
+    )
+    for data, expected in ((right, 0), (degrees, 1)):
+        estimators.write_frf(path.parent / "frf.h5", data)
+        code, out, err = oed("fit", path, "--workers", 1)
+        assert code == 0, err
+        said = [line for line in out.splitlines() if "CHECK" in line]
+        assert len(said) == expected, out
+    assert "angles look like degrees: gain 5" in said[0]
+
+
 def test_measured_frfs_are_fitted_without_candidates(measured):
     path, truth = measured
     with drawn():
