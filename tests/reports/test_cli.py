@@ -117,7 +117,7 @@ def test_init_says_which_files_it_takes(oed, tmp_path):
     (tmp_path / "README.md").write_text("# Title\n", encoding="utf-8")
     code, _, err = oed("init", str(tmp_path / "README.md"))
     assert code == 2
-    assert "a URDF (.urdf, .xml) or a robot file (.yaml) is needed" in err
+    assert "a URDF (.urdf), xacro (.xacro), MJCF (.xml) or robot file (.yaml) is needed" in err
 
 
 def test_help_shows_examples(oed):
