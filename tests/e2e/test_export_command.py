@@ -74,6 +74,27 @@ def test_the_robot_file_of_a_study_is_start_and_prior_of_the_next(study: Path) -
     assert "has no fitted.relative_std of a free parameter" in err
 
 
+def test_draws_are_exported_as_uncertain_as_the_fit(study: Path, tmp_path: Path) -> None:
+    words = "--to", "robot", "--draws", "30", "-o"
+    first = exported(study, *words, tmp_path / "a.yaml")["files"]
+    again = exported(study, *words, tmp_path / "b.yaml")["files"]
+    assert [Path(name).name for name in first[:2]] == ["a.yaml", "a-01.yaml"]
+    robots = [robotmodels.load_robot(name) for name in first]
+    values = np.log([robot.parameters.values for robot in robots])
+    repeated = np.log([robotmodels.load_robot(name).parameters.values for name in again])
+    np.testing.assert_array_equal(values, repeated)
+    std = np.array(list(robots[0].file.fitted.relative_std.values()))
+    ratio = values[1:].std(axis=0, ddof=1) / std  # the file's are the recommended ones
+    assert (ratio > 0.4).all()
+    assert (ratio < 2.0).all()
+    correlation = robots[0].file.fitted.correlation
+    assert [len(row) for row in correlation] == list(range(len(std)))
+    (tmp_path / "robot.yaml").write_text(ROBOT)
+    code, _, err = oed("export", tmp_path / "robot.yaml", "--to", "mjcf", "--draws", "2")
+    assert code == 2
+    assert "--draws: a study is needed, whose fit has a covariance" in err
+
+
 def test_robots_are_exported_at_positions_in_degrees(tmp_path: Path) -> None:
     (tmp_path / "robot.yaml").write_text(ROBOT)
     target = tmp_path / "deep" / "x.json"
