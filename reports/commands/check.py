@@ -32,7 +32,7 @@ def check(
 
     Example: oed check ur10 --position 0,-90,90,0,45,0
     """
-    from reports.commands.check_options import guesses, read_band, read_position
+    from reports.commands.check_options import guesses, locked_followers, read_band, read_position
     from reports.summaries.robot_summary import robot_json, robot_summary
     from robotmodels import load_robot
     from robotmodels.checks.diagnosis import diagnose
@@ -43,6 +43,6 @@ def check(
     model = load_robot(robot)
     diagnosis = diagnose(model, read_position(model, position), read_band(band))
     show = robot_json if as_json else robot_summary
-    warnings = (*guesses(robot), *suspicions(diagnosis))
+    warnings = (*guesses(robot), *locked_followers(model), *suspicions(diagnosis))
     unused = unused_parts(model.model_file, beside_robot_file=True)
     typer.echo(printable(show(diagnosis, warnings, model.file, unused)))

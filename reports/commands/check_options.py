@@ -74,6 +74,18 @@ def guesses(robot: str) -> list[Suspicion]:
     return [Suspicion("guesses", (), message)]
 
 
+def locked_followers(robot: ElasticRobot) -> list[Suspicion]:
+    """Return which joints are locked although the model file couples them to one that moves."""
+    return [
+        Suspicion(
+            "lock",
+            (name,),
+            f"{name} is locked, but follows {leader} in the model file (mimic), which moves",
+        )
+        for name, leader in robot.locked_followers.items()
+    ]
+
+
 def _numbers(option: str, words: str, example: str) -> list[float]:
     try:
         return [float(word) for word in words.split(",")]

@@ -8,14 +8,16 @@ from reports.commands.init_options import ModelOptions, model_options
 from reports.commands.init_robot import path_from, robot_text
 from reports.commands.init_study import study_text
 from robotmodels import ElasticRobot, load_robot
+from robotmodels.checks.coupled_joints import locked_couplings
 from robotmodels.checks.model_doubts import doubts_about
 from robotmodels.checks.proposed_drives import (
     Drive,
     moving_joints,
     propose_drives,
 )
-from robotmodels.checks.sub_chain import locked_joints, rest_angle
+from robotmodels.checks.sub_chain import locked_joints
 from robotmodels.common.errors import InvalidInput
+from robotmodels.description.joint_drives import couplings
 from robotmodels.description.model_files import ModelFile, refuse_other_formats
 from robotmodels.description.unused_elements import unused_parts
 from robotmodels.description.urdf import PACKAGE_PREFIX, locate
@@ -74,10 +76,9 @@ def _of_model_file(robot: str, folder: Path, options: ModelOptions) -> StarterFi
     name = default_folder(robot).name
     source = ModelFile(locate(robot, Path()), options.arguments, options.packages)
     joints, checked = moving_joints(source), checked_urdf(source)
-    coupled = {name for j in joints if j.leader for name in (j.name, j.leader)}
-    locked = {j.name: rest_angle(j) for j in joints if j.name in coupled}
-    locked |= locked_joints(joints, checked, options.chain)
-    moving = [j for j in joints if j.name not in locked]
+    locked = locked_joints(joints, checked, options.chain)
+    locked = locked_couplings(joints, couplings(checked), locked)
+    moving = [j for j in joints if j.name not in locked and j.leader is None]
     _check_count(robot, len(moving))
     drives = propose_drives(moving)
     content = robot_text(name, urdf, drives, locked, source, folder)

@@ -1,6 +1,6 @@
 """Moving joints of a model file, drives proposed for them, and joints without a use."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -9,6 +9,7 @@ import pinocchio as pin
 from robotmodels.common.arrays import Array
 from robotmodels.common.errors import NoEquilibrium
 from robotmodels.description.joint_drives import (
+    Coupling,
     JointDrive,
     couplings,
     drive_fillers,
@@ -76,14 +77,14 @@ def moving_joints(source: ModelSource) -> tuple[UrdfJoint, ...]:
     model, checked = rigid_model(source, {}), checked_urdf(source)
     followers, drives, fillers = couplings(checked), joint_drives(checked), drive_fillers(checked)
     low, high, middle = _ranges(model)
-    loads = np.diag(pin.crba(model, model.createData(), middle))
+    loads = _loads(model, middle, followers)
     return tuple(
         UrdfJoint(
             name=name,
             prismatic=not motion[3:].any(),
             low=float(low[j]),
             high=float(high[j]),
-            load=max(float(loads[model.joints[j + 1].idx_v]), _LEAST_INERTIA),
+            load=max(loads[name], _LEAST_INERTIA),
             across=_across(motion),
             leader=followers[name].leader if name in followers else None,
             carrier=model.names[model.parents[j + 1]] if model.parents[j + 1] else None,
@@ -92,6 +93,22 @@ def moving_joints(source: ModelSource) -> tuple[UrdfJoint, ...]:
         )
         for j, (name, motion) in enumerate(zip(list(model.names)[1:], motions(model), strict=True))
     )
+
+
+def _loads(model: pin.Model, middle: Array, followers: Mapping[str, Coupling]) -> dict[str, float]:
+    """Return what each joint moves [kg m^2 or kg], followers of a leader with it."""
+    names = list(model.names)[1:]
+    mass = pin.crba(model, model.createData(), middle)
+    column = {name: model.joints[model.getJointId(name)].idx_v for name in names}
+    loads = {}
+    for name in names:
+        motion = np.zeros(model.nv)
+        motion[column[name]] = 1.0
+        for follower, coupling in followers.items():
+            if coupling.leader == name:
+                motion[column[follower]] = coupling.multiplier
+        loads[name] = float(motion @ mass @ motion)
+    return loads
 
 
 def _ranges(model: pin.Model) -> tuple[list[float], list[float], Array]:

@@ -4,7 +4,7 @@ import xml.etree.ElementTree as ET
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-from robotmodels.common.errors import InvalidInput
+from robotmodels.common.errors import InvalidInput, nearest
 from robotmodels.common.printing import decimal
 from robotmodels.description.ranges import MOST_LIMIT
 from robotmodels.description.urdf_elements import only_child, read_number
@@ -155,14 +155,39 @@ def _is_filler(key: str, value: float) -> bool:
 
 
 def couplings(checked: ET.Element) -> dict[str, Coupling]:
-    """Return which joints of a checked URDF follow which others (``<mimic>``)."""
-    mimics = ((str(j.get("name")), j.find("mimic")) for j in checked.iter("joint"))
-    return {
-        name: Coupling(
-            str(mimic.get("joint")),
-            float(mimic.get("multiplier", "1")),
-            float(mimic.get("offset", "0")),
-        )
-        for name, mimic in mimics
-        if mimic is not None
-    }
+    """Return which joints of a checked URDF follow which independent ones (``<mimic>``).
+
+    Raises
+    ------
+    InvalidInput
+        If a leader is not a moving joint, or joints follow each other in a circle.
+    """
+    direct = dict(_mimics(checked))
+    moving = [str(j.get("name")) for j in checked.iter("joint") if j.find("drive") is not None]
+    resolved = {}
+    for name, coupling in direct.items():
+        seen = {name}
+        while coupling.leader in direct:
+            if coupling.leader in seen:
+                raise InvalidInput(f"joint {name!r} mimics itself, by way of {coupling.leader!r}")
+            seen.add(coupling.leader)
+            above = direct[coupling.leader]
+            coupling = Coupling(
+                above.leader,
+                coupling.multiplier * above.multiplier,
+                coupling.multiplier * above.offset + coupling.offset,
+            )
+        if coupling.leader not in moving:
+            raise InvalidInput(
+                f"joint {name!r} mimics {coupling.leader!r}, which is not a moving joint"
+                f"{nearest(coupling.leader, moving)}"
+            )
+        resolved[name] = coupling
+    return resolved
+
+
+def _mimics(checked: ET.Element) -> Iterator[tuple[str, Coupling]]:
+    for joint in checked.iter("joint"):
+        if (mimic := joint.find("mimic")) is not None:
+            multiplier, offset = (float(mimic.get(key, "0")) for key in ("multiplier", "offset"))
+            yield str(joint.get("name")), Coupling(str(mimic.get("joint")), multiplier, offset)

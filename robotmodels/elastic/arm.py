@@ -1,5 +1,6 @@
 """The elastic arm as a Pinocchio model: torsion joints inserted before drives and at cuts."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -8,8 +9,10 @@ import pinocchio as pin
 
 from robotmodels.common.arrays import Array, BoolArray, IntArray
 from robotmodels.common.errors import InvalidInput
+from robotmodels.description.joint_drives import Coupling
 from robotmodels.description.robot_file import RobotFile
 from robotmodels.description.urdf import unknown_joint
+from robotmodels.elastic.coordinate_map import CoordinateMap, coordinate_map
 from robotmodels.elastic.segments import Segment, link_frame, segments
 
 _AXES = {"x": np.eye(3)[0], "y": np.eye(3)[1], "z": np.eye(3)[2]}
@@ -26,14 +29,22 @@ class Arm:
     model : pin.Model
         One degree of freedom per joint; joint names are URDF joint names and spring names.
     coordinate : dict of str to int
-        Index of each joint name in the configuration vector.
+        Index of each joint that follows none among the d coordinates.
     urdf_joints : tuple of str
         Names of the URDF's joints, base to tool.
+    coordinate_map : CoordinateMap or None
+        From the d coordinates to those of all joints; None where no joint follows another.
     """
 
     model: pin.Model
     coordinate: dict[str, int]
     urdf_joints: tuple[str, ...]
+    coordinate_map: CoordinateMap | None = None
+
+    @property
+    def size(self) -> int:
+        """Number d of independent coordinates."""
+        return len(self.coordinate)
 
     @cached_property
     def carries(self) -> BoolArray:
@@ -56,8 +67,10 @@ class Arm:
         return np.where(self.carries, entries, entries.T).ravel()
 
 
-def build_arm(file: RobotFile, rigid: pin.Model) -> Arm:
-    """Insert the passive torsions of `file` into the rigid model.
+def build_arm(
+    file: RobotFile, rigid: pin.Model, couplings: Mapping[str, Coupling] | None = None
+) -> Arm:
+    """Insert the passive torsions of `file` into the rigid model; some of its joints follow others.
 
     Raises
     ------
@@ -65,7 +78,7 @@ def build_arm(file: RobotFile, rigid: pin.Model) -> Arm:
         If a spring or payload names a joint or link that does not exist, a torsion axis is not
         orthogonal to its drive, or a part cut off a link is not physically consistent.
     """
-    return _Builder(file, rigid).build()
+    return _Builder(file, rigid).build(couplings or {})
 
 
 class _Builder:
@@ -81,13 +94,14 @@ class _Builder:
             for name in rigid.names
         }
 
-    def build(self) -> Arm:
+    def build(self, couplings: Mapping[str, Coupling]) -> Arm:
         self._check_names()
         self._add_body(0, 0)
         names = list(self.model.names)[1:]
         order = {n: self.model.joints[self.model.getJointId(n)].idx_q for n in names}
+        coordinate, reduction = coordinate_map(sorted(names, key=order.__getitem__), couplings)
         urdf_joints = tuple(n for n in names if self.rigid.existJointName(n))
-        return Arm(self.model, order, urdf_joints)
+        return Arm(self.model, coordinate, urdf_joints, reduction)
 
     def _check_names(self) -> None:
         joints = list(self.rigid.names)[1:]

@@ -26,9 +26,9 @@ class Gravity:
     ----------
     arm : Arm
         The arm.
-    turned : ndarray, (3, Q, d), m/s^2
-        w x gravity of each joint.
-    moments : ndarray, (3, Q, d)
+    turned : ndarray, (3, Q, D), m/s^2
+        w x gravity of each of the D joints.
+    moments : ndarray, (3, Q, D)
         L of each joint [kg m], of one that slides [kg].
     """
 
@@ -39,7 +39,9 @@ class Gravity:
     @cached_property
     def torques(self) -> Array:
         """The gravity torques g, (Q, d) [N m or N]."""
-        return np.asarray(np.einsum("k,kqd->qd", -self.arm.model.gravity.linear, self.moments))
+        torques = np.einsum("k,kqd->qd", -self.arm.model.gravity.linear, self.moments)
+        reduction = self.arm.coordinate_map
+        return np.asarray(torques if reduction is None else torques @ reduction.matrix)
 
     @property
     def slopes(self) -> Array:
@@ -49,7 +51,9 @@ class Gravity:
         slopes = products.reshape(-1, entries.size)[:, entries]
         if not self.arm.serial:
             slopes *= (self.arm.carries | self.arm.carries.T).ravel()
-        return np.asarray(slopes.reshape(products.shape))
+        slopes = slopes.reshape(products.shape)
+        reduction = self.arm.coordinate_map
+        return np.asarray(slopes if reduction is None else reduction.congruent(slopes))
 
     def write_slopes(self, out: Array) -> None:
         """Write dg/dq to `out`, (Q, d, d), in parts that stay in the cache."""
@@ -59,25 +63,32 @@ class Gravity:
 
     def slopes_times(self, shift: Array) -> Array:
         """Return dg/dq times `shift`, (Q, d), without forming dg/dq."""
-        carries = self.arm.carries
+        carries, reduction = self.arm.carries, self.arm.coordinate_map
+        shift = shift if reduction is None else shift @ reduction.matrix.T
         carried = (self.moments * shift) @ carries.T
         carriers = (self.turned * shift) @ (carries & ~carries.T)
-        return np.asarray((self.turned * carried + self.moments * carriers).sum(axis=0))
+        products = (self.turned * carried + self.moments * carriers).sum(axis=0)
+        return np.asarray(products if reduction is None else products @ reduction.matrix)
 
     @property
     def slope_bounds(self) -> Array:
         """Bounds on the sum of magnitudes in each row of dg/dq, (Q, d)."""
         carries = self.arm.carries
         turned, moments = (np.sqrt((a * a).sum(axis=0)) for a in (self.turned, self.moments))
-        return np.asarray(turned * (moments @ carries.T) + moments * (turned @ carries))
+        bounds = turned * (moments @ carries.T) + moments * (turned @ carries)
+        if (reduction := self.arm.coordinate_map) is not None:
+            sizes = np.abs(reduction.matrix)
+            bounds = bounds @ sizes * sizes.sum(axis=1).max()
+        return np.asarray(bounds)
 
 
 def gravity(arm: Arm, coordinates: Array) -> Gravity:
     """Return gravity at `coordinates` (Q, d) [rad or m]."""
     model, data = arm.model, arm.model.createData()
-    axes, moments = (np.empty((*coordinates.shape, k)) for k in (6, 3))
+    joints = _joints(arm, coordinates)
+    axes, moments = (np.empty((*joints.shape, k)) for k in (6, 3))
     turning, moving = _columns(data.J, 6), _columns(data.Jcom, 3)
-    for i, q in enumerate(coordinates):
+    for i, q in enumerate(joints):
         pin.jacobianCenterOfMass(model, data, q)
         axes[i] = turning
         moments[i] = moving
@@ -87,29 +98,36 @@ def gravity(arm: Arm, coordinates: Array) -> Gravity:
 def mass_and_gravity(arm: Arm, coordinates: Array, size: int) -> tuple[Array, Gravity]:
     """Return mass matrices padded with zeros, (Q, size, size), and gravity at `coordinates`."""
     model, data = arm.model, arm.model.createData()
-    axes, moments = np.empty((2, *coordinates.shape, 6))
+    joints, reduction = _joints(arm, coordinates), arm.coordinate_map
+    axes, moments = np.empty((2, *joints.shape, 6))
     mass = np.zeros((len(coordinates), size, size))
-    arm_mass = mass[:, : model.nv, : model.nv]
+    arm_mass = mass[:, : arm.size, : arm.size]
     # On the way to the mass matrix, columns of Ag become the momentum of all that a joint moves.
     turning, moving, matrix = (
         _columns(a, k) for a, k in ((data.J, 6), (data.Ag, 6), (data.M, model.nv))
     )
-    for i, q in enumerate(coordinates):
+    for i, q in enumerate(joints):
         pin.crba(model, data, q, pin.Convention.WORLD)
         axes[i] = turning
         moments[i] = moving
-        arm_mass[i] = matrix
+        arm_mass[i] = matrix if reduction is None else reduction.congruent(matrix)
     return mass, _gravity(arm, axes, moments[..., :3])
 
 
 def mass_matrices(arm: Arm, coordinates: Array) -> Array:
     """Return the mass matrices (Q, d, d) at `coordinates` (Q, d)."""
-    return mass_and_gravity(arm, coordinates, arm.model.nv)[0]
+    return mass_and_gravity(arm, coordinates, arm.size)[0]
 
 
 def gravity_torques(arm: Arm, coordinates: Array) -> Array:
     """Return gravity torques g, (Q, d), at `coordinates` (Q, d)."""
     return gravity(arm, coordinates).torques
+
+
+def _joints(arm: Arm, coordinates: Array) -> Array:
+    """Return the coordinates of all joints."""
+    reduction = arm.coordinate_map
+    return coordinates if reduction is None else reduction.joints(coordinates)
 
 
 def _columns(matrix: Array, rows: int) -> Array:

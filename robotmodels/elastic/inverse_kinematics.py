@@ -108,15 +108,24 @@ class _Reach:
         self.frame = link_frame(self.model, tool.link, "tool")
         self.at = np.asarray(tool.at, dtype=float)
         self.axis = np.asarray(tool.axis, dtype=float) / np.linalg.norm(tool.axis)
-        joints = [self.model.getJointId(joint) for joint in robot.motor_joints]
-        self.columns = [self.model.joints[joint].idx_v for joint in joints]
+        # How all joints turn with the motors, those that follow others included.
+        self.turned = np.zeros((self.model.nv, len(robot.motor_joints)))
+        for j, joint in enumerate(robot.motor_joints):
+            self.turned[self._column(joint), j] = 1.0
+            for follower, coupling in robot.couplings.items():
+                if coupling.leader == joint:
+                    self.turned[self._column(follower), j] = coupling.multiplier
+
+    def _column(self, joint: str) -> int:
+        return int(self.model.joints[self.model.getJointId(joint)].idx_v)
 
     def __call__(self, position: Array) -> tuple[Array, Array, Array, Array]:
         """Return point, axis, and their derivatives (3, n) by the position (n,)."""
         (q,) = configurations(self.robot, position[None])
-        jacobian = pin.computeFrameJacobian(
-            self.model, self.data, q, self.frame, pin.LOCAL_WORLD_ALIGNED
-        )[:, self.columns]
+        jacobian = (
+            pin.computeFrameJacobian(self.model, self.data, q, self.frame, pin.LOCAL_WORLD_ALIGNED)
+            @ self.turned
+        )
         pin.updateFramePlacement(self.model, self.data, self.frame)
         placement = self.data.oMf[self.frame]
         arm, axis = placement.rotation @ self.at, placement.rotation @ self.axis

@@ -15,11 +15,16 @@ def configurations(robot: ElasticRobot, positions: Array) -> Array:
     """
     rigid = robot.rigid
     q = np.tile(pin.neutral(rigid), (len(positions), 1))
-    for name, angles in zip(robot.motor_joints, np.asarray(positions, dtype=float).T, strict=True):
+    columns = np.asarray(positions, dtype=float).T
+    angles = dict(zip(robot.motor_joints, columns, strict=True))
+    for follower, coupling in robot.couplings.items():
+        leader = angles.get(coupling.leader, np.zeros(len(positions)))
+        angles[follower] = coupling.multiplier * leader + coupling.offset
+    for name, values in angles.items():
         joint = rigid.joints[rigid.getJointId(name)]
         # A continuous joint stores cosine and sine.
-        values = [np.cos(angles), np.sin(angles)] if joint.nq == 2 else [angles]
-        q[:, joint.idx_q : joint.idx_q + joint.nq] = np.transpose(values)
+        stored = [np.cos(values), np.sin(values)] if joint.nq == 2 else [values]
+        q[:, joint.idx_q : joint.idx_q + joint.nq] = np.transpose(stored)
     return q
 
 

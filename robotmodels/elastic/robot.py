@@ -11,7 +11,7 @@ from robotmodels.common.arrays import Array, BoolArray, real_numbers
 from robotmodels.common.deprecation import renamed_keywords
 from robotmodels.common.errors import InvalidInput
 from robotmodels.common.file_paths import absolute
-from robotmodels.description.joint_drives import couplings
+from robotmodels.description.joint_drives import Coupling, couplings
 from robotmodels.description.model_files import ModelFile
 from robotmodels.description.parameters import Parameters
 from robotmodels.description.robot_file import RobotFile, Spring
@@ -67,6 +67,22 @@ class ElasticRobot:
         return ModelFile(path, xacro.argument_words, folders)
 
     @cached_property
+    def _all_couplings(self) -> dict[str, Coupling]:
+        return couplings(checked_urdf(self.model_file))
+
+    @cached_property
+    def couplings(self) -> dict[str, Coupling]:
+        """Joints that follow others (``<mimic>``) and are not locked."""
+        joints = set(self.rigid.names)
+        return {name: c for name, c in self._all_couplings.items() if name in joints}
+
+    @property
+    def locked_followers(self) -> dict[str, str]:
+        """Joints that are locked although they follow one that moves, and which."""
+        lock, all_couplings = self.file.lock, self._all_couplings.items()
+        return {n: c.leader for n, c in all_couplings if n in lock and c.leader not in lock}
+
+    @cached_property
     def rigid(self) -> pin.Model:
         """The rigid Pinocchio model with the joints of `lock` fixed."""
         return rigid_model(self.model_file, self.file.lock)
@@ -74,7 +90,7 @@ class ElasticRobot:
     @cached_property
     def arm(self) -> Arm:
         """The elastic arm."""
-        return build_arm(self.file, self.rigid)
+        return build_arm(self.file, self.rigid, self.couplings)
 
     @cached_property
     def layout(self) -> Layout:
@@ -98,7 +114,7 @@ class ElasticRobot:
         file = self.elements.file_at(theta)
         moved = any(a.at != b.at for a, b in zip(file.springs, self.file.springs, strict=True))
         same = file.payload == self.file.payload and not moved
-        return Layout(file, self.arm if same else build_arm(file, self.rigid))
+        return Layout(file, self.arm if same else build_arm(file, self.rigid, self.couplings))
 
     @cached_property
     def parameters(self) -> Parameters:
@@ -129,15 +145,25 @@ class ElasticRobot:
     def position_limits(self) -> Array:
         """Lower and upper joint limits of the motors' joints, (n, 2) [rad or m].
 
-        A continuous joint, which has none, gets one turn.
+        A continuous joint, which has none, gets one turn. Those of joints that follow count too.
         """
+        limits = {name: self._limits_of(name) for name in self.motor_joints}
+        for follower, coupling in self.couplings.items():
+            if coupling.leader in limits and coupling.multiplier:
+                low, high = sorted(
+                    (end - coupling.offset) / coupling.multiplier
+                    for end in self._limits_of(follower)
+                )
+                least, most = limits[coupling.leader]
+                limits[coupling.leader] = max(low, least), min(high, most)
+        return np.array([limits[name] for name in self.motor_joints])
+
+    def _limits_of(self, name: str) -> tuple[float, float]:
+        joint = self.rigid.joints[self.rigid.getJointId(name)]
+        if joint.nq == 2:
+            return -np.pi, np.pi
         low, high = self.rigid.lowerPositionLimit, self.rigid.upperPositionLimit
-        limits = []
-        for name in self.motor_joints:
-            joint = self.rigid.joints[self.rigid.getJointId(name)]
-            i = joint.idx_q
-            limits.append((-np.pi, np.pi) if joint.nq == 2 else (low[i], high[i]))
-        return np.array(limits)
+        return float(low[joint.idx_q]), float(high[joint.idx_q])
 
     @cached_property
     def turning(self) -> BoolArray:
@@ -309,18 +335,27 @@ class ElasticRobot:
                 what = f"motor {motor.name!r}: {motor.joint!r}"
                 raise InvalidInput(unknown_joint(what, motor.joint, joints, self.file.lock))
         supported = {*self.motor_joints, *(s.joint for s in self.file.springs if s.axis == "drive")}
-        loose = [j for j in joints if j not in supported]
+        followers = self.couplings
+        for name in sorted(str(joint) for joint in supported if joint in followers):
+            raise InvalidInput(
+                f"joint {name!r} follows {followers[name].leader!r} (mimic) and has neither "
+                "motor nor drive spring of its own"
+            )
+        loose = [j for j in joints if j not in supported and j not in followers]
         if loose:
             raise InvalidInput(
                 f"joints without motor or drive spring: {', '.join(loose)}; "
                 "give each a motor or hold it under 'lock'"
             )
-        for joint, coupling in couplings(checked_urdf(self.model_file)).items():
-            if joint in joints:
+        for name, coupling in self._all_couplings.items():
+            if name in joints and coupling.leader not in joints:
                 raise InvalidInput(
-                    f"joint {joint!r} mimics {coupling.leader!r}; coupled joints are not "
-                    "supported, hold it under 'lock'"
+                    f"joint {name!r} follows {coupling.leader!r}, which is locked; lock it as "
+                    f"well, at {self._follower_angle(coupling):.6g}"
                 )
+
+    def _follower_angle(self, coupling: Coupling) -> float:
+        return coupling.multiplier * self.file.lock.get(coupling.leader, 0.0) + coupling.offset
 
 
 def _called(spring: Spring) -> str:

@@ -32,7 +32,7 @@ class Layout:
     @property
     def arm_size(self) -> int:
         """Number of the arm's coordinates."""
-        return int(self.arm.model.nv)
+        return self.arm.size
 
     @property
     def size(self) -> int:
@@ -181,8 +181,10 @@ def _accelerometers(layout: Layout, coordinates: Array) -> tuple[Array, Array]:
     """
     model, file = layout.arm.model, layout.file
     data = model.createData()
+    reduction = layout.arm.coordinate_map
+    joints = coordinates if reduction is None else reduction.joints(coordinates)
     tilt, acceleration = np.zeros((2, len(coordinates), len(file.accelerometers), model.nv))
-    for i, q in enumerate(coordinates):
+    for i, q in enumerate(joints):
         pin.computeJointJacobians(model, data, q)
         pin.updateFramePlacements(model, data)
         for j, sensor in enumerate(file.accelerometers):
@@ -192,4 +194,6 @@ def _accelerometers(layout: Layout, coordinates: Array) -> tuple[Array, Array]:
             u = data.oMf[frame].rotation @ axis
             acceleration[i, j] = u @ jacobian[:3]
             tilt[i, j] = -np.cross(u, model.gravity.linear) @ jacobian[3:]
+    if reduction is not None:
+        return tilt @ reduction.matrix, acceleration @ reduction.matrix
     return tilt, acceleration

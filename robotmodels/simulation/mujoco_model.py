@@ -191,6 +191,11 @@ class PlantBuilder:
         name = joint.child if joint.child != "world" else "link world"
         body = parent.add_body(name=name, pos=frame + position, quat=quaternion)
         if joint.kind != "fixed" and not locked:
+            if joint.leader is not None:
+                raise InvalidInput(
+                    f"joint {joint.name!r} follows {joint.leader!r}: coupled joints are not for "
+                    "simulations in closed loop and MJCF; lock both for them"
+                )
             for spring in self.file.springs:
                 if spring.joint == joint.name and spring.axis != "drive":
                     _add_torsion(body, spring)

@@ -33,7 +33,7 @@ class Inertial:
 
 @dataclass(frozen=True, eq=False)
 class Joint:
-    """A joint and its child link."""
+    """A joint, its child link, and the joint that it follows (``<mimic>``)."""
 
     name: str
     kind: str
@@ -41,6 +41,7 @@ class Joint:
     position: Array
     rotation: Rotation
     axis: Array
+    leader: str | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,6 +71,7 @@ def read_tree(source: ModelSource) -> Tree:
                 position,
                 rotation,
                 axis / np.linalg.norm(axis),
+                None if (mimic := element.find("mimic")) is None else mimic.get("joint"),
             )
         )
         children.add(child)

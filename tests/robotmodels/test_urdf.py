@@ -203,18 +203,26 @@ def test_zero_inertias_are_refused_where_a_motion_moves_no_mass(tmp_path: Path) 
     assert line.startswith("a motion about 'hinge' moves no mass")
 
 
-def test_a_joint_that_mimics_another_must_be_locked(tmp_path: Path) -> None:
+def test_a_joint_that_mimics_another_has_no_motor(tmp_path: Path) -> None:
     text = (HERE / "crane.urdf").read_text()
     coupled = text.replace('"nod" type="revolute">', '"nod" type="revolute"><mimic joint="lean"/>')
     (tmp_path / "coupled.urdf").write_text(coupled)
     content = changed(CRANE, urdf="coupled.urdf")
     line = refusal(content, tmp_path)
     assert line == (
-        "joint 'nod' mimics 'lean'; coupled joints are not supported, hold it under 'lock'"
+        "joint 'nod' follows 'lean' (mimic) and has neither motor nor drive spring of its own"
     )
     content["motors"] = [m for m in content["motors"] if m["joint"] != "nod"]
+    content["springs"] = [
+        s for s in content["springs"] if (s.get("joint"), s["axis"]) != ("nod", "drive")
+    ]
+    robot = ElasticRobot(RobotFile.model_validate(content), tmp_path)
+    assert robot.couplings["nod"].leader == "lean"
+    with pytest.raises(InvalidInput, match="joint 'nod' follows 'lean': coupled joints are not"):
+        build_plant(robot.file, robot.model_file)
     content["lock"] = {"flap": 0.4, "nod": 0.1}
-    assert ElasticRobot(RobotFile.model_validate(content), tmp_path)
+    locked = ElasticRobot(RobotFile.model_validate(content), tmp_path)
+    assert locked.locked_followers == {"nod": "lean"}
 
 
 def test_another_kind_of_xml_is_refused(tmp_path: Path) -> None:
