@@ -151,6 +151,10 @@ class Surroundings:
         return self._things[pair[0]].link, self._things[pair[1]].link
 
 
+_TOUCHING = -1e-6
+"""Margin for none [m]: at exactly 0 Coal's answers depend on what it compared before."""
+
+
 class _Checker:
     """Compares pairs of shapes."""
 
@@ -170,10 +174,9 @@ class _Checker:
         for i, j in self.pairs:
             self.geometry.addCollisionPair(pin.CollisionPair(i, j))
         self.placed = pin.GeometryData(self.geometry)
-        for request in self.placed.collisionRequests:
-            request.security_margin = margin
         self.request = coal.CollisionRequest()
-        self.request.security_margin = margin
+        for request in (*self.placed.collisionRequests, self.request):
+            request.security_margin = margin or _TOUCHING
 
     def __call__(self, configured: Array, progress: Progress | None = None) -> BoolArray:
         """Return which pairs touch, (Q, pairs)."""

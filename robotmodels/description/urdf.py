@@ -176,6 +176,8 @@ def check_moments(mass: float, inertia: Array, who: str) -> None:
     if not mass > 0:
         raise InvalidInput(f"{who} has mass {mass:g} kg; a positive mass is needed")
     moments = np.linalg.eigvalsh(inertia)
+    if np.abs(moments).max() < _DUST:
+        return
     # A point mass may have moments of rounding: those of a body of a tenth of a millimetre.
     rounding = 1e-9 * max(moments[2], 0.0) + 1e-8 * mass
     if moments[0] < -rounding or inconsistency(inertia) > _MOST_INCONSISTENT:
@@ -187,6 +189,9 @@ def check_moments(mass: float, inertia: Array, who: str) -> None:
             f"that is so has xx, xy, xz, yy, yz, zz = {', '.join(f'{m:.6g}' for m in entries)}"
         )
 
+
+_DUST = 1e-15
+"""Moment of inertia of a grain of sand [kg m^2]: what is below stands for nothing."""
 
 _MOST_INCONSISTENT = 0.15
 """Of inertias that are used: makers publish rounded ones, and some 8 % off."""

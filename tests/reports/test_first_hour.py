@@ -121,6 +121,7 @@ def test_more_motors_than_arrays_have_axes(tmp_path):
 
 def test_moments_of_rounding_and_massless_links_are_used(tmp_path):
     check_moments(0.01, np.diag([-5e-20, 0.0, 0.0]), "point")
+    check_moments(1e-15, np.diag([-1.8e-22, 0.0, 4.1e-18]), "placeholder")
     with pytest.raises(InvalidInput, match="not physically consistent"):
         check_moments(0.01, np.diag([-5e-9, 0.0, 0.0]), "point")
     wrist = (link("beam", mass=0), link("hand"), joint("nod", "beam", "hand", "1 0 0"))

@@ -5,12 +5,17 @@ from pathlib import Path
 import coal
 import mujoco
 import numpy as np
+import pinocchio as pin
 import pytest
 from collision_arm import ORIGINS, SHAPES, arm, shape, urdf
+from robots import built
 from scipy.spatial.transform import Rotation
 
 from robotmodels import Box, InvalidInput, Plane, Sphere, load_robot, surroundings
+from robotmodels.checks.proposed_drives import moving_joints
+from robotmodels.checks.sub_chain import rest_angle
 from robotmodels.description.urdf import locate
+from robotmodels.elastic.rigid_pose import configurations
 from robotmodels.simulation.urdf_tree import read_tree
 
 STRAIGHT = np.zeros(3)
@@ -346,3 +351,44 @@ def _write_tetrahedron(path, size):
     facets = np.zeros(4, dtype="(3,)<f4,(3,3)<f4,<u2")
     facets["f1"] = corners[np.array(faces)]
     path.write_bytes(b"\0" * 80 + struct.pack("<I", 4) + facets.tobytes())
+
+
+def test_collisions_of_a_position_depend_on_it_alone_and_are_those_of_distances(tmp_path):
+    """At a margin of exactly 0 Coal forgets some pairs, by what it compared before."""
+    reference = "example-robot-data:baxter_description/urdf/baxter.urdf"
+    axes = ("s1", "e0", "e1", "w0", "w1")
+    joints = [f"{side}_{axis}" for side in ("left", "right") for axis in axes]
+    held = [j for j in moving_joints(locate(reference, tmp_path)) if j.name not in joints]
+    content = {
+        "schema": "robot/1",
+        "name": "baxter",
+        "urdf": reference,
+        "lock": {joint.name: rest_angle(joint) for joint in held},
+        "motors": [
+            {"name": f"m{i}", "joint": j, "gear_ratio": 100, "inertia": 1e-4}
+            for i, j in enumerate(joints)
+        ],
+        "springs": [
+            {"name": f"d{i}", "joint": j, "axis": "drive", "stiffness": 1e5, "damping": 1}
+            for i, j in enumerate(joints)
+        ],
+    }
+    robot = built(content)
+    low, high = robot.position_limits.T
+    positions = np.random.default_rng(0).uniform(low, high, (60, len(low)))
+    checker = surroundings(robot)._checker
+    configured = configurations(robot, positions)
+    forwards, backwards = checker(configured), checker(configured[::-1])[::-1]
+    assert np.array_equal(forwards, backwards)
+    data = robot.rigid.createData()
+    for q, touching in zip(configured[:20], forwards[:20], strict=True):
+        pin.forwardKinematics(robot.rigid, data, q)
+        for (i, j), touches in zip(checker.pairs, touching, strict=True):
+            first, second = checker.shapes[i], checker.shapes[j]
+            if first.mesh is not None and second.mesh is not None:
+                continue
+            placements = [data.oMi[s.joint] * s.placement for s in (first, second)]
+            at = [coal.Transform3s(p.rotation, p.translation) for p in placements]
+            request, result = coal.DistanceRequest(), coal.DistanceResult()
+            distance = coal.distance(first.hull, at[0], second.hull, at[1], request, result)
+            assert abs(distance) < 1e-5 or touches == (distance < 0)

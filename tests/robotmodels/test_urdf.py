@@ -264,7 +264,7 @@ def test_a_missing_file_is_named(tmp_path: Path) -> None:
         (
             PANDA,
             {},
-            "joints without motor or drive spring: panda_finger_joint1, panda_finger_joint2",
+            "joints without motor or drive spring: panda_finger_joint1; give each a motor",
         ),
     ],
 )
