@@ -50,6 +50,7 @@ def experiment_plan(
     crest_iterations: int = 0,
     start: Sequence[float] | Array | None = None,
     reorder: bool = False,
+    runs: int = 0,
     progress: Progress | None = None,
 ) -> ExperimentPlan:
     """Draw the phases of a plan; the same `rng` gives the same plan.
@@ -83,6 +84,8 @@ def experiment_plan(
     reorder : bool
         Visit the positions in the order that shortens the moves from `start` on, see
         `visiting_order`; `order` of the plan tells it, and the time saved.
+    runs : int
+        Of a block; 0 for as many as motors.
     progress : Progress, optional
         Called with the number of visits done and their total.
 
@@ -114,6 +117,7 @@ def experiment_plan(
         start=begin,
         order=order,
         ramp=ramp,
+        runs=runs,
     )
 
 

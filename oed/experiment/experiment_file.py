@@ -9,6 +9,8 @@ joint). Where a key is "per motor", one number serves all motors and a list has 
     positions:                   # where to measure, one angle per motor, in this order
       - [0.0, 0.5, -0.8, 0.0, 0.6, 0.0]
     repetitions: [2]             # experiments in each; one by default
+    runs: 6                      # of a block; as many as motors by default, which FRFs need, fewer
+                                 # for `oed identify`
     # design: ../out/r3/design.json    in place of positions and repetitions: those of a study
     multisine:
       band: [1.0, 50.0]          # [Hz]
@@ -198,6 +200,7 @@ class Experiment(ExcitationSettings):
     positions: Annotated[list[list[Coordinate]], Field(min_length=1)] | None = None
     repetitions: list[Count] | None = None
     design: Path | None = None
+    runs: Annotated[int, Field(ge=0, le=64)] = 0  # of a block; 0 for as many as motors
     seed: Seed = 1
     output: Path
 

@@ -18,10 +18,10 @@ from robotmodels.common.errors import InvalidInput
 
 @dataclass(frozen=True, eq=False)
 class ExperimentPlan:
-    """Visits to positions, in order; in each, blocks of n runs.
+    """Visits to positions, in order; in each, blocks of runs.
 
     A position with r repetitions is visited r times in a row. A visit has B blocks of n
-    runs each; a run repeats one period of the reference, first until transients
+    runs each, or fewer; a run repeats one period of the reference, first until transients
     have died out, then as often as is measured. Every visit and every block has different phases.
 
     Attributes
@@ -50,6 +50,9 @@ class ExperimentPlan:
         Where the robot is before the first move; the first position by default.
     order : VisitingOrder or None
         How the positions were put in order and what that saves; None if they are not reordered.
+    runs : int
+        Of each block; 0 stands for n, as many as FRFs need. Fewer are the first of n orthogonal
+        ones, for `estimators.fit_runs`.
 
     Raises
     ------
@@ -70,6 +73,7 @@ class ExperimentPlan:
     start: Array | None = None
     order: VisitingOrder | None = None
     ramp: bool = False
+    runs: int = 0
 
     def __post_init__(self) -> None:
         positions = self.moves.check(self.positions)
@@ -83,6 +87,7 @@ class ExperimentPlan:
             raise InvalidInput(
                 f"multisine: {self.multisine.inputs} inputs; the robot has {n} motors"
             )
+        object.__setattr__(self, "runs", _checked_runs(self.runs, n))
         phases = _checked_phases(self.phases, visits, (len(self.multisine.lines), n))
         scale = np.array(self.scale, dtype=float)
         if scale.shape != (visits,) or not (np.isfinite(scale) & (scale > 0)).all():
@@ -120,7 +125,8 @@ class ExperimentPlan:
 
     def reference(self, visit: int) -> Array:
         """Return one period of the signals of a visit, (B, E, N, n) [rad/s, motor shaft]."""
-        return np.asarray(self.scale[visit] * self.multisine.reference(self.phases[visit]))
+        signals = self.multisine.reference(self.phases[visit])[:, : self.runs]
+        return np.asarray(self.scale[visit] * signals)
 
     @property
     def envelope(self) -> Array:
@@ -146,7 +152,7 @@ class ExperimentPlan:
     @property
     def excitation_duration(self) -> float:
         """Time under excitation, transients included [s]."""
-        periods = len(self.phases) * self.blocks * self.multisine.inputs
+        periods = len(self.phases) * self.blocks * self.runs
         return periods * (self.periods + self.transient_periods) * self.multisine.period
 
     @property
@@ -195,6 +201,14 @@ class ExperimentPlan:
                 f"{plan.blocks}"
             )
         return plan
+
+
+def _checked_runs(runs: int, motors: int) -> int:
+    """Return the runs of a block, as many as motors for 0."""
+    runs = check_count(runs, "runs", 0)
+    if runs > motors:
+        raise InvalidInput(f"runs: {runs}; a block has 1 to {motors}, as many as motors")
+    return runs or motors
 
 
 def _checked_phases(values: Array, visits: int, shape: tuple[int, int]) -> Array:
@@ -260,6 +274,7 @@ def _plan_of(file: PlanFile, arrays: dict[str, Any]) -> ExperimentPlan:
         start=np.array(file.moves.start),
         order=_order(file.order, len(file.positions)),
         ramp=file.ramp,
+        runs=file.runs,
     )
 
 
@@ -273,6 +288,7 @@ def _document(plan: ExperimentPlan) -> dict[str, Any]:
         "motors": list(plan.motors),
         "duration": plan.duration,
         "blocks": plan.blocks,
+        "runs": plan.runs,
         "periods": plan.periods,
         "transient_periods": plan.transient_periods,
         "ramp": plan.ramp,

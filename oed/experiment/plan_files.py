@@ -86,6 +86,7 @@ class PlanFile(FileSection):
     motors: list[str]
     duration: float
     blocks: Count
+    runs: Annotated[int, Field(ge=0)] = 0
     periods: Count
     transient_periods: Count
     ramp: bool = False

@@ -78,7 +78,8 @@ def prepare(experiment: Experiment, progress: StageProgress | None = None) -> Pr
     robot = load_robot(experiment.robot)
     positions, repetitions = planned_positions(experiment, robot.name)
     rng = np.random.default_rng(experiment.seed)
-    return prepare_in(experiment, robot, positions, repetitions, rng, progress)
+    runs = experiment.runs
+    return prepare_in(experiment, robot, positions, repetitions, rng, progress, runs=runs)
 
 
 def prepare_in(
@@ -88,6 +89,8 @@ def prepare_in(
     repetitions: IntArray,
     rng: np.random.Generator,
     progress: StageProgress | None = None,
+    *,
+    runs: int = 0,
 ) -> Prepared:
     """Draw a plan for positions (Q, n) and repetitions (Q,) and scale it.
 
@@ -116,6 +119,7 @@ def prepare_in(
         acceleration=per_motor("moves.acceleration", moves.acceleration, motors),
         rng=rng,
         repetitions=repetitions,
+        runs=runs,
         crest_iterations=settings.multisine.crest_iterations,
         progress=None if progress is None else partial(progress, "plan"),
     )

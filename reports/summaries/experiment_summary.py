@@ -43,7 +43,7 @@ def _plan_entries(plan: ExperimentPlan) -> list[tuple[str, str]]:
         (
             "plan",
             f"{plural(len(plan.positions), 'position')}{repeated}, "
-            f"{plural(plan.blocks, 'block')} of {plural(plan.multisine.inputs, 'run')}, "
+            f"{plural(plan.blocks, 'block')} of {plural(plan.runs, 'run')}, "
             f"{plan.transient_periods} + {plan.periods} periods of {period:g} s",
         ),
         ("", f"{plain(duration(plan.duration))} on a robot, moves included"),
@@ -94,7 +94,7 @@ def experiment_json(prepared: Prepared, outcome: Outcome, folder: Path) -> dict[
         "positions": len(plan.positions),
         "experiments": len(plan.visits),
         "blocks": plan.blocks,
-        "runs": plan.multisine.inputs,
+        "runs": plan.runs,
         "periods": plan.periods,
         "duration": float(plan.duration),
         "limit": str(prepared.scaling.binding),

@@ -119,6 +119,41 @@ def test_identify_finds_the_springs_from_records(tmp_path):
     assert "noise 'blocks' needs 1 runs a block, two blocks" in err
 
 
+ONE_RUN = """\
+schema: experiment/1
+robot: manutec_r3
+positions: [[0.0, 0.5, -0.8, 0.0, 0.6, 0.0], [0.4, -0.2, 0.6, 0.3, -0.5, 0.2]]
+multisine: {band: [0.5, 60.0], count: 32, period: 2.0, sample_time: 0.001, detection: 4}
+runs: 1
+blocks: 1
+periods: 1
+limits: {torque: [10.0, 10.0, 10.0, 2.1, 2.1, 2.1], speed: 6.0}
+imperfections: {friction: 0.0, angle_noise: 1.0e-5, torque_disturbance: 0.01}
+seed: 4
+output: one
+"""
+
+
+def test_eleven_seconds_on_a_robot_show_three_springs(tmp_path):
+    """One run of one period in two positions, six motors in closed loop."""
+    code, out, _ = oed("simulate", write(tmp_path, ONE_RUN), "--workers", 1)
+    assert code == 0
+    assert "1 block of 1 run" in out
+    assert "11 s on a robot" in out
+    command = "identify", "manutec_r3", tmp_path / "one" / "records.h5", "--json"
+    code, out, err = oed(*command)
+    assert (code, err) == (0, "")
+    said = json.loads(out)
+    assert said["verdict"] == "trustworthy"
+    truth = robotmodels.load_robot("manutec_r3").parameters.values
+    low, high = np.log([(one["low"], one["high"]) for one in said["intervals"]]).T
+    assert (high[:3] - low[:3] < 0.01).all()  # springs within 1 %
+    assert (np.abs((low + high) / 2 - np.log(truth)) < high - low).all()  # four deviations
+    code, _, err = oed("frf", tmp_path / "one" / "records.h5", "-o", tmp_path)
+    assert code == 2
+    assert "1 runs a block for 6 motors; 6 are needed" in err
+
+
 def test_measured_torques_are_not_held(estimated, tmp_path):
     folder, _ = estimated
     assert oed("frf", folder / "records.h5", "--no-hold", "-o", tmp_path)[0] == 0

@@ -52,6 +52,21 @@ def test_reference_is_scaled():
     np.testing.assert_array_equal(louder.signals[2], louder.reference(2))
 
 
+def test_fewer_runs_are_the_first_of_the_orthogonal_ones(tmp_path):
+    whole, single = plan(), plan(runs=1)
+    assert (whole.runs, single.runs) == (2, 1)
+    assert single.reference(0).shape == (2, 1, N, 2)
+    np.testing.assert_array_equal(single.reference(2), whole.reference(2)[:, :1])
+    assert single.excitation_duration == whole.excitation_duration / 2
+    single.save(tmp_path / "plan.yaml")
+    assert ExperimentPlan.load(tmp_path / "plan.yaml").runs == 1
+    export_mat(single, tmp_path / "matlab", RATIOS)
+    file = loadmat(tmp_path / "matlab" / "visit_001.mat")
+    assert file["reference"].shape == (N, 2, 1, 2)
+    with pytest.raises(InvalidInput, match="runs: 3; a block has 1 to 2, as many as motors"):
+        plan(runs=3)
+
+
 def test_positions_are_put_in_order_on_request(tmp_path):
     positions = np.array([[0.0, 0.0], [1.2, 1.5], [0.1, 0.1], [1.1, 1.4]])
     usual = {"positions": positions, "repetitions": (1, 2, 3, 1), "start": (-0.1, 0.0)}
