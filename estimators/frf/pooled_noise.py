@@ -19,9 +19,7 @@ _MANY_LINES = 100
 _GAP_SHARE = 15  # at most a fifteenth of the lines is left out to either side
 _FORGOTTEN = 0.1  # squared correlation at which lines count as independent
 _ALIKE = 1e-6  # gains of rows and columns, as those of a single motor
-_CLEAR = (
-    10.0  # noise power below which gains count as flat, so that errors do not weight themselves
-)
+_CLEAR = 10.0  # times the noise: gains below count as flat, so that errors weight no errors
 
 
 @dataclass(frozen=True, eq=False)
@@ -97,15 +95,7 @@ def pooled_noise(
         white = not gap
     gap = min(gap, lines // _GAP_SHARE) if lines >= _MANY_LINES else 0
     widths = (widest, *_HALF_WIDTHS[1:]) if white else (widest,)
-    predictions = [_neighbour_mean(logs, width, gap) for width in widths]
-    if response is not None:
-        gains = _log_gains(response, np.exp(_neighbour_mean(logs, widest, 0)))
-        predictions += [_by_gains(logs, gains, width, gap) for width in widths]
-    means = np.stack(predictions)
-    squares = ((logs - means) ** 2).mean(axis=2, keepdims=True)
-    best = squares.argmin(axis=0)[None]
-    mean = np.take_along_axis(means, best, axis=0)[0]
-    square = np.take_along_axis(squares, best, axis=0)[0]
+    mean, square = _best_prediction(logs, widths, gap, response)
     nu = np.where(finite, degrees_of_freedom, 1.0).reshape(shape)
     noise = polygamma(1, nu) * (1 + np.sqrt(2 / lines))
     share = np.clip(1 - noise / np.maximum(square, 1e-300), 0.0, np.minimum(nu / 4, 1.0))
@@ -115,6 +105,23 @@ def pooled_noise(
     pooled = np.where(declared, variances, np.exp(mean) * bias)
     mixed = np.exp((1 - share) * mean + share * logs) * bias
     return PooledNoise(pooled, share, np.where(declared, variances, mixed), r)
+
+
+def _best_prediction(
+    logs: Array, widths: tuple[int, ...], gap: int, response: ComplexArray | None
+) -> tuple[Array, Array]:
+    """Return what predicts each element's log variances best, and its mean squared error."""
+    predictions = [_neighbour_mean(logs, width, gap) for width in widths]
+    if response is not None:
+        gains = _log_gains(response, np.exp(_neighbour_mean(logs, widths[0], 0)))
+        predictions += [_by_gains(logs, gains, width, gap) for width in widths]
+    means = np.stack(predictions)
+    squares = ((logs - means) ** 2).mean(axis=2, keepdims=True)
+    best = squares.argmin(axis=0)[None]
+    return (
+        np.take_along_axis(means, best, axis=0)[0],
+        np.take_along_axis(squares, best, axis=0)[0],
+    )
 
 
 def _log_gains(response: ComplexArray, noise: Array) -> Array:
@@ -133,13 +140,13 @@ def _by_gains(logs: Array, gains: Array, width: int, gap: int) -> Array:
     Lines whose neighbours' mean knows the variance of the line itself are none of the others.
     """
     mean = _neighbour_mean(logs, width, gap)
-    apart = gains - _neighbour_mean(gains, width, gap)  # (Q, F, m, n, 2)
+    deviation = gains - _neighbour_mean(gains, width, gap)  # (Q, F, m, n, 2)
     index = np.arange(logs.shape[1])
     others = (np.abs(index[:, None] - index) > width + gap).astype(float)
-    squares = _along_lines(others, apart[..., :, None] * apart[..., None, :])
-    products = _along_lines(others, apart * (logs - mean)[..., None])
+    squares = _along_lines(others, deviation[..., :, None] * deviation[..., None, :])
+    products = _along_lines(others, deviation * (logs - mean)[..., None])
     powers = np.linalg.pinv(squares, rcond=_ALIKE, hermitian=True) @ products[..., None]
-    return np.asarray(mean + (apart * powers[..., 0]).sum(axis=-1))
+    return np.asarray(mean + (deviation * powers[..., 0]).sum(axis=-1))
 
 
 def _along_lines(weights: Array, values: Array) -> Array:
