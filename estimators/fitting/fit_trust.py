@@ -4,10 +4,11 @@ from collections.abc import Callable, Iterator
 from dataclasses import replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from estimators.fitting.fit_problem import Problem
 from estimators.fitting.linearise import linearise, sensitivities
-from estimators.fitting.residuals import loss_factors
+from estimators.fitting.residuals import Residual, loss_factors
 from estimators.frf.frf_estimate import vec
 from estimators.trust.directed_tests import Directions
 from estimators.trust.intervals import VERDICTS, Verdict
@@ -37,12 +38,8 @@ def fit_trust(problem: Problem, values: Array, converged: bool) -> Trust:
     """
     estimate = problem.estimate
     at = sensitivities(problem, values)
-    kind, used = problem.kind, problem.used
-
-    def changes(changed: ComplexArray) -> Lines:
-        slopes = -kind.jacobian(at[0], changed, used)
-        return np.moveaxis(vec(np.moveaxis(slopes, -1, 2)), 2, -1)
-
+    kind = problem.kind
+    changes = residual_changes(kind, at[0], problem.used)
     directions = model_directions(
         problem.model, estimate.positions, estimate.omega, values, at, changes
     )
@@ -133,6 +130,28 @@ def _ends(
         elif verdict.gives_interval and np.isfinite(std[i]):
             ends[i] = values[i] * np.exp(np.array([-1, 1]) * both[i] * std[i])
     return judged, np.where(np.isfinite(ends), ends, np.nan)
+
+
+def residual_changes(
+    kind: Residual, response: ComplexArray, used: NDArray[np.bool_]
+) -> Callable[[ComplexArray], Lines]:
+    """Return what turns changes (Q, F, m, n, r) of the FRF into those of the values of a fit.
+
+    Parameters
+    ----------
+    kind : Residual
+        Residual of the fit.
+    response : ndarray of complex, (Q, F, m, n)
+        FRF of the model.
+    used : ndarray of bool, (Q, F, m, n)
+        Which elements the fit uses.
+    """
+
+    def changes(changed: ComplexArray) -> Lines:
+        slopes = -kind.jacobian(response, changed, used)
+        return np.moveaxis(vec(np.moveaxis(slopes, -1, 2)), 2, -1)
+
+    return changes
 
 
 _GEAR_STEP = 1e-4

@@ -11,7 +11,7 @@ import numpy as np
 
 import estimators
 import robotmodels
-from estimators.fitting.fit_trust import model_directions
+from estimators.fitting.fit_trust import model_directions, residual_changes
 from estimators.fitting.residuals import find_residual
 from estimators.frf.frf_estimate import FrfEstimate, vec
 from estimators.trust.directed_tests import Directions
@@ -120,7 +120,8 @@ def linearisation(name: str, residual: str, wrong: str) -> Linearisation:
         values = _limit(plant, residual, truth)
     at = robotmodels.sensitivity(model, plant.positions, plant.omega, values)
     used = np.ones(at[0].shape, dtype=bool)
-    directions = model_directions(model, kind, plant.positions, plant.omega, values, at, used)
+    changes = residual_changes(kind, at[0], used)
+    directions = model_directions(model, plant.positions, plant.omega, values, at, changes)
     return Linearisation(
         plant.measured(at[0]),
         plant.measured(at[1]),
