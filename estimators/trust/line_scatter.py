@@ -124,7 +124,7 @@ def _correlated_power(fit: LinearisedFit, rows: Lines, coefficients: Array) -> A
     power = (np.abs(white) ** 2).sum(axis=(1, 2, 3))
     lag = np.abs(np.arange(lines)[:, None] - np.arange(lines))
     R = coefficients[lag]
-    through = np.einsum("fg,aqgi->aqfi", R, white)
+    through = R @ white
     total = (np.conj(white) * through).real.sum(axis=(1, 2, 3))
     with np.errstate(divide="ignore", invalid="ignore"):
         ratio = total / power
