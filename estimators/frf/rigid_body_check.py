@@ -254,9 +254,10 @@ def _sizes(ratio: ComplexArray) -> list[str]:
         if not np.isfinite(value):
             continue
         if not 1 / PLAUSIBLE < abs(value) < PLAUSIBLE:
+            why = "check the units" if abs(value) > 1 else "friction holds it, or units are wrong"
             messages.append(
                 f"low frequencies, motor {i + 1}: the FRF is {abs(value):.3g} times the rigid "
-                "robot's; check the units"
+                f"robot's; {why}"
             )
         elif angle > 60:
             messages.append(
