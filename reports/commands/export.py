@@ -75,9 +75,13 @@ def export(
     if position:
         positions = np.array([read_position(model.robot, words) for words in position])
     target = output or model.folder / f"{_file_name(model.robot)}{ENDINGS[FORMATS[to]]}"
+    if draws and (results is None or model.covariance is None):
+        raise InvalidInput("--draws: a study is needed, whose fit has a covariance")
     left_out = write(model.robot, target, FORMATS[to], positions, model.covariance)
     left_out += model.no_covariance
-    files = [target, *(_drawn(results, model, target, FORMATS[to], draws) if draws else ())]
+    files = [target]
+    if draws and results is not None:
+        files += _drawn(results, model, target, FORMATS[to], draws)
     say(
         lambda: "\n".join(
             [f"written  {_range(files)}", *(f"left out {line}" for line in left_out)]
@@ -121,15 +125,13 @@ def _of_study(results: "FittedStudy") -> _Model:
 
 
 def _drawn(
-    results: "FittedStudy | None", model: _Model, target: Path, format: Format, count: int
+    results: "FittedStudy", model: _Model, target: Path, format: Format, count: int
 ) -> "tuple[Path, ...]":
     """Write robots drawn about a fit, the same ones every time for a study's seed."""
     import numpy as np
 
     from estimators.sampling.exported_draws import export_draws
 
-    if results is None or model.covariance is None:
-        raise InvalidInput("--draws: a study is needed, whose fit has a covariance")
     rng = np.random.default_rng(results.study.seed)
     return export_draws(
         results.fits.result,

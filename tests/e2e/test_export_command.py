@@ -90,8 +90,12 @@ def test_draws_are_exported_as_uncertain_as_the_fit(study: Path, tmp_path: Path)
     correlation = robots[0].file.fitted.correlation
     assert [len(row) for row in correlation] == list(range(len(std)))
     (tmp_path / "robot.yaml").write_text(ROBOT)
-    code, _, err = oed("export", tmp_path / "robot.yaml", "--to", "mjcf", "--draws", "2")
+    target = tmp_path / "x.xml"
+    code, _, err = oed(
+        "export", tmp_path / "robot.yaml", "--to", "mjcf", "--draws", "2", "-o", target
+    )
     assert code == 2
+    assert not target.exists()
     assert "--draws: a study is needed, whose fit has a covariance" in err
 
 
