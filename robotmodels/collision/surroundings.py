@@ -143,8 +143,7 @@ class Surroundings:
         low, high = self.robot.position_limits.T
         spread = np.vstack([0.5 * (low + high), low + _even(_SAMPLES, len(low)) * (high - low)])
         check = _Checker(self.robot.rigid, shapes, pairs, self.margin)
-        always = np.all(check(configurations(self.robot, spread)), axis=0)
-        built = {pairs[k] for k in np.flatnonzero(always)}
+        built = {pairs[k] for k in check.always(configurations(self.robot, spread))}
         return [p for p in pairs if p not in built], [p for p in pairs if p in built]
 
     def _names(self, pair: tuple[int, int]) -> tuple[str, str]:
@@ -191,10 +190,21 @@ class _Checker:
                 progress(k + 1, len(configured))
         return touching
 
-    def _confirmed(self) -> Iterator[int]:
-        """Yield the pairs whose hulls touch and, if both have one, their meshes."""
-        for k, result in enumerate(self.placed.collisionResults):
-            if result.isCollision() and (self._meshes_touch(k) is not False):
+    def always(self, configured: Array) -> list[int]:
+        """Return the pairs that touch in every one of the configurations."""
+        pairs, data = list(range(len(self.pairs))), self.rigid.createData()
+        for q in configured:
+            if not pairs:
+                break
+            pin.computeCollisions(self.rigid, data, self.geometry, self.placed, q, False)
+            pairs = list(self._confirmed(pairs))  # meshes of others need not be compared
+        return pairs
+
+    def _confirmed(self, pairs: Sequence[int] | None = None) -> Iterator[int]:
+        """Yield those of `pairs` whose hulls touch and, if both have one, their meshes."""
+        results = self.placed.collisionResults
+        for k in range(len(results)) if pairs is None else pairs:
+            if results[k].isCollision() and (self._meshes_touch(k) is not False):
                 yield k
 
     def _meshes_touch(self, pair: int) -> bool | None:
