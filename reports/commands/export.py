@@ -1,7 +1,7 @@
 """``oed export``: a robot, or that of a study's fit, in the format of another program."""
 
 import os
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -63,22 +63,16 @@ def export(
         there = f"there are {', '.join(FORMATS)}"
         raise InvalidInput(f"--to: {to!r} is unknown{nearest(to, FORMATS)}; {there}")
     one_thread_each()
-    import numpy as np
-
     from oed.study.pipeline import fit_study
-    from reports.commands.check_options import read_position
-    from robotmodels import export as write
 
     results = compute_study(Path(source), fit_study, workers, False) if _is_study(source) else None
     model = _of_robot(source) if results is None else _of_study(results)
-    positions = model.positions
     if position:
-        positions = np.array([read_position(model.robot, words) for words in position])
-    target = output or model.folder / f"{_file_name(model.robot)}{ENDINGS[FORMATS[to]]}"
+        model = _at(model, position)
     if draws and (results is None or model.covariance is None):
         raise InvalidInput("--draws: a study is needed, whose fit has a covariance")
-    left_out = write(model.robot, target, FORMATS[to], positions, model.covariance)
-    left_out += model.no_covariance
+    target = output or model.folder / f"{_file_name(model.robot)}{ENDINGS[FORMATS[to]]}"
+    left_out = _written(model, target, FORMATS[to])
     files = [target]
     if draws and results is not None:
         files += _drawn(results, model, target, FORMATS[to], draws)
@@ -122,6 +116,24 @@ def _of_study(results: "FittedStudy") -> _Model:
         robot = fit.robot(results.trust)
         return _Model(robot, positions, None, folder, (f"covariance: {error}",))
     return _Model(fit.robot(results.trust, matrix), positions, matrix, folder)
+
+
+def _at(model: _Model, position: list[str]) -> _Model:
+    """Return the model with positions from the command line."""
+    import numpy as np
+
+    from reports.commands.check_options import read_position
+
+    rows = np.array([read_position(model.robot, words) for words in position])
+    return replace(model, positions=rows)
+
+
+def _written(model: _Model, target: Path, format: Format) -> tuple[str, ...]:
+    """Write a model and return what is left out."""
+    from robotmodels import export as write
+
+    left_out = write(model.robot, target, format, model.positions, model.covariance)
+    return (*left_out, *model.no_covariance)
 
 
 def _drawn(
