@@ -59,14 +59,19 @@ def _compiled(path: Path) -> tuple[Any, str]:
     """
     import mujoco
 
+    handler = mujoco.get_mju_user_warning()
     try:
         with warnings.catch_warnings():  # of what MuJoCo will not read some day
             warnings.simplefilter("ignore")
+            # MuJoCo's own handler writes MUJOCO_LOG.TXT into the folder one happens to be in.
+            mujoco.set_mju_user_warning(lambda *_: None)
             spec = mujoco.MjSpec.from_file(str(path))
             return spec.compile(), spec.to_xml()
     except (ValueError, OSError) as error:
         cause = printable(" ".join(str(error).split()))
         raise InvalidInput(f"{path}: MuJoCo refuses it: {cause}") from None
+    finally:
+        mujoco.set_mju_user_warning(handler)
 
 
 class _Converter:

@@ -316,3 +316,14 @@ def test_mistakes_are_one_line(arm, old, new, message):
         read_model(arm)
     assert str(error.value).startswith(str(arm))
     assert "\n" not in str(error.value)
+
+
+def test_what_mujoco_will_not_read_some_day_leaves_no_log(tmp_path, monkeypatch):
+    """MuJoCo's own handler of warnings writes MUJOCO_LOG.TXT into the working folder."""
+    monkeypatch.chdir(tmp_path)
+    deprecated = ARM.replace('angle="degree"', 'angle="degree" settotalmass="9"')
+    (tmp_path / "arm.xml").write_text(deprecated, encoding="utf-8")
+    before = mujoco.get_mju_user_warning()
+    assert read_model(tmp_path / "arm.xml") is not None
+    assert mujoco.get_mju_user_warning() is before
+    assert [path.name for path in tmp_path.iterdir()] == ["arm.xml"]
