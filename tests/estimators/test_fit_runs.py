@@ -87,13 +87,14 @@ def test_with_exact_inputs_and_n_runs_it_is_optimally_weighted_nls() -> None:
 
 
 def coverage(draw, fitted, count: int, seed: int):
-    """Shares of intervals that cover, (count, 6), cost over expectation and verdicts."""
+    """Whether quoted intervals cover, (count, 6), mean cost over its expectation, verdicts."""
     rng = np.random.default_rng(seed)
     covers, costs, verdicts = [], [], []
     for _ in range(count):
         fit = fitted(draw(rng))
         ends = np.array([(one.low, one.high) for one in fit.intervals()], dtype=float)
-        covers.append((ends[:, 0] <= TRUTH) & (ends[:, 1] >= TRUTH))
+        if np.isfinite(ends).all():  # questioned fits quote none
+            covers.append((ends[:, 0] <= TRUTH) & (ends[:, 1] >= TRUTH))
         costs.append(fit.cost / fit.expected_cost)
         verdicts.append(str(fit.verdict))
     return np.array(covers), np.mean(costs), verdicts
@@ -144,10 +145,15 @@ def frozen(data: RunSpectra) -> RunSpectra:
 
 def test_inputs_taken_as_exact_cover_less() -> None:
     """The negative control: noise of the torques biases a fit that does not know of it."""
-    covers, _, _ = coverage(
-        lambda rng: frozen(noisy_runs(rng, 4, 0.3)), lambda data: fit_runs(MODEL, data), 25, 12
-    )
-    assert covers.mean() < 0.85
+    rng, shares = np.random.default_rng(12), {"likelihood": [], "frozen": []}
+    for _ in range(25):
+        data = noisy_runs(rng, 4, 0.3)
+        for name, one in (("likelihood", data), ("frozen", frozen(data))):
+            fit = fit_runs(MODEL, one)
+            z = np.log(fit.parameters.values / TRUTH) / fit.covariance().std
+            shares[name].append(np.abs(z) < 1.96)
+    assert np.mean(shares["frozen"]) < 0.85
+    assert np.mean(shares["likelihood"]) > 0.88
 
 
 def test_the_covariance_of_outputs_enters_row_by_row() -> None:
