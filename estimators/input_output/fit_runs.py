@@ -248,4 +248,7 @@ def _check_model(problem: RunProblem, start: Array) -> None:
             f"runs: {m} outputs of {n} inputs; the model has {shape[0]} of {shape[1]}"
         )
     if 2 * data.outputs.size < p:
-        raise InvalidInput(f"runs: {2 * data.outputs.size} real data for {p} parameters")
+        raise InvalidInput(
+            f"runs: {2 * data.outputs.size} real data for {p} parameters; measure more lines, runs "
+            "or positions, or lock springs"
+        )

@@ -113,11 +113,13 @@ def run_spectra(
     """Return the spectra of runs with the covariance of their errors.
 
     With `noise` "blocks", as many runs a block as motors, at least 4 blocks: each block's
-    spectra are multiplied by the inverse of its references, R_b^-1, and averaged: E = n runs, whose
+    spectra are multiplied by the inverse of its references, R_b^-1, averaged, and combined to runs
+    with independent errors of one covariance: E = n runs, whose
     scatter over blocks holds nonlinear distortions too, with (B - 1) E degrees of freedom. Else all
     runs of all blocks count by themselves, and the noise is that between the bins of periods
     ("periods", two or more), or of the 6 nearest lines that were not excited ("detection", which
-    holds odd distortions where odd lines were left out). Of "auto" the first that is possible.
+    holds odd distortions where odd lines were left out). Of "auto" the first that is possible in
+    all positions.
 
     Parameters
     ----------
@@ -134,17 +136,16 @@ def run_spectra(
         If the records cannot show the noise in this way, or runs are missing.
     """
     check_choice("noise", noise, ("auto", *_NOISES))
-    parts = []
-    for index, part in enumerate(each_position(records)):
-        who = f"position {index + 1}"
-        measured = _checked(part, who, hold, delay, transient)
-        kind = _possible(measured) if noise == "auto" else noise
-        parts.append((*_NOISES[kind](measured, _Silent(part, hold, delay), who), kind))
-    outputs, inputs, covariance = (np.stack([part[i] for part in parts]) for i in range(3))
-    return RunSpectra(
-        records.positions, records.omega, inputs, outputs, covariance,
-        np.array([part[3] for part in parts]), parts[0][4],
-    )  # fmt: skip
+    positions = [(part, f"position {i + 1}") for i, part in enumerate(each_position(records))]
+    measured = [_checked(part, who, hold, delay, transient) for part, who in positions]
+    kinds = list(_NOISES)
+    kind = max(map(_possible, measured), key=kinds.index) if noise == "auto" else noise
+    parts = [
+        _NOISES[kind](one, _Silent(part, hold, delay), who)
+        for one, (part, who) in zip(measured, positions, strict=True)
+    ]
+    outputs, inputs, covariance, freedom = (np.stack(arrays) for arrays in zip(*parts, strict=True))
+    return RunSpectra(records.positions, records.omega, inputs, outputs, covariance, freedom, kind)
 
 
 def _checked(records: Records, who: str, hold: bool, delay: float, transient: Transient) -> Spectra:
@@ -153,7 +154,10 @@ def _checked(records: Records, who: str, hold: bool, delay: float, transient: Tr
     check_periods(measured, who)
     check_excited(measured, records.lines, who)
     if not measured.present.all():
-        raise InvalidInput(f"{who}: a run is missing; leave its block out")
+        block, run = np.argwhere(~measured.present)[0] + 1
+        raise InvalidInput(
+            f"{who}: run {run} of block {block} is missing; leave that block out of all positions"
+        )
     first = first_period(measured, transient, who)
     return spectra(records, hold=hold, delay=delay, first=first) if first else measured
 
@@ -189,9 +193,11 @@ def _from_blocks(measured: Spectra, silent: _Silent, who: str) -> _Part:
             f"{runs} runs in {blocks} blocks; take 'periods' or 'detection'"
         )
     check_condition(reference[0], measured.omega, measured.omega, who, "references")
-    size = np.sqrt((np.abs(reference) ** 2).mean(axis=(0, 2, 3)) * n)  # of a column of R, (F,)
-    turned = np.concatenate([output, torque], axis=2) @ np.linalg.inv(reference)
-    turned = turned * size[:, None, None]  # (B, F, m + n, E)
+    inverse = np.linalg.inv(reference)
+    # K K^H = (mean of (R R^H)^-1)^-1: the errors of the mean's columns are alike and independent
+    spread = (np.conj(np.swapaxes(inverse, -1, -2)) @ inverse).mean(axis=0)  # (F, n, n)
+    K = np.linalg.inv(np.conj(np.swapaxes(np.linalg.cholesky(spread), -1, -2)))
+    turned = np.concatenate([output, torque], axis=2) @ inverse @ K  # (B, F, m + n, E)
     mean = turned.mean(axis=0)
     errors = turned - mean
     freedom = float((blocks - 1) * runs)

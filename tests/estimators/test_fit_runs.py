@@ -4,13 +4,15 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from closed_loop import Bench, bench_records, truth
+from closed_loop import Bench, bench_records, references, truth
 from mass_springs import OMEGA, POSITIONS
 from noisy_runs import MODEL, RESPONSE, TRUTH, F, Q, circular, noise_root, noisy_runs
 
 import estimators
 from estimators import Prior, RunSpectra, fit_runs, run_spectra
+from estimators.frf.spectra import Spectra
 from estimators.input_output.likelihood import RunProblem
+from estimators.input_output.run_spectra import _from_blocks
 from robotmodels import InvalidInput
 
 BOUNDS = np.outer([1e-3, 1e3], TRUTH)
@@ -210,6 +212,27 @@ def test_spectra_of_records_have_the_noise_that_is_in_them(setup: Bench, noise: 
     assert np.mean(ratios) == pytest.approx(1.0, abs=0.15)
 
 
+@pytest.mark.parametrize("kind", ["amplitudes", "any"])
+def test_blocks_have_the_same_noise_in_all_runs_by_any_references(kind: str) -> None:
+    """Whitened errors of each column, against the truth: motors are shaken by 1 and by 10."""
+    rng = np.random.default_rng(6)
+    blocks, F, m, n = 10, 300, 2, 2
+    R = np.array([1.0, 10.0])[:, None] * references((blocks, F), rng)
+    if kind == "any":
+        R = R @ (np.array([[1.0, 0.6], [0.0, 1.0]]) + 0.3 * circular(rng, 2, 2))
+    G = circular(rng, F, m, n)
+    N = 0.1 * circular(rng, blocks, F, m + n, n)
+    Z = np.concatenate([G @ R, R], axis=2) + N
+    omega, ones = np.arange(1.0, F + 1), np.ones((blocks, n), dtype=bool)
+    U, Y = Z[:, None, :, m:], Z[:, None, :, :m]
+    measured = Spectra(omega, R[:, None], U, Y, U[:, :0], Y[:, :0], 0.0, ones)
+    outputs, inputs, covariance, nu = _from_blocks(measured, None, "position 1")  # type: ignore[arg-type]
+    data = RunSpectra(np.zeros((1, n)), omega, inputs[None], outputs[None], covariance[None], nu)
+    whitened = RunProblem(_Known(), data, False, np.ones((2, 1))).errors(G[None]).whitened
+    size = (np.abs(whitened) ** 2).mean(axis=(0, 1, 2)) * (nu - m) / nu
+    np.testing.assert_allclose(size, 1.0, atol=0.2)  # each of 600 complex numbers
+
+
 class _Known:
     """A model without parameters: the FRF is given."""
 
@@ -249,6 +272,9 @@ def test_records_that_cannot_show_their_noise_are_refused() -> None:
         run_spectra(records, "blocks")
     with pytest.raises(InvalidInput, match="noise 'none' is none of"):
         run_spectra(records, "none")  # type: ignore[arg-type]
+    missing = records.torque * np.nan, records.angle * np.nan
+    with pytest.raises(InvalidInput, match="position 1: run 1 of block 1 is missing; leave that"):
+        run_spectra(replace(records, torque=missing[0], angle=missing[1]))
 
 
 def test_a_prior_counts_as_data() -> None:
