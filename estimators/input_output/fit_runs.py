@@ -10,6 +10,7 @@ from estimators.fitting.fit_problem import checked_bounds, checked_start
 from estimators.fitting.fit_trust import judged_trust, model_directions
 from estimators.fitting.fitted_robot import fitted_robot, lines_in_words
 from estimators.fitting.priors import Prior
+from estimators.fitting.search import check_effort
 from estimators.fitting.trust_region import Residuals, trust_region
 from estimators.input_output.likelihood import RunProblem
 from estimators.input_output.linearised_runs import (
@@ -212,6 +213,7 @@ def fit_runs(
     IdentificationError
         If the model has no FRF at the start, or one of another size.
     """
+    check_effort(max_evaluations, tolerance)
     parameters = model.parameters
     limits = read_only(checked_bounds(bounds, parameters))
     begin = checked_start(parameters, start, limits)

@@ -5,6 +5,7 @@ from pathlib import Path
 import numpy as np
 
 from estimators.fitting.least_squares import Fit
+from estimators.uncertainty.covariance import Uncertainty
 from robotmodels.common.arrays import Array, check_count, real_numbers
 from robotmodels.common.errors import InvalidInput
 from robotmodels.exports.export import export
@@ -67,6 +68,7 @@ def export_draws(
         drawn = rng.choice(drawn, count, replace=False)
     else:
         matrix = _checked(covariance, "covariance", (p, p))
+        Uncertainty(fit.parameters.names, matrix, "given")  # refuses what is no covariance
         drawn = rng.multivariate_normal(np.log(fit.parameters.values), matrix, count)
     path, width = Path(path), len(str(count))
     files = tuple(path.with_stem(f"{path.stem}-{i + 1:0{width}}") for i in range(count))

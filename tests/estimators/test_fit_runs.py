@@ -242,6 +242,8 @@ def test_what_cannot_be_fitted_is_said() -> None:
     with pytest.raises(InvalidInput, match="'joint' needs covariances of at least 4 degrees"):
         fit_runs(MODEL, data, "joint")
     assert fit_runs(MODEL, data).row_wise
+    with pytest.raises(InvalidInput, match="tolerance: nan"):
+        fit_runs(MODEL, data, tolerance=np.nan)
     with pytest.raises(InvalidInput, match="rows: 'both' is none of"):
         fit_runs(MODEL, data, "both")  # type: ignore[arg-type]
     C = data.covariance[..., 1:, 1:]

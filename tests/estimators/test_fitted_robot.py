@@ -109,6 +109,8 @@ def test_robots_drawn_from_a_fit(fit: estimators.Fit, tmp_path: Path) -> None:
         estimators.export_draws(fit, file, count=50, rng=rng, draws=draws)
     with pytest.raises(InvalidInput, match="one of covariance and draws is needed"):
         estimators.export_draws(fit, file, count=1, rng=rng)
+    with pytest.raises(InvalidInput, match=r"the variance of g1\.stiffness is -"):
+        estimators.export_draws(fit, file, count=1, rng=rng, covariance=-covariance)
     with pytest.raises(InvalidInput, match=r"covariance: shape \(2, 2\)"):
         estimators.export_draws(fit, file, count=1, rng=rng, covariance=np.eye(2))
 
