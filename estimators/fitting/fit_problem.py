@@ -91,18 +91,10 @@ class Problem:
         )
         error = whiten(self.root, self.kind.error(self.estimate.response, G, self.used))
         slope = whiten(self.root, self.kind.jacobian(G, J, self.used))
-        p = slope.shape[-1]
         if not (np.isfinite(error).all() and np.isfinite(slope).all()):
             raise SolverFailed("the model's FRF or its sensitivity is not finite")
-        errors, slopes = [error.real.ravel()], [slope.real.reshape(-1, p)]
-        if not self.kind.real:
-            errors.append(error.imag.ravel())
-            slopes.append(slope.imag.reshape(-1, p))
-        if self.prior is not None:
-            names = self.model.parameters.names
-            errors.append(self.prior.standardised(names, values) / np.sqrt(2))
-            slopes.append(self.prior.slope(names) / np.sqrt(2))
-        return np.concatenate(errors), np.concatenate(slopes)
+        names = self.model.parameters.names
+        return real_rows(error, slope, self.prior, names, values, real=self.kind.real)
 
     def robust(self, squares: Array) -> Array:
         """Return the loss of squared residuals (r,) and its two derivatives, (3, r).
@@ -217,6 +209,43 @@ def checked_bounds(bounds: tuple[float, float] | Array, parameters: Parameters) 
             "0 < low < high is needed"
         )
     return limits
+
+
+def real_rows(
+    error: Array | ComplexArray,
+    slope: Array | ComplexArray,
+    prior: Prior | None,
+    names: tuple[str, ...],
+    values: Array,
+    *,
+    real: bool = False,
+) -> tuple[Array, Array]:
+    """Return whitened residuals and their Jacobian as real rows, (r,) and (r, p).
+
+    Parameters
+    ----------
+    error : ndarray or ndarray of complex
+        Whitened residuals of any shape.
+    slope : ndarray or ndarray of complex, (..., p)
+        Their derivatives with respect to ln theta.
+    prior : Prior or None
+        Its residuals come last.
+    names : tuple of str
+        p parameters.
+    values : ndarray, (p,), SI
+        Where they are evaluated.
+    real : bool
+        Whether residuals have no imaginary parts.
+    """
+    p = slope.shape[-1]
+    errors, slopes = [error.real.ravel()], [slope.real.reshape(-1, p)]
+    if not real:
+        errors.append(error.imag.ravel())
+        slopes.append(slope.imag.reshape(-1, p))
+    if prior is not None:
+        errors.append(prior.standardised(names, values) / np.sqrt(2))
+        slopes.append(prior.slope(names) / np.sqrt(2))
+    return np.concatenate(errors), np.concatenate(slopes)
 
 
 def checked_start(parameters: Parameters, start: Array | None, bounds: Array) -> Array:

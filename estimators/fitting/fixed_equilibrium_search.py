@@ -275,8 +275,7 @@ class CorrectedModel:
         cost, gradient = self._corrected(values, normal.cost, normal.gradient)
         hessian, prior = normal.hessian, self.problem.prior
         if prior is not None:
-            slope = prior.slope(self.problem.model.parameters.names)
-            hessian = hessian + slope.T @ slope
+            hessian = hessian + prior.information(self.problem.model.parameters.names)
         return squares(NormalEquations(cost, gradient, hessian))
 
     def gradient(self, values: Array) -> tuple[float, Array]:

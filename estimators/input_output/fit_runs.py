@@ -2,7 +2,6 @@
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Literal
 
 import numpy as np
 
@@ -29,8 +28,6 @@ from robotmodels.common.printing import ReprHtml
 from robotmodels.description.parameters import Parameters
 from robotmodels.elastic.robot import ElasticRobot
 from robotmodels.linear.response import Elastic
-
-Rows = Literal["auto", "joint", "row_wise"]
 
 _JOINT = 4
 """Degrees of freedom per output from which on outputs are weighed together."""
@@ -181,7 +178,7 @@ class RunFit(ReprHtml):
 def fit_runs(
     model: Elastic,
     data: RunSpectra,
-    rows: Rows = "auto",
+    rows: str = "auto",
     start: Array | None = None,
     bounds: tuple[float, float] | Array = (1e-3, 1e3),
     max_evaluations: int = 200,
@@ -228,7 +225,7 @@ def fit_runs(
     )  # fmt: skip
 
 
-def _row_wise(data: RunSpectra, rows: Rows) -> bool:
+def _row_wise(data: RunSpectra, rows: str) -> bool:
     least, m = float(data.degrees_of_freedom.min()), data.outputs.shape[3]
     if rows not in ("auto", "joint", "row_wise"):
         raise InvalidInput(f"rows: {rows!r} is none of auto, joint, row_wise")

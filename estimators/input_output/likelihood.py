@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from estimators.fitting.fit_problem import real_rows
 from estimators.fitting.priors import Prior
 from estimators.input_output.run_spectra import RunSpectra
 from robotmodels.common.arrays import Array, ComplexArray
@@ -118,14 +119,8 @@ class RunProblem:
         G, J = self.sensitivities(values)
         errors = self.errors(G)
         slopes = -self.whitened_changes(errors, J)
-        p = slopes.shape[-1]
-        residuals = [errors.whitened.real.ravel(), errors.whitened.imag.ravel()]
-        rows = [slopes.real.reshape(-1, p), slopes.imag.reshape(-1, p)]
-        if self.prior is not None:
-            names = self.model.parameters.names
-            residuals.append(self.prior.standardised(names, values) / np.sqrt(2))
-            rows.append(self.prior.slope(names) / np.sqrt(2))
-        return np.concatenate(residuals), np.concatenate(rows)
+        names = self.model.parameters.names
+        return real_rows(errors.whitened, slopes, self.prior, names, values)
 
     def sensitivities(self, values: Array) -> tuple[ComplexArray, ComplexArray]:
         """Return the FRF (Q, F, m, n) and its derivatives by ln theta, (Q, F, m, n, p).

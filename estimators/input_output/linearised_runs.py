@@ -91,13 +91,13 @@ def error_covariance(problem: RunProblem, values: Array) -> Array:
     slopes = problem.whitened_changes(errors, J)  # (Q, F, m, E, p)
     fit = linearise_runs(problem, errors, _flat(slopes))
     scattered = _input_scatter(problem, errors, J)
-    bread = _products(fit.jacobian, fit.jacobian).sum(axis=0) - scattered + fit.prior
-    through = fit.jacobian
-    if problem.row_wise and fit.covariance.ndim == 4:
-        through = _correlation(errors, slopes.shape[3]) @ fit.jacobian
-    rows = 1 if problem.row_wise else slopes.shape[2]
-    factor = variance_factor(problem.data.degrees_of_freedom, rows)[:, None, None]
-    meat = (factor * _products(fit.jacobian, through)).sum(axis=0) + fit.prior
+    bread = _products(fit.jacobian, fit.jacobian) - scattered + fit.prior
+    if fit.covariance.ndim == 4:
+        through = fit.covariance @ fit.jacobian
+    else:
+        through = fit.covariance[..., None] * fit.jacobian
+    enlarged = np.asarray(fit.scatter_factor)[..., None] * through
+    meat = _products(fit.jacobian, enlarged) + fit.prior
     return sandwich(bread, meat, fit.names)
 
 
@@ -106,9 +106,9 @@ def _flat(slopes: ComplexArray) -> ComplexArray:
 
 
 def _products(left: ComplexArray, right: ComplexArray) -> Array:
-    """Return 2 Re L^H R of columns (Q, F, k, p), position by position, (Q, p, p)."""
-    a, b = (x.reshape(len(x), -1, x.shape[-1]) for x in (left, right))
-    return np.asarray(2 * (np.conj(np.swapaxes(a, 1, 2)) @ b).real)
+    """Return 2 Re L^H R of columns (Q, F, k, p), summed over positions and lines, (p, p)."""
+    a, b = (x.reshape(-1, x.shape[-1]) for x in (left, right))
+    return np.asarray(2 * (np.conj(a).T @ b).real)
 
 
 def _input_scatter(problem: RunProblem, errors: Errors, jacobian: ComplexArray) -> Array:
@@ -123,4 +123,4 @@ def _input_scatter(problem: RunProblem, errors: Errors, jacobian: ComplexArray) 
     values, vectors = np.linalg.eigh(remaining)
     root = vectors * np.sqrt(np.maximum(values, 0.0))[..., None, :]
     slopes = _flat(problem.whitened_changes(replace(errors, inputs=root), jacobian))
-    return np.asarray(runs * _products(slopes, slopes).sum(axis=0))
+    return np.asarray(runs * _products(slopes, slopes))

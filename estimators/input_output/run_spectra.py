@@ -2,7 +2,8 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, Literal
+from functools import partial
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,7 +17,6 @@ from robotmodels.common.errors import InvalidInput
 from robotmodels.common.printing import ReprHtml
 from robotmodels.records.records import Records
 
-Noise = Literal["auto", "blocks", "periods", "detection"]
 _NEAREST = 6
 """Lines without excitation that show the noise of an excited one."""
 
@@ -104,7 +104,7 @@ class RunSpectra(ReprHtml):
 
 def run_spectra(
     records: Records,
-    noise: Noise = "auto",
+    noise: str = "auto",
     *,
     hold: bool = True,
     delay: float = 0.0,
@@ -137,20 +137,23 @@ def run_spectra(
     """
     check_choice("noise", noise, ("auto", *_NOISES))
     positions = [(part, f"position {i + 1}") for i, part in enumerate(each_position(records))]
-    measured = [_checked(part, who, hold, delay, transient) for part, who in positions]
+    read = partial(spectra, hold=hold, delay=delay)
+    measured = [_checked(part, who, read, transient) for part, who in positions]
     kinds = list(_NOISES)
     kind = max(map(_possible, measured), key=kinds.index) if noise == "auto" else noise
     parts = [
-        _NOISES[kind](one, _Silent(part, hold, delay), who)
+        _NOISES[kind](one, part, read, who)
         for one, (part, who) in zip(measured, positions, strict=True)
     ]
     outputs, inputs, covariance, freedom = (np.stack(arrays) for arrays in zip(*parts, strict=True))
     return RunSpectra(records.positions, records.omega, inputs, outputs, covariance, freedom, kind)
 
 
-def _checked(records: Records, who: str, hold: bool, delay: float, transient: Transient) -> Spectra:
+def _checked(
+    records: Records, who: str, read: Callable[..., Spectra], transient: Transient
+) -> Spectra:
     """Return the spectra of one position without its transient."""
-    measured = spectra(records, hold=hold, delay=delay)
+    measured = read(records)
     check_periods(measured, who)
     check_excited(measured, records.lines, who)
     if not measured.present.all():
@@ -159,16 +162,7 @@ def _checked(records: Records, who: str, hold: bool, delay: float, transient: Tr
             f"{who}: run {run} of block {block} is missing; leave that block out of all positions"
         )
     first = first_period(measured, transient, who)
-    return spectra(records, hold=hold, delay=delay, first=first) if first else measured
-
-
-@dataclass(frozen=True, eq=False)
-class _Silent:
-    """Records whose lines without excitation may be wanted, and how to read them."""
-
-    records: Records
-    hold: bool
-    delay: float
+    return read(records, first=first) if first else measured
 
 
 def _possible(measured: Spectra) -> str:
@@ -184,7 +178,9 @@ _Part = tuple[ComplexArray, ComplexArray, ComplexArray, float]
 """Outputs (E, F, m), inputs (E, F, n), covariance (F, m + n, m + n), degrees of freedom."""
 
 
-def _from_blocks(measured: Spectra, silent: _Silent, who: str) -> _Part:
+def _from_blocks(
+    measured: Spectra, records: Records, read: Callable[..., Spectra], who: str
+) -> _Part:
     output, torque, reference = measured.averaged()
     blocks, _, n, runs = torque.shape
     if runs != n or blocks < 2 or not reference.any():
@@ -205,7 +201,9 @@ def _from_blocks(measured: Spectra, silent: _Silent, who: str) -> _Part:
     return (*_runs(mean[None], output.shape[2]), covariance, freedom)
 
 
-def _from_periods(measured: Spectra, silent: _Silent, who: str) -> _Part:
+def _from_periods(
+    measured: Spectra, records: Records, read: Callable[..., Spectra], who: str
+) -> _Part:
     if measured.periods < 2:
         raise InvalidInput(f"{who}: noise 'periods' needs two periods; take 'detection'")
     noise = np.concatenate([measured.noise_output, measured.noise_input], axis=3)
@@ -217,9 +215,10 @@ def _from_periods(measured: Spectra, silent: _Silent, who: str) -> _Part:
     return (*runs, covariance / draws, freedom)
 
 
-def _from_detection(measured: Spectra, silent: _Silent, who: str) -> _Part:
+def _from_detection(
+    measured: Spectra, records: Records, read: Callable[..., Spectra], who: str
+) -> _Part:
     """Return the noise of the nearest lines of their own; odd ones, where any were left out."""
-    records = silent.records
     lines, count = records.lines, records.samples // 2
     others = records.detection
     if len(others) < _NEAREST:
@@ -229,7 +228,7 @@ def _from_detection(measured: Spectra, silent: _Silent, who: str) -> _Part:
             f"{who}: {len(others)} lines are not excited; noise 'detection' needs {_NEAREST}"
         )
     first = records.torque.shape[3] - measured.periods
-    beside = spectra(records, lines=others, hold=silent.hold, delay=silent.delay, first=first)
+    beside = read(records, lines=others, first=first)
     output, torque, _ = beside.averaged()
     noise = np.concatenate([output, torque], axis=2)  # (B, F', m + n, E)
     nearest = np.argsort(np.abs(others - lines[:, None]), axis=1)[:, :_NEAREST]
@@ -241,7 +240,7 @@ def _from_detection(measured: Spectra, silent: _Silent, who: str) -> _Part:
     return (*runs, covariance / freedom, freedom)
 
 
-_NOISES: dict[str, Callable[[Spectra, _Silent, str], _Part]] = {
+_NOISES: dict[str, Callable[[Spectra, Records, Callable[..., Spectra], str], _Part]] = {
     "blocks": _from_blocks,
     "periods": _from_periods,
     "detection": _from_detection,

@@ -67,10 +67,10 @@ def identify(
 
     model = load_robot(robot)
     with collected_warnings() as warnings:
-        data = run_spectra(read_records(records), noise, delay=delay, hold=hold)  # type: ignore[arg-type]
+        data = run_spectra(read_records(records), noise, delay=delay, hold=hold)
     begins = perturbed_starts(model.parameters, starts, decades, np.random.default_rng(_SEED))
     fits = sorted(
-        (fit_runs(model, data, rows, begin) for begin in begins),  # type: ignore[arg-type]
+        (fit_runs(model, data, rows, begin) for begin in begins),
         key=lambda fit: fit.cost,
     )
     fit = fits[0]

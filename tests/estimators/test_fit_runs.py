@@ -10,7 +10,7 @@ from noisy_runs import MODEL, RESPONSE, TRUTH, F, Q, circular, noise_root, noisy
 
 import estimators
 from estimators import Prior, RunSpectra, fit_runs, run_spectra
-from estimators.frf.spectra import Spectra
+from estimators.frf.spectra import Spectra, spectra
 from estimators.input_output.likelihood import RunProblem
 from estimators.input_output.run_spectra import _from_blocks
 from robotmodels import InvalidInput
@@ -226,7 +226,12 @@ def test_blocks_have_the_same_noise_in_all_runs_by_any_references(kind: str) -> 
     omega, ones = np.arange(1.0, F + 1), np.ones((blocks, n), dtype=bool)
     U, Y = Z[:, None, :, m:], Z[:, None, :, :m]
     measured = Spectra(omega, R[:, None], U, Y, U[:, :0], Y[:, :0], 0.0, ones)
-    outputs, inputs, covariance, nu = _from_blocks(measured, None, "position 1")  # type: ignore[arg-type]
+    outputs, inputs, covariance, nu = _from_blocks(  # reads no records
+        measured,
+        None,  # type: ignore[arg-type]
+        spectra,
+        "position 1",
+    )
     data = RunSpectra(np.zeros((1, n)), omega, inputs[None], outputs[None], covariance[None], nu)
     whitened = RunProblem(_Known(), data, False, np.ones((2, 1))).errors(G[None]).whitened
     size = (np.abs(whitened) ** 2).mean(axis=(0, 1, 2)) * (nu - m) / nu
@@ -245,7 +250,7 @@ def test_what_cannot_be_fitted_is_said() -> None:
     with pytest.raises(InvalidInput, match="tolerance: nan"):
         fit_runs(MODEL, data, tolerance=np.nan)
     with pytest.raises(InvalidInput, match="rows: 'both' is none of"):
-        fit_runs(MODEL, data, "both")  # type: ignore[arg-type]
+        fit_runs(MODEL, data, "both")
     C = data.covariance[..., 1:, 1:]
     fewer = RunSpectra(POSITIONS, OMEGA, data.inputs, data.outputs[..., 1:], C)
     with pytest.raises(InvalidInput, match="1 outputs of 2 inputs; the model has 2 of 2"):
@@ -273,7 +278,7 @@ def test_records_that_cannot_show_their_noise_are_refused() -> None:
     with pytest.raises(InvalidInput, match="position 1: noise 'blocks' needs 2 runs a block"):
         run_spectra(records, "blocks")
     with pytest.raises(InvalidInput, match="noise 'none' is none of"):
-        run_spectra(records, "none")  # type: ignore[arg-type]
+        run_spectra(records, "none")
     missing = records.torque * np.nan, records.angle * np.nan
     with pytest.raises(InvalidInput, match="position 1: run 1 of block 1 is missing; leave that"):
         run_spectra(replace(records, torque=missing[0], angle=missing[1]))
