@@ -1,0 +1,54 @@
+"""Columns on disk, written row by row as a file is read through and read column by column."""
+
+import tempfile
+from contextlib import ExitStack
+
+import numpy as np
+
+from robotmodels.common.arrays import Array
+from robotmodels.logs.log import Channel
+
+
+class ColumnStore:
+    """Numbers of a table in a nameless file of the folder for temporary files.
+
+    Parameters
+    ----------
+    columns : int
+        Number of columns.
+    stack : ExitStack
+        Closes the file.
+    """
+
+    def __init__(self, columns: int, stack: ExitStack) -> None:
+        self._file = stack.enter_context(tempfile.TemporaryFile())  # noqa: SIM115
+        self._columns = columns
+        self._starts = [0]
+
+    @property
+    def rows(self) -> int:
+        """Number of rows so far."""
+        return self._starts[-1]
+
+    def append(self, block: Array) -> None:
+        """Add rows, (rows, columns)."""
+        if len(block):
+            self._file.seek(0, 2)
+            np.ascontiguousarray(block.T, dtype=float).tofile(self._file)
+            self._starts.append(self.rows + len(block))
+
+    def read(self, column: int, start: int, stop: int) -> Array:
+        """Return rows of a column."""
+        first = int(np.searchsorted(self._starts, start, "right")) - 1
+        parts = []
+        for low, high in zip(self._starts[first:-1], self._starts[first + 1 :], strict=True):
+            if low >= stop:
+                break
+            begin, end = max(start, low), min(stop, high)
+            self._file.seek(8 * (low * self._columns + column * (high - low) + begin - low))
+            parts.append(np.fromfile(self._file, count=end - begin))
+        return np.concatenate(parts) if parts else np.empty(0)
+
+    def channel(self, column: int, unit: str = "", first: int = 0) -> Channel:
+        """Return a column as a channel that begins at row `first`."""
+        return Channel(lambda start, stop: self.read(column, first + start, first + stop), unit)

@@ -1,0 +1,167 @@
+"""Logs of every container that needs no optional library, each written by another library."""
+
+import csv
+
+import h5py
+import numpy as np
+import pytest
+from scipy.io import savemat
+
+from robotmodels.common.errors import InvalidInput
+from robotmodels.logs import text_log
+from robotmodels.logs.open_log import open_log
+
+TIME = np.arange(60) * 0.004
+VALUES = np.stack([np.sin(3 * TIME), 1e4 * np.cos(TIME), -TIME], axis=1)
+NAMES = ["q1", "q2", "q3"]
+
+
+def written(path, rows, delimiter, decimal=".", before=(), names=("t", *NAMES)):
+    """Write rows as people's tools do."""
+    lines = [*before, delimiter.join(names)] if names else list(before)
+    lines += [delimiter.join(f"{x!r}".replace(".", decimal) for x in row) for row in rows.tolist()]
+    path.write_text("\n".join(lines) + "\n", encoding="utf-8")
+    return path
+
+
+ROWS = np.column_stack([TIME, VALUES])
+
+
+@pytest.mark.parametrize(
+    ("delimiter", "decimal"),
+    [(",", "."), (";", ","), (";", "."), ("\t", ","), (" ", "."), ("|", ".")],
+)
+@pytest.mark.parametrize("before", [(), ("# made by a controller", "# 2024-01-01"), ("File;x", "")])
+def test_text_of_any_delimiter(tmp_path, delimiter, decimal, before):
+    path = written(tmp_path / "log.txt", ROWS, delimiter, decimal, before)
+    with open_log(path) as log:
+        (table,) = log.tables
+        assert list(table.channels) == ["t", *NAMES]
+        for name, values in zip(table.channels, ROWS.T, strict=True):
+            assert np.array_equal(table.values(name), values)
+
+
+def test_names_in_a_comment_and_units_in_names(tmp_path):
+    path = written(tmp_path / "a.csv", ROWS, ",", names=("# t [s]", "q1 (deg)", "q2 [rad/s]", "q3"))
+    with open_log(path) as log:
+        channels = log.tables[0].channels
+        assert {n: c.unit for n, c in channels.items()} == {
+            "t": "s", "q1": "deg", "q2": "rad/s", "q3": ""
+        }  # fmt: skip
+
+
+def test_a_row_of_units_below_the_names(tmp_path):
+    path = written(
+        tmp_path / "a.csv", ROWS, ",", before=("t,a,b,c",), names=("s", "deg", "A", "Nm")
+    )
+    with open_log(path) as log:
+        units = [channel.unit for channel in log.tables[0].channels.values()]
+        assert units == ["s", "deg", "A", "Nm"]
+
+
+def test_no_header_at_all(tmp_path):
+    path = written(tmp_path / "a.csv", ROWS, ",", names=())
+    with open_log(path) as log:
+        assert list(log.tables[0].channels) == [f"column_{i}" for i in range(1, 5)]
+        assert log.tables[0].rows == len(ROWS)
+
+
+def test_gaps_text_columns_and_rubbish(tmp_path):
+    """Empty cells are no numbers, a line that was cut off is dropped and said."""
+    lines = ["t,state,q", "0,run,1.5", "0.1,run,", "0.2,stop,2.5", "0.3,sto"]
+    path = tmp_path / "a.csv"
+    path.write_text("\n".join(lines))
+    with open_log(path) as log:
+        assert list(log.tables[0].channels) == ["t", "q"]
+        q = log.tables[0].values("q")
+        assert q[[0, 2]].tolist() == [1.5, 2.5]
+        assert np.isnan(q[1])
+
+
+def test_iso_stamps_become_seconds(tmp_path):
+    path = tmp_path / "a.csv"
+    with path.open("w", newline="") as file:
+        writer = csv.writer(file, quoting=csv.QUOTE_ALL)
+        writer.writerow(["stamp", "q"])
+        for k in range(20):
+            writer.writerow([f"2024-05-01T12:00:{k // 10:02d}.{k % 10}00000000+02:00", k])
+    with open_log(path) as log:
+        table = log.tables[0]
+        assert table.time == "stamp"
+        assert np.diff(table.values("stamp")) == pytest.approx(0.1, abs=1e-6)
+        assert table.values("stamp")[0] == pytest.approx(1714557600.0)
+
+
+def test_utf16_and_latin_1(tmp_path):
+    for encoding in ("utf-16", "cp1252"):
+        text = "t;Größe\n" + "".join(f"{k};{k},5\n" for k in range(9))
+        (tmp_path / "a.csv").write_bytes(text.encode(encoding))
+        with open_log(tmp_path / "a.csv") as log:
+            assert log.tables[0].values("Größe")[3] == 3.5
+
+
+def test_reading_in_chunks_changes_nothing(tmp_path, monkeypatch):
+    path = written(tmp_path / "a.csv", np.tile(ROWS, (20, 1)), ",")
+    monkeypatch.setattr(text_log, "_CHUNK", 1000)
+    with open_log(path) as log:
+        table = log.tables[0]
+        assert np.array_equal(table.values("q2"), np.tile(VALUES[:, 1], 20))
+        assert np.array_equal(
+            table.channels["q2"].read(333, 777), np.tile(VALUES[:, 1], 20)[333:777]
+        )
+        assert np.array_equal(np.concatenate(list(table.pieces("q1", 7))), table.values("q1"))
+
+
+@pytest.mark.parametrize("first", [True, False], ids=["channels first", "channels last"])
+def test_matlab_5_and_7_3_hdf5_and_npz(tmp_path, first):
+    """Structs in structs; arrays beside one time are one table, short arrays are constants."""
+    signals = VALUES.T if first else VALUES
+    savemat(
+        tmp_path / "a.mat", {"rec": {"t": TIME, "in": {"q": signals}}, "para": {"u": [1.0, 2.0]}}
+    )
+    np.savez(tmp_path / "a.npz", **{"rec.t": TIME, "rec.in.q": signals, "para.u": [1.0, 2.0]})
+    for name, stored in (("a.h5", signals), ("b.mat", signals.T)):
+        with h5py.File(tmp_path / name, "w", userblock_size=512 if name == "b.mat" else 0) as file:
+            file["rec/t"], file["rec/in/q"], file["para/u"] = TIME, stored, [1.0, 2.0]
+            file["rec/in/q"].attrs["units"] = "deg"
+    head = b"MATLAB 7.3 MAT-file".ljust(512)
+    with (tmp_path / "b.mat").open("r+b") as file:
+        file.write(head)
+    for name in ("a.mat", "a.npz", "a.h5", "b.mat"):
+        with open_log(tmp_path / name) as log:
+            for k in range(3):
+                table, channel = log.table_of(f"rec.in.q[{k}]")
+                assert np.array_equal(table.values(channel), VALUES[:, k]), name
+                unit = "deg" if name in ("a.h5", "b.mat") else ""
+                assert table.channels[channel].unit == unit
+            assert log.constants["para.u"].tolist() == [1.0, 2.0]
+
+
+def test_several_files_are_one_log(tmp_path):
+    a = written(tmp_path / "a.csv", ROWS, ",")
+    b = written(tmp_path / "b.csv", ROWS[:30], ",")
+    with open_log([a, b]) as log:
+        assert [(t.name, t.rows) for t in log.tables] == [("a", 60), ("b", 30)]
+        assert log.table_of("b:q1")[0].rows == 30
+        with pytest.raises(InvalidInput, match="'q1' is in several tables: 'a:q1', 'b:q1'"):
+            log.table_of("q1")
+        assert len(log.matching("a:q*")) == 3
+
+
+@pytest.mark.parametrize(
+    ("name", "content", "message"),
+    [
+        ("a.csv", "nothing but words\nand more\n", "no table of numbers"),
+        ("a.csv", b"\x00\x01\x02" * 50, "not a text file"),
+        ("a.mat", b"rubbish" * 40, "not a MATLAB file"),
+        ("a.h5", b"rubbish" * 40, "not an HDF5 file"),
+        ("a.npz", b"rubbish" * 40, "not a file of NumPy arrays"),
+        ("a.xyz", "1,2\n", "no format that is read"),
+    ],
+)
+def test_files_that_are_no_logs(tmp_path, name, content, message):
+    path = tmp_path / name
+    path.write_bytes(content.encode() if isinstance(content, str) else content)
+    with pytest.raises(InvalidInput, match=message) as error, open_log(path):
+        pass
+    assert str(path) in str(error.value)
