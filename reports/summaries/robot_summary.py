@@ -47,7 +47,7 @@ def robot_json(
     unused: Sequence[UnusedPart] = (),
 ) -> str:
     """Return the same as JSON, in SI units (rad, rad/s, N m) and at full precision."""
-    settings = file.model_dump(include={"gravity", "payload", "accelerometers"})
+    settings = file.model_dump(include={"gravity", "payload", "counterbalances", "accelerometers"})
     gains = {motor.name: motor.torque_gain for motor in file.motors}
     lists = {"torque_gains": gains, "warnings": suspicions, "unused": unused}
     return json_text(json_data(diagnosis) | settings | lists)
@@ -92,6 +92,8 @@ def _bodies(d: Diagnosis, file: RobotFile) -> list[str]:
             f"payload included: {number(load.mass)} kg on {load.link}, "
             f"centre of mass ({vector(load.com, 3)}) m"
         )
+    for balance in file.counterbalances:
+        lines += wrapped(f"counterbalance {balance.name} on joint {balance.joint}")
     cuts: dict[tuple[str, tuple[float, ...]], list[str]] = {}
     for spring in d.springs:
         if spring.at is not None:

@@ -30,6 +30,12 @@
       distal:                    # the part of the link beyond the cut
         mass: 3.0                # [kg]
         com: [0.0, 0.0, 0.4]     # centre of mass, in the link's frame [m]
+    counterbalances:             # torques on joints over their angles, link side
+      name: b1                   # used in parameters such as b1.amplitude
+      joint: shoulder            # whose angle counts
+      sinusoid:                  # amplitude sin(angle + phase); or spring, gas or table
+        amplitude: 7000.0        # [N m]
+        phase: -1.48             # [rad]
     parameters:                  # by default every stiffness, then every damping is estimated
       fixed: [d1.damping]        # known, not estimated
       tied: [[d1.stiffness, d2.stiffness]]    # each group keeps its ratios
@@ -50,7 +56,8 @@
       verdict: trustworthy       # on the fit, see `estimators.VERDICTS`
       provenance: {residual: nls}             # data, settings and programs behind them, in words
 
-`motors`, `springs` and `accelerometers` are lists; of one entry each, what its keys mean.
+`motors`, `springs`, `counterbalances` and `accelerometers` are lists; of one entry each, what its
+keys mean.
 """
 
 import math
@@ -58,9 +65,11 @@ from collections import Counter
 from pathlib import Path
 from typing import Annotated, Literal, Self
 
-from pydantic import AfterValidator, BeforeValidator, Field, model_validator
+from pydantic import BeforeValidator, Field, model_validator
 
 from robotmodels.common.yaml_files import FileSection, read_yaml
+from robotmodels.description.counterbalances import Counterbalance
+from robotmodels.description.names import Name
 from robotmodels.description.ranges import (
     LEAST_DIRECTION,
     Damping,
@@ -85,20 +94,6 @@ def _six_inertias(value: object) -> object:
     return tuple(value) if isinstance(value, list) else value
 
 
-def _plain_name(name: str) -> str:
-    formula = name.startswith(("=", "+", "-", "@"))  # to a spreadsheet
-    if not name.strip() or formula or "." in name or "\n" in name or name in _RESERVED:
-        # A parameter is called by a name, a point and an entry.
-        raise ValueError(
-            f"{name!r} cannot be a name: one line that has no point and begins with none of "
-            f"= + - @ is needed, other than {' and '.join(map(repr, _RESERVED))}"
-        )
-    return name
-
-
-_RESERVED = ("payload", "universe")  # the latter is Pinocchio's word for the ground
-
-Name = Annotated[str, AfterValidator(_plain_name)]
 Inertia = Annotated[
     tuple[Moment, Moment, Moment, Moment, Moment, Moment],
     BeforeValidator(
@@ -258,6 +253,7 @@ class RobotFile(FileSection):
     lock: dict[str, JointLimit] = {}
     motors: list[Motor] = Field(min_length=1, max_length=64)
     springs: list[Spring] = Field(min_length=1, max_length=256)
+    counterbalances: list[Counterbalance] = Field([], max_length=64)
     parameters: Choice = Choice()
     payload: Payload | None = None
     output: Literal["acceleration", "velocity", "position"] = "acceleration"
@@ -267,7 +263,7 @@ class RobotFile(FileSection):
 
     @model_validator(mode="after")
     def _names_are_unique(self) -> Self:
-        groups = (self.motors, self.springs, self.accelerometers)
+        groups = (self.motors, self.springs, self.counterbalances, self.accelerometers)
         names = Counter(item.name for group in groups for item in group)
         for name, count in names.items():
             if count > 1:

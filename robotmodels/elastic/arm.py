@@ -13,6 +13,11 @@ from robotmodels.description.joint_drives import Coupling
 from robotmodels.description.robot_file import RobotFile
 from robotmodels.description.urdf import unknown_joint
 from robotmodels.elastic.coordinate_map import CoordinateMap, coordinate_map
+from robotmodels.elastic.counterbalances import (
+    JointTorque,
+    check_counterbalance,
+    joint_torque,
+)
 from robotmodels.elastic.segments import Segment, link_frame, segments
 
 _AXES = {"x": np.eye(3)[0], "y": np.eye(3)[1], "z": np.eye(3)[2]}
@@ -34,12 +39,15 @@ class Arm:
         Names of the URDF's joints, base to tool.
     coordinate_map : CoordinateMap or None
         From the d coordinates to those of all joints; None where no joint follows another.
+    counterbalances : tuple of JointTorque
+        Torques on joints over their angles.
     """
 
     model: pin.Model
     coordinate: dict[str, int]
     urdf_joints: tuple[str, ...]
     coordinate_map: CoordinateMap | None = None
+    counterbalances: tuple[JointTorque, ...] = ()
 
     @property
     def size(self) -> int:
@@ -101,7 +109,17 @@ class _Builder:
         order = {n: self.model.joints[self.model.getJointId(n)].idx_q for n in names}
         coordinate, reduction = coordinate_map(sorted(names, key=order.__getitem__), couplings)
         urdf_joints = tuple(n for n in names if self.rigid.existJointName(n))
-        return Arm(self.model, coordinate, urdf_joints, reduction)
+        return Arm(self.model, coordinate, urdf_joints, reduction, self._counterbalances())
+
+    def _counterbalances(self) -> tuple[JointTorque, ...]:
+        ids = {b.name: self.model.getJointId(b.joint) for b in self.file.counterbalances}
+        turns = {
+            n: m[3:].any() for n, m in zip(list(self.rigid.names)[1:], self.motions, strict=True)
+        }
+        return tuple(
+            joint_torque(b, self.rigid, self.model.joints[ids[b.name]].idx_v, turns[b.joint])
+            for b in self.file.counterbalances
+        )
 
     def _check_names(self) -> None:
         joints = list(self.rigid.names)[1:]
@@ -111,7 +129,13 @@ class _Builder:
             if spring.joint is not None and spring.joint not in joints:
                 what = f"spring {spring.name!r}: {spring.joint!r}"
                 raise InvalidInput(unknown_joint(what, spring.joint, joints, self.file.lock))
-        for kind, items in (("spring", self.file.springs), ("motor", self.file.motors)):
+        for balance in self.file.counterbalances:
+            check_counterbalance(balance, self.rigid, self.file.lock)
+        for kind, items in (
+            ("spring", self.file.springs),
+            ("motor", self.file.motors),
+            ("counterbalance", self.file.counterbalances),
+        ):
             for item in items:
                 if item.name in (*joints, *self.file.lock):
                     raise InvalidInput(f"{kind} {item.name!r} has the name of a joint of the URDF")

@@ -2,7 +2,8 @@
 
 A joint turns all that it carries, and with it what the joints among that do to the potential:
 with L_j = d(sum of m c)/dq_j and w_i the axis of joint i (zero where it slides), which carries j,
-g_j = -gravity . L_j and dg_j/dq_i = (w_i x gravity) . L_j.
+g_j = -gravity . L_j and dg_j/dq_i = (w_i x gravity) . L_j. Counterbalances take their torques from
+g and their slopes from its diagonal.
 """
 
 from dataclasses import dataclass
@@ -20,7 +21,7 @@ _PART = 64
 
 @dataclass(frozen=True, eq=False)
 class Gravity:
-    """Gravity on an arm at Q coordinate vectors.
+    """Gravity on an arm, less what its counterbalances carry, at Q coordinate vectors.
 
     Attributes
     ----------
@@ -30,16 +31,21 @@ class Gravity:
         w x gravity of each of the D joints.
     moments : ndarray, (3, Q, D)
         L of each joint [kg m], of one that slides [kg].
+    balance : ndarray, (2, Q, D), or None
+        Torques of the counterbalances on the joints, and their slopes; None without any.
     """
 
     arm: Arm
     turned: Array
     moments: Array
+    balance: Array | None = None
 
     @cached_property
     def torques(self) -> Array:
         """The gravity torques g, (Q, d) [N m or N]."""
         torques = np.einsum("k,kqd->qd", -self.arm.model.gravity.linear, self.moments)
+        if self.balance is not None:
+            torques -= self.balance[0]
         reduction = self.arm.coordinate_map
         return np.asarray(torques if reduction is None else torques @ reduction.matrix)
 
@@ -52,6 +58,9 @@ class Gravity:
         if not self.arm.serial:
             slopes *= (self.arm.carries | self.arm.carries.T).ravel()
         slopes = slopes.reshape(products.shape)
+        if self.balance is not None:
+            diagonal = np.einsum("qii->qi", slopes)
+            diagonal -= self.balance[1]
         reduction = self.arm.coordinate_map
         return np.asarray(slopes if reduction is None else reduction.congruent(slopes))
 
@@ -59,7 +68,9 @@ class Gravity:
         """Write dg/dq to `out`, (Q, d, d), in parts that stay in the cache."""
         for start in range(0, len(out), _PART):
             part = slice(start, start + _PART)
-            out[part] = Gravity(self.arm, self.turned[:, part], self.moments[:, part]).slopes
+            balance = None if self.balance is None else self.balance[:, part]
+            here = Gravity(self.arm, self.turned[:, part], self.moments[:, part], balance)
+            out[part] = here.slopes
 
     def slopes_times(self, shift: Array) -> Array:
         """Return dg/dq times `shift`, (Q, d), without forming dg/dq."""
@@ -68,6 +79,8 @@ class Gravity:
         carried = (self.moments * shift) @ carries.T
         carriers = (self.turned * shift) @ (carries & ~carries.T)
         products = (self.turned * carried + self.moments * carriers).sum(axis=0)
+        if self.balance is not None:
+            products = products - self.balance[1] * shift
         return np.asarray(products if reduction is None else products @ reduction.matrix)
 
     @property
@@ -76,6 +89,8 @@ class Gravity:
         carries = self.arm.carries
         turned, moments = (np.sqrt((a * a).sum(axis=0)) for a in (self.turned, self.moments))
         bounds = turned * (moments @ carries.T) + moments * (turned @ carries)
+        if self.balance is not None:
+            bounds = bounds + np.abs(self.balance[1])
         if (reduction := self.arm.coordinate_map) is not None:
             sizes = np.abs(reduction.matrix)
             bounds = bounds @ sizes * sizes.sum(axis=1).max()
@@ -92,7 +107,7 @@ def gravity(arm: Arm, coordinates: Array) -> Gravity:
         pin.jacobianCenterOfMass(model, data, q)
         axes[i] = turning
         moments[i] = moving
-    return _gravity(arm, axes, moments * data.mass[0])
+    return _gravity(arm, joints, axes, moments * data.mass[0])
 
 
 def mass_and_gravity(arm: Arm, coordinates: Array, size: int) -> tuple[Array, Gravity]:
@@ -111,7 +126,7 @@ def mass_and_gravity(arm: Arm, coordinates: Array, size: int) -> tuple[Array, Gr
         axes[i] = turning
         moments[i] = moving
         arm_mass[i] = matrix if reduction is None else reduction.congruent(matrix)
-    return mass, _gravity(arm, axes, moments[..., :3])
+    return mass, _gravity(arm, joints, axes, moments[..., :3])
 
 
 def mass_matrices(arm: Arm, coordinates: Array) -> Array:
@@ -135,9 +150,17 @@ def _columns(matrix: Array, rows: int) -> Array:
     return np.asarray(matrix.T.reshape(-1, rows))  # with one joint, a vector
 
 
-def _gravity(arm: Arm, axes: Array, moments: Array) -> Gravity:
-    """Return gravity from the joints' twists, (Q, d, 6), and L, (Q, d, 3)."""
+def _gravity(arm: Arm, joints: Array, axes: Array, moments: Array) -> Gravity:
+    """Return gravity from the joints' angles, (Q, D), twists, (Q, D, 6), and L, (Q, D, 3)."""
     gx, gy, gz = arm.model.gravity.linear
     cross = np.array([[0.0, -gz, gy], [gz, 0.0, -gx], [-gy, gx, 0.0]])
     turned = (axes[..., 3:] @ cross).transpose(2, 0, 1)
-    return Gravity(arm, turned.copy(), moments.transpose(2, 0, 1).copy())
+    balance = np.zeros((2, *joints.shape))
+    for item in arm.counterbalances:
+        balance[:, :, item.column] += item.law(joints[:, item.column])
+    return Gravity(
+        arm,
+        turned.copy(),
+        moments.transpose(2, 0, 1).copy(),
+        balance if arm.counterbalances else None,
+    )

@@ -8,9 +8,16 @@ from typing import Any
 
 import numpy as np
 
+from robotmodels.description.counterbalances import Counterbalance
 from robotmodels.description.robot_file import Body, RobotFile
 
 _COM = ("x", "y", "z")
+_BALANCED = (
+    ("sinusoid", "amplitude", "N m"),
+    ("spring", "stiffness", "N/m"),
+    ("spring", "preload", "N"),
+    ("gas", "force", "N"),
+)
 _INERTIA = ("xx", "xy", "xz", "yy", "yz", "zz")
 
 
@@ -24,6 +31,10 @@ def extra_elements(file: RobotFile) -> dict[str, tuple[float, str]]:
     for spring in file.springs:
         if spring.at is not None:
             table[f"{spring.name}.at"] = (float(np.linalg.norm(spring.at)), "m")
+    for balance in file.counterbalances:
+        for law, entry, unit in _BALANCED:
+            if (section := getattr(balance, law)) is not None:
+                table[f"{balance.name}.{entry}"] = (abs(getattr(section, entry)), unit)
     if file.payload is not None:
         table["payload.mass"] = (file.payload.mass, "kg")
         for axis, value in zip(_COM, file.payload.com, strict=True):
@@ -50,9 +61,21 @@ def apply_extra(file: RobotFile, values: dict[str, float]) -> RobotFile:
         else spring
         for spring in file.springs
     ]
+    changes["counterbalances"] = [_balanced(each, values) for each in file.counterbalances]
     if file.payload is not None:
         changes["payload"] = file.payload.model_copy(update=_body(file.payload, values))
     return file.model_copy(update=changes)
+
+
+def _balanced(balance: Counterbalance, values: dict[str, float]) -> Counterbalance:
+    sections: dict[str, Any] = {}
+    for law, entry, _ in _BALANCED:
+        name, section = f"{balance.name}.{entry}", getattr(balance, law)
+        if section is not None and name in values:
+            old = sections.get(law, section)
+            change = {entry: float(np.copysign(values[name], getattr(section, entry)))}
+            sections[law] = old.model_copy(update=change)
+    return balance.model_copy(update=sections)
 
 
 def _of(values: dict[str, float], owner: str) -> dict[str, float]:

@@ -113,7 +113,8 @@ class ElasticRobot:
             return self.layout
         file = self.elements.file_at(theta)
         moved = any(a.at != b.at for a, b in zip(file.springs, self.file.springs, strict=True))
-        same = file.payload == self.file.payload and not moved
+        entries = ("payload", "counterbalances")
+        same = not moved and all(getattr(file, e) == getattr(self.file, e) for e in entries)
         return Layout(file, self.arm if same else build_arm(file, self.rigid, self.couplings))
 
     @cached_property

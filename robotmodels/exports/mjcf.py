@@ -95,10 +95,11 @@ def _exact(xml: str, model: mujoco.MjModel) -> str:
     option.set("timestep", _numbers([model.opt.timestep]))
     for body in root.iter("body"):
         _set_body(body, model)
-    for tendon in root.iter("fixed"):
+    for tendon in (*root.iter("fixed"), *root.iter("spatial")):
         i = model.tendon(tendon.get("name")).id
         stiffness = model.tendon_stiffness[i], *model.tendon_stiffnesspoly[i]
         _set(tendon, stiffness=stiffness, damping=model.tendon_damping[[i]])
+        _set(tendon, springlength=model.tendon_lengthspring[i])
     for actuator in _entry(root, "actuator"):
         it = model.actuator(actuator.get("name"))
         _set(actuator, gear=it.gear, gainprm=it.gainprm[:1])

@@ -15,6 +15,7 @@ from scipy.spatial.transform import Rotation
 
 from robotmodels.common.arrays import Array, IntArray
 from robotmodels.common.errors import InvalidInput
+from robotmodels.description.counterbalances import Counterbalance
 from robotmodels.description.model_files import ModelSource
 from robotmodels.description.robot_file import Body, Hardening, Motor, RobotFile, Spring
 from robotmodels.simulation.urdf_tree import Inertial, Joint, Tree, read_tree
@@ -116,6 +117,7 @@ class PlantBuilder:
             mujoco.mjtDisableBit.mjDSBL_CONSTRAINT | mujoco.mjtDisableBit.mjDSBL_CONTACT
         )
         self.drives = {s.joint: s for s in file.springs if s.axis == "drive"}
+        self.balances = [b for b in file.counterbalances if b.in_mujoco]
 
     def compile(self) -> mujoco.MjModel:
         """Return the compiled model.
@@ -130,6 +132,8 @@ class PlantBuilder:
         for motor in self.file.motors:
             if motor.joint in self.drives:
                 self._add_motor(motor, self.drives[motor.joint])
+        for balance in self.balances:
+            self._add_balance(balance)
         for sensor in self.file.accelerometers:
             self.spec.add_sensor(
                 type=mujoco.mjtSensor.mjSENS_ACCELEROMETER,
@@ -155,6 +159,18 @@ class PlantBuilder:
         gear.stiffness, gear.damping = _stiffness(spring), [spring.damping, 0.0, 0.0]
         gear.springlength = [0.0, 0.0]
 
+    def _add_balance(self, balance: Counterbalance) -> None:
+        """Add the tendon between the two sites of a counterbalance."""
+        tendon = self.spec.add_tendon(name=balance.name)
+        for i in range(2):
+            tendon.wrap_site(_site(balance, i))
+        if balance.sinusoid is not None:
+            tendon.stiffness, length = [balance.sinusoid.amplitude, 0.0, 0.0], 0.0
+        elif balance.spring is not None:
+            tendon.stiffness = [balance.spring.stiffness, 0.0, 0.0]
+            length = balance.spring.unloaded_length
+        tendon.springlength = [length, length]
+
     def _add_link(self, link: str, body: mujoco.MjsBody) -> None:
         """Fill `body` with the URDF link, its cuts and all that it carries."""
         inertial = self.tree.inertials[link]
@@ -173,11 +189,19 @@ class PlantBuilder:
         payload = self.file.payload
         if payload is not None and payload.link == link:
             _set_inertia(body.add_body(name="the payload", pos=frame), _from_body(payload))
+        self._add_sites(link, body, frame)
+        for joint in self.tree.joints[link]:
+            self._add_joint(joint, body, frame)
+
+    def _add_sites(self, link: str, body: mujoco.MjsBody, frame: Array) -> None:
+        """Add the sites of sensors and of springs between two points."""
         for sensor in self.file.accelerometers:
             if sensor.link == link:
                 body.add_site(name=sensor.name, pos=frame + np.array(sensor.at))
-        for joint in self.tree.joints[link]:
-            self._add_joint(joint, body, frame)
+        for balance in self.balances:
+            for i, end in enumerate(balance.points or ()):
+                if end.link == link:
+                    body.add_site(name=_site(balance, i), pos=frame + np.array(end.at))
 
     def _add_joint(self, joint: Joint, parent: mujoco.MjsBody, frame: Array) -> None:
         position, rotation = joint.position, joint.rotation
@@ -200,6 +224,7 @@ class PlantBuilder:
                 if spring.joint == joint.name and spring.axis != "drive":
                     _add_torsion(body, spring)
             self._add_drive(joint, body)
+            self._add_arms(joint, body, parent, pin_point=(frame + position, rotation))
         self._add_link(joint.child, body)
 
     def _add_drive(self, joint: Joint, body: mujoco.MjsBody) -> None:
@@ -215,12 +240,36 @@ class PlantBuilder:
         elif motor is None and spring is not None:
             drive.stiffness, drive.damping = _stiffness(spring), [spring.damping, 0.0, 0.0]
 
+    def _add_arms(
+        self,
+        joint: Joint,
+        body: mujoco.MjsBody,
+        parent: mujoco.MjsBody,
+        pin_point: tuple[Array, Rotation],
+    ) -> None:
+        """Add the sites of sinusoids: a spring of no length between arms of 1 m across the axis.
+
+        Its torque is -stiffness sin(angle between the arms).
+        """
+        origin, rotation = pin_point
+        arm = np.linalg.svd(joint.axis[None])[2][1]  # across the axis
+        for balance in self.balances:
+            if balance.sinusoid is not None and balance.joint == joint.name:
+                turn = Rotation.from_rotvec((np.pi - balance.sinusoid.phase) * joint.axis)
+                still = origin + rotation.apply(turn.apply(arm))
+                parent.add_site(name=_site(balance, 0), pos=still)
+                body.add_site(name=_site(balance, 1), pos=arm)
+
     def _cuts(self, link: str) -> dict[tuple[float, float, float], list[Spring]]:
         cuts: dict[tuple[float, float, float], list[Spring]] = {}
         for spring in self.file.springs:
             if spring.link == link and spring.at is not None:
                 cuts.setdefault(spring.at, []).append(spring)
         return cuts
+
+
+def _site(balance: Counterbalance, end: int) -> str:
+    return f"{balance.name} end {end + 1}"
 
 
 def _stiffness(spring: Spring) -> list[float]:

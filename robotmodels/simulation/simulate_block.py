@@ -8,7 +8,9 @@ from numpy.typing import NDArray
 
 from robotmodels.common.arrays import Array, ComplexArray
 from robotmodels.common.errors import NoEquilibrium, SolverFailed
+from robotmodels.description.counterbalances import Counterbalance
 from robotmodels.description.robot_file import Hardening, RobotFile
+from robotmodels.elastic.counterbalances import osculating
 from robotmodels.elastic.robot import ElasticRobot
 from robotmodels.simulation.controller import Controller
 from robotmodels.simulation.imperfections import Imperfections
@@ -67,7 +69,7 @@ def run_block(block: Block) -> tuple[Array, Array, NDArray[np.bool_]]:
     """
     register_mujoco()
     robot, controller, flaws = block.robot, block.controller, block.imperfections
-    plant = build_plant(robot.file, robot.model_file)
+    plant = build_plant(_simulated_file(robot, block.position), robot.model_file)
     state, hold = static_state(plant, robot, block.position, block.where)
     if not flaws.nonlinear_gears:
         linearise_gears(plant, state)
@@ -96,6 +98,26 @@ def run_block(block: Block) -> tuple[Array, Array, NDArray[np.bool_]]:
         results.append([trace[block.transient * N :].reshape(shape) for trace in traces])
     torque, angle, limited = (np.stack(part) for part in zip(*results, strict=True))
     return torque, angle, limited
+
+
+def _simulated_file(robot: ElasticRobot, position: Array) -> RobotFile:
+    """Return the robot file; counterbalances that MuJoCo cannot hold as sinusoids that touch."""
+    balances = robot.file.counterbalances
+    if all(balance.in_mujoco for balance in balances):
+        return robot.file
+    (coordinates,) = robot.equilibrium(position[None]).coordinates
+    laws = zip(balances, robot.arm.counterbalances, strict=True)
+    touching = [
+        balance
+        if balance.in_mujoco
+        else Counterbalance(
+            name=balance.name,
+            joint=balance.joint,
+            sinusoid=osculating(torque.law, coordinates[robot.arm.coordinate[balance.joint]]),
+        )
+        for balance, torque in laws
+    ]
+    return robot.file.model_copy(update={"counterbalances": touching})
 
 
 def _whole_run(block: Block, period: Array) -> Array:
@@ -187,7 +209,7 @@ def linearise_gears(plant: PlantModel, state: Array) -> None:
     """Replace the gears' characteristics by their tangents at `state`, torques unchanged."""
     model = plant.model
     plant.static_forces(state)
-    for i in range(model.ntendon):
+    for i in plant.gears[plant.gears >= 0]:
         x = float(plant.data.ten_length[i])
         low, (_, cubic) = model.tendon_stiffness[i], model.tendon_stiffnesspoly[i]
         slope = low + 3 * cubic * x**2

@@ -198,6 +198,45 @@ SENSED = changed(
     },
 )
 
+_BALANCED_JOINTS = ("shoulder_pan_joint", "shoulder_lift_joint", "elbow_joint")
+
+# A cylinder across the elbow, and a sinusoid whose amplitude is free.
+BALANCED: dict[str, Any] = {
+    "schema": "robot/1",
+    "name": "balanced",
+    "urdf": "example-robot-data:ur_description/urdf/ur10_robot.urdf",
+    "lock": {f"wrist_{i}_joint": 0.3 for i in (1, 2, 3)},
+    "motors": [
+        {"name": f"m{i}", "joint": joint, "gear_ratio": 101, "inertia": 3e-4, "viscous": 1e-3}
+        for i, joint in enumerate(_BALANCED_JOINTS)
+    ],
+    "springs": [
+        {"name": f"d{i}", "joint": joint, "axis": "drive", "stiffness": 2e4, "damping": 20.0}
+        for i, joint in enumerate(_BALANCED_JOINTS)
+    ],
+    "counterbalances": [
+        {
+            "name": "lift",
+            "joint": "shoulder_lift_joint",
+            "sinusoid": {"amplitude": 90.0, "phase": 0.4},
+        },
+        {
+            "name": "cylinder",
+            "joint": "elbow_joint",
+            "spring": {
+                "points": [
+                    {"link": "upper_arm_link", "at": [0.1, 0.05, 0.4]},
+                    {"link": "forearm_link", "at": [0.08, -0.03, 0.25]},
+                ],
+                "stiffness": 900.0,
+                "rest_length": 0.3,
+                "preload": -60.0,
+            },
+        },
+    ],
+    "parameters": {"extra": ["lift.amplitude", "cylinder.stiffness", "cylinder.preload"]},
+}
+
 # One arm, one gear, level at position 0: everything about it has a closed form.
 PENDULUM = {
     "schema": "robot/1",

@@ -12,18 +12,26 @@ import pinocchio as pin
 import pytest
 import yaml
 from reloaded_mjcf import ReloadedMjcf
-from robots import CRANE, PANDA, SENSED, SPLIT, WALL, built, changed
+from robots import BALANCED, CRANE, PANDA, SENSED, SPLIT, WALL, built, changed
 from scipy.io import loadmat
 
 import robotmodels
 from robotmodels import ElasticRobot, IdentificationError, InvalidInput
 from robotmodels.collision.shapes import robot_shapes
+from robotmodels.description.robot_file import Choice
 from robotmodels.elastic.dynamics import gravity_torques, mass_matrices
 from robotmodels.linear.modes import damped_modes
 
 OMEGA = 2 * np.pi * np.geomspace(1.0, 100.0, 8)
-OWN = {"split": SPLIT, "sensed": SENSED, "wall": WALL, "panda": PANDA, "crane": CRANE}
-SMALL = ("manutec_r3_hardening", "sensed", "wall", "crane")
+OWN = {
+    "split": SPLIT,
+    "sensed": SENSED,
+    "wall": WALL,
+    "panda": PANDA,
+    "crane": CRANE,
+    "balanced": BALANCED,
+}
+SMALL = ("manutec_r3_hardening", "sensed", "wall", "crane", "balanced")
 SLOW = sorted({*robotmodels.builtin_robots(), *OWN} - set(SMALL))
 ROBOTS = [*SMALL, *(pytest.param(name, marks=pytest.mark.slow) for name in SLOW)]
 TOLERANCE = 1e-6  # of each element's largest value
@@ -170,6 +178,10 @@ def test_state_space(case: Case, tmp_path: Path) -> None:
 def test_urdf(case: Case, tmp_path: Path) -> None:
     robot, path = case.robot, tmp_path / "robot.urdf"
     left_out = robotmodels.export(robot, path, "urdf")
+    for balance in robot.file.counterbalances:
+        assert f"counterbalance {balance.name}" in left_out
+    file = robot.file.model_copy(update={"counterbalances": [], "parameters": Choice()})
+    robot = ElasticRobot(file, robot.folder)
     assert any(robot.file.springs[0].name in line for line in left_out)
     rigid = pin.buildModelFromUrdf(str(path))
     rigid.gravity.linear = np.array(robot.file.gravity)

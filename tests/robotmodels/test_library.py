@@ -9,6 +9,7 @@ from robotmodels.linear.modes import anti_resonances, damped_modes, resonances
 HZ = 2 * np.pi
 NAMES = (
     "kr240_class",
+    "kr300",
     "manutec_r3",
     "manutec_r3_26",
     "manutec_r3_hardening",
