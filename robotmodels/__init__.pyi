@@ -40,6 +40,13 @@ from .linear.response import (
     sensitivity as sensitivity,
 )
 from .linear.spring_network import SpringNetwork as SpringNetwork
+from .logs.importing import import_movements as import_movements
+from .logs.open_log import open_log as open_log
+from .records.movement import (
+    Movement as Movement,
+    iterate_movements as iterate_movements,
+    save_movements as save_movements,
+)
 from .records.records import (
     Records as Records,
     iterate_records as iterate_records,

@@ -15,6 +15,7 @@ class Kind(StrEnum):
     EXPERIMENT = "experiment"
     ROBOT = "robot"
     CHAIN_STUDY = "chain_study"
+    IMPORT = "import"
 
 
 def register(app: typer.Typer) -> None:

@@ -8,7 +8,7 @@ from typing import Any
 from robotmodels.common.errors import InvalidInput, nearest
 from robotmodels.common.yaml_files import FileSection
 
-KINDS = ("study", "experiment", "robot", "chain_study")
+KINDS = ("study", "experiment", "robot", "chain_study", "import")
 
 Words = dict[tuple[str, ...], str]
 """Descriptions by the keys that lead to a key."""
@@ -28,6 +28,7 @@ def json_schema(kind: str) -> dict[str, Any]:
     from oed.experiment import experiment_file as experiment
     from oed.study.settings import candidates_settings, design_settings, study_file as study
     from robotmodels.description import robot_file
+    from robotmodels.logs import mapping_file
 
     shaken = key_words(experiment)
     kinds: dict[str, tuple[type[FileSection], Words]] = {
@@ -40,6 +41,7 @@ def json_schema(kind: str) -> dict[str, Any]:
         ),
         "experiment": (experiment.Experiment, shaken),
         "robot": (robot_file.RobotFile, key_words(robot_file)),
+        "import": (mapping_file.Mapping, key_words(mapping_file)),
         "chain_study": (
             chain_study.ChainStudy,
             {

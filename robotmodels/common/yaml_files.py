@@ -233,6 +233,7 @@ _KINDS = {
     "robot": ("a robot file", "oed check"),
     "study": ("a study", "oed run"),
     "experiment": ("an experiment", "oed simulate"),
+    "import": ("a mapping of a log", "oed import"),
 }
 
 

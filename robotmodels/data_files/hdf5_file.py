@@ -153,6 +153,10 @@ class Hdf5Group:
             self._member(name), f"{self.where}: {name}", self._checked
         )._attribute_value(attribute)
 
+    def root_attribute(self, name: str) -> Any:
+        """Return a number or text beside the group itself, None where there is none."""
+        return self._attribute_value(name)
+
     def _member(self, name: str) -> Any:
         import h5py
 

@@ -139,7 +139,7 @@ def test_every_command_shows_an_example(oed, command):
     assert f"Example: oed {command}" in out
 
 
-@pytest.mark.parametrize("kind", ["study", "experiment", "robot"])
+@pytest.mark.parametrize("kind", ["study", "experiment", "robot", "import"])
 def test_schemas_describe_the_files(oed, kind):
     code, out, _ = oed("schema", kind)
     schema = json.loads(out)

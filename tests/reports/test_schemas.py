@@ -8,6 +8,7 @@ from oed.experiment import experiment_file as experiment
 from oed.study.settings import candidates_settings, design_settings, study_file as study
 from reports.commands.schemas import json_schema, key_words
 from robotmodels.description import robot_file
+from robotmodels.logs import mapping_file
 
 
 def described(schema, node, at=()):
@@ -28,6 +29,7 @@ def described(schema, node, at=()):
         ("study", [study, candidates_settings, design_settings], {"elbow_joint", "folded"}),
         ("experiment", [experiment], set()),
         ("robot", [robot_file], set()),
+        ("import", [mapping_file], {"block_2", "a6"}),
     ],
 )
 def test_what_docstrings_say_of_keys_is_in_the_schema(kind, modules, chosen):

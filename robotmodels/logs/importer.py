@@ -1,0 +1,275 @@
+"""A log and a mapping become movements, piece by piece."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from robotmodels.common.arrays import Array
+from robotmodels.common.errors import InvalidInput
+from robotmodels.common.fingerprints import file_digest
+from robotmodels.common.progress import StageProgress
+from robotmodels.elastic.robot import ElasticRobot
+from robotmodels.logs.binding import JOINTLESS, Binding, BoundSignal, bind
+from robotmodels.logs.clocks import Clock, clock_messages, table_clock
+from robotmodels.logs.log import PIECE, Log, Table
+from robotmodels.logs.mapping_file import Mapping
+from robotmodels.logs.signal_reader import SignalReader
+from robotmodels.logs.survey import Survey, signal_key, survey, survey_messages
+from robotmodels.records.movement import Movement, movement_group, write_header
+
+_SAME = 1e-3  # of a sample
+
+
+@dataclass(frozen=True, eq=False)
+class Run:
+    """A stretch of a log without gaps, not yet read.
+
+    Attributes
+    ----------
+    source : Import
+        Log and mapping.
+    first, stop : int
+        Its samples on the clock of the first mapped table.
+    """
+
+    source: "Import"
+    first: int
+    stop: int
+
+    def __len__(self) -> int:
+        return self.stop - self.first
+
+    @property
+    def joints(self) -> tuple[str, ...]:
+        """Names of the joints."""
+        return self.source.binding.joints
+
+    @property
+    def sample_time(self) -> float:
+        """Sample time [s]."""
+        return self.source.clock.sample_time
+
+    @property
+    def start(self) -> float:
+        """Time of the first sample [s]."""
+        clock = self.source.clock
+        return float(clock.start + clock.sample_time * clock.ticks[self.first])
+
+    def pieces(self, role: str) -> Iterator[Array]:
+        """Yield the signals of a role, (up to `PIECE`, n)."""
+        for low in range(self.first, self.stop, PIECE):
+            yield self.source.joint_values(role, low, min(low + PIECE, self.stop))
+
+    def other_pieces(self, name: str) -> Iterator[Array]:
+        """Yield a signal of no joint, (up to `PIECE`,)."""
+        signal = self.source.others[name]
+        for low in range(self.first, self.stop, PIECE):
+            yield self.source.reader.values(signal, low, min(low + PIECE, self.stop))
+
+    def read(self) -> Movement:
+        """Return all of it in memory."""
+        return Movement(
+            joints=self.joints,
+            sample_time=self.sample_time,
+            signals={role: np.concatenate(list(self.pieces(role))) for role in self.source.roles},
+            others={
+                name: np.concatenate(list(self.other_pieces(name))) for name in self.source.others
+            },
+            start=self.start,
+            provenance=self.source.provenance,
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class Import:
+    """A log as its mapping understands it.
+
+    Attributes
+    ----------
+    log, mapping, robot : Log, Mapping, ElasticRobot or None
+        What it is made from.
+
+    Raises
+    ------
+    InvalidInput
+        If the mapping does not fit the log, a table has no clock, or resampling would err by more
+        than 2 % of a signal.
+    """
+
+    log: Log
+    mapping: Mapping
+    robot: ElasticRobot | None
+    progress: StageProgress | None = field(default=None, repr=False)
+
+    @cached_property
+    def binding(self) -> Binding:
+        """Channels with their meaning."""
+        return bind(self.mapping, self.log, self.robot)
+
+    @cached_property
+    def clocks(self) -> dict[str, Clock]:
+        """Clocks by the names of tables that have a mapped channel."""
+        tables = {signal.table.name: signal.table for signal in self.binding.signals}
+        return {name: table_clock(self.log, table, self.mapping) for name, table in tables.items()}
+
+    @property
+    def base(self) -> Table:
+        """Table whose samples count; others are interpolated to them."""
+        return self.binding.signals[0].table
+
+    @property
+    def clock(self) -> Clock:
+        """Clock of that table."""
+        return self.clocks[self.base.name]
+
+    @cached_property
+    def surveys(self) -> dict[str, Survey]:
+        """One pass through each mapped channel, by role and name."""
+        surveys = {}
+        for number, signal in enumerate(self.binding.signals):
+            surveys[signal_key(signal)] = survey(signal)
+            if self.progress is not None:
+                self.progress("survey", number + 1, len(self.binding.signals))
+        return surveys
+
+    @cached_property
+    def present(self) -> tuple[BoundSignal, ...]:
+        """Signals that change; one that never does is absent, unless all of its role rest."""
+        signals = self.binding.signals
+        moving = {s.role for s in signals if not self.surveys[signal_key(s)].constant}
+        return tuple(
+            s for s in signals if s.role not in moving or not self.surveys[signal_key(s)].constant
+        )
+
+    @cached_property
+    def roles(self) -> dict[str, tuple[BoundSignal, ...]]:
+        """Signals of joints by role; currents with a torque constant make motor torques too."""
+        roles: dict[str, tuple[BoundSignal, ...]] = {}
+        for signal in self.present:
+            if signal.role not in JOINTLESS:
+                roles[signal.role] = (*roles.get(signal.role, ()), signal)
+        if self.mapping.torque_constants and "motor_torque" not in roles:
+            roles["motor_torque"] = roles.get("motor_current", ())
+        return {role: signals for role, signals in roles.items() if signals}
+
+    @cached_property
+    def others(self) -> dict[str, BoundSignal]:
+        """Signals of no joint by name."""
+        return {s.name: s for s in self.present if s.role in JOINTLESS}
+
+    @cached_property
+    def runs(self) -> tuple[Run, ...]:
+        """Stretches between gaps, within the time that all tables cover."""
+        low, high = -np.inf, np.inf
+        for signal in self.present:
+            clock = self.clocks[signal.table.name]
+            first, last = (clock.start + clock.sample_time * clock.ticks[i] for i in (0, -1))
+            if signal.table is not self.base or signal.entry.delay:
+                low, high = (
+                    max(low, first - signal.entry.delay),
+                    min(high, last - signal.entry.delay),
+                )
+        clock, slack = self.clock, _SAME * self.clock.sample_time
+        runs = []
+        for first, stop in clock.segments:
+            times = clock.start + clock.sample_time * clock.ticks[first:stop]
+            inside = np.flatnonzero((times >= low - slack) & (times <= high + slack))
+            if len(inside) > 2:
+                runs.append(Run(self, first + int(inside[0]), first + int(inside[-1]) + 1))
+        if not runs:
+            raise InvalidInput(f"{self.log.where}: its tables have no time in common")
+        return tuple(runs)
+
+    @cached_property
+    def notes(self) -> tuple[str, ...]:
+        """What was seen and what was changed, in words."""
+        lines = list(self.log.notes)
+        for name, clock in self.clocks.items():
+            lines += clock_messages(clock, name or self.log.files[0].name)
+        for signal in self.binding.signals:
+            lines += survey_messages(
+                signal, self.surveys[signal_key(signal)], signal not in self.present
+            )
+            if (error := self.reader.interpolation_error(signal)) is not None:
+                lines.append(
+                    f"{signal.channel}: interpolated to the samples of {self.clock.source}; error "
+                    f"below {max(error, 1e-4):.2g} of its rms"
+                )
+        return tuple(lines)
+
+    @cached_property
+    def provenance(self) -> dict[str, Any]:
+        """Files and digests, mapping and changes, as plain data."""
+        return {
+            "files": {path.name: file_digest(path) for path in self.log.files},
+            "mapping": self.mapping.model_dump(mode="json", by_alias=True, exclude_defaults=True),
+            "changes": list(self.notes),
+        }
+
+    @cached_property
+    def reader(self) -> SignalReader:
+        """What reads signals in SI on the samples of the first table."""
+        return SignalReader(self.log.where, self.base, self.clocks, self.surveys)
+
+    def joint_values(self, role: str, low: int, high: int) -> Array:
+        """Return the signals of a role in SI on the joint side, (N, n), NaN where absent."""
+        joints = self.binding.joints
+        values = np.full((high - low, len(joints)), np.nan)
+        constants = np.asarray(self.mapping.torque_constants or (1.0,))
+        for signal in self.roles[role]:
+            column = self.reader.values(signal, low, high)
+            if role == "motor_torque" and signal.role == "motor_current":
+                constant = np.broadcast_to(constants, len(joints))[signal.joint]
+                column = column * constant * self.binding.ratios[signal.joint]
+            values[:, signal.joint] = column
+        return self._posed(role, self._mixed(role, values))
+
+    def _mixed(self, role: str, values: Array) -> Array:
+        mixing = self.binding.mixing
+        if (
+            role.startswith("motor_")
+            and role != "motor_current"
+            and np.any(mixing != np.eye(len(mixing)))
+        ):
+            torque = role == "motor_torque"
+            return np.asarray(values @ (np.linalg.inv(mixing) if torque else mixing.T))
+        return values
+
+    def _posed(self, role: str, values: Array) -> Array:
+        if role.endswith("_angle") and self.mapping.start_pose:
+            return np.asarray(values + np.asarray(self.mapping.start_pose))
+        return values
+
+
+def write_import(source: Import, path: Path) -> int:
+    """Write all runs as movements, piece by piece; return their number."""
+    import h5py
+
+    from robotmodels.common.atomic_files import atomic_write
+
+    with atomic_write(path) as unfinished, h5py.File(unfinished, "w") as file:
+        write_header(file, source.provenance)
+        for number, run in enumerate(source.runs):
+            group = movement_group(file, number, run)
+            for role in source.roles:
+                dataset = group.create_dataset(role, (len(run), len(run.joints)), dtype=float)
+                _fill(dataset, run.pieces(role))
+            for name in source.others:
+                _fill(
+                    group["others"].create_dataset(name, (len(run),), dtype=float),
+                    run.other_pieces(name),
+                )
+            if source.progress is not None:
+                source.progress("write", number + 1, len(source.runs))
+    return len(source.runs)
+
+
+def _fill(dataset: Any, pieces: Iterator[Array]) -> None:
+    row = 0
+    for piece in pieces:
+        dataset[row : row + len(piece)] = piece
+        row += len(piece)

@@ -1,0 +1,135 @@
+"""Units of channels and what they are in SI, through pint."""
+
+import math
+from functools import cache
+from typing import Any
+
+from robotmodels.common.errors import InvalidInput
+from robotmodels.logs.optional_library import optional_library
+
+SI: dict[str, tuple[str, str]] = {
+    "motor_angle": ("rad", "m"),
+    "motor_velocity": ("rad/s", "m/s"),
+    "motor_acceleration": ("rad/s^2", "m/s^2"),
+    "motor_torque": ("N*m", "N"),
+    "motor_current": ("A", "A"),
+    "link_angle": ("rad", "m"),
+    "link_velocity": ("rad/s", "m/s"),
+    "joint_torque": ("N*m", "N"),
+    "reference_angle": ("rad", "m"),
+    "reference_velocity": ("rad/s", "m/s"),
+    "reference_torque": ("N*m", "N"),
+    "accelerometer": ("m/s^2", "m/s^2"),
+}
+"""Unit of a role, on a joint that turns and on one that slides."""
+
+_SPELLINGS = {
+    "Nm": "N*m",
+    "mNm": "mN*m",
+    "kNm": "kN*m",
+    "Ncm": "N*cm",
+    "°": "deg",
+    "degree": "deg",
+    "degrees": "deg",
+    "radian": "rad",
+    "radians": "rad",
+    "rev": "turn",
+    "revs": "turn",
+    "sec": "s",
+    "amp": "A",
+    "amps": "A",
+    "Amps": "A",
+}
+
+
+def unit_factor(unit: str, role: str, sliding: bool, per_turn: float | None = None) -> float:
+    """Return what one of a unit is in the unit of a role.
+
+    Parameters
+    ----------
+    unit : str
+        As pint or people write it; ``counts`` with `per_turn`.
+    sliding : bool
+        Whether the joint slides.
+    per_turn : float, optional
+        Counts in a turn.
+
+    Raises
+    ------
+    InvalidInput
+        If the unit is unknown or of another kind of quantity.
+    """
+    registry = _registry()
+    text = _spelled(unit, role)
+    if text.startswith("count"):
+        if per_turn is None:
+            raise InvalidInput(f"unit {unit!r} of {role}: counts_per_turn is missing")
+        text = text.replace("counts", "turn").replace("count", "turn")
+    quantity = _quantity(registry, text, unit)
+    if role == "other":
+        return float(quantity.to_base_units().magnitude)
+    # The motor of a joint that slides turns.
+    goals = SI[role] if sliding else SI[role][:1]
+    for goal in reversed(goals):
+        goal_unit = registry.Unit(goal)
+        if quantity.dimensionality == goal_unit.dimensionality:
+            factor = float(quantity.to(goal_unit).magnitude)
+            return factor / per_turn if per_turn is not None else factor
+    raise InvalidInput(f"unit {unit!r} is none of {role}, which is in {' or '.join(goals)}")
+
+
+def stated_unit(unit: str, role: str) -> str:
+    """Return the unit that a file states, empty if it is none of the role."""
+    text = unit.partition("(")[0].strip()
+    if not text or role == "other":
+        return text
+    try:
+        unit_factor(text, role, sliding=True)
+    except InvalidInput:
+        return ""
+    return text
+
+
+def time_factor(unit: str) -> float:
+    """Return what one of a unit of time is in seconds."""
+    quantity = _quantity(_registry(), unit, unit) if unit not in _SECONDS else None
+    factor = _SECONDS.get(unit) or (
+        float(quantity.to("s").magnitude)
+        if quantity is not None and quantity.check("[time]")
+        else math.nan
+    )
+    if math.isnan(factor):
+        raise InvalidInput(f"unit {unit!r} of the time is none of time; s, ms, us or ns is")
+    return factor
+
+
+_SECONDS = {"": 1.0, "s": 1.0, "ms": 1e-3, "us": 1e-6, "µs": 1e-6, "ns": 1e-9, "sec": 1.0}
+
+
+@cache
+def _registry() -> Any:
+    return optional_library("pint", "units of channels").UnitRegistry()
+
+
+def _spelled(unit: str, role: str) -> str:
+    text = unit.strip().strip("[]()").replace("²", "^2").replace("·", "*").replace("°", "deg")
+    if role == "accelerometer" and text in ("g", "G"):
+        return "standard_gravity"
+    head, slash, tail = text.partition("/")
+    head = _SPELLINGS.get(head.strip(), head)
+    return f"{head}{slash}{tail.replace('sec', 's')}"
+
+
+def _quantity(registry: Any, text: str, unit: str) -> Any:
+    import pint
+    from pint.errors import PintError
+
+    try:
+        quantity = registry.Quantity(1.0, text)
+        if not isinstance(quantity, pint.Quantity):
+            raise TypeError(text)
+    except (PintError, TypeError, ValueError, AttributeError, AssertionError, SyntaxError) as error:
+        raise InvalidInput(
+            f"unit {unit!r} is unknown ({str(error)[:80]}); deg, rad, rev, rpm, N*m, A are some"
+        ) from None
+    return quantity
