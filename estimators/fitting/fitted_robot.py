@@ -92,10 +92,10 @@ def _correlations(parameters: Parameters, names: list[str], covariance: Array) -
 
 
 def robot_prior(robot: ElasticRobot) -> Prior:
-    """Return the prior that the robot file of an earlier fit holds, see `Fit.robot`.
+    """Return the prior that a robot file holds: of an earlier fit (`Fit.robot`), or of guesses.
 
     Its medians are the file's values; free parameters without a standard deviation have none.
-    Correlations are those of the file.
+    Those of a fit come before those of guesses. Correlations are those of the file.
 
     Raises
     ------
@@ -103,12 +103,13 @@ def robot_prior(robot: ElasticRobot) -> Prior:
         If the file has no standard deviation of a free parameter.
     """
     fitted, parameters = robot.file.fitted, robot.parameters
-    std = fitted.relative_std if fitted else {}
+    std = robot.file.guessed | (fitted.relative_std if fitted else {})
     names = tuple(name for name in parameters.names if name in std)
     if not names:
         raise InvalidInput(
-            f"prior: robot file {robot.name!r} has no fitted.relative_std of a free parameter; "
-            "the robot file of a fit has"
+            f"prior: robot file {robot.name!r} has no standard deviation of a free parameter, "
+            "neither in fitted.relative_std, as that of a fit has, nor in guessed, as `oed init` "
+            "writes"
         )
     values = parameters.values[[parameters.index(name) for name in names]]
     return Prior(names, values, np.array([std[name] for name in names]), _matrix(fitted, names))
@@ -118,9 +119,10 @@ def _matrix(fitted: Fitted | None, names: tuple[str, ...]) -> Array | None:
     """Return the correlations of some parameters from a robot file, (k, k); None without any."""
     if fitted is None or not fitted.correlation:
         return None
-    matrix = np.eye(len(fitted.relative_std))
+    order = list(fitted.relative_std)
+    order += [name for name in names if name not in order]  # guesses
+    matrix = np.eye(len(order))
     for i, row in enumerate(fitted.correlation):
         matrix[i, :i] = matrix[:i, i] = row
-    order = list(fitted.relative_std)
     columns = [order.index(name) for name in names]
     return matrix[np.ix_(columns, columns)]

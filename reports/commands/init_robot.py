@@ -1,5 +1,6 @@
 """The robot file that ``oed init`` writes for a model file."""
 
+import math
 import os
 import re
 from collections.abc import Sequence
@@ -47,6 +48,7 @@ def robot_text(
             "axis": axis,
             "stiffness": yaml_number(d.bearing_stiffness),
             "damping": yaml_number(d.bearing_damping),
+            "range": _ranges(d, d.bearing_stiffness, d.bearing_damping),
         }
         for number, d in enumerate(drives, start=1)
         for axis in d.joint.across
@@ -101,7 +103,19 @@ def _entries(drive: Drive) -> dict[str, Any]:
         "stated": listed([key for key in (*motor, "coulomb") if exact[key]]),
         "guessed": listed([key for key in motor if not exact[key]]),
         **numbers,
+        "range": _ranges(drive, drive.stiffness, drive.damping),
+        "spread": yaml_number(drive.spread),
+        "damping_spread": yaml_number(drive.damping_spread),
     }
+
+
+def _ranges(drive: Drive, stiffness: float, damping: float) -> str:
+    """Return between which values a guessed spring and damper lie, in 19 of 20 cases."""
+    pairs = ((stiffness, drive.spread), (damping, drive.damping_spread))
+    return ", ".join(
+        f"{value * math.exp(-2 * spread):.1g} to {value * math.exp(2 * spread):.1g}"
+        for value, spread in pairs
+    )
 
 
 def path_from(folder: Path, path: Path) -> str:

@@ -1,5 +1,6 @@
 """Moving joints of a model file, drives proposed for them, and joints without a use."""
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
@@ -141,6 +142,13 @@ BEARING_STIFFNESS = 2.5
 REVOLUTE_RATIO, PRISMATIC_RATIO = 100.0, 300.0
 """Gear ratio [-] and [rad/m]."""
 
+SPREAD, SPREAD_PER_LOAD, MOST_SPREAD = 1.0, 0.35, 3.5
+"""Standard deviation of ln of a guessed stiffness: at the joint with the largest load, more for
+each e times less load, and at most. Gears of wrists are for payloads, which model files lack."""
+
+DAMPING_SPREAD = 0.7
+"""Standard deviation of ln of a guessed damping beside that of its stiffness."""
+
 FRICTION_RATE = 5.0
 """Viscous friction of a motor over its inertia [1/s]."""
 
@@ -159,6 +167,8 @@ class Drive:
         Of the gear on the arm side [N m/rad, N m s/rad; N/m, N s/m].
     bearing_stiffness, bearing_damping : float
         Of a torsion across the joint [N m/rad, N m s/rad].
+    spread : float
+        Standard deviation of ln of the guessed stiffnesses.
     """
 
     joint: UrdfJoint
@@ -170,6 +180,12 @@ class Drive:
     damping: float
     bearing_stiffness: float
     bearing_damping: float
+    spread: float
+
+    @property
+    def damping_spread(self) -> float:
+        """Standard deviation of ln of the guessed dampings."""
+        return math.hypot(self.spread, DAMPING_SPREAD)
 
 
 def propose_drives(joints: Sequence[UrdfJoint]) -> tuple[Drive, ...]:
@@ -179,9 +195,9 @@ def propose_drives(joints: Sequence[UrdfJoint]) -> tuple[Drive, ...]:
 
     Resonances rise evenly along each branch, so that equal arms get equal drives.
     """
-    span = LAST_HERTZ - FIRST_HERTZ
+    span, most = LAST_HERTZ - FIRST_HERTZ, _largest_loads(joints)
     return tuple(
-        _drive(joint, 2 * np.pi * (FIRST_HERTZ + span * along))
+        _drive(joint, 2 * np.pi * (FIRST_HERTZ + span * along), most[joint.prismatic])
         for joint, along in zip(joints, _along_branches(joints), strict=True)
     )
 
@@ -200,7 +216,15 @@ def _along_branches(joints: Sequence[UrdfJoint]) -> list[float]:
     return [depth[n] / max(depth[n] + height[n], 1) for n in before]
 
 
-def _drive(joint: UrdfJoint, omega: float) -> Drive:
+def _largest_loads(joints: Sequence[UrdfJoint]) -> dict[bool, float]:
+    """Return the largest load of joints that turn (False) and of those that slide (True)."""
+    most: dict[bool, float] = {}
+    for joint in joints:
+        most[joint.prismatic] = max(most.get(joint.prismatic, 0.0), joint.load)
+    return most
+
+
+def _drive(joint: UrdfJoint, omega: float, most_load: float) -> Drive:
     stated = joint.stated
     ratio = stated.gear_ratio or (PRISMATIC_RATIO if joint.prismatic else REVOLUTE_RATIO)
     inertia = (stated.armature or joint.load) / ratio**2
@@ -217,6 +241,7 @@ def _drive(joint: UrdfJoint, omega: float) -> Drive:
         damping=damping,
         bearing_stiffness=BEARING_STIFFNESS * stiffness,
         bearing_damping=BEARING_STIFFNESS * damping,
+        spread=min(SPREAD + SPREAD_PER_LOAD * math.log(most_load / joint.load), MOST_SPREAD),
     )
 
 

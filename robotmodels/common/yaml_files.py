@@ -5,7 +5,7 @@ import re
 from pathlib import Path
 from typing import Any, TypeVar, get_args
 
-from pydantic import BaseModel, ConfigDict, ValidationError
+from pydantic import AliasChoices, BaseModel, ConfigDict, ValidationError
 
 from robotmodels.common.errors import InvalidInput, nearest
 from robotmodels.common.file_paths import check_file, reason
@@ -139,6 +139,8 @@ def _one_line(error: Any, schema: type[BaseModel], content: dict[str, Any]) -> s
     value, kind = error["input"], error["type"]
     if kind == "extra_forbidden":
         keys = _schema_keys(schema, error["loc"][:-1])
+        if twin := _twin(schema, key):
+            return f"the keys {key!r} and {twin!r} mean the same; one of them is needed"
         right = nearest(str(error["loc"][-1]), keys) or f"; known are {', '.join(keys)}"
         return f"unknown key {key!r}{_owner(error, content)}{right}"
     if kind == "missing" and isinstance(error["loc"][-1], int):
@@ -219,6 +221,15 @@ def _schema_keys(schema: type[BaseModel], location: tuple[str | int, ...]) -> li
             if field is not None:
                 current = _model_of(field.annotation) or current
     return [f.alias or name for name, f in current.model_fields.items()]
+
+
+def _twin(schema: type[BaseModel], key: str) -> str:
+    """Return the other name of a key of a file; nothing where it has none."""
+    for field in schema.model_fields.values():
+        names = field.validation_alias
+        if isinstance(names, AliasChoices) and key in names.choices:
+            return next(str(name) for name in names.choices if name != key)
+    return ""
 
 
 def _model_of(annotation: Any) -> type[BaseModel] | None:

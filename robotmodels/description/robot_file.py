@@ -5,6 +5,7 @@
     source: data sheet of 2019   # where the numbers come from
     urdf: my_robot.urdf          # or a .xacro or an MJCF (.xml); relative to this file, or
                                  # example-robot-data:... in that package
+    model: my_robot.xml          # the same as urdf, in place of it
     xacro:                       # of a .xacro
       arguments: {prefix: left_} # of its macros
       packages: [../ros/src]     # folders in which the packages of $(find NAME) lie
@@ -51,6 +52,7 @@
       at: [0.0, 0.0, 0.3]        # in the link's frame [m]
       direction: [1.0, 0.0, 0.0] # along which it measures, in the link's frame
     delay: 0.0                   # of all that is measured [s]
+    guessed: {d1.damping: 1.0}   # standard deviations of the logarithms of guesses: a prior
     fitted:                      # of identified values, written by `oed export`
       relative_std: {d1.stiffness: 0.01}      # standard deviations of their logarithms
       verdict: trustworthy       # on the fit, see `estimators.VERDICTS`
@@ -63,9 +65,15 @@ keys mean.
 import math
 from collections import Counter
 from pathlib import Path
-from typing import Annotated, Literal, Self
+from typing import Annotated, Any, Literal, Self
 
-from pydantic import BeforeValidator, Field, model_validator
+from pydantic import (
+    AliasChoices,
+    BeforeValidator,
+    ConfigDict,
+    Field,
+    model_validator,
+)
 
 from robotmodels.common.yaml_files import FileSection, read_yaml
 from robotmodels.description.counterbalances import Counterbalance
@@ -241,13 +249,22 @@ class Xacro(FileSection):
         return tuple(words.items())
 
 
+def _urdf_or_model(schema: dict[str, Any]) -> None:
+    """Let a JSON Schema have either key for the model file."""
+    schema["properties"]["model"] = schema["properties"]["urdf"]
+    schema["required"].remove("urdf")
+    schema["oneOf"] = [{"required": ["urdf"]}, {"required": ["model"]}]
+
+
 class RobotFile(FileSection):
     """A robot file, ``schema: robot/1``."""
+
+    model_config = ConfigDict(json_schema_extra=_urdf_or_model)
 
     schema_: Literal["robot/1"] = Field(alias="schema")
     name: str
     source: str = ""
-    urdf: str
+    urdf: str = Field(validation_alias=AliasChoices("urdf", "model"))
     xacro: Xacro | None = None
     gravity: Vector = (0.0, 0.0, -9.81)
     lock: dict[str, JointLimit] = {}
@@ -259,6 +276,7 @@ class RobotFile(FileSection):
     output: Literal["acceleration", "velocity", "position"] = "acceleration"
     accelerometers: list[Accelerometer] = Field([], max_length=256)
     delay: float = Field(0.0, ge=0, le=1e3)
+    guessed: dict[str, Annotated[float, Field(ge=1e-6, le=10)]] = {}
     fitted: Fitted | None = None
 
     @model_validator(mode="after")

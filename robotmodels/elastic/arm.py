@@ -54,6 +54,11 @@ class Arm:
         """Number d of independent coordinates."""
         return len(self.coordinate)
 
+    def joints(self, coordinates: Array) -> Array:
+        """Return the coordinates of all D joints, (Q, D), at independent ones, (Q, d)."""
+        reduction = self.coordinate_map
+        return coordinates if reduction is None else reduction.joints(coordinates)
+
     @cached_property
     def carries(self) -> BoolArray:
         """Whether the joint of one coordinate moves that of another, or is it, (d, d)."""

@@ -100,7 +100,7 @@ class Gravity:
 def gravity(arm: Arm, coordinates: Array) -> Gravity:
     """Return gravity at `coordinates` (Q, d) [rad or m]."""
     model, data = arm.model, arm.model.createData()
-    joints = _joints(arm, coordinates)
+    joints = arm.joints(coordinates)
     axes, moments = (np.empty((*joints.shape, k)) for k in (6, 3))
     turning, moving = _columns(data.J, 6), _columns(data.Jcom, 3)
     for i, q in enumerate(joints):
@@ -113,7 +113,7 @@ def gravity(arm: Arm, coordinates: Array) -> Gravity:
 def mass_and_gravity(arm: Arm, coordinates: Array, size: int) -> tuple[Array, Gravity]:
     """Return mass matrices padded with zeros, (Q, size, size), and gravity at `coordinates`."""
     model, data = arm.model, arm.model.createData()
-    joints, reduction = _joints(arm, coordinates), arm.coordinate_map
+    joints, reduction = arm.joints(coordinates), arm.coordinate_map
     axes, moments = np.empty((2, *joints.shape, 6))
     mass = np.zeros((len(coordinates), size, size))
     arm_mass = mass[:, : arm.size, : arm.size]
@@ -137,12 +137,6 @@ def mass_matrices(arm: Arm, coordinates: Array) -> Array:
 def gravity_torques(arm: Arm, coordinates: Array) -> Array:
     """Return gravity torques g, (Q, d), at `coordinates` (Q, d)."""
     return gravity(arm, coordinates).torques
-
-
-def _joints(arm: Arm, coordinates: Array) -> Array:
-    """Return the coordinates of all joints."""
-    reduction = arm.coordinate_map
-    return coordinates if reduction is None else reduction.joints(coordinates)
 
 
 def _columns(matrix: Array, rows: int) -> Array:

@@ -166,12 +166,14 @@ class Elements:
             Naming the entry.
         """
         fitted = self.file.fitted
-        for name in fitted.relative_std if fitted else ():
-            if name not in self.names:
-                raise InvalidInput(
-                    f"fitted.relative_std: {name!r} is not a parameter of this robot"
-                    f"{nearest(name, self.names)}"
-                )
+        possible = {*self.names, *extra_elements(self.file)}
+        named = {"fitted.relative_std": fitted.relative_std if fitted else {}}
+        for key, names in (named | {"guessed": self.file.guessed}).items():
+            for name in names:
+                if name not in (possible if key == "guessed" else self.names):
+                    raise InvalidInput(
+                        f"{key}: {name!r} is not a parameter of this robot{nearest(name, possible)}"
+                    )
 
     def whole_file_at(self, theta: Array) -> RobotFile:
         """Return the robot file with all elements of `theta`; a free one is exactly its value."""

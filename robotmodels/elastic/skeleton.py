@@ -182,9 +182,8 @@ def _accelerometers(layout: Layout, coordinates: Array) -> tuple[Array, Array]:
     model, file = layout.arm.model, layout.file
     data = model.createData()
     reduction = layout.arm.coordinate_map
-    joints = coordinates if reduction is None else reduction.joints(coordinates)
     tilt, acceleration = np.zeros((2, len(coordinates), len(file.accelerometers), model.nv))
-    for i, q in enumerate(joints):
+    for i, q in enumerate(layout.arm.joints(coordinates)):
         pin.computeJointJacobians(model, data, q)
         pin.updateFramePlacements(model, data)
         for j, sensor in enumerate(file.accelerometers):

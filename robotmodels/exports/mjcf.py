@@ -17,6 +17,7 @@ from robotmodels.simulation.mujoco_model import PlantBuilder
 from robotmodels.simulation.urdf_tree import read_tree
 
 _STEPS = 20  # in a period of the fastest mode
+_STIFFEST = 0.9999  # impedance of constraints [-]
 _LONGEST_STEP = 2e-3  # MuJoCo's own [s]
 
 
@@ -46,6 +47,8 @@ def mjcf_text(robot: ElasticRobot, positions: Array) -> str:
         spec.add_numeric(name="delay of all sensors [s]", data=[file.delay])
     fastest = resonances(linearize(robot, positions)).frequencies.max(initial=1.0)
     spec.option.timestep = min(2 * np.pi / fastest / _STEPS, _LONGEST_STEP)
+    for equality in spec.equalities:  # as stiff as steps allow
+        equality.solref, equality.solimp[:2] = [2 * spec.option.timestep, 1.0], _STIFFEST
     _add_motors(spec, robot, names)
     for sensor in file.accelerometers:
         turn = Rotation.align_vectors([sensor.direction], [[0.0, 0.0, 1.0]])[0]
@@ -61,9 +64,11 @@ def _add_keyframes(
     equilibria = robot.equilibrium(positions).coordinates
     torques = gravity_torques(robot.arm, equilibria)[:, robot.layout.drives]
     scale = np.array([motor.gear_ratio * motor.torque_gain for motor in robot.file.motors])
-    for i, (position, q, load) in enumerate(zip(positions, equilibria, torques, strict=True)):
+    arm, arm_names = robot.arm.model, list(robot.arm.model.names)[1:]
+    angles = robot.arm.joints(equilibria)
+    for i, (position, q, load) in enumerate(zip(positions, angles, torques, strict=True)):
         here = dict(zip(robot.motor_names, position, strict=True))
-        here |= {name: q[c] for name, c in robot.arm.coordinate.items()}
+        here |= {name: q[arm.joints[arm.getJointId(name)].idx_q] for name in arm_names}
         spec.add_key(name=f"position {i}", qpos=[here[n] for n in joints], ctrl=load / scale)
 
 
@@ -103,6 +108,8 @@ def _exact(xml: str, model: mujoco.MjModel) -> str:
     for actuator in _entry(root, "actuator"):
         it = model.actuator(actuator.get("name"))
         _set(actuator, gear=it.gear, gainprm=it.gainprm[:1])
+    for i, equality in enumerate(root.findall("equality/joint")):
+        _set(equality, polycoef=model.eq_data[i, :5], solref=model.eq_solref[i])
     for i, key in enumerate(_entry(root, "keyframe")):
         _set(key, qpos=model.key_qpos[i], ctrl=model.key_ctrl[i])
     ET.indent(root)

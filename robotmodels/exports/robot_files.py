@@ -15,7 +15,7 @@ from robotmodels.elastic.robot import ElasticRobot
 
 
 def with_values(robot: ElasticRobot, values: Array, fitted: Fitted | None = None) -> ElasticRobot:
-    """Return the robot whose file has other values of the free parameters.
+    """Return the robot whose file has other values of the free parameters, none of them a guess.
 
     Parameters
     ----------
@@ -32,7 +32,8 @@ def with_values(robot: ElasticRobot, values: Array, fitted: Fitted | None = None
         If a value is not positive, or no body can have such a mass and inertia.
     """
     file = robot.elements.whole_file_at(robot.parameters.check(values))
-    return ElasticRobot(file.model_copy(update={"fitted": fitted}), robot.folder)
+    file = file.model_copy(update={"fitted": fitted, "guessed": {}})
+    return ElasticRobot(file, robot.folder)
 
 
 def save_robot(robot: ElasticRobot, path: str | Path) -> None:

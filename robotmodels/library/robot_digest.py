@@ -27,5 +27,7 @@ def robot_digest(robot: "ElasticRobot") -> str:
     from robotmodels.description.model_files import model_digest
 
     urdf = model_digest(robot.model_file)
-    content = robot.file.model_dump(mode="json", by_alias=True, exclude={"urdf", "xacro", "fitted"})
+    content = robot.file.model_dump(
+        mode="json", by_alias=True, exclude={"urdf", "xacro", "guessed", "fitted"}
+    )
     return json_digest({"file": content, "urdf": urdf})

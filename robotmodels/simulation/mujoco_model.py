@@ -3,103 +3,20 @@
 Made from the robot file and the URDF alone; only MuJoCo computes with it.
 """
 
-import ctypes
-from dataclasses import dataclass
-from functools import cache
-from pathlib import Path
-
-import llvmlite.binding
 import mujoco
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from robotmodels.common.arrays import Array, IntArray
+from robotmodels.common.arrays import Array
 from robotmodels.common.errors import InvalidInput
 from robotmodels.description.counterbalances import Counterbalance
-from robotmodels.description.model_files import ModelSource
+from robotmodels.description.joint_drives import Coupling
 from robotmodels.description.robot_file import Body, Hardening, Motor, RobotFile, Spring
-from robotmodels.simulation.urdf_tree import Inertial, Joint, Tree, read_tree
+from robotmodels.simulation.urdf_tree import Inertial, Joint, Tree
 
 UNIT = {"x": (1.0, 0.0, 0.0), "y": (0.0, 1.0, 0.0), "z": (0.0, 0.0, 1.0)}
 _LEAST_INERTIA = 1e-10  # MuJoCo knows no point masses [kg m^2]
 _LEAST_MASS = 1e-14  # nor moving bodies without mass [kg, kg m^2]
-_CALLED = ("mj_fwdPosition", "mj_tendon", "mj_fwdVelocity", "mj_fwdAcceleration")
-
-
-@dataclass(frozen=True, eq=False)
-class PlantModel:
-    """A compiled model whose joints are the drives, the torsions and the elastic motors.
-
-    Attributes
-    ----------
-    model : mujoco.MjModel
-        MuJoCo's model.
-    data : mujoco.MjData
-        Its working memory.
-    motors : ndarray of int, (n,)
-        Coordinate of each motor: its shaft, or the joint that it drives rigidly.
-    gears : ndarray of int, (n,)
-        Tendon of each motor; -1 where the drive is rigid.
-    """
-
-    model: mujoco.MjModel
-    data: mujoco.MjData
-    motors: IntArray
-    gears: IntArray
-
-    @property
-    def names(self) -> list[str]:
-        """Names of the coordinates."""
-        return [self.model.joint(i).name for i in range(self.model.njnt)]
-
-    def coordinate(self, name: str) -> int:
-        """Return the index of a joint, torsion or elastic motor among the coordinates."""
-        return int(self.model.joint(name).qposadr[0])
-
-    def mass(self, coordinates: Array) -> Array:
-        """Return the mass matrix, motors included, (d, d)."""
-        self.data.qpos[:] = coordinates
-        mujoco.mj_forward(self.model, self.data)
-        dense = np.eye(self.model.nv)
-        for column in dense:  # mj_fullM takes other arguments before MuJoCo 3.8
-            mujoco.mj_mulM(self.model, self.data, column, column.copy())
-        return dense
-
-    def static_forces(self, coordinates: Array) -> Array:
-        """Return the forces of springs and gravity at rest, (d,)."""
-        self.data.qpos[:] = coordinates
-        self.data.qvel[:] = 0.0
-        self.data.qfrc_applied[:] = 0.0
-        mujoco.mj_forward(self.model, self.data)
-        return np.asarray(self.data.qfrc_passive - self.data.qfrc_bias)
-
-
-def build_plant(file: RobotFile, urdf: ModelSource) -> PlantModel:
-    """Return the robot with all springs, dampers and viscous friction of its file."""
-    model = PlantBuilder(file, read_tree(urdf)).compile()
-    names = [model.joint(i).name for i in range(model.njnt)]
-    tendons = [model.tendon(i).name for i in range(model.ntendon)]
-    joint_names = [m.name if m.name in names else m.joint for m in file.motors]
-    gears = [tendons.index(m.joint) if m.joint in tendons else -1 for m in file.motors]
-    where = [int(model.joint(name).qposadr[0]) for name in joint_names]
-    return PlantModel(model, mujoco.MjData(model), np.array(where), np.array(gears))
-
-
-@cache
-def register_mujoco() -> None:
-    """Tell numba's linker where MuJoCo's functions are, so that compiled loops can call them."""
-    folder = Path(mujoco.__file__).parent
-    pattern = "*mujoco*.[ds][lyo]*"  # .so, .dylib, .dll
-    (library,) = [p for p in folder.glob(pattern) if p.suffix != ".py" and p.is_file()]
-    loaded = ctypes.CDLL(str(library))
-    for name in _CALLED:
-        address = ctypes.cast(getattr(loaded, name), ctypes.c_void_p).value
-        llvmlite.binding.add_symbol(name, address)
-
-
-def addresses(plant: PlantModel) -> tuple[int, int]:
-    """Return where MuJoCo's model and data are in memory."""
-    return int(plant.model._address), int(plant.data._address)
 
 
 class PlantBuilder:
@@ -118,6 +35,7 @@ class PlantBuilder:
         )
         self.drives = {s.joint: s for s in file.springs if s.axis == "drive"}
         self.balances = [b for b in file.counterbalances if b.in_mujoco]
+        self.couplings = {n: c for n, c in tree.couplings.items() if n not in file.lock}
 
     def compile(self) -> mujoco.MjModel:
         """Return the compiled model.
@@ -134,6 +52,8 @@ class PlantBuilder:
                 self._add_motor(motor, self.drives[motor.joint])
         for balance in self.balances:
             self._add_balance(balance)
+        for follower, coupling in self.couplings.items():
+            self._add_coupling(follower, coupling)
         for sensor in self.file.accelerometers:
             self.spec.add_sensor(
                 type=mujoco.mjtSensor.mjSENS_ACCELEROMETER,
@@ -170,6 +90,12 @@ class PlantBuilder:
             tendon.stiffness = [balance.spring.stiffness, 0.0, 0.0]
             length = balance.spring.unloaded_length
         tendon.springlength = [length, length]
+
+    def _add_coupling(self, follower: str, coupling: Coupling) -> None:
+        equality = self.spec.add_equality(name1=follower, name2=coupling.leader)
+        equality.type, equality.objtype = mujoco.mjtEq.mjEQ_JOINT, mujoco.mjtObj.mjOBJ_JOINT
+        equality.data[:2] = coupling.offset, coupling.multiplier
+        equality.data[2:5] = 0.0
 
     def _add_link(self, link: str, body: mujoco.MjsBody) -> None:
         """Fill `body` with the URDF link, its cuts and all that it carries."""
@@ -215,11 +141,6 @@ class PlantBuilder:
         name = joint.child if joint.child != "world" else "link world"
         body = parent.add_body(name=name, pos=frame + position, quat=quaternion)
         if joint.kind != "fixed" and not locked:
-            if joint.leader is not None:
-                raise InvalidInput(
-                    f"joint {joint.name!r} follows {joint.leader!r}: coupled joints are not for "
-                    "simulations in closed loop and MJCF; lock both for them"
-                )
             for spring in self.file.springs:
                 if spring.joint == joint.name and spring.axis != "drive":
                     _add_torsion(body, spring)

@@ -21,6 +21,9 @@ _mj_fwdPosition: Any = types.ExternalFunction("mj_fwdPosition", _signature)  # n
 _mj_tendon: Any = types.ExternalFunction("mj_tendon", _signature)
 _mj_fwdVelocity: Any = types.ExternalFunction("mj_fwdVelocity", _signature)  # noqa: N816
 _mj_fwdAcceleration: Any = types.ExternalFunction("mj_fwdAcceleration", _signature)  # noqa: N816
+_mj_solveM: Any = types.ExternalFunction(  # noqa: N816
+    "mj_solveM", types.void(types.intp, types.intp, types.intp, types.intp, types.int32)
+)
 
 # Carpenter and Kennedy (1994): five stages of fourth order in two registers, stable for real poles
 # to 4.6 and imaginary ones to 3.3 / step (the classical four stages: 2.8).
@@ -48,7 +51,13 @@ _SWEEPS = 50  # of Gauss and Seidel over motors that friction couples (rigid dri
 
 
 class MujocoState(NamedTuple):
-    """MuJoCo's model and data: addresses, and views of the data's arrays (d,)."""
+    """MuJoCo's model and data: addresses, and views of the data's arrays (d,).
+
+    Attributes
+    ----------
+    constraints : ndarray, (f, d)
+        J of the joints that follow others, J dq = 0.
+    """
 
     model: int
     data: int
@@ -56,6 +65,7 @@ class MujocoState(NamedTuple):
     qvel: Array
     applied: Array
     acceleration: Array
+    constraints: Array
 
 
 class Drives(NamedTuple):
@@ -188,20 +198,17 @@ def _advance(
 ) -> None:
     """Advance by one sample: geometry in its middle, Runge-Kutta steps, friction after each."""
     q, v = engine.qpos, engine.qvel
-    q0, slope_q, slope_v = work[0], work[1], work[2]
+    slope_q, slope_v = work[1], work[2]
     d = len(q)
     h = duration / substeps
-    for i in range(d):
-        q0[i] = q[i]
-        q[i] += 0.5 * duration * v[i]
-    _mj_fwdPosition(engine.model, engine.data)
-    for i in range(d):
-        q[i] = q0[i]
+    reactions = _freeze_geometry(engine, 0.5 * duration, work[0])
     for _ in range(substeps):
         for stage in range(len(_A)):
             _mj_tendon(engine.model, engine.data)
             _mj_fwdVelocity(engine.model, engine.data)
             _mj_fwdAcceleration(engine.model, engine.data)
+            if len(reactions) > 0:
+                engine.acceleration[:] -= (engine.constraints @ engine.acceleration) @ reactions
             for i in range(d):
                 slope_q[i] = _A[stage] * slope_q[i] + h * v[i]
                 slope_v[i] = _A[stage] * slope_v[i] + h * engine.acceleration[i]
@@ -209,6 +216,28 @@ def _advance(
                 q[i] += _B[stage] * slope_q[i]
                 v[i] += _B[stage] * slope_v[i]
         apply_coulomb_friction(engine, drives, impulses, h)
+
+
+@njit(nogil=True, cache=True)
+def _freeze_geometry(engine: MujocoState, ahead: float, q0: Array) -> Array:
+    """Compute what depends on the robot's shape, `ahead` of the state, which stays.
+
+    Returns
+    -------
+    ndarray, (f, d)
+        (J M^-1 J^T)^-1 J M^-1, Lagrange's multipliers of J a = 0: accelerations that keep joints
+        with those that they follow.
+    """
+    q, J = engine.qpos, engine.constraints
+    q0[:] = q
+    q += ahead * engine.qvel
+    _mj_fwdPosition(engine.model, engine.data)
+    q[:] = q0
+    mobility = np.zeros_like(J)
+    if len(J) == 0:
+        return mobility
+    _mj_solveM(engine.model, engine.data, mobility.ctypes.data, J.ctypes.data, len(J))
+    return np.ascontiguousarray(np.linalg.solve(J @ mobility.T, mobility))
 
 
 @njit(nogil=True, cache=True)

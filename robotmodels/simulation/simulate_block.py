@@ -14,7 +14,6 @@ from robotmodels.elastic.counterbalances import osculating
 from robotmodels.elastic.robot import ElasticRobot
 from robotmodels.simulation.controller import Controller
 from robotmodels.simulation.imperfections import Imperfections
-from robotmodels.simulation.mujoco_model import PlantModel, addresses, build_plant, register_mujoco
 from robotmodels.simulation.plant_loop import (
     STABILITY,
     ControllerGains,
@@ -23,6 +22,7 @@ from robotmodels.simulation.plant_loop import (
     Sensing,
     closed_loop_run,
 )
+from robotmodels.simulation.plant_model import PlantModel, addresses, build_plant, register_mujoco
 
 
 @dataclass(frozen=True, eq=False)
@@ -148,7 +148,14 @@ def _controller_gains(controller: Controller, hold: Array) -> ControllerGains:
 
 def _mujoco_state(plant: PlantModel) -> MujocoState:
     data = plant.data
-    return MujocoState(*addresses(plant), data.qpos, data.qvel, data.qfrc_applied, data.qacc_smooth)
+    return MujocoState(
+        *addresses(plant),
+        data.qpos,
+        data.qvel,
+        data.qfrc_applied,
+        data.qacc_smooth,
+        plant.constraints,
+    )
 
 
 def _drives(plant: PlantModel, robot: ElasticRobot, state: Array, flaws: Imperfections) -> Drives:
@@ -162,7 +169,7 @@ def _drives(plant: PlantModel, robot: ElasticRobot, state: Array, flaws: Imperfe
         np.array([m.torque_gain for m in motors]),
         flaws.per_motor("torque_limit", n),
         flaws.friction * np.array([m.coulomb for m in motors]),
-        np.asarray(np.linalg.solve(plant.mass(state), unit)),
+        plant.mobility(state, unit),
     )
 
 
@@ -185,24 +192,31 @@ def static_state(
     for joint, motor, angle in zip(robot.motor_joints, plant.motors, position, strict=True):
         q[plant.coordinate(joint)] = angle
         q[motor] = angle
-    free = np.setdiff1d(np.arange(len(q)), plant.motors)
-    step = 1e-6
+    reduction, columns = plant.coordinate_map, plant.coordinate_map.matrix.T
+    r, driven = q[plant.independent], np.searchsorted(plant.independent, plant.motors)
+    free = np.setdiff1d(np.arange(len(r)), driven)
     for _ in range(50):
-        forces = plant.static_forces(q)
-        slopes = [
-            plant.static_forces(q + step * e) - plant.static_forces(q - step * e)
-            for e in np.eye(len(q))[free]
-        ]
-        K = np.array(slopes)[:, free].T / (2 * step)
+        q = reduction.joints(r)
+        forces, K = columns @ plant.static_forces(q), _stiffness(plant, q, columns[free])
         change = np.linalg.solve(K, forces[free])
-        q[free] -= change
+        r[free] -= change
         if not (np.abs(change) < 1.0).all():
             break
         # Differences limit the slopes, and so the rate of convergence, not its end.
         if np.abs(change).max(initial=0.0) < 1e-12:
+            q = reduction.joints(r)
             ratio = np.array([m.gear_ratio for m in robot.file.motors])
-            return q, -plant.static_forces(q)[plant.motors] / ratio
+            return q, -(columns @ plant.static_forces(q))[driven] / ratio
     raise NoEquilibrium(f"{where}: the springs cannot carry the robot's weight")
+
+
+def _stiffness(plant: PlantModel, q: Array, directions: Array) -> Array:
+    """Return the slopes of the forces along `directions`, (k, d), in each of them, (k, k)."""
+    step, k = 1e-6, len(directions)
+    slopes = [
+        plant.static_forces(q + step * e) - plant.static_forces(q - step * e) for e in directions
+    ]
+    return np.asarray(directions @ np.array(slopes).reshape(k, len(q)).T / (2 * step))
 
 
 def linearise_gears(plant: PlantModel, state: Array) -> None:
@@ -254,8 +268,11 @@ def _poles(plant: PlantModel, file: RobotFile, state: Array) -> ComplexArray:
         damping += spring.damping * np.outer(a, a)
     for motor, c in zip(file.motors, plant.motors, strict=True):
         damping[c, c] += motor.viscous * motor.gear_ratio**2
-    both = np.linalg.solve(plant.mass(state), np.hstack([stiffness, damping]))
-    companion = np.block([[np.zeros((d, d)), np.eye(d)], [-both]])
+    mass, stiffness, damping = map(
+        plant.coordinate_map.congruent, (plant.mass(state), stiffness, damping)
+    )
+    both = np.linalg.solve(mass, np.hstack([stiffness, damping]))
+    companion = np.block([[np.zeros_like(mass), np.eye(len(mass))], [-both]])
     poles = np.linalg.eigvals(companion)
     # Rigid modes are at zero but for rounding, which may put them to the right of it.
     return np.where(poles.real > 0, 1j * poles.imag, poles)

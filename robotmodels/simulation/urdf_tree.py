@@ -7,6 +7,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from robotmodels.common.arrays import Array
+from robotmodels.description.joint_drives import Coupling, couplings
 from robotmodels.description.model_files import ModelSource
 from robotmodels.description.urdf_check import checked_urdf
 
@@ -33,7 +34,7 @@ class Inertial:
 
 @dataclass(frozen=True, eq=False)
 class Joint:
-    """A joint, its child link, and the joint that it follows (``<mimic>``)."""
+    """A joint and its child link."""
 
     name: str
     kind: str
@@ -41,16 +42,16 @@ class Joint:
     position: Array
     rotation: Rotation
     axis: Array
-    leader: str | None = None
 
 
 @dataclass(frozen=True, eq=False)
 class Tree:
-    """Links by name, and the joints that each carries."""
+    """Links by name, the joints that each carries, and those that follow others."""
 
     root: str
     inertials: dict[str, Inertial | None]
     joints: dict[str, list[Joint]]
+    couplings: dict[str, Coupling]
 
 
 def read_tree(source: ModelSource) -> Tree:
@@ -71,12 +72,11 @@ def read_tree(source: ModelSource) -> Tree:
                 position,
                 rotation,
                 axis / np.linalg.norm(axis),
-                None if (mimic := element.find("mimic")) is None else mimic.get("joint"),
             )
         )
         children.add(child)
     (root,) = set(inertials) - children
-    return Tree(root, inertials, joints)
+    return Tree(root, inertials, joints, couplings(robot))
 
 
 def _part(element: ET.Element, name: str) -> ET.Element:

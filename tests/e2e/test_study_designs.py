@@ -132,13 +132,6 @@ def test_design_json_tells_order_and_robustness(tmp_path):
     assert positions.tolist() == [by_candidate[i] for i in document["order"]["candidates"]]
 
 
-def test_samples_that_cannot_stand_are_said(tmp_path):
-    with pytest.raises(
-        InvalidInput, match=r"design.robust: sample \d of the parameters: .*smaller"
-    ):
-        designed(tmp_path, "{robust: {std: {stiffness: 4.0}, samples: 6}}")
-
-
 def test_many_candidates_are_kept_in_a_store(tmp_path, monkeypatch):
     whole = designed(tmp_path / "memory", "{experiments: 5}")
     monkeypatch.setattr("oed.study.stages.information.LARGEST_IN_MEMORY", 1000)

@@ -256,3 +256,6 @@ def with_spring(content: dict[str, Any], spring: str, **entries: Any) -> dict[st
     merged = copy["springs"][place] | entries
     copy["springs"][place] = {k: v for k, v in merged.items() if v is not None}
     return copy
+
+
+PARALLELOGRAM = yaml.safe_load((HERE / "parallelogram.yaml").read_text())

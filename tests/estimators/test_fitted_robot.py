@@ -148,5 +148,5 @@ def test_a_fit_of_no_robot_has_none(fit: estimators.Fit) -> None:
 
 
 def test_a_robot_file_without_a_fit_is_no_prior() -> None:
-    with pytest.raises(InvalidInput, match=r"prior: robot file 'manutec_r3' has no fitted"):
+    with pytest.raises(InvalidInput, match=r"prior: robot file 'manutec_r3' has no standard dev"):
         estimators.robot_prior(robotmodels.load_robot("manutec_r3"))

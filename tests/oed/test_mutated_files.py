@@ -13,7 +13,7 @@ from oed.study.settings.study_file import load_study
 from robotmodels import IdentificationError, load_robot
 from robotmodels.collision.shapes import robot_shapes
 from robotmodels.description.urdf import locate
-from robotmodels.simulation.mujoco_model import build_plant
+from robotmodels.simulation.plant_model import build_plant
 
 STUDIES = Path(__file__).parents[2] / "studies"
 MUTANTS = 60

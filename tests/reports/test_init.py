@@ -12,7 +12,7 @@ from reports import cli
 from reports.commands.init_files import default_folder, starter_files, write_starter_files
 from reports.commands.init_study import grid_points, noise_floor
 from reports.commands.yaml_text import yaml_word
-from robotmodels import InvalidInput, load_robot
+from robotmodels import InvalidInput, builtin_robots, load_robot
 from robotmodels.checks.proposed_drives import idle_joints, moving_joints, propose_drives
 from robotmodels.common.yaml_reader import read_document
 
@@ -90,6 +90,22 @@ def test_proposed_drives_resonate_where_robots_do(urdf):
         load = drive.joint.load
         assert (drive.stiffness / load) ** 0.5 / 6.283185 == pytest.approx(hertz, rel=1e-6)
         assert drive.inertia * drive.gear_ratio**2 == pytest.approx(load)
+
+
+def test_ranges_of_guesses_hold_the_springs_of_the_built_in_robots():
+    offs = []
+    for name in builtin_robots():
+        robot = load_robot(name)
+        springs = {s.joint: s for s in robot.file.springs if s.axis == "drive"}
+        joints = [j for j in moving_joints(robot.model_file) if j.name in springs]
+        for drive in propose_drives(joints):
+            spring = springs[drive.joint.name]
+            k = getattr(spring.stiffness, "low", spring.stiffness)
+            offs.append(np.log(k / drive.stiffness) / drive.spread)
+            offs.append(np.log(spring.damping / drive.damping) / drive.damping_spread)
+    off = np.abs(offs)
+    assert np.mean(off < 2) > 0.93
+    assert np.mean(3 * off < 2) < 0.8  # ranges of a third would not do
 
 
 def test_a_urdf_becomes_a_robot_and_a_study_that_load(urdf, oed, tmp_path):

@@ -3,7 +3,9 @@
 import mujoco
 import numpy as np
 import pytest
+from robots import HERE
 from scipy.linalg import eigh, null_space
+from simulated import T, errors, frf, records_of
 
 from reports.commands.init_files import starter_files, write_starter_files
 from robotmodels import InvalidInput, load_robot
@@ -17,43 +19,11 @@ from robotmodels.elastic.dynamics import gravity, mass_matrices
 from robotmodels.elastic.inverse_kinematics import Tool, inverse_kinematics
 from robotmodels.elastic.rigid_pose import joint_origins
 from robotmodels.elastic.robot import ElasticRobot
-from robotmodels.linear.response import linearize, sensitivity
+from robotmodels.exports.export import export
+from robotmodels.linear.response import frequency_response, linearize, sensitivity
 
-# A parallelogram opened at one corner: the forearm keeps its direction, the rod goes with the arm.
-ARM = """\
-<mujoco>
-  <compiler angle="radian"/>
-  <worldbody>
-    <body name="arm" pos="0 0 0.4"><inertial pos="0.1 0 0.4" mass="30" diaginertia="2 2.1 0.3"/>
-      <joint name="lift" axis="0 1 0" range="-1 1"/>
-      <body name="forearm" pos="0 0 0.8"><inertial pos="0.4 0 0" mass="15" diaginertia="0.2 1 1.1"/>
-        <joint name="level" axis="0 1 0" range="-0.9 1.4"/>
-        <body name="hand" pos="0.7 0.1 0"><inertial pos="0 0 0.1" mass="6" diaginertia=".1 .1 .1"/>
-          <joint name="nod" axis="0.6 0.8 0" range="-1 1"/></body></body></body>
-    <body name="rod" pos="-0.2 0 0.4"><inertial pos="0 0 0.4" mass="5" diaginertia=".3 .3 .01"/>
-      <joint name="rod" axis="0 1 0" range="-2 2"/></body>
-  </worldbody>
-  <equality>
-    <joint joint1="level" joint2="lift" polycoef="0.1 -0.9 0 0 0"/>
-    <joint joint1="rod" joint2="level" polycoef="0.02 -1.1 0 0 0"/>
-  </equality>
-</mujoco>
-"""
-ROBOT = """\
-schema: robot/1
-name: parallelogram
-urdf: arm.xml
-motors:
-  - {name: m1, joint: lift, gear_ratio: 100, inertia: 1.0e-3, viscous: 1.0e-3}
-  - {name: m2, joint: nod, gear_ratio: 80, inertia: 2.0e-5}
-springs:
-  - {name: d1, joint: lift, axis: drive, stiffness: 9.0e+4, damping: 50}
-  - {name: d2, joint: nod, axis: drive, stiffness: 3.0e+3, damping: 2}
-  - {name: b1, joint: level, axis: x, stiffness: 2.0e+4, damping: 9}
-payload: {link: hand, mass: 4, com: [0, 0, 0.2], inertia: [0.02, 0.03, 0.04]}
-accelerometers:
-  - {name: s1, link: hand, at: [0.1, 0, 0.1], direction: [1, 0, 0.3]}
-"""
+ARM = (HERE / "parallelogram.xml").read_text()
+ROBOT = (HERE / "parallelogram.yaml").read_text().replace("parallelogram.xml", "arm.xml")
 POSITION = np.array([0.35, -0.4])
 
 
@@ -158,6 +128,42 @@ def test_sensitivities_with_torsions_payload_and_sensors(folder):
         minus = linearize(robot, POSITION, theta * factor).frequency_response(omega)
         difference = (plus - minus).reshape(J[..., j].shape) / (2 * step)
         assert np.abs(J[..., j] - difference).max() < 1e-6 * np.abs(J).max()
+
+
+def test_small_motions_of_the_simulation_have_the_linear_models_frf(folder):
+    content = parse_yaml(ROBOT.split("accelerometers")[0], RobotFile, "robot.yaml")
+    robot = ElasticRobot(content, folder)
+    records = records_of(robot, POSITION, samples=2000, amplitude=1e-4, transient=4)
+    expected = frequency_response(robot, POSITION[None], records.omega)[0]
+    magnitude, phase = errors(frf(records), expected)
+    assert magnitude < 2e-4
+    assert phase < 0.01
+    # A negative control: the follower locked.
+    locked = ElasticRobot(content.model_copy(update={"lock": {"rod": 0.0}}), folder)
+    other = frequency_response(locked, POSITION[None], records.omega)[0]
+    assert errors(frf(records), other)[0] > 0.01
+
+
+def test_large_motions_follow_mujocos_own_constraints(folder):
+    """The recorded torques, replayed through mj_step with MuJoCo's soft constraints."""
+    robot = ElasticRobot(
+        parse_yaml(ROBOT.split("accelerometers")[0], RobotFile, "robot.yaml"), folder
+    )
+    records = records_of(robot, POSITION, samples=400, amplitude=20.0, transient=0, experiments=1)
+    export(robot, folder / "out.xml", position=POSITION)
+    model = mujoco.MjModel.from_xml_path(str(folder / "out.xml"))
+    data = mujoco.MjData(model)
+    mujoco.mj_resetDataKeyframe(model, data, 0)
+    model.opt.timestep, model.opt.integrator = T / 16, mujoco.mjtIntegrator.mjINT_RK4
+    model.eq_solref[:, 0] = T / 8
+    angles = []
+    for u in records.torque[0, 0, 0, 0]:
+        angles.append(data.actuator_length.copy() if angles else records.angle[0, 0, 0, 0, 0])
+        data.ctrl[:] = u
+        mujoco.mj_step(model, data, 16)
+    moved = np.abs(np.array(angles) - angles[0]).max()
+    assert moved > 1.0
+    assert np.abs(records.angle[0, 0, 0, 0] - angles).max() < 1e-3 * moved
 
 
 def test_poses_limits_and_inverse_kinematics(folder):

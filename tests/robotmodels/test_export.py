@@ -2,6 +2,7 @@
 
 import importlib
 import json
+import xml.etree.ElementTree as ET
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -12,7 +13,17 @@ import pinocchio as pin
 import pytest
 import yaml
 from reloaded_mjcf import ReloadedMjcf
-from robots import BALANCED, CRANE, PANDA, SENSED, SPLIT, WALL, built, changed
+from robots import (
+    BALANCED,
+    CRANE,
+    PANDA,
+    PARALLELOGRAM,
+    SENSED,
+    SPLIT,
+    WALL,
+    built,
+    changed,
+)
 from scipy.io import loadmat
 
 import robotmodels
@@ -30,8 +41,9 @@ OWN = {
     "panda": PANDA,
     "crane": CRANE,
     "balanced": BALANCED,
+    "parallelogram": PARALLELOGRAM,
 }
-SMALL = ("manutec_r3_hardening", "sensed", "wall", "crane", "balanced")
+SMALL = ("manutec_r3_hardening", "sensed", "wall", "crane", "balanced", "parallelogram")
 SLOW = sorted({*robotmodels.builtin_robots(), *OWN} - set(SMALL))
 ROBOTS = [*SMALL, *(pytest.param(name, marks=pytest.mark.slow) for name in SLOW)]
 TOLERANCE = 1e-6  # of each element's largest value
@@ -110,7 +122,8 @@ def check_deflections(
     """Compare points half a metre from each driven joint, under gravity and payload."""
     plain.forces(q, 0 * q, np.zeros(plain.model.nu))
     data = robot.arm.model.createData()
-    pin.forwardKinematics(robot.arm.model, data, robot.equilibrium(position[None]).coordinates[0])
+    coordinates = robot.equilibrium(position[None]).coordinates
+    pin.forwardKinematics(robot.arm.model, data, robot.arm.joints(coordinates)[0])
     offset = np.array([0.3, -0.2, 0.35])
     for name in robot.arm.urdf_joints:
         body = plain.model.joint(name).bodyid[0]
@@ -190,17 +203,33 @@ def test_urdf(case: Case, tmp_path: Path) -> None:
     unsprung[:, layout.drives] = case.positions
     columns = [robot.arm.coordinate[name] for name in robot.motor_joints]
     order = [rigid.joints[rigid.getJointId(name)].idx_v for name in robot.motor_joints]
+    T, offset = followers(path, rigid)
     for position, q in zip(case.positions, unsprung, strict=True):
-        v = np.zeros(rigid.nv)
-        v[order] = position
+        v = offset.copy()
+        v += T[:, order] @ position
         there = pin.integrate(rigid, pin.neutral(rigid), v)
-        mass = pin.crba(rigid, data, there)
+        mass = T.T @ pin.crba(rigid, data, there) @ T
         expected = mass_matrices(robot.arm, q[None])[0][np.ix_(columns, columns)]
         difference = mass[np.ix_(order, order)] - expected
         assert np.abs(difference).max() < 1e-12 * np.abs(expected).max()
-        weight = pin.computeGeneralizedGravity(rigid, data, there)[order]
+        weight = (T.T @ pin.computeGeneralizedGravity(rigid, data, there))[order]
         load = gravity_torques(robot.arm, q[None])[0, columns]
         assert np.abs(weight - load).max() < 1e-12 * max(np.abs(load).max(), 1.0)
+
+
+def followers(path: Path, rigid: pin.Model) -> tuple[np.ndarray, np.ndarray]:
+    """Return T and c of v = T v + c, which moves joints that follow one that does not (mimic)."""
+    T, offset = np.eye(rigid.nv), np.zeros(rigid.nv)
+    for joint in ET.parse(path).getroot().iterfind("joint[mimic]"):
+        mimic = joint.find("mimic")
+        assert mimic is not None
+        row, leader = (
+            rigid.joints[rigid.getJointId(str(n))].idx_v
+            for n in (joint.get("name"), mimic.get("joint"))
+        )
+        T[row], offset[row] = 0.0, float(mimic.get("offset", "0"))
+        T[row, leader] = float(mimic.get("multiplier", "1"))
+    return T @ T, T @ offset + offset  # the leader may follow too
 
 
 def test_modes(case: Case, tmp_path: Path) -> None:

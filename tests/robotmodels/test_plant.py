@@ -24,7 +24,7 @@ from robotmodels import (
 )
 from robotmodels.description.urdf import locate
 from robotmodels.simulation.imperfections import IDEAL
-from robotmodels.simulation.mujoco_model import build_plant
+from robotmodels.simulation.plant_model import build_plant
 from robotmodels.simulation.simulate_block import static_state
 
 

@@ -31,6 +31,23 @@ def path(tmp_path: Path) -> Path:
     return tmp_path / "robot.yaml"
 
 
+def test_the_model_file_has_two_names(path: Path) -> None:
+    content = changed(PENDULUM, model=PENDULUM["urdf"])
+    path.write_text(yaml.dump(without(content, "urdf")))
+    assert load_robot(path).file.urdf == PENDULUM["urdf"]
+    line = "the keys 'model' and 'urdf' mean the same; one of them is needed"
+    assert refusal(path, content) == line
+
+
+def test_guesses_of_what_is_no_parameter_are_refused(path: Path) -> None:
+    path.write_text(yaml.dump(changed(PENDULUM, guessed={"g.damping": 1, "m.inertia": 0.5})))
+    assert load_robot(path).file.guessed == {"g.damping": 1.0, "m.inertia": 0.5}
+    line = refusal(path, changed(PENDULUM, guessed={"g.dampnig": 1.0}))
+    assert (
+        line == "guessed: 'g.dampnig' is not a parameter of this robot (did you mean 'g.damping'?)"
+    )
+
+
 def without(content: dict, key: str) -> dict:
     return {k: v for k, v in content.items() if k != key}
 

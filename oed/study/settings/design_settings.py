@@ -17,7 +17,7 @@
         folded: {where: {elbow_joint: [1.5, 2.5]}, most: 4, least: 1}
       robust:                    # holds for samples of theta
         kind: maximin            # or average
-        std: 0.3                 # of their logarithms
+        std: 0.3                 # of their logarithms; left out: those of the robot file
         samples: 8               # of theta
       tolerance: 1.0e-6          # certified gap
       solver: cvxpy              # or newton, which is faster and takes every criterion but E
@@ -25,7 +25,7 @@
 A time counts a move from home and back for each experiment, so that it suffices in any order.
 A robust design holds for samples of theta: the robot file's, and others whose logarithms are normal
 about it with standard deviation `std`: one number, or numbers by parameter or kind, as
-``{stiffness: 0.2, damping: 0.7}``.
+``{stiffness: 0.2, damping: 0.7}``, or those that the robot file has of guesses or of a fit.
 """
 
 from typing import Annotated, Literal, Self
@@ -65,7 +65,7 @@ class RobustChoice(FileSection):
     """Samples of theta for which a design is to hold, the robot file's values first."""
 
     kind: Literal["maximin", "average"] = "maximin"
-    std: Deviation | Annotated[dict[str, Deviation], Field(min_length=1)]
+    std: Deviation | Annotated[dict[str, Deviation], Field(min_length=1)] | None = None
     samples: Annotated[int, Field(ge=2, le=64)] = 8
 
 

@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from estimators import robot_prior
 from oed.candidates.grids import candidate_at
 from oed.criteria.criteria import AsCriterion, Criterion, DsCriterion
 from oed.design.constraints import Constraints, Group
@@ -10,8 +11,10 @@ from oed.experiment.moves import MoveLimits, move_times
 from oed.study.settings.design_settings import DesignChoice, Moves, Ranges, RobustChoice
 from robotmodels import ElasticRobot
 from robotmodels.common.arrays import Array, IntArray
-from robotmodels.common.errors import InvalidInput, nearest
+from robotmodels.common.errors import InvalidInput, NoEquilibrium, nearest
 
+_DRAWS = 30  # for each sample of theta that is asked for
+_MOST_TRIED = 1000  # candidates in which a sample must hold the robot up
 _SLACK = 1e-9  # [rad] or [m]: ends of ranges belong to them in spite of rounding
 
 
@@ -87,16 +90,53 @@ def home_position(moves: Moves, robot: ElasticRobot, positions: Array) -> Array:
     return np.array(moves.home)
 
 
-def parameter_samples(choice: RobustChoice, robot: ElasticRobot, rng: np.random.Generator) -> Array:
+def parameter_samples(
+    choice: RobustChoice, robot: ElasticRobot, positions: Array, rng: np.random.Generator
+) -> Array:
     """Return samples of theta, (samples, p) [SI]; parameters without a std stay as they are.
+
+    A robot stands in the candidates, so samples of theta with which it would not are drawn again.
 
     Raises
     ------
     InvalidInput
-        If `std` names neither a parameter nor a kind of them.
+        If `std` names neither a parameter nor a kind of them; without `std`, if the robot file has
+        no standard deviations; if hardly any sample holds the robot up.
     """
-    names, values = robot.parameters.names, robot.parameters.values
-    by_key = dict.fromkeys(names, choice.std) if isinstance(choice.std, float) else choice.std
+    values = robot.parameters.values
+    root = _prior_root(robot) if choice.std is None else np.diag(_std(choice.std, robot))
+    few = positions[:: -(-len(positions) // _MOST_TRIED)]
+    samples, refusal = [values], None
+    for _ in range(_DRAWS * choice.samples):
+        if len(samples) == choice.samples:
+            return np.array(samples)
+        theta = values * np.exp(rng.standard_normal(len(values)) @ root)
+        try:
+            robot.equilibrium(few, theta)
+        except NoEquilibrium as error:
+            refusal = error
+        else:
+            samples.append(theta)
+    raise InvalidInput(
+        f"design.robust: {_DRAWS * choice.samples} draws gave {len(samples) - 1} samples of the "
+        f"parameters with which the robot stands; the last did not: {refusal}; a smaller std is "
+        "needed"
+    )
+
+
+def _prior_root(robot: ElasticRobot) -> Array:
+    """Return a root R of the covariance R^T R of ln theta that the robot file has, (p, p)."""
+    prior, p = robot_prior(robot), len(robot.parameters)
+    root, columns = np.zeros((p, p)), prior.columns(robot.parameters.names)
+    correlation = np.eye(len(columns)) if prior.correlation is None else prior.correlation
+    root[np.ix_(columns, columns)] = np.linalg.cholesky(correlation).T * prior.std
+    return root
+
+
+def _std(std: float | dict[str, float], robot: ElasticRobot) -> Array:
+    """Return the standard deviation of ln theta that the study gives each parameter, (p,)."""
+    names = robot.parameters.names
+    by_key = dict.fromkeys(names, std) if isinstance(std, float) else std
     kinds = [name.split(".", 1)[-1] for name in names]
     for key in by_key:
         if key not in names and key not in kinds:
@@ -105,9 +145,7 @@ def parameter_samples(choice: RobustChoice, robot: ElasticRobot, rng: np.random.
                 f"design.robust.std: {key!r} is no free parameter and no kind of them"
                 f"{nearest(key, possible)}"
             )
-    std = [by_key.get(n, by_key.get(k, 0.0)) for n, k in zip(names, kinds, strict=True)]
-    steps = rng.standard_normal((choice.samples - 1, len(values))) * np.array(std)
-    return np.asarray(values * np.exp(np.vstack([np.zeros(len(values)), steps])))
+    return np.array([by_key.get(n, by_key.get(k, 0.0)) for n, k in zip(names, kinds, strict=True)])
 
 
 def _durations(choice: DesignChoice, robot: ElasticRobot, positions: Array) -> Array:

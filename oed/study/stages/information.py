@@ -7,6 +7,8 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
+import numpy as np
+
 import estimators
 from oed.candidates.screening import ScreenedCandidates
 from oed.information_sets.compute import information as compute_information
@@ -50,7 +52,8 @@ def sampled_information(
     choice = run.study.design.robust
     if choice is None:
         return []
-    values = parameter_samples(choice, run.robot, run.rng("robust"))
+    positions = np.asarray(screened.value.positions)
+    values = parameter_samples(choice, run.robot, positions, run.rng("robust"))
     return [
         _information(run, screened, f"information-{k}", WithParameters(run.robot, values[k]))
         for k in range(1, len(values))
