@@ -10,7 +10,7 @@ import numpy as np
 from robotmodels.common.arrays import Array, IntArray
 from robotmodels.common.errors import InvalidInput
 from robotmodels.logs.log import Log, Table
-from robotmodels.logs.mapping_file import Mapping, TimeChoice
+from robotmodels.logs.mapping_file import TimeChoice
 from robotmodels.logs.units import time_factor
 
 _TIME_NAME = re.compile(r"(^|[^a-z])(t|time|timestamps?|stamps?|zeit)([^a-z]|$)", re.IGNORECASE)
@@ -62,15 +62,14 @@ class Clock:
         return list(pairwise(ends))
 
 
-def table_clock(log: Log, table: Table, mapping: Mapping) -> Clock:
-    """Return the clock of a table, as the mapping says or else as its names suggest.
+def table_clock(log: Log, table: Table, choice: TimeChoice) -> Clock:
+    """Return the clock of a table, as a mapping says or else as names suggest.
 
     Raises
     ------
     InvalidInput
         If nothing tells the time.
     """
-    choice = mapping.tables.get(table.name, mapping.time)
     where = f"{log.where}: {table.name}".rstrip(": ")
     if choice.counter and choice.counter in table.channels:
         return _counted(table, choice, where)

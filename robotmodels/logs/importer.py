@@ -114,7 +114,11 @@ class Import:
     def clocks(self) -> dict[str, Clock]:
         """Clocks by the names of tables that have a mapped channel."""
         tables = {signal.table.name: signal.table for signal in self.binding.signals}
-        return {name: table_clock(self.log, table, self.mapping) for name, table in tables.items()}
+        time, others = self.mapping.time, self.mapping.tables
+        return {
+            name: table_clock(self.log, table, others.get(name, time))
+            for name, table in tables.items()
+        }
 
     @property
     def base(self) -> Table:

@@ -131,7 +131,19 @@ def test_help_shows_examples(oed):
 
 @pytest.mark.parametrize(
     "command",
-    ["init", "check", "run", "design", "fit", "sample", "report", "simulate", "frf", "schema"],
+    [
+        "init",
+        "check",
+        "run",
+        "design",
+        "fit",
+        "sample",
+        "report",
+        "simulate",
+        "import",
+        "frf",
+        "schema",
+    ],
 )
 def test_every_command_shows_an_example(oed, command):
     code, out, err = oed(command, "--help")

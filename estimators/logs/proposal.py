@@ -1,0 +1,127 @@
+"""A mapping proposed for a log without one, with the evidence for each entry."""
+
+from dataclasses import dataclass
+
+from estimators.logs.angle_rules import propose_angles, propose_velocity
+from estimators.logs.drive_rules import propose_drives, propose_references
+from estimators.logs.families import Family, families
+from estimators.logs.findings import constant_findings
+from estimators.logs.samples import TableTime, table_times
+from estimators.logs.search import Entry, Search
+from robotmodels.common.errors import InvalidInput
+from robotmodels.elastic.robot import ElasticRobot
+from robotmodels.logs.clocks import clock_messages
+from robotmodels.logs.log import Log
+from robotmodels.logs.mapping_file import Mapping, TimeChoice
+
+_ROLES = (
+    "motor_angle",
+    "motor_velocity",
+    "link_angle",
+    "link_velocity",
+    "motor_torque",
+    "motor_current",
+    "reference_angle",
+    "reference_velocity",
+)
+
+
+@dataclass(frozen=True, eq=False)
+class Proposal:
+    """What was understood of a log, for the user to correct.
+
+    Attributes
+    ----------
+    mapping : Mapping
+        Proposed mapping; nothing is converted by it until the user accepts it.
+    entries : tuple of Entry
+        Its entries with their evidence, and those left out.
+    findings : tuple of str
+        What else was seen, in words.
+    """
+
+    mapping: Mapping
+    entries: tuple[Entry, ...]
+    findings: tuple[str, ...]
+
+
+def propose_mapping(
+    log: Log, robot: ElasticRobot | None = None, time: TimeChoice | None = None
+) -> Proposal:
+    """Propose what the channels of a log mean.
+
+    Parameters
+    ----------
+    log : Log
+        The log, open.
+    robot : ElasticRobot, optional
+        Its joints, their limits and gear ratios.
+    time : TimeChoice, optional
+        Where the time comes from, as far as the user says it.
+
+    Raises
+    ------
+    InvalidInput
+        If no channels look like angles of joints, or nothing tells the time of theirs.
+    """
+    times, missing = table_times(log, time or TimeChoice())
+    members = _members(log, robot, times)
+    if "motor_angle" not in members:
+        reasons = "; ".join(missing.values()) or "names such as q_1, pos_1 or act_pos[0] do"
+        raise InvalidInput(f"{log.where}: no channels look like angles of joints ({reasons})")
+    search = Search(log, robot, times, members)
+    propose_angles(search)
+    for role in ("motor_velocity", "link_velocity"):
+        if role in members:
+            propose_velocity(search, role)
+    propose_drives(search)
+    propose_references(search)
+    search.findings += constant_findings(log, robot)
+    return _finished(search)
+
+
+def _members(
+    log: Log, robot: ElasticRobot | None, times: dict[str, TableTime]
+) -> dict[str, Family]:
+    """Return one family for each role: as many channels as joints, measured, beside the angles."""
+    count = None if robot is None else len(robot.motor_names)
+    fitting = [
+        family
+        for family in families(log, robot)
+        if family.role in _ROLES
+        and family.table.name in times
+        and (family.joints or (len(family.channels) == count if count else True))
+    ]
+    best: dict[str, Family] = {}
+    for role in _ROLES:
+        anchor = best.get("motor_angle")
+        candidates = [family for family in fitting if family.role == role]
+        if candidates:
+            best[role] = max(candidates, key=lambda family: _preference(family, anchor))
+    return best
+
+
+def _preference(family: Family, anchor: Family | None) -> tuple[int, ...]:
+    beside = anchor is not None and (
+        family.pattern.rpartition(".")[0] == anchor.pattern.rpartition(".")[0]
+    )
+    return (len(family.channels), int(beside), family.rank, -len(family.pattern))
+
+
+def _finished(search: Search) -> Proposal:
+    names = {entry.family.table.name for entry in search.entries if entry.signal is not None}
+    times = {name: search.times[name] for name in sorted(names)}
+    choices = [time.choice for time in times.values()]
+    common = choices[0] if all(choice == choices[0] for choice in choices) else TimeChoice()
+    tables = {} if common is choices[0] else {name: time.choice for name, time in times.items()}
+    for name, time in times.items():
+        search.findings += clock_messages(time.clock, name or search.log.files[0].name)
+    mapping = Mapping.model_validate(
+        {
+            "schema": "import/1",
+            "time": common,
+            "tables": tables,
+            "signals": [e.signal for e in search.entries if e.signal is not None],
+        }
+    )
+    return Proposal(mapping, tuple(search.entries), tuple(search.findings))

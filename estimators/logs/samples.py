@@ -1,0 +1,100 @@
+"""The part of a log that statistics look at: numbers of a family beside their times."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from estimators.logs.families import Family
+from robotmodels.common.arrays import Array
+from robotmodels.common.errors import InvalidInput
+from robotmodels.logs.clocks import Clock, table_clock, time_channel
+from robotmodels.logs.log import Log, Table
+from robotmodels.logs.mapping_file import TimeChoice
+from robotmodels.logs.units import time_factor
+
+_ROWS = 20_000
+
+
+@dataclass(frozen=True, eq=False)
+class TableTime:
+    """Clock of a table, and the stamps of its rows.
+
+    Attributes
+    ----------
+    clock : Clock
+        Clock.
+    choice : TimeChoice
+        Where it comes from; what had to be guessed is filled in.
+    stamps : ndarray, (rows,), s
+        Real stamps; those of the clock where there are none.
+    """
+
+    clock: Clock
+    choice: TimeChoice
+    stamps: Array
+
+
+def table_times(log: Log, choice: TimeChoice) -> tuple[dict[str, TableTime], dict[str, str]]:
+    """Return the times of tables by name, and why others have none."""
+    times, missing = {}, {}
+    for table in log.tables:
+        if table.abscissa != "time":
+            continue
+        try:
+            times[table.name] = _table_time(log, table, choice)
+        except InvalidInput as error:
+            missing[table.name] = str(error)
+    return times, missing
+
+
+def family_samples(family: Family, time: TableTime) -> tuple[Array, Array]:
+    """Return stamps (N,) and values (N, n) of the part of a family that moves most."""
+    start, stop = _window(family, time)
+    rows = time.clock.rows
+    rows = rows[(rows >= start) & (rows < stop)]
+    columns = [
+        np.asarray(family.table.channels[name].read(start, stop), dtype=float)[rows - start]
+        for name in family.channels
+    ]
+    return time.stamps[rows], np.stack(columns, axis=1)
+
+
+def _window(family: Family, time: TableTime) -> tuple[int, int]:
+    rows = family.table.rows
+    if rows <= _ROWS:
+        return 0, rows
+    name = family.channels[0]
+    spans = [
+        float(np.nanstd(np.asarray(piece, dtype=float)))
+        for piece in family.table.pieces(name, _ROWS)
+        if len(piece) == _ROWS
+    ]
+    start = int(np.argmax(spans)) * _ROWS
+    return start, start + _ROWS
+
+
+def _table_time(log: Log, table: Table, choice: TimeChoice) -> TableTime:
+    column = "" if choice.counter in table.channels else time_channel(table, choice)
+    if choice.sample_time is None and column and not choice.unit:
+        stated = table.channels[column].unit
+        unit = stated if stated in ("s", "ms", "us", "ns") else _time_unit(table, column)
+        choice = choice.model_copy(update={"unit": "" if unit == "s" else unit})
+    clock = table_clock(log, table, choice)
+    even = clock.start + clock.sample_time * np.interp(
+        np.arange(table.rows), clock.rows, clock.ticks
+    )
+    if not column or (choice.sample_time is not None and not choice.column):
+        return TableTime(clock, choice, even)
+    unit = choice.unit or table.channels[column].unit
+    stamps = np.asarray(table.values(column), dtype=float) * time_factor(unit)
+    return TableTime(clock, choice, stamps)
+
+
+def _time_unit(table: Table, column: str) -> str:
+    """Return the likeliest unit of stamps without one: controllers sample at 1 Hz to 100 kHz."""
+    head = np.asarray(table.values(column, 2000), dtype=float)
+    steps = np.diff(head[np.isfinite(head)])
+    step = float(np.median(steps[steps > 0], axis=0)) if (steps > 0).any() else 0.0
+    if step < 0.9:
+        return "s"
+    return "ms" if step < 900 else "us" if step < 9e5 else "ns"

@@ -1,0 +1,83 @@
+"""``oed import``: a proposal that the user corrects, then movements."""
+
+import json
+
+import numpy as np
+import pytest
+import yaml
+from conftest import oed
+
+from robotmodels import iterate_movements
+
+STEP = 0.004
+TIME = STEP * np.arange(1500)
+
+
+@pytest.fixture
+def log_file(tmp_path):
+    """Six joints in degrees, their speeds and currents, as a controller writes them."""
+    phases = np.arange(6)
+    angle = 0.3 * np.sin(np.outer(TIME, 2.3 + 0.2 * phases) + phases)
+    speed = np.gradient(angle, STEP, axis=0)
+    names = [f"{q}_{i}" for q in ("act_pos", "act_vel", "current") for i in range(1, 7)]
+    table = np.column_stack([TIME, np.degrees(angle), np.degrees(speed), 2 * np.tanh(9 * speed)])
+    path = tmp_path / "log.csv"
+    header = ";".join(["time [s]", *names])
+    lines = [";".join(f"{x:.9g}".replace(".", ",") for x in row) for row in table]
+    path.write_text("\n".join([header, *lines]) + "\n")
+    return path
+
+
+def test_a_proposal_is_written_and_then_taken(log_file, tmp_path):
+    code, out, err = oed("import", str(log_file), "--robot", "ur10")
+    assert (code, err) == (0, "")
+    assert "nothing was converted" in out
+    assert "act_pos_*: motor_angle [deg], joint side" in out
+    assert not (tmp_path / "movements.h5").exists()
+    mapping = yaml.safe_load((tmp_path / "import.yaml").read_text())
+    assert mapping["robot"] == "ur10"
+    assert [s["role"] for s in mapping["signals"]] == [
+        "motor_angle", "motor_velocity", "motor_current"
+    ]  # fmt: skip
+    assert "<svg" in (tmp_path / "import.html").read_text()
+    code, out, _ = oed(
+        "import", str(log_file), "--mapping", str(tmp_path / "import.yaml"), "--json"
+    )
+    assert code == 0
+    result = json.loads(out)
+    (run,) = result["runs"]
+    assert (run["samples"], run["sample_time"]) == (1500, pytest.approx(STEP))
+    (movement,) = iterate_movements(tmp_path / "movements.h5")
+    assert movement.motor_angle[:, 2] == pytest.approx(0.3 * np.sin(2.7 * TIME + 2), abs=1e-8)
+    assert movement.provenance["files"].keys() == {"log.csv"}
+
+
+def test_a_short_mapping_is_completed(log_file, tmp_path):
+    mapping = tmp_path / "short.yaml"
+    mapping.write_text(
+        'schema: import/1\nrobot: ur10\nsignals:\n  - {column: "act_pos_*", role: motor_angle}\n'
+    )
+    code, out, err = oed("import", str(log_file), "--mapping", str(mapping))
+    assert (code, err) == (0, "")
+    assert "act_pos_*: unit deg, side joint" in out
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("schema: import/1\nsignals: []\n", "signals: at least 1 is needed"),
+        ("schema: import/1\nsignal: []\n", "unknown key 'signal' (did you mean 'signals'?)"),
+        (
+            'schema: import/1\nrobot: ur10\nsignals:\n  - {column: "pos", role: motor_angle}\n',
+            "channel 'pos' is missing (did you mean",
+        ),
+        ("schema: robot/1\nname: a\n", "this is a robot file"),
+    ],
+)
+def test_mistakes_in_a_mapping_are_one_line(log_file, tmp_path, text, message):
+    mapping = tmp_path / "wrong.yaml"
+    mapping.write_text(text)
+    code, _, err = oed("import", str(log_file), "--mapping", str(mapping))
+    assert code == 2
+    assert message in err
+    assert err.count("\n") == 1

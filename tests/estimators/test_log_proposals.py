@@ -1,0 +1,255 @@
+"""What a log's numbers say of its channels, against signals made with given factors and lags."""
+
+import itertools
+
+import numpy as np
+import pytest
+
+import robotmodels
+from estimators.logs.completion import complete_mapping
+from estimators.logs.proposal import propose_mapping
+from estimators.logs.shift_regression import angle_relation, velocity_relation
+from estimators.logs.torque_sign import torque_sign
+from estimators.logs.unit_hypotheses import (
+    ANGLES,
+    RATES,
+    angle_hypotheses,
+    rate_hypotheses,
+    torque_side,
+)
+from robotmodels.common.errors import InvalidInput
+from robotmodels.logs.importer import Import
+from robotmodels.logs.mapping_file import Mapping, TimeChoice
+from robotmodels.logs.open_log import open_log
+
+STEP = 0.004
+OMEGA = np.array([0.9, 2.3, 5.1, 11.0])
+
+
+class Movement:
+    """A sum of sines that repeats nowhere, its derivatives in closed form."""
+
+    def __init__(self, seed, n=1, count=2500):
+        rng = np.random.default_rng(seed)
+        self.size = rng.uniform(0.05, 0.3, (n, len(OMEGA)))
+        self.phase = rng.uniform(0, 2 * np.pi, (n, len(OMEGA)))
+        self.time = STEP * np.arange(count)
+        self.rng = rng
+
+    def angle(self, t):
+        return (self.size * np.sin(np.multiply.outer(t, OMEGA)[:, None] + self.phase)).sum(axis=-1)
+
+    def velocity(self, t):
+        cosine = np.cos(np.multiply.outer(t, OMEGA)[:, None] + self.phase)
+        return (self.size * OMEGA * cosine).sum(axis=-1)
+
+
+@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("lag", [-0.002, 0.0, 0.0044, 0.19])
+def test_factor_and_lag_of_a_velocity(seed, lag):
+    """Also with an offset of the velocity, which drifts in its integral."""
+    m = Movement(seed)
+    velocity = -57.3 * m.velocity(m.time - lag)[:, 0] + 2.0
+    relation = velocity_relation(m.time, m.angle(m.time)[:, 0], velocity)
+    assert 1 / relation.factor == pytest.approx(-57.3, rel=1e-4)
+    assert relation.lag == pytest.approx(lag, abs=2e-6)
+    assert relation.determined
+
+
+def test_real_stamps_count():
+    """Samples are taken when their stamps say so: as an even grid they would be 0.5 ms wrong."""
+    m = Movement(7)
+    stamps = m.time + 0.0005 * m.rng.standard_normal(len(m.time))
+    relation = velocity_relation(stamps, m.angle(stamps)[:, 0], m.velocity(stamps - 0.003)[:, 0])
+    assert relation.lag == pytest.approx(0.003, abs=5e-6)
+
+
+def test_standard_errors_of_lags_are_honest():
+    """Twice the standard error covers at least four of five; a quarter of it must not."""
+    pulls = []
+    for seed in range(40):
+        m = Movement(seed)
+        noise = 2e-4 * m.rng.standard_normal(len(m.time))
+        late = m.velocity(m.time - 0.005)[:, 0]
+        relation = velocity_relation(m.time, m.angle(m.time)[:, 0] + noise, late)
+        pulls.append(abs(relation.lag - 0.005) / relation.lag_std)
+    assert np.mean(np.array(pulls) < 2) >= 0.8
+    assert np.mean(np.array(pulls) < 0.25) < 0.6
+
+
+def test_nothing_is_determined_at_rest_or_between_strangers():
+    m, other = Movement(1), Movement(2)
+    noise = 1e-5 * m.rng.standard_normal((2, len(m.time)))
+    assert velocity_relation(m.time, np.zeros(len(m.time)), noise[0]) is None
+    assert not velocity_relation(m.time, noise[0], noise[1]).determined
+    strange = velocity_relation(m.time, m.angle(m.time)[:, 0], other.velocity(m.time)[:, 0])
+    assert not strange.determined
+
+
+def test_link_angles_are_late_and_of_a_slope():
+    m = Movement(3)
+    relation = angle_relation(m.time, 250 * m.angle(m.time)[:, 0], m.angle(m.time - 0.003)[:, 0])
+    assert relation.factor == pytest.approx(250, rel=1e-5)
+    assert relation.lag == pytest.approx(0.003, abs=1e-6)
+
+
+@pytest.mark.parametrize(("angle", "rate"), list(itertools.product(["rad", "deg", "turn"], RATES)))
+@pytest.mark.parametrize("ratio", [np.nan, 32.0, 101.0, 256.9])
+def test_units_of_rates_are_told_by_the_nearest_factor(angle, rate, ratio):
+    if rate.endswith("m/s"):
+        assert not rate_hypotheses(1.0, angle, ratio) or rate not in [
+            h.unit for _, h in rate_hypotheses(1.0, angle, ratio)
+        ]
+        return
+    sides = {"same": 1.0} if np.isnan(ratio) else {"same": 1.0, "motor": ratio}
+    for side, gear in sides.items():
+        factor = 1.003 * ANGLES[angle] / RATES[rate] * gear
+        best = rate_hypotheses(-factor, angle, ratio)[0][1]
+        assert (best.unit, best.side) == (rate, side)
+        assert not rate_hypotheses(1.3 * factor, angle, ratio)
+
+
+def test_angles_must_lie_within_limits():
+    limits = np.array([[-2.0, 2.0], [-3.0, 0.1]])
+    ratios = np.array([100.0, -80.0])
+    joint = np.array([[-1.0, 1.5], [-2.0, -0.5]])
+
+    def best(spans):
+        return angle_hypotheses(spans, ratios, limits, "", ("joint", "motor"))[0]
+
+    assert (best(joint).unit, best(joint).side) == ("rad", "joint")
+    degrees = best(np.degrees(joint))
+    assert (degrees.unit, degrees.side) == ("deg", "joint")
+    motor = best(np.sort(joint * ratios[:, None], axis=1))
+    assert motor.side == "motor"
+    assert not angle_hypotheses(1e9 * joint, ratios, limits, "", ("joint",))
+
+
+def test_a_start_at_right_angles_tells_the_unit():
+    """Motor angles over ratios of 32 and -45 are taken for degrees otherwise."""
+    limits = np.array([[-3.0, 3.0], [-3.0, 3.0]])
+    ratios = np.array([32.0, -45.0])
+    start = np.array([np.pi / 2, -np.pi / 2]) * ratios
+    spans = np.stack([start - 4, start + 4], axis=1)
+    both = ("joint", "motor")
+    assert angle_hypotheses(spans, ratios, limits, "", both)[0].unit == "deg"
+    best = angle_hypotheses(spans, ratios, limits, "", both, start)[0]
+    assert (best.unit, best.side) == ("rad", "motor")
+
+
+def test_torques_take_the_side_that_carries_the_robot():
+    ratios = np.array([256.9, 267.4])
+    assert torque_side(np.array([4.0, 12.0]), ratios, 1000.0) == "motor"
+    assert torque_side(np.array([900.0, 3000.0]), ratios, 1000.0) == "joint"
+
+
+@pytest.mark.parametrize("seed", range(6))
+@pytest.mark.parametrize("sign", [1, -1])
+def test_the_sign_of_torques_is_that_of_work_against_friction(seed, sign):
+    """Joint 2 alone would tell the opposite: it is driven by the other."""
+    m = Movement(seed, n=2, count=8000)
+    angle, velocity = m.angle(m.time), m.velocity(m.time)
+    torque = 3 * np.tanh(20 * velocity) + 5 * np.gradient(velocity, m.time, axis=0)
+    torque[:, 1] = -0.2 * np.tanh(20 * velocity[:, 1])
+    assert torque_sign(m.time, angle, sign * torque)[0] == sign
+    at_rest = torque_sign(m.time, 0 * angle, torque)
+    assert at_rest == (1, "sign not determined: nothing moves")
+
+
+def written(path, names, columns):
+    header = ",".join(names)
+    np.savetxt(
+        path, np.column_stack(columns), delimiter=",", header=header, comments="", fmt="%.12g"
+    )
+    return path
+
+
+@pytest.fixture(scope="module")
+def robot():
+    return robotmodels.load_robot("ur10")
+
+
+@pytest.fixture
+def log_file(tmp_path, robot):
+    """Degrees, rpm of motors, one late velocity; torques in motor size and turned round."""
+    m = Movement(11, n=6)
+    ratios = np.array([motor.gear_ratio for motor in robot.file.motors])
+    middle = robot.position_limits.mean(axis=1)
+    angle, velocity = m.angle(m.time) + middle, m.velocity(m.time - 0.0021)
+    names = [
+        "time_ms",
+        *(f"act_pos_{i}" for i in range(1, 7)),
+        *(f"act_vel_{i}" for i in range(1, 7)),
+    ]
+    names += [f"torque_{i}" for i in range(1, 7)]
+    torque = -0.5 * np.tanh(20 * m.velocity(m.time))
+    rpm = velocity * ratios * 60 / (2 * np.pi)
+    return written(tmp_path / "log.csv", names,
+                   [1e3 * m.time, *np.degrees(angle).T, *rpm.T, *torque.T])  # fmt: skip
+
+
+def test_a_whole_log_is_understood(log_file, robot):
+    with open_log(log_file) as log:
+        proposal = propose_mapping(log, robot)
+        source = Import(log, proposal.mapping, robot)
+        (movement,) = [run.read() for run in source.runs]
+    signals = {signal.role: signal for signal in proposal.mapping.signals}
+    assert proposal.mapping.time.unit == "ms"
+    assert (signals["motor_angle"].unit, signals["motor_angle"].side) == ("deg", "joint")
+    assert (signals["motor_velocity"].unit, signals["motor_velocity"].side) == ("rpm", "motor")
+    assert signals["motor_torque"].sign == -1
+    assert signals["motor_torque"].side == "motor"
+    assert movement.sample_time == pytest.approx(STEP)
+    m = Movement(11, n=6)
+    assert movement.signal("motor_velocity") == pytest.approx(m.velocity(m.time - 0.0021), abs=1e-9)
+    evidence = next(e.evidence for e in proposal.entries if e.family.role == "motor_velocity")
+    assert "late by 2.10" in evidence
+
+
+def test_what_a_mapping_leaves_open_is_completed_and_told(log_file, robot):
+    mapping = Mapping.model_validate(
+        {
+            "schema": "import/1",
+            "time": {"unit": "ms"},
+            "signals": [
+                {"column": "act_pos_*", "role": "motor_angle"},
+                {"column": "torque_*", "role": "motor_torque", "unit": "N*m", "side": "motor"},
+            ],
+        }
+    )
+    with open_log(log_file) as log:
+        complete, told = complete_mapping(log, mapping, robot)
+        assert complete.signals[0].unit == "deg"
+        assert complete.signals[0].side == "joint"
+        assert complete.signals[1] == mapping.signals[1]
+        assert len(told) == 1
+        assert "unit deg, side joint" in told[0]
+        assert complete_mapping(log, complete, robot) == (complete, ())
+
+
+def test_a_start_pose_and_other_inertias_are_noticed(tmp_path):
+    robot = robotmodels.load_robot("kr300")
+    m = Movement(5, n=6)
+    angle = m.angle(m.time) - m.angle(m.time)[:1]
+    inertias = [motor.inertia for motor in robot.file.motors]
+    inertias[3] *= 2
+    np.savez(tmp_path / "log.npz", **{"rec.t": m.time, "rec.q": np.degrees(angle), "J_m": inertias,
+                                      "more": np.arange(9)})  # fmt: skip
+    with open_log(tmp_path / "log.npz") as log:
+        findings = "\n".join(propose_mapping(log, robot).findings)
+    assert "m2: angles from" in findings
+    assert "start_pose" in findings
+    assert "J_m: inertia of m4 is 0.00346 in the log, 0.00173 in the robot file" in findings
+    assert findings.count("J_m") == 1
+
+
+def test_a_log_without_angles_or_time(tmp_path, robot):
+    path = written(tmp_path / "a.csv", ["t", "foo"], [np.arange(20.0), np.arange(20.0)])
+    with open_log(path) as log, pytest.raises(InvalidInput, match="no channels look like angles"):
+        propose_mapping(log, robot)
+    path = written(tmp_path / "b.csv", ["q1", "q2"], np.random.default_rng(1).random((2, 30)))
+    with open_log(path) as log:
+        with pytest.raises(InvalidInput, match="no channel tells the time"):
+            propose_mapping(log)
+        proposal = propose_mapping(log, None, TimeChoice(sample_time=0.01))
+        assert proposal.mapping.time.sample_time == 0.01
