@@ -1,0 +1,1 @@
+"""Springs from encoders on both sides of the gears."""

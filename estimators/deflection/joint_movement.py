@@ -1,0 +1,187 @@
+"""Measured movements of joints, low-passed, differentiated and freed of the encoders' delays."""
+
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+from scipy.interpolate import CubicSpline
+from scipy.signal import butter, sosfiltfilt
+
+from robotmodels.common.arrays import Array, BoolArray
+from robotmodels.common.errors import InvalidInput
+from robotmodels.elastic.inverse_dynamics import MovementTorques, movement_torques
+from robotmodels.elastic.robot import ElasticRobot
+
+
+class JointHistories(Protocol):
+    """Evenly sampled signals of joints, all on the joints' side of the gears.
+
+    Attributes
+    ----------
+    joints : tuple of str
+        Name of the motor or joint of each of the n columns.
+    sample_time : float, s
+        Sample time.
+    motor_angle, link_angle, motor_torque : ndarray, (N, n)
+        Motor angles over gear ratios [rad], angles behind the gears [rad], motor torques times gear
+        ratios [N m]; a column of NaN where there is no such sensor.
+    """
+
+    @property
+    def joints(self) -> tuple[str, ...]: ...  # noqa: D102
+    @property
+    def sample_time(self) -> float: ...  # noqa: D102
+    @property
+    def motor_angle(self) -> Array: ...  # noqa: D102
+    @property
+    def link_angle(self) -> Array: ...  # noqa: D102
+    @property
+    def motor_torque(self) -> Array: ...  # noqa: D102
+
+
+@dataclass(frozen=True, eq=False)
+class JointMovement:
+    """One record in the order of the robot's motors.
+
+    Attributes
+    ----------
+    robot : ElasticRobot
+        The robot that moved.
+    sample_time : float, s
+        Sample time.
+    motor_angle, link_angle : ndarray, (N, n), rad
+        As measured; motor angles stand in where no link angle is measured.
+    torque : ndarray, (N, n), N m, or None
+        Motor torques on the joints' side.
+    on_both_sides : ndarray of bool, (n,)
+        Which joints have an encoder on either side of the gear.
+    """
+
+    robot: ElasticRobot
+    sample_time: float
+    motor_angle: Array
+    link_angle: Array
+    torque: Array | None
+    on_both_sides: BoolArray
+
+    @property
+    def time(self) -> Array:
+        """Times of the samples, (N,) [s]."""
+        return np.asarray(self.sample_time * np.arange(len(self.motor_angle)))
+
+    def low_passed(self, cutoff: float) -> "SmoothMovement":
+        """Return smooth curves through what lies below `cutoff` [Hz], without delay."""
+        if not 0 < cutoff < 0.4 / self.sample_time:
+            raise InvalidInput(
+                f"low_pass: {cutoff:g} Hz; between 0 and {0.4 / self.sample_time:.4g} Hz is needed "
+                f"at a sample time of {1e3 * self.sample_time:.4g} ms"
+            )
+        sections = butter(4, 2 * cutoff * self.sample_time, output="sos")
+        motor, link = (
+            CubicSpline(self.time, sosfiltfilt(sections, angle, axis=0))
+            for angle in (self.motor_angle, self.link_angle)
+        )
+        torque = None if self.torque is None else sosfiltfilt(sections, self.torque, axis=0)
+        margin = 1 / cutoff  # where the filter has not settled
+        inside = (self.time > margin) & (self.time < self.time[-1] - margin)
+        return SmoothMovement(self, motor, link, torque, inside)
+
+
+@dataclass(frozen=True, eq=False)
+class SmoothMovement:
+    """Low-passed curves of a movement.
+
+    Attributes
+    ----------
+    measured : JointMovement
+        What they smooth.
+    motor, link : CubicSpline
+        Motor and link angles, of time.
+    torque : ndarray, (N, n), or None
+        Motor torques.
+    inside : ndarray of bool, (N,)
+        Samples that the filter's ends leave alone.
+    """
+
+    measured: JointMovement
+    motor: CubicSpline
+    link: CubicSpline
+    torque: Array | None
+    inside: BoolArray
+
+    def links(self, delays: Array) -> tuple[Array, Array, Array]:
+        """Return link angles, speeds and accelerations, (N, n), freed of `delays` (n,) [s]."""
+        times = [self.measured.time + d for d in delays]
+        angle, speed, acceleration = (
+            np.stack([self.link(t, order)[:, j] for j, t in enumerate(times)], axis=1)
+            for order in range(3)
+        )
+        return angle, speed, acceleration
+
+    def torques(self, delays: Array) -> MovementTorques:
+        """Return the torques behind the links' movement."""
+        return movement_torques(self.measured.robot, *self.links(delays))
+
+
+def joint_movement(robot: ElasticRobot, record: JointHistories) -> JointMovement:
+    """Return a record in the order of the robot's motors.
+
+    Raises
+    ------
+    InvalidInput
+        If a motor is missing or has gaps, or no joint has encoders on both sides.
+    """
+    columns = [_column(motor.name, motor.joint, record.joints) for motor in robot.file.motors]
+    motor_angle, link_angle = (
+        np.asarray(angle, dtype=float)[:, columns]
+        for angle in (record.motor_angle, record.link_angle)
+    )
+    torque = _torque(record, columns)
+    for name, angle in zip(robot.motor_names, motor_angle.T, strict=True):
+        if not np.isfinite(angle).all():
+            raise InvalidInput(f"motor_angle of {name!r}: not all samples are finite numbers")
+    both = ~np.isnan(link_angle).all(axis=0)
+    for name, angle in zip(robot.motor_names, link_angle.T, strict=True):
+        if np.isnan(angle).any() and not np.isnan(angle).all():
+            raise InvalidInput(f"link_angle of {name!r}: some samples are missing, others not")
+    if not both.any():
+        raise InvalidInput("link_angle: no joint has an encoder behind its gear")
+    link_angle = np.where(both, link_angle, motor_angle)
+    apart = np.abs(link_angle - motor_angle).max(axis=0)
+    if (apart > _FARTHEST).any():
+        j = int(np.argmax(apart))
+        raise InvalidInput(
+            f"link_angle of {robot.motor_names[j]!r} is up to {apart[j]:.3g} rad from the motor's; "
+            "both must be in rad, on the joint's side of the gear, from the same zero"
+        )
+    low, high = robot.position_limits.T
+    if ((motor_angle < low - _FARTHEST) | (motor_angle > high + _FARTHEST)).any():
+        outside = ((motor_angle < low - _FARTHEST) | (motor_angle > high + _FARTHEST)).any(axis=0)
+        j = int(np.argmax(outside))
+        raise InvalidInput(
+            f"motor_angle of {robot.motor_names[j]!r} leaves the joint's limits [{low[j]:.4g}, "
+            f"{high[j]:.4g}]: angles must be the robot's own, a start pose included"
+        )
+    return JointMovement(robot, record.sample_time, motor_angle, link_angle, torque, both)
+
+
+_FARTHEST = 0.2
+"""How far angles of both sides, or an angle and its limits, may be apart [rad]."""
+
+
+def _column(motor: str, joint: str, names: tuple[str, ...]) -> int:
+    for name in (motor, joint):
+        if name in names:
+            return names.index(name)
+    raise InvalidInput(
+        f"record: neither motor {motor!r} nor its joint {joint!r} is among {', '.join(names)}"
+    )
+
+
+def _torque(record: JointHistories, columns: list[int]) -> Array | None:
+    """Return the motor torques, or None where a record has none."""
+    try:
+        torque = np.asarray(record.motor_torque, dtype=float)[:, columns]
+    except InvalidInput:
+        return None
+    return None if np.isnan(torque).all() else torque
