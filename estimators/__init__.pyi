@@ -17,6 +17,15 @@ from .chains.inverse_eigenvalue import (
 from .chains.pole_zero_spectra import first_components as first_components
 from .chains.start_values_from_chains import chain_start_values as chain_start_values
 from .chains.stepwise import StepwiseChain as StepwiseChain, stepwise_chain as stepwise_chain
+from .deflection.assumptions import (
+    DeflectionAssumptions as DeflectionAssumptions,
+    SystematicTerm as SystematicTerm,
+    systematic_terms as systematic_terms,
+)
+from .deflection.fit_deflection import (
+    DeflectionFit as DeflectionFit,
+    fit_deflection as fit_deflection,
+)
 from .fitting.fit_files import read_fits as read_fits, write_fits as write_fits
 from .fitting.fitted_robot import robot_prior as robot_prior
 from .fitting.least_squares import (

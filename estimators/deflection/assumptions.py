@@ -10,7 +10,7 @@ from robotmodels.elastic.robot import ElasticRobot
 
 
 @dataclass(frozen=True)
-class Assumptions:
+class DeflectionAssumptions:
     """What is taken for granted.
 
     Attributes
@@ -62,29 +62,29 @@ class Assumptions:
 
 
 @dataclass(frozen=True)
-class Variation:
+class SystematicTerm:
     """A systematic term: other assumptions, each as likely as those of the fit.
 
     Attributes
     ----------
     name : str
         What people call it.
-    alternatives : tuple of Assumptions
+    alternatives : tuple of DeflectionAssumptions
         Of several, the one that shifts a result most counts.
     """
 
     name: str
-    alternatives: tuple[Assumptions, ...]
+    alternatives: tuple[DeflectionAssumptions, ...]
 
 
-def variations(
-    nominal: Assumptions,
+def systematic_terms(
+    nominal: DeflectionAssumptions,
     *,
     torque_scale: float = 0.05,
     link_mass: float = 0.03,
     counterbalance: float = 0.05,
     load_shift: float = 0.2,
-) -> tuple[Variation, ...]:
+) -> tuple[SystematicTerm, ...]:
     """Return the systematic terms: half-widths of torque scale, masses and counterbalances,
     the payload's place [m], filters of half and double the cut-off, and an encoder's eccentricity.
     """  # noqa: D205
@@ -99,6 +99,6 @@ def variations(
     }
     filters = tuple(replace(nominal, low_pass=f * nominal.low_pass) for f in (0.5, 2.0))
     return (
-        *(Variation(name, (replace(nominal, **change),)) for name, change in one.items()),
-        Variation("low-pass, half and double", filters),
+        *(SystematicTerm(name, (replace(nominal, **change),)) for name, change in one.items()),
+        SystematicTerm("low-pass, half and double", filters),
     )

@@ -11,7 +11,7 @@ from functools import cached_property
 
 import numpy as np
 
-from estimators.deflection.assumptions import Assumptions
+from estimators.deflection.assumptions import DeflectionAssumptions
 from estimators.deflection.correlated_regression import Regression, Series, regress
 from estimators.deflection.joint_movement import JointMovement, SmoothMovement
 from estimators.deflection.load_balance import (
@@ -19,13 +19,14 @@ from estimators.deflection.load_balance import (
     balances,
     block,
     gear_torque,
+    moves,
     moving,
     payload_mass,
 )
 from robotmodels.common.arrays import Array
 from robotmodels.elastic.inverse_dynamics import MovementTorques
 
-_ROUNDS = 4  # after two, delays change by less than a microsecond
+_ROUNDS = 3  # after two, delays change by less than a microsecond
 
 
 @dataclass(frozen=True, eq=False)
@@ -111,9 +112,12 @@ class RecordEstimate:
 
 
 def estimate(
-    movements: Sequence[JointMovement], at: Assumptions, file_payload: float | None
+    movements: Sequence[JointMovement],
+    at: DeflectionAssumptions,
+    file_payload: float | None,
+    nominal: RecordEstimate | None = None,
 ) -> RecordEstimate:
-    """Return payload, friction, compliances and delays of `movements`."""
+    """Return payload, friction, compliances and delays, of the same gears as a `nominal` one."""
     robot = at.robot(movements[0].robot)
     count, n = len(movements), len(robot.motor_names)
     smooth = tuple(
@@ -122,12 +126,16 @@ def estimate(
         ).low_passed(at.low_pass)
         for m in movements
     )
-    delays = np.zeros((count, n))
-    for _ in range(_ROUNDS if at.delays else 1):
+    delays = np.zeros((count, n)) if nominal is None else nominal.delays.copy()
+    gears = [j for j in sprung(movements[0]) if moves(smooth, j, at)]
+    if nominal is not None:
+        gears = [axis.motor for axis in nominal.axes]
+    silent = any(s.torque is None for s in smooth)
+    for _ in range(_ROUNDS if at.delays and nominal is None else 1):
         torques = tuple(s.torques(d) for s, d in zip(smooth, delays, strict=True))
-        balanced = () if smooth[0].torque is None else balances(smooth, torques, at, file_payload)
+        balanced = () if silent else balances(smooth, torques, at, file_payload)
         here = RecordEstimate(smooth, torques, balanced, (), delays.copy(), file_payload)
-        axes = tuple(deflection(here, at, j) for j in sprung(movements[0]))
+        axes = tuple(deflection(here, at, j) for j in gears)
         for axis in axes:
             delays[:, axis.motor] = axis.delays
     return RecordEstimate(smooth, torques, balanced, axes, delays, file_payload)
@@ -142,7 +150,7 @@ def sprung(movement: JointMovement) -> list[int]:
 
 
 def deflection(
-    here: RecordEstimate, at: Assumptions, j: int, extra: Sequence[Array] | None = None
+    here: RecordEstimate, at: DeflectionAssumptions, j: int, extra: Sequence[Array] | None = None
 ) -> AxisDeflection:
     """Return the deflection of motor `j`'s gear; of each record, `extra` regressors (N, k)."""
     series = [
@@ -169,7 +177,9 @@ def deflection(
     )
 
 
-def _series(here: RecordEstimate, at: Assumptions, i: int, j: int, extra: Array | None) -> Series:
+def _series(
+    here: RecordEstimate, at: DeflectionAssumptions, i: int, j: int, extra: Array | None
+) -> Series:
     movement = here.smooth[i]
     angle, speed, _ = (part[:, j] for part in movement.links(here.delays[i]))
     bent = angle - movement.motor(movement.measured.time)[:, j]

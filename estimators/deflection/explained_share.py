@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from estimators.deflection.assumptions import Assumptions
+from estimators.deflection.assumptions import DeflectionAssumptions
 from estimators.deflection.axis_deflection import RecordEstimate
 from estimators.deflection.joint_movement import JointMovement, SmoothMovement
 from estimators.deflection.load_balance import gear_torque, moving
@@ -11,7 +11,7 @@ _ROUNDS = 4
 
 
 def explained_share(
-    here: RecordEstimate, at: Assumptions, movement: JointMovement, centred: bool
+    here: RecordEstimate, at: DeflectionAssumptions, movement: JointMovement, centred: bool
 ) -> tuple[float, ...]:
     """Return the share for each gear of the fit; offset, delay and hysteresis are fitted anew."""
     smooth = movement.low_passed(at.low_pass)
@@ -19,7 +19,7 @@ def explained_share(
 
 
 def _share(
-    here: RecordEstimate, at: Assumptions, smooth: SmoothMovement, i: int, centred: bool
+    here: RecordEstimate, at: DeflectionAssumptions, smooth: SmoothMovement, i: int, centred: bool
 ) -> float:
     axis = here.axes[i]
     j, delays = axis.motor, np.zeros(len(smooth.measured.on_both_sides))

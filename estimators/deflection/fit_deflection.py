@@ -7,18 +7,21 @@ from typing import Literal
 import numpy as np
 from scipy import stats
 
-from estimators.deflection.assumptions import Assumptions, Variation, variations
+from estimators.deflection.assumptions import (
+    DeflectionAssumptions,
+    SystematicTerm,
+    systematic_terms,
+)
 from estimators.deflection.axis_deflection import AxisDeflection, RecordEstimate, estimate, sprung
 from estimators.deflection.explained_share import explained_share
 from estimators.deflection.joint_movement import JointHistories, JointMovement, joint_movement
-from estimators.deflection.load_balance import tells_weight
+from estimators.deflection.load_balance import moves, tells_weight
 from estimators.deflection.missing_terms import MissingTerm, missing_terms
 from estimators.trust.intervals import Interval, Verdict
 from robotmodels.common.arrays import Array
 from robotmodels.common.errors import InvalidInput
 from robotmodels.elastic.robot import ElasticRobot
 
-_FEWEST = 3.0  # effective samples that tell anything
 _HALF_WIDTH = 3**-0.5  # standard deviation of a uniform distribution of half-width 1
 
 
@@ -30,7 +33,7 @@ class DeflectionFit:
     ----------
     start : ElasticRobot
         The robot as it was given.
-    at : Assumptions
+    at : DeflectionAssumptions
         What was taken for granted.
     estimate : RecordEstimate
         Payload, friction, compliances and delays, with residuals.
@@ -43,7 +46,7 @@ class DeflectionFit:
     """
 
     start: ElasticRobot
-    at: Assumptions
+    at: DeflectionAssumptions
     estimate: RecordEstimate
     systematic: Mapping[str, Array]
     missing: tuple[MissingTerm, ...]
@@ -58,9 +61,9 @@ class DeflectionFit:
         stiffnesses = [self._stiffness(i, axis) for i, axis in enumerate(axes)]
         delays = [each for i, axis in enumerate(axes) for each in self._delays(i, axis)]
         loads = [] if self.conditional else [self._payload()]
-        return (*stiffnesses, *delays, *loads, *self._friction())
+        return (*stiffnesses, *self._at_rest(), *delays, *loads, *self._friction())
 
-    def systematic_terms(self) -> dict[str, dict[str, float]]:
+    def systematic_shifts(self) -> dict[str, dict[str, float]]:
         """Return, by term and parameter, the relative shift of stiffnesses and payload."""
         names = [*(self._spring(axis) for axis in self.estimate.axes), "payload.mass"]
         places = [*range(len(self.estimate.axes)), -1]
@@ -81,8 +84,8 @@ class DeflectionFit:
             for spring in self.start.file.springs
         ]
         update: dict[str, object] = {"springs": springs}
-        if self.start.file.payload is not None:
-            mass = {"mass": self.estimate.payload}
+        if self.start.file.payload is not None and "payload.mass" in values:
+            mass = {"mass": values["payload.mass"]}
             update["payload"] = self.start.file.payload.model_copy(update=mass)
         return ElasticRobot(self.start.file.model_copy(update=update), self.start.folder)
 
@@ -98,9 +101,28 @@ class DeflectionFit:
         return {self._spring(axis): s for axis, s in zip(self.estimate.axes, shares, strict=True)}
 
     def _spring(self, axis: AxisDeflection) -> str:
-        spring = self.start.layout.drive_springs[axis.motor]
+        return self._stiffness_name(axis.motor)
+
+    def _stiffness_name(self, motor: int) -> str:
+        spring = self.start.layout.drive_springs[motor]
         assert spring is not None  # axes are those with one
         return f"{self.start.file.springs[spring].name}.stiffness"
+
+    def _at_rest(self) -> list[Interval]:
+        """Return the stiffnesses of gears whose joints hardly move."""
+        told, movement = (
+            {axis.motor for axis in self.estimate.axes},
+            self.estimate.smooth[0].measured,
+        )
+        reason = f"its joint hardly moves faster than {self.at.least_speed:g} rad/s"
+        verdict = Verdict("not identifiable", reason)
+        return [
+            Interval(
+                self._stiffness_name(j), np.nan, np.inf, None, None, "deflection", 0.0, verdict
+            )
+            for j in sprung(movement)
+            if j not in told
+        ]
 
     def _total_std(self, place: int, noise: float, dof: float) -> tuple[float, float]:
         """Return the standard deviation with the systematic terms, and its degrees of freedom."""
@@ -118,18 +140,17 @@ class DeflectionFit:
         return Interval(self._spring(axis), value, std, low, high, "deflection", dof, verdict)
 
     def _verdict(self, axis: AxisDeflection, identified: bool) -> Verdict:
-        samples = axis.regression.effective_samples
         mdeg = np.degrees([axis.elastic, axis.regression.rms]) * 1e3
         evidence = (
             f"the spring's part is {mdeg[0]:.2g} mdeg, the residual {mdeg[1]:.2g}, "
-            f"{samples:.0f} effective samples"
+            f"{axis.regression.effective_samples:.0f} effective samples"
         )
         if axis.compliance <= 0:
             return Verdict("not identifiable", f"the records say nothing on it: {evidence}")
         motor = self.start.motor_names[axis.motor]
         if flagged := [term for term in self.flags if term.motor == motor]:
             return Verdict("model error", flagged[0].sentence)
-        if not identified or samples < _FEWEST:
+        if not identified:
             return Verdict("not identifiable", f"no upper end of the stiffness: {evidence}")
         payload = self.start.file.payload
         mass = f"; for a payload of {payload.mass:g} kg" if payload and self.conditional else ""
@@ -160,7 +181,8 @@ class DeflectionFit:
     ) -> Interval:
         std, dof = self._total_std(place, noise, dof)
         half = float(stats.t.ppf(0.975, dof)) * std
-        return Interval(name, value, std, value - half, value + half, "deflection", dof, verdict)
+        low, high = (value - half, value + half) if verdict.gives_interval else (None, None)
+        return Interval(name, value, std, low, high, "deflection", dof, verdict)
 
     def _payload(self) -> Interval:
         value, noise = self.estimate.payload, self.estimate.payload_std
@@ -170,6 +192,8 @@ class DeflectionFit:
         verdict = Verdict("trustworthy", f"from the torques of {', '.join(motors)}")
         if flagged := [t for t in self.flags if t.signal == "torque" and t.motor in motors]:
             verdict = Verdict("model error", flagged[0].sentence)
+        elif value <= 2 * self._total_std(-1, noise, dof)[0]:
+            verdict = Verdict("not identifiable", "zero is within the interval")
         return self._symmetric("payload.mass", value, -1, noise, dof, verdict)
 
     def _friction(self) -> list[Interval]:
@@ -204,8 +228,8 @@ def fit_deflection(
     records: JointHistories | Sequence[JointHistories],
     *,
     payload: Literal["estimated", "robot file"] = "estimated",
-    assumptions: Assumptions | None = None,
-    systematic: Sequence[Variation] | None = None,
+    assumptions: DeflectionAssumptions | None = None,
+    systematic: Sequence[SystematicTerm] | None = None,
 ) -> DeflectionFit:
     """Fit stiffnesses, delays, payload and friction to movements with encoders on both sides.
 
@@ -220,10 +244,10 @@ def fit_deflection(
         Whether the payload's mass comes from the motor torques of the same records, or from the
         robot file, of which the stiffnesses then are conditional: deflections alone give stiffness
         over load.
-    assumptions : Assumptions, optional
+    assumptions : DeflectionAssumptions, optional
         Filter, least speed, delays and so on.
-    systematic : sequence of Variation, optional
-        Systematic terms of the intervals; by default those of `variations`.
+    systematic : sequence of SystematicTerm, optional
+        Systematic terms of the intervals; by default those of `systematic_terms`.
 
     Raises
     ------
@@ -231,7 +255,7 @@ def fit_deflection(
         If records do not fit the robot, no joint with encoders on both sides has a drive spring, or
         nothing tells the payload.
     """
-    at = Assumptions() if assumptions is None else assumptions
+    at = DeflectionAssumptions() if assumptions is None else assumptions
     many = records if isinstance(records, Sequence) else [records]
     movements = [joint_movement(robot, record) for record in many]
     if not movements or not sprung(movements[0]):
@@ -239,9 +263,14 @@ def fit_deflection(
     _check_alike(movements)
     mass = _file_payload(robot, movements, at, payload)
     here = estimate(movements, at, mass)
+    if not here.axes:
+        raise InvalidInput(
+            f"records: no joint with encoders on both sides moves faster than {at.least_speed:g} "
+            "rad/s for long enough; move it, or lower least_speed"
+        )
     shifts = {
-        variation.name: _shift(movements, variation, here.results, mass)
-        for variation in (variations(at) if systematic is None else systematic)
+        variation.name: _shift(movements, variation, here, mass)
+        for variation in (systematic_terms(at) if systematic is None else systematic)
     }
     missing = missing_terms(here, at)
     conditional = mass is not None and robot.file.payload is not None
@@ -249,7 +278,7 @@ def fit_deflection(
 
 
 def _file_payload(
-    robot: ElasticRobot, movements: Sequence[JointMovement], at: Assumptions, payload: str
+    robot: ElasticRobot, movements: Sequence[JointMovement], at: DeflectionAssumptions, payload: str
 ) -> float | None:
     """Return the payload's mass where it is not estimated.
 
@@ -273,7 +302,7 @@ def _file_payload(
     torques = [s.torques(np.zeros(len(robot.motor_names))) for s in smooth]
     both = [np.isfinite(m.torque).all(axis=0) for m in movements if m.torque is not None]
     measured = np.flatnonzero(np.all([*both, movements[0].on_both_sides], axis=0))
-    if not any(tells_weight(torques, int(j)) for j in measured):
+    if not any(tells_weight(torques, int(j)) and moves(smooth, int(j), at) for j in measured):
         raise InvalidInput(f"no motor torque tells the payload's weight: {remedy}")
     return None
 
@@ -286,9 +315,13 @@ def _check_alike(movements: Sequence[JointMovement]) -> None:
 
 
 def _shift(
-    movements: Sequence[JointMovement], variation: Variation, results: Array, mass: float | None
+    movements: Sequence[JointMovement],
+    variation: SystematicTerm,
+    here: RecordEstimate,
+    mass: float | None,
 ) -> Array:
-    """Return the change of the results that is largest among a variation's alternatives."""
-    shifts = [estimate(movements, at, mass).results - results for at in variation.alternatives]
+    """Return the change of the results that is largest among a term's alternatives."""
+    others = [estimate(movements, at, mass, here) for at in variation.alternatives]
+    shifts = [other.results - here.results for other in others]
     largest = np.argmax(np.abs(shifts), axis=0)
     return np.asarray(np.take_along_axis(np.array(shifts), largest[None], axis=0)[0])

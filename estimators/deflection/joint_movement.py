@@ -137,9 +137,6 @@ def joint_movement(robot: ElasticRobot, record: JointHistories) -> JointMovement
         for angle in (record.motor_angle, record.link_angle)
     )
     torque = _torque(record, columns)
-    for name, angle in zip(robot.motor_names, motor_angle.T, strict=True):
-        if not np.isfinite(angle).all():
-            raise InvalidInput(f"motor_angle of {name!r}: not all samples are finite numbers")
     both = ~np.isnan(link_angle).all(axis=0)
     for name, angle in zip(robot.motor_names, link_angle.T, strict=True):
         if np.isnan(angle).any() and not np.isnan(angle).all():
@@ -147,26 +144,32 @@ def joint_movement(robot: ElasticRobot, record: JointHistories) -> JointMovement
     if not both.any():
         raise InvalidInput("link_angle: no joint has an encoder behind its gear")
     link_angle = np.where(both, link_angle, motor_angle)
-    apart = np.abs(link_angle - motor_angle).max(axis=0)
-    if (apart > _FARTHEST).any():
-        j = int(np.argmax(apart))
-        raise InvalidInput(
-            f"link_angle of {robot.motor_names[j]!r} is up to {apart[j]:.3g} rad from the motor's; "
-            "both must be in rad, on the joint's side of the gear, from the same zero"
-        )
-    low, high = robot.position_limits.T
-    if ((motor_angle < low - _FARTHEST) | (motor_angle > high + _FARTHEST)).any():
-        outside = ((motor_angle < low - _FARTHEST) | (motor_angle > high + _FARTHEST)).any(axis=0)
-        j = int(np.argmax(outside))
-        raise InvalidInput(
-            f"motor_angle of {robot.motor_names[j]!r} leaves the joint's limits [{low[j]:.4g}, "
-            f"{high[j]:.4g}]: angles must be the robot's own, a start pose included"
-        )
+    _check_angles(robot, motor_angle, link_angle)
     return JointMovement(robot, record.sample_time, motor_angle, link_angle, torque, both)
 
 
 _FARTHEST = 0.2
 """How far angles of both sides, or an angle and its limits, may be apart [rad]."""
+
+
+def _check_angles(robot: ElasticRobot, motor_angle: Array, link_angle: Array) -> None:
+    """Refuse angles with gaps, far apart, or beyond the joints' limits."""
+    low, high = robot.position_limits.T
+    apart = np.abs(link_angle - motor_angle).max(axis=0)
+    beyond = ((motor_angle < low - _FARTHEST) | (motor_angle > high + _FARTHEST)).any(axis=0)
+    for j, name in enumerate(robot.motor_names):
+        if not np.isfinite(motor_angle[:, j]).all():
+            raise InvalidInput(f"motor_angle of {name!r}: not all samples are finite numbers")
+        if apart[j] > _FARTHEST:
+            raise InvalidInput(
+                f"link_angle of {name!r} is up to {apart[j]:.3g} rad from the motor's; both must "
+                "be in rad, on the joint's side of the gear, from the same zero"
+            )
+        if beyond[j]:
+            raise InvalidInput(
+                f"motor_angle of {name!r} leaves the joint's limits [{low[j]:.4g}, {high[j]:.4g}]: "
+                "angles must be the robot's own, a start pose included"
+            )
 
 
 def _column(motor: str, joint: str, names: tuple[str, ...]) -> int:

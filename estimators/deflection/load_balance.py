@@ -9,12 +9,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from estimators.deflection.assumptions import Assumptions
+from estimators.deflection.assumptions import DeflectionAssumptions
 from estimators.deflection.correlated_regression import Regression, Series, regress
 from estimators.deflection.joint_movement import SmoothMovement
 from robotmodels.common.arrays import Array, BoolArray
 from robotmodels.elastic.inverse_dynamics import MovementTorques
 
+_FEWEST = 12  # means that a regression needs
 _WEIGHT = 0.5
 """Share of gravity in a payload's torque above which a joint tells its mass. What only accelerates
 it tells inertia, which the links' inertias and the torque's scale disguise."""
@@ -50,7 +51,7 @@ class LoadBalance:
         return float(coulomb), float(viscous)
 
 
-def gear_torque(torques: MovementTorques, at: Assumptions, mass: float) -> Array:
+def gear_torque(torques: MovementTorques, at: DeflectionAssumptions, mass: float) -> Array:
     """Return the torque of the gears, (N, n), with a payload of `mass` [kg]."""
     links = at.link_mass * torques.links
     return np.asarray(links + at.counterbalance * torques.counterbalances + mass * torques.payload)
@@ -59,7 +60,7 @@ def gear_torque(torques: MovementTorques, at: Assumptions, mass: float) -> Array
 def balances(
     movements: Sequence[SmoothMovement],
     torques: Sequence[MovementTorques],
-    at: Assumptions,
+    at: DeflectionAssumptions,
     payload: float | None,
     extra: "Sequence[Sequence[Array]] | None" = None,
 ) -> tuple[LoadBalance, ...]:
@@ -72,7 +73,7 @@ def balances(
     measured = first.on_both_sides & np.all(
         [np.isfinite(m.torque).all(axis=0) for m in movements if m.torque is not None], axis=0
     )
-    motors = [int(j) for j in np.flatnonzero(measured)]
+    motors = [int(j) for j in np.flatnonzero(measured) if moves(movements, int(j), at)]
     weighing = [j for j in motors if payload is None and tells_weight(torques, j)]
     each = {j: _balance(j, movements, torques, at, None, extra) for j in weighing}
     mass = payload_mass(tuple(each.values()))[0] if weighing else payload
@@ -98,21 +99,20 @@ def _balance(
     j: int,
     movements: Sequence[SmoothMovement],
     torques: Sequence[MovementTorques],
-    at: Assumptions,
+    at: DeflectionAssumptions,
     payload: float | None,
     extra: "Sequence[Sequence[Array]] | None",
 ) -> LoadBalance:
     motor = movements[0].measured.robot.file.motors[j]
-    reflected = motor.inertia * motor.gear_ratio**2
+    reflected, estimated = motor.inertia * motor.gear_ratio**2, payload is None
     series, levels = [], []
-    estimated = payload is None
     for i, (movement, parts) in enumerate(zip(movements, torques, strict=True)):
         assert movement.torque is not None  # the caller has it checked
         time = movement.measured.time
         speed, acceleration = (movement.motor(time, order)[:, j] for order in (1, 2))
         used = moving(movement, speed, at)
         load = at.torque_scale * movement.torque[:, j] - reflected * acceleration
-        load = load - gear_torque(parts, at, payload or 0.0)[:, j]
+        load -= gear_torque(parts, at, payload or 0.0)[:, j]
         columns = [np.sign(speed), speed]
         if estimated:
             columns.insert(0, parts.payload[:, j])
@@ -121,8 +121,8 @@ def _balance(
         ones = np.ones((len(load), 1))
         series.append(Series(load, np.stack(columns, axis=1), ones, used, block(movement, at)))
         levels.append(movement.torque[used, j] - movement.torque[used, j].mean())
-    level = float(np.sqrt(np.mean(np.concatenate(levels) ** 2)))
-    return LoadBalance(j, regress(series), estimated, level)
+    level = np.sqrt(np.mean(np.concatenate(levels) ** 2))
+    return LoadBalance(j, regress(series), estimated, float(level))
 
 
 def tells_weight(torques: Sequence[MovementTorques], j: int) -> bool:
@@ -132,11 +132,20 @@ def tells_weight(torques: Sequence[MovementTorques], j: int) -> bool:
     return bool(np.sum(weight**2) > _WEIGHT**2 * np.sum(total**2)) and bool(np.any(weight))
 
 
-def moving(movement: SmoothMovement, speed: Array, at: Assumptions) -> BoolArray:
+def moving(movement: SmoothMovement, speed: Array, at: DeflectionAssumptions) -> BoolArray:
     """Return which samples count: fast enough, and not at the filter's ends."""
     return np.asarray(movement.inside & (np.abs(speed) > at.least_speed))
 
 
-def block(movement: SmoothMovement, at: Assumptions) -> int:
+def moves(movements: Sequence[SmoothMovement], j: int, at: DeflectionAssumptions) -> bool:
+    """Return whether motor `j` moves long enough for covariances."""
+    seconds = 0.0
+    for movement in movements:
+        speed = movement.motor(movement.measured.time, 1)[:, j]
+        seconds += movement.measured.sample_time * np.count_nonzero(moving(movement, speed, at))
+    return seconds >= _FEWEST * at.averaging
+
+
+def block(movement: SmoothMovement, at: DeflectionAssumptions) -> int:
     """Return the number of samples in a mean."""
     return max(round(at.averaging / movement.measured.sample_time), 1)

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from estimators.deflection.assumptions import Assumptions
+from estimators.deflection.assumptions import DeflectionAssumptions
 from estimators.deflection.axis_deflection import RecordEstimate, deflection
 from estimators.deflection.correlated_regression import Regression
 from estimators.deflection.load_balance import balances
@@ -56,12 +56,12 @@ class MissingTerm:
         )
 
 
-def missing_terms(here: RecordEstimate, at: Assumptions) -> tuple[MissingTerm, ...]:
+def missing_terms(here: RecordEstimate, at: DeflectionAssumptions) -> tuple[MissingTerm, ...]:
     """Test torques over angle and acceleration, and deflections over speed where it is left out."""
     return (*_of_torques(here, at), *(() if at.delays else _late_encoders(here, at)))
 
 
-def _of_torques(here: RecordEstimate, at: Assumptions) -> Iterator[MissingTerm]:
+def _of_torques(here: RecordEstimate, at: DeflectionAssumptions) -> Iterator[MissingTerm]:
     if not here.balances:
         return
     names = here.smooth[0].measured.robot.motor_names
@@ -89,7 +89,7 @@ def _of_torques(here: RecordEstimate, at: Assumptions) -> Iterator[MissingTerm]:
         yield MissingTerm(name, "torque", "a torque over the acceleration", p, share, remark)
 
 
-def _late_encoders(here: RecordEstimate, at: Assumptions) -> Iterator[MissingTerm]:
+def _late_encoders(here: RecordEstimate, at: DeflectionAssumptions) -> Iterator[MissingTerm]:
     pairs = zip(here.smooth, here.delays, strict=True)
     speeds = [smooth.links(delays)[1] for smooth, delays in pairs]
     for before in here.axes:

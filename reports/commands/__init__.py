@@ -5,6 +5,7 @@ import typer
 from reports.commands import (
     chains,
     check,
+    deflection,
     export,
     frf,
     identify,
@@ -30,6 +31,7 @@ _IN_ORDER = (
     import_log,
     frf,
     identify,
+    deflection,
     chains,
     schema,
 )
