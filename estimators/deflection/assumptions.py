@@ -56,8 +56,8 @@ class DeflectionAssumptions:
         com = np.array(payload.com)
         length = float(np.linalg.norm(com))
         outwards = com / length if length else np.array([0.0, 0.0, 1.0])
-        place = tuple(float(x) for x in com + self.load_shift * outwards)
-        moved = payload.model_copy(update={"com": place})
+        shifted = tuple(float(x) for x in com + self.load_shift * outwards)
+        moved = payload.model_copy(update={"com": shifted})
         return ElasticRobot(robot.file.model_copy(update={"payload": moved}), robot.folder)
 
 

@@ -158,8 +158,8 @@ def deflection(
         for i in range(len(here.smooth))
     ]
     regression = regress(series)
-    shared, own = series[0].shared.shape[1], series[0].own.shape[1]
-    steps = [shared + own * i + 1 for i in range(len(series))] if at.delays else []
+    shared, width = series[0].shared.shape[1], series[0].per_record.shape[1]
+    steps = [shared + width * i + 1 for i in range(len(series))] if at.delays else []
     used = np.concatenate([s.used for s in series])
     targets, torque = (
         np.concatenate(parts)[used]
@@ -189,6 +189,8 @@ def _series(
         columns += [np.sin(angle), np.cos(angle)]
     if extra is not None:
         columns += list(extra.T)
-    own = [np.ones_like(angle), -speed] if at.delays else [np.ones_like(angle)]
+    free = [np.ones_like(angle), -speed] if at.delays else [np.ones_like(angle)]
     used = moving(movement, speed, at)
-    return Series(bent, np.stack(columns, axis=1), np.stack(own, axis=1), used, block(movement, at))
+    return Series(
+        bent, np.stack(columns, axis=1), np.stack(free, axis=1), used, block(movement, at)
+    )

@@ -27,7 +27,7 @@ class Series:
         What is to be explained.
     shared : ndarray, (N, s)
         Regressors whose coefficients all records share.
-    own : ndarray, (N, o)
+    per_record : ndarray, (N, o)
         Regressors with coefficients for each record.
     used : ndarray of bool, (N,)
         Which samples count.
@@ -37,7 +37,7 @@ class Series:
 
     target: Array
     shared: Array
-    own: Array
+    per_record: Array
     used: BoolArray
     block: int
 
@@ -125,12 +125,12 @@ class Regression:
 
 def regress(records: Sequence[Series]) -> Regression:
     """Fit the samples of all records by least squares."""
-    own = records[0].own.shape[1]
+    width = records[0].per_record.shape[1]
     rows = []
     for i, record in enumerate(records):
-        left = np.zeros((len(record.target), i * own))
-        right = np.zeros((len(record.target), (len(records) - 1 - i) * own))
-        rows.append(np.hstack([record.shared, left, record.own, right]))
+        left = np.zeros((len(record.target), i * width))
+        right = np.zeros((len(record.target), (len(records) - 1 - i) * width))
+        rows.append(np.hstack([record.shared, left, record.per_record, right]))
     X = np.concatenate([x[r.used] for x, r in zip(rows, records, strict=True)])
     y = np.concatenate([r.target[r.used] for r in records])
     scale = np.sqrt(np.mean(X**2, axis=0))

@@ -33,7 +33,7 @@ def _share(
         nuisance = np.linalg.lstsq(X, (bent - predicted)[used], rcond=None)[0]
         delays[j] += nuisance[2] if at.delays else 0.0
     spring_part = bent[used] - X @ nuisance
-    left = spring_part - predicted[used]
+    remainder = spring_part - predicted[used]
     if centred:
-        left, spring_part = left - left.mean(), spring_part - spring_part.mean()
-    return float(1 - left @ left / (spring_part @ spring_part))
+        remainder, spring_part = remainder - remainder.mean(), spring_part - spring_part.mean()
+    return float(1 - remainder @ remainder / (spring_part @ spring_part))

@@ -66,11 +66,13 @@ class DeflectionFit:
     def systematic_shifts(self) -> dict[str, dict[str, float]]:
         """Return, by term and parameter, the relative shift of stiffnesses and payload."""
         names = [*(self._spring(axis) for axis in self.estimate.axes), "payload.mass"]
-        places = [*range(len(self.estimate.axes)), -1]
+        indices = [*range(len(self.estimate.axes)), -1]
         results = self.estimate.results
         signs = np.array([*(-1.0 for _ in self.estimate.axes), 1.0])
         return {
-            term: dict(zip(names, (signs * shift[places] / results[places]).tolist(), strict=True))
+            term: dict(
+                zip(names, (signs * shift[indices] / results[indices]).tolist(), strict=True)
+            )
             for term, shift in self.systematic.items()
         }
 
@@ -124,9 +126,9 @@ class DeflectionFit:
             if j not in told
         ]
 
-    def _total_std(self, place: int, noise: float, dof: float) -> tuple[float, float]:
+    def _total_std(self, index: int, noise: float, dof: float) -> tuple[float, float]:
         """Return the standard deviation with the systematic terms, and its degrees of freedom."""
-        shifts = np.array([shift[place] for shift in self.systematic.values()])
+        shifts = np.array([shift[index] for shift in self.systematic.values()])
         total = float(np.sqrt(noise**2 + np.sum((_HALF_WIDTH * shifts) ** 2)))
         return total, dof * (total / noise) ** 4 if noise else np.inf  # Welch and Satterthwaite
 
@@ -169,17 +171,17 @@ class DeflectionFit:
         name = f"{self.start.motor_names[axis.motor]}.delay"
         intervals = []
         for r, (value, noise) in enumerate(zip(axis.delays, axis.delays_std, strict=True)):
-            place = first + i * count + r
+            index = first + i * count + r
             label = name if count == 1 else f"{name} in record {r + 1}"
             dof = axis.regression.degrees_of_freedom
             verdict = Verdict("trustworthy", "of the link's encoder behind the motor's")
-            intervals.append(self._symmetric(label, float(value), place, noise, dof, verdict))
+            intervals.append(self._symmetric(label, float(value), index, noise, dof, verdict))
         return intervals
 
     def _symmetric(
-        self, name: str, value: float, place: int, noise: float, dof: float, verdict: Verdict
+        self, name: str, value: float, index: int, noise: float, dof: float, verdict: Verdict
     ) -> Interval:
-        std, dof = self._total_std(place, noise, dof)
+        std, dof = self._total_std(index, noise, dof)
         half = float(stats.t.ppf(0.975, dof)) * std
         low, high = (value - half, value + half) if verdict.gives_interval else (None, None)
         return Interval(name, value, std, low, high, "deflection", dof, verdict)

@@ -149,21 +149,21 @@ def joint_movement(robot: ElasticRobot, record: JointHistories) -> JointMovement
 
 
 _FARTHEST = 0.2
-"""How far angles of both sides, or an angle and its limits, may be apart [rad]."""
+"""How far angles of both sides, or an angle and its limits, may differ [rad]."""
 
 
 def _check_angles(robot: ElasticRobot, motor_angle: Array, link_angle: Array) -> None:
-    """Refuse angles with gaps, far apart, or beyond the joints' limits."""
+    """Refuse angles with gaps, too different, or beyond the joints' limits."""
     low, high = robot.position_limits.T
-    apart = np.abs(link_angle - motor_angle).max(axis=0)
+    difference = np.abs(link_angle - motor_angle).max(axis=0)
     beyond = ((motor_angle < low - _FARTHEST) | (motor_angle > high + _FARTHEST)).any(axis=0)
     for j, name in enumerate(robot.motor_names):
         if not np.isfinite(motor_angle[:, j]).all():
             raise InvalidInput(f"motor_angle of {name!r}: not all samples are finite numbers")
-        if apart[j] > _FARTHEST:
+        if difference[j] > _FARTHEST:
             raise InvalidInput(
-                f"link_angle of {name!r} is up to {apart[j]:.3g} rad from the motor's; both must "
-                "be in rad, on the joint's side of the gear, from the same zero"
+                f"link_angle of {name!r} is up to {difference[j]:.3g} rad from the motor's; both "
+                "must be in rad, on the joint's side of the gear, from the same zero"
             )
         if beyond[j]:
             raise InvalidInput(

@@ -95,17 +95,17 @@ def _late_encoders(here: RecordEstimate, at: DeflectionAssumptions) -> Iterator[
     for before in here.axes:
         j = before.motor
         after = deflection(here, at, j, [speed[:, [j]] for speed in speeds])
-        place = 4 if at.eccentric else 2
-        p, share = _tested(before.regression, after.regression, (place,), before.deflection)
-        delay = -1e3 * after.regression.coefficients[place]
+        index = 4 if at.eccentric else 2
+        p, share = _tested(before.regression, after.regression, (index,), before.deflection)
+        delay = -1e3 * after.regression.coefficients[index]
         remark = f"{delay:.3g} ms of delay of the link's encoder; estimate it (delays=True)"
         name = here.smooth[0].measured.robot.motor_names[j]
         yield MissingTerm(name, "deflection", "a deflection over the speed", p, share, remark)
 
 
 def _tested(
-    before: Regression, after: Regression, places: tuple[int, ...], level: float
+    before: Regression, after: Regression, indices: tuple[int, ...], level: float
 ) -> tuple[float, float]:
-    """Return p value and share of the terms at `places`."""
+    """Return p value and share of the terms at `indices`."""
     explained = np.sqrt(max(before.rms**2 - after.rms**2, 0.0))
-    return after.p_value(places), float(explained / level) if level else 0.0
+    return after.p_value(indices), float(explained / level) if level else 0.0
