@@ -10,7 +10,7 @@ from robotmodels.common.arrays import Array
 from robotmodels.description.parameters import Parameters
 from robotmodels.linear.coupled_chains import CoupledChains
 from robotmodels.linear.equilibrium_sensitivity import Tangents
-from robotmodels.linear.linear_model import LinearModel, Measurement
+from robotmodels.linear.linear_model import Channels, LinearModel, Measurement
 from robotmodels.linear.spring_network import SpringNetwork
 
 
@@ -125,7 +125,7 @@ class DampedChains:
         exponents = np.zeros((q, 2 * s, p))
         exponents[:, np.arange(2 * s), np.arange(2 * s)] = 1.0
         S = bare.selector
-        nothing = np.zeros((q, *S.T.shape))
+        nothing, torque = np.zeros((q, *S.T.shape)), Channels.plain(np.ones(S.shape[1]))
         return SpringNetwork(
             mass=bare.mass,
             damping=(S * now.friction) @ S.T,
@@ -136,9 +136,7 @@ class DampedChains:
             spring_damping=bare.spring_damping,
             exponents=exponents,
             parameters=now.parameters,
-            measurement=Measurement(
-                nothing, nothing, nothing + S.T, np.ones(S.shape[1]), now.delay
-            ),
+            measurement=Measurement(nothing, nothing, nothing + S.T, torque, now.delay),
         )
 
     def linearization(
@@ -186,8 +184,5 @@ class DampedChains:
             damping=damping,
             stiffness=np.zeros_like(mass),
             gravity=np.zeros((q, p, d)),
-            position=np.zeros((q, p, m, d)),
-            acceleration=np.zeros((q, p, m, d)),
-            ln_gain=np.zeros((p, m)),
             delay=delay,
         )

@@ -253,12 +253,15 @@ def _fixed_numbers(
             yield name, "relative", J[..., i]
 
 
+_CHANNELS = (".torque_gain", ".torque_delay", ".torque_lag", ".gain", ".delay", ".lag")
+
+
 def _all_free(robot: ElasticRobot) -> ElasticRobot:
     """Return the robot with every number free that can be a parameter."""
     possible = extra_elements(robot.file)
     extra, cuts = list[str](), set[object]()
     for name, (value, _) in possible.items():
-        if not value > 0 or name == "delay" or name.endswith(".torque_gain"):
+        if not value > 0 or name == "delay" or name.endswith(_CHANNELS):
             continue
         if name.endswith(".at"):
             spring = next(s for s in robot.file.springs if f"{s.name}.at" == name)

@@ -126,6 +126,7 @@ def write_records(path: Path, records: Records) -> None:
         "positions": records.positions.tolist(),
         "lines": records.lines.tolist(),
         "detection": records.detection.tolist(),
+        "derivatives": records.derivatives.tolist(),
         "axes": [*axes, records.reference.shape[3]],
     }
     _write(path, comments, names, np.hstack([index, *signals]))

@@ -1,4 +1,4 @@
-"""From samples to spectra: DFT lines of torque, motor acceleration and reference."""
+"""From samples to spectra: DFT lines of torque, outputs (motor accelerations) and reference."""
 
 from dataclasses import dataclass
 from typing import Any
@@ -30,7 +30,7 @@ class Spectra:
     input : ndarray of complex, (B, P, F, n, E), N m
         Torque as the motors saw it, the hold included.
     output : ndarray of complex, (B, P, F, m, E), rad/s^2
-        Motor acceleration.
+        Motor acceleration, or other outputs in their units.
     noise_input, noise_output : ndarray of complex, (B, J, F, ., E)
         At J frequencies around each line where no periodic signal is: bins of the whole record
         between those of its period; J = 0 for one period. They are scaled as averages over the
@@ -89,8 +89,8 @@ def spectra(
     """Return the spectra in position `index` at `lines` (the excited ones by default).
 
     A torque held over a sample T has the continuous-time coefficient sinc(omega T/2)
-    e^{-j omega T/2} times its DFT. The angle, sampled at instants, is differentiated twice by
-    (j omega)^2, exact for a periodic signal.
+    e^{-j omega T/2} times its DFT. An angle, sampled at instants, is differentiated twice by
+    (j omega)^2, exact for a periodic signal; other outputs as often as the records say.
 
     Parameters
     ----------
@@ -119,32 +119,33 @@ def spectra(
     reference = np.where(present[:, :, None, None, None], records.reference[index], 0.0)
     reference = reference[:, :, first:] if reference.shape[2] > 1 else reference
     omega = np.asarray(unit * k, dtype=float)
-    at = _transfer(omega, T, hold, delay)
+    at = _transfer(omega, T, hold, delay, records.derivatives)
     u, y, r = (_lines(signal, k) for signal in (torque, angle, reference))
     noise_u, noise_y = (_between(signal, k) for signal in (torque, angle))
     bins = _neighbours(k, P)
-    near = _transfer(unit * bins / P, T, hold, delay)
+    near = _transfer(unit * bins / P, T, hold, delay, records.derivatives)
     return Spectra(
         omega=omega,
         reference=np.broadcast_to(r, u.shape),
         input=u * at[0][:, None, None],
-        output=y * at[1][:, None, None],
+        output=y * at[1][..., None],
         noise_input=noise_u * near[0][..., None, None],
-        noise_output=noise_y * near[1][..., None, None],
+        noise_output=noise_y * near[1][..., None],
         noise_bins=len(np.unique(bins)) / max(len(k), 1),
         present=present,
     )
 
 
 def _transfer(
-    omega: Array, sample_time: float, hold: bool, delay: float
+    omega: Array, sample_time: float, hold: bool, delay: float, derivatives: IntArray
 ) -> tuple[ComplexArray, ComplexArray]:
-    """Return what turns coefficients of torque samples and of angles into U and Y."""
+    """Return what turns coefficients of torques (...) and of outputs (..., m) into U and Y."""
     half = omega * sample_time / 2
     hold_factor = (
         np.sinc(half / np.pi) * np.exp(-1j * half) if hold else np.ones(omega.shape, complex)
     )
-    return np.asarray(hold_factor), np.asarray(-(omega**2) * np.exp(1j * omega * delay))
+    jw = 1j * omega[..., None]
+    return np.asarray(hold_factor), np.asarray(jw**derivatives * np.exp(jw * delay))
 
 
 def _neighbours(lines: IntArray, periods: int) -> IntArray:

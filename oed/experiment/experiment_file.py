@@ -45,6 +45,7 @@ joint). Where a key is "per motor", one number serves all motors and a list has 
       backlash: 0.0              # per motor, from flank to flank [rad, arm side]
       quantisation: 0.0          # resolution of the measured angles [rad]
       angle_noise: 1.0e-6        # per motor, standard deviation on the measured angles [rad]
+      output_noise: 0.0          # per output of the robot file but motors' encoders [its unit]
       torque_disturbance: 0.0    # per motor, standard deviation, unseen by the records [N m]
       torque_limit: 9.0          # per motor [N m]; none by default
       nonlinear_gears: true      # whether hardening springs harden (default)
@@ -158,6 +159,7 @@ class ImperfectionChoice(FileSection):
     backlash: NonNegativeEach = 0.0
     quantisation: NonNegative = 0.0
     angle_noise: NonNegativeEach = 0.0
+    output_noise: NonNegativeEach = 0.0
     torque_disturbance: NonNegativeEach = 0.0
     torque_limit: PositiveEach | None = None
     nonlinear_gears: bool = True
@@ -260,8 +262,10 @@ def planned_positions(experiment: Experiment, robot: str) -> tuple[Array, IntArr
     return np.array(rows, dtype=float), np.array(repetitions, dtype=np.int64)
 
 
-def per_motor(key: str, value: float | list[float], motors: tuple[str, ...]) -> Array:
-    """Return an entry as one value per motor, (n,).
+def per_motor(
+    key: str, value: float | list[float], motors: tuple[str, ...], each: str = "motor"
+) -> Array:
+    """Return an entry as one value per motor, (n,), or for each of other names.
 
     Raises
     ------
@@ -270,7 +274,7 @@ def per_motor(key: str, value: float | list[float], motors: tuple[str, ...]) -> 
     """
     if isinstance(value, list) and len(value) != len(motors):
         raise InvalidInput(
-            f"{key}: {len(value)} given; one number, or {len(motors)}, one per motor "
+            f"{key}: {len(value)} given; one number, or {len(motors)}, one per {each} "
             f"({', '.join(motors)}), is needed"
         )
     return np.array(np.broadcast_to(np.asarray(value, dtype=float), (len(motors),)))

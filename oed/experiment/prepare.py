@@ -124,7 +124,7 @@ def prepare_in(
         progress=None if progress is None else partial(progress, "plan"),
     )
     controller = controller_of(settings, robot)
-    imperfections = imperfections_of(settings, motors)
+    imperfections = imperfections_of(settings, robot)
     scaling = _scaled(settings, plan, robot, controller, progress)
     return Prepared(robot, controller, scaling, imperfections, rng)
 
@@ -169,9 +169,9 @@ def controller_of(settings: ExcitationSettings, robot: ElasticRobot) -> Controll
     return Controller(sample_time=sample_time, **gains)
 
 
-def imperfections_of(settings: ExcitationSettings, motors: tuple[str, ...]) -> Imperfections:
-    """Return the imperfections of the settings, per motor."""
-    choice = settings.imperfections
+def imperfections_of(settings: ExcitationSettings, robot: ElasticRobot) -> Imperfections:
+    """Return the imperfections of the settings, per motor and output."""
+    choice, motors = settings.imperfections, robot.motor_names
     lists = {
         name: per_motor(f"imperfections.{name}", value, motors)
         for name in ("backlash", "angle_noise", "torque_disturbance", "torque_limit")
@@ -181,6 +181,9 @@ def imperfections_of(settings: ExcitationSettings, motors: tuple[str, ...]) -> I
         friction=choice.friction,
         nonlinear_gears=choice.nonlinear_gears,
         quantisation=choice.quantisation,
+        output_noise=per_motor(
+            "imperfections.output_noise", choice.output_noise, robot.output_names, "output"
+        ),
         **lists,
     )
 

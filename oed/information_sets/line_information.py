@@ -1,4 +1,4 @@
-"""The information of single frequency lines and of single accelerometers, and what lines cost."""
+"""The information of single frequency lines and of single sensors, and what lines cost."""
 
 import numpy as np
 
@@ -17,16 +17,16 @@ _PART = 64  # positions whose sensitivities are in memory at once
 def sensor_information(
     robot: ElasticRobot, positions: Array, omega: Array, noise: NoiseLaw
 ) -> tuple[InformationSet, dict[str, InformationSet]]:
-    """Return the information of the motors alone, and what each accelerometer adds, by name.
+    """Return the information of the motors' encoders alone, and what each other output adds.
 
-    Errors of different sensors are independent. The noise law holds for the motors' rows of the
-    FRF, and for each accelerometer's row by itself: its floor is a part of the row's largest
+    Errors of different sensors are independent. The noise law holds for the encoders' rows of the
+    FRF, and for each other row by itself: its floor is a part of the row's largest
     element, as accelerations of links [m/s^2] and of motors [rad/s^2] have nothing in common.
 
     Parameters
     ----------
     robot : ElasticRobot
-        Robot with all the accelerometers that could be bought.
+        Robot with all the sensors that could be bought.
     positions : ndarray, (Q, n), rad
         Positions.
     omega : ndarray, (F,), rad/s
@@ -37,18 +37,20 @@ def sensor_information(
     Raises
     ------
     InvalidInput
-        If the robot file has no accelerometer, there is no position, or a position or frequency
-        cannot be used.
+        If the robot file has no other output or no motor encoder, there is no position, or a
+        position or frequency cannot be used.
     NoEquilibrium
         If the springs cannot carry the robot's weight in a position.
     """
     positions, omega = np.atleast_2d(np.asarray(positions, dtype=float)), check_omega(omega)
-    motors, names = len(robot.motor_names), robot.output_names
-    if len(names) == motors:
-        raise InvalidInput(f"robot {robot.name!r} has no accelerometers; name some in its file")
+    encoders = [i for i, o in enumerate(robot.outputs) if o.kind == "motor" and o.encoder]
+    others = [i for i in range(len(robot.outputs)) if i not in encoders]
+    if not (others and encoders):
+        missing = "outputs beside motors' encoders" if encoders else "motor encoders"
+        raise InvalidInput(f"robot {robot.name!r} has no {missing}; name some in its file")
     if not positions.size:
         raise InvalidInput("positions: none given; at least one candidate position is needed")
-    rows = [slice(0, motors), *(slice(r, r + 1) for r in range(motors, len(names)))]
+    rows = [encoders, *([i] for i in others)]
     parts = []
     for start in range(0, len(positions), _PART):
         G, J = sensitivity(robot, positions[start : start + _PART], omega, equilibrium_shift=False)
@@ -59,7 +61,7 @@ def sensor_information(
         InformationSet(positions, np.concatenate(row), robot.parameters.names)
         for row in zip(*parts, strict=True)
     )
-    return base, dict(zip(names[motors:], added, strict=True))
+    return base, dict(zip([robot.output_names[i] for i in others], added, strict=True))
 
 
 def line_information(robot: Elastic, positions: Array, omega: Array, noise: NoiseLaw) -> Array:

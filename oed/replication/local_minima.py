@@ -131,7 +131,7 @@ def _measured(
     plant = SimulatedPlant(
         data.plant,
         controller_of(settings, run.robot),
-        imperfections_of(settings, tuple(run.robot.motor_names)),
+        imperfections_of(settings, run.robot),
         run.rng("local minima"),
         run.executor,
     )

@@ -19,7 +19,7 @@ def section(results: StudyResults) -> Section:
         results=results,
         panels=panels(results, shown),
         lines=len(shown),
-        unit={"acceleration": "rad/s²", "velocity": "rad/s", "position": "rad"},
+        units=dict.fromkeys(unit.replace("^2", "²") for unit in results.robot.output_units),
     )
     return Section("responses", "Frequency responses", body)
 

@@ -9,6 +9,7 @@ from reports.summaries.columns import decimals, hung, number, plural, table, vec
 from robotmodels.checks.diagnosis import Diagnosis, MotorState, ParameterState, SpringState
 from robotmodels.checks.warnings import Suspicion
 from robotmodels.common.plain_data import json_data, json_text
+from robotmodels.description.outputs import Output, outputs_of
 from robotmodels.description.robot_file import Hardening, RobotFile
 from robotmodels.description.unused_elements import UnusedPart
 
@@ -47,7 +48,8 @@ def robot_json(
     unused: Sequence[UnusedPart] = (),
 ) -> str:
     """Return the same as JSON, in SI units (rad, rad/s, N m) and at full precision."""
-    settings = file.model_dump(include={"gravity", "payload", "counterbalances", "accelerometers"})
+    keys = {"gravity", "payload", "counterbalances", "accelerometers", "outputs"}
+    settings = file.model_dump(include=keys)
     gains = {motor.name: motor.torque_gain for motor in file.motors}
     lists = {"torque_gains": gains, "warnings": suspicions, "unused": unused}
     return json_text(json_data(diagnosis) | settings | lists)
@@ -165,19 +167,31 @@ def _others(d: Diagnosis) -> list[str]:
 
 def _outputs(d: Diagnosis, file: RobotFile) -> list[str]:
     lines = []
-    if d.measured != "acceleration":
-        lines.append(f"  {d.measured} of every motor [{_UNITS[d.measured]}]")
-    for sensor in file.accelerometers:
-        lines += wrapped(
-            f"accelerometer {sensor.name} on {sensor.link} at ({vector(sensor.at, 3)}) m, "
-            f"along ({vector(sensor.direction)}) [m/s²]"
-        )
+    if not file.outputs and file.output != "acceleration":
+        lines.append(f"  {file.output} of every motor [{_UNITS[file.output]}]")
+    listed = [o for o in outputs_of(file) if file.outputs or o.kind != "motor"]
+    for output in listed:
+        lines += wrapped(_output(output, d.output_units[d.outputs.index(output.label)]))
     if d.delay:
         lines.append(f"  all of them late by {number(1e3 * d.delay)} ms")
     gains = [f"{m.name} {number(m.torque_gain)}" for m in file.motors if m.torque_gain != 1]
     if gains:
         lines += wrapped(f"torque gains other than 1: {', '.join(gains)}")
     return [f"outputs ({len(d.outputs)})", *lines] if lines else []
+
+
+def _output(output: Output, unit: str) -> str:
+    """Return what an output measures, in words."""
+    what = f"{output.who}: {output.quantity.replace('_', ' ')} of {output.kind} {output.of}"
+    if output.kind == "link":
+        along = "about" if output.quantity in ("angular_velocity", "torque") else "along"
+        what += f" at ({vector(output.point, 3)}) m, {along} ({vector(output.direction or ())})"
+    channel = [
+        f"gain {number(output.gain)}" if output.gain != 1 else "",
+        f"late by {number(1e3 * output.delay)} ms" if output.delay else "",
+        f"lag {number(1e3 * output.lag)} ms" if output.lag else "",
+    ]
+    return ", ".join([f"{what} [{unit.replace('^2', '²')}]", *filter(None, channel)])
 
 
 def _modes(d: Diagnosis) -> list[str]:

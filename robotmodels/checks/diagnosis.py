@@ -181,8 +181,8 @@ class Diagnosis:
         Names of the coordinates.
     outputs : tuple of str
         Names of the outputs.
-    measured : str
-        What the motors' outputs are.
+    output_units : tuple of str
+        Units of the outputs.
     delay : float
         Common delay.
     band : tuple of (float, float), rad/s
@@ -215,7 +215,7 @@ class Diagnosis:
     source: str
     coordinates: tuple[str, ...]
     outputs: tuple[str, ...]
-    measured: str
+    output_units: tuple[str, ...]
     delay: float
     band: tuple[float, float]
     bodies: tuple[BodyState, ...]
@@ -268,7 +268,7 @@ def diagnose(
         source=robot.file.source,
         coordinates=robot.coordinate_names,
         outputs=robot.output_names,
-        measured=robot.file.output,
+        output_units=robot.output_units,
         delay=robot.file.delay,
         band=(low, high),
         bodies=bodies(robot),
@@ -293,7 +293,7 @@ def _all_free(robot: ElasticRobot) -> ElasticRobot:
 def _parameters(
     robot: ElasticRobot, everything: ElasticRobot, response: ComplexArray, slopes: ComplexArray
 ) -> tuple[ParameterState, ...]:
-    of_output = np.abs(response).max(axis=-1)[..., None, None]
+    of_output = np.maximum(np.abs(response).max(axis=-1), np.finfo(float).tiny)[..., None, None]
     relative = (np.abs(slopes) / of_output).max(axis=(0, 1, 2, 3))
     states, table = [], everything.parameters
     for i, (name, tie) in enumerate(zip(table.names, robot.elements.ties, strict=True)):
@@ -310,7 +310,7 @@ def _inseparable(
 ) -> tuple[InseparablePair, ...]:
     """Return pairs of free parameters with nearly the same effect, such as springs in series."""
     names, free = robot.parameters.names, slopes @ robot.elements.ties
-    weights = 1 / RelativeNoise().variance(response)
+    weights = 1 / RelativeNoise(by_output=bool(robot.file.outputs)).variance(response)
     flat = (np.sqrt(weights)[..., None] * free).reshape(-1, len(names))
     information = (np.conj(flat).T @ flat).real
     s = unit_diagonal_scaling(information)

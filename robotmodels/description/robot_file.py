@@ -19,6 +19,8 @@
       viscous: 2.0e-3            # friction [N m s/rad]
       coulomb: 0.05              # friction, in simulations in closed loop [N m]
       torque_gain: 1.0           # torque over commanded torque
+      torque_delay: 0.0          # of the torque after the command [s]
+      torque_lag: 0.0            # time constant of its first-order lag [s]
     springs:                     # spring-damper pairs, values on the arm side
       name: d1                   # of the spring, used in parameters such as d1.stiffness
       joint: shoulder            # whose gear or bearing it is; or link
@@ -45,12 +47,16 @@
       link: tool0                # that carries it
       mass: 10.0                 # [kg]
       com: [0.0, 0.0, 0.1]       # centre of mass, in the link's frame [m]
-    output: acceleration         # of the motors, or velocity or position
-    accelerometers:              # on links, further rows of the FRFs
-      name: s1                   # of the sensor
-      link: forearm              # that it sits on
-      at: [0.0, 0.0, 0.3]        # in the link's frame [m]
+    outputs:                     # what is measured, the rows of the FRFs; by default the motors'
+                                 # accelerations, from angles. See `robotmodels.description.outputs`
+      link: forearm              # that a sensor sits on; or motor, joint, spring: their names
+      quantity: acceleration     # angle, velocity, acceleration, angular_velocity, torque, force
+      name: s1                   # of the reading, used in parameters such as s1.gain
+      at: [0.0, 0.0, 0.3]        # of a sensor on a link, in the link's frame [m]
       direction: [1.0, 0.0, 0.0] # along which it measures, in the link's frame
+      gain: 1.0                  # reading over true value
+      delay: 0.0                 # of this reading [s]
+      lag: 0.0                   # time constant of its first-order lag [s]
     delay: 0.0                   # of all that is measured [s]
     guessed: {d1.damping: 1.0}   # standard deviations of the logarithms of guesses: a prior
     fitted:                      # of identified values, written by `oed export`
@@ -58,8 +64,9 @@
       verdict: trustworthy       # on the fit, see `estimators.VERDICTS`
       provenance: {residual: nls}             # data, settings and programs behind them, in words
 
-`motors`, `springs`, `counterbalances` and `accelerometers` are lists; of one entry each, what its
-keys mean.
+`motors`, `springs`, `counterbalances` and `outputs` are lists; of one entry each, what its keys
+mean. The older keys `output` (acceleration, velocity or position of the motors) and
+`accelerometers` are read as well.
 """
 
 import math
@@ -78,6 +85,7 @@ from pydantic import (
 from robotmodels.common.yaml_files import FileSection, read_yaml
 from robotmodels.description.counterbalances import Counterbalance
 from robotmodels.description.names import Name
+from robotmodels.description.outputs import Output, Time, check_outputs
 from robotmodels.description.ranges import (
     LEAST_DIRECTION,
     Damping,
@@ -123,6 +131,8 @@ class Motor(FileSection):
     viscous: Friction = 0.0
     coulomb: Friction = 0.0
     torque_gain: Annotated[float, Field(ge=1e-6, le=1e6)] = 1.0
+    torque_delay: Time = 0.0
+    torque_lag: Time = 0.0
 
     @model_validator(mode="after")
     def _ratio_is_not_zero(self) -> Self:
@@ -273,6 +283,7 @@ class RobotFile(FileSection):
     counterbalances: list[Counterbalance] = Field([], max_length=64)
     parameters: Choice = Choice()
     payload: Payload | None = None
+    outputs: list[Output] = Field([], max_length=512)
     output: Literal["acceleration", "velocity", "position"] = "acceleration"
     accelerometers: list[Accelerometer] = Field([], max_length=256)
     delay: float = Field(0.0, ge=0, le=1e3)
@@ -283,6 +294,7 @@ class RobotFile(FileSection):
     def _names_are_unique(self) -> Self:
         groups = (self.motors, self.springs, self.counterbalances, self.accelerometers)
         names = Counter(item.name for group in groups for item in group)
+        names.update(output.label for output in self.outputs)
         for name, count in names.items():
             if count > 1:
                 raise ValueError(f"the name {name!r} is used {count} times; names are unique")
@@ -292,6 +304,7 @@ class RobotFile(FileSection):
         for (owner, axis), count in Counter((_owner(s), s.axis) for s in self.springs).items():
             if count > 1:
                 raise ValueError(f"{owner} has {count} springs about axis {axis!r}; one at most")
+        check_outputs(self)
         return self
 
 

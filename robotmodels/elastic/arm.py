@@ -10,6 +10,7 @@ import pinocchio as pin
 from robotmodels.common.arrays import Array, BoolArray, IntArray
 from robotmodels.common.errors import InvalidInput
 from robotmodels.description.joint_drives import Coupling
+from robotmodels.description.outputs import outputs_of
 from robotmodels.description.robot_file import RobotFile
 from robotmodels.description.urdf import unknown_joint
 from robotmodels.elastic.coordinate_map import CoordinateMap, coordinate_map
@@ -102,6 +103,7 @@ class _Builder:
         self.model = pin.Model()
         self.model.name = file.name
         self.model.gravity.linear = np.array(file.gravity)
+        self.sensors = [output for output in outputs_of(file) if output.kind == "link"]
         self.joint_springs = {
             name: [s for s in file.springs if s.joint == name and s.axis != "drive"]
             for name in rigid.names
@@ -128,8 +130,8 @@ class _Builder:
 
     def _check_names(self) -> None:
         joints = list(self.rigid.names)[1:]
-        for sensor in self.file.accelerometers:
-            link_frame(self.rigid, sensor.link, f"accelerometer {sensor.name!r}")
+        for sensor in self.sensors:
+            link_frame(self.rigid, sensor.of, sensor.who)
         for spring in self.file.springs:
             if spring.joint is not None and spring.joint not in joints:
                 what = f"spring {spring.name!r}: {spring.joint!r}"
@@ -165,14 +167,13 @@ class _Builder:
                     self._add_drive(child, joint, placement)
 
     def _add_sensors(self, segment: Segment, joint: int, placement: pin.SE3) -> None:
-        for sensor in self.file.accelerometers:
-            who = f"accelerometer {sensor.name!r}"
-            link = link_frame(self.rigid, sensor.link, who)
+        for sensor in self.sensors:
+            link = link_frame(self.rigid, sensor.of, sensor.who)
             if link in segment.links and joint == 0:
-                raise InvalidInput(f"{who}: link {sensor.link!r} does not move")
+                raise InvalidInput(f"{sensor.who}: link {sensor.of!r} does not move")
             if link in segment.links:
-                at = self.rigid.frames[link].placement * pin.SE3(np.eye(3), np.array(sensor.at))
-                frame = pin.Frame(sensor.name, joint, placement.actInv(at), pin.OP_FRAME)
+                at = self.rigid.frames[link].placement * pin.SE3(np.eye(3), np.array(sensor.point))
+                frame = pin.Frame(sensor.label, joint, placement.actInv(at), pin.OP_FRAME)
                 self.model.addFrame(frame)
 
     def _add_drive(self, old: int, parent: int, placement: pin.SE3) -> None:

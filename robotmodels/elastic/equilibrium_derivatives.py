@@ -6,7 +6,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from robotmodels.common.arrays import Array
-from robotmodels.linear.equilibrium_sensitivity import Tangents
+from robotmodels.linear.equilibrium_sensitivity import ChannelTangents, Tangents
+from robotmodels.linear.linear_model import Channels
 
 if TYPE_CHECKING:
     from robotmodels.elastic.skeleton import Skeleton
@@ -58,21 +59,38 @@ def differentiate(
         damping=damping,
         stiffness=np.swapaxes(derivatives["stiffness"], 0, 1),
         gravity=np.swapaxes(derivatives["gravity"], 0, 1),
-        position=np.swapaxes(derivatives["position"], 0, 1),
-        acceleration=np.swapaxes(derivatives["acceleration"], 0, 1),
-        ln_gain=derivatives["ln_gain"],
-        delay=derivatives["delay"],
+        rows=_unless_zero(np.moveaxis(derivatives["rows"], 0, 2)),
+        delay=_unless_zero(derivatives["delay"]),
+        torque=_channels(derivatives, "torque"),
+        sensor=_channels(derivatives, "sensor"),
     )
 
 
+_PARTS = ("ln_gain", "delay", "lag")
+
+
+def _channels(derivatives: dict[str, Array], name: str) -> ChannelTangents | None:
+    parts = [derivatives[f"{name} {part}"] for part in _PARTS]
+    return ChannelTangents(*parts) if any(part.any() for part in parts) else None
+
+
+def _unless_zero(derivative: Array) -> Array | None:
+    return derivative if derivative.any() else None
+
+
 def _arrays(skeleton: "Skeleton") -> dict[str, Array]:
-    return {
+    measured = skeleton.measurement
+    channels = {"torque": measured.torque, "sensor": measured.sensor or Channels.plain(np.ones(0))}
+    parts = {
+        f"{name} {part}": array
+        for name, c in channels.items()
+        for part, array in zip(_PARTS, (np.log(np.abs(c.gain)), c.delay, c.lag), strict=True)
+    }
+    return parts | {
         "mass": skeleton.mass,
         "damping": skeleton.damping,
         "stiffness": skeleton.stiffness,
         "gravity": skeleton.gravity,
-        "position": skeleton.measurement.position,
-        "acceleration": skeleton.measurement.acceleration,
-        "ln_gain": np.log(skeleton.measurement.gain),
-        "delay": np.array(skeleton.measurement.delay),
+        "rows": np.stack([measured.position, measured.velocity, measured.acceleration]),
+        "delay": np.array(measured.delay),
     }

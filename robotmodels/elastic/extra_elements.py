@@ -4,13 +4,23 @@ Each is a positive number that scales one entry of the robot file; an entry belo
 a coordinate of a centre of mass, keeps its sign.
 """
 
+import math
 from typing import Any
 
 import numpy as np
 
 from robotmodels.description.counterbalances import Counterbalance
+from robotmodels.description.outputs import Output
 from robotmodels.description.robot_file import Body, RobotFile
 
+_OF_MOTORS = {
+    "inertia": "kg m^2",
+    "viscous": "N m s/rad",
+    "torque_gain": "-",
+    "torque_delay": "s",
+    "torque_lag": "s",
+}
+_OF_OUTPUTS = {"gain": "-", "delay": "s", "lag": "s"}
 _COM = ("x", "y", "z")
 _BALANCED = (
     ("sinusoid", "amplitude", "N m"),
@@ -25,9 +35,8 @@ def extra_elements(file: RobotFile) -> dict[str, tuple[float, str]]:
     """Return magnitude and unit of everything that ``parameters.extra`` may name."""
     table: dict[str, tuple[float, str]] = {}
     for motor in file.motors:
-        table[f"{motor.name}.inertia"] = (motor.inertia, "kg m^2")
-        table[f"{motor.name}.viscous"] = (motor.viscous, "N m s/rad")
-        table[f"{motor.name}.torque_gain"] = (motor.torque_gain, "-")
+        for name, unit in _OF_MOTORS.items():
+            table[f"{motor.name}.{name}"] = (getattr(motor, name), unit)
     for spring in file.springs:
         if spring.at is not None:
             table[f"{spring.name}.at"] = (float(np.linalg.norm(spring.at)), "m")
@@ -41,6 +50,9 @@ def extra_elements(file: RobotFile) -> dict[str, tuple[float, str]]:
             table[f"payload.com.{axis}"] = (abs(value), "m")
         for axes, value in zip(_INERTIA, file.payload.inertia, strict=True):
             table[f"payload.inertia.{axes}"] = (abs(value), "kg m^2")
+    for output in file.outputs:
+        for name, unit in _OF_OUTPUTS.items():
+            table[f"{output.label}.{name}"] = (abs(getattr(output, name)), unit)
     table["delay"] = (file.delay, "s")
     return table
 
@@ -51,6 +63,7 @@ def apply_extra(file: RobotFile, values: dict[str, float]) -> RobotFile:
     if "delay" in values:
         changes["delay"] = values["delay"]
     changes["motors"] = [motor.model_copy(update=_of(values, motor.name)) for motor in file.motors]
+    changes["outputs"] = [_output(output, _of(values, output.label)) for output in file.outputs]
     # A cut moves as a whole, whichever of its springs is named.
     moved = {
         (s.link, s.at): values[f"{s.name}.at"] for s in file.springs if f"{s.name}.at" in values
@@ -81,6 +94,12 @@ def _balanced(balance: Counterbalance, values: dict[str, float]) -> Counterbalan
 def _of(values: dict[str, float], owner: str) -> dict[str, float]:
     prefix = f"{owner}."
     return {n.removeprefix(prefix): v for n, v in values.items() if n.startswith(prefix)}
+
+
+def _output(output: Output, values: dict[str, float]) -> Output:
+    if "gain" in values:
+        values["gain"] = math.copysign(values["gain"], output.gain)
+    return output.model_copy(update=values)
 
 
 def _at_distance(at: tuple[float, ...], distance: float) -> tuple[float, ...]:

@@ -1,6 +1,6 @@
 """The elastic robot: an arm, its motors, its springs, and which of their numbers are free."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 
@@ -13,6 +13,7 @@ from robotmodels.common.errors import InvalidInput
 from robotmodels.common.file_paths import absolute
 from robotmodels.description.joint_drives import Coupling, couplings
 from robotmodels.description.model_files import ModelFile
+from robotmodels.description.outputs import Output
 from robotmodels.description.parameters import Parameters
 from robotmodels.description.robot_file import RobotFile, Spring
 from robotmodels.description.urdf import locate, rigid_model, unknown_joint
@@ -133,9 +134,23 @@ class ElasticRobot:
         return tuple(m.joint for m in self.file.motors)
 
     @property
+    def outputs(self) -> tuple[Output, ...]:
+        """The m outputs: those of the file, or its motors and then its accelerometers."""
+        return self.layout.outputs
+
+    @property
     def output_names(self) -> tuple[str, ...]:
-        """Names of the m outputs: motors, then accelerometers."""
-        return (*self.motor_names, *(a.name for a in self.file.accelerometers))
+        """Names of the m outputs."""
+        return tuple(output.label for output in self.outputs)
+
+    @property
+    def output_units(self) -> tuple[str, ...]:
+        """Units of the m outputs."""
+        sliding, springs = self.elements.prismatic, {s.name: s for s in self.file.springs}
+        return tuple(
+            o.unit(self.elements.linear(springs[o.of]) if o.kind == "spring" else o.of in sliding)
+            for o in self.outputs
+        )
 
     @property
     def coordinate_names(self) -> tuple[str, ...]:
@@ -235,12 +250,9 @@ class ElasticRobot:
         return self._network(at, theta, self._skeleton(theta, at.coordinates))
 
     def _network(self, at: Equilibrium, theta: Array, matrices: Skeleton) -> SpringNetwork:
-        plain = self.file.output == "acceleration" and not self.file.accelerometers
-        plain = (
-            plain
-            and matrices.measurement.delay == 0
-            and bool(np.all(matrices.measurement.gain == 1))
-        )
+        measured = matrices.measurement
+        plain = measured.motor_order(matrices.selector) == 2 and measured.delay == 0
+        plain = plain and measured.torque.ideal
         return SpringNetwork(
             mass=matrices.mass,
             damping=matrices.damping,
@@ -251,11 +263,12 @@ class ElasticRobot:
             spring_damping=np.tile(self.elements.dampings(theta), (len(matrices.mass), 1)),
             exponents=self.elements.exponents(theta, at.elongations),
             parameters=Parameters(self.parameters.names, theta, self.parameters.units),
-            measurement=None if plain else matrices.measurement,
+            measurement=None if plain else measured,
             inertances=self.elements.inertances(theta, self.layout.motors),
             non_spring_parameters=tuple(
                 self.parameters.names[j] for j in self.elements.extra_columns
             ),
+            torque_springs=self.layout.torque_springs,
         )
 
     @renamed_keywords(since="0.2", sag="equilibrium_shift")
@@ -324,7 +337,19 @@ class ElasticRobot:
         hardening = law.stiffening(at.elongations)[..., None] * slide
         ends = incidence(self.layout.nodes, self.layout.size)
         change = np.einsum("qsp,si,sj->qpij", hardening, ends, ends, optimize=True)
-        return tangents.stiffened(change)
+        return replace(tangents.stiffened(change), rows=self._with_torques(tangents, hardening))
+
+    def _with_torques(self, tangents: Tangents, hardening: Array) -> Array | None:
+        """Return the rows' derivatives with slopes (Q, s, p) that torque sensors feel."""
+        springs = self.layout.torque_springs
+        if springs is None:
+            return tangents.rows
+        q, p, d = tangents.gravity.shape
+        of_rows, ends = np.flatnonzero(springs >= 0), incidence(self.layout.nodes, d)
+        rows = np.zeros((3, q, p, len(springs), d)) if tangents.rows is None else tangents.rows
+        change = np.swapaxes(hardening[:, springs[of_rows]], 1, 2)
+        rows[0][:, :, of_rows] -= change.reshape(q, p, -1, 1) * ends[springs[of_rows]]
+        return rows
 
     def _skeleton(self, theta: Array, coordinates: Array) -> Skeleton:
         return skeleton(self._layout(theta), coordinates, self.elements.free_motors)
@@ -335,6 +360,10 @@ class ElasticRobot:
             if motor.joint not in joints:
                 what = f"motor {motor.name!r}: {motor.joint!r}"
                 raise InvalidInput(unknown_joint(what, motor.joint, joints, self.file.lock))
+        for output in self.file.outputs:
+            if output.kind == "joint" and output.of not in joints:
+                what = f"output {output.label!r}: {output.of!r}"
+                raise InvalidInput(unknown_joint(what, output.of, joints, self.file.lock))
         supported = {*self.motor_joints, *(s.joint for s in self.file.springs if s.axis == "drive")}
         followers = self.couplings
         for name in sorted(str(joint) for joint in supported if joint in followers):

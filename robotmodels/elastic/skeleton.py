@@ -5,15 +5,16 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-import pinocchio as pin
 
 from robotmodels.common.arrays import Array, IntArray
 from robotmodels.common.errors import InvalidInput
 from robotmodels.common.symmetric_matrices import ROUNDING, scaled_eigh
+from robotmodels.description.outputs import Output, outputs_of
 from robotmodels.description.robot_file import RobotFile
 from robotmodels.elastic.arm import Arm
 from robotmodels.elastic.dynamics import mass_and_gravity, mass_matrices
-from robotmodels.linear.linear_model import Measurement
+from robotmodels.elastic.link_sensors import link_sensors
+from robotmodels.linear.linear_model import Channels, Measurement
 
 
 @dataclass(frozen=True, eq=False)
@@ -22,6 +23,23 @@ class Layout:
 
     file: RobotFile
     arm: Arm
+
+    @cached_property
+    def outputs(self) -> tuple[Output, ...]:
+        """What is measured."""
+        return outputs_of(self.file)
+
+    @property
+    def motor_names(self) -> tuple[str, ...]:
+        """Names of the n motors."""
+        return tuple(motor.name for motor in self.file.motors)
+
+    @cached_property
+    def torque_springs(self) -> IntArray | None:
+        """Spring of each output that is a spring's torque, -1 of others, (m,); None without."""
+        names = [spring.name for spring in self.file.springs]
+        rows = [names.index(o.of) if o.kind == "spring" else -1 for o in self.outputs]
+        return np.array(rows, dtype=np.int64) if max(rows) >= 0 else None
 
     @cached_property
     def names(self) -> tuple[str, ...]:
@@ -83,9 +101,6 @@ class Layout:
     def sprung(self) -> IntArray:
         """Arm coordinate that each spring holds, (s,)."""
         return self.nodes[:, 0]
-
-
-_ORDER = {"position": 0, "velocity": 1, "acceleration": 2}
 
 
 @dataclass(frozen=True, eq=False)
@@ -157,42 +172,48 @@ def check_mass(layout: Layout) -> None:
 
 
 def _measurement(layout: Layout, selector: Array, coordinates: Array) -> Measurement:
-    """Return the rows of the motors, then those of the accelerometers."""
-    file: RobotFile = layout.file
-    n, sensors = len(file.motors), len(file.accelerometers)
-    # Motors are read alike everywhere: one copy serves all positions where there are no sensors.
-    rows = np.zeros((3, len(coordinates) if sensors else 1, n + sensors, layout.size))
-    rows[_ORDER[file.output], :, :n] = selector.T
-    if not sensors:
-        rows = np.broadcast_to(rows, (3, len(coordinates), n, layout.size))
-    else:
-        rows[0, :, n:, : layout.arm_size], rows[2, :, n:, : layout.arm_size] = _accelerometers(
-            layout, coordinates
+    """Return the rows of all outputs; those of springs' torques are the network's part."""
+    file, outputs = layout.file, layout.outputs
+    on_links = any(output.kind == "link" for output in outputs)
+    # All but sensors on links read alike everywhere: one copy serves all positions then.
+    count = len(coordinates) if on_links else 1
+    rows = np.zeros((3, count, len(outputs), layout.size))
+    feedthrough = np.zeros((len(outputs), len(file.motors)))
+    for i, output in enumerate(outputs):
+        if output.encoder:
+            rows[output.order, :, i] = _encoder(layout, output, selector)
+        elif output.kind == "motor":
+            feedthrough[i, layout.motor_names.index(output.of)] = 1.0
+    if on_links:
+        on_link = [i for i, output in enumerate(outputs) if output.kind == "link"]
+        rows[:, :, on_link, : layout.arm_size] = link_sensors(
+            layout.arm, file, [outputs[i] for i in on_link], coordinates
         )
-    gain = np.array([m.torque_gain for m in file.motors])
-    return Measurement(rows[0], rows[1], rows[2], gain, file.delay)
+    else:
+        rows = np.broadcast_to(rows, (3, len(coordinates), *rows.shape[2:]))
+    sensor = Channels(*(np.array([getattr(o, k) for o in outputs]) for k in _CHANNEL))
+    torque = Channels(
+        *(np.array([getattr(m, f"torque_{k}") for m in file.motors]) for k in _CHANNEL)
+    )
+    plain = sensor.ideal and not file.outputs
+    position, velocity, acceleration = rows
+    return Measurement(
+        position, velocity, acceleration, torque, file.delay, None if plain else sensor,
+        feedthrough if feedthrough.any() else None,
+    )  # fmt: skip
 
 
-def _accelerometers(layout: Layout, coordinates: Array) -> tuple[Array, Array]:
-    """Return C0 and C2 of the accelerometers, (Q, sensors, arm size).
+_CHANNEL = ("gain", "delay", "lag")
 
-    An accelerometer feels u . (a - g): the point's acceleration, and gravity as its axis u
-    tilts, du . (-g) = -(u x g) . (rotation).
-    """
-    model, file = layout.arm.model, layout.file
-    data = model.createData()
-    reduction = layout.arm.coordinate_map
-    tilt, acceleration = np.zeros((2, len(coordinates), len(file.accelerometers), model.nv))
-    for i, q in enumerate(layout.arm.joints(coordinates)):
-        pin.computeJointJacobians(model, data, q)
-        pin.updateFramePlacements(model, data)
-        for j, sensor in enumerate(file.accelerometers):
-            frame = model.getFrameId(sensor.name, pin.OP_FRAME)
-            jacobian = pin.getFrameJacobian(model, data, frame, pin.LOCAL_WORLD_ALIGNED)
-            axis = np.array(sensor.direction) / np.linalg.norm(sensor.direction)
-            u = data.oMf[frame].rotation @ axis
-            acceleration[i, j] = u @ jacobian[:3]
-            tilt[i, j] = -np.cross(u, model.gravity.linear) @ jacobian[3:]
-    if reduction is not None:
-        return tilt @ reduction.matrix, acceleration @ reduction.matrix
-    return tilt, acceleration
+
+def _encoder(layout: Layout, output: Output, selector: Array) -> Array:
+    """Return what an encoder of a motor or a joint sees of the coordinates, (d,)."""
+    if output.kind == "motor":
+        return np.asarray(selector[:, layout.motor_names.index(output.of)])
+    row, arm = np.zeros(layout.size), layout.arm
+    if arm.coordinate_map is None:
+        row[arm.coordinate[output.of]] = 1.0
+    else:
+        joint = arm.model.joints[arm.model.getJointId(output.of)].idx_v
+        row[: arm.size] = arm.coordinate_map.matrix[joint]
+    return row

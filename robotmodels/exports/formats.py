@@ -2,7 +2,10 @@
 
 from typing import TYPE_CHECKING, Literal
 
+from robotmodels.description.outputs import outputs_of
+
 if TYPE_CHECKING:
+    from robotmodels.description.outputs import Output
     from robotmodels.description.robot_file import RobotFile
 
 Format = Literal["mjcf", "urdf", "state_space", "modes", "robot"]
@@ -31,10 +34,11 @@ def left_out(file: "RobotFile", format: Format) -> tuple[str, ...]:
             "what the URDF draws",
             *balances,
             *noted,
+            *_left_out_of_mjcf(file),
         ),
-        "urdf": (*_left_out_of_urdf(file), *delay),
+        "urdf": (*_left_out_of_urdf(file), *delay, *_late_torques(file)),
         "state_space": friction,
-        "modes": (*friction, *delay),
+        "modes": (*friction, *delay, *_late_torques(file)),
         "robot": (),
     }
     return lines[format]
@@ -46,6 +50,37 @@ def _left_out_of_urdf(file: "RobotFile") -> tuple[str, ...]:
         *(f"rotor inertia of motor {motor.name}" for motor in file.motors),
         *(f"torque gain of motor {motor.name}" for motor in file.motors if motor.torque_gain != 1),
         *(f"counterbalance {balance.name}" for balance in file.counterbalances),
-        *(f"accelerometer {sensor.name}" for sensor in file.accelerometers),
+        *(
+            output.who
+            for output in outputs_of(file)
+            if output.kind != "motor" or output.name is None
+        ),
         f"gravity {list(file.gravity)} m/s^2 in the frame of the root link",
     )
+
+
+def _left_out_of_mjcf(file: "RobotFile") -> tuple[str, ...]:
+    changed = [o.who for o in file.outputs if (o.gain, o.delay, o.lag) != (1.0, 0.0, 0.0)]
+    return (
+        *_late_torques(file),
+        *(f"gain, delay and lag of {who}: noted in <custom>, not simulated" for who in changed),
+        *(f"{o.who}: MuJoCo has no such sensor" for o in file.outputs if not _in_mujoco(file, o)),
+    )
+
+
+def _in_mujoco(file: "RobotFile", output: "Output") -> bool:
+    if output.kind == "spring":
+        return sensed_joint(file, output) is not None
+    return output.kind != "joint" or output.quantity != "acceleration"
+
+
+def _late_torques(file: "RobotFile") -> tuple[str, ...]:
+    late = [motor.name for motor in file.motors if motor.torque_delay or motor.torque_lag]
+    return tuple(f"delay and lag of the torque of motor {name}" for name in late)
+
+
+def sensed_joint(file: "RobotFile", output: "Output") -> str | None:
+    """Return the joint on whose drive spring a torque sensor is; None of other outputs."""
+    springs = {spring.name: spring for spring in file.springs}
+    spring = springs[output.of] if output.kind == "spring" else None
+    return spring.joint if spring is not None and spring.axis == "drive" else None

@@ -8,12 +8,14 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from robotmodels.common.arrays import Array
+from robotmodels.description.outputs import Output
 from robotmodels.elastic.dynamics import gravity_torques
 from robotmodels.elastic.robot import ElasticRobot
+from robotmodels.exports.formats import sensed_joint
 from robotmodels.exports.mjcf_shapes import add_shapes
 from robotmodels.linear.modes import resonances
 from robotmodels.linear.response import linearize
-from robotmodels.simulation.mujoco_model import PlantBuilder
+from robotmodels.simulation.mujoco_model import SENSORS, PlantBuilder
 from robotmodels.simulation.urdf_tree import read_tree
 
 _STEPS = 20  # in a period of the fastest mode
@@ -25,8 +27,8 @@ def mjcf_text(robot: ElasticRobot, positions: Array) -> str:
     """Return the robot as MJCF, with one keyframe at equilibrium for each of `positions` (Q, n).
 
     Controls are the commanded torques on the motor shafts [N m]; sensors ``m1.position`` and
-    ``m1.velocity`` of a motor m1 are on its shaft too; the third number of an accelerometer is
-    along the direction in the robot file.
+    ``m1.velocity`` of a motor m1 are on its shaft too. The third number of a sensor on a link is
+    along the direction in the robot file, that of a joint's torque sensor along its axis.
 
     Raises
     ------
@@ -50,9 +52,10 @@ def mjcf_text(robot: ElasticRobot, positions: Array) -> str:
     for equality in spec.equalities:  # as stiff as steps allow
         equality.solref, equality.solimp[:2] = [2 * spec.option.timestep, 1.0], _STIFFEST
     _add_motors(spec, robot, names)
-    for sensor in file.accelerometers:
-        turn = Rotation.align_vectors([sensor.direction], [[0.0, 0.0, 1.0]])[0]
-        spec.site(sensor.name).quat = turn.as_quat(scalar_first=True)
+    for output in builder.sensors:
+        spec.site(output.label).quat = _third_axis(output.direction)
+    for output in file.outputs:
+        _add_output(spec, robot, output)
     _add_keyframes(spec, robot, names, positions)
     return _exact(spec.to_xml(), spec.compile())
 
@@ -90,6 +93,39 @@ def _add_motors(spec: mujoco.MjSpec, robot: ElasticRobot, joints: Sequence[str])
                 objtype=mujoco.mjtObj.mjOBJ_ACTUATOR,
                 objname=motor.name,
             )
+
+
+def _add_output(spec: mujoco.MjSpec, robot: ElasticRobot, output: Output) -> None:
+    """Note what changes a reading; add a joint's encoder, or torque sensor on its drive spring."""
+    if (channel := (output.gain, output.delay, output.lag)) != (1.0, 0.0, 0.0):
+        spec.add_numeric(name=f"gain, delay [s] and lag [s] of {output.label}", data=[*channel])
+    kinds = {
+        "angle": mujoco.mjtSensor.mjSENS_JOINTPOS,
+        "velocity": mujoco.mjtSensor.mjSENS_JOINTVEL,
+    }
+    if output.kind == "joint" and output.quantity in kinds:
+        spec.add_sensor(
+            name=output.label,
+            type=kinds[output.quantity],
+            objtype=mujoco.mjtObj.mjOBJ_JOINT,
+            objname=output.of,
+        )
+    elif (joint := sensed_joint(robot.file, output)) is not None:
+        hinge = spec.joint(joint)
+        hinge.parent.add_site(name=output.label, quat=_third_axis(hinge.axis))
+        slides = hinge.type == mujoco.mjtJoint.mjJNT_SLIDE
+        spec.add_sensor(
+            name=output.label,
+            type=SENSORS["force" if slides else "torque"],
+            objtype=mujoco.mjtObj.mjOBJ_SITE,
+            objname=output.label,
+        )
+
+
+def _third_axis(direction: Sequence[float] | Array | None) -> Array:
+    """Return the quaternion of a frame whose third axis is along `direction`."""
+    turn = Rotation.align_vectors([direction], [[0.0, 0.0, 1.0]])[0]
+    return np.asarray(turn.as_quat(scalar_first=True))
 
 
 def _exact(xml: str, model: mujoco.MjModel) -> str:

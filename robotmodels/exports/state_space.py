@@ -11,23 +11,24 @@ from robotmodels.common.arrays import Array, real_numbers
 from robotmodels.common.atomic_files import atomic_write, created_folder, unwritable
 from robotmodels.common.errors import IdentificationError, InvalidInput
 from robotmodels.elastic.robot import ElasticRobot
+from robotmodels.exports.state_matrices import state_matrices
 from robotmodels.linear.response import check_omega, frequency_response, linearize
 
 if TYPE_CHECKING:
     import control
 
-_MOTOR_UNITS = {"acceleration": "rad/s^2", "velocity": "rad/s", "position": "rad"}
-# Characters that python-control gives a meaning of its own in signal names.
+# Characters that python-control gives a meaning of its sensor_delay in signal names.
 _RESERVED = str.maketrans(".[]", "___")
 
 
 @dataclass(frozen=True, eq=False)
 class StateSpaceModel:
-    """x' = A x + B u, y(t) = (C x + D u)(t - delay) about the equilibria at Q positions.
+    """x' = A x + B u, y = C x + D u about the equilibria at Q positions; delays are beside it.
 
-    States are deviations of the d coordinates from equilibrium, then their rates; inputs are
-    deviations of the commanded motor torques from those that hold the arm. Angles and torques of
-    motors are on the motor shaft in inputs and outputs, on the arm side in states.
+    States are deviations of the d coordinates from equilibrium, then their rates, then the l
+    torques and readings with a first-order lag; inputs are deviations of the commanded motor
+    torques from those that hold the arm. Angles and torques of motors are on the motor shaft in
+    inputs and outputs, on the arm side in states.
 
     Attributes
     ----------
@@ -35,10 +36,10 @@ class StateSpaceModel:
         The robot.
     positions : ndarray, (Q, n), rad or m
         Positions, on the arm side.
-    A, B, C, D : ndarray, (Q, 2 d, 2 d), (Q, 2 d, n), (Q, m, 2 d), (Q, m, n)
+    A, B, C, D : ndarray, (Q, 2 d + l, 2 d + l), (Q, 2 d + l, n), (Q, m, 2 d + l), (Q, m, n)
         Matrices.
-    delay : float, s
-        Delay of all outputs, which the matrices leave out.
+    input_delay, output_delay : ndarray, (n,) and (m,), s
+        Delays of inputs and outputs, which the matrices leave out.
     covariance : ndarray, (p, p)
         Covariance of ln theta; not a number where it is not known.
     """
@@ -49,7 +50,8 @@ class StateSpaceModel:
     B: Array
     C: Array
     D: Array
-    delay: float
+    input_delay: Array
+    output_delay: Array
     covariance: Array
 
     @property
@@ -64,16 +66,19 @@ class StateSpaceModel:
 
     @property
     def states(self) -> tuple[str, ...]:
-        """Names of the 2 d states: of coordinates, then of their rates."""
-        names = self.robot.coordinate_names
-        return (*names, *(f"{name}.rate" for name in names))
+        """Names of the states: of coordinates, of their rates, of lagging torques and readings."""
+        names, (motors, outputs) = self.robot.coordinate_names, _lagging(self.robot)
+        return (
+            *names,
+            *(f"{name}.rate" for name in names),
+            *(f"{self.inputs[i]}.torque" for i in motors),
+            *(f"{self.outputs[i]}.reading" for i in outputs),
+        )
 
     @property
     def output_units(self) -> tuple[str, ...]:
         """Units of the outputs."""
-        file = self.robot.file
-        motors = (_MOTOR_UNITS[file.output],) * len(file.motors)
-        return (*motors, *("m/s^2" for _ in file.accelerometers))
+        return self.robot.output_units
 
     @property
     def state_units(self) -> tuple[str, ...]:
@@ -83,7 +88,9 @@ class StateSpaceModel:
             "m" if motor_joints.get(name, name) in self.robot.elements.prismatic else "rad"
             for name in self.robot.coordinate_names
         ]
-        return (*units, *(f"{unit}/s" for unit in units))
+        motors, outputs = _lagging(self.robot)
+        readings = (self.output_units[i] for i in outputs)
+        return (*units, *(f"{unit}/s" for unit in units), *("N m" for _ in motors), *readings)
 
     @cached_property
     def equilibria(self) -> Array:
@@ -93,17 +100,18 @@ class StateSpaceModel:
         return np.hstack([arm, self.positions[:, robot.layout.elastic_motors]])
 
     def frequency_response(self, omega: Array) -> Array:
-        """Return G, (Q, F, m, n), of the matrices and the delay."""
+        """Return G, (Q, F, m, n), of the matrices and the delays."""
         s = 1j * check_omega(omega)
         eye = np.eye(self.A.shape[-1])
         matrices = s[:, None, None] * eye - self.A[:, None]
         B = np.broadcast_to(self.B[:, None], (*matrices.shape[:-1], self.B.shape[-1]))
         X = np.linalg.solve(matrices, B)
         G = self.C[:, None] @ X + self.D[:, None]
-        return np.asarray(G * np.exp(-s * self.delay)[:, None, None])
+        late = self.output_delay[:, None] + self.input_delay
+        return np.asarray(G * np.exp(-s[:, None, None] * late))
 
     def to_control(self) -> "list[control.StateSpace]":
-        """Return a `control.StateSpace` for each position, without the delay.
+        """Return a `control.StateSpace` for each position, without the delays.
 
         Raises
         ------
@@ -117,7 +125,7 @@ class StateSpaceModel:
         ]
 
     def to_control_frd(self, omega: Array) -> "list[control.FrequencyResponseData]":
-        """Return `control.FRD` at `omega` (F,) [rad/s] for each position, with the delay.
+        """Return `control.FRD` at `omega` (F,) [rad/s] for each position, with the delays.
 
         Raises
         ------
@@ -164,26 +172,26 @@ def state_space(
     """
     positions = np.atleast_2d(real_numbers(positions, "positions"))
     model = linearize(robot, positions)
-    measured, count = model.measured, len(positions)
-    C0, C1, C2 = (
-        np.broadcast_to(c, (count, *c.shape[-2:]))
-        for c in (measured.position, measured.velocity, measured.acceleration)
-    )
-    d = model.selector.shape[0]
-    inverse = np.linalg.inv(model.mass)
-    inputs = inverse @ (model.selector * measured.gain)
-    K, D = inverse @ model.stiffness, inverse @ model.damping
-    eye, zeros = np.broadcast_to(np.eye(d), K.shape), np.zeros(K.shape)
+    A, B, C, D = state_matrices(model, len(positions))
+    measured = model.measured
+    sensor_delay = np.zeros(len(C[0])) if measured.sensor is None else measured.sensor.delay
     return StateSpaceModel(
         robot=robot,
         positions=positions,
-        A=np.block([[zeros, eye], [-K, -D]]),
-        B=np.concatenate([np.zeros(inputs.shape), inputs], axis=1),
-        C=np.concatenate([C0 - C2 @ K, C1 - C2 @ D], axis=2),
-        D=np.asarray(C2 @ inputs),
-        delay=measured.delay,
+        A=A,
+        B=B,
+        C=C,
+        D=D,
+        input_delay=measured.torque.delay,
+        output_delay=measured.delay + sensor_delay,
         covariance=_covariance(robot, covariance),
     )
+
+
+def _lagging(robot: ElasticRobot) -> tuple[list[int], list[int]]:
+    """Return the motors whose torques, and the outputs whose readings have a first-order lag."""
+    motors = [i for i, motor in enumerate(robot.file.motors) if motor.torque_lag]
+    return motors, [i for i, output in enumerate(robot.outputs) if output.lag]
 
 
 def write_state_space(model: StateSpaceModel, path: Path) -> None:
@@ -199,7 +207,8 @@ def write_state_space(model: StateSpaceModel, path: Path) -> None:
     parameters = model.robot.parameters
     content: dict[str, Any] = {
         **{name: np.moveaxis(getattr(model, name), 0, -1) for name in "ABCD"},
-        "delay": model.delay,
+        "input_delay": model.input_delay[:, None],
+        "output_delay": model.output_delay[:, None],
         "positions": model.positions,
         "equilibria": model.equilibria,
         "inputs": _cells(model.inputs),

@@ -78,7 +78,9 @@ def information(network: SpringNetwork, omega: Array, noise: NoiseLaw | Separabl
     if isinstance(noise, SeparableNoise):
         return _separable_information(network, plan, w, noise.factors(network, w), out)
     # A subclass may have another variance than the compiled one.
-    if plan is None or _differing_gains(network) or type(noise) is not RelativeNoise:
+    if type(noise) is not RelativeNoise or noise.by_output:
+        return _reference_information(network, w, noise)
+    if plan is None or _differing_gains(network):
         return _reference_information(network, w, noise)
     frequencies, mask = _padded(w)
     spaces = Workspaces(plan, network, network_tables(network))
@@ -143,7 +145,10 @@ def _differing_gains(network: SpringNetwork) -> bool:
 
     A factor of the whole FRF leaves the information as it is, one of each input does not.
     """
-    return network.measurement is not None and bool(np.ptp(network.measurement.gain) > 0)
+    if network.measurement is None:
+        return False
+    torque = network.measurement.torque
+    return bool(np.ptp(torque.gain) > 0 or torque.lag.any())
 
 
 def _inverse(matrices: ComplexArray) -> ComplexArray:

@@ -188,7 +188,6 @@ class CoupledChains:
             return None
         chains = self.at(parameters)
         q, p, d = len(np.asarray(positions)), len(chains.parameters), chains.masses.size
-        n = len(chains.masses)
         mass = np.zeros((q, p, d, d))
         for i, name in enumerate(self.parameters.names):
             if name in coupled:
@@ -199,10 +198,6 @@ class CoupledChains:
             damping=np.zeros_like(mass),
             stiffness=np.zeros_like(mass),
             gravity=np.zeros((q, p, d)),
-            position=np.zeros((q, p, n, d)),
-            acceleration=np.zeros((q, p, n, d)),
-            ln_gain=np.zeros((p, n)),
-            delay=np.zeros(p),
         )
 
     @cached_property

@@ -5,7 +5,30 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from robotmodels.common.arrays import Array, ComplexArray, IntArray
-from robotmodels.linear.linear_model import LinearModel
+from robotmodels.linear.linear_model import Channels, LinearModel, Measurement
+
+
+@dataclass(frozen=True, eq=False)
+class ChannelTangents:
+    """Derivatives by ln theta of the gains, delays and lags of k channels.
+
+    Attributes
+    ----------
+    ln_gain : ndarray, (p, k)
+        Of logarithms of the gains' sizes.
+    delay, lag : ndarray, (p, k), s
+        Of delays and time constants.
+    """
+
+    ln_gain: Array
+    delay: Array
+    lag: Array
+
+    def relative(self, omega: Array, channels: Channels) -> ComplexArray:
+        """Return d ln h/d ln theta, (F, k, p)."""
+        jw = 1j * np.asarray(omega, dtype=float)[:, None, None]
+        lag = self.lag.T / (1 + jw * channels.lag[:, None])
+        return np.asarray(self.ln_gain.T - jw * (self.delay.T + lag))
 
 
 @dataclass(frozen=True, eq=False)
@@ -18,22 +41,22 @@ class Tangents:
         Mass, damping and stiffness.
     gravity : ndarray, (Q, p, d)
         Gravity torques.
-    position, acceleration : ndarray, (Q, p, m, d)
-        Of `Measurement.position` and `.acceleration`.
-    ln_gain : ndarray, (p, n)
-        Logarithms of the torque gains.
-    delay : ndarray, (p,), s
-        Measurement delay.
+    rows : ndarray, (3, Q, p, m, d), or None
+        Of `Measurement.position`, `.velocity` and `.acceleration`; None where they are fixed.
+    delay : ndarray, (p,), s, or None
+        Common delay; None where it is known.
+    torque, sensor : ChannelTangents or None
+        Of the channels of torques and outputs; None where they are known.
     """
 
     mass: Array
     damping: Array
     stiffness: Array
     gravity: Array
-    position: Array
-    acceleration: Array
-    ln_gain: Array
-    delay: Array
+    rows: Array | None = None
+    delay: Array | None = None
+    torque: ChannelTangents | None = None
+    sensor: ChannelTangents | None = None
 
     def stiffened(self, stiffness: Array) -> "Tangents":
         """Return the tangents with `stiffness` (Q, p, d, d) added."""
@@ -47,13 +70,13 @@ class Tangents:
     ) -> ComplexArray:
         """Return the part of dG/d ln theta they add, (Q, F, m, n, p).
 
-        dG = -Z^T (dK + j omega dD - omega^2 dM) X + dC X, then gains and delay. `receptances` are X
-        and Z of the model, where the caller has them.
+        dG = -Z^T (dK + j omega dD - omega^2 dM) X + dC X, then gains, delays and lags.
+        `receptances` are X and Z of the model, where the caller has them.
         """
         w = np.asarray(omega, dtype=float)[:, None, None, None]
         X, Z = model.receptances(omega) if receptances is None else receptances
-        late = np.exp(-1j * w * model.measured.delay)
-        J = np.zeros((*Z.shape[:2], Z.shape[-1], X.shape[-1], len(self.delay)), dtype=complex)
+        count = self.mass.shape[1]
+        J = np.zeros((*Z.shape[:2], Z.shape[-1], X.shape[-1], count), dtype=complex)
         moved = self._columns(self.mass, self.damping, self.stiffness)
         if len(moved):
             force = _times(self.stiffness[:, moved], X) - w**2 * _times(self.mass[:, moved], X)
@@ -62,16 +85,26 @@ class Tangents:
             q, f, d, n, p = force.shape
             answer = np.swapaxes(Z, -1, -2) @ force.reshape(q, f, d, n * p)
             J[..., moved] -= answer.reshape(q, f, -1, n, p)
-        seen = self._columns(self.position, self.acceleration)
-        if len(seen):
-            change = _times(self.position[:, seen], X) - w**2 * _times(
-                self.acceleration[:, seen], X
-            )
-            J[..., seen] += late * change
-        if self.ln_gain.any() or self.delay.any():
-            G = model.frequency_response(omega)[..., None]
-            J += G * (self.ln_gain.T - 1j * w * self.delay)
+        if self.rows is not None:
+            seen = self._columns(*self.rows)
+            change = sum((1j * w) ** k * _times(C[:, seen], X) for k, C in enumerate(self.rows))
+            J[..., seen] += model.measured.sensors(omega)[..., None, None] * change
+        relative = self._relative(omega, model.measured)
+        if relative.any():
+            J += model.frequency_response(omega)[..., None] * relative
         return J
+
+    def _relative(self, omega: Array, measured: Measurement) -> ComplexArray:
+        """Return d ln G/d ln theta by gains, delays and lags, (F, m or 1, n or 1, p)."""
+        jw = 1j * np.asarray(omega, dtype=float)[:, None, None, None]
+        relative = np.zeros((1, 1, 1, self.mass.shape[1]), dtype=complex)
+        if self.delay is not None:
+            relative = relative - jw * self.delay
+        if self.torque is not None:
+            relative = relative + self.torque.relative(omega, measured.torque)[:, None]
+        if self.sensor is not None and measured.sensor is not None:
+            relative = relative + self.sensor.relative(omega, measured.sensor)[:, :, None]
+        return relative
 
     def _columns(self, *derivatives: Array) -> IntArray:
         """Return the parameters by which any of the derivatives is not zero."""

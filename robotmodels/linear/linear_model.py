@@ -1,6 +1,6 @@
 """The narrow waist: every robot and every chain becomes a linear model."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -9,42 +9,99 @@ from robotmodels.common.errors import InvalidInput
 
 
 @dataclass(frozen=True, eq=False)
+class Channels:
+    """Gains, delays and first-order lags of k signals: h(s) = gain e^{-s delay} / (1 + s lag).
+
+    Attributes
+    ----------
+    gain : ndarray, (k,), dimensionless
+        Gains, of either sign.
+    delay, lag : ndarray, (k,), s
+        Delays and time constants.
+    """
+
+    gain: Array
+    delay: Array
+    lag: Array
+
+    def __post_init__(self) -> None:
+        for name in ("gain", "delay", "lag"):
+            object.__setattr__(self, name, read_only(np.array(getattr(self, name), dtype=float)))
+
+    @staticmethod
+    def plain(gain: Array) -> "Channels":
+        """Return channels of gains (k,) alone."""
+        return Channels(gain, np.zeros_like(gain), np.zeros_like(gain))
+
+    @property
+    def ideal(self) -> bool:
+        """Whether nothing is changed."""
+        return not (self.delay.any() or self.lag.any() or (self.gain != 1).any())
+
+    def response(self, omega: Array) -> ComplexArray:
+        """Return h(j omega), (F, k)."""
+        jw = 1j * np.asarray(omega, dtype=float)[:, None]
+        return np.asarray(self.gain * np.exp(-jw * self.delay) / (1 + jw * self.lag))
+
+
+@dataclass(frozen=True, eq=False)
 class Measurement:
-    """y = e^{-s delay} (C0 + s C1 + s^2 C2) q with the torques u = gain * (commanded torques).
+    """y = e^{-s delay} h_y(s) ((C0 + s C1 + s^2 C2) q + D u) with u = h_u(s) (commanded torques).
 
     Attributes
     ----------
     position, velocity, acceleration : ndarray, (..., m, d)
         C0, C1 and C2.
-    gain : ndarray, (n,), dimensionless
-        Torque gains.
+    torque : Channels
+        h_u of the n torques.
     delay : float, s
         Common delay.
+    sensor : Channels or None
+        h_y of the m outputs; None where they are ideal.
+    feedthrough : ndarray, (m, n), or None
+        D, of sensors of the motors' torques; None where there are none.
     """
 
     position: Array
     velocity: Array
     acceleration: Array
-    gain: Array
+    torque: Channels
     delay: float = 0.0
+    sensor: Channels | None = None
+    feedthrough: Array | None = None
 
     def __post_init__(self) -> None:
-        for name in ("position", "velocity", "acceleration", "gain"):
+        for name in ("position", "velocity", "acceleration"):
             object.__setattr__(self, name, read_only(np.asarray(getattr(self, name), dtype=float)))
 
+    def sensors(self, omega: Array) -> ComplexArray:
+        """Return e^{-j omega delay} h_y, (F, m), or (F, 1) where all outputs are alike."""
+        w = np.asarray(omega, dtype=float)[:, None]
+        late = np.exp(-1j * w * self.delay)
+        return np.asarray(late if self.sensor is None else late * self.sensor.response(omega))
+
     def outputs(self, omega: Array) -> ComplexArray:
-        """Return e^{-j omega delay} (C0 + j omega C1 - omega^2 C2), (..., F, m, d)."""
+        """Return e^{-j omega delay} h_y (C0 + j omega C1 - omega^2 C2), (..., F, m, d)."""
         w = np.asarray(omega, dtype=float)[:, None, None]
         C0, C1, C2 = (
             np.expand_dims(C, -3) for C in (self.position, self.velocity, self.acceleration)
         )
-        return np.asarray(np.exp(-1j * w * self.delay) * (C0 + 1j * w * C1 - w**2 * C2))
+        return np.asarray(self.sensors(omega)[..., None] * (C0 + 1j * w * C1 - w**2 * C2))
+
+    def direct(self, omega: Array) -> ComplexArray | float:
+        """Return e^{-j omega delay} h_y D h_u, (F, m, n), or zero."""
+        if self.feedthrough is None:
+            return 0.0
+        sensors, torques = self.sensors(omega)[..., None], self.torque.response(omega)[:, None]
+        return np.asarray(sensors * self.feedthrough * torques)
 
     def motor_order(self, selector: Array) -> int | None:
         """Return 0, 1 or 2 where motor angles, speeds or accelerations are measured, else None.
 
         `selector` is the model's, (d, n).
         """
+        if self.sensor is not None or self.feedthrough is not None:
+            return None
         parts = self.position, self.velocity, self.acceleration
         order = int(np.argmax([np.any(part) for part in parts]))
         for k, part in enumerate(parts):
@@ -55,13 +112,10 @@ class Measurement:
 
     def at(self, index: int | IntArray) -> "Measurement":
         """Return the measurement at one or several of many positions."""
-        return Measurement(
-            self.position[index],
-            self.velocity[index],
-            self.acceleration[index],
-            self.gain,
-            self.delay,
-        )
+        rows = {
+            name: getattr(self, name)[index] for name in ("position", "velocity", "acceleration")
+        }
+        return replace(self, **rows)
 
 
 def motor_measurement(selector: Array, order: int = 2) -> Measurement:
@@ -69,7 +123,8 @@ def motor_measurement(selector: Array, order: int = 2) -> Measurement:
     position, velocity, acceleration = (
         selector.T if order == k else np.zeros_like(selector.T) for k in range(3)
     )
-    return Measurement(position, velocity, acceleration, np.ones(selector.shape[1]))
+    torque = Channels.plain(np.ones(selector.shape[1]))
+    return Measurement(position, velocity, acceleration, torque)
 
 
 @dataclass(frozen=True, eq=False)
@@ -128,7 +183,7 @@ class LinearModel:
         return np.asarray(K - w**2 * M + 1j * w * D)
 
     def receptances(self, omega: Array) -> tuple[ComplexArray, ComplexArray]:
-        """Return X = A^-1 S gain, (..., F, d, n), and Z = A^-1 C^T, (..., F, d, m).
+        """Return X = A^-1 S h_u, (..., F, d, n), and Z = A^-1 C^T, (..., F, d, m).
 
         X holds the coordinates' answer to the torques [rad/(N m)], Z the outputs' answer to
         forces on the coordinates; A is symmetric.
@@ -139,16 +194,21 @@ class LinearModel:
             X = np.asarray(np.linalg.solve(A, S + 0j))
             return X, np.asarray(-(np.asarray(omega, dtype=float)[:, None, None] ** 2) * X)
         C = np.swapaxes(self.measured.outputs(omega), -1, -2)
-        S = np.broadcast_to(self.selector * self.measured.gain, (*A.shape[:-1], self.inputs))
+        S = np.broadcast_to(self.forces(omega), (*A.shape[:-1], self.inputs))
         C = np.broadcast_to(C, (*A.shape[:-1], C.shape[-1]))
         both = np.linalg.solve(A, np.concatenate([S, C], axis=-1))
         return np.asarray(both[..., : self.inputs]), np.asarray(both[..., self.inputs :])
 
     def frequency_response(self, omega: Array) -> ComplexArray:
-        """Return G = C A^-1 S, (..., F, m, n); by default -omega^2 S^T A^-1 S."""
+        """Return G = C A^-1 S h_u + h_y D h_u, (..., F, m, n); by default -omega^2 S^T A^-1 S."""
         A = self.dynamic_stiffness(omega)
-        S = np.broadcast_to(self.selector * self.measured.gain, (*A.shape[:-1], self.inputs))
-        return np.asarray(self.measured.outputs(omega) @ np.linalg.solve(A, S + 0j))
+        S = np.broadcast_to(self.forces(omega), (*A.shape[:-1], self.inputs))
+        C = self.measured.outputs(omega)
+        return np.asarray(C @ np.linalg.solve(A, S) + self.measured.direct(omega))
+
+    def forces(self, omega: Array) -> ComplexArray:
+        """Return S h_u, (F, d, n): generalised forces per commanded torque."""
+        return np.asarray(self.selector * self.measured.torque.response(omega)[:, None])
 
     @property
     def inputs(self) -> int:

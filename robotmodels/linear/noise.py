@@ -44,10 +44,14 @@ class RelativeNoise:
     ----------
     relative, floor : float, dimensionless
         Standard deviations, of the element and of the largest element.
+    by_output : bool
+        Whether the floor of an output is a part of its own largest element, max_l |G_il|: for
+        outputs of different units.
     """
 
     relative: float = 0.03
     floor: float = 0.01
+    by_output: bool = False
 
     def __post_init__(self) -> None:
         for name in ("relative", "floor"):
@@ -58,5 +62,5 @@ class RelativeNoise:
     def variance(self, response: ComplexArray) -> Array:
         """Return the variances (Q, F, m, n) of `response` (Q, F, m, n)."""
         magnitude = np.abs(response)
-        largest = magnitude.max(axis=(-2, -1), keepdims=True)
+        largest = magnitude.max(axis=-1 if self.by_output else (-2, -1), keepdims=True)
         return np.asarray((self.relative * magnitude) ** 2 + (self.floor * largest) ** 2)

@@ -5,7 +5,7 @@ FRF with respect to a spring, or to the inertia of one coordinate, is of rank on
 formulas here are plain numpy; the fast ones in `kernel` are tested against them.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TypeVar
 
 import numpy as np
@@ -76,6 +76,10 @@ class SpringNetwork:
         r of them, alike at all positions; None where no inertia is free.
     non_spring_parameters : tuple of str
         Names of free parameters that also change mass, gravity or outputs.
+    torque_springs : ndarray of int, (m,), or None
+        Spring whose torque on what is beyond it an output measures; -1 of other outputs, None
+        where there is no such output. `measurement` leaves these torques out, as they change with
+        the parameters; that of `linear_model` has them.
     """
 
     mass: Array
@@ -90,6 +94,7 @@ class SpringNetwork:
     measurement: Measurement | None = None
     inertances: Inertances | None = None
     non_spring_parameters: tuple[str, ...] = ()
+    torque_springs: IntArray | None = None
 
     @property
     def only_springs(self) -> bool:
@@ -127,7 +132,8 @@ class SpringNetwork:
         if order is None:
             raise InvalidInput("network: something else than the motors is measured")
         delay = np.exp(-1j * w * self.measurement.delay)
-        return np.asarray(delay * (1j * w) ** (order - 2) * self.measurement.gain)
+        torques = self.measurement.torque.response(omega)
+        return np.asarray(delay * (1j * w) ** (order - 2) * torques)
 
     @property
     def coefficient_exponents(self) -> Array:
@@ -205,8 +211,25 @@ class SpringNetwork:
             damping=damping + np.einsum("qs,si,sj->qij", second[:, :s], a, a),
             stiffness=self.stiffness + np.einsum("qs,si,sj->qij", first[:, :s], a, a),
             selector=self.selector,
-            measurement=self.measurement,
+            measurement=self._measurement(first, second),
         )
+
+    def _measurement(self, stiffness: Array, damping: Array) -> Measurement | None:
+        """Return what is measured, with the torques -(k + s c) a q of springs."""
+        if self.measurement is None or self.torque_springs is None:
+            return self.measurement
+        rows, springs, a = self._torque_rows()
+        position, velocity = self.measurement.position.copy(), self.measurement.velocity.copy()
+        position[:, rows] -= stiffness[:, springs, None] * a
+        velocity[:, rows] -= damping[:, springs, None] * a
+        return replace(self.measurement, position=position, velocity=velocity)
+
+    def _torque_rows(self) -> tuple[IntArray, IntArray, Array]:
+        """Return outputs that are torques of springs, their springs, and a of these."""
+        assert self.torque_springs is not None
+        rows = np.flatnonzero(self.torque_springs >= 0)
+        springs = self.torque_springs[rows]
+        return rows, springs, self.incidence()[springs]
 
     def frequency_response(self, omega: Array, parameters: Array | None = None) -> ComplexArray:
         """Return G, (Q, F, m, n)."""
@@ -241,8 +264,15 @@ class SpringNetwork:
         left, right = np.swapaxes(Z, -1, -2) @ a[free].T, np.swapaxes(X, -1, -2) @ a[free].T
         products = left[..., :, None, :] * right[..., None, :, :]
         J = products.reshape(*left.shape[:2], -1, len(free)) @ weights
-        G = np.swapaxes(Z, -1, -2) @ (model.selector * model.measured.gain)
-        return G, J.reshape(*G.shape, -1)
+        G = np.swapaxes(Z, -1, -2) @ model.forces(omega) + model.measured.direct(omega)
+        J = J.reshape(*G.shape, -1)
+        if self.torque_springs is not None:
+            rows, springs, a = self._torque_rows()
+            weights = np.einsum("qfts,qtsp->qfsp", scale[..., springs], exponents[:, :, springs])
+            sensors = np.broadcast_to(model.measured.sensors(omega), G.shape[1:3])[:, rows, None]
+            # What its coefficients are to a spring's torque, beside its elongation.
+            J[:, :, rows] += (weights * sensors)[..., None, :] * (a @ X)[..., None]
+        return G, J
 
     def _moves(self) -> Array:
         """Return the unit vectors of the inertances' coordinates, (r, d)."""

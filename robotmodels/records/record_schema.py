@@ -12,6 +12,7 @@ _COMMON = {
     "sample_time": Field(attribute=True),
     "lines": Field(("line",), "whole", least=1),
     "detection": Field(("detection line",), "whole", least=1),
+    "derivatives": Field(("output",), "whole", least=0, most=2, optional=True),
 }
 _COORDINATES = Field(("motor",), least=-MOST_LENGTH, most=MOST_LENGTH)
 # Runs that are missing have NaN, of which `Records` itself takes care.

@@ -56,13 +56,17 @@ class Records:
     torque : ndarray, (Q, B, E, P, N, n), N m
         As commanded, held over a sample.
     angle : ndarray, (Q, B, E, P, N, m), rad
-        As measured; a constant part has no meaning.
+        Outputs as measured, by default motor angles; a constant part has no meaning. See
+        `robotmodels.description.outputs` for others and their units.
     lines : ndarray of int, (F,)
         Excited DFT lines, increasing; line k is at k / (N sample_time) Hz.
     detection : ndarray of int
         Lines left out on purpose, among the odd ones; even lines are always left out.
     saturated : ndarray, (Q, B, E, P, n)
         Whether the torque met its limit.
+    derivatives : ndarray of int, (m,)
+        Times by which FRFs differentiate the outputs, 0 to 2; by default twice, angles to
+        accelerations.
 
     Raises
     ------
@@ -79,6 +83,7 @@ class Records:
     lines: IntArray
     detection: IntArray
     saturated: Array
+    derivatives: IntArray = None  # type: ignore[assignment]
 
     def __post_init__(self) -> None:
         for name in ("positions", "reference", "torque", "angle"):
@@ -86,6 +91,10 @@ class Records:
             object.__setattr__(self, name, read_only(signal))
         for name in ("lines", "detection"):
             object.__setattr__(self, name, read_only(whole_numbers(getattr(self, name), name)))
+        if self.derivatives is None and self.angle.ndim:
+            object.__setattr__(self, "derivatives", np.full(self.angle.shape[-1], 2))
+        derivatives = whole_numbers(self.derivatives, "derivatives")
+        object.__setattr__(self, "derivatives", read_only(derivatives))
         saturated = truth_values(self.saturated, "saturated")
         object.__setattr__(self, "saturated", read_only(saturated))
         _check_shapes(self)
@@ -187,6 +196,13 @@ def _check_shapes(r: Records) -> None:
                 f"{' or '.join(map(str, shapes))} is needed"
             )
 
+    derivatives = r.derivatives
+    if derivatives.shape != r.angle.shape[-1:] or not np.isin(derivatives, (0, 1, 2)).all():
+        raise InvalidInput(
+            f"derivatives: {derivatives.tolist()}; 0, 1 or 2 for each of the "
+            f"{r.angle.shape[-1]} outputs is needed"
+        )
+
 
 def _check_lines(r: Records) -> None:
     half = r.samples / 2
@@ -236,7 +252,7 @@ def check_alike(first: Records, other: Records, who: str) -> None:
         raise InvalidInput(
             f"{who}: sample time {other.sample_time:g} s, the first has {first.sample_time:g} s"
         )
-    for name in ("lines", "detection"):
+    for name in ("lines", "detection", "derivatives"):
         if not np.array_equal(getattr(first, name), getattr(other, name)):
             raise InvalidInput(f"{who}: its {name} differ from those of the first")
     for name in ("reference", "torque", "angle"):
@@ -252,10 +268,10 @@ _POSITION = ArraySchema({"position": _COORDINATES, **_SIGNAL_FIELDS})
 def save_records(path: str | os.PathLike[str], parts: Iterable[Records]) -> int:
     """Write records to HDF5 position by position, as they come; return how many there were.
 
-    Layout: attributes ``schema`` ("records/1") and ``sample_time`` [s]; datasets ``lines`` and
-    ``detection``; for position i a group ``position_00000`` (i in five digits) with the datasets
-    ``position`` (n,) and ``reference``, ``torque``, ``angle``, ``saturated`` as in `Records`
-    without their first axis. The file appears under its name when it is complete.
+    Layout: attributes ``schema`` ("records/1") and ``sample_time`` [s]; datasets ``lines``,
+    ``detection`` and ``derivatives``; for position i a group ``position_00000`` (i in five digits)
+    with the datasets ``position`` (n,) and ``reference``, ``torque``, ``angle``, ``saturated`` as
+    in `Records` without their first axis. The file appears under its name when it is complete.
 
     Raises
     ------
@@ -276,7 +292,8 @@ def write_records(file: "h5py.File", parts: Iterable[Records], where: str) -> in
             first = records
             file.attrs["schema"] = RECORDS_SCHEMA
             file.attrs["sample_time"] = records.sample_time
-            file["lines"], file["detection"] = records.lines, records.detection
+            for name in ("lines", "detection", "derivatives"):
+                file[name] = getattr(records, name)
         check_alike(first, records, f"{where}: position {count}")
         for i in range(len(records)):
             group = file.create_group(f"{_GROUP}{count:05d}")

@@ -93,7 +93,7 @@ class SampledLoop:
 def sampled_loop(model: LinearModel, controller: Controller) -> SampledLoop:
     """Return the closed loop of a linear model and `Controller`, stable or not.
 
-    The delay of what is measured is rounded to whole samples.
+    The delay of what is measured, with the longest of the torques, is rounded to whole samples.
 
     Raises
     ------
@@ -105,15 +105,18 @@ def sampled_loop(model: LinearModel, controller: Controller) -> SampledLoop:
         raise InvalidInput("linear plant: one position at a time; the model has leading axes")
     if len(controller.speed_gain) != n:
         raise InvalidInput(f"controller: {len(controller.speed_gain)} motors, the model has {n}")
-    late = round(model.measured.delay / T)
-    # The state: coordinates, their speeds, then w, i and the last angle of the controller, then
-    # angles on their way to it. Every row below is in terms of it, the references and the noise.
-    size = 2 * d + (3 + late) * n
+    late = round((model.measured.delay + model.measured.torque.delay.max(initial=0.0)) / T)
+    transition = _zero_order_hold(model, T)
+    # The state: coordinates, their speeds, torques that lag behind their commands, then w, i and
+    # the last angle of the controller, then angles on their way to it. Every row below is in terms
+    # of it, the references and the noise.
+    plant = len(transition)
+    size = plant + (3 + late) * n
     terms = np.eye(size + 2 * n)
-    motion, way = terms[: 2 * d], terms[2 * d + 3 * n : size]
-    w, i, last = (terms[2 * d + j * n : 2 * d + (j + 1) * n] for j in range(3))
+    motion, way = terms[:plant], terms[plant + 3 * n : size]
+    w, i, last = (terms[plant + j * n : plant + (j + 1) * n] for j in range(3))
     reference, noise = terms[size : size + n], terms[size + n :]
-    angle, speed = model.selector.T @ motion[:d], model.selector.T @ motion[d:]
+    angle, speed = model.selector.T @ motion[:d], model.selector.T @ motion[d : 2 * d]
     seen = (way[-n:] if late else angle) + noise
     # The equations of `Controller`.
     a, integral = controller.filter_pole[:, None], (T / controller.integral_time)[:, None]
@@ -122,20 +125,25 @@ def sampled_loop(model: LinearModel, controller: Controller) -> SampledLoop:
     # Without an integral part nothing is remembered: the pole at 1 would pass for instability.
     i = (integral > 0) * i + integral * error
     torque = controller.speed_gain[:, None] * (error + i)
-    transition = _zero_order_hold(model, T)
-    moved = transition[:, : 2 * d] @ motion + transition[:, 2 * d :] @ torque
+    moved = transition[:, :plant] @ motion + transition[:, plant:] @ torque
     step = np.concatenate([moved, w, i, seen, *([angle, way[:-n]] if late else [])])
     output = np.concatenate([torque, speed, angle, seen])
     return SampledLoop(step[:, :size], step[:, size:], output[:, :size], output[:, size:])
 
 
 def _zero_order_hold(model: LinearModel, time: float) -> Array:
-    """Return coordinates and speeds after a time, (2 d, 2 d + n), from them and held torques."""
+    """Return coordinates, speeds and lagging torques after a time, from them and held commands."""
     from scipy.linalg import expm
 
-    n, d = model.inputs, len(model.selector)
-    system = np.zeros((2 * d + n, 2 * d + n))
+    d, torque = len(model.selector), model.measured.torque
+    behind = np.flatnonzero(torque.lag > 0)
+    plant = 2 * d + len(behind)
+    system = np.zeros((plant + model.inputs,) * 2)
     system[:d, d : 2 * d] = np.eye(d)
-    forces = np.hstack([-model.stiffness, -model.damping, model.selector * model.measured.gain])
-    system[d : 2 * d] = np.linalg.solve(model.mass, forces)
-    return np.asarray(expm(system * time)[: 2 * d])
+    forces = model.selector * torque.gain
+    direct = np.where(torque.lag > 0, 0.0, forces)
+    everything = np.hstack([-model.stiffness, -model.damping, forces[:, behind], direct])
+    system[d : 2 * d] = np.linalg.solve(model.mass, everything)
+    for row, motor in enumerate(behind, start=2 * d):
+        system[row, row], system[row, plant + motor] = -1 / torque.lag[motor], 1 / torque.lag[motor]
+    return np.asarray(expm(system * time)[:plant])

@@ -24,7 +24,11 @@ class Imperfections:
     quantisation : float
         Resolution of the measured angles [rad, motor shaft]; 0 for none.
     angle_noise : array_like
-        Standard deviation of white noise on the measured angles [rad, motor shaft].
+        Standard deviation of white noise on the angles that the controller sees, and that motors'
+        encoders record [rad, motor shaft].
+    output_noise : array_like
+        Standard deviation of white noise on what all other outputs record, one for each of the
+        robot's outputs [in its unit, of encoders rad or m].
     torque_disturbance : array_like, N m
         Standard deviation of white noise on the torques, unseen.
     torque_limit : array_like or None, N m
@@ -36,11 +40,15 @@ class Imperfections:
     backlash: ArrayLike = 0.0
     quantisation: float = 0.0
     angle_noise: ArrayLike = 0.0
+    output_noise: ArrayLike = 0.0
     torque_disturbance: ArrayLike = 0.0
     torque_limit: ArrayLike | None = None
 
     def __post_init__(self) -> None:
-        for name in ("friction", "backlash", "quantisation", "angle_noise", "torque_disturbance"):
+        for name in (
+            "friction", "backlash", "quantisation", "angle_noise", "output_noise",
+            "torque_disturbance",
+        ):  # fmt: skip
             value = np.asarray(getattr(self, name), dtype=float)
             if not (np.isfinite(value) & (value >= 0)).all():
                 raise InvalidInput(f"imperfections: {name} {value.tolist()} is not a number >= 0")
@@ -48,8 +56,8 @@ class Imperfections:
         if not (limit > 0).all():
             raise InvalidInput(f"imperfections: torque_limit {limit.tolist()} is not positive")
 
-    def per_motor(self, name: str, n: int) -> Array:
-        """Return an entry as one value per motor, (n,).
+    def per_motor(self, name: str, n: int, each: str = "motor") -> Array:
+        """Return an entry as one value per motor, (n,), or for each of something else.
 
         Raises
         ------
@@ -60,7 +68,8 @@ class Imperfections:
         value = np.asarray(np.inf if value is None else value, dtype=float)
         if value.shape not in ((), (1,), (n,)):
             raise InvalidInput(
-                f"imperfections: {name} has {value.size} values; 1 or {n}, one per motor, is needed"
+                f"imperfections: {name} has {value.size} values; "
+                f"1 or {n}, one per {each}, is needed"
             )
         return np.array(np.broadcast_to(value, (n,)))
 

@@ -52,7 +52,7 @@ def angle_response(network: SpringNetwork, omega: Array, sample_time: float) -> 
     lag = (hold_response(omega, sample_time) / -np.square(omega))[:, None]
     if network.measurement is not None:
         late = np.exp(-1j * omega * network.measurement.delay)
-        lag = lag * late[:, None] * network.measurement.gain
+        lag = lag * late[:, None] * network.measurement.torque.response(omega)
     return np.asarray(lag[:, None, :] * accelerations)
 
 

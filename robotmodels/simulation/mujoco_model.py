@@ -11,12 +11,21 @@ from robotmodels.common.arrays import Array
 from robotmodels.common.errors import InvalidInput
 from robotmodels.description.counterbalances import Counterbalance
 from robotmodels.description.joint_drives import Coupling
+from robotmodels.description.model_files import ModelSource
+from robotmodels.description.outputs import outputs_of
 from robotmodels.description.robot_file import Body, Hardening, Motor, RobotFile, Spring
 from robotmodels.simulation.urdf_tree import Inertial, Joint, Tree
 
 UNIT = {"x": (1.0, 0.0, 0.0), "y": (0.0, 1.0, 0.0), "z": (0.0, 0.0, 1.0)}
 _LEAST_INERTIA = 1e-10  # MuJoCo knows no point masses [kg m^2]
 _LEAST_MASS = 1e-14  # nor moving bodies without mass [kg, kg m^2]
+SENSORS = {
+    "acceleration": mujoco.mjtSensor.mjSENS_ACCELEROMETER,
+    "angular_velocity": mujoco.mjtSensor.mjSENS_GYRO,
+    "force": mujoco.mjtSensor.mjSENS_FORCE,
+    "torque": mujoco.mjtSensor.mjSENS_TORQUE,
+}
+"""Of quantities of sensors on links."""
 
 
 class PlantBuilder:
@@ -36,6 +45,7 @@ class PlantBuilder:
         self.drives = {s.joint: s for s in file.springs if s.axis == "drive"}
         self.balances = [b for b in file.counterbalances if b.in_mujoco]
         self.couplings = {n: c for n, c in tree.couplings.items() if n not in file.lock}
+        self.sensors = [output for output in outputs_of(file) if output.kind == "link"]
 
     def compile(self) -> mujoco.MjModel:
         """Return the compiled model.
@@ -54,11 +64,12 @@ class PlantBuilder:
             self._add_balance(balance)
         for follower, coupling in self.couplings.items():
             self._add_coupling(follower, coupling)
-        for sensor in self.file.accelerometers:
+        for output in self.sensors:
             self.spec.add_sensor(
-                type=mujoco.mjtSensor.mjSENS_ACCELEROMETER,
+                name=output.label,
+                type=SENSORS[output.quantity],
                 objtype=mujoco.mjtObj.mjOBJ_SITE,
-                objname=sensor.name,
+                objname=output.label,
             )
         try:
             return self.spec.compile()
@@ -76,7 +87,7 @@ class PlantBuilder:
         gear = self.spec.add_tendon(name=motor.joint)
         gear.wrap_joint(motor.joint, 1.0)
         gear.wrap_joint(motor.name, -1.0)
-        gear.stiffness, gear.damping = _stiffness(spring), [spring.damping, 0.0, 0.0]
+        gear.stiffness, gear.damping = stiffness_polynomial(spring), [spring.damping, 0.0, 0.0]
         gear.springlength = [0.0, 0.0]
 
     def _add_balance(self, balance: Counterbalance) -> None:
@@ -112,18 +123,26 @@ class PlantBuilder:
                 _add_torsion(body, spring)
             inertial, frame = distal, -at
         _set_inertia(body, _shift(inertial, frame))
-        payload = self.file.payload
+        payload, carried = self.file.payload, body
         if payload is not None and payload.link == link:
-            _set_inertia(body.add_body(name="the payload", pos=frame), _from_body(payload))
-        self._add_sites(link, body, frame)
+            carried = body.add_body(name="the payload", pos=frame)
+            _set_inertia(carried, _from_body(payload))
+        self._add_sites(link, body, carried, frame)
         for joint in self.tree.joints[link]:
             self._add_joint(joint, body, frame)
 
-    def _add_sites(self, link: str, body: mujoco.MjsBody, frame: Array) -> None:
-        """Add the sites of sensors and of springs between two points."""
-        for sensor in self.file.accelerometers:
-            if sensor.link == link:
-                body.add_site(name=sensor.name, pos=frame + np.array(sensor.at))
+    def _add_sites(
+        self, link: str, body: mujoco.MjsBody, carried: mujoco.MjsBody, frame: Array
+    ) -> None:
+        """Add the sites of sensors and of springs between two points.
+
+        Forces are measured between the link and the payload that it carries.
+        """
+        for output in (output for output in self.sensors if output.link == link):
+            if output.quantity in ("force", "torque"):
+                carried.add_site(name=output.label, pos=np.array(output.point))
+            else:
+                body.add_site(name=output.label, pos=frame + np.array(output.point))
         for balance in self.balances:
             for i, end in enumerate(balance.points or ()):
                 if end.link == link:
@@ -159,7 +178,10 @@ class PlantBuilder:
             drive.armature = motor.inertia * motor.gear_ratio**2
             drive.damping = [motor.viscous * motor.gear_ratio**2, 0.0, 0.0]
         elif motor is None and spring is not None:
-            drive.stiffness, drive.damping = _stiffness(spring), [spring.damping, 0.0, 0.0]
+            drive.stiffness, drive.damping = (
+                stiffness_polynomial(spring),
+                [spring.damping, 0.0, 0.0],
+            )
 
     def _add_arms(
         self,
@@ -193,7 +215,7 @@ def _site(balance: Counterbalance, end: int) -> str:
     return f"{balance.name} end {end + 1}"
 
 
-def _stiffness(spring: Spring) -> list[float]:
+def stiffness_polynomial(spring: Spring) -> list[float]:
     """Return the coefficients of elongation, its square and its cube (see the robot file)."""
     k = spring.stiffness
     if isinstance(k, Hardening):
@@ -206,7 +228,7 @@ def _add_torsion(body: mujoco.MjsBody, spring: Spring) -> None:
     hinge = body.add_joint(
         name=spring.name, type=mujoco.mjtJoint.mjJNT_HINGE, axis=UNIT[spring.axis]
     )
-    hinge.stiffness, hinge.damping = _stiffness(spring), [spring.damping, 0.0, 0.0]
+    hinge.stiffness, hinge.damping = stiffness_polynomial(spring), [spring.damping, 0.0, 0.0]
 
 
 def _from_body(body: Body) -> Inertial:

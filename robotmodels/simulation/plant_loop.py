@@ -75,6 +75,8 @@ class Drives(NamedTuple):
     ----------
     friction : ndarray, (n,), N m
         Coulomb torque on the motor shaft.
+    delay, lag : ndarray, (n,), samples
+        Delay of the torques after their commands, and time constant of their first-order lag.
     mobility : ndarray, (d, n)
         Velocity per impulse on a motor's coordinate.
     """
@@ -84,6 +86,8 @@ class Drives(NamedTuple):
     gain: Array
     limit: Array
     friction: Array
+    delay: Array
+    lag: Array
     mobility: Array
 
 
@@ -115,31 +119,37 @@ def closed_loop_run(
     disturbance: Array,
     sample_time: float,
     substeps: int,
-) -> tuple[Array, Array, NDArray[np.bool_], int]:
+    motion: Array,
+) -> tuple[Array, Array, NDArray[np.bool_], Array, int]:
     """Simulate one run from the state in `engine`.
+
+    `motion`, (2, T, d) or empty, receives the coordinates and their rates at every sample.
 
     Returns
     -------
-    tuple of (ndarray, ndarray, ndarray of bool, int)
-        Torque, angle and whether the torque was limited, (T, n), on the motor shafts; and how many
-        samples went well.
+    tuple of (ndarray, ndarray, ndarray of bool, ndarray, int)
+        Torque as commanded, angle, whether the torque was limited, and torque of the motors, all
+        (T, n), on the motor shafts; and how many samples went well. Torque is held over a sample;
+        that of a motor is the mean of before and after the sample's instant.
     """
     T, n = reference.shape
-    torque, angle = np.zeros((T, n)), np.zeros((T, n))
+    torque, angle, delivered = np.zeros((T, n)), np.zeros((T, n)), np.zeros((T, n))
     limited = np.zeros((T, n), np.bool_)
     true_angle, true_speed = np.empty((T, n)), np.empty((T, n))
     start = drives.ratio * engine.qpos[drives.coordinate]
     last, speed, integral = start.copy(), np.zeros(n), np.zeros(n)
-    impulses = np.zeros(n)
+    impulses, lagging = np.zeros(n), np.stack((gains.hold, gains.hold))
     work = np.zeros((3, len(engine.qpos)))
     for k in range(T):
+        if motion.size:
+            motion[0, k], motion[1, k] = engine.qpos, engine.qvel
         for j in range(n):
             c = drives.coordinate[j]
             true_angle[k, j] = drives.ratio[j] * engine.qpos[c]
             true_speed[k, j] = drives.ratio[j] * engine.qvel[c]
             # Written so that NaN ends it too.
             if not abs(true_angle[k, j] - start[j]) < _FARTHEST * abs(drives.ratio[j]):
-                return torque, angle, limited, k
+                return torque, angle, limited, delivered, k
             y = _measured(true_angle, true_speed, k, j, sensing, sample_time, start[j])
             pole = gains.filter_pole[j]
             speed[j] = pole * speed[j] + (1 - pole) * (y - last[j]) / sample_time
@@ -153,9 +163,33 @@ def closed_loop_run(
             else:
                 integral[j] += step
             torque[k, j], angle[k, j] = u, y
-            engine.applied[c] = drives.ratio[j] * (drives.gain[j] * u + disturbance[k, j])
+            mean, delivered[k, j] = _motor_torque(torque, k, j, drives, lagging, gains.hold[j])
+            engine.applied[c] = drives.ratio[j] * (mean + disturbance[k, j])
         _advance(engine, drives, impulses, sample_time, substeps, work)
-    return torque, angle, limited, T
+    return torque, angle, limited, delivered, T
+
+
+@njit(nogil=True, cache=True)
+def _motor_torque(
+    torque: Array, k: int, j: int, drives: Drives, lagging: Array, hold: float
+) -> tuple[float, float]:
+    """Return motor `j`'s torque: its mean over sample `k`, and at the sample's instant.
+
+    `lagging` (2, n) keeps the command behind its lag, and its mean over the sample before. To hold
+    the mean takes a part (omega sample_time)^2 / 24 off the torque's amplitude.
+    """
+    whole = int(np.floor(drives.delay[j]))
+    late = torque[k - whole, j] if k >= whole else hold
+    part = drives.delay[j] - whole
+    if part > 0:
+        late += part * ((torque[k - whole - 1, j] if k > whole else hold) - late)
+    gain, lag, now = drives.gain[j], drives.lag[j], lagging[0, j]
+    if lag == 0:
+        now, lagging[1, j] = (lagging[1, j] + late) / 2, late
+        return gain * late, gain * now
+    remaining = np.exp(-1 / lag)
+    lagging[0, j] = late + (now - late) * remaining
+    return gain * (late + (now - late) * lag * (1 - remaining)), gain * now
 
 
 @njit(nogil=True, cache=True)

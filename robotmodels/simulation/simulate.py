@@ -44,7 +44,7 @@ def simulate(
     Parameters
     ----------
     robot : ElasticRobot
-        The robot; its accelerometers are not simulated.
+        The robot; all of its outputs are recorded.
     positions : ndarray, (Q, n), rad
         Positions.
     signals : ndarray, (B, E, N, n), or (Q, B, E, N, n), rad/s
@@ -87,6 +87,7 @@ def simulate(
     envelope = _check_envelope(envelope, signals.shape[-2], transient)
     for name in ("backlash", "angle_noise", "torque_disturbance", "torque_limit"):
         imperfections.per_motor(name, positions.shape[1])
+    imperfections.per_motor("output_noise", len(robot.outputs), "output")
     blocks_of_positions = list(product(range(len(positions)), range(signals.shape[1])))
     blocks = [
         Block(
@@ -154,6 +155,7 @@ def _positions(
                 reference=np.stack([block.signals for block in mine])[None, :, :, None],
                 torque=torque,
                 angle=angle,
+                derivatives=np.array([output.order for output in blocks[0].robot.outputs]),
                 saturated=np.asarray(limited.any(axis=4)),
             )
             done = []

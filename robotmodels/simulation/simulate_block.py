@@ -23,6 +23,7 @@ from robotmodels.simulation.plant_loop import (
     closed_loop_run,
 )
 from robotmodels.simulation.plant_model import PlantModel, addresses, build_plant, register_mujoco
+from robotmodels.simulation.readings import other_outputs, readings
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,7 +59,7 @@ class Block:
 
 
 def run_block(block: Block) -> tuple[Array, Array, NDArray[np.bool_]]:
-    """Return torque, angle and whether limited, (E, P, N, n), of one block of runs.
+    """Return torque, outputs and whether limited, (E, P, N, n or m), of one block of runs.
 
     Raises
     ------
@@ -76,11 +77,13 @@ def run_block(block: Block) -> tuple[Array, Array, NDArray[np.bool_]]:
     steps = substeps(plant, robot.file, state, controller.sample_time)
     n = len(hold)
     state = open_gears(plant, state, flaws.per_motor("backlash", n))
-    engine, drives = _mujoco_state(plant), _drives(plant, robot, state, flaws)
+    engine = _mujoco_state(plant)
+    drives = _drives(plant, robot, state, flaws, controller.sample_time)
     gains = _controller_gains(controller, hold / drives.gain)
     _, N, _ = block.signals.shape
     total = (block.transient + block.periods) * N
-    shape = (block.periods, N, n)
+    step = controller.sample_time
+    motion = np.empty((2, total, len(state)) if other_outputs(robot) else (2, 0, 0))
     results: list[Any] = []
     for e, signal in enumerate(block.signals):
         engine.qpos[:], engine.qvel[:], engine.applied[:] = state, 0.0, 0.0
@@ -89,15 +92,25 @@ def run_block(block: Block) -> tuple[Array, Array, NDArray[np.bool_]]:
             for name in ("angle_noise", "torque_disturbance")
         )
         reference = _whole_run(block, signal)
-        sensing = Sensing(robot.file.delay / controller.sample_time, flaws.quantisation, errors)
-        *traces, good = closed_loop_run(
-            engine, drives, gains, sensing, reference, disturbance, controller.sample_time, steps
+        sensing = Sensing(robot.file.delay / step, flaws.quantisation, errors)
+        torque, angle, limited, delivered, good = closed_loop_run(
+            engine, drives, gains, sensing, reference, disturbance, step, steps, motion
         )
         if good < total:
-            raise _lost(f"{block.where}, run {e + 1}", good * controller.sample_time)
-        results.append([trace[block.transient * N :].reshape(shape) for trace in traces])
-    torque, angle, limited = (np.stack(part) for part in zip(*results, strict=True))
-    return torque, angle, limited
+            raise _lost(f"{block.where}, run {e + 1}", good * step)
+        noise = _output_noise(block, total)
+        outputs = readings(plant, robot, angle, delivered, motion, step, noise)
+        recorded = (trace[block.transient * N :] for trace in (torque, outputs, limited))
+        results.append([trace.reshape(block.periods, N, -1) for trace in recorded])
+    torque, outputs, limited = (np.stack(part) for part in zip(*results, strict=True))
+    return torque, outputs, limited
+
+
+def _output_noise(block: Block, samples: int) -> Array:
+    """Return the errors of the outputs, (T, m); nothing is drawn where there are none."""
+    m = len(block.robot.outputs)
+    std = np.broadcast_to(block.imperfections.per_motor("output_noise", m, "output"), (samples, m))
+    return std * block.rng.normal(size=std.shape) if std.any() else std
 
 
 def _simulated_file(robot: ElasticRobot, position: Array) -> RobotFile:
@@ -158,7 +171,9 @@ def _mujoco_state(plant: PlantModel) -> MujocoState:
     )
 
 
-def _drives(plant: PlantModel, robot: ElasticRobot, state: Array, flaws: Imperfections) -> Drives:
+def _drives(
+    plant: PlantModel, robot: ElasticRobot, state: Array, flaws: Imperfections, step: float
+) -> Drives:
     motors = robot.file.motors
     n = len(motors)
     unit = np.zeros((len(state), n))
@@ -169,6 +184,8 @@ def _drives(plant: PlantModel, robot: ElasticRobot, state: Array, flaws: Imperfe
         np.array([m.torque_gain for m in motors]),
         flaws.per_motor("torque_limit", n),
         flaws.friction * np.array([m.coulomb for m in motors]),
+        np.array([m.torque_delay / step for m in motors]),
+        np.array([m.torque_lag / step for m in motors]),
         plant.mobility(state, unit),
     )
 

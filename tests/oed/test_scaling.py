@@ -12,7 +12,7 @@ from oed import Limits, band_multisine, experiment_plan, predicted_peaks, scale
 from oed.experiment.amplitude_scaling import fair_amplitudes
 from oed.experiment.predicted_peaks import PlannedLoop
 from robotmodels import InvalidInput, LinearModel
-from robotmodels.linear.linear_model import Measurement
+from robotmodels.linear.linear_model import Channels, Measurement
 from robotmodels.simulation.controller import Controller, default_controller
 from robotmodels.simulation.discrete_loop import sampled_loop
 
@@ -61,7 +61,9 @@ def test_the_start_knows_the_speed_filter_and_a_delay():
         np.array([[viscous]]),
         np.zeros((1, 1)),
         np.array([[1.0]]),
-        Measurement(np.zeros((1, 1)), np.zeros((1, 1)), np.eye(1), np.array([0.5]), late * T),
+        Measurement(
+            np.zeros((1, 1)), np.zeros((1, 1)), np.eye(1), Channels.plain(np.array([0.5])), late * T
+        ),
     )
     controller = Controller([0.4], [0.3], [3.0], T, [4e-3])
     reference = np.random.default_rng(5).standard_normal((1, 400, 1))

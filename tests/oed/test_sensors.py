@@ -170,7 +170,7 @@ def test_accelerometers_of_a_robot_file():
     np.testing.assert_allclose(parts, whole, atol=1e-9 * np.abs(whole).max())
     bought = optimal_sensors(base, {name: Sensor(one) for name, one in added.items()}, 1.0)
     assert len(bought.sensors) == 1
-    with pytest.raises(InvalidInput, match="has no accelerometers"):
+    with pytest.raises(InvalidInput, match="has no outputs beside motors' encoders"):
         sensor_information(bare, positions, omega, noise)
     with pytest.raises(InvalidInput, match="positions: none given"):
         sensor_information(robot, np.empty((0, 6)), omega, noise)

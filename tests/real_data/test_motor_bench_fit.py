@@ -55,11 +55,9 @@ class Bench:
         wider = {
             name: np.concatenate([array, np.zeros_like(array[:, :1])], axis=1)
             for name, array in vars(found).items()
-            if name not in ("ln_gain", "delay")
+            if array is not None and name != "delay"
         }
-        return replace(
-            found, **wider, ln_gain=np.zeros((len(theta), 1)), delay=np.append(found.delay, 0.0)
-        )
+        return replace(found, **wider, delay=np.append(found.delay, 0.0))
 
     def linearization(self, positions, parameters=None, *, equilibrium_shift=True):
         return self.network(positions, parameters), self.tangents(

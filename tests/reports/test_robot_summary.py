@@ -76,7 +76,9 @@ def test_outputs_only_where_they_are_not_the_default() -> None:
     robot = built(SENSED)
     text = shown(robot)
     assert "outputs (9)" in text
-    assert "accelerometer tip on wrist_3_link at (0.100, 0.000, 0.050) m, along (0, 1, 1)" in text
+    words = " ".join(text.split())
+    assert "accelerometer 'tip': acceleration of link wrist_3_link at (0.100, 0.000, " in words
+    assert "0.050) m, along (0, 1, 1) [m/s²]" in words
     assert "late by 0.200 ms" in text
     assert "payload.com.z" in text
     file = robot.file.model_copy(update={"output": "velocity"})

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 
 from robotmodels.description.parameters import Parameters
-from robotmodels.linear.linear_model import Measurement
+from robotmodels.linear.linear_model import Channels, Measurement
 from robotmodels.linear.spring_network import Inertances, SpringNetwork
 
 
@@ -108,7 +108,10 @@ def other_outputs(rng):
     speed[:, :2] = network.selector.T
     acceleration[:, 2, 4] = 1.0
     return replace(
-        network, measurement=Measurement(still, speed, acceleration, np.array([1.0, 1.1]), 1e-3)
+        network,
+        measurement=Measurement(
+            still, speed, acceleration, Channels.plain(np.array([1.0, 1.1])), 1e-3
+        ),
     )
 
 
@@ -118,7 +121,10 @@ def motor_speeds(rng):
     still = np.zeros((len(network.mass), *network.selector.T.shape))
     gain = np.array([1.0, 1.1, 0.9])
     return replace(
-        network, measurement=Measurement(still, still + network.selector.T, still, gain, 2e-3)
+        network,
+        measurement=Measurement(
+            still, still + network.selector.T, still, Channels.plain(gain), 2e-3
+        ),
     )
 
 
@@ -128,7 +134,10 @@ def motor_angles(rng):
     still = np.zeros((len(network.mass), *network.selector.T.shape))
     gain = np.full(3, 1.2)
     return replace(
-        network, measurement=Measurement(still + network.selector.T, still, still, gain, 0.0)
+        network,
+        measurement=Measurement(
+            still + network.selector.T, still, still, Channels.plain(gain), 0.0
+        ),
     )
 
 

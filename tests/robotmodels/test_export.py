@@ -171,7 +171,8 @@ def test_state_space(case: Case, tmp_path: Path) -> None:
     robot, path = case.robot, tmp_path / "robot.mat"
     robotmodels.export(robot, path, "state_space", case.positions)
     file = loadmat(path, simplify_cells=True)
-    late = np.exp(-1j * OMEGA * file["delay"])
+    delays = np.reshape(file["output_delay"], (-1, 1)) + np.reshape(file["input_delay"], -1)
+    late = np.exp(-1j * OMEGA * delays[..., None])
     responses = []
     for i in range(len(case.positions)):
         matrices = [file[name][..., i] for name in "ABCD"]
@@ -307,7 +308,7 @@ def test_python_control_objects_have_named_signals() -> None:
     (data,) = model.to_control_frd(OMEGA)
     assert system.input_labels == data.input_labels == [f"{n}_torque" for n in robot.motor_names]
     assert system.output_labels == data.output_labels == list(robot.output_names)
-    late = np.exp(-1j * OMEGA * model.delay)
+    late = np.exp(-1j * OMEGA * (model.output_delay[:, None] + model.input_delay)[..., None])
     np.testing.assert_allclose(
         system(1j * OMEGA) * late, data(1j * OMEGA), rtol=0, atol=1e-6 * np.abs(data.frdata).max()
     )

@@ -5,7 +5,7 @@ import pytest
 
 from robotmodels import InvalidInput, LinearModel, sensitivity
 from robotmodels.description.parameters import Parameters
-from robotmodels.linear.linear_model import Measurement
+from robotmodels.linear.linear_model import Channels, Measurement
 from robotmodels.linear.spring_network import SpringNetwork
 
 MASS, SPRING, DAMPER, RATIO = (2.0, 3.0), 500.0, 0.4, 10.0
@@ -34,12 +34,12 @@ def test_two_masses_on_a_spring() -> None:
 
 def test_receptances_are_both_halves_of_the_response() -> None:
     rows = np.array([[[0.0, 1.0]], [[0.5, 0.0]], [[2.0, 0.1]]])
-    model = two_masses(Measurement(*rows, gain=np.array([1.3]), delay=1e-3))
+    model = two_masses(Measurement(*rows, torque=Channels.plain(np.array([1.3])), delay=1e-3))
     X, Z = model.receptances(OMEGA)
     outputs = model.measured.outputs(OMEGA)
     G = model.frequency_response(OMEGA)
     np.testing.assert_allclose(outputs @ X, G, rtol=1e-12)
-    torques = model.selector * model.measured.gain
+    torques = model.selector * model.measured.torque.gain
     np.testing.assert_allclose(np.swapaxes(Z, -1, -2) @ torques, G, rtol=1e-12)
 
 
@@ -50,7 +50,7 @@ def test_one_of_many() -> None:
         one.damping,
         np.stack([one.stiffness, 3 * one.stiffness]),
         one.selector,
-        Measurement(*rows, gain=np.array([1.3])),
+        Measurement(*rows, torque=Channels.plain(np.array([1.3]))),
     )
     G = many.frequency_response(OMEGA)
     for index in (0, 1):

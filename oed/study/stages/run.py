@@ -185,7 +185,8 @@ def _run(
             "study: candidates, frequencies and noise are needed where data are simulated"
         )
     omega = frequency_grid(frequencies)
-    law = RelativeNoise(relative=noise.relative, floor=noise.floor)
+    mixed = len(set(robot.output_units)) > 1
+    law = RelativeNoise(relative=noise.relative, floor=noise.floor, by_output=mixed)
     return SimulatedRun(study, robot, stages, executor, plant, candidates, omega, law)
 
 
