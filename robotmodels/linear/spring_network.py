@@ -268,10 +268,10 @@ class SpringNetwork:
         J = J.reshape(*G.shape, -1)
         if self.torque_springs is not None:
             rows, springs, a = self._torque_rows()
-            weights = np.einsum("qfts,qtsp->qfsp", scale[..., springs], exponents[:, :, springs])
             sensors = np.broadcast_to(model.measured.sensors(omega), G.shape[1:3])[:, rows, None]
             # What its coefficients are to a spring's torque, beside its elongation.
-            J[:, :, rows] += (weights * sensors)[..., None, :] * (a @ X)[..., None]
+            direct = np.einsum("qfts,qtsp->qfsp", scale[..., springs], exponents[:, :, springs])
+            J[:, :, rows] += (sensors * direct)[..., None, :] * (a @ X)[..., None]
         return G, J
 
     def _moves(self) -> Array:
