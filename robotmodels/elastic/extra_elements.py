@@ -34,9 +34,11 @@ _INERTIA = ("xx", "xy", "xz", "yy", "yz", "zz")
 def extra_elements(file: RobotFile) -> dict[str, tuple[float, str]]:
     """Return magnitude and unit of everything that ``parameters.extra`` may name."""
     table: dict[str, tuple[float, str]] = {}
-    for motor in file.motors:
-        for name, unit in _OF_MOTORS.items():
-            table[f"{motor.name}.{name}"] = (getattr(motor, name), unit)
+    table |= {
+        f"{motor.name}.{name}": (getattr(motor, name), unit)
+        for motor in file.motors
+        for name, unit in _OF_MOTORS.items()
+    }
     for spring in file.springs:
         if spring.at is not None:
             table[f"{spring.name}.at"] = (float(np.linalg.norm(spring.at)), "m")
@@ -50,9 +52,11 @@ def extra_elements(file: RobotFile) -> dict[str, tuple[float, str]]:
             table[f"payload.com.{axis}"] = (abs(value), "m")
         for axes, value in zip(_INERTIA, file.payload.inertia, strict=True):
             table[f"payload.inertia.{axes}"] = (abs(value), "kg m^2")
-    for output in file.outputs:
-        for name, unit in _OF_OUTPUTS.items():
-            table[f"{output.label}.{name}"] = (abs(getattr(output, name)), unit)
+    table |= {
+        f"{output.label}.{name}": (abs(getattr(output, name)), unit)
+        for output in file.outputs
+        for name, unit in _OF_OUTPUTS.items()
+    }
     table["delay"] = (file.delay, "s")
     return table
 

@@ -11,7 +11,6 @@ from robotmodels.common.arrays import Array
 from robotmodels.common.errors import InvalidInput
 from robotmodels.description.counterbalances import Counterbalance
 from robotmodels.description.joint_drives import Coupling
-from robotmodels.description.model_files import ModelSource
 from robotmodels.description.outputs import outputs_of
 from robotmodels.description.robot_file import Body, Hardening, Motor, RobotFile, Spring
 from robotmodels.simulation.urdf_tree import Inertial, Joint, Tree

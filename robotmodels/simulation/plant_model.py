@@ -66,10 +66,23 @@ class PlantModel:
         """Return the mass matrix, motors included, (d, d)."""
         self.data.qpos[:] = coordinates
         mujoco.mj_forward(self.model, self.data)
+        return self._mass()
+
+    def _mass(self) -> Array:
         dense = np.eye(self.model.nv)
         for column in dense:  # mj_fullM takes other arguments before MuJoCo 3.8
             mujoco.mj_mulM(self.model, self.data, column, column.copy())
         return dense
+
+    def obey_couplings(self) -> None:
+        """Correct accelerations for joints that follow others, and sensors by them (Gauss)."""
+        if len(self.independent) == self.model.nv:
+            return
+        T, M = self.coordinate_map.matrix, self._mass()
+        free = np.linalg.solve(self.coordinate_map.congruent(M), T.T @ (M @ self.data.qacc))
+        self.data.qacc[:] = T @ free
+        mujoco.mj_rnePostConstraint(self.model, self.data)
+        mujoco.mj_sensorAcc(self.model, self.data)
 
     def mobility(self, coordinates: Array, forces: Array) -> Array:
         """Return the accelerations, (d, n), by `forces`, (d, n), without any others."""

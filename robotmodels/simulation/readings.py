@@ -70,6 +70,7 @@ def _sensed(plant: PlantModel, robot: ElasticRobot, torque: Array, motion: Array
         data.qpos[:], data.qvel[:] = motion[0, k], motion[1, k]
         data.qfrc_applied[plant.motors] = applied
         mujoco.mj_forward(model, data)
+        plant.obey_couplings()
         for j, (first, axis) in enumerate(sensors):
             values[k, j] = axis @ data.sensordata[first : first + 3]
     return values
