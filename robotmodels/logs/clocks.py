@@ -15,7 +15,7 @@ from robotmodels.logs.units import time_factor
 
 _TIME_NAME = re.compile(r"(^|[^a-z])(t|time|timestamps?|stamps?|zeit)([^a-z]|$)", re.IGNORECASE)
 _WINDOW = 8  # stamps on both sides that tell a gap from a late stamp
-_UNITS = ("s", "ms", "us", "ns")
+_RESTART = 5  # spacings that the time runs back by where it begins anew, and rises after
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,6 +36,8 @@ class Clock:
         Root mean square and largest distance of the stamps from the line.
     doubled : int
         Rows left out because they repeat the time of the row before.
+    restarts : tuple of int
+        Rows at which the time begins anew; a gap is put before them.
     source : str
         What it was made from, in words.
     """
@@ -48,6 +50,7 @@ class Clock:
     worst: float
     doubled: int
     source: str
+    restarts: tuple[int, ...] = ()
 
     @property
     def gaps(self) -> list[tuple[int, int]]:
@@ -115,6 +118,7 @@ def fit_clock(stamps: Array, where: str, source: str, sample_time: float | None 
         If fewer than three stamps rise.
     """
     finite = np.flatnonzero(np.isfinite(stamps))
+    stamps, restarts = _continued(stamps, finite)
     rows = finite[np.r_[True, _rising(stamps[finite])]] if len(finite) else finite
     if len(rows) < 3:
         raise InvalidInput(f"{where}: {source}: fewer than three of them rise; they are no times")
@@ -133,6 +137,7 @@ def fit_clock(stamps: Array, where: str, source: str, sample_time: float | None 
         jitter=float(np.sqrt(np.mean(residual**2))),
         worst=float(np.abs(residual).max()),
         doubled=len(finite) - len(rows),
+        restarts=restarts,
         source=source,
     )
 
@@ -148,10 +153,13 @@ def clock_messages(clock: Clock, name: str) -> list[str]:
         )
     if clock.doubled:
         lines.append(f"{name}: {clock.doubled} rows repeat a time or run back and are left out")
-    for row, missing in clock.gaps[:5]:
+    for row in clock.restarts[:5]:
+        lines.append(f"{name}: the time begins anew at row {row}, and with it a run")
+    gaps = [(row, missing) for row, missing in clock.gaps if row not in clock.restarts]
+    for row, missing in gaps[:5]:
         lines.append(f"{name}: a gap of {missing} missing samples before row {row}")
-    if len(clock.gaps) > 5:
-        lines.append(f"{name}: {len(clock.gaps)} gaps in all; each part becomes a run of its own")
+    if len(gaps) > 5:
+        lines.append(f"{name}: {len(gaps)} gaps in all; each part becomes a run of its own")
     return lines
 
 
@@ -164,6 +172,26 @@ def _counted(table: Table, choice: TimeChoice, where: str) -> Clock:
     counts = counts + span * np.r_[0, np.cumsum(steps < -span / 2)]  # it began anew
     source = f"counter {choice.counter!r}"
     return fit_clock(counts * choice.sample_time, where, source, None)
+
+
+def _continued(stamps: Array, finite: IntArray) -> tuple[Array, tuple[int, ...]]:
+    """Return stamps that go on rising where recordings were put one behind the other."""
+    steps = np.diff(stamps[finite])
+    if not (steps > 0).any():
+        return stamps, ()
+    spacing = float(np.median(steps[steps > 0], axis=0))
+    backward = np.flatnonzero(steps < -_RESTART * spacing)
+    # What runs back for a row or two is a stamp that came wrong, not a recording.
+    starts = [i + 1 for i in backward if _rises_from(stamps[finite[i + 1 : i + 1 + _RESTART]])]
+    shifted = stamps.copy()
+    for start in starts:
+        pause = stamps[finite[start - 1]] + _RESTART * spacing - stamps[finite[start]]
+        shifted[finite[start] :] += pause
+    return shifted, tuple(int(finite[start]) for start in starts)
+
+
+def _rises_from(stamps: Array) -> bool:
+    return len(stamps) > 2 and bool((np.diff(stamps) > 0).all())
 
 
 def _rising(times: Array) -> Array:

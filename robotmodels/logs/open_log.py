@@ -3,24 +3,39 @@
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 from robotmodels.common.errors import InvalidInput
 from robotmodels.common.file_paths import check_file
-from robotmodels.common.progress import StageProgress
+from robotmodels.common.progress import Progress, StageProgress
 from robotmodels.data_files.file_guard import PathLike
 from robotmodels.logs.array_log import read_hdf5_log, read_matlab_log, read_numpy_log
+from robotmodels.logs.bag_log import read_bag_log
 from robotmodels.logs.log import Log
+from robotmodels.logs.record_formats import (
+    is_kuka_trace,
+    read_kuka_trace,
+    read_parquet_log,
+    read_tdms_log,
+)
 from robotmodels.logs.text_log import read_text_log
 from robotmodels.logs.uff_log import read_uff_log
 
 _READERS: dict[str, Callable[[Path, ExitStack], Log]] = {
+    ".tdms": read_tdms_log,
     ".mat": read_matlab_log,
     **dict.fromkeys((".h5", ".hdf5", ".hdf"), read_hdf5_log),
     **dict.fromkeys((".npz", ".npy"), read_numpy_log),
     **dict.fromkeys((".uff", ".unv", ".uf"), read_uff_log),
 }
 _TEXT = (".csv", ".tsv", ".txt", ".log", ".asc", ".dat")
+_STREAMS: dict[str, Callable[[Path, ExitStack, Progress | None], Log]] = {
+    **dict.fromkeys(_TEXT, read_text_log),
+    **dict.fromkeys((".parquet", ".pq"), read_parquet_log),
+    **dict.fromkeys((".bag", ".db3", ".mcap"), read_bag_log),
+}
+"""Formats that are read through once, with progress."""
 
 
 @contextmanager
@@ -57,15 +72,19 @@ def open_log(
 
 def _read(path: Path, stack: ExitStack, progress: StageProgress | None) -> Log:
     ending = path.suffix.lower()
+    if path.is_dir() and (path / "metadata.yaml").exists():
+        return read_bag_log(path, stack)
     check_file(path)
     if ending in _READERS:
         return _READERS[ending](path, stack)
-    if ending in _TEXT:
-        report = None if progress is None else lambda done, total: progress(path.name, done, total)
-        return read_text_log(path, stack, report)
+    if ending == ".dat" and is_kuka_trace(path):
+        return read_kuka_trace(path, stack)
+    if ending in _STREAMS:
+        report = None if progress is None else partial(progress, path.name)
+        return _STREAMS[ending](path, stack, report)
     raise InvalidInput(
         f"{path}: {ending or 'no ending'} is no format that is read; logs end in "
-        f"{', '.join((*_TEXT, *_READERS))}"
+        f"{', '.join((*_STREAMS, *_READERS))}"
     )
 
 

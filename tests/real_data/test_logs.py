@@ -155,6 +155,37 @@ def test_universal_files():
         assert rms(np.abs(values)) == approx(2.186937)
 
 
+@pytest.mark.parametrize("name", ["panda_exciting_trajectory.db3", "derived_ros1.bag"])
+def test_panda_ros_bags(name):
+    """A bare database of ROS 2 without metadata, and the same messages as a bag of ROS 1."""
+    log = files(f"logs/09_panda_ros2/{name}")
+    robot = robotmodels.load_robot("panda")
+    fields = (("position", "motor_angle", "rad"), ("velocity", "motor_velocity", "rad/s"),
+              ("effort", "motor_torque", "N*m"))  # fmt: skip
+    signals = [
+        {"column": f"{field}[*]", "role": role, "unit": unit, "side": "joint"}
+        for field, role, unit in fields
+    ]
+    m = movement(log, robot="panda", signals=signals)
+    assert m.joints == robot.motor_names
+    assert (len(m), m.sample_time) == (727, approx(0.03333334))
+    assert m.motor_angle[0, 0] == approx(-2.253338)
+    assert rms(m.motor_angle)[0] == approx(1.087413)
+    assert rms(m.signal("motor_velocity"))[0] == approx(0.3815574)
+    assert rms(m.motor_torque)[:2] == approx([0.9259366, 18.00100])
+    with open_log(log) as opened:
+        proposal = propose_mapping(opened, robot)
+    entries = {entry.family.role: entry for entry in proposal.entries}
+    assert (entries["motor_angle"].signal.unit, entries["motor_angle"].signal.side) == (
+        "rad", "joint"
+    )  # fmt: skip
+    relations = entries["motor_velocity"].relations
+    assert len(relations) == 7
+    for relation in relations:
+        assert 0.983 < 1 / relation.factor < 1.008
+        assert -0.005 < relation.lag < 0.010
+
+
 @pytest.fixture(scope="module")
 def kr300():
     with open_log(files("kr300/record_A.mat")) as log:

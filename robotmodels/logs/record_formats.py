@@ -1,0 +1,180 @@
+"""Logs of optional libraries: Parquet and TDMS; and KUKA traces, which need none."""
+
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from robotmodels.common.arrays import Array
+from robotmodels.common.errors import InvalidInput
+from robotmodels.common.file_paths import check_file
+from robotmodels.common.progress import Progress
+from robotmodels.data_files.file_guard import library_errors
+from robotmodels.logs.column_store import ColumnStore
+from robotmodels.logs.log import Channel, Log, Table, unique_names
+from robotmodels.logs.optional_library import optional_library
+
+_BATCH = 1 << 15  # rows
+KUKA_HEADER = b"#BEGINCHANNELHEADER"
+
+
+def read_parquet_log(path: Path, stack: ExitStack, progress: Progress | None = None) -> Log:
+    """Read the columns of a Parquet file; lists of one length become a channel per element."""
+    parquet = optional_library("pyarrow.parquet", f"{path}: Parquet")
+    with library_errors(path, "a Parquet file", Exception):
+        file = stack.enter_context(parquet.ParquetFile(path))
+        store, names, done = None, [], 0
+        total = file.metadata.num_rows
+        for batch in file.iter_batches(batch_size=_BATCH):
+            columns = dict(_arrow_columns(batch))
+            if store is None:
+                names, store = list(columns), ColumnStore(len(columns), stack)
+            if list(columns) != names:
+                raise InvalidInput(f"{path}: lists in it change their lengths at row {done}")
+            store.append(np.stack(list(columns.values()), axis=1))
+            done += batch.num_rows
+            if progress is not None:
+                progress(done, total)
+    if store is None or not names:
+        raise InvalidInput(f"{path}: no column of numbers in it")
+    channels = {name: store.channel(i) for i, name in enumerate(names)}
+    return Log((path,), (Table("", store.rows, channels),))
+
+
+def _arrow_columns(batch: Any) -> Iterator[tuple[str, Array]]:
+    arrow = optional_library("pyarrow", "Parquet")
+    for field, column in zip(batch.schema, batch.columns, strict=True):
+        kind = field.type
+        if arrow.types.is_timestamp(kind):
+            yield (
+                field.name,
+                column.cast(arrow.timestamp("ns")).cast("int64").to_numpy(False) * 1e-9,
+            )
+        elif arrow.types.is_integer(kind) or arrow.types.is_floating(kind):
+            yield field.name, np.asarray(column.to_numpy(zero_copy_only=False), dtype=float)
+        elif arrow.types.is_boolean(kind):
+            yield field.name, np.asarray(column.cast("int8").to_numpy(False), dtype=float)
+        elif arrow.types.is_list(kind) or arrow.types.is_fixed_size_list(kind):
+            inner = kind.value_type
+            if not (arrow.types.is_floating(inner) or arrow.types.is_integer(inner)):
+                continue
+            flat = np.asarray(column.flatten().to_numpy(zero_copy_only=False), dtype=float)
+            if batch.num_rows and len(flat) % batch.num_rows == 0:
+                table = flat.reshape(batch.num_rows, -1)
+                for i, values in enumerate(table.T):
+                    yield f"{field.name}[{i}]", values
+
+
+def read_tdms_log(path: Path, stack: ExitStack) -> Log:
+    """Read the channels of a TDMS file; those of a group with one length make a table."""
+    tdms = optional_library("nptdms", f"{path}: TDMS")
+    tables: dict[tuple[str, int], dict[str, Channel]] = {}
+    steps: dict[tuple[str, int], float | None] = {}
+    with library_errors(path, "a TDMS file", Exception):
+        # Of a damaged file nptdms would leave its own handle open.
+        file = stack.enter_context(tdms.TdmsFile.open(stack.enter_context(path.open("rb"))))
+        for group in file.groups():
+            for channel in group.channels():
+                if channel.dtype.kind not in "fiub" or not len(channel):
+                    continue
+                key = (group.name, len(channel))
+                unit = str(channel.properties.get("unit_string", ""))
+                tables.setdefault(key, {})[channel.name] = Channel(
+                    _tdms_reader(channel, path), unit
+                )
+                step = float(channel.properties.get("wf_increment", 0.0))
+                steps[key] = step if step > 0 else steps.get(key)
+    if not tables:
+        raise InvalidInput(f"{path}: no channel of numbers in it")
+    groups = [group for group, _ in tables]
+    named = unique_names([group if len(tables) > 1 else "" for group in groups])
+    return Log(
+        (path,),
+        tuple(
+            Table(name, key[1], channels, steps[key])
+            for name, (key, channels) in zip(named, tables.items(), strict=True)
+        ),
+    )
+
+
+def _tdms_reader(channel: Any, path: Path) -> Callable[[int, int], Array]:
+    def read(start: int, stop: int) -> Array:
+        with library_errors(f"{path}: {channel.name}", "a TDMS file", Exception):
+            return np.asarray(channel[start:stop], dtype=float)
+
+    return read
+
+
+def is_kuka_trace(path: Path) -> bool:
+    """Return whether a .dat file is the header of a KUKA trace, as DIAdem writes it."""
+    with path.open("rb") as file:
+        return KUKA_HEADER in file.read(1 << 16)
+
+
+def read_kuka_trace(path: Path, stack: ExitStack) -> Log:
+    """Read a KUKA trace: channels in a text header, samples side by side in .r64 files.
+
+    A channel without a file is the time: start 240, step 241. Others are at column 221 of the file
+    211, little-endian doubles, times 241 plus 240.
+
+    Raises
+    ------
+    InvalidInput
+        If a header has no samples, or a file is shorter than the header says.
+    """
+    with library_errors(path, "the header of a KUKA trace"):
+        headers = _kuka_headers(path.read_text(encoding="cp1252"))
+        implicit = [h for h in headers if h.get(210, "").upper().startswith("IMPLI")]
+        explicit = [h for h in headers if h not in implicit]
+        widths = {name: sum(h.get(211) == name for h in explicit) for name in _data_files(explicit)}
+        rows = min(int(header.get(220, 0)) for header in explicit) if explicit else 0
+        step = float(implicit[0][241]) if implicit else None
+        names = unique_names([header[200] for header in explicit])
+        channels = {}
+        for number, (name, header) in enumerate(zip(names, explicit, strict=True)):
+            width = widths[header[211]]
+            column = int(header.get(221, number + 1)) - 1
+            samples = _kuka_samples(path, header[211], rows, width)
+            factor = float(header.get(241, 1.0)) or 1.0
+            offset = float(header.get(240, 0.0))
+            read = _kuka_reader(samples, column, factor, offset)
+            channels[name] = Channel(read, header.get(202, "").strip("[]"))
+    if not rows:
+        raise InvalidInput(f"{path}: the header of a KUKA trace without samples")
+    return Log((path,), (Table("", rows, channels, step),))
+
+
+def _data_files(headers: list[dict[int, str]]) -> set[str]:
+    return {header[211] for header in headers}
+
+
+def _kuka_headers(text: str) -> list[dict[int, str]]:
+    headers: list[dict[int, str]] = []
+    for line in text.splitlines():
+        if line.startswith("#BEGINCHANNELHEADER"):
+            headers.append({})
+        key, comma, value = line.partition(",")
+        if headers and comma and key.strip().isdigit():
+            headers[-1][int(key)] = value.strip()
+    return headers
+
+
+def _kuka_samples(path: Path, name: str, rows: int, width: int) -> Any:
+    # The controller writes names in other letters than Windows shows.
+    beside = {each.name.lower(): each for each in path.parent.iterdir()}
+    source = beside.get(name.lower(), path.parent / Path(name).name)
+    check_file(source)
+    samples = np.memmap(source, dtype="<f8", mode="r")
+    if len(samples) < rows * width:
+        raise InvalidInput(
+            f"{source}: {len(samples)} values, the header says {rows} samples of {width} channels"
+        )
+    return samples[: rows * width].reshape(rows, width)
+
+
+def _kuka_reader(
+    samples: Any, column: int, factor: float, offset: float
+) -> Callable[[int, int], Array]:
+    return lambda start, stop: np.array(samples[start:stop, column]) * factor + offset
