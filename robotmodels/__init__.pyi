@@ -42,6 +42,7 @@ from .linear.response import (
 from .linear.spring_network import SpringNetwork as SpringNetwork
 from .logs.importing import import_movements as import_movements
 from .logs.open_log import open_log as open_log
+from .logs.periodic import import_records as import_records
 from .records.movement import (
     Movement as Movement,
     iterate_movements as iterate_movements,

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from estimators.logs.families import Family
-from robotmodels.common.arrays import Array
+from robotmodels.common.arrays import Array, IntArray
 from robotmodels.common.errors import InvalidInput
 from robotmodels.logs.clocks import Clock, table_clock, time_channel
 from robotmodels.logs.log import Log, Table
@@ -21,17 +21,30 @@ class TableTime:
 
     Attributes
     ----------
+    table : Table
+        The table.
     clock : Clock
         Clock.
     choice : TimeChoice
         Where it comes from; what had to be guessed is filled in.
-    stamps : ndarray, (rows,), s
-        Real stamps; those of the clock where there are none.
+    column : str
+        Channel with the stamps, empty where the clock does without.
     """
 
+    table: Table
     clock: Clock
     choice: TimeChoice
-    stamps: Array
+    column: str
+
+    def samples(self, start: int, stop: int) -> tuple[IntArray, Array]:
+        """Return the rows in use from `start` to `stop`, and their real stamps [s]."""
+        first, last = self.clock.samples_before(start), self.clock.samples_before(stop)
+        rows = self.clock.sample_rows(first, last)
+        if not self.column or self.clock.restarts:
+            return rows, self.clock.sample_times(first, last)
+        unit = self.choice.unit or self.table.channels[self.column].unit
+        stamps = np.asarray(self.table.channels[self.column].read(start, stop), dtype=float)
+        return rows, stamps[rows - start] * time_factor(unit)
 
 
 def table_times(log: Log, choice: TimeChoice) -> tuple[dict[str, TableTime], dict[str, str]]:
@@ -50,13 +63,12 @@ def table_times(log: Log, choice: TimeChoice) -> tuple[dict[str, TableTime], dic
 def family_samples(family: Family, time: TableTime) -> tuple[Array, Array]:
     """Return stamps (N,) and values (N, n) of the part of a family that moves most."""
     start, stop = _window(family, time)
-    rows = time.clock.rows
-    rows = rows[(rows >= start) & (rows < stop)]
+    rows, stamps = time.samples(start, stop)
     columns = [
         np.asarray(family.table.channels[name].read(start, stop), dtype=float)[rows - start]
         for name in family.channels
     ]
-    return time.stamps[rows], np.stack(columns, axis=1)
+    return stamps, np.stack(columns, axis=1)
 
 
 def _window(family: Family, time: TableTime) -> tuple[int, int]:
@@ -80,14 +92,8 @@ def _table_time(log: Log, table: Table, choice: TimeChoice) -> TableTime:
         unit = stated if stated in ("s", "ms", "us", "ns") else _time_unit(table, column)
         choice = choice.model_copy(update={"unit": "" if unit == "s" else unit})
     clock = table_clock(log, table, choice)
-    even = clock.start + clock.sample_time * np.interp(
-        np.arange(table.rows), clock.rows, clock.ticks
-    )
-    if not column or (choice.sample_time is not None and not choice.column):
-        return TableTime(clock, choice, even)
-    unit = choice.unit or table.channels[column].unit
-    stamps = np.asarray(table.values(column), dtype=float) * time_factor(unit)
-    return TableTime(clock, choice, stamps)
+    stamped = bool(column) and (choice.sample_time is None or bool(choice.column))
+    return TableTime(table, clock, choice, column if stamped else "")
 
 
 def _time_unit(table: Table, column: str) -> str:

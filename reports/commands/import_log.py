@@ -11,6 +11,7 @@ from reports.commands.workers import one_thread_each
 if TYPE_CHECKING:
     from robotmodels import ElasticRobot
     from robotmodels.common.progress import StageProgress
+    from robotmodels.logs.importer import Import
     from robotmodels.logs.log import Log
 
 
@@ -95,10 +96,8 @@ def _convert(
     progress: "StageProgress | None",
 ) -> None:
     from estimators.logs.completion import complete_mapping
-    from reports.pages.import_page import write_import_page
     from reports.summaries.import_summary import import_json, import_summary
-    from robotmodels.common.atomic_files import staged_folder
-    from robotmodels.logs.importer import Import, write_import
+    from robotmodels.logs.importer import Import
     from robotmodels.logs.importing import mapped_robot
     from robotmodels.logs.mapping_file import read_mapping
 
@@ -106,13 +105,31 @@ def _convert(
     model = robot if robot is not None else mapped_robot(choice, mapping.parent)
     choice, derived = complete_mapping(log, choice, model)
     source = Import(log, choice, model, progress)
-    with staged_folder(target) as folder:
-        write_import(source, folder / "movements.h5")
-        findings = (*derived, *source.notes)
-        write_import_page(source, (), findings, folder / "import.html")
-    files = [target / "movements.h5", target / "import.html"]
+    files, reasons = _written(source, derived, target)
+    told = (*derived, *reasons)
     say(
-        lambda: import_summary(source, derived, files),
-        lambda: import_json(source, derived, files),
+        lambda: import_summary(source, told, files),
+        lambda: import_json(source, told, files),
         as_json,
     )
+
+
+def _written(
+    source: "Import", derived: tuple[str, ...], target: Path
+) -> tuple[list[Path], tuple[str, ...]]:
+    """Write movements, and records of what is periodic; return files and what was seen."""
+    from reports.pages.import_page import write_import_page
+    from robotmodels.common.atomic_files import staged_folder
+    from robotmodels.logs.importer import write_import
+    from robotmodels.logs.periodic import found_records
+
+    records, reasons = found_records(source)
+    names = ["movements.h5", "import.html"]
+    with staged_folder(target) as folder:
+        write_import(source, folder / "movements.h5")
+        if records is not None:
+            records.save(folder / "records.h5")
+            names.insert(0, "records.h5")
+        findings = (*derived, *reasons, *source.notes)
+        write_import_page(source, (), findings, folder / "import.html")
+    return [target / name for name in names], reasons

@@ -2,6 +2,7 @@
 
 import tempfile
 from contextlib import ExitStack
+from itertools import pairwise
 
 import numpy as np
 
@@ -39,15 +40,15 @@ class ColumnStore:
 
     def read(self, column: int, start: int, stop: int) -> Array:
         """Return rows of a column."""
+        values = np.empty(max(stop - start, 0))
         first = int(np.searchsorted(self._starts, start, "right")) - 1
-        parts = []
-        for low, high in zip(self._starts[first:-1], self._starts[first + 1 :], strict=True):
+        for low, high in pairwise(self._starts[first:]):
             if low >= stop:
                 break
             begin, end = max(start, low), min(stop, high)
             self._file.seek(8 * (low * self._columns + column * (high - low) + begin - low))
-            parts.append(np.fromfile(self._file, count=end - begin))
-        return np.concatenate(parts) if parts else np.empty(0)
+            values[begin - start : end - start] = np.fromfile(self._file, count=end - begin)
+        return values
 
     def channel(self, column: int, unit: str = "", first: int = 0) -> Channel:
         """Return a column as a channel that begins at row `first`."""

@@ -56,8 +56,7 @@ class Run:
     @property
     def start(self) -> float:
         """Time of the first sample [s]."""
-        clock = self.source.clock
-        return float(clock.start + clock.sample_time * clock.ticks[self.first])
+        return self.source.clock.time_of(self.first)
 
     def pieces(self, role: str) -> Iterator[Array]:
         """Yield the signals of a role, (up to `PIECE`, n)."""
@@ -171,19 +170,17 @@ class Import:
         low, high = -np.inf, np.inf
         for signal in self.present:
             clock = self.clocks[signal.table.name]
-            first, last = (clock.start + clock.sample_time * clock.ticks[i] for i in (0, -1))
             if signal.table is not self.base or signal.entry.delay:
-                low, high = (
-                    max(low, first - signal.entry.delay),
-                    min(high, last - signal.entry.delay),
-                )
-        clock, slack = self.clock, _SAME * self.clock.sample_time
+                low = max(low, clock.time_of(0) - signal.entry.delay)
+                high = min(high, clock.time_of(-1) - signal.entry.delay)
+        clock, step = self.clock, self.clock.sample_time
         runs = []
         for first, stop in clock.segments:
-            times = clock.start + clock.sample_time * clock.ticks[first:stop]
-            inside = np.flatnonzero((times >= low - slack) & (times <= high + slack))
-            if len(inside) > 2:
-                runs.append(Run(self, first + int(inside[0]), first + int(inside[-1]) + 1))
+            begin, end = clock.time_of(first), clock.time_of(stop - 1)
+            after = max(0, int(np.ceil((low - begin) / step - _SAME))) if low > begin else 0
+            before = max(0, int(np.ceil((end - high) / step - _SAME))) if high < end else 0
+            if stop - first - after - before > 2:
+                runs.append(Run(self, first + after, stop - before))
         if not runs:
             raise InvalidInput(f"{self.log.where}: its tables have no time in common")
         return tuple(runs)

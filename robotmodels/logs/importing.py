@@ -1,6 +1,7 @@
 """Logs imported in one call."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 
 from robotmodels.common.file_paths import absolute
@@ -39,11 +40,21 @@ def import_movements(
     InvalidInput
         Naming the file, the channel or the entry of the mapping at fault.
     """
+    with opened_import(paths, mapping, robot) as source:
+        return tuple(run.read() for run in source.runs)
+
+
+@contextmanager
+def opened_import(
+    paths: PathLike | Sequence[PathLike],
+    mapping: PathLike | Mapping,
+    robot: ElasticRobot | None = None,
+) -> Iterator[Import]:
+    """Open a log with its mapping; arguments as in `import_movements`."""
     choice = mapping if isinstance(mapping, Mapping) else read_mapping(mapping)
     beside = None if isinstance(mapping, Mapping) else Path(mapping).parent
     with open_log(paths) as log:
-        source = Import(log, choice, robot or mapped_robot(choice, beside))
-        return tuple(run.read() for run in source.runs)
+        yield Import(log, choice, robot or mapped_robot(choice, beside))
 
 
 def mapped_robot(mapping: Mapping, beside: Path | None = None) -> ElasticRobot | None:

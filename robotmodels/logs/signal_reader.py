@@ -44,14 +44,14 @@ class SignalReader:
         clock, base = self.clocks[signal.table.name], self.clocks[self.base.name]
         if self.aligned(signal):
             return signal.factor * self._by_tick(signal, clock, low, high)
-        times = base.start + base.sample_time * base.ticks[low:high]
+        times = base.sample_times(low, high)
         where = np.asarray((times + signal.entry.delay - clock.start) / clock.sample_time)
         step = base.sample_time / clock.sample_time
 
         def read(start: int, stop: int) -> Array:
             return self._by_tick(signal, clock, start, stop)
 
-        return signal.factor * interpolate(read, len(clock.rows), where, step)
+        return signal.factor * interpolate(read, len(clock), where, step)
 
     def aligned(self, signal: BoundSignal) -> bool:
         """Return whether a signal is taken row by row."""
@@ -60,10 +60,11 @@ class SignalReader:
         if signal.table is self.base:
             return True
         clock, base = self.clocks[signal.table.name], self.clocks[self.base.name]
-        if not np.array_equal(clock.ticks, base.ticks):
+        alike = np.array_equal(clock.ticks, base.ticks), np.array_equal(clock.counts, base.counts)
+        if not all(alike):
             return False
         shift = abs(clock.start - base.start)
-        drift = abs(clock.sample_time - base.sample_time) * float(base.ticks[-1])
+        drift = abs(clock.sample_time - base.sample_time) * float(base.ticks[-1] + base.counts[-1])
         return shift + drift < _SAME * base.sample_time
 
     def interpolation_error(self, signal: BoundSignal) -> float | None:
@@ -77,7 +78,7 @@ class SignalReader:
         if self.aligned(signal):
             return None
         clock, base = self.clocks[signal.table.name], self.clocks[self.base.name]
-        head = self._by_tick(signal, clock, 0, min(len(clock.rows), _JUDGED))
+        head = self._by_tick(signal, clock, 0, min(len(clock), _JUDGED))
         error = band_edge_share(head, base.sample_time / clock.sample_time)
         if error > _MOST_ERROR:
             raise InvalidInput(
@@ -95,7 +96,7 @@ class SignalReader:
 
     def _by_tick(self, signal: BoundSignal, clock: Clock, low: int, high: int) -> Array:
         """Return values in the unit of the channel, by samples of its own clock."""
-        rows = clock.rows[low:high]
+        rows = clock.sample_rows(low, high)
         first, stop = int(rows[0]), int(rows[-1]) + 1
         raw = np.asarray(signal.table.channels[signal.channel].read(first, stop), dtype=float)
         if signal.turn and signal.entry.wrapped is not False:

@@ -81,3 +81,34 @@ def test_mistakes_in_a_mapping_are_one_line(log_file, tmp_path, text, message):
     assert code == 2
     assert message in err
     assert err.count("\n") == 1
+
+
+def test_a_periodic_log_becomes_records_for_frfs(tmp_path):
+    """Three runs of one joint in a block would be too few; here one motor is excited."""
+    rng = np.random.default_rng(1)
+    lines = np.arange(3, 40, 2)
+    omega = 2 * np.pi * lines / 0.8
+    parts = []
+    for _ in range(3):
+        phase = rng.uniform(0, 2 * np.pi, len(lines))
+        wave = np.exp(1j * (np.outer(np.arange(400) * 0.002, omega) + phase))
+        part = np.stack([wave.real.sum(axis=1), -(wave / omega**2).real.sum(axis=1) / 2e-3])
+        parts.append(np.tile(part, 4) + 1e-9 * rng.standard_normal((2, 1600)))
+    torque, angle = np.concatenate(parts, axis=1)
+    table = np.column_stack([0.002 * np.arange(len(angle)), angle / 100, torque])
+    path = tmp_path / "log.csv"
+    np.savetxt(path, table, delimiter=",", header="t,q,tau", comments="", fmt="%.15g")
+    mapping = tmp_path / "import.yaml"
+    mapping.write_text(
+        "schema: import/1\nratios: [100]\nsignals:\n"
+        "  - {column: q, role: motor_angle, unit: rad, side: joint}\n"
+        "  - {column: tau, role: motor_torque, unit: N*m, side: motor}\n"
+    )
+    code, out, err = oed("import", str(path), "--mapping", str(mapping))
+    assert (code, err) == (0, "")
+    assert "period of 400 samples, 0.8 s; 3 runs of 4 to 4 whole periods" in out.replace(
+        "\n    ", " "
+    )
+    code, out, _ = oed("frf", str(tmp_path / "records.h5"), "--no-hold", "--json")
+    assert code == 0
+    assert json.loads(out)["lines"] == len(lines)

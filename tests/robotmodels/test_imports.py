@@ -5,6 +5,8 @@ import pytest
 
 import robotmodels
 from robotmodels.common.errors import InvalidInput
+from robotmodels.logs import clock_line
+from robotmodels.logs.clocks import fitted_clock
 from robotmodels.logs.importer import Import, write_import
 from robotmodels.logs.mapping_file import Mapping
 from robotmodels.logs.open_log import open_log
@@ -264,3 +266,24 @@ def test_movements_come_back_from_their_file(tmp_path):
         assert movement.sample_time == direct.sample_time
     with pytest.raises(InvalidInput, match="link_angle is missing"):
         _ = again.link_angle
+
+
+def test_clocks_do_not_depend_on_blocks(monkeypatch):
+    """Gaps, doubled, missing and late stamps, at the ends of blocks too."""
+    rng = np.random.default_rng(5)
+    stamps = np.delete(STEP * np.arange(3000), [*range(500, 520), 1999, 2000]) + 7.0
+    stamps += 0.0002 * rng.standard_normal(len(stamps))
+    stamps = np.insert(stamps, [300, 300, 999], stamps[[299, 299, 998]])
+    stamps[[0, 1200, 1201, 2500]] = np.nan
+    whole = fitted_clock(stamps, "a", "stamps")
+    assert [missing for _, missing in whole.gaps] == [20, 2, 2, 1]  # rows without stamps too
+    assert whole.doubled == 3
+    for size in (64, 250, 999, 1000):
+        monkeypatch.setattr(clock_line, "_BLOCK", size)
+        clock = fitted_clock(stamps, "a", "stamps")
+        assert np.array_equal(clock.sample_rows(0, len(clock)), whole.sample_rows(0, len(whole)))
+        assert clock.segments == whole.segments
+        assert clock.sample_time == pytest.approx(whole.sample_time, rel=1e-9)
+        assert clock.jitter == pytest.approx(whole.jitter, rel=1e-9)
+    with pytest.raises(InvalidInput, match="fewer than three of them rise"):
+        fitted_clock(np.zeros(50), "a", "stamps")

@@ -17,7 +17,7 @@ from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 from robotmodels.common.errors import InvalidInput
 from robotmodels.logs import optional_library
-from robotmodels.logs.clocks import fit_clock
+from robotmodels.logs.clocks import fitted_clock
 from robotmodels.logs.open_log import open_log
 
 N, STEP = 200, 0.008
@@ -247,7 +247,7 @@ def test_damaged_files_are_one_line(tmp_path, name):
 def test_recordings_one_behind_the_other_become_runs():
     """LeRobot's files have episodes whose time begins at zero each."""
     stamps = np.concatenate([TIME[:80], TIME[:50], TIME[:70]])
-    clock = fit_clock(stamps, "a", "stamps")
+    clock = fitted_clock(stamps, "a", "stamps")
     assert clock.segments == [(0, 80), (80, 130), (130, 200)]
     assert clock.restarts == (80, 130)
     assert clock.sample_time == pytest.approx(STEP)
