@@ -131,6 +131,20 @@ class FrfEstimate(ReprHtml):
         """Whether the covariance couples the elements of one FRF matrix."""
         return is_full(self.covariance, self.response.shape)
 
+    def of_outputs(self, rows: IntArray) -> "FrfEstimate":
+        """Return the estimate of some outputs (rows), in that order."""
+        m, n = self.response.shape[2:]
+        elements = (m * np.arange(n)[:, None] + rows).ravel()
+        full = self.has_full_covariance
+        return replace(
+            self,
+            response=self.response[:, :, rows],
+            covariance=self.covariance[..., elements[:, None], elements]
+            if full
+            else self.covariance[:, :, rows],
+            deviations=None if self.deviations is None else self.deviations[..., rows, :],
+        )
+
     @property
     def variance(self) -> Array:
         """The (Q, F, m, n) variances of the elements."""

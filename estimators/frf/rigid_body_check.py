@@ -7,14 +7,13 @@ of speed over torque is not negative, and torque i moves motor j as torque j mov
 
 import warnings
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from estimators.frf.frf_estimate import FrfEstimate
 from estimators.frf.mixups import MixUp, mix_ups
-from robotmodels.common.arrays import Array, ComplexArray
+from robotmodels.common.arrays import Array, ComplexArray, IntArray
 from robotmodels.common.errors import IdentificationError, IdentificationWarning, InvalidInput
 from robotmodels.linear.response import Elastic
 from robotmodels.linear.spring_network import SpringNetwork
@@ -73,7 +72,8 @@ def rigid_limit(estimate: FrfEstimate, model: Elastic) -> RigidLimit:
     """Compare measured FRFs with the rigid robot, and with passive and reciprocal ones.
 
     For the rigid robot only the lowest lines count, and only elements for which the model's
-    own springs do not yet yield.
+    own springs do not yet yield. Robots of which some motor's encoder is not among the outputs
+    are looked at for copies only.
 
     Parameters
     ----------
@@ -94,13 +94,18 @@ def rigid_limit(estimate: FrfEstimate, model: Elastic) -> RigidLimit:
             f"rigid limit: FRFs of {m} outputs and {n} motors against a model of "
             f"{elastic.shape[2]} and {elastic.shape[3]}; they must be the same"
         )
-    rigid = rigid_response(network, omega)
+    rows = _motors_first(network)
+    if rows is None:
+        return RigidLimit(np.full(elastic.shape[3], np.nan + 0j), tuple(_copies(estimate)))
+    estimate, network = estimate.of_outputs(rows), network.of_outputs(rows)
+    elastic, rigid = elastic[:, :, rows], rigid_response(network, omega)
     measured = estimate.response[:, :_LINES]
     weight = _weights(measured, estimate.variance[:, :_LINES], rigid, elastic)
     mask = weight > 0
     diagonal = _diagonal(np.where(mask, measured / np.where(mask, rigid, 1.0), np.nan))
     ratio = np.array([_median(diagonal[..., i]) for i in range(diagonal.shape[-1])])
     turned = _turned_positions(estimate, model, omega)
+    turned = None if turned is None else turned[:, :, rows]
     cause = _rigid(measured, rigid, weight, omega, network, turned)
     cause = cause or _frequencies(estimate, network)
     messages = [cause] if cause else _sizes(ratio)
@@ -108,6 +113,15 @@ def rigid_limit(estimate: FrfEstimate, model: Elastic) -> RigidLimit:
     messages += [] if messages else _reciprocity(estimate, network)
     messages += _copies(estimate)
     return RigidLimit(ratio, tuple(messages))
+
+
+def _motors_first(network: SpringNetwork) -> IntArray | None:
+    """Return all outputs, the motors' first; None where a motor's is not measured."""
+    motors = network.motor_rows
+    if (motors < 0).any():
+        return None
+    count = len(motors) if network.measurement is None else network.measurement.position.shape[-2]
+    return np.concatenate([motors, np.setdiff1d(np.arange(count), motors)])
 
 
 def _copies(estimate: FrfEstimate) -> list[str]:
@@ -271,6 +285,7 @@ def _passivity(estimate: FrfEstimate, network: SpringNetwork) -> list[str]:
     """Look for motors that give power: conjugated FRFs, delays; each position by itself."""
     omega, n = estimate.omega, network.selector.shape[1]
     factors = _motor_factors(network, omega)
+    factors = _diagonal(factors)
     driving = _diagonal(estimate.response)[..., :n] / factors
     deviation = np.sqrt(_diagonal(estimate.weight_variance).real)[..., :n] / np.abs(factors)
     messages = []
@@ -303,15 +318,14 @@ def _active_cause(response: ComplexArray, std: Array, omega: Array) -> str:
 
 
 def _motor_factors(network: SpringNetwork, omega: Array) -> ComplexArray:
-    """Return what FRFs of motors are per FRF of plain motor accelerations, (F, n), by input."""
+    """Return what FRFs of motors, the first outputs, are per FRF of accelerations, (F, n, n)."""
     measurement, n = network.measurement, network.selector.shape[1]
-    if measurement is not None:
-        rows: dict[str, Any] = {
-            name: getattr(measurement, name)[..., :n, :]
-            for name in ("position", "velocity", "acceleration")
-        }
-        network = replace(network, measurement=replace(measurement, **rows))
-    return network.motor_factors(omega)
+    if measurement is None:
+        return np.ones((len(omega), n, n), dtype=complex)
+    parts = measurement.position, measurement.velocity, measurement.acceleration
+    orders = np.argmax([np.any(part[..., :n, :], axis=(0, -1)) for part in parts], axis=0)
+    outputs = measurement.sensors(omega)[:, :n] * (1j * omega[:, None]) ** (orders - 2)
+    return np.asarray(outputs[:, :, None] * measurement.torque.response(omega)[:, None])
 
 
 def _activity(response: ComplexArray, std: Array) -> Array:
@@ -338,7 +352,7 @@ def _reciprocity(estimate: FrfEstimate, network: SpringNetwork) -> list[str]:
     """Look for pairs of motors that do not move each other alike."""
     n = network.selector.shape[1]
     G, std = estimate.response[:, :, :n], np.sqrt(estimate.variance[:, :, :n])
-    gain = _motor_factors(network, estimate.omega)[:, None, :]
+    gain = _motor_factors(network, estimate.omega)
     G = G / gain
     clear = np.abs(G) > 2 * _SIGMAS * std / np.abs(gain)
     with np.errstate(all="ignore"):

@@ -13,7 +13,7 @@ import numpy as np
 from oed.experiment.experiment_plan import ExperimentPlan
 from oed.experiment.prepare import Prepared
 from robotmodels import ElasticRobot
-from robotmodels.common.arrays import Array
+from robotmodels.common.arrays import Array, IntArray
 from robotmodels.common.checkpoint_file import CheckpointFile
 from robotmodels.common.fingerprints import fingerprint
 from robotmodels.common.progress import Progress, StageProgress
@@ -207,7 +207,7 @@ def run_experiment(
         prepared.rng,
         executor,
     )
-    seen = _Seen(len(plan.motors))
+    seen = _Seen(simulated.robot.encoders)
     report = None if progress is None else partial(progress, "simulation")
     run_plan(plan, simulated, folder, report, seen.watch)
     largest = prepared.scaling.peaks.largest.max(axis=0)
@@ -233,13 +233,17 @@ def _records(files: list[Path]) -> Iterator[Records]:
 class _Seen:
     """Peaks of records that pass by on their way to the file."""
 
-    def __init__(self, motors: int) -> None:
-        self.torque, self.speed, self.limited = np.zeros((3, motors))
+    def __init__(self, encoders: IntArray) -> None:
+        """Watch records of a robot whose motors' encoders are these outputs; -1 of none."""
+        self.encoders = encoders
+        self.torque, self.speed, self.limited = np.zeros((3, len(encoders)))
+        self.speed[encoders < 0] = np.nan
         self.experiments = 0
 
     def watch(self, parts: Iterator[Records]) -> Iterator[Records]:
         for part in parts:
-            speed = np.diff(part.angle, axis=4) / part.sample_time
+            angle = part.angle[..., self.encoders]
+            speed = np.diff(angle, axis=4) / part.sample_time
             self.torque = np.maximum(self.torque, np.abs(part.torque).max(axis=(0, 1, 2, 3, 4)))
             self.speed = np.maximum(self.speed, np.abs(speed).max(axis=(0, 1, 2, 3, 4)))
             met = part.saturated.any(axis=3)

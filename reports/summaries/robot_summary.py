@@ -182,7 +182,9 @@ def _outputs(d: Diagnosis, file: RobotFile) -> list[str]:
 
 def _output(output: Output, unit: str) -> str:
     """Return what an output measures, in words."""
-    what = f"{output.who}: {output.quantity.replace('_', ' ')} of {output.kind} {output.of}"
+    what = f"{output.quantity.replace('_', ' ')} of {output.kind} {output.of}"
+    if output.name is not None:
+        what = f"{output.who}: {what}"
     if output.kind == "link":
         along = "about" if output.quantity in ("angular_velocity", "torque") else "along"
         what += f" at ({vector(output.point, 3)}) m, {along} ({vector(output.direction or ())})"

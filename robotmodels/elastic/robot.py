@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pinocchio as pin
 
-from robotmodels.common.arrays import Array, BoolArray, real_numbers
+from robotmodels.common.arrays import Array, BoolArray, IntArray, real_numbers
 from robotmodels.common.deprecation import renamed_keywords
 from robotmodels.common.errors import InvalidInput
 from robotmodels.common.file_paths import absolute
@@ -151,6 +151,12 @@ class ElasticRobot:
             o.unit(self.elements.linear(springs[o.of]) if o.kind == "spring" else o.of in sliding)
             for o in self.outputs
         )
+
+    @property
+    def encoders(self) -> IntArray:
+        """Output that is each motor's encoder, (n,); -1 where it is not measured."""
+        rows = {o.of: i for i, o in enumerate(self.outputs) if o.kind == "motor" and o.encoder}
+        return np.array([rows.get(name, -1) for name in self.motor_names])
 
     @property
     def coordinate_names(self) -> tuple[str, ...]:

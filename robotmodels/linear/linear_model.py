@@ -1,6 +1,7 @@
 """The narrow waist: every robot and every chain becomes a linear model."""
 
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -109,6 +110,19 @@ class Measurement:
             if part.shape[-2:] != expected.shape or not np.array_equiv(part, expected):
                 return None
         return order
+
+    def of_outputs(self, rows: IntArray) -> "Measurement":
+        """Return the measurement of some outputs, in that order."""
+        parts: dict[str, Any] = {
+            name: getattr(self, name)[..., rows, :]
+            for name in ("position", "velocity", "acceleration")
+        }
+        if self.sensor is not None:
+            sensor = self.sensor
+            parts["sensor"] = Channels(sensor.gain[rows], sensor.delay[rows], sensor.lag[rows])
+        if self.feedthrough is not None:
+            parts["feedthrough"] = self.feedthrough[rows]
+        return replace(self, **parts)
 
     def at(self, index: int | IntArray) -> "Measurement":
         """Return the measurement at one or several of many positions."""

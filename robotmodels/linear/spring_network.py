@@ -117,6 +117,32 @@ class SpringNetwork:
         """Whether motor angles, speeds or accelerations are measured, and nothing else."""
         return self.measurement is None or self.measurement.motor_order(self.selector) is not None
 
+    @property
+    def motor_rows(self) -> IntArray:
+        """Output that is each motor's angle, speed or acceleration, (n,); -1 where none is."""
+        n = self.selector.shape[1]
+        if self.measurement is None:
+            return np.arange(n)
+        parts = self.measurement.position, self.measurement.velocity, self.measurement.acceleration
+        seen = [np.any(part, axis=(0, -1)) for part in parts]  # (m,) each
+        rows = np.full(n, -1, dtype=np.int64)
+        for j, motor in enumerate(self.selector.T):
+            for k, part in enumerate(parts):
+                equal = (part == motor).all(axis=(0, -1)) & (sum(seen) == 1) & seen[k]
+                rows[j] = np.argmax(equal) if equal.any() and rows[j] < 0 else rows[j]
+        return rows
+
+    def of_outputs(self, rows: IntArray) -> "SpringNetwork":
+        """Return the network with some outputs (rows) of its measurement, in that order."""
+        if self.measurement is None:
+            return self
+        springs = self.torque_springs
+        return replace(
+            self,
+            measurement=self.measurement.of_outputs(rows),
+            torque_springs=None if springs is None else springs[rows],
+        )
+
     def motor_factors(self, omega: Array) -> ComplexArray:
         """Return what the FRF is per FRF of plain motor accelerations, (F, n), by input.
 

@@ -47,6 +47,7 @@ _B = np.array(
 )
 STABILITY = (1 / 200, 1 / 24, 1 / 6, 1 / 2, 1.0, 1.0)  # polynomial in pole times step
 _FARTHEST = 1.0  # from its start, beyond which a motor is not under control [rad or m, arm side]
+_ROUNDING = 1e-9  # of times [samples]
 _SWEEPS = 50  # of Gauss and Seidel over motors that friction couples (rigid drives)
 
 
@@ -119,30 +120,31 @@ def closed_loop_run(
     disturbance: Array,
     sample_time: float,
     substeps: int,
+    parts: int,
     motion: Array,
 ) -> tuple[Array, Array, NDArray[np.bool_], Array, int]:
     """Simulate one run from the state in `engine`.
 
-    `motion`, (2, T, d) or empty, receives the coordinates and their rates at every sample.
+    Torques may change `parts` times a sample; `motion`, (2, parts T, d) or empty, receives
+    coordinates and rates at these instants.
 
     Returns
     -------
     tuple of (ndarray, ndarray, ndarray of bool, ndarray, int)
-        Torque as commanded, angle, whether the torque was limited, and torque of the motors, all
-        (T, n), on the motor shafts; and how many samples went well. Torque is held over a sample;
-        that of a motor is the mean of before and after the sample's instant.
+        Torque as commanded, angle and whether the torque was limited, (T, n), torque of the motors
+        from each instant to the next, (parts T, n), all on the motor shafts; and how many samples
+        went well.
     """
     T, n = reference.shape
-    torque, angle, delivered = np.zeros((T, n)), np.zeros((T, n)), np.zeros((T, n))
+    torque, angle, delivered = np.zeros((T, n)), np.zeros((T, n)), np.zeros((parts * T, n))
     limited = np.zeros((T, n), np.bool_)
     true_angle, true_speed = np.empty((T, n)), np.empty((T, n))
     start = drives.ratio * engine.qpos[drives.coordinate]
     last, speed, integral = start.copy(), np.zeros(n), np.zeros(n)
-    impulses, lagging = np.zeros(n), np.stack((gains.hold, gains.hold))
+    impulses, lagging = np.zeros(n), gains.hold.copy()
     work = np.zeros((3, len(engine.qpos)))
+    step, steps = sample_time / parts, -(-substeps // parts)
     for k in range(T):
-        if motion.size:
-            motion[0, k], motion[1, k] = engine.qpos, engine.qvel
         for j in range(n):
             c = drives.coordinate[j]
             true_angle[k, j] = drives.ratio[j] * engine.qpos[c]
@@ -155,41 +157,53 @@ def closed_loop_run(
             speed[j] = pole * speed[j] + (1 - pole) * (y - last[j]) / sample_time
             last[j] = y
             error = reference[k, j] + gains.position_gain[j] * (start[j] - y) - speed[j]
-            step = sample_time * gains.integral_rate[j] * error
-            u = gains.speed_gain[j] * (error + integral[j] + step) + gains.hold[j]
+            rise = sample_time * gains.integral_rate[j] * error
+            u = gains.speed_gain[j] * (error + integral[j] + rise) + gains.hold[j]
             limited[k, j] = abs(u) > drives.limit[j]
             if limited[k, j]:
                 u = np.sign(u) * drives.limit[j]
             else:
-                integral[j] += step
+                integral[j] += rise
             torque[k, j], angle[k, j] = u, y
-            mean, delivered[k, j] = _motor_torque(torque, k, j, drives, lagging, gains.hold[j])
-            engine.applied[c] = drives.ratio[j] * (mean + disturbance[k, j])
-        _advance(engine, drives, impulses, sample_time, substeps, work)
+        for i in range(k * parts, (k + 1) * parts):
+            for j in range(n):
+                u = _motor_torque(torque, i / parts, 1 / parts, j, drives, lagging, gains.hold[j])
+                delivered[i, j] = u
+                applied = drives.ratio[j] * (u + disturbance[k, j])
+                engine.applied[drives.coordinate[j]] = applied
+            if motion.size:
+                motion[0, i], motion[1, i] = engine.qpos, engine.qvel
+            _advance(engine, drives, impulses, step, steps, work)
     return torque, angle, limited, delivered, T
 
 
 @njit(nogil=True, cache=True)
 def _motor_torque(
-    torque: Array, k: int, j: int, drives: Drives, lagging: Array, hold: float
-) -> tuple[float, float]:
-    """Return motor `j`'s torque: its mean over sample `k`, and at the sample's instant.
+    torque: Array,
+    time: float,
+    duration: float,
+    j: int,
+    drives: Drives,
+    lagging: Array,
+    hold: float,
+) -> float:
+    """Return motor `j`'s mean torque from a time on [samples]; `lagging` (n,) is behind commands.
 
-    `lagging` (2, n) keeps the command behind its lag, and its mean over the sample before. To hold
-    the mean takes a part (omega sample_time)^2 / 24 off the torque's amplitude.
+    To hold the mean takes a part (omega duration)^2 / 24 off the torque's amplitude.
     """
-    whole = int(np.floor(drives.delay[j]))
-    late = torque[k - whole, j] if k >= whole else hold
-    part = drives.delay[j] - whole
-    if part > 0:
-        late += part * ((torque[k - whole - 1, j] if k > whole else hold) - late)
-    gain, lag, now = drives.gain[j], drives.lag[j], lagging[0, j]
-    if lag == 0:
-        now, lagging[1, j] = (lagging[1, j] + late) / 2, late
-        return gain * late, gain * now
+    begin = time - drives.delay[j]
+    k = int(np.floor(begin + _ROUNDING))
+    late = torque[k, j] if k >= 0 else hold
+    beyond = (begin + duration - k - 1) / duration
+    if beyond > _ROUNDING:
+        late += beyond * ((torque[k + 1, j] if k >= -1 else hold) - late)
+    gain, before = drives.gain[j], lagging[j]
+    if drives.lag[j] == 0:
+        return float(gain * late)
+    lag = drives.lag[j] / duration
     remaining = np.exp(-1 / lag)
-    lagging[0, j] = late + (now - late) * remaining
-    return gain * (late + (now - late) * lag * (1 - remaining)), gain * now
+    lagging[j] = late + (before - late) * remaining
+    return float(gain * (late + (before - late) * lag * (1 - remaining)))
 
 
 @njit(nogil=True, cache=True)

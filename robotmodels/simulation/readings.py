@@ -10,7 +10,13 @@ from robotmodels.elastic.robot import ElasticRobot
 from robotmodels.simulation.mujoco_model import stiffness_polynomial
 from robotmodels.simulation.plant_model import PlantModel
 
-_FINER = 8  # samples that a first-order lag sees for one
+PARTS = 4
+"""Instants of a sample at which motions are read, before what is above its rate is filtered out."""
+
+_TAPS = 32 * PARTS + 1
+
+TAIL = 16
+"""Samples after the last that are read, which the filter sees."""
 
 
 def other_outputs(robot: ElasticRobot) -> list[int]:
@@ -29,42 +35,56 @@ def readings(
 ) -> Array:
     """Return what all outputs record, (T, m): of encoders angles, whatever is made of them later.
 
+    Readings have no images of held torques: what is above half the sample rate is filtered out.
+
     Parameters
     ----------
-    angle, torque : ndarray, (T, n), rad and N m
-        What motors' encoders read, and the motors' torques, on their shafts.
-    motion : ndarray, (2, T, d)
-        Coordinates and rates at every sample; empty where motors' encoders are all there is.
+    angle : ndarray, (T, n), rad
+        What motors' encoders read, on their shafts.
+    torque : ndarray, (r T, n), N m
+        The motors' torques on their shafts, from each instant to the next.
+    motion : ndarray, (2, r T, d)
+        Coordinates and rates at r instants of every sample; empty where motors' encoders are all.
     noise : ndarray, (T, m)
         Errors of all outputs but encoders of motors.
     """
-    file, motors = robot.file, robot.motor_names
-    columns, others = np.empty((len(angle), len(robot.outputs))), other_outputs(robot)
-    sensed = _sensed(plant, robot, torque, motion) if len(others) else np.empty(0)
+    file, motors, others = robot.file, robot.motor_names, other_outputs(robot)
+    columns = np.empty((len(angle), len(robot.outputs)))
+    torque = _at_instants(torque)
+    on_links = iter(_on_links(plant, robot, torque, motion).T)
     for i, output in enumerate(robot.outputs):
+        if output.kind == "motor" and output.encoder:
+            signal = angle[:, motors.index(output.of)]
+            columns[:, i] = output.gain * _late(signal, output.delay, output.lag, sample_time, 1)
+            continue
         if output.kind == "motor":
-            source = angle if output.encoder else torque
-            column = source[:, motors.index(output.of)]
+            signal = torque[:, motors.index(output.of)]
         elif output.kind == "joint":
-            column = motion[0][:, plant.coordinate(output.of)]
+            signal = motion[0][:, plant.coordinate(output.of)]
         elif output.kind == "spring":
-            column = _spring_torque(plant, file, output.of, motion)
+            signal = _spring_torque(plant, file, output.of, motion)
         else:
-            column = sensed[:, [o for o in others if robot.outputs[o].kind == "link"].index(i)]
-        late = output.delay + (file.delay if i in others else 0.0)
-        columns[:, i] = output.gain * _behind(column, late, output.lag, sample_time)
+            signal = next(on_links)
+        late = _late(signal, output.delay + file.delay, output.lag, sample_time, PARTS)
+        columns[:, i] = output.gain * _decimated(late)
     columns[:, others] += noise[:, others]
     return columns
 
 
-def _sensed(plant: PlantModel, robot: ElasticRobot, torque: Array, motion: Array) -> Array:
-    """Return what sensors on links read, (T, sensors), by MuJoCo's own."""
-    outputs = [output for output in robot.outputs if output.kind == "link"]
-    values = np.empty((len(torque), len(outputs)))
-    if not outputs:
+def _at_instants(held: Array) -> Array:
+    """Return held torques (r T, n) at the instants, jumps at their middle."""
+    middle = held.copy()
+    middle[1:] = (held[1:] + held[:-1]) / 2
+    return middle
+
+
+def _on_links(plant: PlantModel, robot: ElasticRobot, torque: Array, motion: Array) -> Array:
+    """Return what sensors on links read, (r T, sensors), by MuJoCo's own."""
+    sensors = [_along(plant, output) for output in robot.outputs if output.kind == "link"]
+    values = np.empty((len(torque), len(sensors)))
+    if not sensors:
         return values
     ratio = np.array([motor.gear_ratio for motor in robot.file.motors])
-    sensors = [_along(plant, output) for output in outputs]
     model, data = plant.model, plant.data
     for k, applied in enumerate(torque * ratio):
         data.qpos[:], data.qvel[:] = motion[0, k], motion[1, k]
@@ -96,21 +116,29 @@ def _spring_torque(plant: PlantModel, file: RobotFile, name: str, motion: Array)
     return np.asarray(-(low + cubic * elongation**2) * elongation - spring.damping * rate)
 
 
-def _behind(signal: Array, delay: float, lag: float, sample_time: float) -> Array:
-    """Return a signal (T,) late by `delay` and behind by a first-order `lag` [s]."""
+def _decimated(signal: Array) -> Array:
+    """Return every r-th instant of a signal (r T,) without what is above half the sample rate."""
+    taps = np.sinc(np.linspace(-16, 16, _TAPS)) * np.kaiser(_TAPS, 10.0)
+    padded = np.pad(signal, _TAPS // 2, mode="edge")
+    return np.asarray(np.convolve(padded, taps / taps.sum(), mode="valid")[::PARTS])
+
+
+def _late(signal: Array, delay: float, lag: float, sample_time: float, parts: int) -> Array:
+    """Return a signal, `parts` instants a sample, late by `delay`, behind by a `lag` [s]."""
     if delay == 0 and lag == 0:
         return signal
     from scipy.interpolate import CubicSpline
     from scipy.signal import lfilter
 
-    steps = np.arange(_FINER * (len(signal) - 1) + 1) / _FINER
-    late = CubicSpline(np.arange(len(signal)), signal)(np.maximum(steps - delay / sample_time, 0.0))
-    if lag == 0:
-        return np.asarray(late[::_FINER])
-    # Exact for a signal that is straight between the finer samples.
-    step = sample_time / _FINER / lag
-    pole = np.exp(-step)
-    before = 1 - (1 - pole) / step
-    taps = np.array([before, 1 - pole - before])
-    state = np.array([(1 - taps[0]) * late[0]])
-    return np.asarray(lfilter(taps, [1.0, -pole], late, zi=state)[0][::_FINER])
+    finer = PARTS // parts  # as fine as the others
+    instants = np.arange(finer * (len(signal) - 1) + 1) / finer
+    at = np.maximum(instants - delay * parts / sample_time, 0.0)
+    late = CubicSpline(np.arange(len(signal)), signal)(at)
+    if lag > 0:
+        # Exact for a signal that is straight between the instants.
+        step = sample_time / PARTS / lag
+        pole = np.exp(-step)
+        before = 1 - (1 - pole) / step
+        taps = np.array([before, 1 - pole - before])
+        late = lfilter(taps, [1.0, -pole], late, zi=[(1 - taps[0]) * late[0]])[0]
+    return np.asarray(late[::finer])

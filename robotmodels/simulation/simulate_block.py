@@ -23,7 +23,7 @@ from robotmodels.simulation.plant_loop import (
     closed_loop_run,
 )
 from robotmodels.simulation.plant_model import PlantModel, addresses, build_plant, register_mujoco
-from robotmodels.simulation.readings import other_outputs, readings
+from robotmodels.simulation.readings import PARTS, TAIL, other_outputs, readings
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,7 +83,10 @@ def run_block(block: Block) -> tuple[Array, Array, NDArray[np.bool_]]:
     _, N, _ = block.signals.shape
     total = (block.transient + block.periods) * N
     step = controller.sample_time
-    motion = np.empty((2, total, len(state)) if other_outputs(robot) else (2, 0, 0))
+    sensed = bool(other_outputs(robot))
+    parts = PARTS if sensed or drives.delay.any() or drives.lag.any() else 1
+    total += TAIL if sensed else 0
+    motion = np.empty((2, parts * total if sensed else 0, len(state)))
     results: list[Any] = []
     for e, signal in enumerate(block.signals):
         engine.qpos[:], engine.qvel[:], engine.applied[:] = state, 0.0, 0.0
@@ -91,16 +94,17 @@ def run_block(block: Block) -> tuple[Array, Array, NDArray[np.bool_]]:
             block.rng.normal(size=(total, n)) * flaws.per_motor(name, n)
             for name in ("angle_noise", "torque_disturbance")
         )
-        reference = _whole_run(block, signal)
+        reference = _whole_run(block, signal, total)
         sensing = Sensing(robot.file.delay / step, flaws.quantisation, errors)
         torque, angle, limited, delivered, good = closed_loop_run(
-            engine, drives, gains, sensing, reference, disturbance, step, steps, motion
+            engine, drives, gains, sensing, reference, disturbance, step, steps, parts, motion
         )
         if good < total:
             raise _lost(f"{block.where}, run {e + 1}", good * step)
         noise = _output_noise(block, total)
         outputs = readings(plant, robot, angle, delivered, motion, step, noise)
-        recorded = (trace[block.transient * N :] for trace in (torque, outputs, limited))
+        end = (block.transient + block.periods) * N
+        recorded = (trace[block.transient * N : end] for trace in (torque, outputs, limited))
         results.append([trace.reshape(block.periods, N, -1) for trace in recorded])
     torque, outputs, limited = (np.stack(part) for part in zip(*results, strict=True))
     return torque, outputs, limited
@@ -133,10 +137,10 @@ def _simulated_file(robot: ElasticRobot, position: Array) -> RobotFile:
     return robot.file.model_copy(update={"counterbalances": touching})
 
 
-def _whole_run(block: Block, period: Array) -> Array:
-    """Return the references of a run, (T, n), from one period of them (N, n)."""
+def _whole_run(block: Block, period: Array, total: int) -> Array:
+    """Return the references of a run of `total` samples, (T, n), from one period of them (N, n)."""
     # In one memory layout always: another would be compiled anew.
-    reference = np.ascontiguousarray(np.tile(period, (block.transient + block.periods, 1)))
+    reference = np.ascontiguousarray(period[np.arange(total) % len(period)])
     reference[: len(period)] *= block.envelope[:, None]
     return reference
 
