@@ -97,15 +97,29 @@ def rigid_limit(estimate: FrfEstimate, model: Elastic) -> RigidLimit:
     rows = _motors_first(network)
     if rows is None:
         return RigidLimit(np.full(elastic.shape[3], np.nan + 0j), tuple(_copies(estimate)))
-    estimate, network = estimate.of_outputs(rows), network.of_outputs(rows)
-    elastic, rigid = elastic[:, :, rows], rigid_response(network, omega)
+    turned = _turned_positions(estimate, model, omega)
+    return _compared(
+        estimate.of_outputs(rows),
+        network.of_outputs(rows),
+        elastic[:, :, rows],
+        None if turned is None else turned[:, :, rows],
+    )
+
+
+def _compared(
+    estimate: FrfEstimate,
+    network: SpringNetwork,
+    elastic: ComplexArray,
+    turned: ComplexArray | None,
+) -> RigidLimit:
+    """Return the comparison where the motors are the first outputs."""
+    omega = estimate.omega[:_LINES]
+    rigid = rigid_response(network, omega)
     measured = estimate.response[:, :_LINES]
     weight = _weights(measured, estimate.variance[:, :_LINES], rigid, elastic)
     mask = weight > 0
     diagonal = _diagonal(np.where(mask, measured / np.where(mask, rigid, 1.0), np.nan))
     ratio = np.array([_median(diagonal[..., i]) for i in range(diagonal.shape[-1])])
-    turned = _turned_positions(estimate, model, omega)
-    turned = None if turned is None else turned[:, :, rows]
     cause = _rigid(measured, rigid, weight, omega, network, turned)
     cause = cause or _frequencies(estimate, network)
     messages = [cause] if cause else _sizes(ratio)

@@ -71,10 +71,10 @@ def readings(
     return columns
 
 
-def _at_instants(held: Array) -> Array:
+def _at_instants(torque: Array) -> Array:
     """Return held torques (r T, n) at the instants, jumps at their middle."""
-    middle = held.copy()
-    middle[1:] = (held[1:] + held[:-1]) / 2
+    middle = torque.copy()
+    middle[1:] = (torque[1:] + torque[:-1]) / 2
     return middle
 
 
