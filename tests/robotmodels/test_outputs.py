@@ -14,6 +14,7 @@ import oed
 import robotmodels
 from estimators.frf.file_formats import read_records, write_records
 from estimators.frf.spectra import spectra
+from estimators.sampling.log_posterior import batched_frequency_response
 from oed.information_sets.line_information import sensor_information
 from robotmodels import ElasticRobot, InvalidInput, Records
 from robotmodels.description.robot_file import RobotFile, read_robot_file
@@ -219,6 +220,14 @@ def test_springs_from_a_joint_encoder_and_a_torque_sensor() -> None:
     assert fit.converged
     truth = robot.parameters.values[:3]
     np.testing.assert_allclose(fit.parameters.values[:3], truth, rtol=0.02)
+
+
+def test_posteriors_know_that_a_springs_torque_changes_with_the_spring() -> None:
+    network = ur10(OUTPUTS).network(POSITIONS)
+    theta = network.parameters.values * np.array([[1.0], [1.3]])
+    expected = [network.frequency_response(OMEGA, each) for each in theta]
+    batch = batched_frequency_response(network, theta, OMEGA)
+    np.testing.assert_allclose(batch, expected, rtol=1e-10, atol=1e-14)
 
 
 @pytest.mark.parametrize("ending", [".h5", ".csv", ".mat"])
