@@ -1,6 +1,6 @@
 """The function that is sampled: a fit's cost as a log density, fast where the kernel can."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
@@ -17,7 +17,7 @@ from estimators.sampling.likelihood import Noise, line_squares
 from estimators.uncertainty.sandwich import sandwich_parts
 from robotmodels.common.arrays import Array, ComplexArray, read_only
 from robotmodels.common.errors import IdentificationError, InvalidInput, SolverFailed
-from robotmodels.linear.linear_model import LinearModel, Measurement
+from robotmodels.linear.linear_model import LinearModel, stacked_measurements
 from robotmodels.linear.response import Elastic
 from robotmodels.linear.spring_network import SpringNetwork
 
@@ -286,7 +286,7 @@ def batched_frequency_response(
             damping=np.stack([model.damping for model in models]),
             stiffness=np.stack([model.stiffness for model in models]),
             selector=network.selector,
-            measurement=_stacked(models),
+            measurement=stacked_measurements(models),
         )
         return batch.frequency_response(omega)
     from robotmodels import kernel
@@ -308,12 +308,3 @@ def batched_frequency_response(
     )
     G = kernel.frequency_response(wide, omega) * network.motor_factors(omega)[:, None, :]
     return G.reshape(w, -1, *G.shape[1:])
-
-
-def _stacked(models: Sequence[LinearModel]) -> Measurement | None:
-    """Return the measurements of all models, which differ where springs' torques are measured."""
-    measurements = [model.measurement for model in models if model.measurement is not None]
-    if not measurements or measurements[0] is measurements[-1]:
-        return models[0].measurement
-    rows = {k: np.stack([getattr(m, k) for m in measurements]) for k in ("position", "velocity")}
-    return replace(measurements[0], **rows)

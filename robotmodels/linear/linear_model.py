@@ -1,5 +1,6 @@
 """The narrow waist: every robot and every chain becomes a linear model."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -233,3 +234,19 @@ class LinearModel:
     def measured(self) -> Measurement:
         """What is measured, the default filled in."""
         return self.measurement or motor_measurement(self.selector)
+
+
+def stacked_measurements(models: Sequence[LinearModel]) -> Measurement | None:
+    """Return the measurements of models as one with a leading axis, where they are not the same.
+
+    They differ in position and velocity, where springs' torques are measured.
+    """
+    first, last = models[0].measurement, models[-1].measurement
+    if first is None or first is last:
+        return first
+    measured = [model.measured for model in models]
+    rows: dict[str, Any] = {
+        name: np.stack([getattr(each, name) for each in measured])
+        for name in ("position", "velocity")
+    }
+    return replace(first, **rows)
