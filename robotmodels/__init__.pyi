@@ -13,7 +13,11 @@ from .description.parameters import Parameters as Parameters
 from .elastic.robot import ElasticRobot as ElasticRobot
 from .exports.export import export as export
 from .exports.modes import modal_parameters as modal_parameters
-from .exports.robot_files import save_robot as save_robot, with_values as with_values
+from .exports.robot_files import (
+    save_robot as save_robot,
+    with_speeds as with_speeds,
+    with_values as with_values,
+)
 from .exports.state_space import StateSpaceModel as StateSpaceModel, state_space as state_space
 from .library import builtin_robots as builtin_robots, load_robot as load_robot
 from .linear.chain_responses import (

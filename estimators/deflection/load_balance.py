@@ -53,7 +53,7 @@ class LoadBalance:
 
 def gear_torque(torques: MovementTorques, at: DeflectionAssumptions, mass: float) -> Array:
     """Return the torque of the gears, (N, n), with a payload of `mass` [kg]."""
-    links = at.link_mass * torques.links
+    links = at.link_mass * torques.links + torques.friction
     return np.asarray(links + at.counterbalance * torques.counterbalances + mass * torques.payload)
 
 

@@ -3,6 +3,7 @@
 from oed.study.results import StudyResults
 from reports import text
 from reports.page_elements import Column, Number, Row, Section, Table, filled, numbers, table
+from robotmodels.description.friction import friction_sentences
 from robotmodels.description.robot_file import Hardening, Spring
 
 
@@ -13,6 +14,7 @@ def section(results: StudyResults) -> Section:
         results=results,
         motors=motor_table(results),
         springs=spring_table(results),
+        friction=friction_sentences(results.robot.file),
         unit={"acceleration": "rad/s²", "velocity": "rad/s", "position": "rad"},
     )
     return Section("robot", "Robot", body)

@@ -9,6 +9,7 @@ from reports.summaries.columns import decimals, hung, number, plural, table, vec
 from robotmodels.checks.diagnosis import Diagnosis, MotorState, ParameterState, SpringState
 from robotmodels.checks.warnings import Suspicion
 from robotmodels.common.plain_data import json_data, json_text
+from robotmodels.description.friction import friction_sentences, friction_shares
 from robotmodels.description.outputs import Output, outputs_of
 from robotmodels.description.robot_file import Hardening, RobotFile
 from robotmodels.description.unused_elements import UnusedPart
@@ -31,6 +32,7 @@ def robot_summary(
         _motors(d),
         _springs(d, file),
         _others(d),
+        _friction(file),
         _outputs(d, file),
         _modes(d),
         _anti_resonances(d),
@@ -52,6 +54,7 @@ def robot_json(
     settings = file.model_dump(include=keys)
     gains = {motor.name: motor.torque_gain for motor in file.motors}
     lists = {"torque_gains": gains, "warnings": suspicions, "unused": unused}
+    lists["friction"] = [json_data(share) for share in friction_shares(file)]
     return json_text(json_data(diagnosis) | settings | lists)
 
 
@@ -152,6 +155,19 @@ def _springs(d: Diagnosis, file: RobotFile) -> list[str]:
     ties = [f"{p.name} to {p.tied_to}" for p in d.parameters if p.tied_to]
     tied = wrapped(f"tied: {', '.join(ties)}") if ties else []
     return table(header, rows, right=(2, 4, 6, 7)) + tied
+
+
+def _friction(file: RobotFile) -> list[str]:
+    """Return what damps behind the gears, and what Coulomb friction counts as."""
+    lines = [
+        line
+        for item in file.friction
+        for line in wrapped(
+            f"joint {item.joint}, {item.name}: viscous {item.viscous:.4g} N m s/rad"
+        )
+    ]
+    lines += [line for sentence in friction_sentences(file) for line in wrapped(sentence)]
+    return ["friction", *lines] if lines else []
 
 
 def _others(d: Diagnosis) -> list[str]:

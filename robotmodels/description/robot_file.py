@@ -18,6 +18,8 @@
       inertia: 3.9e-4            # of the rotor and what turns with it [kg m^2]
       viscous: 2.0e-3            # friction [N m s/rad]
       coulomb: 0.05              # friction, in simulations in closed loop [N m]
+      coulomb_width: 0.0         # sharp, or the width of tanh(speed / width) [rad/s]
+      coulomb_speed: 5.0         # rms speed at which FRFs count it as a damper [rad/s]; else not
       torque_gain: 1.0           # torque over commanded torque
       torque_delay: 0.0          # of the torque after the command [s]
       torque_lag: 0.0            # time constant of its first-order lag [s]
@@ -39,6 +41,14 @@
       sinusoid:                  # amplitude sin(angle + phase); or spring, gas or table
         amplitude: 7000.0        # [N m]
         phase: -1.48             # [rad]
+    friction:                    # of joints, behind the springs of their gears
+      name: f1                   # used in parameters such as f1.viscous
+      joint: shoulder            # that it brakes
+      viscous: 20.0              # [N m s/rad]
+      coulomb: 50.0              # [N m]
+      coulomb_width: 0.001       # of tanh(speed / width) [rad/s]
+      coulomb_speed: 0.05        # as of a motor [rad/s]
+      load: 0.02                 # Coulomb friction per torque of gravity, in simulations
     parameters:                  # by default every stiffness, then every damping is estimated
       fixed: [d1.damping]        # known, not estimated
       tied: [[d1.stiffness, d2.stiffness]]    # each group keeps its ratios
@@ -64,8 +74,8 @@
       verdict: trustworthy       # on the fit, see `estimators.VERDICTS`
       provenance: {residual: nls}             # data, settings and programs behind them, in words
 
-`motors`, `springs`, `counterbalances` and `outputs` are lists; of one entry each, what its keys
-mean. The older keys `output` (acceleration, velocity or position of the motors) and
+`motors`, `springs`, `counterbalances`, `friction` and `outputs` are lists; of one entry each,
+what its keys mean. The older keys `output` (acceleration, velocity or position of the motors) and
 `accelerometers` are read as well.
 """
 
@@ -84,6 +94,7 @@ from pydantic import (
 
 from robotmodels.common.yaml_files import FileSection, read_yaml
 from robotmodels.description.counterbalances import Counterbalance
+from robotmodels.description.friction import JointFriction, Speed, equivalent_damping
 from robotmodels.description.names import Name
 from robotmodels.description.outputs import Output, Time, check_outputs
 from robotmodels.description.ranges import (
@@ -130,6 +141,8 @@ class Motor(FileSection):
     inertia: RotorInertia
     viscous: Friction = 0.0
     coulomb: Friction = 0.0
+    coulomb_width: Friction = 0.0
+    coulomb_speed: Speed | None = None
     torque_gain: Annotated[float, Field(ge=1e-6, le=1e6)] = 1.0
     torque_delay: Time = 0.0
     torque_lag: Time = 0.0
@@ -141,6 +154,11 @@ class Motor(FileSection):
                 f"motor {self.name!r}: gear_ratio must not be zero, nor below 1e-6 in size"
             )
         return self
+
+    @property
+    def equivalent(self) -> float:
+        """Damping that Coulomb friction counts as in frequency responses, on the shaft."""
+        return equivalent_damping(self.coulomb, self.coulomb_width, self.coulomb_speed)
 
 
 class Hardening(FileSection):
@@ -281,6 +299,7 @@ class RobotFile(FileSection):
     motors: list[Motor] = Field(min_length=1, max_length=64)
     springs: list[Spring] = Field(min_length=1, max_length=256)
     counterbalances: list[Counterbalance] = Field([], max_length=64)
+    friction: list[JointFriction] = Field([], max_length=64)
     parameters: Choice = Choice()
     payload: Payload | None = None
     outputs: list[Output] = Field([], max_length=512)
@@ -290,9 +309,20 @@ class RobotFile(FileSection):
     guessed: dict[str, Annotated[float, Field(ge=1e-6, le=10)]] = {}
     fitted: Fitted | None = None
 
+    @property
+    def frictional(self) -> tuple[Motor | JointFriction, ...]:
+        """Everything that has friction: motors, on their shafts, then joints."""
+        return (*self.motors, *self.friction)
+
     @model_validator(mode="after")
     def _names_are_unique(self) -> Self:
-        groups = (self.motors, self.springs, self.counterbalances, self.accelerometers)
+        groups = (
+            self.motors,
+            self.springs,
+            self.counterbalances,
+            self.friction,
+            self.accelerometers,
+        )
         names = Counter(item.name for group in groups for item in group)
         names.update(output.label for output in self.outputs)
         for name, count in names.items():
@@ -301,6 +331,9 @@ class RobotFile(FileSection):
         for joint, count in Counter(m.joint for m in self.motors).items():
             if count > 1:
                 raise ValueError(f"joint {joint!r} has {count} motors; one at most")
+        for joint, count in Counter(item.joint for item in self.friction).items():
+            if count > 1:
+                raise ValueError(f"joint {joint!r} has {count} entries of friction; one at most")
         for (owner, axis), count in Counter((_owner(s), s.axis) for s in self.springs).items():
             if count > 1:
                 raise ValueError(f"{owner} has {count} springs about axis {axis!r}; one at most")

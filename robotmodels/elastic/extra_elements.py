@@ -42,6 +42,8 @@ def extra_elements(file: RobotFile) -> dict[str, tuple[float, str]]:
     for spring in file.springs:
         if spring.at is not None:
             table[f"{spring.name}.at"] = (float(np.linalg.norm(spring.at)), "m")
+    for item in file.friction:
+        table[f"{item.name}.viscous"] = (item.viscous, "N m s/rad")
     for balance in file.counterbalances:
         for law, entry, unit in _BALANCED:
             if (section := getattr(balance, law)) is not None:
@@ -78,6 +80,7 @@ def apply_extra(file: RobotFile, values: dict[str, float]) -> RobotFile:
         else spring
         for spring in file.springs
     ]
+    changes["friction"] = [f.model_copy(update=_of(values, f.name)) for f in file.friction]
     changes["counterbalances"] = [_balanced(each, values) for each in file.counterbalances]
     if file.payload is not None:
         changes["payload"] = file.payload.model_copy(update=_body(file.payload, values))

@@ -1,15 +1,17 @@
 """The numbers of a robot file that can be parameters, and which of them are free."""
 
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import product
 
 import numpy as np
 
 from robotmodels.common.arrays import Array
 from robotmodels.common.errors import InvalidInput, nearest
+from robotmodels.description.friction import JointFriction
 from robotmodels.description.parameters import Parameters
-from robotmodels.description.robot_file import Hardening, RobotFile, Spring
+from robotmodels.description.robot_file import Hardening, Motor, RobotFile, Spring
 from robotmodels.description.spring_laws import SpringLaws
 from robotmodels.elastic.extra_elements import apply_extra, extra_elements
 from robotmodels.linear.spring_network import Inertances
@@ -193,30 +195,32 @@ class Elements:
         return np.flatnonzero(self.ties[rows].any(axis=0)).tolist()
 
     @cached_property
-    def free_motors(self) -> list[int]:
-        """Indices of the motors whose inertia or viscous friction is free."""
+    def _inertial(self) -> list[Motor | JointFriction]:
+        """Motors and joints whose inertia or viscous friction is free."""
         free = {n for n in self._of_motors if self.ties[self.names.index(n)].any()}
-        return [
-            i for i, m in enumerate(self.file.motors) if free & {f"{m.name}.{e}" for e in _INERTIAL}
-        ]
+        return [x for x in self.file.frictional if free & {f"{x.name}.{e}" for e in _INERTIAL}]
 
-    def inertances(self, theta: Array, coordinates: Sequence[int]) -> Inertances | None:
-        """Return the free motors' inertances on the arm side; `coordinates` are all motors'."""
-        if not self.free_motors:
+    @property
+    def inertial_names(self) -> tuple[str, ...]:
+        """Names of the motors and frictions of joints that are inertances."""
+        return tuple(item.name for item in self._inertial)
+
+    def inertances(self, theta: Array, coordinate_of: Mapping[str, int]) -> Inertances | None:
+        """Return the inertances on the arm side, of motors and of joints with free friction."""
+        if not self._inertial:
             return None
-        motors = [self.file.motors[i] for i in self.free_motors]
         values, none = self.at(theta), np.zeros(len(theta))
         coefficients: dict[str, list[float]] = {e: [] for e in _INERTIAL}
         exponents: dict[str, list[Array]] = {e: [] for e in _INERTIAL}
-        for motor in motors:
-            for element, value in (("viscous", motor.viscous), ("inertia", motor.inertia)):
-                name = f"{motor.name}.{element}"
-                free = name in self._extra
-                row = self.names.index(name) if free else -1
-                coefficients[element].append((values[row] if free else value) * motor.gear_ratio**2)
-                exponents[element].append(self.ties[row] if free else none)
+        for item, element in product(self._inertial, _INERTIAL):
+            free = (name := f"{item.name}.{element}") in self._extra
+            row = self.names.index(name) if free else -1
+            value = values[row] if free else getattr(item, element, 0.0)
+            scale = item.gear_ratio**2 if isinstance(item, Motor) else 1.0
+            coefficients[element].append(value * scale)
+            exponents[element].append(self.ties[row] if free else none)
         return Inertances(
-            coordinates=np.array([coordinates[i] for i in self.free_motors], dtype=np.int64),
+            coordinates=np.array([coordinate_of[n] for n in self.inertial_names], dtype=np.int64),
             friction=np.array(coefficients["viscous"]),
             inertia=np.array(coefficients["inertia"]),
             exponents=np.array(exponents["viscous"] + exponents["inertia"]),
@@ -224,9 +228,10 @@ class Elements:
 
     @cached_property
     def _of_motors(self) -> set[str]:
-        """The extras that are a motor's inertia or viscous friction."""
-        names = {f"{m.name}.{element}" for m in self.file.motors for element in _INERTIAL}
-        return names & set(self._extra)
+        """The extras that are a motor's inertia, or viscous friction of a motor or joint."""
+        return {
+            f"{item.name}.{element}" for item in self.file.frictional for element in _INERTIAL
+        } & set(self._extra)
 
     def laws(self, theta: Array) -> SpringLaws:
         """Return the springs' characteristics."""

@@ -26,12 +26,15 @@ class MovementTorques:
         Gravity's part of that.
     counterbalances : ndarray, (N, n)
         What the counterbalances add to the torque that gears must give.
+    friction : ndarray, (N, n)
+        Friction of the joints behind the gears, as the robot file has it.
     """
 
     links: Array
     payload: Array
     payload_weight: Array
     counterbalances: Array
+    friction: Array
 
 
 def movement_torques(
@@ -42,13 +45,14 @@ def movement_torques(
     movement = [_coordinates(robot, part) for part in (positions, velocities, accelerations)]
     joints = [_joints(robot.arm, part, i == 0) for i, part in enumerate(movement)]
     total, balance = _torques(robot.arm, joints), _balance(robot.arm, joints[0])
+    friction = _friction(robot, movement[1], total + balance)
     per_kg, weight = np.zeros((2, *total.shape))
     if payload is not None:
         heavier = _with_mass(robot, payload, payload.mass + 1.0)
         per_kg = _torques(heavier, joints) - total
         total = total - payload.mass * per_kg
         weight = gravity_torques(heavier, movement[0]) - gravity_torques(robot.arm, movement[0])
-    parts = (part[:, drives] for part in (total, per_kg, weight, balance))
+    parts = (part[:, drives] for part in (total, per_kg, weight, balance, friction))
     return MovementTorques(*parts)
 
 
@@ -74,6 +78,17 @@ def _torques(arm: Arm, joints: list[Array]) -> Array:
     data = arm.model.createData()
     torques = np.array([pin.rnea(arm.model, data, *now) for now in zip(*joints, strict=True)])
     return torques if arm.coordinate_map is None else torques @ arm.coordinate_map.matrix
+
+
+def _friction(robot: ElasticRobot, speeds: Array, load: Array) -> Array:
+    """Return the friction of the joints, (N, d), by speeds and what they bear, both (N, d)."""
+    torques = np.zeros_like(speeds)
+    for item in robot.file.friction:
+        c = robot.arm.coordinate[item.joint]
+        level = item.coulomb + item.load * np.abs(load[:, c])
+        smooth = np.tanh(speeds[:, c] / item.coulomb_width)
+        torques[:, c] = item.viscous * speeds[:, c] + level * smooth
+    return torques
 
 
 def _balance(arm: Arm, angles: Array) -> Array:

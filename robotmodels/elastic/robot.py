@@ -22,6 +22,7 @@ from robotmodels.elastic.arm import Arm, build_arm, motions
 from robotmodels.elastic.equilibrium import Equilibrium, Labels, find_equilibrium
 from robotmodels.elastic.equilibrium_derivatives import differentiate
 from robotmodels.elastic.free_elements import Elements
+from robotmodels.elastic.joint_friction import check_friction
 from robotmodels.elastic.segments import check_bodies
 from robotmodels.elastic.skeleton import Layout, Skeleton, check_mass, skeleton
 from robotmodels.linear.equilibrium_sensitivity import Tangents
@@ -48,6 +49,7 @@ class ElasticRobot:
 
     def __post_init__(self) -> None:
         self._check_joints()
+        check_friction(self.file, self.rigid, self.couplings)
         check_bodies(self.file, self.rigid)
         check_mass(self.layout)
         _ = self.parameters  # a robot that exists can be used
@@ -270,7 +272,7 @@ class ElasticRobot:
             exponents=self.elements.exponents(theta, at.elongations),
             parameters=Parameters(self.parameters.names, theta, self.parameters.units),
             measurement=None if plain else measured,
-            inertances=self.elements.inertances(theta, self.layout.motors),
+            inertances=self.elements.inertances(theta, self.layout.coordinate_of),
             non_spring_parameters=tuple(
                 self.parameters.names[j] for j in self.elements.extra_columns
             ),
@@ -358,7 +360,7 @@ class ElasticRobot:
         return rows
 
     def _skeleton(self, theta: Array, coordinates: Array) -> Skeleton:
-        return skeleton(self._layout(theta), coordinates, self.elements.free_motors)
+        return skeleton(self._layout(theta), coordinates, self.elements.inertial_names)
 
     def _check_joints(self) -> None:
         joints = list(self.rigid.names)[1:]

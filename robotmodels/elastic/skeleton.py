@@ -86,6 +86,12 @@ class Layout:
         return [shafts.get(i, int(self.drives[i])) for i in range(len(self.file.motors))]
 
     @cached_property
+    def coordinate_of(self) -> dict[str, int]:
+        """Coordinate of each motor, and of the joint of each friction, by name."""
+        motors = {m.name: c for m, c in zip(self.file.motors, self.motors, strict=True)}
+        return motors | {f.name: self.arm.coordinate[f.joint] for f in self.file.friction}
+
+    @cached_property
     def nodes(self) -> IntArray:
         """Coordinates that each spring joins, (s, 2); -1 is the ground."""
         motor_of = {spring: motor for motor, spring in enumerate(self.drive_springs)}
@@ -112,8 +118,8 @@ class Skeleton:
     mass, stiffness : ndarray, (Q, d, d)
         Mass matrices, and the stiffness that gravity adds.
     damping : ndarray, (d, d)
-        Viscous friction of the motors. Motors whose inertia or friction is free are missing from
-        both (see `Inertances`).
+        Viscous friction of motors and joints, and dampers in place of Coulomb friction. Inertia and
+        viscous friction are missing where one of them is free (see `Inertances`).
     gravity : ndarray, (Q, d)
         Gravity torques.
     selector : ndarray, (d, n)
@@ -130,8 +136,11 @@ class Skeleton:
     measurement: Measurement
 
 
-def skeleton(layout: Layout, coordinates: Array, without: Collection[int] = ()) -> Skeleton:
-    """Return the skeleton at the arm's `coordinates` (Q, arm size), `without` some motors' mass."""
+def skeleton(layout: Layout, coordinates: Array, without: Collection[str] = ()) -> Skeleton:
+    """Return the skeleton at the arm's `coordinates` (Q, arm size).
+
+    It is `without` the inertia of motors, and the viscous friction of motors and joints, named so.
+    """
     file, size, arm = layout.file, layout.size, slice(0, layout.arm_size)
     count = len(coordinates)
     mass, gravity = mass_and_gravity(layout.arm, coordinates, size)
@@ -141,12 +150,23 @@ def skeleton(layout: Layout, coordinates: Array, without: Collection[int] = ()) 
     damping = np.zeros((size, size))
     selector = np.zeros((size, len(file.motors)))
     for j, (c, motor) in enumerate(zip(layout.motors, file.motors, strict=True)):
-        if j not in without:
+        if motor.name not in without:
             mass[:, c, c] += motor.inertia * motor.gear_ratio**2
-            damping[c, c] += motor.viscous * motor.gear_ratio**2
         selector[c, j] = motor.gear_ratio
+    _add_friction(damping, layout, without)
     measurement = _measurement(layout, selector, coordinates)
     return Skeleton(mass, damping, stiffness, torques, selector, measurement)
+
+
+def _add_friction(damping: Array, layout: Layout, without: Collection[str]) -> None:
+    """Add to `damping` (d, d): viscous friction, `without` that of some names, and equivalents."""
+    file = layout.file
+    for c, motor in zip(layout.motors, file.motors, strict=True):
+        viscous = 0.0 if motor.name in without else motor.viscous
+        damping[c, c] += (viscous + motor.equivalent) * motor.gear_ratio**2
+    for item in file.friction:
+        c = layout.arm.coordinate[item.joint]
+        damping[c, c] += (0.0 if item.name in without else item.viscous) + item.equivalent
 
 
 def check_mass(layout: Layout) -> None:

@@ -2,11 +2,12 @@
 
 from typing import TYPE_CHECKING, Literal
 
+from robotmodels.description.friction import JointFriction
 from robotmodels.description.outputs import outputs_of
 
 if TYPE_CHECKING:
     from robotmodels.description.outputs import Output
-    from robotmodels.description.robot_file import RobotFile
+    from robotmodels.description.robot_file import Motor, RobotFile
 
 Format = Literal["mjcf", "urdf", "state_space", "modes", "robot"]
 ENDINGS: dict[Format, str] = {
@@ -22,7 +23,10 @@ def left_out(file: "RobotFile", format: Format) -> tuple[str, ...]:
     """Return what of a robot file a format cannot hold, one line each."""
     delay = (f"delay of {file.delay:g} s of all that is measured",) if file.delay else ()
     noted = tuple(f"{line}: noted in <custom>, not simulated" for line in delay)
-    friction = tuple(f"Coulomb friction of motor {m.name}" for m in file.motors if m.coulomb)
+    sharp = tuple(f"Coulomb friction of {_whose(x)}" for x in file.frictional if x.coulomb)
+    smooth = [x for x in file.frictional if x.coulomb and x.coulomb_width]
+    onset = tuple(f"smooth onset of Coulomb friction of {_whose(x)}" for x in smooth)
+    loaded = tuple(f"Coulomb friction by the load of {_whose(x)}" for x in file.friction if x.load)
     balances = tuple(
         f"counterbalance {b.name}: no spring of MuJoCo's has its torque over the angle"
         for b in file.counterbalances
@@ -33,15 +37,21 @@ def left_out(file: "RobotFile", format: Format) -> tuple[str, ...]:
             "contact: collision shapes are drawn only",
             "what the URDF draws",
             *balances,
+            *onset,
+            *loaded,
             *noted,
             *_left_out_of_mjcf(file),
         ),
-        "urdf": (*_left_out_of_urdf(file), *delay, *_late_torques(file)),
-        "state_space": friction,
-        "modes": (*friction, *delay, *_late_torques(file)),
+        "urdf": (*_left_out_of_urdf(file), *onset, *loaded, *delay, *_late_torques(file)),
+        "state_space": (*sharp, *loaded),
+        "modes": (*sharp, *loaded, *delay, *_late_torques(file)),
         "robot": (),
     }
     return lines[format]
+
+
+def _whose(item: "Motor | JointFriction") -> str:
+    return f"joint {item.joint}" if isinstance(item, JointFriction) else f"motor {item.name}"
 
 
 def _left_out_of_urdf(file: "RobotFile") -> tuple[str, ...]:

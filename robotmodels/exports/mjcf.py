@@ -76,7 +76,9 @@ def _add_keyframes(
 
 
 def _add_motors(spec: mujoco.MjSpec, robot: ElasticRobot, joints: Sequence[str]) -> None:
-    """Add actuators, their sensors and the friction of motors."""
+    """Add actuators, their sensors, and the friction of motors and joints."""
+    for item in robot.file.friction:
+        spec.joint(item.joint).frictionloss = item.coulomb
     for motor, limits in zip(robot.file.motors, robot.position_limits, strict=True):
         shaft = motor.name if motor.name in joints else motor.joint
         hinge = spec.joint(shaft)

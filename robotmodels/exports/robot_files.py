@@ -9,6 +9,7 @@ from robotmodels.common.arrays import Array
 from robotmodels.common.atomic_files import created_folder, unwritable, write_text
 from robotmodels.common.errors import InvalidInput
 from robotmodels.common.yaml_reader import reads_as_text
+from robotmodels.description.friction import at_speeds
 from robotmodels.description.robot_file import Fitted, RobotFile
 from robotmodels.description.urdf import PACKAGE_PREFIX
 from robotmodels.elastic.robot import ElasticRobot
@@ -34,6 +35,25 @@ def with_values(robot: ElasticRobot, values: Array, fitted: Fitted | None = None
     file = robot.elements.whole_file_at(robot.parameters.check(values))
     file = file.model_copy(update={"fitted": fitted, "guessed": {}})
     return ElasticRobot(file, robot.folder)
+
+
+def with_speeds(robot: ElasticRobot, speeds: Array) -> ElasticRobot:
+    """Return the robot whose frequency responses count Coulomb friction as dampers.
+
+    Parameters
+    ----------
+    robot : ElasticRobot
+        The robot.
+    speeds : ndarray, (n,), rad/s
+        Rms speeds of the motors' shafts under the excitation. A joint's is that of its motor over
+        the gear ratio.
+
+    Raises
+    ------
+    InvalidInput
+        If there is not one speed above zero for each motor.
+    """
+    return ElasticRobot(at_speeds(robot.file, speeds), robot.folder)
 
 
 def save_robot(robot: ElasticRobot, path: str | Path) -> None:

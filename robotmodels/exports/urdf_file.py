@@ -8,7 +8,7 @@ from scipy.spatial.transform import Rotation
 
 from robotmodels.common.arrays import Array
 from robotmodels.description.model_files import read_model
-from robotmodels.description.robot_file import Motor, Payload
+from robotmodels.description.robot_file import Motor, Payload, RobotFile
 from robotmodels.elastic.robot import ElasticRobot
 from robotmodels.exports.formats import left_out
 from robotmodels.exports.robot_files import relative_to
@@ -29,8 +29,7 @@ def urdf_text(robot: ElasticRobot, folder: Path) -> str:
     for element in root.findall("joint"):
         if (name := element.get("name", "")) in file.lock:
             _lock(element, joints[name], file.lock[name])
-    for motor in file.motors:
-        _add_motor(root, motor)
+    _add_motors(root, file)
     if file.payload is not None:
         _add_payload(root, file.payload)
     for mesh in root.iter("mesh"):
@@ -59,14 +58,21 @@ def _lock(element: ET.Element, joint: Joint, value: float) -> None:
     element.insert(0, ET.Element("origin", xyz=_numbers(position), rpy=_numbers(rpy)))
 
 
+def _add_motors(root: ET.Element, file: RobotFile) -> None:
+    """Add motors, then the friction of joints."""
+    for motor in file.motors:
+        _add_motor(root, motor)
+    for item in file.friction:
+        _add_dynamics(root, item.joint, item.viscous, item.coulomb)
+
+
 def _add_motor(root: ET.Element, motor: Motor) -> None:
     """Add a motor's friction, on the arm side, and its gear ratio."""
     ratio = motor.gear_ratio
-    (joint,) = (j for j in root.findall("joint") if j.get("name") == motor.joint)
-    if (dynamics := joint.find("dynamics")) is None:
-        dynamics = ET.SubElement(joint, "dynamics")
-    dynamics.set("damping", repr(motor.viscous * ratio**2))
-    dynamics.set("friction", repr(motor.coulomb * abs(ratio)))
+    for joint in root.findall("joint"):  # motors tell more than the URDF did
+        if joint.get("name") == motor.joint and (dynamics := joint.find("dynamics")) is not None:
+            joint.remove(dynamics)
+    _add_dynamics(root, motor.joint, motor.viscous * ratio**2, motor.coulomb * abs(ratio))
     for other in root.findall("transmission"):
         if any(j.get("name") == motor.joint for j in other.findall("joint")):
             root.remove(other)
@@ -76,6 +82,15 @@ def _add_motor(root: ET.Element, motor: Motor) -> None:
     ET.SubElement(transmission, "joint", name=motor.joint)
     actuator = ET.SubElement(transmission, "actuator", name=motor.name)
     ET.SubElement(actuator, "mechanicalReduction").text = repr(ratio)
+
+
+def _add_dynamics(root: ET.Element, name: str, damping: float, friction: float) -> None:
+    """Add to the friction of a joint."""
+    (joint,) = (j for j in root.findall("joint") if j.get("name") == name)
+    if (dynamics := joint.find("dynamics")) is None:
+        dynamics = ET.SubElement(joint, "dynamics")
+    for key, value in (("damping", damping), ("friction", friction)):
+        dynamics.set(key, repr(float(dynamics.get(key, "0")) + value))
 
 
 def _add_payload(root: ET.Element, payload: Payload) -> None:

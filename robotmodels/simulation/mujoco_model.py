@@ -181,6 +181,9 @@ class PlantBuilder:
                 stiffness_polynomial(spring),
                 [spring.damping, 0.0, 0.0],
             )
+        for item in self.file.friction:
+            if item.joint == joint.name:
+                drive.damping = [drive.damping[0] + item.viscous, 0.0, 0.0]
 
     def _add_arms(
         self,

@@ -80,6 +80,10 @@ class Drives(NamedTuple):
         Delay of the torques after their commands, and time constant of their first-order lag.
     mobility : ndarray, (d, n)
         Velocity per impulse on a motor's coordinate.
+    brakes : ndarray of int, (b,)
+        Coordinates with smooth Coulomb friction, each once.
+    brake_torque, brake_width : ndarray, (b,)
+        Its torque [N m] and the width of its tanh [rad/s], on the arm side.
     """
 
     coordinate: IntArray
@@ -90,6 +94,9 @@ class Drives(NamedTuple):
     delay: Array
     lag: Array
     mobility: Array
+    brakes: IntArray
+    brake_torque: Array
+    brake_width: Array
 
 
 class ControllerGains(NamedTuple):
@@ -142,7 +149,7 @@ def closed_loop_run(
     start = drives.ratio * engine.qpos[drives.coordinate]
     last, speed, integral = start.copy(), np.zeros(n), np.zeros(n)
     impulses, lagging = np.zeros(n), gains.hold.copy()
-    work = np.zeros((3, len(engine.qpos)))
+    work = np.zeros((4, len(engine.qpos)))
     step, steps = sample_time / parts, -(-substeps // parts)
     for k in range(T):
         for j in range(n):
@@ -250,10 +257,12 @@ def _advance(
     d = len(q)
     h = duration / substeps
     reactions = _freeze_geometry(engine, 0.5 * duration, work[0])
+    work[3] = engine.applied
     for _ in range(substeps):
         for stage in range(len(_A)):
             _mj_tendon(engine.model, engine.data)
             _mj_fwdVelocity(engine.model, engine.data)
+            _brake(engine, drives, work[3])
             _mj_fwdAcceleration(engine.model, engine.data)
             if len(reactions) > 0:
                 engine.acceleration[:] -= (engine.constraints @ engine.acceleration) @ reactions
@@ -264,6 +273,15 @@ def _advance(
                 q[i] += _B[stage] * slope_q[i]
                 v[i] += _B[stage] * slope_v[i]
         apply_coulomb_friction(engine, drives, impulses, h)
+    engine.applied[:] = work[3]
+
+
+@njit(nogil=True, cache=True)
+def _brake(engine: MujocoState, drives: Drives, driven: Array) -> None:
+    """Take smooth Coulomb friction from the forces `driven` (d,)."""
+    for i, c in enumerate(drives.brakes):
+        torque = drives.brake_torque[i] * np.tanh(engine.qvel[c] / drives.brake_width[i])
+        engine.applied[c] = driven[c] - torque
 
 
 @njit(nogil=True, cache=True)

@@ -8,6 +8,7 @@ from robotmodels.description.outputs import Output
 from robotmodels.description.robot_file import RobotFile
 from robotmodels.elastic.robot import ElasticRobot
 from robotmodels.simulation.mujoco_model import stiffness_polynomial
+from robotmodels.simulation.plant_loop import Drives
 from robotmodels.simulation.plant_model import PlantModel
 
 PARTS = 4
@@ -32,6 +33,7 @@ def readings(
     motion: Array,
     sample_time: float,
     noise: Array,
+    drives: Drives,
 ) -> Array:
     """Return what all outputs record, (T, m): of encoders angles, whatever is made of them later.
 
@@ -47,11 +49,13 @@ def readings(
         Coordinates and rates at r instants of every sample; empty where motors' encoders are all.
     noise : ndarray, (T, m)
         Errors of all outputs but encoders of motors.
+    drives : Drives
+        The plant's, with its smooth friction.
     """
     file, motors, others = robot.file, robot.motor_names, other_outputs(robot)
     columns = np.empty((len(angle), len(robot.outputs)))
     torque = _at_instants(torque)
-    on_links = iter(_on_links(plant, robot, torque, motion).T)
+    on_links = iter(_on_links(plant, robot, torque, motion, drives).T)
     for i, output in enumerate(robot.outputs):
         if output.kind == "motor" and output.encoder:
             signal = angle[:, motors.index(output.of)]
@@ -78,7 +82,9 @@ def _at_instants(torque: Array) -> Array:
     return middle
 
 
-def _on_links(plant: PlantModel, robot: ElasticRobot, torque: Array, motion: Array) -> Array:
+def _on_links(
+    plant: PlantModel, robot: ElasticRobot, torque: Array, motion: Array, drives: Drives
+) -> Array:
     """Return what sensors on links read, (r T, sensors), by MuJoCo's own."""
     sensors = [_along(plant, output) for output in robot.outputs if output.kind == "link"]
     values = np.empty((len(torque), len(sensors)))
@@ -88,7 +94,10 @@ def _on_links(plant: PlantModel, robot: ElasticRobot, torque: Array, motion: Arr
     model, data = plant.model, plant.data
     for k, applied in enumerate(torque * ratio):
         data.qpos[:], data.qvel[:] = motion[0, k], motion[1, k]
+        data.qfrc_applied[:] = 0.0
         data.qfrc_applied[plant.motors] = applied
+        brakes = np.tanh(data.qvel[drives.brakes] / drives.brake_width)
+        data.qfrc_applied[drives.brakes] -= drives.brake_torque * brakes
         mujoco.mj_forward(model, data)
         plant.obey_couplings()
         for j, (first, axis) in enumerate(sensors):

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from robotmodels.common.arrays import Array, ComplexArray
+from robotmodels.common.arrays import Array, ComplexArray, IntArray
 from robotmodels.common.errors import NoEquilibrium, SolverFailed
 from robotmodels.description.counterbalances import Counterbalance
 from robotmodels.description.robot_file import Hardening, RobotFile
@@ -102,7 +102,7 @@ def run_block(block: Block) -> tuple[Array, Array, NDArray[np.bool_]]:
         if good < total:
             raise _lost(f"{block.where}, run {e + 1}", good * step)
         noise = _output_noise(block, total)
-        outputs = readings(plant, robot, angle, delivered, motion, step, noise)
+        outputs = readings(plant, robot, angle, delivered, motion, step, noise, drives)
         end = (block.transient + block.periods) * N
         recorded = (trace[block.transient * N : end] for trace in (torque, outputs, limited))
         results.append([trace.reshape(block.periods, N, -1) for trace in recorded])
@@ -187,11 +187,31 @@ def _drives(
         np.array([m.gear_ratio for m in motors]),
         np.array([m.torque_gain for m in motors]),
         flaws.per_motor("torque_limit", n),
-        flaws.friction * np.array([m.coulomb for m in motors]),
+        flaws.friction * np.array([0.0 if m.coulomb_width else m.coulomb for m in motors]),
         np.array([m.torque_delay / step for m in motors]),
         np.array([m.torque_lag / step for m in motors]),
         plant.mobility(state, unit),
+        *_brakes(plant, robot, state, flaws.friction),
     )
+
+
+def _brakes(
+    plant: PlantModel, robot: ElasticRobot, state: Array, factor: float
+) -> tuple[IntArray, Array, Array]:
+    """Return coordinates, torques and widths of smooth Coulomb friction, on the arm side."""
+    plant.static_forces(state)
+    weight = np.abs(plant.data.qfrc_bias)
+    brakes = [
+        (c, m.coulomb * abs(m.gear_ratio), m.coulomb_width / abs(m.gear_ratio))
+        for c, m in zip(plant.motors.tolist(), robot.file.motors, strict=True)
+        if m.coulomb and m.coulomb_width
+    ]
+    for item in robot.file.friction:
+        c = plant.coordinate(item.joint)
+        if torque := item.coulomb + item.load * float(weight[c]):
+            brakes.append((c, torque, item.coulomb_width))
+    columns = np.array(brakes if factor else [], dtype=float).reshape(-1, 3).T.copy()
+    return columns[0].astype(np.int64), factor * columns[1], columns[2]
 
 
 _SAFETY = 1.15  # of poles, for positions nearby
@@ -287,8 +307,7 @@ def _poles(plant: PlantModel, file: RobotFile, state: Array) -> ComplexArray:
         k = spring.stiffness
         stiffness += (max(k.low, k.high) if isinstance(k, Hardening) else k) * np.outer(a, a)
         damping += spring.damping * np.outer(a, a)
-    for motor, c in zip(file.motors, plant.motors, strict=True):
-        damping[c, c] += motor.viscous * motor.gear_ratio**2
+    _add_friction(damping, plant, file)
     mass, stiffness, damping = map(
         plant.coordinate_map.congruent, (plant.mass(state), stiffness, damping)
     )
@@ -297,3 +316,13 @@ def _poles(plant: PlantModel, file: RobotFile, state: Array) -> ComplexArray:
     poles = np.linalg.eigvals(companion)
     # Rigid modes are at zero but for rounding, which may put them to the right of it.
     return np.where(poles.real > 0, 1j * poles.imag, poles)
+
+
+def _add_friction(damping: Array, plant: PlantModel, file: RobotFile) -> None:
+    """Add friction at its steepest: that of tanh at rest."""
+    for motor, c in zip(file.motors, plant.motors, strict=True):
+        smooth = motor.coulomb / motor.coulomb_width if motor.coulomb_width else 0.0
+        damping[c, c] += (motor.viscous + smooth) * motor.gear_ratio**2
+    for item in file.friction:
+        c = plant.coordinate(item.joint)
+        damping[c, c] += item.viscous + item.coulomb / item.coulomb_width

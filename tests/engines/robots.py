@@ -234,7 +234,13 @@ BALANCED: dict[str, Any] = {
             },
         },
     ],
-    "parameters": {"extra": ["lift.amplitude", "cylinder.stiffness", "cylinder.preload"]},
+    "friction": [
+        {"name": "f2", "joint": "shoulder_lift_joint", "viscous": 15.0},
+        {"name": "f3", "joint": "elbow_joint", "viscous": 4.0, "coulomb": 3.0},
+    ],
+    "parameters": {
+        "extra": ["lift.amplitude", "cylinder.stiffness", "cylinder.preload", "f2.viscous"]
+    },
 }
 
 # One arm, one gear, level at position 0: everything about it has a closed form.

@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from robots import CRANE, SENSED, built
+from robots import BALANCED, CRANE, SENSED, built
 from typer.testing import CliRunner
 
 import robotmodels
@@ -182,3 +182,12 @@ def test_the_command_prints_either() -> None:
     assert "1 of 3 undamped modes, at 41.8 Hz, above 30 Hz" in text.stdout
     content = json.loads(runner.invoke(application.app, [*words, "--json"]).stdout)
     assert content["motors"][0]["angle"] == pytest.approx(np.radians(-10))
+
+
+def test_friction_is_said_and_flagged_where_it_dominates() -> None:
+    text = " ".join(shown(built(BALANCED)).split())
+    assert "joint shoulder_lift_joint, f2: viscous 15 N m s/rad" in text
+    assert "Coulomb friction of f3 is in simulations only" in text
+    robot = robotmodels.with_speeds(built(BALANCED), np.full(3, 0.5))
+    text = " ".join(shown(robot).split())
+    assert "beside 4 of viscous friction; it DOMINATES" in text

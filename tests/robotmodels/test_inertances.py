@@ -73,7 +73,7 @@ def test_sensitivities_are_exact_and_count_nothing_twice(manutec, choice):
 
 def test_a_rigid_drive_may_have_a_free_inertia():
     robot = _with(robotmodels.load_robot("manutec_r3"), extra=["m5.inertia", "m5.viscous"])
-    assert robot.elements.free_motors == [4]
+    assert robot.elements.inertial_names == (robot.motor_names[4],)
     positions = _positions(robot, 2)
     G, J = robotmodels.sensitivity(robot, positions, OMEGA, equilibrium_shift=False)
     size = np.abs(J).max(axis=(0, 1, 2, 3))
