@@ -16,12 +16,13 @@ from robotmodels.description.model_files import ModelFile
 from robotmodels.description.outputs import Output
 from robotmodels.description.parameters import Parameters
 from robotmodels.description.robot_file import RobotFile, Spring
-from robotmodels.description.urdf import locate, rigid_model, unknown_joint
+from robotmodels.description.urdf import locate, rigid_model
 from robotmodels.description.urdf_check import checked_urdf
 from robotmodels.elastic.arm import Arm, build_arm, motions
 from robotmodels.elastic.equilibrium import Equilibrium, Labels, find_equilibrium
 from robotmodels.elastic.equilibrium_derivatives import differentiate
 from robotmodels.elastic.free_elements import Elements
+from robotmodels.elastic.joint_checks import check_joints
 from robotmodels.elastic.joint_friction import check_friction
 from robotmodels.elastic.segments import check_bodies
 from robotmodels.elastic.skeleton import Layout, Skeleton, check_mass, skeleton
@@ -48,7 +49,7 @@ class ElasticRobot:
     folder: Path = Path()
 
     def __post_init__(self) -> None:
-        self._check_joints()
+        check_joints(self.file, list(self.rigid.names)[1:], self._all_couplings)
         check_friction(self.file, self.rigid, self.couplings)
         check_bodies(self.file, self.rigid)
         check_mass(self.layout)
@@ -361,39 +362,6 @@ class ElasticRobot:
 
     def _skeleton(self, theta: Array, coordinates: Array) -> Skeleton:
         return skeleton(self._layout(theta), coordinates, self.elements.inertial_names)
-
-    def _check_joints(self) -> None:
-        joints = list(self.rigid.names)[1:]
-        for motor in self.file.motors:
-            if motor.joint not in joints:
-                what = f"motor {motor.name!r}: {motor.joint!r}"
-                raise InvalidInput(unknown_joint(what, motor.joint, joints, self.file.lock))
-        for output in self.file.outputs:
-            if output.kind == "joint" and output.of not in joints:
-                what = f"output {output.label!r}: {output.of!r}"
-                raise InvalidInput(unknown_joint(what, output.of, joints, self.file.lock))
-        supported = {*self.motor_joints, *(s.joint for s in self.file.springs if s.axis == "drive")}
-        followers = self.couplings
-        for name in sorted(str(joint) for joint in supported if joint in followers):
-            raise InvalidInput(
-                f"joint {name!r} follows {followers[name].leader!r} (mimic) and has neither "
-                "motor nor drive spring of its own"
-            )
-        loose = [j for j in joints if j not in supported and j not in followers]
-        if loose:
-            raise InvalidInput(
-                f"joints without motor or drive spring: {', '.join(loose)}; "
-                "give each a motor or hold it under 'lock'"
-            )
-        for name, coupling in self._all_couplings.items():
-            if name in joints and coupling.leader not in joints:
-                raise InvalidInput(
-                    f"joint {name!r} follows {coupling.leader!r}, which is locked; lock it as "
-                    f"well, at {self._follower_angle(coupling):.6g}"
-                )
-
-    def _follower_angle(self, coupling: Coupling) -> float:
-        return coupling.multiplier * self.file.lock.get(coupling.leader, 0.0) + coupling.offset
 
 
 def _called(spring: Spring) -> str:
