@@ -95,7 +95,7 @@ def residual_analysis(fit: Fit, lags: int = LAGS) -> ResidualAnalysis:
     if not np.isfinite(fit.cost):
         raise SolverFailed(f"no residuals without a fit: {fit.message}")
     frequencies = len(fit.estimate.omega)
-    if not 1 <= lags < frequencies:
+    if not 1 <= lags < max(frequencies, 2):  # a single line has no neighbour
         raise InvalidInput(f"lags: {lags} for {frequencies} frequencies; 1 to F - 1 are possible")
     linear = fit.linearise()
     if linear.data <= len(linear.names):

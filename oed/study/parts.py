@@ -149,7 +149,7 @@ class Fits:
     def residuals(self) -> ResidualAnalysis:
         """What the result leaves unexplained."""
         lines = len(self.result.estimate.omega)
-        return residual_analysis(self.result, min(LAGS, lines - 1))
+        return residual_analysis(self.result, max(min(LAGS, lines - 1), 1))
 
     def best_cost(self, name: str) -> float:
         """Return the best cost of an estimator; the result's where that is the same cost."""

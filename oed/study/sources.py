@@ -17,6 +17,7 @@ from oed.study.stages.comparison import check_comparison, comparison
 from oed.study.stages.data import Data, data_by_noise_law, data_from_records, measured_data
 from oed.study.stages.design import StudyDesign, design, measured_design, visits
 from oed.study.stages.experiment import SimulatedExperiment, experiment
+from oed.study.stages.few_data import warn_of_few_frequencies, warn_of_weak_combinations
 from oed.study.stages.information import (
     Information,
     information,
@@ -48,6 +49,7 @@ class SimulatedDesign:
             If plans cannot be compared as the study asks.
         """
         check_comparison(run)
+        warn_of_few_frequencies(run, run.omega)
         screened = candidates(run)
         info = information(run, screened)
         samples = sampled_information(run, screened)
@@ -82,6 +84,7 @@ class SimulatedStudy(SimulatedDesign):
     def of(cls, run: SimulatedRun) -> "SimulatedStudy":
         """Run the stages."""
         before = SimulatedDesign.of(run)
+        warn_of_weak_combinations(before.design.value.exact)
         asked, excitation = visits(before.information, before.design), run.study.data.experiment
         simulated = None if excitation is None else experiment(run, excitation, asked)
         if simulated is None:
@@ -136,8 +139,11 @@ class MeasuredStudy:
         parts = None if choice is None else split(run, choice, data)
         if parts is not None:
             data = Stage(data.name, parts.value.fitted, parts.digest, parts.seconds, parts.loaded)
+        warn_of_few_frequencies(run, data.value.estimate.omega)
         info = measured_information(run, data)
-        return cls(run, parts, data, info, measured_design(run, info, data))
+        plan = measured_design(run, info, data)
+        warn_of_weak_combinations(plan.value.exact)
+        return cls(run, parts, data, info, plan)
 
     @property
     def plan(self) -> MeasuredPlan:

@@ -28,7 +28,7 @@ def init(
     ] = None,
     argument: Annotated[
         list[str] | None,
-        typer.Option(help="Of a xacro file, NAME:=VALUE; once for each."),
+        typer.Option(help="Of a xacro file, NAME=VALUE; once for each."),
     ] = None,
     packages: Annotated[
         list[Path] | None,

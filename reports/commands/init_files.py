@@ -74,7 +74,7 @@ def starter_files(robot: str, folder: Path, options: ModelOptions | None = None)
 def _of_model_file(robot: str, folder: Path, options: ModelOptions) -> StarterFiles:
     urdf = robot if robot.startswith(PACKAGE_PREFIX) else path_from(folder, Path(robot))
     name = default_folder(robot).name
-    source = ModelFile(locate(robot, Path()), options.arguments, options.packages)
+    source = ModelFile(locate(robot, Path(), ""), options.arguments, options.packages)
     joints, checked = moving_joints(source), checked_urdf(source)
     locked = locked_joints(joints, checked, options.chain)
     locked = locked_couplings(joints, couplings(checked), locked)

@@ -1,5 +1,7 @@
 """Options of ``oed init`` for model files: xacro's arguments and packages, joints that are held."""
 
+import math
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -35,7 +37,7 @@ def model_options(
     base: str | None = None,
     tip: str | None = None,
 ) -> ModelOptions:
-    """Return options from words such as ``prefix:=left_`` and ``wrist=0.5``.
+    """Return options from words such as ``prefix=left_`` and ``wrist=0.5``.
 
     Raises
     ------
@@ -44,12 +46,17 @@ def model_options(
     """
     pairs = []
     for word in arguments or ():
-        name, separator, value = word.partition(":=")
-        if not separator or not name:
-            raise InvalidInput(f"--argument: {word!r} is not of the form NAME:=VALUE")
-        pairs.append((name, value))
+        pair = re.fullmatch(r"(?s)([^=:]+):?=(.*)", word)
+        if not pair:
+            raise InvalidInput(f"--argument: {word!r} is not of the form NAME=VALUE")
+        pairs.append((pair[1], pair[2]))
     locked: dict[str, float | None] = {}
     for word in lock or ():
         name, separator, value = word.partition("=")
         locked[name] = decimal(value) if separator else None
+        if separator and not math.isfinite(decimal(value)):
+            raise InvalidInput(
+                f"--lock: {word!r}: {value!r} is no number; an angle [rad] or a distance [m] is "
+                "needed"
+            )
     return ModelOptions(tuple(pairs), tuple(packages or ()), SubChain(base, tip, locked))

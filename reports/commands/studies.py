@@ -1,5 +1,6 @@
 """What the commands on a study share."""
 
+import logging
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -8,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any, TypeVar
 
 import typer
 
-from reports.commands.options import about, fail
+from reports.commands.options import about, fail, warn
 from reports.commands.stopping import INTERRUPTED, stoppable, stopping_at_steps
 from reports.commands.workers import one_thread_each, shared
 from robotmodels.common.errors import InvalidInput
@@ -51,6 +52,18 @@ def _told_when_interrupted() -> Iterator[None]:
 
 
 @contextmanager
+def _warnings_told() -> Iterator[None]:
+    """Print what the stages of a study warn of, when they do."""
+    handler, logger = logging.Handler(logging.WARNING), logging.getLogger("oed")
+    handler.emit = lambda record: warn([record.getMessage()])  # type: ignore[method-assign]
+    logger.addHandler(handler)
+    try:
+        yield
+    finally:
+        logger.removeHandler(handler)
+
+
+@contextmanager
 def working(
     study: Path, workers: int, cluster: str | None
 ) -> "Iterator[tuple[StageProgress, Executor | None]]":
@@ -59,6 +72,7 @@ def working(
 
     with (
         _told_when_interrupted(),
+        _warnings_told(),
         about(study),
         progress_bars() as bars,
         shared(workers, cluster) as executor,

@@ -26,4 +26,5 @@ def locked_couplings(
             joint = by_name[name]
             angle = coupling.multiplier * angles[coupling.leader] + coupling.offset
             angles[name] = min(max(angle, joint.low), joint.high)
-    return {name: angles[name] for name in by_name if name in angles}
+    free = [name for name in locked if name not in by_name]
+    return {name: angles[name] for name in (*free, *by_name) if name in angles}

@@ -5,9 +5,9 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from robotmodels.description.model_files import ModelSource
+from robotmodels.description.model_files import ModelSource, read_model
 from robotmodels.description.urdf import rigid_model
-from robotmodels.description.urdf_check import checked_urdf
+from robotmodels.description.urdf_check import checked_urdf, free_joints
 from robotmodels.elastic.arm import motions
 
 _FARTHEST, _HEAVIEST, _WIDEST = 30.0, 5000.0, 13.0
@@ -16,9 +16,10 @@ _FARTHEST, _HEAVIEST, _WIDEST = 30.0, 5000.0, 13.0
 
 def doubts_about(source: ModelSource) -> tuple[str, ...]:
     """Return a sentence for each number of a model file that looks like a slip or a placeholder."""
-    model = rigid_model(source, {})
+    checked = checked_urdf(source)
+    model = rigid_model(source, dict.fromkeys(free_joints(checked), 0.0))
     names = list(model.names)
-    doubts = list(_placeholders(checked_urdf(source)))
+    doubts = list(_placeholders(checked))
     for joint in range(1, model.njoints):
         far = float(np.linalg.norm(model.jointPlacements[joint].translation))
         if far > _FARTHEST:
@@ -33,8 +34,22 @@ def doubts_about(source: ModelSource) -> tuple[str, ...]:
             doubts.append(
                 f"joint {names[j]!r} has limits {ends[0]:g} to {ends[1]:g} rad: in degrees?"
             )
-    return tuple(doubts)
+    return (*doubts, *_assumptions(read_model(source)))
 
+
+def _assumptions(root: ET.Element) -> Iterator[str]:
+    """Yield what the conversion of an MJCF took where a URDF has no words for the file's."""
+    for joint in root.iterfind("joint"):
+        limit = joint.find("limit[@assumed]")
+        if limit is not None:
+            ends = f"{float(limit.get('lower', '')):g} to {float(limit.get('upper', '')):g} m"
+            yield f"joint {joint.get('name')!r} slides without limits: {ends} are taken"
+    round_ = [str(link.get("name")) for link in root if link.find(_ELLIPSOID) is not None]
+    if round_:
+        yield f"links {', '.join(round_)}: boxes stand for ellipsoids, which hold less"
+
+
+_ELLIPSOID = "collision/geometry/box[@around]"
 
 _UNLIMITED = 1e3
 """Limit that stands for none [rad]."""

@@ -18,7 +18,7 @@ from robotmodels.description.joint_drives import (
 )
 from robotmodels.description.model_files import ModelSource
 from robotmodels.description.urdf import rigid_model
-from robotmodels.description.urdf_check import checked_urdf
+from robotmodels.description.urdf_check import checked_urdf, free_joints
 from robotmodels.elastic.arm import motions
 from robotmodels.elastic.robot import ElasticRobot
 from robotmodels.linear.response import linearize
@@ -75,7 +75,8 @@ def moving_joints(source: ModelSource) -> tuple[UrdfJoint, ...]:
     InvalidInput
         If the file is absent or cannot be used.
     """
-    model, checked = rigid_model(source, {}), checked_urdf(source)
+    checked = checked_urdf(source)
+    model = rigid_model(source, dict.fromkeys(free_joints(checked), 0.0))
     followers, drives, fillers = couplings(checked), joint_drives(checked), drive_fillers(checked)
     low, high, middle = _ranges(model)
     loads = _loads(model, middle, followers)

@@ -1,12 +1,12 @@
 """A part of a robot to move: what lies between two links, the other joints held."""
 
-import math
 import xml.etree.ElementTree as ET
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 
 from robotmodels.checks.proposed_drives import UrdfJoint
 from robotmodels.common.errors import InvalidInput, nearest
+from robotmodels.description.urdf_check import free_joints
 
 
 @dataclass(frozen=True)
@@ -39,7 +39,8 @@ def locked_joints(
         If there is no such link or joint, or the tip does not lie beyond the base.
     """
     links = [str(link.get("name")) for link in checked.findall("link")]
-    names = [joint.name for joint in joints]
+    free = free_joints(checked)
+    names = [*(joint.name for joint in joints), *free]
     above = {
         str(j.find("child").get("link")): (str(j.get("name")), str(j.find("parent").get("link")))  # type: ignore[union-attr]
         for j in checked.findall("joint")
@@ -47,13 +48,8 @@ def locked_joints(
     for option, link in (("--base", chain.base), ("--tip", chain.tip)):
         if link is not None and link not in links:
             raise InvalidInput(f"{option}: {link!r} is not a link{nearest(link, links)}")
-    for name, value in chain.lock.items():
-        if name not in names:
-            raise InvalidInput(f"--lock: {name!r} is not a moving joint{nearest(name, names)}")
-        if value is not None and not math.isfinite(value):
-            raise InvalidInput(
-                f"--lock: {name}={value}; an angle [rad] or a distance [m] is needed"
-            )
+    for name in chain.lock.keys() - names:
+        raise InvalidInput(f"--lock: {name!r} is not a moving joint{nearest(name, names)}")
     beyond = set(names)
     if chain.base is not None:
         beyond = {
@@ -64,11 +60,22 @@ def locked_joints(
             raise InvalidInput(f"--tip: link {chain.tip!r} does not lie beyond {chain.base!r}")
         path = [chain.tip, *_ancestors(chain.tip, above)]
         beyond &= {above[link][0] for link in path if link in above}
+    _check_held(free, beyond, chain)
+    angles = dict.fromkeys(free, 0.0) | {joint.name: rest_angle(joint) for joint in joints}
     return {
-        joint.name: rest_angle(joint) if (at := chain.lock.get(joint.name)) is None else at
-        for joint in joints
-        if joint.name not in beyond or joint.name in chain.lock
+        name: angle if (at := chain.lock.get(name)) is None else at
+        for name, angle in angles.items()
+        if name not in beyond or name in chain.lock
     }
+
+
+def _check_held(free: dict[str, str], beyond: set[str], chain: SubChain) -> None:
+    """Refuse free joints, with the links that they carry, that no option holds."""
+    for name in sorted(beyond & free.keys() - chain.lock.keys()):
+        raise InvalidInput(
+            f"joint {name!r} leaves link {free[name]!r} free to move; to hold it where it is, say "
+            f"--base {free[name]} or --lock {name}"
+        )
 
 
 def _ancestors(link: str, above: dict[str, tuple[str, str]]) -> Iterable[str]:

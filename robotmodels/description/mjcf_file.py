@@ -6,7 +6,7 @@ massless link of its own. Angles and distances are MuJoCo's, `ref` included.
 
 import warnings
 import xml.etree.ElementTree as ET
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -18,6 +18,7 @@ from robotmodels.common.errors import InvalidInput
 from robotmodels.common.printing import printable
 from robotmodels.description.mjcf_shapes import add_shapes
 from robotmodels.description.urdf_elements import number_text
+from robotmodels.description.xml_reader import read_xml
 
 _SLIDE = 10.0
 """Ends of the range of a sliding joint that has none [m]."""
@@ -27,7 +28,7 @@ def urdf_of_mjcf(path: Path) -> str:
     """Return the URDF that an MJCF file amounts to.
 
     Besides what a URDF has, its root has a ``gravity`` and ``<dynamics>`` an ``armature``. Bodies
-    with a free joint are fixed where they are. Sites are links without mass.
+    with a free joint have a floating one. Sites are links without mass.
 
     Raises
     ------
@@ -47,6 +48,26 @@ def resolved_mjcf(path: Path) -> str:
         In MuJoCo's words, if it refuses the file.
     """
     return str(_compiled(path)[1])
+
+
+def files_of_mjcf(path: Path) -> Iterator[Path]:
+    """Yield an MJCF file and those that it names: included ones, meshes, height fields."""
+    yield from _named_files(path, path.parent, ())
+
+
+def _named_files(path: Path, folder: Path, above: Sequence[Path]) -> Iterator[Path]:
+    yield path
+    root = read_xml(path)
+    keys = ("meshdir", "assetdir", "texturedir")
+    stated = [c.get(key) for c in root.iter("compiler") for key in keys]
+    folders = (*above, folder, *(folder / name for name in stated if name))
+    for element in root.iter():
+        name = element.get("file")
+        file = next((f for at in folders if name and (f := at / name).is_file()), None)
+        if file and element.tag == "include":
+            yield from _named_files(file, folder, folders)
+        elif file:
+            yield file
 
 
 def _compiled(path: Path) -> tuple[Any, str]:
@@ -144,7 +165,8 @@ class _Converter:
         for j in range(first, first + count):
             kind = self._kind(j)
             if kind == "free":
-                continue
+                self._add_free(root, j, (here, body), start)
+                return
             new = model.jnt_pos[j] if kind == "hinge" else point
             at_end = j == first + count - 1 and not new.any()
             link = body if at_end else self._new_link(root, body, self.joints[j])
@@ -155,6 +177,12 @@ class _Converter:
             here, point, start = link, new, pin.SE3.Identity()
         if here != body:
             self._add_fixed(root, (here, body), start * pin.SE3(np.eye(3), -point))
+
+    def _add_free(self, root: ET.Element, j: int, links: tuple[str, str], at: pin.SE3) -> None:
+        joint = ET.SubElement(root, "joint", name=self.joints[j], type="floating")
+        _add_origin(joint, at)
+        for end, link in zip(("parent", "child"), links, strict=True):
+            ET.SubElement(joint, end, link=link)
 
     def _undone(self, j: int, kind: str) -> pin.SE3:
         """Return the motion by which `ref`, the angle where a joint has not moved, is undone."""
@@ -182,6 +210,7 @@ class _Converter:
         ET.SubElement(joint, "axis", xyz=number_text(model.jnt_axis[j]))
         low, high = model.jnt_range[j] if limited else (-_SLIDE, _SLIDE)
         limit = {"lower": repr(float(low)), "upper": repr(float(high))}
+        limit |= {} if limited or kind != "slide" else {"assumed": "true"}
         ET.SubElement(joint, "limit", limit | {"effort": repr(self._effort(j)), "velocity": "0"})
         dof = model.jnt_dofadr[j]
         numbers = {

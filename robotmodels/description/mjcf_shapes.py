@@ -50,8 +50,9 @@ def _shape(model: Any, g: int, kind: str, path: Path) -> Iterator[tuple[str, dic
         yield "sphere", {"radius": repr(size[0])}
     elif kind in ("capsule", "cylinder"):
         yield kind, {"radius": repr(size[0]), "length": repr(2 * size[1])}
-    elif kind in ("box", "ellipsoid"):  # the box around it
-        yield "box", {"size": number_text([2 * half for half in size])}
+    elif kind in ("box", "ellipsoid"):
+        around = {} if kind == "box" else {"around": kind}
+        yield "box", {"size": number_text([2 * half for half in size])} | around
     elif kind == "mesh":
         m = model.geom_dataid[g]
         start = int(model.mesh_pathadr[m])

@@ -2,8 +2,8 @@
 
 import os
 import xml.etree.ElementTree as ET
+from collections.abc import Callable
 from dataclasses import dataclass
-from functools import lru_cache
 from pathlib import Path
 
 from robotmodels.common.errors import InvalidInput
@@ -62,7 +62,7 @@ def read_model(source: ModelSource) -> XmlElement:
     root = read_xml(model.path)
     if root.tag == "mujoco":
         _refuse_arguments(model, "an MJCF")
-        return parse_xml(_converted(model, _stamp(model.path)), model.path)
+        return parse_xml(_as_urdf(model, _converted), model.path)
     if root.tag == "sdf":
         raise InvalidInput(f"{model.path}: SDF is not read; {_ELSEWHERE['.sdf']}")
     if root.tag != "robot":
@@ -70,7 +70,7 @@ def read_model(source: ModelSource) -> XmlElement:
             f"{model.path}: not a URDF: its root is <{root.tag}>, not <robot> (nor <mujoco>)"
         )
     if has_macros(root) or model.path.suffix.lower() == ".xacro":
-        return parse_xml(_expanded(model, _stamp(model.path)), model.path)
+        return parse_xml(_as_urdf(model, _expanded), model.path)
     _refuse_arguments(model, "a URDF without macros")
     return root
 
@@ -125,20 +125,41 @@ def _refuse_arguments(model: ModelFile, kind: str) -> None:
         raise InvalidInput(f"{model.path}: is {kind}; 'xacro' and its arguments do not apply")
 
 
-def _stamp(path: Path) -> tuple[int, int]:
-    status = os.stat(path)
+_Stamps = dict[Path, tuple[int, int] | None]
+
+_MOST_REMEMBERED = 8
+_remembered: dict[ModelFile, tuple[_Stamps, str]] = {}
+
+
+def _stamp(path: Path) -> tuple[int, int] | None:
+    try:
+        status = os.stat(path)
+    except OSError:
+        return None
     return status.st_mtime_ns, status.st_size
 
 
-@lru_cache(maxsize=8)
-def _expanded(model: ModelFile, stamp: tuple[int, int]) -> str:
+def _as_urdf(model: ModelFile, convert: Callable[[ModelFile], tuple[str, set[Path]]]) -> str:
+    """Return the URDF that a file is converted to, anew where it or a file it includes changed."""
+    if model in _remembered:
+        stamps, text = _remembered[model]
+        if all(_stamp(path) == stamp for path, stamp in stamps.items()):
+            return text
+    text, files = convert(model)
+    _remembered.pop(model, None)
+    _remembered[model] = {path: _stamp(path) for path in files}, text
+    if len(_remembered) > _MOST_REMEMBERED:
+        _remembered.pop(next(iter(_remembered)))
+    return text
+
+
+def _expanded(model: ModelFile) -> tuple[str, set[Path]]:
     from robotmodels.description.xacro_file import expand_xacro
 
     return expand_xacro(model.path, dict(model.arguments), model.packages)
 
 
-@lru_cache(maxsize=8)
-def _converted(model: ModelFile, stamp: tuple[int, int]) -> str:
-    from robotmodels.description.mjcf_file import urdf_of_mjcf
+def _converted(model: ModelFile) -> tuple[str, set[Path]]:
+    from robotmodels.description.mjcf_file import files_of_mjcf, urdf_of_mjcf
 
-    return urdf_of_mjcf(model.path)
+    return urdf_of_mjcf(model.path), set(files_of_mjcf(model.path))

@@ -13,14 +13,16 @@ from robotmodels.common.arrays import Array
 from robotmodels.common.errors import InvalidInput, nearest
 from robotmodels.common.file_paths import absolute
 from robotmodels.description.model_files import ModelSource, path_of
-from robotmodels.description.urdf_check import GROUND, checked_urdf
+from robotmodels.description.urdf_check import GROUND, checked_urdf, free_joints
 
 PACKAGE_PREFIX = "example-robot-data:"
 """Of files in that installed package."""
 
 
-def locate(urdf: str, beside: Path) -> Path:
+def locate(urdf: str, beside: Path, key: str = "model file: ") -> Path:
     """Return the path of `urdf`, given as in a robot file that lies in folder `beside`.
+
+    Errors begin with `key`.
 
     ``example-robot-data:PATH`` is a file below ``robots/`` of that installed package.
 
@@ -32,9 +34,9 @@ def locate(urdf: str, beside: Path) -> Path:
     if not urdf.startswith(PACKAGE_PREFIX):
         path = absolute(beside, urdf)
         if os.path.isdir(path):
-            raise InvalidInput(f"urdf: {path} is a folder; the URDF file itself is needed")
+            raise InvalidInput(f"{key}{path} is a folder; the file itself is needed")
         if not os.path.isfile(path):
-            raise InvalidInput(f"urdf: {path}: no such file")
+            raise InvalidInput(f"{key}{path}: no such file")
         return path
     ending = "/robots/" + urdf.removeprefix(PACKAGE_PREFIX)
     files = importlib.metadata.files("example-robot-data") or []
@@ -43,7 +45,7 @@ def locate(urdf: str, beside: Path) -> Path:
     if match is None:
         names = {k.split("/robots/")[-1] for k in urdfs}
         raise InvalidInput(
-            f"urdf: {urdf}: no such file in example-robot-data"
+            f"{key}{urdf}: no such file in example-robot-data"
             f"{nearest(urdf.removeprefix(PACKAGE_PREFIX), names)}"
         )
     return Path(str(match.locate()))
@@ -52,15 +54,17 @@ def locate(urdf: str, beside: Path) -> Path:
 def rigid_model(source: ModelSource, lock: dict[str, float]) -> pin.Model:
     """Return the Pinocchio model of a model file with the joints in `lock` held at an angle [rad].
 
-    Meshes are not read and may be absent.
+    Meshes are not read and may be absent. A floating or planar joint must be in `lock`, at 0.
 
     Raises
     ------
     InvalidInput
-        If the file is malformed, has an unsupported joint type or unphysical inertias, or does not
-        have a joint of `lock`.
+        If the file is malformed, has an unsupported joint type or unphysical inertias, does not
+        have a joint of `lock`, or has a free joint that is not held.
     """
-    model, link_names = _read_model(source)
+    tree = checked_urdf(source)
+    lock = _without_free(tree, lock, path_of(source))
+    model, link_names = _read_model(tree, path_of(source))
     joints = list(model.names)[1:]
     configuration = pin.neutral(model)
     for name, angle in lock.items():
@@ -80,14 +84,27 @@ def rigid_model(source: ModelSource, lock: dict[str, float]) -> pin.Model:
     return model
 
 
-def _read_model(source: ModelSource) -> tuple[pin.Model, dict[str, str]]:
-    """Return the Pinocchio model of a file, and the own names of links that it has by another."""
-    tree = checked_urdf(source)
+def _without_free(tree: ET.Element, lock: dict[str, float], path: Path) -> dict[str, float]:
+    """Return `lock` without floating and planar joints, each of which is to be in it."""
+    free = free_joints(tree)
+    for name, link in free.items():
+        if name not in lock:
+            raise InvalidInput(
+                f"{path}: joint {name!r} leaves link {link!r} free to move; hold it where it is: "
+                f"'lock: {{{name}: 0}}' in a robot file, --base {link} of oed init"
+            )
+        if lock[name]:
+            raise InvalidInput(f"lock: free joint {name!r} at {lock[name]:g}; it is held at 0 only")
+    return {name: angle for name, angle in lock.items() if name not in free}
+
+
+def _read_model(tree: ET.Element, path: Path) -> tuple[pin.Model, dict[str, str]]:
+    """Return the Pinocchio model of a URDF, and the own names of links that it has by another."""
     renamed = _rename_links(tree)
     try:
         return pin.buildModelFromXML(ET.tostring(tree, encoding="unicode")), renamed
     except ValueError as error:
-        raise InvalidInput(f"{path_of(source)}: not a valid URDF: {error}") from None
+        raise InvalidInput(f"{path}: not a valid URDF: {error}") from None
 
 
 def _restore_names(model: pin.Model, link_names: dict[str, str]) -> None:

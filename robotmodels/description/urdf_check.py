@@ -13,7 +13,7 @@ from scipy.spatial.transform import Rotation
 
 from robotmodels.common.errors import InvalidInput, nearest
 from robotmodels.common.printing import unprintable
-from robotmodels.description.joint_drives import add_drive, add_mimic, gear_ratios
+from robotmodels.description.joint_drives import add_drive, add_mimic, couplings, gear_ratios
 from robotmodels.description.model_files import ModelSource, path_of, read_model
 from robotmodels.description.ranges import (
     LEAST_DIRECTION,
@@ -38,6 +38,7 @@ GROUND = "universe"
 """Pinocchio's name for what does not move: no joint's."""
 
 _SUPPORTED = ("revolute", "continuous", "prismatic", "fixed")
+_FREE = ("floating", "planar")
 _SHAPES = {
     "box": ("size", 3),
     "capsule": ("radius", 1),
@@ -50,7 +51,8 @@ _LONG = ("capsule", "cylinder")
 def checked_urdf(source: ModelSource, *, shapes: bool = False) -> ET.Element:
     """Return the links and joints of a model file as URDF, their numbers written anew.
 
-    Each joint that moves has a ``<drive>`` besides, see `joint_drives`.
+    Each joint that moves has a ``<drive>`` besides, see `joint_drives`. A floating or planar joint
+    is fixed, and says so, see `free_joints`.
 
     Parameters
     ----------
@@ -81,6 +83,8 @@ def check_robot(robot: XmlElement, path: Path, *, shapes: bool) -> ET.Element:
         ratios = gear_ratios(robot)
         joints = [_joint(joint, ratios) for joint in elements(robot, "joint")]
         checked.extend([*(_link(link, shapes) for link in robot.findall("link")), *joints])
+        _check_free(checked)
+        couplings(checked)
     except InvalidInput as error:
         raise InvalidInput(f"{path}: {error}") from None
     return checked
@@ -136,12 +140,16 @@ def _end(joint: ET.Element, end: str, links: list[str]) -> str:
 def _joint(joint: XmlElement, ratios: dict[str, float]) -> ET.Element:
     """Return what of a joint matters."""
     who, kind = f"joint {joint.get('name')!r}", joint.get("type")
+    free = kind if kind in _FREE else None
+    kind = "fixed" if free else kind
     if kind not in _SUPPORTED:
         raise InvalidInput(
             f"{who} {f'is {kind!r}' if kind else 'has no type'}; "
             f"only {', '.join(_SUPPORTED)} joints are supported"
         )
     checked = ET.Element("joint", name=str(joint.get("name")), type=kind)
+    if free:
+        checked.set("free", free)
     add_origin(checked, joint, who)
     for end in ("parent", "child"):
         ET.SubElement(checked, end, link=str(joint.find(end).get("link")))  # type: ignore[union-attr]
@@ -157,6 +165,32 @@ def _joint(joint: XmlElement, ratios: dict[str, float]) -> ET.Element:
         add_drive(checked, joint, ratios.get(str(joint.get("name"))), who)
         add_mimic(checked, joint, who)
     return checked
+
+
+def free_joints(checked: ET.Element) -> dict[str, str]:
+    """Return the floating and planar joints of a checked URDF, and the link that each carries."""
+    joints = checked.iterfind("joint[@free]")
+    return {str(joint.get("name")): _ends(joint)[1] for joint in joints}
+
+
+def _check_free(checked: ET.Element) -> None:
+    """Refuse floating and planar joints that a moving joint carries."""
+    above = {_ends(joint)[1]: joint for joint in checked.iterfind("joint")}
+    for joint in checked.iterfind("joint[@free]"):
+        carrier = above.get(_ends(joint)[0])
+        while carrier is not None:
+            if carrier.find("drive") is not None:
+                raise InvalidInput(
+                    f"joint {joint.get('name')!r} is {joint.get('free')!r} and carried by joint "
+                    f"{carrier.get('name')!r}; free joints in the middle are not supported, only "
+                    "those of a base, which is held"
+                )
+            carrier = above.get(_ends(carrier)[0])
+
+
+def _ends(joint: ET.Element) -> tuple[str, str]:
+    parent, child = (str(joint.find(end).get("link")) for end in ("parent", "child"))  # type: ignore[union-attr]
+    return parent, child
 
 
 def _add_limit(checked: ET.Element, joint: ET.Element, who: str, kind: str) -> None:

@@ -14,8 +14,10 @@ _MOST_PACKAGES = 100
 """That one file may need."""
 
 
-def expand_xacro(path: Path, arguments: dict[str, str], folders: Sequence[Path]) -> str:
-    """Return the URDF that a xacro file with these arguments stands for.
+def expand_xacro(
+    path: Path, arguments: dict[str, str], folders: Sequence[Path]
+) -> tuple[str, set[Path]]:
+    """Return the URDF that a xacro file with these arguments stands for, and the files read.
 
     A package NAME is a folder of that name, or with a ``package.xml`` of that name, in one of
     `folders`, or at or beside a folder above the file; else ROS is asked, where it is installed.
@@ -45,22 +47,25 @@ def expand_xacro(path: Path, arguments: dict[str, str], folders: Sequence[Path])
         except Exception as error:  # whatever expressions in macros raise
             name = _missing_package(error, packages.PackageNotFoundError)
             if name is None:
-                cause = printable(" ".join(str(error).split()) or type(error).__name__)
-                raise InvalidInput(f"{path}: its macros cannot be expanded: {cause}") from None
+                raise InvalidInput(f"{path}: {_cause(error, path, arguments)}") from None
             packages.update_package_cache({name: _package_above(path, name, folders)})
         else:
-            _check_arguments(path, arguments)
-            return str(document.dom.toxml())
+            files = _included(path)
+            _check_arguments(path, files, arguments)
+            return str(document.dom.toxml()), files
     raise InvalidInput(f"{path}: needs more than {_MOST_PACKAGES} packages")
 
 
-def _check_arguments(path: Path, arguments: dict[str, str]) -> None:
-    """Refuse arguments that neither the file nor one it includes declares; xacro takes any."""
+def _included(path: Path) -> set[Path]:
+    """Return the file that xacro read last, and all that it includes or loads."""
     import xacro
 
-    files = {path, *map(Path, xacro.all_includes)}
-    texts = [file.read_text(encoding="utf-8", errors="replace") for file in files if file.is_file()]
-    declared = sorted({name for text in texts for name in _ARGUMENT.findall(text)})
+    return {path, *(file for file in map(Path, xacro.all_includes) if file.is_file())}
+
+
+def _check_arguments(path: Path, files: set[Path], arguments: dict[str, str]) -> None:
+    """Refuse arguments that neither the file nor one it includes declares; xacro takes any."""
+    declared = sorted({name for text in _texts(files) for name in _ARGUMENT.findall(text)})
     for name in arguments:
         if name not in declared:
             raise InvalidInput(
@@ -69,7 +74,28 @@ def _check_arguments(path: Path, arguments: dict[str, str]) -> None:
             )
 
 
-_ARGUMENT = re.compile(r"""<xacro:arg\b[^>]*\bname\s*=\s*["']([^"']+)["']""")
+_ARGUMENT = re.compile(r"""<xacro:arg\b[^>]*\bname\s*=\s*["']([^"']+)["'][^>]*""")
+
+
+def _cause(error: Exception, path: Path, arguments: dict[str, str]) -> str:
+    """Return why macros cannot be expanded."""
+    cause = printable(" ".join(str(error).split()) or type(error).__name__)
+    undeclared = re.search(r"[Uu]ndefined substitution argument '?(\w+)", cause)
+    names = [undeclared[1]] if undeclared else []
+    if "missing attribute 'default'" in cause:
+        declared = [m for text in _texts(_included(path)) for m in _ARGUMENT.finditer(text)]
+        names = [m[1] for m in declared if "default" not in m[0] and m[1] not in arguments]
+    if not names:
+        return f"its macros cannot be expanded: {cause}"
+    options = " ".join(f"--argument {name}=VALUE" for name in names)
+    return (
+        f"{', '.join(map(repr, names))} has no value: {options}, or under 'xacro: arguments' in a "
+        "robot file"
+    )
+
+
+def _texts(files: set[Path]) -> list[str]:
+    return [file.read_text(encoding="utf-8", errors="replace") for file in files]
 
 
 def _missing_package(error: BaseException | None, kind: type[Exception]) -> str | None:

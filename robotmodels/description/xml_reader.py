@@ -85,7 +85,7 @@ class _GuardedTree(ET.TreeBuilder):
         return tag.removeprefix(self._default) if self._default else tag
 
 
-def read_xml(path: Path, most: int = MOST_BYTES, kind: str = "URDF") -> XmlElement:
+def read_xml(path: Path, most: int = MOST_BYTES, kind: str = "") -> XmlElement:
     """Return the root of an XML file.
 
     Parameters
@@ -95,7 +95,7 @@ def read_xml(path: Path, most: int = MOST_BYTES, kind: str = "URDF") -> XmlEleme
     most : int
         Largest size of the file [bytes].
     kind : str
-        What the file is to be, for errors.
+        What the file is to be, for errors; by default what it looks like.
 
     Raises
     ------
@@ -110,7 +110,7 @@ def read_xml(path: Path, most: int = MOST_BYTES, kind: str = "URDF") -> XmlEleme
     return parse_xml(content, path, kind)
 
 
-def parse_xml(content: bytes | str, path: Path, kind: str = "URDF") -> XmlElement:
+def parse_xml(content: bytes | str, path: Path, kind: str = "") -> XmlElement:
     """Return the root of XML text, which errors say is in `path`.
 
     Raises
@@ -121,11 +121,21 @@ def parse_xml(content: bytes | str, path: Path, kind: str = "URDF") -> XmlElemen
     try:
         root = ET.fromstring(content, parser=ET.XMLParser(target=_GuardedTree()))
     except ET.ParseError as error:
+        kind = kind or _apparent_kind(content, path)
         raise InvalidInput(f"{path}: not a well-formed {kind}: {error}") from None
     except (LookupError, ValueError) as error:
         # Of an encoding that Python does not have, or that is none of text.
+        kind = kind or _apparent_kind(content, path)
         raise InvalidInput(f"{path}: not a well-formed {kind}: {reason(error)}") from None
     except InvalidInput as error:
         raise InvalidInput(f"{path}: {error}") from None
     assert isinstance(root, XmlElement)
     return root
+
+
+def _apparent_kind(content: bytes | str, path: Path) -> str:
+    """Return which kind of model file a text looks like, as far as it goes."""
+    text = content if isinstance(content, str) else content.decode(errors="replace")
+    if "<mujoco" in text and "<robot" not in text:
+        return "MJCF"
+    return "xacro file" if path.suffix.lower() == ".xacro" or "<xacro:" in text else "URDF"

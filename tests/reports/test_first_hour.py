@@ -263,12 +263,44 @@ def test_a_part_of_a_robot(tmp_path):
         ({"tip": "bean"}, r"--tip: 'bean' is not a link \(did you mean 'beam'"),
         ({"base": "hand", "tip": "post"}, "--tip: link 'post' does not lie beyond 'hand'"),
         ({"lock": ["lan"]}, "--lock: 'lan' is not a moving joint .did you mean 'lean'"),
-        ({"lock": ["lean=up"]}, "--lock: lean=nan; an angle"),
+        ({"lock": ["lean=up"]}, "--lock: 'lean=up': 'up' is no number"),
         ({"lock": ["lean=3"]}, "joint 'lean' at 3 is outside its limits"),
         ({"base": "tool"}, "no joint moves by itself"),
     ):
         with pytest.raises(InvalidInput, match=message):
             starter_files(str(tmp_path / "arm.urdf"), tmp_path, model_options(**words))
+
+
+def test_a_free_base_is_held_with_a_word_only(tmp_path):
+    float_ = joint("float", "world", "base").replace('"revolute"', '"floating"')
+    content = urdf(link("world", mass=0), *ARM, float_, *JOINTS)
+    (tmp_path / "arm.urdf").write_text(content, encoding="utf-8")
+    refusal = "'float' leaves link 'base' free to move; .* --base base or --lock float"
+    for words in ({}, {"tip": "beam"}, {"lock": ["turn"]}):
+        with pytest.raises(InvalidInput, match=refusal):
+            starter_files(str(tmp_path / "arm.urdf"), tmp_path, model_options(**words))
+    for words in ({"base": "base"}, {"lock": ["float"]}, {"base": "base", "tip": "beam"}):
+        starter = starter_files(str(tmp_path / "arm.urdf"), tmp_path, model_options(**words))
+        file = parse_yaml(starter.files["robot.yaml"], RobotFile, "robot.yaml")
+        assert file.lock == {"float": 0}
+        assert len(file.motors) == 2
+
+
+@pytest.mark.parametrize(
+    ("name", "content", "message"),
+    [
+        ("none.xml", None, "none.xml: no such file$"),
+        ("cut.xml", "<mujoco><worldbody>", "cut.xml: not a well-formed MJCF: "),
+        ("cut.xacro", "<robot>", "cut.xacro: not a well-formed xacro file: "),
+        ("cut.urdf", "<robot>", "cut.urdf: not a well-formed URDF: "),
+    ],
+)
+def test_files_that_cannot_be_read_are_named_by_their_kind(tmp_path, name, content, message):
+    if content:
+        (tmp_path / name).write_text(content)
+    with pytest.raises(InvalidInput, match=message) as error:
+        starter_files(str(tmp_path / name), tmp_path / "new")
+    assert str(error.value).startswith(str(tmp_path))
 
 
 BOX = '<collision><geometry><box size="0.2 0.2 0.7"/></geometry></collision>'

@@ -9,12 +9,14 @@ import pytest
 
 from reports.commands.init_files import starter_files, write_starter_files
 from robotmodels import InvalidInput, load_robot
+from robotmodels.checks.model_doubts import doubts_about
 from robotmodels.description import mjcf_unused
 from robotmodels.description.joint_drives import Coupling, JointDrive, couplings, joint_drives
-from robotmodels.description.model_files import gravity_of, read_model
+from robotmodels.description.mjcf_file import files_of_mjcf
+from robotmodels.description.model_files import ModelFile, gravity_of, model_digest, read_model
 from robotmodels.description.unused_elements import unused_parts
 from robotmodels.description.urdf import rigid_model
-from robotmodels.description.urdf_check import checked_urdf
+from robotmodels.description.urdf_check import checked_urdf, free_joints
 
 # Several joints on a body, each about its own point; ref; frames; degrees; classes; a gimbal lock.
 ARM = """\
@@ -87,7 +89,7 @@ def misfit(path, seed, rounding=0.0):
     rng = np.random.default_rng(seed)
     judge = mujoco.MjModel.from_xml_path(str(path))
     data = mujoco.MjData(judge)
-    model = rigid_model(path, {})
+    model = rigid_model(path, dict.fromkeys(free_joints(checked_urdf(path)), 0.0))
     model.gravity.linear = np.array(gravity_of(path))
     names = list(model.names)[1:]
     hinges = [judge.joint(name) for name in names]
@@ -136,8 +138,37 @@ def test_a_base_that_is_free_in_mujoco_stands_still(arm):
     )
     arm.write_text(content)
     assert max(misfit(arm, 0)) < 1e-12
+    message = "joint 'root' leaves link '.*' free to move; hold it where it is: 'lock: {root: 0}'"
+    with pytest.raises(InvalidInput, match=message):
+        rigid_model(arm, {})
+    with pytest.raises(InvalidInput, match=r"lock: free joint 'root' at .*; it is held at 0 only"):
+        rigid_model(arm, {"root": 0.2})
     words = [str(part) for part in unused_parts(arm)]
     assert any("(root): not used, because the body is held where it is" in line for line in words)
+
+
+def test_what_the_conversion_assumes_is_said(arm):
+    round_ = "links hand: boxes stand for ellipsoids, which hold less"
+    assert [line for line in doubts_about(arm) if "slides" in line or "boxes" in line] == [round_]
+    slide = next(line for line in ARM.splitlines() if 'name="slide"' in line)
+    start = slide.index(' range="')
+    free = slide[:start] + slide[slide.index('"', start + 8) + 1 :]
+    arm.write_text(ARM.replace(slide, free).replace('"ellipsoid"', '"box"'))
+    lines = doubts_about(arm)
+    assert "joint 'slide' slides without limits: -10 to 10 m are taken" in lines
+    assert round_ not in lines
+
+
+def test_a_changed_included_file_is_noticed(arm, tmp_path):
+    (tmp_path / "parts").mkdir()
+    part = '<mujoco><worldbody><body name="stone"><geom size="{}"/></body></worldbody></mujoco>'
+    (tmp_path / "parts" / "part.xml").write_text(part.format(0.1))
+    arm.write_text(ARM.replace("<worldbody>", '<include file="parts/part.xml"/><worldbody>', 1))
+    before = model_digest(ModelFile(arm))
+    assert model_digest(ModelFile(arm)) == before
+    (tmp_path / "parts" / "part.xml").write_text(part.format(0.25))
+    assert model_digest(ModelFile(arm)) != before
+    assert tmp_path / "parts" / "part.xml" in set(files_of_mjcf(arm))
 
 
 def test_limits_drives_and_couplings(arm):

@@ -33,8 +33,9 @@ def refusal(content: dict, folder: Path = HERE) -> str:
     ("old", "new", "message"),
     [
         ("</robot>", "", "edited.urdf: not a well-formed URDF: no element found: line 127"),
-        ('type="continuous"', 'type="floating"', "joint 'turn' is 'floating'; only revolute, cont"),
-        ('type="continuous"', 'type="planar"', "joint 'turn' is 'planar'; only revolute"),
+        ('type="continuous"', 'type="ball"', "joint 'turn' is 'ball'; only revolute, cont"),
+        ('type="continuous"', 'type="planar"', "joint 'turn' leaves link 'post' free to move; ho"),
+        ('"nod" type="revolute"', '"nod" type="floating"', "joint 'nod' is 'floating' and carried"),
         ('type="continuous"', "", "joint 'turn' has no type"),
         ('joint name="turn"', "joint", "a <joint> has no name"),
         ('link name="lamp"', "link", "a <link> has no name"),
@@ -246,7 +247,7 @@ def test_a_robot_without_moving_joints_is_refused(tmp_path: Path) -> None:
 
 def test_a_missing_file_is_named(tmp_path: Path) -> None:
     line = refusal(changed(CRANE, urdf="nowhere/crane.urdf"), tmp_path)
-    assert line == f"urdf: {tmp_path}/nowhere/crane.urdf: no such file"
+    assert line == f"model file: {tmp_path}/nowhere/crane.urdf: no such file"
     line = refusal(changed(CRANE, urdf="example-robot-data:ur_description/urdf/ur11_robot.urdf"))
     assert "no such file in example-robot-data (did you mean 'ur_description/urdf/ur1" in line
 
@@ -322,4 +323,4 @@ def test_the_robot_file_is_named_too(tmp_path: Path) -> None:
     )
     with pytest.raises(InvalidInput) as error:
         load_robot(path)
-    assert str(error.value) == f"{path}: urdf: {tmp_path}/b.urdf: no such file"
+    assert str(error.value) == f"{path}: model file: {tmp_path}/b.urdf: no such file"

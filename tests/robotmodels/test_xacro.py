@@ -7,7 +7,7 @@ import pytest
 from reports.commands.init_files import starter_files, write_starter_files
 from reports.commands.init_options import model_options
 from robotmodels import InvalidInput, load_robot, save_robot
-from robotmodels.description.model_files import ModelFile, read_model
+from robotmodels.description.model_files import ModelFile, model_digest, read_model
 from robotmodels.library.robot_digest import robot_digest
 
 XACRO = 'xmlns:xacro="http://www.ros.org/wiki/xacro"'
@@ -77,11 +77,23 @@ def test_init_keeps_arguments_and_the_robot_file_expands_anew(arm, tmp_path):
     assert robot_digest(changed) != robot_digest(robot)
 
 
+def test_a_changed_included_file_is_noticed(arm, tmp_path):
+    model = ModelFile(arm, (), (tmp_path / "ros",))
+    before = model_digest(model)
+    assert model_digest(model) == before
+    (tmp_path / "mine" / "parts" / "joint.xacro").write_text(
+        JOINT.replace('"1" effort', '"1.5" effort')
+    )
+    assert model_digest(model) != before
+
+
 @pytest.mark.parametrize(
     ("old", "new", "message"),
     [
         ("", "", "needs the package 'arm_parts', which is neither around the file nor in a folder"),
         ("$(find arm_parts)/urdf", "nowhere", "cannot be expanded: .*nowhere/body.xacro"),
+        (' default="2"', "", "'mass' has no value: --argument mass=VALUE, or under 'xacro"),
+        ("$(arg mass)", "$(arg weight)", "'weight' has no value: --argument weight=VALUE"),
         ("$(arg mass)", "${1 / 0}", "cannot be expanded: .*division by zero"),
         ("<xacro:body ", "<xacro:bodi ", "cannot be expanded: .*bodi"),
     ],
@@ -105,8 +117,10 @@ def test_wrong_options_are_named(arm, tmp_path):
     plain.write_text('<robot name="a"><link name="l"/></robot>')
     with pytest.raises(InvalidInput, match="is a URDF without macros; 'xacro' and its arguments"):
         read_model(ModelFile(plain, (("mass", "7"),)))
-    with pytest.raises(InvalidInput, match="--argument: 'mass=7' is not of the form NAME:=VALUE"):
-        model_options(["mass=7"])
+    assert model_options(["mass=7"]) == model_options(["mass:=7"])
+    assert model_options(["a=b:=c"]).arguments == (("a", "b:=c"),)
+    with pytest.raises(InvalidInput, match="--argument: 'mass' is not of the form NAME=VALUE"):
+        model_options(["mass"])
     with pytest.raises(InvalidInput, match="--lock, --tip, --base and xacro's are of model files"):
         starter_files("ur10", tmp_path, model_options(["mass:=7"]))
 
