@@ -34,7 +34,7 @@ def refusal(content: dict, folder: Path = HERE) -> str:
     [
         ("</robot>", "", "edited.urdf: not a well-formed URDF: no element found: line 127"),
         ('type="continuous"', 'type="ball"', "joint 'turn' is 'ball'; only revolute, cont"),
-        ('type="continuous"', 'type="planar"', "joint 'turn' leaves link 'post' free to move; ho"),
+        ('type="continuous"', 'type="planar"', "joint 'turn' leaves link 'column' free to move"),
         ('"nod" type="revolute"', '"nod" type="floating"', "joint 'nod' is 'floating' and carried"),
         ('type="continuous"', "", "joint 'turn' has no type"),
         ('joint name="turn"', "joint", "a <joint> has no name"),
