@@ -7,7 +7,7 @@ import numpy as np
 from estimators.logs.families import Family
 from robotmodels.common.arrays import Array, IntArray
 from robotmodels.common.errors import InvalidInput
-from robotmodels.logs.clocks import Clock, table_clock, time_channel
+from robotmodels.logs.clocks import Clock, table_clock, time_channel, time_unit
 from robotmodels.logs.log import Log, Table
 from robotmodels.logs.mapping_file import TimeChoice
 from robotmodels.logs.units import time_factor
@@ -88,19 +88,8 @@ def _window(family: Family, time: TableTime) -> tuple[int, int]:
 def _table_time(log: Log, table: Table, choice: TimeChoice) -> TableTime:
     column = "" if choice.counter in table.channels else time_channel(table, choice)
     if choice.sample_time is None and column and not choice.unit:
-        stated = table.channels[column].unit
-        unit = stated if stated in ("s", "ms", "us", "ns") else _time_unit(table, column)
+        unit = time_unit(table, column)
         choice = choice.model_copy(update={"unit": "" if unit == "s" else unit})
     clock = table_clock(log, table, choice)
     stamped = bool(column) and (choice.sample_time is None or bool(choice.column))
     return TableTime(table, clock, choice, column if stamped else "")
-
-
-def _time_unit(table: Table, column: str) -> str:
-    """Return the likeliest unit of stamps without one: controllers sample at 1 Hz to 100 kHz."""
-    head = np.asarray(table.values(column, 2000), dtype=float)
-    steps = np.diff(head[np.isfinite(head)])
-    step = float(np.median(steps[steps > 0], axis=0)) if (steps > 0).any() else 0.0
-    if step < 0.9:
-        return "s"
-    return "ms" if step < 900 else "us" if step < 9e5 else "ns"

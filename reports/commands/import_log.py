@@ -96,6 +96,7 @@ def _convert(
     progress: "StageProgress | None",
 ) -> None:
     from estimators.logs.completion import complete_mapping
+    from estimators.logs.mapping_checks import mapping_findings
     from reports.summaries.import_summary import import_json, import_summary
     from robotmodels.logs.importer import Import
     from robotmodels.logs.importing import mapped_robot
@@ -105,8 +106,9 @@ def _convert(
     model = robot if robot is not None else mapped_robot(choice, mapping.parent)
     choice, derived = complete_mapping(log, choice, model)
     source = Import(log, choice, model, progress)
-    files, reasons = _written(source, derived, target)
-    told = (*derived, *reasons)
+    findings = (*derived, *mapping_findings(source))
+    files, reasons = _written(source, findings, target)
+    told = (*findings, *reasons)
     say(
         lambda: import_summary(source, told, files),
         lambda: import_json(source, told, files),

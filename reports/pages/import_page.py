@@ -100,7 +100,7 @@ def _thinned(source: Import) -> tuple[Array, dict[str, Array]]:
     for role in source.roles:
         parts, offset = [], 0
         for piece in run.pieces(role):
-            parts.append(piece[(-offset) % stride :: stride])
+            parts.append(piece[(-offset) % stride :: stride].copy())  # a view would keep it all
             offset += len(piece)
         signals[role] = np.concatenate(parts)
     time = run.start + run.sample_time * stride * np.arange(len(next(iter(signals.values()))))

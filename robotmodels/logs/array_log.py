@@ -52,9 +52,19 @@ def read_numpy_log(path: Path, stack: ExitStack) -> Log:
             arrays = {"data": loaded}
         else:
             with loaded:
-                arrays = {name: loaded[name] for name in loaded.files}
+                arrays = dict(_plain_arrays(loaded))
     named = dict(_structured(arrays))
     return arrays_log(path, {name: _lazy(values) for name, values in named.items()})
+
+
+def _plain_arrays(loaded: Any) -> Iterator[tuple[str, NDArray[Any]]]:
+    """Yield the arrays of an archive; those of Python objects, which could run code, apart."""
+    for name in loaded.files:
+        try:
+            yield name, loaded[name]
+        except ValueError as error:
+            if "allow_pickle" not in str(error):
+                raise
 
 
 def read_hdf5_log(path: Path, stack: ExitStack) -> Log:

@@ -7,7 +7,7 @@ import numpy as np
 
 from robotmodels.common.arrays import Array, BoolArray, IntArray
 
-_BLOCK = 1 << 20  # stamps
+_BLOCK = 1 << 17  # stamps
 _WINDOW = 8  # stamps on both sides that tell a gap from a late stamp
 _RESTART = 5  # spacings that the time runs back by where it begins anew, and rises after
 _LEAST_STEP = 1e-3  # of the usual step; smaller ones repeat a time

@@ -15,7 +15,11 @@ from robotmodels.logs.log import Log, Table
 from robotmodels.logs.mapping_file import TimeChoice
 from robotmodels.logs.units import time_factor
 
-_TIME_NAME = re.compile(r"(^|[^a-z])(t|time|timestamps?|stamps?|zeit)([^a-z]|$)", re.IGNORECASE)
+_UNITS = ("s", "ms", "us", "µs", "ns", "sec")
+_TIME_NAME = re.compile(
+    r"(^|[^a-z])(t|time|timestamps?|stamps?|zeit|clock|elapsed|secs?|seconds)([^a-z]|$)",
+    re.IGNORECASE,
+)
 _WINDOW = 8  # stamps on both sides that tell a gap from a late stamp
 
 
@@ -117,10 +121,11 @@ def table_clock(log: Log, table: Table, choice: TimeChoice) -> Clock:
         return _counted(table, choice, where)
     column = time_channel(table, choice)
     if column and not (choice.sample_time and not choice.column):
-        unit = choice.unit or table.channels[column].unit
-        stamps = np.asarray(table.values(column), dtype=float)
-        stamps *= time_factor(unit)
-        return fitted_clock(stamps, where, f"stamps of {column!r}", choice.sample_time)
+        unit = choice.unit or time_unit(table, column)
+        stamps, factor = np.asarray(table.values(column), dtype=float), time_factor(unit)
+        stamps = stamps if factor == 1 else stamps * factor  # no copy of a long log's
+        told = "" if choice.unit or unit == "s" else f" in {unit}"
+        return fitted_clock(stamps, where, f"stamps of {column!r}{told}", choice.sample_time)
     sample_time = choice.sample_time or table.sample_time or _stated(log)
     if sample_time is None:
         raise InvalidInput(
@@ -141,6 +146,24 @@ def time_channel(table: Table, choice: TimeChoice) -> str:
     names = [name for name in table.channels if _TIME_NAME.search(name.rpartition(".")[2])]
     plain = [name for name in names if _rises(table, name)]
     return min(plain, key=len, default="")
+
+
+def time_unit(table: Table, column: str) -> str:
+    """Return the unit of stamps: as file or name say, else the likeliest.
+
+    Controllers sample at 1 Hz to 100 kHz.
+    """
+    stated = table.channels[column].unit
+    words = re.findall(r"[a-zµ]+", column.lower())
+    told = next((unit for unit in (stated, *words) if unit in _UNITS), "")
+    if told:
+        return told
+    head = np.asarray(table.values(column, 2000), dtype=float)
+    steps = np.diff(head[np.isfinite(head)])
+    step = float(np.median(steps[steps > 0])) if (steps > 0).any() else 0.0
+    if step < 0.9:
+        return "s"
+    return "ms" if step < 900 else "us" if step < 9e5 else "ns"
 
 
 def clock_messages(clock: Clock, name: str) -> list[str]:

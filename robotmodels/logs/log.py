@@ -1,5 +1,6 @@
 """A log as its file holds it: tables of named channels whose meaning is still open."""
 
+import re
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 from fnmatch import fnmatchcase
@@ -12,6 +13,7 @@ from numpy.typing import NDArray
 from robotmodels.common.errors import InvalidInput, nearest
 from robotmodels.data_files.file_guard import listed
 
+_SPAN = re.compile(r"\{(\d{1,4})\.\.(\d{1,4})\}")
 PIECE = 1 << 18
 """Rows that are read at once."""
 
@@ -121,7 +123,14 @@ class Log:
         )
 
     def matching(self, pattern: str) -> list[tuple[Table, str]]:
-        """Return tables and channels whose names match, ``*`` standing for any characters."""
+        """Return tables and channels whose names match.
+
+        ``*`` stands for any characters, ``{0..5}`` for each of the numbers, in this order.
+        """
+        if span := _SPAN.search(pattern):
+            numbers = range(int(span[1]), int(span[2]) + 1)
+            names = [f"{pattern[: span.start()]}{i}{pattern[span.end() :]}" for i in numbers]
+            return [hit for name in names for hit in self.matching(name)]
         if "*" not in pattern:
             return [self.table_of(pattern)]
         plain = pattern.replace("[", "[[]")
@@ -157,4 +166,4 @@ def unique_names(names: list[str]) -> list[str]:
 
 def as_real(values: NDArray[Any]) -> NDArray[Any]:
     """Return numbers or truth values as doubles, complex numbers as they are."""
-    return values if np.iscomplexobj(values) else values.astype(float)
+    return values if np.iscomplexobj(values) else values.astype(float, copy=False)

@@ -18,7 +18,8 @@
     period: 2.0                  # of the excitation [s], 0 for none; looked for by default
     transient: 1                 # periods at the beginning of a run that are dropped
     signals:                     # a list
-      column: q_*                # channel, pattern or list of channels, of joints in their order
+      column: q_*                # channel, list of them, or pattern such as q_{0..5}, of joints in
+                                 # their order
       role: motor_angle          # or motor_velocity, motor_acceleration, motor_torque,
                                  # motor_current, link_angle, link_velocity, joint_torque,
                                  # reference_angle, reference_velocity, reference_torque,

@@ -4,7 +4,7 @@ import math
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass
-from datetime import datetime
+from datetime import date
 from pathlib import Path
 
 from robotmodels.common.errors import InvalidInput
@@ -17,7 +17,13 @@ _EMPTY = {"", "na", "n/a", "null", "none", "-", "?"}
 _TRUTH = {"true": 1.0, "false": 0.0, "on": 1.0, "off": 0.0}
 _SPACES = re.compile(r"\s+")
 _UNIT = re.compile(r"^(.*\S)\s*[\[(]\s*([^\[\]()]*[^\W\d][^\[\]()]*|%|°|°/s)\s*[\])]$")
-_STAMP = re.compile(r"\d{4}-\d\d-\d\d[T ]\d\d:\d\d")
+_STAMP = re.compile(
+    r"(?:(?P<year>\d{4})[-/.](?P<month>\d\d?)[-/.](?P<day>\d\d?)[T ]\s*"
+    r"|(?P<first>\d\d?)[-/.](?P<second>\d\d?)[-/.](?P<last_year>\d{4})[T ]\s*)?"
+    r"(?P<h>\d\d?):(?P<m>\d\d)(?::(?P<s>\d\d)(?:[.,:](?P<fraction>\d+))?)?"
+    r"\s*(?P<zone>Z|[+-]\d\d:?\d\d)?"
+)
+_EPOCH = date(1970, 1, 1).toordinal()
 
 
 @dataclass(frozen=True)
@@ -103,22 +109,29 @@ def split_unit(name: str) -> tuple[str, str]:
 
 
 def parse_stamp(cell: str) -> float:
-    """Return an ISO stamp as seconds since 1970, NaN where it is none."""
-    text = cell.strip().replace(",", ".")
-    try:
-        # Nine digits are usual, of which datetime takes six.
-        head, dot, tail = text.partition(".")
-        digits = re.match(r"\d*", tail)
-        fraction = digits[0] if digits else ""
-        zone = tail[len(fraction) :] if dot else ""
-        moment = datetime.fromisoformat(head + zone)
-    except ValueError:
+    """Return a date and time, or a time of day, as seconds, NaN where it is neither.
+
+    Dates count from 1970, years first or last; zones are taken off.
+    """
+    match = _STAMP.fullmatch(cell.strip())
+    if match is None:
         return math.nan
-    start = datetime(1970, 1, 1, tzinfo=moment.tzinfo)
-    seconds = (moment - start).total_seconds()
-    offset = moment.utcoffset()
-    shift = offset.total_seconds() if offset is not None else 0.0
-    return seconds - shift + (float(f"0.{fraction}") if fraction else 0.0)
+    parts = match.groupdict()
+    days = 0
+    if year := parts["year"] or parts["last_year"]:
+        month, day = parts["month"] or parts["second"], parts["day"] or parts["first"]
+        try:
+            days = date(int(year), int(month), int(day)).toordinal() - _EPOCH
+        except ValueError:
+            return math.nan
+    seconds = 3600 * int(parts["h"]) + 60 * int(parts["m"]) + int(parts["s"] or 0)
+    fraction = float(f"0.{parts['fraction']}") if parts["fraction"] else 0.0
+    zone = parts["zone"] or "Z"
+    shift = 0
+    if zone != "Z":
+        digits = zone[1:].replace(":", "")
+        shift = (3600 * int(digits[:2]) + 60 * int(digits[2:])) * (-1 if zone[0] == "-" else 1)
+    return 86400.0 * days + seconds - shift + fraction
 
 
 def _first_lines(path: Path) -> tuple[str, list[str]]:
@@ -173,7 +186,7 @@ def _width(rows: Sequence[Sequence[str]]) -> int:
 def _kind(cells: Sequence[str], decimal: str) -> str:
     filled = [cell for cell in cells if cell.lower() not in _EMPTY]
     if all(_is_value(cell, decimal) for cell in filled):
-        stamps = [cell for cell in filled if _STAMP.match(cell)]
+        stamps = [cell for cell in filled if _STAMP.fullmatch(cell)]
         return "stamp" if stamps and len(stamps) == len(filled) else "number"
     return "text"
 
@@ -182,7 +195,7 @@ def _is_value(cell: str, decimal: str) -> bool:
     return (
         cell.lower() in ("nan", "inf", "-inf")
         or math.isfinite(_number(cell, decimal, math.nan))
-        or bool(_STAMP.match(cell))
+        or bool(_STAMP.fullmatch(cell))
     )
 
 

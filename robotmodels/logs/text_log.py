@@ -112,12 +112,12 @@ class _Layout:
 def _layout(dialect: Dialect) -> _Layout:
     width = len(dialect.kinds)
     rows = [row for row in dialect.header if len(row) == width]
-    names = next((row for row in rows if _is_names(row)), None)
+    names = _grouped_names(rows) or next((row for row in rows if _is_names(row)), None)
     if names is None:
         plain = [f"column_{c + 1}" for c in range(width)]
         return _Layout(plain, [""] * width, [0], [None], timed=False)
     split = [split_unit(name or f"column_{c + 1}") for c, name in enumerate(names)]
-    later = rows[rows.index(names) + 1 :]
+    later = rows[rows.index(names) + 1 :] if names in rows else rows[2:]
     keyed = {row[0]: row for row in later if row[0]}
     period = next((row for key, row in keyed.items() if key.lower().startswith("sampletime")), None)
     if period is not None:
@@ -126,6 +126,19 @@ def _layout(dialect: Dialect) -> _Layout:
     if later and not any(units):
         units = [split_unit(f"x {cell}")[1] or cell for cell in later[0]]
     return _Layout([n for n, _ in split], units, [0], [None], timed=False)
+
+
+def _grouped_names(rows: Sequence[tuple[str, ...]]) -> tuple[str, ...] | None:
+    """Return ``group.name`` of two rows, the first with a cell for several columns each."""
+    if len(rows) < 2 or all(rows[0]) or not any(rows[0]):
+        return None
+    if any(not above and not below for above, below in zip(rows[0], rows[1], strict=True)):
+        return None
+    group, names = "", []
+    for above, name in zip(rows[0], rows[1], strict=True):
+        group = above or group
+        names.append(f"{group}.{name}" if group and name else group or name)
+    return tuple(names)
 
 
 def _scope_layout(

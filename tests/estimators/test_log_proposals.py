@@ -7,6 +7,7 @@ import pytest
 
 import robotmodels
 from estimators.logs.completion import complete_mapping
+from estimators.logs.mapping_checks import mapping_findings
 from estimators.logs.proposal import propose_mapping
 from estimators.logs.shift_regression import angle_relation, velocity_relation
 from estimators.logs.torque_sign import torque_sign
@@ -253,3 +254,39 @@ def test_a_log_without_angles_or_time(tmp_path, robot):
             propose_mapping(log)
         proposal = propose_mapping(log, None, TimeChoice(sample_time=0.01))
         assert proposal.mapping.time.sample_time == 0.01
+
+
+def test_mapped_signals_are_checked_against_each_other(log_file, robot):
+    """A velocity on the wrong side, late; a sign; a copy."""
+    signals = [
+        {"column": "act_pos_*", "role": "motor_angle", "unit": "deg", "side": "joint"},
+        {"column": "act_vel_*", "role": "motor_velocity", "unit": "rpm", "side": "joint"},
+        {"column": "torque_*", "role": "motor_torque", "unit": "N*m", "side": "motor"},
+        {"column": "act_pos_1", "role": "other", "name": "copy"},
+    ]
+    document = {"schema": "import/1", "time": {"unit": "ms"}, "signals": signals}
+    with open_log(log_file) as log:
+        findings = mapping_findings(Import(log, Mapping.model_validate(document), robot))
+    text = "\n".join(findings)
+    assert "motor_velocity of m1 is 101 times what motor_angle says" in text
+    assert "motor_velocity of m1 is late against motor_angle by 2.10" in text
+    assert "motor_torque: its sign seems wrong" in text
+    signals[1]["side"], signals[2]["sign"] = "motor", -1
+    with open_log(log_file) as log:
+        findings = mapping_findings(Import(log, Mapping.model_validate(document), robot))
+    assert all("is late against" in line for line in findings)
+
+
+def test_copies_are_told(tmp_path):
+    m = Movement(3, n=2)
+    angle = m.angle(m.time)
+    columns = [m.time, *angle.T, angle[:, 0], m.velocity(m.time)[:, 1]]
+    path = written(tmp_path / "a.csv", ["t", "q1", "q2", "r1", "r2"], columns)
+    signals = [
+        {"column": f"{name}*", "role": role, "unit": "rad", "side": "joint"}
+        for name, role in (("q", "motor_angle"), ("r", "reference_angle"))
+    ]
+    mapping = Mapping.model_validate({"schema": "import/1", "signals": signals})
+    with open_log(path) as log:
+        (line,) = mapping_findings(Import(log, mapping, None))
+    assert line.startswith("r1 (reference_angle) repeats q1 (motor_angle) number by number")

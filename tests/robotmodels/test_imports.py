@@ -287,3 +287,15 @@ def test_clocks_do_not_depend_on_blocks(monkeypatch):
         assert clock.jitter == pytest.approx(whole.jitter, rel=1e-9)
     with pytest.raises(InvalidInput, match="fewer than three of them rise"):
         fitted_clock(np.zeros(50), "a", "stamps")
+
+
+@pytest.mark.parametrize(
+    ("name", "scale"), [("t", 1.0), ("t", 1e3), ("time_us", 1e6), ("%time", 1e9), ("t [ms]", 1e3)]
+)
+def test_units_of_stamps_are_told(tmp_path, name, scale):
+    """By the file, by the name, or because controllers sample at 1 Hz to 100 kHz."""
+    stamps = np.round(TIME * scale, 6 if scale == 1 else 0)
+    path = write(tmp_path / "a.csv", [name, "q1"], [stamps, ANGLES[:, 0]])
+    (movement,), notes = imported(path, signals=[ANGLE])
+    assert movement.sample_time == pytest.approx(STEP)
+    assert scale == 1 or " in " in notes.splitlines()[0]

@@ -10,6 +10,7 @@ from scipy.io import savemat
 from robotmodels.common.errors import InvalidInput
 from robotmodels.logs import text_log
 from robotmodels.logs.open_log import open_log
+from robotmodels.logs.text_dialect import parse_stamp
 
 TIME = np.arange(60) * 0.004
 VALUES = np.stack([np.sin(3 * TIME), 1e4 * np.cos(TIME), -TIME], axis=1)
@@ -165,3 +166,42 @@ def test_files_that_are_no_logs(tmp_path, name, content, message):
     with pytest.raises(InvalidInput, match=message) as error, open_log(path):
         pass
     assert str(path) in str(error.value)
+
+
+@pytest.mark.parametrize(
+    ("stamp", "seconds"),
+    [
+        ("2024-05-01T12:00:01.250Z", 1714564801.25),
+        ("2024-05-01 12:00:01,250", 1714564801.25),
+        ("2024-05-01T14:00:01.250000000+02:00", 1714564801.25),
+        ("01.05.2024 12:00:01.25", 1714564801.25),
+        ("2024/05/01 12:00:01:250", 1714564801.25),
+        ("12:00:01.250", 43201.25),
+        ("1:02", 3720.0),
+        ("2024-13-01 12:00", np.nan),
+        ("12.5", np.nan),
+    ],
+)
+def test_dates_and_times_of_day(stamp, seconds):
+    assert parse_stamp(stamp) == pytest.approx(seconds, abs=1e-6, nan_ok=True)
+
+
+def test_two_rows_of_names(tmp_path):
+    """Groups above joints, as spreadsheets have them."""
+    path = tmp_path / "a.csv"
+    rows = "".join(f"{k * 0.01:.2f};{k};{2 * k};{3 * k};{4 * k}\n" for k in range(30))
+    path.write_text("t;Position;;Torque;\n;A1;A2;A1;A2\n" + rows)
+    with open_log(path) as log:
+        table = log.tables[0]
+        assert list(table.channels) == ["t", "Position.A1", "Position.A2", "Torque.A1", "Torque.A2"]
+        assert table.values("Torque.A2")[5] == 20
+
+
+def test_patterns_with_numbers_in_braces(tmp_path):
+    state = np.random.default_rng(1).random((40, 7))
+    np.savez(tmp_path / "a.npz", **{"obs.state": state, "names": np.array([{}], dtype=object)})
+    with open_log(tmp_path / "a.npz") as log:
+        hits = log.matching("obs.state[{4..6}]")
+        assert [name for _, name in hits] == ["obs.state[4]", "obs.state[5]", "obs.state[6]"]
+        with pytest.raises(InvalidInput, match=r"obs\.state\[7\]' is missing"):
+            log.matching("obs.state[{4..7}]")
