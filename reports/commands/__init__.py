@@ -15,6 +15,7 @@ from reports.commands import (
     report,
     run,
     schema,
+    sensors,
     simulate,
     steps,
 )
@@ -24,6 +25,7 @@ _IN_ORDER = (
     check,
     run,
     steps,
+    sensors,
     replicate,
     report,
     export,
