@@ -14,6 +14,7 @@ from .elastic.robot import ElasticRobot as ElasticRobot
 from .exports.export import export as export
 from .exports.modes import modal_parameters as modal_parameters
 from .exports.robot_files import (
+    at_recorded_speeds as at_recorded_speeds,
     save_robot as save_robot,
     with_speeds as with_speeds,
     with_values as with_values,

@@ -9,7 +9,7 @@ from reports.commands.options import AsJson, robot_names, say
 from robotmodels.common.errors import InvalidInput
 
 if TYPE_CHECKING:
-    from estimators import DeflectionFit
+    from estimators import DeflectionFit, Interval
 
 Movements = Annotated[
     Path, typer.Argument(help="Movements (HDF5, schema movements/1), such as `oed import` writes.")
@@ -74,11 +74,10 @@ def deflection(
 
 
 def _summary(fit: "DeflectionFit", shares: list[dict[str, float]], written: Path) -> str:
-    from reports.sections.verdict import interval_words
     from reports.summaries.columns import hung, plain
 
     lines = [
-        (one.name, plain(f"{interval_words(one)} {_unit(one.name)}. {one.verdict.reason}"))
+        (one.name, plain(f"{_value(one)} {_unit(one.name)}. {one.verdict.reason}"))
         for one in fit.intervals()
     ]
     for term, shifts in fit.systematic_shifts().items():
@@ -94,6 +93,16 @@ def _summary(fit: "DeflectionFit", shares: list[dict[str, float]], written: Path
     for name, words in lines:
         printed += hung(f"  {name:<{width}}  ", words, width + 4)
     return "\n".join(printed)
+
+
+def _value(one: "Interval") -> str:
+    """Return estimate and interval, or the verdict."""
+    from reports import text
+    from reports.sections.verdict import interval_words
+
+    if not one.verdict.gives_interval:
+        return f"{one.verdict}, –"
+    return f"{text.significant(one.value, 4)}, 95 %: {interval_words(one)}"
 
 
 def _unit(name: str) -> str:

@@ -19,6 +19,7 @@ from reports.commands.workers import one_thread_each
 
 if TYPE_CHECKING:
     from estimators import RunFit
+    from robotmodels import ElasticRobot, Records as RecordsOfRuns
 
 _SEED = 1  # of the starts
 
@@ -44,6 +45,9 @@ def identify(
     decades: Annotated[
         float, typer.Option(min=0, max=2.9, help="Starts are off by 10^U(-decades, decades).")
     ] = 0.3,
+    coulomb: Annotated[
+        bool, typer.Option(help="Count Coulomb friction as dampers at the speeds of the records.")
+    ] = False,
     delay: Delay = 0.0,
     hold: Hold = True,
     output: BesideRecords = None,
@@ -65,9 +69,10 @@ def identify(
     from estimators.input_output.run_spectra import run_spectra
     from robotmodels import load_robot, save_robot
 
-    model = load_robot(robot)
+    runs = read_records(records)
+    model = _counted(load_robot(robot), runs) if coulomb else load_robot(robot)
     with collected_warnings() as warnings:
-        data = run_spectra(read_records(records), noise, delay=delay, hold=hold)
+        data = run_spectra(runs, noise, delay=delay, hold=hold)
     begins = perturbed_starts(model.parameters, starts, decades, np.random.default_rng(_SEED))
     fits = sorted(
         (fit_runs(model, data, rows, begin) for begin in begins),
@@ -81,6 +86,16 @@ def identify(
     say(
         lambda: _summary(fit, reached, starts, target), lambda: _json(fit, reached, target), as_json
     )
+
+
+def _counted(robot: "ElasticRobot", records: "RecordsOfRuns") -> "ElasticRobot":
+    """Return the robot whose Coulomb friction counts as dampers, and say as what."""
+    from robotmodels import at_recorded_speeds
+    from robotmodels.description.friction import friction_sentences
+
+    counted = at_recorded_speeds(robot, records)
+    warn(friction_sentences(counted.file))
+    return counted
 
 
 def _summary(fit: "RunFit", reached: int, starts: int, written: Path) -> str:

@@ -13,6 +13,8 @@ from robotmodels.description.friction import at_speeds
 from robotmodels.description.robot_file import Fitted, RobotFile
 from robotmodels.description.urdf import PACKAGE_PREFIX
 from robotmodels.elastic.robot import ElasticRobot
+from robotmodels.records.records import Records
+from robotmodels.records.rms_speeds import rms_speeds
 
 
 def with_values(robot: ElasticRobot, values: Array, fitted: Fitted | None = None) -> ElasticRobot:
@@ -54,6 +56,24 @@ def with_speeds(robot: ElasticRobot, speeds: Array) -> ElasticRobot:
         If there is not one speed above zero for each motor.
     """
     return ElasticRobot(at_speeds(robot.file, speeds), robot.folder)
+
+
+def at_recorded_speeds(robot: ElasticRobot, records: Records) -> ElasticRobot:
+    """Return the robot whose Coulomb friction counts as dampers at the speeds of records.
+
+    Raises
+    ------
+    InvalidInput
+        If the records hold no angle of some motor, or it does not move.
+    """
+    encoders = {o.of: i for i, o in enumerate(robot.outputs) if o.kind == "motor" and o.encoder}
+    missing = [name for name in robot.motor_names if name not in encoders]
+    if missing or records.angle.shape[-1] != len(robot.outputs):
+        raise InvalidInput(
+            f"records: {records.angle.shape[-1]} outputs; an angle of each motor is needed, "
+            f"{', '.join(missing or robot.output_names)}"
+        )
+    return with_speeds(robot, rms_speeds(records, [encoders[n] for n in robot.motor_names]))
 
 
 def save_robot(robot: ElasticRobot, path: str | Path) -> None:
