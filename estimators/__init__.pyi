@@ -27,6 +27,7 @@ from .deflection.fit_deflection import (
     fit_deflection as fit_deflection,
 )
 from .fitting.fit_files import read_fits as read_fits, write_fits as write_fits
+from .fitting.fitted_model import FittedModel as FittedModel
 from .fitting.fitted_robot import robot_prior as robot_prior
 from .fitting.least_squares import (
     Fit as Fit,
@@ -41,6 +42,8 @@ from .fitting.multistart import (
 )
 from .fitting.priors import Prior as Prior
 from .fitting.residuals import lls as lls, lls_magnitude as lls_magnitude, nls as nls
+from .fitting.run_fit import RunFit as RunFit
+from .fitting.sandwich import information as information
 from .fitting.start_values import StartValues as StartValues, physics_start as physics_start
 from .fitting.weights import (
     combined_weights as combined_weights,
@@ -68,7 +71,6 @@ from .frf.method_comparison import (
 )
 from .frf.record_checks import Settling as Settling, settling as settling
 from .frf.rigid_body_check import RigidLimit as RigidLimit, check_rigid_limit as check_rigid_limit
-from .input_output.fit_runs import RunFit as RunFit, fit_runs as fit_runs
 from .input_output.run_spectra import RunSpectra as RunSpectra, run_spectra as run_spectra
 from .sampling.convergence import StoppingCriterion as StoppingCriterion
 from .sampling.exported_draws import export_draws as export_draws
@@ -99,7 +101,6 @@ from .uncertainty.residual_analysis import (
     ResidualAnalysis as ResidualAnalysis,
     residual_analysis as residual_analysis,
 )
-from .uncertainty.sandwich import information as information
 from .validation.cross_check import CrossCheck as CrossCheck, cross_check as cross_check
 from .validation.held_out_positions import Validation as Validation, validate as validate
 from .validation.monte_carlo import MonteCarlo as MonteCarlo, monte_carlo as monte_carlo

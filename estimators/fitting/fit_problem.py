@@ -1,179 +1,182 @@
-"""The cost of a fit: whitened residuals, those of the prior, and their Jacobian."""
+"""What searches, covariances and posteriors ask of a fit's cost, whatever its data."""
 
-from collections.abc import Sequence
-from dataclasses import dataclass, field
-from functools import cached_property
-from typing import Any
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from estimators.fitting.priors import Prior
-from estimators.fitting.residuals import Residual, check_loss, find_residual, robust_loss
-from estimators.fitting.weight_choice import evaluate_weights
-from estimators.fitting.weights import square_root, used_elements, whiten
-from estimators.frf.frf_estimate import FrfEstimate, is_full, vec
-from robotmodels.common.arrays import Array, ComplexArray, IntArray, read_only
+from estimators.trust.linearised_fit import LinearisedFit, Lines
+from robotmodels.common.arrays import Array, ComplexArray, IntArray
 from robotmodels.common.errors import InvalidInput, SolverFailed
 from robotmodels.description.parameters import Parameters
-from robotmodels.linear.residuals import ResidualForm
 from robotmodels.linear.response import Elastic, sensitivity
+from robotmodels.linear.spring_network import SpringNetwork
+
+if TYPE_CHECKING:
+    from robotmodels.kernel import FitKernel
+
+Derived = tuple[ComplexArray, ComplexArray]
+"""FRF of the model (Q, F, m, n) and its derivatives by ln theta, (Q, F, m, n, p)."""
 
 
-@dataclass(frozen=True, eq=False)
-class Problem:
-    """A cost to minimise over x = ln(theta/reference), checked and whitened once for all starts.
+@dataclass(frozen=True, eq=False, kw_only=True)
+class FitProblem(ABC):
+    """A cost to minimise over x = ln(theta/reference), checked and prepared once for all starts.
 
     Attributes
     ----------
     model : Elastic
-        As in `estimators.Fit`.
-    estimate : FrfEstimate
-        As in `estimators.Fit`.
-    kind : Residual
-        As in `estimators.Fit`.
-    weights : ndarray or ndarray of complex
-        As in `estimators.Fit`.
-    bounds : ndarray
-        As in `estimators.Fit`.
+        Model whose FRFs are compared with the data.
+    bounds : ndarray, (2, p)
+        Lowest and highest values.
     prior : Prior or None
-        As in `estimators.Fit`.
+        Prior knowledge of some parameters.
     loss : str
-        As in `estimators.Fit`.
+        "linear", or the robust loss.
     weighting : str
-        As in `estimators.Fit`.
-    root : ndarray or ndarray of complex
-        Square root of the weights, see `square_root`.
-    used : ndarray
-        Elements with a weight, see `used_elements`.
+        The name of the weights; empty for an array.
     """
 
     model: Elastic
-    estimate: FrfEstimate
-    kind: Residual
-    weights: Array | ComplexArray
     bounds: Array
     prior: Prior | None = None
     loss: str = "linear"
     weighting: str = ""
-    root: Array | ComplexArray = field(init=False)
-    used: NDArray[np.bool_] = field(init=False)
 
-    def __post_init__(self) -> None:
-        self.weights.flags.writeable = False
-        shape = self.estimate.response.shape
-        used = used_elements(self.weights, shape)
-        object.__setattr__(self, "used", used)
-        object.__setattr__(self, "root", square_root(self.weights, shape))
-        parameters = self.model.parameters
-        data = int(used.sum()) * (1 if self.kind.real else 2)
-        prior_rows = 0 if self.prior is None else len(self.prior.columns(parameters.names))
-        if data + prior_rows < len(parameters):
-            raise InvalidInput(
-                f"fit: {len(parameters)} parameters but only {data} real data carry weight; "
-                "add positions or frequencies, or free fewer parameters"
-            )
-        if not (self.kind.real or self.estimate.has_phase):
-            raise InvalidInput(
-                f"fit: the FRFs are magnitudes without phases, and {self.kind.name} compares "
-                "phases; use lls_magnitude, or give complex FRFs"
-            )
-        # A measured zero would spoil every start alike: better said before the first.
-        self.kind.error(self.estimate.response, np.ones(shape, dtype=complex), used)
+    @property
+    @abstractmethod
+    def name(self) -> str:
+        """Name of the residual."""
+
+    @property
+    @abstractmethod
+    def positions(self) -> Array:
+        """Positions of the data, (Q, n) [rad]."""
+
+    @property
+    @abstractmethod
+    def omega(self) -> Array:
+        """Angular frequencies of the data, (F,) [rad/s]."""
+
+    @property
+    @abstractmethod
+    def used_data(self) -> int:
+        """Number of real data that carry weight."""
+
+    @property
+    @abstractmethod
+    def size(self) -> int:
+        """Complex numbers in the data."""
+
+    @property
+    @abstractmethod
+    def identity(self) -> tuple[object, object]:
+        """What the cost depends on beside model, bounds and prior: data, and what they led to."""
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The p parameters."""
+        return self.model.parameters.names
+
+    @property
+    def real(self) -> bool:
+        """Whether residuals have no imaginary parts."""
+        return False
+
+    @property
+    def has_degrees_of_freedom(self) -> bool:
+        """Whether the data tell the degrees of freedom of their noise."""
+        return True
+
+    def likelihood_scale(self, values: Array) -> float:
+        """Return the factor of the cost in the logarithm of the likelihood near `values` (p,)."""
+        return 1.0
+
+    @abstractmethod
+    def residuals(self, values: Array) -> tuple[Lines, Lines]:
+        """Return whitened residuals (Q, F, ...) and their derivatives by ln theta (Q, F, ..., p).
+
+        Raises
+        ------
+        SolverFailed
+            If they are not finite.
+        """
+
+    @abstractmethod
+    def squares(self, response: ComplexArray, values: Array) -> Array:
+        """Return the parts of the cost, (w, Q, F, ...), of FRFs (w, Q, F, m, n).
+
+        `values` (w, p) are the parameters they are of.
+        """
+
+    @abstractmethod
+    def linearise(self, values: Array, at: Derived | None = None) -> LinearisedFit:
+        """Return the fit about its solution `values` (p,), where the model is `at` if known."""
+
+    @abstractmethod
+    def changes(self, values: Array, at: Derived) -> Callable[[ComplexArray], Lines]:
+        """Return what turns changes (Q, F, m, n, r) of the FRF into those of modelled values."""
+
+    @abstractmethod
+    def sandwich_parts(self, values: Array) -> tuple[Array, Array]:
+        """Return the Hessian of the cost and the covariance of its gradient, (p, p), at `values`.
+
+        Neither the prior nor a robust loss is in them.
+        """
+
+    @abstractmethod
+    def robust(self, squares: Array) -> Array:
+        """Return the loss of squared residuals (r,) and its two derivatives, (3, r)."""
+
+    @property
+    def compiles(self) -> bool:
+        """Whether there is a compiled cost of such data, about equilibria of springs."""
+        return False
+
+    def kernel(self, network: SpringNetwork) -> "FitKernel":
+        """Return the compiled cost about a network's equilibria, if it `compiles`."""
+        raise NotImplementedError
 
     def evaluate(self, values: Array) -> tuple[Array, Array]:
-        """Return the whitened residuals (r,) and their Jacobian (r, p) at parameter `values`.
+        """Return the whitened residuals (r,) and their Jacobian (r, p) at `values` (p,).
 
         The residuals of the prior come last.
         """
-        G, J = sensitivity(
-            self.model, self.estimate.positions, self.estimate.omega, values, equilibrium_shift=True
-        )
-        error = whiten(self.root, self.kind.error(self.estimate.response, G, self.used))
-        slope = whiten(self.root, self.kind.jacobian(G, J, self.used))
-        if not (np.isfinite(error).all() and np.isfinite(slope).all()):
-            raise SolverFailed("the model's FRF or its sensitivity is not finite")
-        names = self.model.parameters.names
-        return real_rows(error, slope, self.prior, names, values, real=self.kind.real)
+        error, slope = self.residuals(values)
+        return real_rows(error, slope, self.prior, self.names, values, real=self.real)
 
-    def robust(self, squares: Array) -> Array:
-        """Return the loss of squared residuals (r,) and its two derivatives, (3, r).
-
-        A whitened residual is judged by the standard deviation the estimate's covariance gives it;
-        the prior's residuals always count in full.
-        """
-        rows = len(self._scale)
-        result = np.stack([squares, np.ones_like(squares), np.zeros_like(squares)])
-        result[:, :rows] = robust_loss(self.loss, squares[:rows], self._scale)
-        return result
-
-    @cached_property
-    def _scale(self) -> Array:
-        variance = self.expected_squares(self.estimate.response)
-        # Residuals without weight are zero: any variance will do.
-        return np.where(variance > 0, variance, 1.0)
-
-    def expected_squares(self, response: ComplexArray) -> Array:
-        """Return the variances of the whitened residuals, (r,), without those of the prior.
-
-        Parameters
-        ----------
-        response : ndarray of complex, (Q, F, m, n)
-            Response at which the noise of a log residual is evaluated.
-        """
-        noise = self.kind.noise(self.estimate.covariance, response, self.used)
-        shape, full = response.shape, is_full(noise, response.shape)
-        if is_full(self.root, shape):
-            matrix = noise if full else vec(noise)[..., None] * np.eye(shape[-2] * shape[-1])
-            through = self.root @ matrix @ np.conj(np.swapaxes(self.root, -1, -2))
-            variance = np.diagonal(through, axis1=-2, axis2=-1).real
-        else:
-            line_noise = np.diagonal(noise, axis1=-2, axis2=-1).real if full else vec(noise)
-            variance = vec(self.weights) * line_noise
-        half = np.ravel(variance) / 2  # each of real and imaginary part
-        return half if self.kind.real else np.concatenate([half, half])
+    def derived(self, values: Array) -> Derived:
+        """Return the model's FRF and its derivatives at `values` (p,)."""
+        return sensitivity(self.model, self.positions, self.omega, values, equilibrium_shift=True)
 
     def checked_start(self, start: Array | None) -> Array:
         """Return `checked_start` within the bounds."""
         return checked_start(self.model.parameters, start, self.bounds)
 
 
-def make_fit_problem(
-    model: Elastic,
-    estimate: FrfEstimate,
-    residual: str | ResidualForm,
-    weights: str | NDArray[Any],
-    bounds: tuple[float, float] | Array,
-    positions: Sequence[int] | IntArray | None = None,
-    prior: Prior | None = None,
-    loss: str = "linear",
-) -> Problem:
-    """Return the problem of a fit; arguments as in `estimators.fit`.
+def all_finite(*arrays: Lines) -> None:
+    """Refuse what no FRF leads to.
+
+    Raises
+    ------
+    SolverFailed
+        If a number is not finite.
+    """
+    if not all(np.isfinite(array).all() for array in arrays):
+        raise SolverFailed("the model's FRF or its sensitivity is not finite")
+
+
+def check_positions(positions: Sequence[int] | IntArray) -> None:
+    """Refuse what is no choice of positions; the data know how many there are.
 
     Raises
     ------
     InvalidInput
-        For unknown names, misfitting arrays or too few data.
+        If it is none.
     """
-    kind = find_residual(residual)
-    weight_values: Array | ComplexArray = evaluate_weights(weights, estimate, kind)
-    if positions is not None:
-        _check_positions(positions)
-        estimate, weight_values = estimate.subset(positions), weight_values[np.asarray(positions)]
-    return Problem(
-        model=model,
-        estimate=estimate,
-        kind=kind,
-        weights=weight_values,
-        bounds=read_only(checked_bounds(bounds, model.parameters)),
-        prior=prior,
-        loss=check_loss(loss),
-        weighting=weights if isinstance(weights, str) else "",
-    )
-
-
-def _check_positions(positions: Sequence[int] | IntArray) -> None:
-    """Refuse what is no choice of positions; the estimate knows how many there are."""
     indices = np.asarray(positions)
     if indices.ndim != 1 or not (np.issubdtype(indices.dtype, np.integer) or not indices.size):
         raise InvalidInput(f"positions: {positions!r}; numbers of positions, from 0, are needed")

@@ -4,12 +4,9 @@ from collections.abc import Callable, Iterator
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
-from estimators.fitting.fit_problem import Problem
-from estimators.fitting.linearise import linearise, sensitivities
-from estimators.fitting.residuals import Residual, loss_factors
-from estimators.frf.frf_estimate import vec
+from estimators.fitting.fit_problem import FitProblem
+from estimators.fitting.residuals import loss_factors
 from estimators.trust.directed_tests import Directions
 from estimators.trust.intervals import VERDICTS, Verdict
 from estimators.trust.line_scatter import Scatter
@@ -24,34 +21,31 @@ from robotmodels.elastic.robot import ElasticRobot
 from robotmodels.linear.response import Elastic, frequency_response, sensitivity
 
 
-def fit_trust(problem: Problem, values: Array, converged: bool) -> Trust:
+def fit_trust(problem: FitProblem, values: Array, converged: bool) -> Trust:
     """Return the recommended intervals and the verdict, by the rule of `estimators.trust.rule`.
 
     Parameters
     ----------
-    problem : Problem
+    problem : FitProblem
         Problem of the fit.
     values : ndarray, (p,), SI
         Parameters where its search ended.
     converged : bool
         Whether that is a local minimum.
     """
-    estimate = problem.estimate
-    at = sensitivities(problem, values)
-    kind = problem.kind
-    changes = residual_changes(kind, at[0], problem.used)
+    at = problem.derived(values)
     directions = model_directions(
-        problem.model, estimate.positions, estimate.omega, values, at, changes
+        problem.model, problem.positions, problem.omega, values, at, problem.changes(values, at)
     )
     evidence = gather_evidence(
-        linearise(problem, values, at),
+        problem.linearise(values, at),
         directions,
         converged=converged,
-        has_degrees_of_freedom=estimate.has_degrees_of_freedom,
+        has_degrees_of_freedom=problem.has_degrees_of_freedom,
     )
     slope, square = loss_factors(problem.loss)
     scatter = evidence.scatter.scaled(variance_scale(evidence) * square / slope**2)
-    return judged_trust(kind.name, values, problem.bounds, evidence, scatter)
+    return judged_trust(problem.name, values, problem.bounds, evidence, scatter)
 
 
 def judged_trust(
@@ -130,28 +124,6 @@ def _ends(
         elif verdict.gives_interval and np.isfinite(std[i]):
             ends[i] = values[i] * np.exp(np.array([-1, 1]) * both[i] * std[i])
     return judged, np.where(np.isfinite(ends), ends, np.nan)
-
-
-def residual_changes(
-    kind: Residual, response: ComplexArray, used: NDArray[np.bool_]
-) -> Callable[[ComplexArray], Lines]:
-    """Return what turns changes (Q, F, m, n, r) of the FRF into those of the values of a fit.
-
-    Parameters
-    ----------
-    kind : Residual
-        Residual of the fit.
-    response : ndarray of complex, (Q, F, m, n)
-        FRF of the model.
-    used : ndarray of bool, (Q, F, m, n)
-        Which elements the fit uses.
-    """
-
-    def changes(changed: ComplexArray) -> Lines:
-        slopes = -kind.jacobian(response, changed, used)
-        return np.moveaxis(vec(np.moveaxis(slopes, -1, 2)), 2, -1)
-
-    return changes
 
 
 _GEAR_STEP = 1e-4

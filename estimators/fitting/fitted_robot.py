@@ -73,12 +73,6 @@ def fitted_robot(
     return with_values(model, values, fitted)
 
 
-def lines_in_words(omega: Array) -> str:
-    """Return how many lines there are, and between which frequencies."""
-    low, high = omega[[0, -1]] / (2 * np.pi)
-    return f"{len(omega)} lines from {low:.6g} to {high:.6g} Hz"
-
-
 def _correlations(parameters: Parameters, names: list[str], covariance: Array) -> list[list[float]]:
     """Return the rows below the diagonal of the correlation matrix of some parameters."""
     p = len(parameters)

@@ -6,7 +6,7 @@ from weakref import WeakKeyDictionary
 
 import numpy as np
 
-from estimators.fitting.fit_problem import Problem
+from estimators.fitting.fit_problem import FitProblem
 from estimators.fitting.trust_region import (
     Loss,
     Minimiser,
@@ -14,7 +14,6 @@ from estimators.fitting.trust_region import (
     SearchResult,
     trust_region,
 )
-from estimators.frf.frf_estimate import is_full
 from robotmodels.common.arrays import Array
 from robotmodels.common.errors import IdentificationError, SolverFailed
 from robotmodels.common.symmetric_matrices import scaled_eigh
@@ -23,9 +22,7 @@ from robotmodels.linear.response import HasEquilibriumDerivatives
 from robotmodels.linear.spring_network import SpringNetwork
 
 if TYPE_CHECKING:
-    from robotmodels.kernel import CostKernel
-if TYPE_CHECKING:
-    from robotmodels.kernel import CostKernel
+    from robotmodels.kernel import FitKernel
 
 
 # Largest change of ln theta over which `EquilibriumShift.gradient` is carried: an error of a
@@ -54,7 +51,7 @@ class EquilibriumShift:
         shifts = self.stiffness.any(axis=(0, 2, 3)) | self.mass.any(axis=(0, 2, 3))
         return bool((np.abs(np.log(values / self.values))[shifts] <= NEAR).all())
 
-    def gradient(self, network: SpringNetwork, kernel: "CostKernel") -> Array:
+    def gradient(self, network: SpringNetwork, kernel: "FitKernel") -> Array:
         """Return the part of dV/d ln theta, (p,), that frozen equilibria leave out.
 
         That is the inner product of dV/dK and dV/dM with what the equilibria's shift changes in K
@@ -65,7 +62,7 @@ class EquilibriumShift:
         ----------
         network : SpringNetwork
             Network at the parameters in question, about their equilibria.
-        kernel : CostKernel
+        kernel : FitKernel
             The cost about these equilibria.
         """
         q, p = self.stiffness.shape[:2]
@@ -76,7 +73,7 @@ class EquilibriumShift:
 
 
 def network_and_shift(
-    problem: Problem, values: Array
+    problem: FitProblem, values: Array
 ) -> tuple[SpringNetwork, EquilibriumShift | None]:
     """Return the network about the equilibria at `values` (p,), and how these shift.
 
@@ -85,7 +82,7 @@ def network_and_shift(
     IdentificationError
         If there is no equilibrium.
     """
-    model, positions = problem.model, problem.estimate.positions
+    model, positions = problem.model, problem.positions
     if not isinstance(model, HasEquilibriumDerivatives):
         return model.network(positions, values), None
     network, tangents = model.linearization(positions, values, equilibrium_shift=True)
@@ -106,14 +103,13 @@ HALVINGS = 8
 OUT_OF_EVALUATIONS = "The maximum number of function evaluations is exceeded"
 
 
-def can_compile(problem: Problem, network: SpringNetwork) -> bool:
+def can_compile(problem: FitProblem, network: SpringNetwork) -> bool:
     """Tell whether a problem is one for the compiled normal equations, and large enough."""
-    shape = problem.estimate.response.shape
-    if problem.loss != "linear" or is_full(problem.weights, shape):
+    if problem.loss != "linear" or not problem.compiles:
         return False
     if not (network.only_springs and network.only_motors):
         return False
-    return int(np.prod(shape)) * len(network.parameters) >= WORTHWHILE
+    return problem.size * len(network.parameters) >= WORTHWHILE
 
 
 def hardens(network: SpringNetwork) -> bool:
@@ -122,7 +118,7 @@ def hardens(network: SpringNetwork) -> bool:
 
 
 def renewed_search(
-    problem: Problem,
+    problem: FitProblem,
     start: Array,
     max_evaluations: int,
     tolerance: float,
@@ -145,7 +141,7 @@ def renewed_search(
 
 
 def frozen_search(
-    problem: Problem,
+    problem: FitProblem,
     start: Array,
     network: SpringNetwork,
     max_evaluations: int,
@@ -203,7 +199,7 @@ def frozen_search(
     return replace(outcome, evaluations=spent + outcome.evaluations)
 
 
-def _unfinished(problem: Problem, end: SearchResult, best: Array, least: float) -> SearchResult:
+def _unfinished(problem: FitProblem, end: SearchResult, best: Array, least: float) -> SearchResult:
     """Return where a search without evaluations left ends, or the `best` point before it.
 
     The cost is that about the equilibria at this end.
@@ -259,7 +255,7 @@ class CorrectedModel:
     loss: Loss | None = None
 
     def __init__(
-        self, problem: Problem, network: SpringNetwork, shift: EquilibriumShift | None
+        self, problem: FitProblem, network: SpringNetwork, shift: EquilibriumShift | None
     ) -> None:
         self.problem = problem
         self.centre = network.parameters.values
@@ -301,24 +297,21 @@ class CorrectedModel:
 
 
 # Data are prepared once for all starts: most of what a kernel does before its first evaluation.
-_PREPARED: "WeakKeyDictionary[Problem, CostKernel]" = WeakKeyDictionary()
+_PREPARED: "WeakKeyDictionary[FitProblem, FitKernel]" = WeakKeyDictionary()
 
 
-def cost_kernel(problem: Problem, network: SpringNetwork) -> "CostKernel":
+def cost_kernel(problem: FitProblem, network: SpringNetwork) -> "FitKernel":
     """Return the compiled cost of a problem that `can_compile`, about a network's equilibria."""
-    from robotmodels.kernel import CostKernel
-
     prepared = _PREPARED.get(problem)
     if prepared is not None:
         return prepared.at(network)
-    estimate, weights = problem.estimate, np.asarray(problem.weights, dtype=float)
-    kernel = CostKernel(network, estimate.omega, estimate.response, weights, problem.kind.form)
+    kernel = problem.kernel(network)
     _PREPARED[problem] = kernel
     return kernel
 
 
 def _reachable(
-    problem: Problem,
+    problem: FitProblem,
     values: Array,
     target: Array,
     network: SpringNetwork,
@@ -328,7 +321,7 @@ def _reachable(
     for _ in range(HALVINGS):
         try:
             if shift is not None and shift.near(target):
-                return target, problem.model.network(problem.estimate.positions, target), shift
+                return target, problem.model.network(problem.positions, target), shift
             return target, *network_and_shift(problem, target)
         except IdentificationError:
             target = np.sqrt(values * target)

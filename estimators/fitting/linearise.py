@@ -1,31 +1,36 @@
-"""From the problem of a fit to its linearisation about a solution."""
+"""From the problem of a fit to FRFs to its linearisation about a solution."""
+
+from collections.abc import Callable
+from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
-from estimators.fitting.fit_problem import Problem
+from estimators.fitting.fit_problem import Derived
+from estimators.fitting.residuals import Residual
 from estimators.fitting.weight_choice import line_shares
 from estimators.frf.frf_estimate import is_full, vec
-from estimators.trust.linearised_fit import LinearisedFit
+from estimators.trust.linearised_fit import LinearisedFit, Lines
 from robotmodels.common.arrays import Array, ComplexArray
-from robotmodels.linear.response import sensitivity
+
+if TYPE_CHECKING:
+    from estimators.fitting.frf_problem import FrfProblem
 
 
-def linearise(
-    problem: Problem, values: Array, at: tuple[ComplexArray, ComplexArray] | None = None
-) -> LinearisedFit:
+def linearise(problem: "FrfProblem", values: Array, at: Derived | None = None) -> LinearisedFit:
     """Return a fit about its solution.
 
     Parameters
     ----------
-    problem : Problem
-        Problem of the problem.
+    problem : FrfProblem
+        Problem of the fit.
     values : ndarray, (p,), SI
         Parameters of the solution.
     at : tuple, optional
         FRF at the fit, (Q, F, m, n), and its derivatives with respect to ln theta, (Q, F, m, n, p);
         computed where None.
     """
-    response, jacobian = sensitivities(problem, values) if at is None else at
+    response, jacobian = problem.derived(values) if at is None else at
     estimate, kind, used = problem.estimate, problem.kind, problem.used
     weights = problem.weights
     slopes = -kind.jacobian(response, jacobian, used)
@@ -65,9 +70,23 @@ def linearise(
     )
 
 
-def sensitivities(problem: Problem, values: Array) -> tuple[ComplexArray, ComplexArray]:
-    """Return the FRF at `values`, (Q, F, m, n), and its derivatives, (Q, F, m, n, p)."""
-    estimate = problem.estimate
-    return sensitivity(
-        problem.model, estimate.positions, estimate.omega, values, equilibrium_shift=True
-    )
+def residual_changes(
+    kind: Residual, response: ComplexArray, used: NDArray[np.bool_]
+) -> Callable[[ComplexArray], Lines]:
+    """Return what turns changes (Q, F, m, n, r) of the FRF into those of the values of a fit.
+
+    Parameters
+    ----------
+    kind : Residual
+        Residual of the fit.
+    response : ndarray of complex, (Q, F, m, n)
+        FRF of the model.
+    used : ndarray of bool, (Q, F, m, n)
+        Which elements the fit uses.
+    """
+
+    def changes(changed: ComplexArray) -> Lines:
+        slopes = -kind.jacobian(response, changed, used)
+        return np.moveaxis(vec(np.moveaxis(slopes, -1, 2)), 2, -1)
+
+    return changes

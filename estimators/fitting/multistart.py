@@ -5,14 +5,15 @@ from concurrent.futures import Executor, as_completed
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, overload
 
 import numpy as np
 from numpy.typing import NDArray
 
-from estimators.fitting.fit_problem import Problem, make_fit_problem
-from estimators.fitting.least_squares import Fit, as_fit
+from estimators.fitting.fit_problem import FitProblem
+from estimators.fitting.least_squares import Fit, Runs, as_fit, fit_problem
 from estimators.fitting.priors import Prior
+from estimators.fitting.run_fit import RunFit
 from estimators.fitting.search import MINIMISERS, check_effort, search_or_reason
 from estimators.fitting.search_checkpoint import SearchStore, problem_fingerprint
 from estimators.fitting.trust_region import START_FAILED, STOPPED, Minimiser, SearchResult
@@ -64,12 +65,13 @@ def perturbed_starts(
     return np.asarray(parameters.values * 10.0**exponents)
 
 
+@overload
 def multistart(
     model: Elastic,
     estimate: FrfEstimate,
     starts: Array | Sequence[Array],
-    residual: str | ResidualForm = "lls",
-    weights: str | NDArray[Any] = "user",
+    residual: str | ResidualForm | None = None,
+    weights: str | NDArray[Any] | None = None,
     bounds: tuple[float, float] | Array = (1e-3, 1e3),
     max_evaluations: int = 200,
     tolerance: float = 1e-10,
@@ -82,7 +84,46 @@ def multistart(
     early_stop: EarlyStop | None = None,
     store: str | Path | None = None,
     minimiser: str = "trust_region",
-) -> tuple[Fit, ...]:
+) -> tuple[Fit, ...]: ...
+@overload
+def multistart(
+    model: Elastic,
+    estimate: Runs,
+    starts: Array | Sequence[Array],
+    residual: str | ResidualForm | None = None,
+    weights: str | NDArray[Any] | None = None,
+    bounds: tuple[float, float] | Array = (1e-3, 1e3),
+    max_evaluations: int = 200,
+    tolerance: float = 1e-10,
+    *,
+    executor: Executor | None = None,
+    progress: Progress | None = None,
+    positions: Sequence[int] | IntArray | None = None,
+    prior: Prior | None = None,
+    loss: str = "linear",
+    early_stop: EarlyStop | None = None,
+    store: str | Path | None = None,
+    minimiser: str = "trust_region",
+) -> tuple[RunFit, ...]: ...
+def multistart(
+    model: Elastic,
+    estimate: FrfEstimate | Runs,
+    starts: Array | Sequence[Array],
+    residual: str | ResidualForm | None = None,
+    weights: str | NDArray[Any] | None = None,
+    bounds: tuple[float, float] | Array = (1e-3, 1e3),
+    max_evaluations: int = 200,
+    tolerance: float = 1e-10,
+    *,
+    executor: Executor | None = None,
+    progress: Progress | None = None,
+    positions: Sequence[int] | IntArray | None = None,
+    prior: Prior | None = None,
+    loss: str = "linear",
+    early_stop: EarlyStop | None = None,
+    store: str | Path | None = None,
+    minimiser: str = "trust_region",
+) -> tuple[Fit, ...] | tuple[RunFit, ...]:
     """Return the fits from all `starts` (N, p), the least cost first, equal ones as the starts.
 
     A start at which the model has no FRF gives a fit that is not converged, of infinite cost and
@@ -111,7 +152,7 @@ def multistart(
     """
     check_effort(max_evaluations, tolerance)
     check_choice("minimiser", minimiser, tuple(MINIMISERS))
-    problem = make_fit_problem(model, estimate, residual, weights, bounds, positions, prior, loss)
+    problem = fit_problem(model, estimate, residual, weights, bounds, positions, prior, loss)
     points = [problem.checked_start(np.asarray(start, dtype=float)) for start in starts]
     if not points:
         raise InvalidInput("multistart: no starts were given")
@@ -123,7 +164,8 @@ def multistart(
     runs = _Runs(problem, max_evaluations, tolerance, minimiser, executor, checkpoint)
     outcomes = _all_searched(runs, points, early_stop, progress)
     fits = [as_fit(problem, point, outcomes[i]) for i, point in enumerate(points)]
-    return tuple(fits[i] for i in order_of_costs([one.cost for one in fits]))
+    order = order_of_costs([one.cost for one in fits])
+    return tuple(fits[i] for i in order)  # type: ignore[return-value]
 
 
 def order_of_costs(costs: Sequence[float] | Array) -> list[int]:
@@ -167,7 +209,7 @@ def _all_searched(
 class _Runs:
     """Runs searches of one problem, and keeps what has ended."""
 
-    problem: Problem
+    problem: FitProblem
     max_evaluations: int
     tolerance: float
     minimiser: str
@@ -262,7 +304,7 @@ def _begin(
 
 
 def _search_several(
-    problem: Problem,
+    problem: FitProblem,
     begun: list[_Begun],
     *,
     limit: int,

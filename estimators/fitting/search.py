@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from estimators.fitting.fit_problem import Problem
+from estimators.fitting.fit_problem import FitProblem
 from estimators.fitting.fixed_equilibrium_search import (
     can_compile,
     frozen_search,
@@ -39,7 +39,7 @@ def check_effort(max_evaluations: int, tolerance: float) -> None:
 
 
 def search(
-    problem: Problem,
+    problem: FitProblem,
     start: Array,
     max_evaluations: int,
     tolerance: float,
@@ -52,7 +52,7 @@ def search(
     IdentificationError, numpy.linalg.LinAlgError
         If the model has no FRF at the start.
     """
-    network = problem.model.network(problem.estimate.positions, start)
+    network = problem.model.network(problem.positions, start)
     if not can_compile(problem, network):
         return exact_search(problem, start, max_evaluations, tolerance, minimise)
     if hardens(network):
@@ -61,7 +61,7 @@ def search(
 
 
 def search_or_reason(
-    problem: Problem,
+    problem: FitProblem,
     start: Array,
     max_evaluations: int,
     tolerance: float,

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import numpy as np
 
-from estimators.fitting.fit_problem import Problem
+from estimators.fitting.fit_problem import FitProblem
 from estimators.fitting.trust_region import SearchResult
 from robotmodels.common.arrays import Array
 from robotmodels.common.checkpoint_file import CheckpointFile
@@ -13,17 +13,15 @@ from robotmodels.linear.response import network_of
 
 
 def problem_fingerprint(
-    problem: Problem, max_evaluations: int, tolerance: float, minimiser: str
+    problem: FitProblem, max_evaluations: int, tolerance: float, minimiser: str
 ) -> str:
     """Return a number that changes with anything that changes the outcome of a search."""
-    estimate = problem.estimate
     inputs = (
-        (problem.kind.name, problem.loss, problem.prior, max_evaluations, tolerance, minimiser),
-        (problem.model.parameters, problem.bounds, problem.weights),
-        (estimate.positions, estimate.omega, estimate.response),
-        None if problem.loss == "linear" else estimate.covariance,
+        (problem.prior, max_evaluations, tolerance, minimiser),
+        (problem.model.parameters, problem.bounds),
+        problem.identity,
     )
-    return fingerprint(inputs, network_of(problem.model, estimate.positions))
+    return fingerprint(inputs, network_of(problem.model, problem.positions))
 
 
 class SearchStore:

@@ -6,7 +6,7 @@ from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
-from estimators.fitting.fit_problem import Problem
+from estimators.fitting.fit_problem import FitProblem
 from robotmodels.common.arrays import Array
 from robotmodels.common.errors import IdentificationError
 from robotmodels.linear.response import Elastic
@@ -183,7 +183,7 @@ def trust_region(
 
 
 def exact_search(
-    problem: Problem,
+    problem: FitProblem,
     start: Array,
     max_evaluations: int,
     tolerance: float,

@@ -9,7 +9,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from estimators.frf.pooled_noise import PooledNoise, pooled_covariances, pooled_noise
-from robotmodels.common.arrays import Array, ComplexArray, IntArray, read_only, real_numbers
+from robotmodels.common.arrays import (
+    Array,
+    ComplexArray,
+    IntArray,
+    chosen_positions,
+    read_only,
+    real_numbers,
+)
 from robotmodels.common.deprecation import renamed_attributes
 from robotmodels.common.errors import InvalidInput
 from robotmodels.common.printing import ReprHtml
@@ -212,12 +219,7 @@ class FrfEstimate(ReprHtml):
 
     def subset(self, indices: Sequence[int] | IntArray) -> "FrfEstimate":
         """Return the estimates in the positions `indices` only."""
-        i = np.asarray(indices, dtype=np.int64)
-        if i.ndim != 1 or not i.size or i.min() < 0 or i.max() >= len(self.positions):
-            raise InvalidInput(
-                f"subset: {i.tolist()} does not choose from positions 0 to "
-                f"{len(self.positions) - 1}"
-            )
+        i = chosen_positions(indices, len(self.positions))
         return replace(
             self,
             positions=self.positions[i],

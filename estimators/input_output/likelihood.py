@@ -9,19 +9,17 @@ Of a run at one line, z = [Y; U] with errors of covariance C, the true input U0 
 Pintelon and Schoukens, System Identification, 2nd edition.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from estimators.fitting.fit_problem import real_rows
-from estimators.fitting.priors import Prior
+from estimators.input_output.free_response import FreePart
 from estimators.input_output.run_spectra import RunSpectra
 from robotmodels.common.arrays import Array, ComplexArray
 from robotmodels.common.errors import SolverFailed
-from robotmodels.linear.response import Elastic, sensitivity
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,13 +31,15 @@ class Errors:
     root : ndarray of complex, (Q, F, m, m), or of float, (Q, F, m)
         L with L L^H = Sigma; row by row the standard deviations of e.
     whitened : ndarray of complex, (Q, F, m, E)
-        L^-1 e.
+        L^-1 e, less the free response of the runs' states, if there is one.
     inputs : ndarray of complex, (Q, F, n, E), or (Q, F, m, n, E) row by row
         U0 as the likelihood estimates it.
     covariance : ndarray of complex, (Q, F, m, m)
         Sigma.
     gain : ndarray of complex, (Q, F, n, m)
         A L^-H, column by column A_i / L_i row by row: inputs are U less gain times `whitened`.
+    free : FreePart or None
+        The free response.
     """
 
     root: Array | ComplexArray
@@ -47,31 +47,31 @@ class Errors:
     inputs: ComplexArray
     covariance: ComplexArray
     gain: ComplexArray
+    free: FreePart | None = None
+
+    def whiten(self, columns: ComplexArray) -> ComplexArray:
+        """Return L^-1 of columns (Q, F, m, ...)."""
+        if self.root.ndim < self.covariance.ndim:
+            wide = self.root.reshape(*self.root.shape, *(1,) * (columns.ndim - self.root.ndim))
+            return np.asarray(columns / wide)
+        flat = columns.reshape(*self.root.shape[:-1], -1)
+        return np.asarray(np.linalg.solve(self.root, flat).reshape(columns.shape))
 
 
 @dataclass(frozen=True, eq=False)
-class RunProblem:
-    """The cost V over x = ln(theta/reference), for the searches of `estimators.fitting`.
+class RunLikelihood:
+    """The cost V of an FRF by the spectra of runs.
 
     Attributes
     ----------
-    model : Elastic
-        Model whose FRF G maps inputs to outputs.
     data : RunSpectra
         Spectra of the runs.
     row_wise : bool
         Whether V = sum_i |e_i|^2 / Sigma_ii, output by output.
-    bounds : ndarray, (2, p)
-        Lowest and highest values.
-    prior : Prior or None
-        Prior knowledge of some parameters.
     """
 
-    model: Elastic
     data: RunSpectra
     row_wise: bool
-    bounds: Array
-    prior: Prior | None = None
 
     @cached_property
     def _noise_root(self) -> ComplexArray:
@@ -90,80 +90,71 @@ class RunProblem:
         outputs, inputs = (np.moveaxis(x, 1, 3) for x in (self.data.outputs, self.data.inputs))
         return outputs, inputs
 
-    def errors(self, response: ComplexArray) -> Errors:
-        """Return the errors of an FRF (Q, F, m, n).
+    def errors(self, response: ComplexArray, free: ComplexArray | None = None) -> Errors:
+        """Return the errors of an FRF (..., Q, F, m, n).
+
+        Parameters
+        ----------
+        free : ndarray of complex, (Q, F, m, s), optional
+            Free responses of s states, whose real amplitudes in each run are estimated along.
 
         Raises
         ------
         SolverFailed
             If the errors of some line have no covariance.
         """
-        Y, U = self._columns
-        m, T = Y.shape[2], self._noise_root
-        e = Y - response @ U
+        U, T = self._columns[1], self._noise_root
+        m = self.data.outputs.shape[3]
         X = T[..., :m, :] - response @ T[..., m:, :]
         A = T[..., m:, :] @ _adjoint(X)
-        return (_row_by_row if self.row_wise else _jointly)(e, U, X, A)
+        root = (_row_roots if self.row_wise else _joint_root)(X)
+        if self.row_wise:
+            gain = np.asarray(A / root[..., None, :], dtype=complex)
+        else:
+            gain = _adjoint(np.linalg.solve(root, _adjoint(A)))
+        blank = np.empty(0, dtype=complex)
+        errors = Errors(root, blank, blank, X @ _adjoint(X), gain)
+        whitened, part = errors.whiten(self.raw_errors(response)), None
+        if free is not None:
+            part = FreePart.of(errors.whiten(free), whitened)
+            whitened = part.taken_off(whitened)
+        if self.row_wise:
+            pulled = gain.swapaxes(-1, -2)[..., None] * whitened[..., None, :]  # (Q, F, m, n, E)
+            inputs = U[..., None, :, :] - pulled
+        else:
+            inputs = U - gain @ whitened
+        return replace(errors, whitened=whitened, inputs=inputs, free=part)
+
+    def raw_errors(self, response: ComplexArray) -> ComplexArray:
+        """Return Y - G U, (..., Q, F, m, E)."""
+        Y, U = self._columns
+        return np.asarray(Y - response @ U)
 
     def whitened_changes(self, errors: Errors, changes: ComplexArray) -> ComplexArray:
         """Return L^-1 dG U0, (Q, F, m, E, r), of changes dG (Q, F, m, n, r) of the FRF."""
-        if self.row_wise:
-            through = np.einsum("qfmnr,qfmne->qfmer", changes, errors.inputs)
-            return np.asarray(through / errors.root[..., None, None])
-        through = np.einsum("qfmnr,qfne->qfmer", changes, errors.inputs)
-        flat = through.reshape(*through.shape[:3], -1)
-        return np.asarray(np.linalg.solve(errors.root, flat).reshape(through.shape))
-
-    def evaluate(self, values: Array) -> tuple[Array, Array]:
-        """Return residuals (r,) and their Jacobian (r, p) at `values` (p,); the prior's last."""
-        G, J = self.sensitivities(values)
-        errors = self.errors(G)
-        slopes = -self.whitened_changes(errors, J)
-        names = self.model.parameters.names
-        return real_rows(errors.whitened, slopes, self.prior, names, values)
-
-    def sensitivities(self, values: Array) -> tuple[ComplexArray, ComplexArray]:
-        """Return the FRF (Q, F, m, n) and its derivatives by ln theta, (Q, F, m, n, p).
-
-        Raises
-        ------
-        SolverFailed
-            If they are not finite.
-        """
-        data = self.data
-        G, J = sensitivity(self.model, data.positions, data.omega, values, equilibrium_shift=True)
-        if not (np.isfinite(G).all() and np.isfinite(J).all()):
-            raise SolverFailed("the model's FRF or its sensitivity is not finite")
-        return G, J
+        inputs = "qfmne" if self.row_wise else "qfne"
+        through = np.einsum(f"qfmnr,{inputs}->qfmer", changes, errors.inputs, optimize=True)
+        return errors.whiten(through)
 
 
-def _jointly(
-    error: ComplexArray, torque: ComplexArray, factor: ComplexArray, common: ComplexArray
-) -> Errors:
-    """Return the errors of outputs weighed together, with Sigma = X X^H of X = `factor`.
+def _joint_root(factor: ComplexArray) -> ComplexArray:
+    """Return the root of Sigma = X X^H of X = `factor`, of outputs weighed together.
 
-    Its root comes by orthogonal steps: squares would double the digits that noise spans.
+    It comes by orthogonal steps: squares would double the digits that noise spans.
     """
     L = _adjoint(np.asarray(np.linalg.qr(_adjoint(factor), mode="r")))
     diagonal = np.abs(np.diagonal(L, axis1=-2, axis2=-1))
     if not (diagonal > 1e-12 * diagonal.max(axis=-1, keepdims=True)).all():
         raise SolverFailed("runs: the noise of some outputs is exactly that of others at a line")
-    whitened = np.asarray(np.linalg.solve(L, error), dtype=complex)
-    gain = _adjoint(np.linalg.solve(L, _adjoint(common)))
-    return Errors(L, whitened, torque - gain @ whitened, factor @ _adjoint(factor), gain)
+    return L
 
 
-def _row_by_row(
-    error: ComplexArray, torque: ComplexArray, factor: ComplexArray, common: ComplexArray
-) -> Errors:
-    """Return the errors of outputs weighed one by one, by the diagonal of X X^H, X = `factor`."""
+def _row_roots(factor: ComplexArray) -> Array:
+    """Return the standard deviations of outputs that are weighed one by one."""
     std = np.linalg.norm(factor, axis=-1)
     if not (std > 0).all():
         raise SolverFailed("runs: an output and the inputs have no noise at a line")
-    gain = np.asarray(common / std[..., None, :], dtype=complex)
-    whitened = np.asarray(error / std[..., None], dtype=complex)
-    pulled = gain.swapaxes(-1, -2)[..., None] * whitened[..., None, :]  # (Q, F, m, n, E)
-    return Errors(std, whitened, torque[:, :, None] - pulled, factor @ _adjoint(factor), gain)
+    return np.asarray(std)
 
 
 def _adjoint(matrices: NDArray[Any]) -> ComplexArray:

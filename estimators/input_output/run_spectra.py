@@ -1,18 +1,27 @@
 """Spectra of runs in each position, with the covariance of inputs and outputs together."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from estimators.frf.block_checks import check_excited
 from estimators.frf.estimate_frf import Transient, check_choice, each_position, first_period
 from estimators.frf.record_checks import check_condition, check_periods
 from estimators.frf.spectra import Spectra, spectra
-from robotmodels.common.arrays import Array, ComplexArray, IntArray, read_only, real_numbers
+from robotmodels.common.arrays import (
+    Array,
+    ComplexArray,
+    IntArray,
+    check_kind,
+    chosen_positions,
+    complex_numbers,
+    read_only,
+    real_numbers,
+)
 from robotmodels.common.errors import InvalidInput
 from robotmodels.common.printing import ReprHtml
 from robotmodels.records.records import Records
@@ -49,6 +58,11 @@ class RunSpectra(ReprHtml):
         stands for all positions.
     noise : str
         Where the covariance comes from, for people.
+    sample_time : float, s, optional
+        Of runs that do not end as they began: the states' differences are estimated along, from
+        outputs sampled that often. None for periodic runs.
+    delay : float, s
+        By which sampled outputs were late before that was corrected.
     """
 
     positions: Array
@@ -58,27 +72,33 @@ class RunSpectra(ReprHtml):
     covariance: ComplexArray
     degrees_of_freedom: Array = np.inf  # type: ignore[assignment]
     noise: str = "declared"
+    sample_time: float | None = None
+    delay: float = 0.0
 
     def __post_init__(self) -> None:
-        inputs, outputs = (np.array(x, dtype=complex) for x in (self.inputs, self.outputs))
+        inputs = complex_numbers(self.inputs, "inputs")
+        outputs = complex_numbers(self.outputs, "outputs")
         if inputs.ndim != 4 or outputs.ndim != 4 or inputs.shape[:3] != outputs.shape[:3]:
             raise InvalidInput(
                 f"inputs, outputs: shapes {inputs.shape} and {outputs.shape}; (Q, E, F, n) and "
                 "(Q, E, F, m) are needed"
             )
         (q, _, f, n), m = inputs.shape, outputs.shape[3]
-        arrays = {
+        arrays: dict[str, NDArray[Any]] = {
             "positions": real_numbers(self.positions, "positions"),
             "omega": real_numbers(self.omega, "omega"),
             "inputs": inputs,
             "outputs": outputs,
-            "covariance": np.array(self.covariance, dtype=complex),
+            "covariance": complex_numbers(self.covariance, "covariance"),
         }
         columns = arrays["positions"].shape[1:2]
         shapes = {"positions": (q, *columns), "omega": (f,), "covariance": (q, f, m + n, m + n)}
         _check_arrays(arrays, shapes)
         _check_covariance(arrays["covariance"], arrays["omega"])
-        freedom = np.broadcast_to(np.asarray(self.degrees_of_freedom, dtype=float), (q,)).copy()
+        freedom = real_numbers(self.degrees_of_freedom, "degrees_of_freedom")
+        if freedom.shape not in ((), (q,)):
+            raise InvalidInput(f"degrees_of_freedom: shape {freedom.shape}; () or ({q},) is needed")
+        freedom = np.broadcast_to(freedom, (q,)).copy()
         if not (freedom >= _FEWEST).all():
             raise InvalidInput(
                 f"degrees_of_freedom: {np.nanmin(freedom):g}; {_FEWEST} at least are needed"
@@ -86,13 +106,16 @@ class RunSpectra(ReprHtml):
         for name, value in (*arrays.items(), ("degrees_of_freedom", freedom)):
             object.__setattr__(self, name, read_only(value))
 
+    @property
+    def has_states(self) -> bool:
+        """Whether runs do not end as they began."""
+        return self.sample_time is not None
+
     def subset(self, positions: IntArray) -> "RunSpectra":
         """Return the spectra of some positions."""
-        rows = np.asarray(positions, dtype=np.int64)
-        return RunSpectra(
-            self.positions[rows], self.omega, self.inputs[rows], self.outputs[rows],
-            self.covariance[rows], self.degrees_of_freedom[rows], self.noise,
-        )  # fmt: skip
+        rows = chosen_positions(positions, len(self.positions))
+        arrays = ("positions", "inputs", "outputs", "covariance", "degrees_of_freedom")
+        return replace(self, **{name: getattr(self, name)[rows] for name in arrays})
 
     def __str__(self) -> str:
         q, e, f, n = self.inputs.shape
@@ -104,11 +127,12 @@ class RunSpectra(ReprHtml):
 
 def run_spectra(
     records: Records,
-    noise: str = "auto",
+    noise: str | tuple[ArrayLike, ArrayLike] = "auto",
     *,
     hold: bool = True,
     delay: float = 0.0,
     transient: Transient = "auto",
+    states: str = "auto",
 ) -> RunSpectra:
     """Return the spectra of runs with the covariance of their errors.
 
@@ -121,32 +145,57 @@ def run_spectra(
     holds odd distortions where odd lines were left out). Of "auto" the first that is possible in
     all positions.
 
+    Runs of random torques, and single periods in a closed loop, whose noise is fed back, do not end
+    as they began: their states are then estimated along (``sample_time`` of the result). Noise of
+    lines that were not excited holds what that adds to them, so there states need not be.
+
     Parameters
     ----------
     records : Records
-        Periodic runs.
-    noise : str
-        "auto", "blocks", "periods" or "detection".
+        Runs.
+    noise : str or tuple
+        "auto", "blocks", "periods" or "detection"; or standard deviations of white noise in single
+        samples of torques [N m] and angles [rad], of all motors or each.
     hold, delay, transient
         As in `estimate_frf`.
+    states : {"auto", "yes", "no"}
+        Whether states are estimated along; "auto" does for one period of noise that is stated.
 
     Raises
     ------
     InvalidInput
         If the records cannot show the noise in this way, or runs are missing.
     """
-    check_choice("noise", noise, ("auto", *_NOISES))
+    check_kind(records, Records, "run_spectra: records")
+    check_choice("states", states, ("auto", "yes", "no"))
+    if isinstance(noise, str):
+        check_choice("noise", noise, ("auto", *_NOISES))
     positions = [(part, f"position {i + 1}") for i, part in enumerate(each_position(records))]
     read = partial(spectra, hold=hold, delay=delay)
     measured = [_checked(part, who, read, transient) for part, who in positions]
-    kinds = list(_NOISES)
-    kind = max(map(_possible, measured), key=kinds.index) if noise == "auto" else noise
+    kind, estimated = _noise(noise, measured)
     parts = [
-        _NOISES[kind](one, part, read, who)
+        estimated(one, part, read, who)
         for one, (part, who) in zip(measured, positions, strict=True)
     ]
     outputs, inputs, covariance, freedom = (np.stack(arrays) for arrays in zip(*parts, strict=True))
-    return RunSpectra(records.positions, records.omega, inputs, outputs, covariance, freedom, kind)
+    alone = kind == "declared" and any(one.periods == 1 for one in measured)
+    along = states == "yes" or (states == "auto" and alone)
+    return RunSpectra(
+        records.positions, records.omega, inputs, outputs, covariance, freedom, kind,
+        records.sample_time if along else None, delay,
+    )  # fmt: skip
+
+
+def _noise(
+    noise: str | tuple[ArrayLike, ArrayLike], measured: list[Spectra]
+) -> tuple[str, "_Estimated"]:
+    """Return the kind of the noise, and what estimates it."""
+    if not isinstance(noise, str):
+        return "declared", partial(_declared, noise)
+    kinds = list(_NOISES)
+    kind = max(map(_possible, measured), key=kinds.index) if noise == "auto" else noise
+    return kind, _NOISES[kind]
 
 
 def _checked(
@@ -233,6 +282,9 @@ def _from_detection(
     noise = np.concatenate([output, torque], axis=2)  # (B, F', m + n, E)
     nearest = np.argsort(np.abs(others - lines[:, None]), axis=1)[:, :_NEAREST]
     draws = noise[:, nearest]  # (B, F, 6, m + n, E)
+    # Noise of angles is alike nearby, that of their accelerations is not.
+    growth = (measured.omega[:, None] / beside.omega[nearest]) ** 2
+    draws[..., : output.shape[2], :] *= growth[..., None, None]
     covariance = np.einsum("bfsie,bfske->fik", draws, np.conj(draws))
     output, torque, _ = measured.averaged()
     freedom = float(_NEAREST * len(noise) * noise.shape[3])
@@ -240,7 +292,34 @@ def _from_detection(
     return (*runs, covariance / freedom, freedom)
 
 
-_NOISES: dict[str, Callable[[Spectra, Records, Callable[..., Spectra], str], _Part]] = {
+def _declared(
+    noise: tuple[ArrayLike, ArrayLike],
+    measured: Spectra,
+    records: Records,
+    read: Callable[..., Spectra],
+    who: str,
+) -> _Part:
+    """Return spectra with the noise of samples whose standard deviations are stated."""
+    output, torque, _ = measured.averaged()
+    (m, n), samples = (output.shape[2], torque.shape[2]), measured.periods * records.samples
+    stds = []
+    for name, value, count in zip(("torques", "angles"), noise, (n, m), strict=True):
+        std = np.broadcast_to(real_numbers(value, f"noise of {name}"), (count,))
+        if not (std >= 0).all():
+            raise InvalidInput(f"noise of {name}: {std.min():g}; standard deviations are >= 0")
+        stds.append(std)
+    torques, angles = stds
+    white = np.concatenate(
+        [measured.omega[:, None] ** 2 * angles, np.ones((len(measured.omega), 1)) * torques], axis=1
+    )
+    covariance = np.asarray(white[:, :, None] ** 2 * np.eye(m + n) / samples, dtype=complex)
+    runs = _runs(np.concatenate([output, torque], axis=2), m)
+    return (*runs, covariance, np.inf)
+
+
+_Estimated = Callable[[Spectra, Records, Callable[..., Spectra], str], _Part]
+
+_NOISES: dict[str, _Estimated] = {
     "blocks": _from_blocks,
     "periods": _from_periods,
     "detection": _from_detection,

@@ -4,9 +4,9 @@ from pathlib import Path
 
 import numpy as np
 
-from estimators.fitting.least_squares import Fit
+from estimators.fitting.fitted_model import FittedModel
 from estimators.uncertainty.covariance import Uncertainty
-from robotmodels.common.arrays import Array, check_count, real_numbers
+from robotmodels.common.arrays import Array, check_count, check_kind, real_numbers
 from robotmodels.common.errors import InvalidInput
 from robotmodels.exports.export import export
 from robotmodels.exports.formats import Format
@@ -14,7 +14,7 @@ from robotmodels.exports.robot_files import with_values
 
 
 def export_draws(
-    fit: Fit,
+    fit: FittedModel,
     path: str | Path,
     format: Format = "mjcf",
     *,
@@ -56,13 +56,14 @@ def export_draws(
         If not one of `covariance` and `draws` is given, they do not fit the parameters, or
         `robotmodels.export` refuses a robot.
     """
+    check_kind(fit, FittedModel, "export_draws: fit")
     check_count(count, "count")
     robot, p = fit.robot(), len(fit.parameters)
     if (covariance is None) == (draws is None):
         raise InvalidInput("export_draws: one of covariance and draws is needed")
     if covariance is None:
         assert draws is not None
-        drawn = _checked(draws, "draws", (len(draws), p))
+        drawn = _checked(draws, "draws", (*np.shape(draws)[:1], p))
         if len(drawn) < count:
             raise InvalidInput(f"count: {count}; there are {len(drawn)} draws")
         drawn = rng.choice(drawn, count, replace=False)

@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from estimators.fitting.least_squares import Fit
+from estimators.fitting.fitted_model import FittedModel
 from estimators.fitting.priors import Prior
 from estimators.sampling.log_posterior import posterior_density
 from estimators.sampling.student_t_proposal import DOF, laplace
@@ -93,7 +93,7 @@ class ImportanceSample(ReprHtml):
 
 
 def importance_sample(
-    fit: Fit,
+    fit: FittedModel,
     *,
     rng: np.random.Generator,
     draws: int = 20_000,

@@ -9,7 +9,7 @@ from estimators.fitting.least_squares import Fit
 from estimators.frf.frf_estimate import FrfEstimate, is_full
 from estimators.sampling.log_posterior import posterior_density
 from estimators.sampling.posterior import Posterior
-from robotmodels.common.arrays import Array, check_count, check_memory
+from robotmodels.common.arrays import Array, check_count, check_kind, check_memory
 from robotmodels.common.errors import InvalidInput
 
 if TYPE_CHECKING:
@@ -38,6 +38,7 @@ def frf_dataset(
     InvalidInput
         If xarray is not installed, or the names are of another number.
     """
+    check_kind(estimate, FrfEstimate, "frf_dataset: estimate")
     try:
         import xarray
     except ImportError:
@@ -82,6 +83,8 @@ def posterior_tree(fit: Fit, posterior: Posterior, thin: int = 1) -> "DataTree":
     InvalidInput
         If ArviZ is not installed, the draws are of other parameters, or memory is too small.
     """
+    check_kind(fit, Fit, "posterior_tree: fit")
+    check_kind(posterior, Posterior, "posterior_tree: posterior")
     try:
         import arviz_base
     except ImportError:

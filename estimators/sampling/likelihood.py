@@ -7,8 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from estimators.frf.frf_estimate import is_full, vec
-from robotmodels.common.arrays import Array, ComplexArray, check_above_zero
+from robotmodels.common.arrays import Array, check_above_zero
 from robotmodels.common.errors import InvalidInput, nearest
 
 NOISES = ("known", "unknown")
@@ -48,15 +47,3 @@ class Noise:
     def curvature(self, cost: float, data: int) -> float:
         """Return the factor of the Hessian of V that log p has near the fit, whose cost is V."""
         return self.scale if self.kind == "known" else data / (2 * cost)
-
-
-def line_squares(root: Array | ComplexArray, error: Array | ComplexArray) -> Array:
-    """Return |S error|^2 of residuals (..., Q, F, m, n): parts of the cost V.
-
-    One per element, (..., Q, F, m, n), or per line, (..., Q, F), where S couples the elements.
-    """
-    if is_full(root, error.shape[-4:]):
-        white = (root @ vec(error)[..., None])[..., 0]
-        return np.asarray(np.sum(white.real**2 + white.imag**2, axis=-1))
-    white = root * error
-    return np.asarray(white.real**2 + white.imag**2)

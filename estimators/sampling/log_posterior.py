@@ -1,28 +1,23 @@
 """The function that is sampled: a fit's cost as a log density, fast where the kernel can."""
 
 from collections.abc import Iterator
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from estimators.fitting.least_squares import Fit
+from estimators.fitting.fit_problem import FitProblem
+from estimators.fitting.fitted_model import FittedModel
 from estimators.fitting.priors import Prior
-from estimators.fitting.residuals import Residual
-from estimators.fitting.weights import square_root, used_elements
-from estimators.frf.frf_estimate import is_full
-from estimators.sampling.likelihood import Noise, line_squares
-from estimators.uncertainty.sandwich import sandwich_parts
+from estimators.sampling.likelihood import Noise
 from robotmodels.common.arrays import Array, ComplexArray, read_only
 from robotmodels.common.errors import IdentificationError, InvalidInput, SolverFailed
 from robotmodels.linear.linear_model import LinearModel, stacked_measurements
-from robotmodels.linear.response import Elastic
 from robotmodels.linear.spring_network import SpringNetwork
 
 if TYPE_CHECKING:
-    from robotmodels.kernel import CostKernel
+    from robotmodels.kernel import FitKernel
 
 
 # A factor two of Theorem 1's meat over its bread: variances of few blocks scatter by as much.
@@ -43,20 +38,10 @@ class LogPosterior:
 
     Attributes
     ----------
-    model : Elastic
-        Model of the fit.
-    positions : ndarray
-        Positions of the fit.
+    problem : FitProblem
+        Problem of the fit.
     network : SpringNetwork
         Network at the fitted parameters.
-    omega : ndarray
-        As in the fit.
-    measured : ndarray of complex
-        As in the fit.
-    weights : ndarray or ndarray of complex
-        As in the fit.
-    kind : Residual
-        As in the fit.
     noise : Noise
         How V becomes a likelihood.
     prior : Prior or None
@@ -65,25 +50,11 @@ class LogPosterior:
         Bounds of ln theta.
     """
 
-    model: Elastic
-    positions: Array
+    problem: FitProblem
     network: SpringNetwork
-    omega: Array
-    measured: ComplexArray
-    weights: Array | ComplexArray
-    kind: Residual
     noise: Noise
     prior: Prior | None
     bounds: Array
-    root: Array | ComplexArray = field(init=False)
-    used: NDArray[np.bool_] = field(init=False)
-
-    def __post_init__(self) -> None:
-        # The same layout, hence the same rounding, as in a process that got it pickled.
-        object.__setattr__(self, "measured", np.ascontiguousarray(self.measured))
-        shape = self.measured.shape
-        object.__setattr__(self, "root", square_root(self.weights, shape))
-        object.__setattr__(self, "used", used_elements(self.weights, shape))
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -93,7 +64,7 @@ class LogPosterior:
     @property
     def data(self) -> int:
         """Number of real data."""
-        return int(self.used.sum()) * (1 if self.kind.real else 2)
+        return self.problem.used_data
 
     def __call__(self, ln_theta: Array) -> Array:
         """Return log p (W,), up to a constant, at `ln_theta` (W, p); minus infinity outside.
@@ -134,7 +105,7 @@ class LogPosterior:
         """
         if self.noise.kind != "known":
             raise InvalidInput("log likelihood of lines: the scale of the noise must be known")
-        shape = len(parameters), *self.measured.shape[:2], -1
+        shape = len(parameters), len(self.problem.positions), len(self.problem.omega), -1
         squares = np.concatenate([*self._squares(parameters)])
         return np.asarray(-self.noise.scale * squares.reshape(shape).sum(axis=-1))
 
@@ -149,57 +120,55 @@ class LogPosterior:
 
     def _squares(self, parameters: Array) -> Iterator[Array]:
         """Yield the parts of V, (w, elements or lines), of batches of parameters."""
-        for G in self._responses(parameters):
+        for G, values in self._responses(parameters):
             finite = np.isfinite(G).all(axis=(1, 2, 3, 4))
             if not finite.any():
                 yield np.full((len(G), 1), np.inf)
                 continue
-            finite_squares = line_squares(
-                self.root, self.kind.error(self.measured, G[finite], self.used)
-            )
+            finite_squares = self.problem.squares(G[finite], values[finite])
             squares = np.full((len(G), finite_squares[0].size), np.inf)
             squares[finite] = finite_squares.reshape(len(finite_squares), -1)
             yield squares
 
-    def _responses(self, parameters: Array) -> Iterator[ComplexArray]:
-        """Yield FRFs (w, Q, F, m, n) of batches of parameters; not finite where there are none."""
+    def _responses(self, parameters: Array) -> Iterator[tuple[ComplexArray, Array]]:
+        """Yield FRFs (w, Q, F, m, n) and parameters; not finite where there are none."""
+        omega = self.problem.omega
         if not self.network.only_springs:
             for theta in parameters:
-                yield self._response_anew(theta)[None]
+                yield self._response_anew(theta)[None], theta[None]
             return
         q, d = self.network.mass.shape[:2]
-        together = max(1, BATCH // (q * len(self.omega) * d**2))
+        together = max(1, BATCH // (q * len(omega) * d**2))
         for first in range(0, len(parameters), together):
-            yield batched_frequency_response(
-                self.network, parameters[first : first + together], self.omega
-            )
+            some = parameters[first : first + together]
+            yield batched_frequency_response(self.network, some, omega), some
 
     def _response_anew(self, theta: Array) -> ComplexArray:
         """Return the FRF with the equilibria and the skeleton of theta."""
         from robotmodels import kernel
 
+        problem = self.problem
         try:
-            network = self.model.network(self.positions, theta)
+            network = problem.model.network(problem.positions, theta)
         except IdentificationError:
-            return np.full(self.measured.shape, np.inf + 0j)
-        return kernel.frequency_response(network, self.omega)
+            m, n = self.network.frequency_response(problem.omega[:1]).shape[2:]
+            shape = len(problem.positions), len(problem.omega), m, n
+            return np.full(shape, np.inf + 0j)
+        return kernel.frequency_response(network, problem.omega)
 
     @cached_property
-    def kernel(self) -> "CostKernel | None":
-        """The compiled cost; None for full weights, and where the skeleton changes."""
-        if is_full(self.weights, self.measured.shape) or not self.network.only_springs:
+    def kernel(self) -> "FitKernel | None":
+        """The compiled cost; None where there is none, or the skeleton changes."""
+        if not (self.problem.compiles and self.network.only_springs):
             return None
-        from robotmodels.kernel import CostKernel
-
-        weights = np.asarray(self.weights, dtype=float)
-        return CostKernel(self.network, self.omega, self.measured, weights, self.kind.form)
+        return self.problem.kernel(self.network)
 
     def __getstate__(self) -> dict[str, Any]:
         # Compiled code works on addresses: another process makes its own.
         return {name: value for name, value in self.__dict__.items() if name != "kernel"}
 
 
-def log_posterior(fit: Fit, noise: Noise, prior: Prior | None = None) -> LogPosterior:
+def log_posterior(fit: FittedModel, noise: Noise, prior: Prior | None = None) -> LogPosterior:
     """Return the function that is sampled.
 
     Raises
@@ -220,14 +189,10 @@ def log_posterior(fit: Fit, noise: Noise, prior: Prior | None = None) -> LogPost
         )
     if prior is not None:
         prior.columns(fit.parameters.names)
+    problem = fit.problem
     target = LogPosterior(
-        model=fit.model,
-        positions=fit.estimate.positions,
-        network=fit.model.network(fit.estimate.positions, theta),
-        omega=fit.estimate.omega,
-        measured=fit.estimate.response,
-        weights=fit.weights,
-        kind=fit.kind,
+        problem=problem,
+        network=fit.model.network(problem.positions, theta),
         noise=noise,
         prior=prior,
         bounds=read_only(np.log(fit.bounds)),
@@ -241,7 +206,7 @@ def log_posterior(fit: Fit, noise: Noise, prior: Prior | None = None) -> LogPost
 
 
 def posterior_density(
-    fit: Fit,
+    fit: FittedModel,
     *,
     noise: str = "known",
     scale: float | None = None,
@@ -254,17 +219,17 @@ def posterior_density(
     InvalidInput, SolverFailed
         As `log_posterior`, or for noise settings that do not fit.
     """
-    return log_posterior(
-        fit, Noise(noise, 1.0 if scale is None else float(scale)), prior or fit.prior
-    )
+    if scale is None:
+        scale = fit.problem.likelihood_scale(fit.parameters.values) if noise == "known" else 1.0
+    return log_posterior(fit, Noise(noise, float(scale)), prior or fit.prior)
 
 
-def has_noise_weights(fit: Fit) -> bool:
+def has_noise_weights(fit: FittedModel) -> bool:
     """Tell whether exp(-cost) is a likelihood: whether the weights are those of the noise.
 
     Known by Theorem 1: bread and meat are alike on average then, in every parameter.
     """
-    bread, meat = sandwich_parts(fit)
+    bread, meat = fit.sandwich_parts()
     size = np.sqrt(np.where(np.diag(bread) > 0, np.diag(bread), 1.0))
     ratio = np.diag(meat) / size**2
     return bool((np.abs(np.log(np.where(ratio > 0, ratio, 1.0))) < SAME_WEIGHTS).all())

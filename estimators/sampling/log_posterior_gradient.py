@@ -5,11 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from estimators.fitting.weights import whiten
-from estimators.sampling.likelihood import line_squares
 from estimators.sampling.log_posterior import LogPosterior
 from robotmodels.common.arrays import Array
-from robotmodels.linear.response import sensitivity
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,11 +58,8 @@ def _compiled(target: LogPosterior, theta: Array) -> Slope:
 
 def _written_out(target: LogPosterior, theta: Array) -> Slope:
     """Return the likelihood's part by plain numpy, about exact equilibria."""
-    G, J = sensitivity(target.model, target.positions, target.omega, theta, equilibrium_shift=True)
-    error = target.kind.error(target.measured, G, target.used)
-    white = whiten(target.root, error)
-    slopes = whiten(target.root, target.kind.jacobian(G, J, target.used))
-    cost = float(line_squares(target.root, error).sum())
+    white, slopes = target.problem.residuals(theta)
+    cost = float((np.abs(white) ** 2).sum())
     value = -float(target.noise.of_cost(np.array([cost]), target.data)[0])
     return Slope(value, *_normal(white, slopes, target.noise.curvature(cost, target.data)))
 

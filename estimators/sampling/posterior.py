@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from estimators.fitting.least_squares import Fit
+from estimators.fitting.fitted_model import FittedModel
 from estimators.fitting.priors import Prior
 from estimators.sampling.chain_checkpoint import Store
 from estimators.sampling.convergence import StoppingCriterion, assess_convergence, has_converged
@@ -21,7 +21,14 @@ from estimators.sampling.likelihood import Noise
 from estimators.sampling.log_posterior import LogPosterior, posterior_density
 from estimators.sampling.student_t_proposal import laplace
 from estimators.uncertainty.covariance import Uncertainty
-from robotmodels.common.arrays import Array, IntArray, check_level, check_memory, read_only
+from robotmodels.common.arrays import (
+    Array,
+    IntArray,
+    check_kind,
+    check_level,
+    check_memory,
+    read_only,
+)
 from robotmodels.common.errors import InvalidInput
 from robotmodels.common.fingerprints import fingerprint
 from robotmodels.common.printing import ReprHtml
@@ -108,7 +115,7 @@ class Posterior(ReprHtml):
 
 
 def sample_posterior(
-    fit: Fit,
+    fit: FittedModel,
     *,
     rng: np.random.Generator,
     ensembles: int = 4,
@@ -174,6 +181,7 @@ def sample_posterior(
     SolverFailed
         If a cost is not a number, with the parameters.
     """
+    check_kind(fit, FittedModel, "posterior: fit")
     check_sizes(len(fit.parameters), ensembles, walkers, steps, thin)
     density = posterior_density(fit, noise=noise, scale=scale, prior=prior)
     proposal = laplace(fit, density)
@@ -255,14 +263,19 @@ def check_sizes(p: int, ensembles: int, walkers: int, steps: int, thin: int) -> 
 
 
 def _fingerprint(
-    fit: Fit, density: LogPosterior, seeds: IntArray, walkers: int, thin: int, starts: Array | None
+    fit: FittedModel,
+    density: LogPosterior,
+    seeds: IntArray,
+    walkers: int,
+    thin: int,
+    starts: Array | None,
 ) -> str:
     """Return a digest of what the chains depend on; computed numbers rounded, inputs not."""
-    estimate = fit.estimate
+    data, made_of_it = fit.problem.identity
     inputs = (
-        (fit.residual, density.names, density.noise.kind, density.prior),
-        (estimate.positions, estimate.omega, estimate.response),
+        data,
+        (density.names, density.noise.kind, density.prior),
         (seeds, walkers, thin, starts),
     )
-    computed = (fit.weights, fit.parameters.values, fit.bounds, np.array(density.noise.scale))
+    computed = (made_of_it, fit.parameters.values, fit.bounds, np.array(density.noise.scale))
     return fingerprint(inputs, (computed, density.network))

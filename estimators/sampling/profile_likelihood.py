@@ -8,7 +8,7 @@ from statistics import NormalDist
 
 import numpy as np
 
-from estimators.fitting.least_squares import Fit
+from estimators.fitting.fitted_model import FittedModel
 from estimators.fitting.priors import Prior
 from estimators.sampling.log_posterior import LogPosterior, posterior_density
 from estimators.sampling.profile_search import (
@@ -23,7 +23,6 @@ from estimators.sampling.profile_search import (
     moved,
 )
 from estimators.sampling.student_t_proposal import laplace, student_t
-from estimators.uncertainty.sandwich import sandwich_parts
 from robotmodels.common.arrays import Array, check_level, read_only
 from robotmodels.common.printing import ReprHtml
 from robotmodels.common.progress import Progress
@@ -92,7 +91,7 @@ class Profile(ReprHtml):
 
 
 def profile_likelihood(
-    fit: Fit,
+    fit: FittedModel,
     names: Sequence[str] | None = None,
     *,
     level: float = 0.95,
@@ -158,16 +157,16 @@ def profile_likelihood(
     return tuple(profiles)
 
 
-def _mean_scale(fit: Fit) -> float:
+def _mean_scale(fit: FittedModel) -> float:
     """Return the factor of V that makes exp(-V) as wide as Theorem 1 on average."""
-    bread, meat = sandwich_parts(fit)
+    bread, meat = fit.sandwich_parts()
     # Directions without information have neither bread nor meat.
     return len(bread) / float(np.trace(np.linalg.lstsq(bread, meat)[0]))
 
 
-def adjustments(fit: Fit, scale: float) -> Array:
+def adjustments(fit: FittedModel, scale: float) -> Array:
     """Return Theorem 1's variances over those of exp(-scale V), (p,); one where singular."""
-    bread, meat = (scale * part for part in sandwich_parts(fit))
+    bread, meat = (scale * part for part in fit.sandwich_parts())
     root = student_t(np.zeros(len(bread)), bread).root
     inverse = root @ root.T
     ratio = scale * np.diag(inverse @ meat @ inverse) / np.diag(inverse)

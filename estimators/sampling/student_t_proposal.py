@@ -5,10 +5,9 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.special import gammaln
 
-from estimators.fitting.least_squares import Fit
+from estimators.fitting.fitted_model import FittedModel
 from estimators.sampling.log_posterior import LogPosterior
 from estimators.sampling.log_posterior_gradient import slope
-from estimators.uncertainty.sandwich import sandwich_parts
 from robotmodels.common.arrays import Array
 from robotmodels.common.symmetric_matrices import scaled_eigh
 
@@ -64,16 +63,16 @@ def student_t(center: Array, information: Array, dof: float = DOF) -> StudentT:
     return StudentT(center, root, dof)
 
 
-def laplace(fit: Fit, target: LogPosterior, dof: float = DOF) -> StudentT:
+def laplace(fit: FittedModel, target: LogPosterior, dof: float = DOF) -> StudentT:
     """Return the t about the mode of `target`, which Gauss-Newton steps reach from the fit."""
-    bread, _ = sandwich_parts(fit)
+    bread, _ = fit.sandwich_parts()
     information = target.noise.curvature(fit.data_cost, target.data) * bread
     if target.prior is not None:
         information = information + target.prior.information(target.names)
     return student_t(_mode(fit, target), information, dof)
 
 
-def _mode(fit: Fit, target: LogPosterior) -> Array:
+def _mode(fit: FittedModel, target: LogPosterior) -> Array:
     """Return ln theta (p,) where the density is largest: the fit's, unless they differ.
 
     A prior that the fit did not have, or weighed otherwise, moves it.

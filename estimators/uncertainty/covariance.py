@@ -5,14 +5,13 @@ from statistics import NormalDist
 
 import numpy as np
 
-from estimators.fitting.least_squares import Fit, problem_of
+from estimators.fitting.fitted_model import FittedModel
 from estimators.fitting.residuals import loss_factors
 from estimators.trust.line_correlation import white_errors
 from estimators.trust.line_scatter import line_scatter
 from estimators.trust.linearised_fit import sandwich
 from estimators.trust.residual_size import residual_size
-from estimators.uncertainty.sandwich import sandwich_parts
-from robotmodels.common.arrays import Array, check_level, read_only
+from robotmodels.common.arrays import Array, check_kind, check_level, read_only
 from robotmodels.common.errors import InvalidInput, SolverFailed, nearest
 from robotmodels.common.printing import ReprHtml
 from robotmodels.common.symmetric_matrices import scaled_eigh, unit_diagonal_scaling
@@ -108,7 +107,7 @@ def log_normal_ends(values: Array, std: Array, level: float) -> tuple[Array, Arr
     return values / spread, values * spread
 
 
-def covariance(fit: Fit, method: str = "theorem1", lags: int | None = None) -> Uncertainty:
+def covariance(fit: FittedModel, method: str = "theorem1", lags: int | None = None) -> Uncertainty:
     """Return the covariance of ln theta by the sandwich of [WM] Theorem 1, (5).
 
     Any residual and weights; a prior counts as the k more data it is. With a robust loss bread and
@@ -139,6 +138,7 @@ def covariance(fit: Fit, method: str = "theorem1", lags: int | None = None) -> U
     SolverFailed
         If the search could not begin.
     """
+    check_kind(fit, FittedModel, "covariance: fit")
     _check_method(method, lags)
     if method == "scaled" and fit.loss != "linear":
         raise InvalidInput(f"covariance: loss {fit.loss!r}; 'scaled' is defined for 'linear' only")
@@ -148,12 +148,12 @@ def covariance(fit: Fit, method: str = "theorem1", lags: int | None = None) -> U
     if method == "empirical":
         bread, meat = empirical_parts(fit, lags)
     else:
-        bread, meat = sandwich_parts(fit)
+        bread, meat = fit.sandwich_parts()
         slope, square = loss_factors(fit.loss)
         bread, meat = slope * bread, square * meat
     whole = sandwich(bread + prior_information, meat + prior_information, names)
     if method != "empirical":
-        linear, white = fit.linearise(), white_errors(len(fit.estimate.omega))
+        linear, white = fit.linearise(), white_errors(len(fit.problem.omega))
         freedom = line_scatter(linear, linear.rows, white).degrees_of_freedom
         if method == "scaled":
             whole = sandwich(
@@ -164,7 +164,7 @@ def covariance(fit: Fit, method: str = "theorem1", lags: int | None = None) -> U
     return Uncertainty(names, whole, f"{METHODS[method]}, {fit.residual}{_doubts(fit)}", freedom)
 
 
-def _doubts(fit: Fit) -> str:
+def _doubts(fit: FittedModel) -> str:
     """Return why a fit's covariance may not hold, in brackets; nothing if there is no reason."""
     doubts = [] if fit.converged else ["the fit has not converged"]
     if fit.at_bounds:
@@ -182,7 +182,7 @@ def _check_method(method: str, lags: int | None) -> None:
         raise InvalidInput(f"covariance: lags = {lags} are used by 'empirical', not {method!r}")
 
 
-def empirical_parts(fit: Fit, lags: int | None = None) -> tuple[Array, Array]:
+def empirical_parts(fit: FittedModel, lags: int | None = None) -> tuple[Array, Array]:
     """Return bread and meat, (p, p), from the residuals themselves, without the prior.
 
     With s_f the gradient of one frequency's part of the cost, in one position, the meat is
@@ -199,8 +199,8 @@ def empirical_parts(fit: Fit, lags: int | None = None) -> tuple[Array, Array]:
     """
     if not np.isfinite(fit.cost):
         raise SolverFailed(f"no covariance without a fit: {fit.message}")
-    problem = problem_of(fit)
-    positions, frequencies = fit.estimate.response.shape[:2]
+    problem = fit.problem
+    positions, frequencies = len(problem.positions), len(problem.omega)
     p, lines = len(fit.parameters), positions * frequencies
     window = int(4 * (frequencies / 100) ** (2 / 9)) if lags is None else lags
     if window < 0 or lines <= p:
@@ -213,7 +213,7 @@ def empirical_parts(fit: Fit, lags: int | None = None) -> tuple[Array, Array]:
     error, slope = error[: len(error) - prior_rows], slope[: len(error) - prior_rows]
     _, first, second = problem.robust(error**2)
     bread = 2 * (slope.T * (first + 2 * second * error**2)) @ slope
-    parts = 1 if problem.kind.real else 2
+    parts = 1 if problem.real else 2
     leverage = np.einsum("rp,pq,rq->r", slope, 2 * np.linalg.pinv(bread, hermitian=True), slope)
     shrunk = error / (1 - np.clip(first * leverage, 0.0, 0.99))
     scores = 2 * slope * (first * shrunk)[:, None]

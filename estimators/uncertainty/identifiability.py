@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from estimators.fitting.least_squares import Fit
+from estimators.fitting.fitted_model import FittedModel
 from robotmodels.common.arrays import Array, read_only
 from robotmodels.common.errors import InvalidInput
 from robotmodels.common.printing import ReprHtml
@@ -154,7 +154,7 @@ def identifiability(
     )
 
 
-def fit_information(fit: Fit) -> Array:
+def fit_information(fit: FittedModel) -> Array:
     """Return the information on ln theta at a fit, (p, p), its prior included.
 
     That of the noise's weights, whatever weights the fit has.

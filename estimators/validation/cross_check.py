@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from estimators.fitting.least_squares import Fit
+from estimators.fitting.fitted_model import FittedModel
 from estimators.trust.trust import Trust
 from estimators.uncertainty.covariance import Uncertainty, covariance
 from robotmodels.common.arrays import Array, read_only
@@ -108,7 +108,7 @@ class CrossCheck(ReprHtml):
 
 @renamed_keywords("0.2", own_cost="cost_posterior")
 def cross_check(
-    fit: Fit,
+    fit: FittedModel,
     *,
     theorem1: Uncertainty | None = None,
     posterior: "Posterior | None" = None,
@@ -116,7 +116,7 @@ def cross_check(
     importance: "ImportanceSample | None" = None,
     profiles: "Sequence[Profile]" = (),
     monte_carlo: "MonteCarlo | None" = None,
-    multistart: Sequence[Fit] = (),
+    multistart: Sequence[FittedModel] = (),
 ) -> CrossCheck:
     """Return the recommended intervals beside what other methods say.
 
@@ -188,7 +188,7 @@ def cross_check(
     )
 
 
-def _theorem1(fit: Fit, theorem1: Uncertainty | None) -> Array:
+def _theorem1(fit: FittedModel, theorem1: Uncertainty | None) -> Array:
     try:
         return (theorem1 or covariance(fit)).std
     except NotIdentifiable:
@@ -202,7 +202,7 @@ def _profile_std(names: tuple[str, ...], profiles: "Sequence[Profile]") -> Array
     return np.array([by_name.get(name, np.nan) for name in names])
 
 
-def _scatter(fit: Fit, multistart: Sequence[Fit]) -> Array | None:
+def _scatter(fit: FittedModel, multistart: Sequence[FittedModel]) -> Array | None:
     """Return standard deviations (p,) over fits from many starts that are as good as the best."""
     alike = fit.residual, fit.loss
     reached = [f for f in multistart if np.isfinite(f.cost) and (f.residual, f.loss) == alike]
@@ -230,7 +230,7 @@ def _dropped_methods(
 
 
 def _open(
-    fit: Fit,
+    fit: FittedModel,
     trust: Trust,
     profiles: "Sequence[Profile]",
     draws: Array | None,

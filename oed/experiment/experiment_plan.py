@@ -52,7 +52,7 @@ class ExperimentPlan:
         How the positions were put in order and what that saves; None if they are not reordered.
     runs : int
         Of each block; 0 stands for n, as many as FRFs need. Fewer are the first of n orthogonal
-        ones, for `estimators.fit_runs`.
+        ones, for `estimators.fit` of records.
 
     Raises
     ------

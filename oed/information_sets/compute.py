@@ -93,7 +93,7 @@ class ChunkInformation:
 
     def _general(self, network: SpringNetwork, tangents: Tangents | None) -> Array:
         """Return the information the general way, which needs much memory."""
-        from estimators.uncertainty.sandwich import information
+        from estimators.fitting.sandwich import information
 
         response, jacobian = sensitivity_about(network, tangents, self.omega)
         if isinstance(self.noise, NoiseLaw):

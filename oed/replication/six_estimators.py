@@ -12,8 +12,8 @@ from functools import partial
 
 import numpy as np
 
-from estimators.fitting.fit_problem import Problem, make_fit_problem
 from estimators.fitting.fixed_equilibrium_search import can_compile, cost_kernel
+from estimators.fitting.frf_problem import FrfProblem, frf_problem
 from estimators.fitting.multistart import order_of_costs
 from estimators.frf.frf_estimate import FrfEstimate
 from oed.study.settings.study_file import ESTIMATORS
@@ -128,9 +128,7 @@ def evaluate(
     starts : ndarray, (N, p)
         SI.
     """
-    problems = tuple(
-        make_fit_problem(robot, estimate, "lls", weight, _BOUNDS) for weight in weights
-    )
+    problems = tuple(frf_problem(robot, estimate, "lls", weight, _BOUNDS) for weight in weights)
     fits = [run for name in ESTIMATORS for run in searches[name].runs]
     judge = partial(_costs, problems)
     values = [fit.parameters.values for fit in fits]
@@ -164,7 +162,7 @@ _BOUNDS = (1e-3, 1e3)  # nothing is searched: any will do
 _TOGETHER = 25  # models that a process judges at a time: preparing the data costs as much as some
 
 
-def _costs(problems: tuple[Problem, ...], values: Array) -> tuple[float, ...]:
+def _costs(problems: tuple[FrfProblem, ...], values: Array) -> tuple[float, ...]:
     """Return the costs of one model in problems of the same data."""
     model, estimate = problems[0].model, problems[0].estimate
     try:

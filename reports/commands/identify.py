@@ -62,10 +62,9 @@ def identify(
     one_thread_each()
     import numpy as np
 
-    from estimators.fitting.multistart import perturbed_starts
+    from estimators.fitting.multistart import multistart, perturbed_starts
     from estimators.frf.file_formats import read_records
     from estimators.frf.frf_from_records import collected_warnings
-    from estimators.input_output.fit_runs import fit_runs
     from estimators.input_output.run_spectra import run_spectra
     from robotmodels import load_robot, save_robot
 
@@ -74,10 +73,7 @@ def identify(
     with collected_warnings() as warnings:
         data = run_spectra(runs, noise, delay=delay, hold=hold)
     begins = perturbed_starts(model.parameters, starts, decades, np.random.default_rng(_SEED))
-    fits = sorted(
-        (fit_runs(model, data, rows, begin) for begin in begins),
-        key=lambda fit: fit.cost,
-    )
+    fits = multistart(model, data, begins, weights=rows)
     fit = fits[0]
     reached = sum(other.cost <= fit.cost * (1 + 1e-6) for other in fits)
     target = (records.parent if output is None else output) / f"{model.name}_identified.yaml"

@@ -59,6 +59,52 @@ def real_numbers(values: ArrayLike, what: str, *, copy: bool = True) -> Array:
     raise InvalidInput(f"{what}: an array of real numbers is needed, found {str(values)[:60]}")
 
 
+def complex_numbers(values: ArrayLike, what: str) -> ComplexArray:
+    """Return `values` as an array of complex numbers of its own.
+
+    Raises
+    ------
+    InvalidInput
+        If they are no numbers, or rows differ in length; it starts with `what`.
+    """
+    try:
+        array = np.asarray(values)
+    except ValueError:
+        array = np.empty(1, dtype=object)
+    if array.dtype.kind == "c":
+        return array.astype(complex)
+    return real_numbers(values, what).astype(complex)
+
+
+def chosen_positions(indices: ArrayLike, count: int) -> IntArray:
+    """Return which of `count` positions are meant, (k,), as an array; at least one.
+
+    Raises
+    ------
+    InvalidInput
+        If they are not whole numbers from 0 to count - 1.
+    """
+    rows = whole_numbers(indices, "subset: positions")
+    if rows.ndim != 1 or not rows.size or rows.min() < 0 or rows.max() >= count:
+        raise InvalidInput(
+            f"subset: {rows.tolist()} does not choose from positions 0 to {count - 1}"
+        )
+    return rows
+
+
+def check_kind(value: object, kinds: type | tuple[type, ...], what: str) -> None:
+    """Refuse an argument of another kind.
+
+    Raises
+    ------
+    InvalidInput
+        Starting with `what`, naming the kinds that are needed.
+    """
+    if not isinstance(value, kinds):
+        names = [k.__name__ for k in (kinds if isinstance(kinds, tuple) else (kinds,))]
+        raise InvalidInput(f"{what}: {type(value).__name__} given; {' or '.join(names)} is needed")
+
+
 def whole_numbers(values: ArrayLike, what: str) -> IntArray:
     """Return `values` as an array of integers; floats such as 5.0 are taken, 5.9 is not.
 

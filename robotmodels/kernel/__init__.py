@@ -8,7 +8,12 @@ factorised without pivoting (`ldlt`, `solve`), and positions are shared out over
 import numpy as np
 
 from robotmodels.common.arrays import Array, ComplexArray
-from robotmodels.kernel.cost_kernel import CostKernel, check_complete, positive_frequencies
+from robotmodels.kernel.cost_kernel import (
+    CostKernel,
+    FitKernel,
+    check_complete,
+    positive_frequencies,
+)
 from robotmodels.kernel.elimination_order import EliminationPlan, layout
 from robotmodels.kernel.fisher import informations, separable_informations
 from robotmodels.kernel.memory import address, aligned
@@ -21,7 +26,14 @@ from robotmodels.linear.normal_equations import NormalEquations
 from robotmodels.linear.residuals import ResidualForm
 from robotmodels.linear.spring_network import SpringNetwork, shared
 
-__all__ = ["CostKernel", "NormalEquations", "costs", "frequency_response", "information"]
+__all__ = [
+    "CostKernel",
+    "FitKernel",
+    "NormalEquations",
+    "costs",
+    "frequency_response",
+    "information",
+]
 
 _SHARES = 4
 """Pieces of the positions for each thread: one may be delayed, if only by the next network."""

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import replace
+from typing import Protocol, Self
 
 import numpy as np
 
@@ -22,6 +23,25 @@ from robotmodels.linear.spring_network import SpringNetwork
 
 _PIECES = 4  # in which cells are summed
 _SOLVES = 4  # what a cell's normal equations cost, in factorisations
+
+
+class FitKernel(Protocol):
+    """A compiled cost V of theta about fixed equilibria, with derivatives by ln theta."""
+
+    def at(self, network: SpringNetwork) -> Self:
+        """Return the cost of the same data about the equilibria of another network."""
+
+    def __call__(self, parameters: Array) -> Array:
+        """Return the costs, (W,), of W sets of parameters, (W, p)."""
+
+    def normal_equations(self, parameters: Array) -> NormalEquations:
+        """Return the cost at one set of parameters (p,), its gradient and Gauss-Newton's matrix."""
+
+    def gradient(self, parameters: Array) -> tuple[float, Array]:
+        """Return the cost and the gradient (p,) of `normal_equations`."""
+
+    def model_slopes(self) -> tuple[Array, Array]:
+        """Return dV/dK and dV/dM, (Q, d, d) each, at the network's own parameters."""
 
 
 class CostKernel:
@@ -70,7 +90,7 @@ class CostKernel:
         self._targets: tuple[Array, Array, float] | None = None
         self._set(network)
 
-    def at(self, network: SpringNetwork) -> "CostKernel":
+    def at(self, network: SpringNetwork) -> Self:
         """Return the kernel of the same data about the equilibria of another network.
 
         That is several times faster: what is measured is not prepared again.
@@ -85,7 +105,7 @@ class CostKernel:
                 f"network: mass matrices of shape {network.mass.shape}; the same positions and "
                 f"coordinates are needed as before, {self.network.mass.shape}"
             )
-        other = CostKernel.__new__(CostKernel)
+        other = type(self).__new__(type(self))
         other.__dict__.update(self.__dict__)
         other._set(network)
         return other

@@ -14,6 +14,7 @@ import numpy as np
 from robotmodels.common.arrays import Array, ComplexArray, read_only
 from robotmodels.common.errors import InvalidInput, NotIdentifiable, SolverFailed
 from robotmodels.linear.linear_model import LinearModel
+from robotmodels.linear.noise import kronecker
 from robotmodels.linear.response import check_omega
 from robotmodels.linear.spring_network import SpringNetwork
 from robotmodels.simulation.controller import Controller
@@ -116,7 +117,8 @@ class ClosedLoopNoise:
     omega : ndarray, (F,), rad/s
         Excited angular frequencies.
     reference : ndarray of complex, (F, n, e) or (Q, F, n, e), rad/s
-        DFT of one period of the speed references in the e >= n runs of a block.
+        DFT of one period of the speed references in the e runs of a block; FRFs need e >= n, fits
+        to the runs themselves one.
     samples : int
         N per period.
     angle_noise : ndarray, (n,), rad
@@ -150,10 +152,8 @@ class ClosedLoopNoise:
                 f"reference: shape {reference.shape} given; ({len(omega)}, {n}, runs), or "
                 "that for each position, is needed"
             )
-        if reference.shape[-1] < n:
-            raise InvalidInput(
-                f"reference: {reference.shape[-1]} runs a block; {n} motors need {n} or more"
-            )
+        if not reference.shape[-1]:
+            raise InvalidInput("reference: no run a block; one at least is needed")
         if self.samples < 1 or self.averages < 1:
             raise InvalidInput(f"samples {self.samples} and averages {self.averages} must be >= 1")
         if self.periods < 1 or self.averages % self.periods:
@@ -170,7 +170,7 @@ class ClosedLoopNoise:
         object.__setattr__(self, "reference", read_only(reference))
 
     def factors(self, network: SpringNetwork, omega: Array) -> tuple[ComplexArray, ComplexArray]:
-        """Return (U0 U0ᴴ)ᵀ and Λ_v, (Q, F, n, n) each: the covariance is inv(first) ⊗ second.
+        """Return power (U0 U0ᴴ)ᵀ and Λ_v, (Q, F, n, n): the inverse covariance is power ⊗ Λ_v^-1.
 
         U0 is the spectrum of the torque in continuous time, Λ_v that of the motor accelerations.
 
@@ -179,8 +179,6 @@ class ClosedLoopNoise:
         InvalidInput
             If `omega` is not that of the law, or something else than motor accelerations is
             measured.
-        NotIdentifiable
-            If the runs do not excite all motors, naming frequency and condition.
         SolverFailed
             If the closed loop is unstable in a position.
         """
@@ -202,7 +200,6 @@ class ClosedLoopNoise:
             closed_loop(network, w, self.controller).torque @ R
         )
         power = np.swapaxes(torque @ np.conj(np.swapaxes(torque, -1, -2)), -1, -2)
-        _check_power(power, w)
         output = w[:, None, None] ** 4 * self._angle_covariance(model)
         return power, np.asarray(np.broadcast_to(output, power.shape))
 
@@ -224,28 +221,25 @@ class ClosedLoopNoise:
 
         Raises
         ------
-        InvalidInput, NotIdentifiable, SolverFailed
+        NotIdentifiable
+            If the runs do not excite all motors, naming frequency and condition.
+        InvalidInput, SolverFailed
             As `factors`.
         """
         power, output = self.factors(network, omega)
-        return _kron(np.asarray(np.linalg.inv(power)), output)
+        _check_power(power, self.omega)
+        return kronecker(np.asarray(np.linalg.inv(power)), output)
 
     def weights(self, network: SpringNetwork, omega: Array) -> ComplexArray:
-        """Return the inverses of `covariance`, exactly: power ⊗ Λ_v^-1.
+        """Return the inverses of `covariance`, exactly: power ⊗ Λ_v^-1, singular for e < n.
 
         Raises
         ------
-        InvalidInput, NotIdentifiable, SolverFailed
+        InvalidInput, SolverFailed
             As `factors`.
         """
         power, output = self.factors(network, omega)
-        return _kron(power, np.asarray(np.linalg.inv(output)))
-
-
-def _kron(left: ComplexArray, right: ComplexArray) -> ComplexArray:
-    product = np.einsum("...ij,...kl->...ikjl", left, right)
-    size = left.shape[-1] * right.shape[-1]
-    return np.asarray(product.reshape(*left.shape[:-2], size, size))
+        return kronecker(power, np.asarray(np.linalg.inv(output)))
 
 
 def _check_power(power: ComplexArray, omega: Array) -> None:

@@ -14,7 +14,7 @@ import numpy as np
 from trust_systems import NOISE, OUTLIER, WRONG, Linearisation, linearisation, system
 
 import estimators
-from estimators.fitting.least_squares import Fit, problem_of
+from estimators.fitting.least_squares import Fit
 from estimators.fitting.linearise import linearise
 from estimators.fitting.residuals import find_residual
 from estimators.fitting.weight_choice import evaluate_weights
@@ -301,11 +301,12 @@ def one_step(
     model = system(cell.system).model
     values = model.parameters.values * np.exp(at.shift)
     fit = Fit(
-        model, estimate, cell.residual, weights, replace(model.parameters, values=values),
-        0.0, values, np.stack([values / 1e3, values * 1e3]), 1, "", 1,
+        model=model, estimate=estimate, residual=cell.residual, weights=weights,
+        parameters=replace(model.parameters, values=values), cost=0.0, start=values,
+        bounds=np.stack([values / 1e3, values * 1e3]), status=1, message="", evaluations=1,
         weighting=cell.weights,
     )  # fmt: skip
-    linear = linearise(problem_of(fit), values, (at.response, at.jacobian))
+    linear = linearise(fit.problem, values, (at.response, at.jacobian))
     step = linear.estimates(linear.rows, linear.residuals)
     return replace(linear, residuals=linear.residuals - linear.jacobian @ step), step
 

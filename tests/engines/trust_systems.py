@@ -11,7 +11,8 @@ import numpy as np
 
 import estimators
 import robotmodels
-from estimators.fitting.fit_trust import model_directions, residual_changes
+from estimators.fitting.fit_trust import model_directions
+from estimators.fitting.linearise import residual_changes
 from estimators.fitting.residuals import find_residual
 from estimators.frf.frf_estimate import FrfEstimate, vec
 from estimators.trust.directed_tests import Directions

@@ -7,8 +7,8 @@ from test_least_squares import MODEL, TRUTH, exact, noisy
 
 from estimators import Uncertainty, covariance, fit, information, multistart, simulate_frf
 from estimators.fitting.residuals import find_residual
+from estimators.fitting.sandwich import weighted_noise
 from estimators.trust.linearised_fit import sandwich
-from estimators.uncertainty.sandwich import weighted_noise
 from robotmodels import (
     InvalidInput,
     NotIdentifiable,

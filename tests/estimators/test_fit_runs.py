@@ -9,9 +9,11 @@ from mass_springs import OMEGA, POSITIONS
 from noisy_runs import MODEL, RESPONSE, TRUTH, F, Q, circular, noise_root, noisy_runs
 
 import estimators
-from estimators import Prior, RunSpectra, fit_runs, run_spectra
+from estimators import Prior, RunSpectra, covariance, fit, run_spectra
+from estimators.fitting.run_problem import RunProblem
 from estimators.frf.spectra import Spectra, spectra
-from estimators.input_output.likelihood import RunProblem
+from estimators.input_output.likelihood import RunLikelihood
+from estimators.input_output.run_scatter import input_scatter, products
 from estimators.input_output.run_spectra import _from_blocks
 from robotmodels import InvalidInput
 
@@ -20,7 +22,8 @@ OFF = TRUTH * np.exp(0.1 * np.cos(np.arange(6)))
 
 
 def problem(data: RunSpectra, row_wise: bool = False) -> RunProblem:
-    return RunProblem(MODEL, data, row_wise, BOUNDS)
+    weighting = "row_wise" if row_wise else "joint"
+    return RunProblem(model=MODEL, data=data, weighting=weighting, bounds=BOUNDS)
 
 
 def cost(one: RunProblem, values: np.ndarray) -> float:
@@ -52,7 +55,7 @@ def test_the_cost_is_the_likelihood_without_the_true_inputs() -> None:
     """V is the least over U0 of what [Y; U] deviates from [G U0; U0], by its covariance."""
     data = noisy_runs(np.random.default_rng(3), 2, 0.4)
     one = problem(data)
-    G, _ = one.sensitivities(OFF)
+    G, _ = one.derived(OFF)
     total = 0.0
     for q in range(Q):
         for f in range(F):
@@ -62,7 +65,7 @@ def test_the_cost_is_the_likelihood_without_the_true_inputs() -> None:
                 z = root @ np.concatenate([data.outputs[q, e, f], data.inputs[q, e, f]])
                 U0 = np.linalg.lstsq(tall, z)[0]
                 total += np.sum(np.abs(z - tall @ U0) ** 2)
-                estimated = one.errors(G).inputs[q, f, :, e]
+                estimated = one.errors(OFF).inputs[q, f, :, e]
                 np.testing.assert_allclose(estimated, U0, rtol=1e-9, atol=1e-9)
     assert cost(one, OFF) == pytest.approx(total, rel=1e-11)
 
@@ -76,29 +79,29 @@ def test_with_exact_inputs_and_n_runs_it_is_optimally_weighted_nls() -> None:
     full = np.einsum("qfij,qfkl->qfikjl", spread, sigma).reshape(Q, F, 4, 4)
     frf = estimators.FrfEstimate(POSITIONS, OMEGA, Y @ inverse, full, np.ones(Q, dtype=int))
     expected = estimators.fit(MODEL, frf, residual="nls", weights="optimal", tolerance=1e-14)
-    fitted = fit_runs(MODEL, data, tolerance=1e-14)
+    fitted = fit(MODEL, data, tolerance=1e-14)
     assert fitted.cost == pytest.approx(expected.cost, rel=1e-11)
     np.testing.assert_allclose(fitted.parameters.values, expected.parameters.values, rtol=1e-8)
     np.testing.assert_allclose(
-        fitted.covariance().covariance,
-        estimators.covariance(expected).covariance,
+        covariance(fitted).covariance,
+        covariance(expected).covariance,
         rtol=1e-6,
-        atol=1e-9 * fitted.covariance().std.max() ** 2,
+        atol=1e-9 * covariance(fitted).std.max() ** 2,
     )
     assert fitted.verdict == expected.verdict
 
 
-def coverage(draw, fitted, count: int, seed: int):
+def coverage(draw, fit_to, count: int, seed: int):
     """Whether quoted intervals cover, (count, 6), mean cost over its expectation, verdicts."""
     rng = np.random.default_rng(seed)
     covers, costs, verdicts = [], [], []
     for _ in range(count):
-        fit = fitted(draw(rng))
-        ends = np.array([(one.low, one.high) for one in fit.intervals()], dtype=float)
+        fitted = fit_to(draw(rng))
+        ends = np.array([(one.low, one.high) for one in fitted.intervals()], dtype=float)
         if np.isfinite(ends).all():  # questioned fits quote none
             covers.append((ends[:, 0] <= TRUTH) & (ends[:, 1] >= TRUTH))
-        costs.append(fit.cost / fit.expected_cost)
-        verdicts.append(str(fit.verdict))
+        costs.append(fitted.cost / fitted.expected_cost)
+        verdicts.append(str(fitted.verdict))
     return np.array(covers), np.mean(costs), verdicts
 
 
@@ -115,7 +118,7 @@ def check_coverage(cell, count: int, slack: float) -> None:
     runs, noise, freedom, rows = cell
     covers, ratio, verdicts = coverage(
         lambda rng: noisy_runs(rng, runs, noise, freedom=freedom),
-        lambda data: fit_runs(MODEL, data, rows),
+        lambda data: fit(MODEL, data, weights=rows),
         count,
         seed=11,
     )
@@ -151,8 +154,8 @@ def test_inputs_taken_as_exact_cover_less() -> None:
     for _ in range(25):
         data = noisy_runs(rng, 4, 0.3)
         for name, one in (("likelihood", data), ("frozen", frozen(data))):
-            fit = fit_runs(MODEL, one)
-            z = np.log(fit.parameters.values / TRUTH) / fit.covariance().std
+            fitted = fit(MODEL, one)
+            z = np.log(fitted.parameters.values / TRUTH) / covariance(fitted).std
             shares[name].append(np.abs(z) < 1.96)
     assert np.mean(shares["frozen"]) < 0.85
     assert np.mean(shares["likelihood"]) > 0.88
@@ -163,8 +166,8 @@ def test_the_covariance_of_outputs_enters_row_by_row() -> None:
     rng = np.random.default_rng(8)
     z = []
     for _ in range(60):
-        fit = fit_runs(MODEL, noisy_runs(rng, 2, 0.1), "row_wise")
-        z.append(np.log(fit.parameters.values / TRUTH) / fit.covariance().std)
+        fitted = fit(MODEL, noisy_runs(rng, 2, 0.1), weights="row_wise")
+        z.append(np.log(fitted.parameters.values / TRUTH) / covariance(fitted).std)
     assert np.sqrt(np.mean(np.square(z))) == pytest.approx(1.0, abs=0.12)
 
 
@@ -172,10 +175,8 @@ def test_noise_of_inputs_adds_to_the_scatter() -> None:
     """The information of estimated inputs is H + D on average."""
     rng = np.random.default_rng(9)
     one = problem(noisy_runs(rng, 1, 1.0))
-    from estimators.input_output.linearised_runs import _input_scatter
-
-    G, J = one.sensitivities(TRUTH)
-    D = _input_scatter(one, one.errors(G), J)
+    columns = input_scatter(one.likelihood, one.errors(TRUTH), one.derived(TRUTH)[1])
+    D = products(columns, columns)
     U = circular(rng, Q, 1, F, 2)
     Y = np.einsum("qfmn,qefn->qefm", RESPONSE, U)
     root = noise_root(1.0, 0.1)
@@ -205,8 +206,7 @@ def test_spectra_of_records_have_the_noise_that_is_in_them(setup: Bench, noise: 
     for seed in range(12):
         data = run_spectra(bench_records(replace(setup, seed=seed)), delay=setup.delay)
         assert data.noise == noise
-        one = RunProblem(_Known(), data, False, np.ones((2, 1)))
-        errors = one.errors(truth(data.omega)[None])
+        errors = RunLikelihood(data, False).errors(truth(data.omega)[None])
         m, nu = 2, data.degrees_of_freedom[0]
         ratios.append(np.mean(np.abs(errors.whitened) ** 2) * (nu - m) / nu)
     assert np.mean(ratios) == pytest.approx(1.0, abs=0.15)
@@ -233,28 +233,26 @@ def test_blocks_have_the_same_noise_in_all_runs_by_any_references(kind: str) -> 
         "position 1",
     )
     data = RunSpectra(np.zeros((1, n)), omega, inputs[None], outputs[None], covariance[None], nu)
-    whitened = RunProblem(_Known(), data, False, np.ones((2, 1))).errors(G[None]).whitened
+    whitened = RunLikelihood(data, False).errors(G[None]).whitened
     size = (np.abs(whitened) ** 2).mean(axis=(0, 1, 2)) * (nu - m) / nu
     np.testing.assert_allclose(size, 1.0, atol=0.2)  # each of 600 complex numbers
-
-
-class _Known:
-    """A model without parameters: the FRF is given."""
 
 
 def test_what_cannot_be_fitted_is_said() -> None:
     data = noisy_runs(np.random.default_rng(1), 1, freedom=3)
     with pytest.raises(InvalidInput, match="'joint' needs covariances of at least 4 degrees"):
-        fit_runs(MODEL, data, "joint")
-    assert fit_runs(MODEL, data).row_wise
+        fit(MODEL, data, weights="joint")
+    assert fit(MODEL, data).row_wise
     with pytest.raises(InvalidInput, match="tolerance: nan"):
-        fit_runs(MODEL, data, tolerance=np.nan)
-    with pytest.raises(InvalidInput, match="rows: 'both' is none of"):
-        fit_runs(MODEL, data, "both")
+        fit(MODEL, data, tolerance=np.nan)
+    with pytest.raises(InvalidInput, match="weights: 'both' is none of"):
+        fit(MODEL, data, weights="both")
     C = data.covariance[..., 1:, 1:]
     fewer = RunSpectra(POSITIONS, OMEGA, data.inputs, data.outputs[..., 1:], C)
-    with pytest.raises(InvalidInput, match="1 outputs of 2 inputs; the model has 2 of 2"):
-        fit_runs(MODEL, fewer)
+    with pytest.raises(
+        InvalidInput, match="1 outputs of 2 inputs, not of the model, which has 2 of 2"
+    ):
+        fit(MODEL, fewer)
     with pytest.raises(InvalidInput, match="degrees_of_freedom: 2; 3 at least"):
         replace(data, degrees_of_freedom=2)
     with pytest.raises(InvalidInput, match="omega: positive rising"):
@@ -287,7 +285,7 @@ def test_records_that_cannot_show_their_noise_are_refused() -> None:
 def test_a_prior_counts_as_data() -> None:
     data = noisy_runs(np.random.default_rng(2), 1)
     prior = Prior(("k1",), TRUTH[:1], np.array([1e-6]))
-    fit = fit_runs(MODEL, data, prior=prior)
-    assert fit.parameters.values[0] == pytest.approx(TRUTH[0], rel=1e-5)
-    assert fit.covariance().std[0] == pytest.approx(1e-6, rel=1e-2)
-    assert "sml fit: converged" in str(fit)
+    fitted = fit(MODEL, data, prior=prior)
+    assert fitted.parameters.values[0] == pytest.approx(TRUTH[0], rel=1e-5)
+    assert covariance(fitted).std[0] == pytest.approx(1e-6, rel=1e-2)
+    assert "sml fit: converged" in str(fitted)

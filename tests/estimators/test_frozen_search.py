@@ -5,7 +5,6 @@ import pytest
 from test_least_squares import MODEL, noisy
 
 from estimators import Prior, fit, simulate_frf
-from estimators.fitting.fit_problem import make_fit_problem
 from estimators.fitting.fixed_equilibrium_search import (
     CorrectedModel,
     can_compile,
@@ -14,6 +13,7 @@ from estimators.fitting.fixed_equilibrium_search import (
     network_and_shift,
     squares,
 )
+from estimators.fitting.frf_problem import frf_problem
 from estimators.fitting.search import MINIMISERS, search
 from estimators.fitting.trust_region import exact_search
 from robotmodels import InvalidInput, RelativeNoise, SolverFailed, load_robot
@@ -53,7 +53,7 @@ def frozen(problem, start, evaluations=200, tolerance=1e-10):
 
 @pytest.mark.parametrize("residual", ["nls", "lls", "lls_magnitude"])
 def test_cost_and_gradient_are_those_of_the_whitened_residuals(robot, estimate, residual):
-    problem = make_fit_problem(robot, estimate, residual, "user", BOUNDS, None, known(robot))
+    problem = frf_problem(robot, estimate, residual, "user", BOUNDS, None, known(robot))
     values = far(robot)
     f, slope = problem.evaluate(values)
     network, equilibrium_shift = network_and_shift(problem, values)
@@ -69,7 +69,7 @@ def test_cost_and_gradient_are_those_of_the_whitened_residuals(robot, estimate, 
 
 
 def test_the_gradient_alone_is_that_of_the_corrected_cost(robot, estimate):
-    problem = make_fit_problem(robot, estimate, "lls", "user", BOUNDS, None, known(robot))
+    problem = frf_problem(robot, estimate, "lls", "user", BOUNDS, None, known(robot))
     model = CorrectedModel(problem, *network_and_shift(problem, far(robot)))
     values, step = far(robot, seed=2), 1e-6
     _, gradient = model.gradient(values)
@@ -83,7 +83,7 @@ def test_the_gradient_alone_is_that_of_the_corrected_cost(robot, estimate):
 
 def test_corrections_never_pay_for_going_far(robot, estimate):
     """A correction that grew with the distance would take the cost below zero."""
-    problem = make_fit_problem(robot, estimate, "lls", "user", BOUNDS)
+    problem = frf_problem(robot, estimate, "lls", "user", BOUNDS)
     network, shift = network_and_shift(problem, far(robot))
     plain, model = CorrectedModel(problem, network, None), CorrectedModel(problem, network, shift)
     most = np.abs(model.shift).sum()
@@ -96,7 +96,7 @@ def test_corrections_never_pay_for_going_far(robot, estimate):
 
 @pytest.mark.parametrize("residual", ["nls", "lls"])
 def test_bfgs_ends_where_gauss_newton_does_and_renews_equilibria(robot, estimate, residual):
-    problem = make_fit_problem(robot, estimate, residual, "user", BOUNDS)
+    problem = frf_problem(robot, estimate, residual, "user", BOUNDS)
     start = far(robot, decades=0.05)
     network = robot.network(estimate.positions, start)
     ends = [
@@ -111,7 +111,7 @@ def test_bfgs_ends_where_gauss_newton_does_and_renews_equilibria(robot, estimate
     ("residual", "weights"), [("nls", "optimal"), ("lls", "user"), ("lls_magnitude", "combined")]
 )
 def test_the_exact_search_finds_nothing_better(robot, estimate, residual, weights):
-    problem = make_fit_problem(robot, estimate, residual, weights, BOUNDS, None, known(robot))
+    problem = frf_problem(robot, estimate, residual, weights, BOUNDS, None, known(robot))
     fast = frozen(problem, far(robot, decades=0.15), 200, 1e-12)
     assert fast.status > 0
     slow = exact_search(problem, fast.values, 4, 1e-12)
@@ -128,14 +128,14 @@ def stands(problem, found):
 
 
 def test_a_point_beside_the_minimum_does_not_stand(robot, estimate):
-    problem = make_fit_problem(robot, estimate, "lls", "user", BOUNDS)
+    problem = frf_problem(robot, estimate, "lls", "user", BOUNDS)
     fast = frozen(problem, robot.parameters.values)
     assert stands(problem, fast)
     assert not stands(problem, replace(fast, values=fast.values * 1.001))
 
 
 def test_shifts_of_equilibria_carry_to_a_point_nearby(robot, estimate):
-    problem = make_fit_problem(robot, estimate, "lls", "user", BOUNDS)
+    problem = frf_problem(robot, estimate, "lls", "user", BOUNDS)
     values = robot.parameters.values
     near = values * np.exp(0.03 * np.random.default_rng(3).uniform(-1, 1, len(values)))
     _, equilibrium_shift = network_and_shift(problem, values)
@@ -159,14 +159,14 @@ def test_large_problems_of_springs_are_compiled(robot, estimate):
     large = simulate_frf(robot, estimate.positions, omega, RelativeNoise(0.03, 0.01), rng)
     network = robot.network(large.positions)
     assert not hardens(network)
-    problem = make_fit_problem(robot, large, "nls", "optimal", BOUNDS)
+    problem = frf_problem(robot, large, "nls", "optimal", BOUNDS)
     assert can_compile(problem, network)
-    assert not can_compile(make_fit_problem(robot, estimate, "nls", "optimal", BOUNDS), network)
+    assert not can_compile(frf_problem(robot, estimate, "nls", "optimal", BOUNDS), network)
     assert not can_compile(
-        make_fit_problem(robot, large, "nls", "optimal", BOUNDS, loss="huber"), network
+        frf_problem(robot, large, "nls", "optimal", BOUNDS, loss="huber"), network
     )
     full = np.broadcast_to(np.eye(36) + 0j, (3, 30, 36, 36))
-    assert not can_compile(make_fit_problem(robot, large, "nls", full, BOUNDS), network)
+    assert not can_compile(frf_problem(robot, large, "nls", full, BOUNDS), network)
     fast = fit(robot, large, "nls", "optimal", 1.1 * robot.parameters.values)
     assert fast.converged
     slow = exact_search(problem, fast.parameters.values, 10, 1e-12)
@@ -184,7 +184,7 @@ def test_hardening_gears_are_searched_with_equilibria_found_anew(residual, weigh
     positions = low + (high - low) * rng.uniform(0.2, 0.8, (2, len(low)))
     frfs = simulate_frf(robot, positions, OMEGA, RelativeNoise(), rng)
     assert hardens(robot.network(positions))
-    problem = make_fit_problem(robot, frfs, residual, weights, BOUNDS, None, None)
+    problem = frf_problem(robot, frfs, residual, weights, BOUNDS, None, None)
     start = far(robot, decades=0.05)
     monkeypatch.setattr("estimators.fitting.fixed_equilibrium_search.WORTHWHILE", 0)
     fast = search(problem, start, 200, 1e-12)
@@ -195,7 +195,7 @@ def test_hardening_gears_are_searched_with_equilibria_found_anew(residual, weigh
 def test_bounds_hold_and_are_told(robot, estimate):
     bounds = np.outer([0.1, 10.0], robot.parameters.values)
     bounds[:, 0] = robot.parameters.values[0] * np.array([1.3, 10.0])
-    problem = make_fit_problem(robot, estimate, "nls", "optimal", bounds)
+    problem = frf_problem(robot, estimate, "nls", "optimal", bounds)
     found = frozen(problem, robot.parameters.values * 1.5)
     name = robot.parameters.names[0]
     assert found.values[0] >= bounds[0, 0]
@@ -203,7 +203,7 @@ def test_bounds_hold_and_are_told(robot, estimate):
 
 
 def test_running_out_of_evaluations_is_told(robot, estimate):
-    problem = make_fit_problem(robot, estimate, "nls", "optimal", BOUNDS)
+    problem = frf_problem(robot, estimate, "nls", "optimal", BOUNDS)
     for limit in (2, 3, 7):
         found = frozen(problem, far(robot), limit)
         assert found.status == 0
@@ -232,7 +232,7 @@ class Misleading:
 def test_no_point_on_the_way_is_better_than_the_end(seed, evaluations):
     """Where equilibria are frozen, a step may lose when they are found anew."""
     model = Misleading()
-    problem = make_fit_problem(model, noisy(), "nls", "optimal", BOUNDS)
+    problem = frf_problem(model, noisy(), "nls", "optimal", BOUNDS)
     end = frozen(problem, far(MODEL, seed, 0.2), evaluations)
     costs = []
     for values in (end.values, *model.visited.copy()):
@@ -266,7 +266,7 @@ def test_where_there_is_no_equilibrium_the_way_is_halved(robot, estimate):
     truth = robot.parameters.values
     # The optimum lies beyond what the robot can bear.
     weak = Weak(robot, 1.2 * truth[0])
-    problem = make_fit_problem(weak, estimate, "nls", "optimal", BOUNDS)
+    problem = frf_problem(weak, estimate, "nls", "optimal", BOUNDS)
     found = frozen(problem, 2.0 * truth)
     assert weak.refused
     assert 1.2 <= found.values[0] / truth[0] < 1.3

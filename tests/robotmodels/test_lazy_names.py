@@ -22,7 +22,7 @@ def test_every_public_name_is_what_it_says(package):
 
 def test_functions_stay_when_modules_inside_are_imported():
     for name in (
-        "estimators.uncertainty.sandwich",
+        "estimators.fitting.sandwich",
         "oed.information_sets.information_set",
         "robotmodels.records.records",
     ):

@@ -1,42 +1,30 @@
 """The parts of Theorem 1, [WM] (5), and Fisher information."""
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from estimators.fitting.least_squares import Fit
-from estimators.fitting.weights import used_elements
 from estimators.frf.frf_estimate import is_full, vec
 from robotmodels.common.arrays import Array
-from robotmodels.common.errors import SolverFailed
-from robotmodels.linear.response import sensitivity
+
+if TYPE_CHECKING:
+    from estimators.fitting.frf_problem import FrfProblem
 
 
-def sandwich_parts(fit: Fit) -> tuple[Array, Array]:
+def frf_sandwich(problem: "FrfProblem", values: Array) -> tuple[Array, Array]:
     """Return bread and meat of (5), (p, p): Hessian of the cost, covariance of its gradient.
 
     With Psi the residual's Jacobian, W its weights and R its noise covariance, bread is
     2 sum Re(conj(Psi) W Psi^T) and meat 2 sum Re(conj(Psi) W R W Psi^T). For log residuals
     Psi = G_d^-1 Psi_G and R = G_d^-1 Lambda_0 G_d^-H, which is [WM]'s Xi and Sigma regrouped.
-    Neither the prior nor a robust loss is in them.
-
-    Raises
-    ------
-    SolverFailed
-        If the search could not begin.
     """
-    if not np.isfinite(fit.cost):
-        raise SolverFailed(f"no covariance without a fit: {fit.message}")
-    estimate, kind = fit.estimate, fit.kind
-    used = used_elements(fit.weights, estimate.response.shape)
-    G, J = sensitivity(
-        fit.model, estimate.positions, estimate.omega, fit.parameters.values, equilibrium_shift=True
-    )
+    kind, weights, used = problem.kind, problem.weights, problem.used
+    G, J = problem.derived(values)
     psi = kind.jacobian(G, J, used)
-    noise = kind.noise(estimate.covariance, G, used)
-    bread = information(psi, fit.weights).sum(axis=0)
-    meat = information(psi, weighted_noise(fit.weights, noise, G.shape)).sum(axis=0)
+    noise = kind.noise(problem.estimate.covariance, G, used)
+    bread = information(psi, weights).sum(axis=0)
+    meat = information(psi, weighted_noise(weights, noise, G.shape)).sum(axis=0)
     return bread, meat
 
 

@@ -1,0 +1,319 @@
+"""The cost of a fit to runs: maximum likelihood with noisy inputs and outputs."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from estimators.fitting.fit_problem import (
+    Derived,
+    FitProblem,
+    all_finite,
+    check_positions,
+    checked_bounds,
+)
+from estimators.fitting.priors import Prior
+from estimators.input_output.free_response import FreeResponse, sampled_states
+from estimators.input_output.likelihood import Errors, RunLikelihood
+from estimators.input_output.run_scatter import (
+    by_line,
+    expected_square,
+    input_scatter,
+    products,
+    run_correlation,
+    variance_factor,
+)
+from estimators.input_output.run_spectra import RunSpectra, run_spectra
+from estimators.trust.linearised_fit import LinearisedFit, Lines
+from robotmodels.common.arrays import Array, ComplexArray, IntArray, read_only
+from robotmodels.common.errors import IdentificationError, InvalidInput, nearest
+from robotmodels.linear.residuals import ResidualForm
+from robotmodels.linear.response import Elastic, by_ln_theta, frequency_response
+from robotmodels.records.records import Records
+
+SML = "sml"
+"""Name of the residual."""
+
+ROWS = ("auto", "joint", "row_wise")
+
+_JOINT = 4
+"""Degrees of freedom per output from which on outputs are weighed together."""
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class RunProblem(FitProblem):
+    """The cost V of runs, see `estimators.input_output.likelihood`, with what `FitProblem` holds.
+
+    Attributes
+    ----------
+    data : RunSpectra
+        Spectra of the runs.
+    """
+
+    data: RunSpectra
+
+    @property
+    def row_wise(self) -> bool:
+        """Whether outputs are weighed one by one, by the name of the weights."""
+        return self.weighting == "row_wise"
+
+    @property
+    def name(self) -> str:
+        """Name of the residual."""
+        return SML
+
+    @property
+    def positions(self) -> Array:
+        """Positions of the data, (Q, n) [rad]."""
+        return self.data.positions
+
+    @property
+    def omega(self) -> Array:
+        """Angular frequencies of the data, (F,) [rad/s]."""
+        return self.data.omega
+
+    @property
+    def used_data(self) -> int:
+        """Number of real data that carry weight."""
+        return 2 * self.data.outputs.size
+
+    @property
+    def size(self) -> int:
+        """Complex numbers in the data."""
+        return self.data.outputs.size
+
+    @property
+    def identity(self) -> tuple[object, object]:
+        """Data, and what was computed of them, see `FitProblem`."""
+        data = self.data
+        measured = data.positions, data.omega, data.inputs, data.outputs, data.degrees_of_freedom
+        return (self.name, self.row_wise, data.sample_time, data.delay, *measured), data.covariance
+
+    @property
+    def rows(self) -> int:
+        """Outputs that are weighed together."""
+        return 1 if self.row_wise else self.data.outputs.shape[3]
+
+    @property
+    def expected_cost(self) -> float:
+        """What noise makes of the cost at its minimum on average, without a prior.
+
+        nu/(nu - m) (m F E - p/2) with covariances of nu degrees of freedom, summed over positions;
+        row by row with m = 1.
+        """
+        _, runs, lines, m = self.data.outputs.shape
+        factor = expected_square(self.data.degrees_of_freedom, self.rows)
+        numbers = np.full(len(self.positions), float(m * lines * runs))
+        if self.data.has_states:
+            part = self.errors(self.model.parameters.values).free
+            numbers -= runs * (0 if part is None else part.rank) / 2
+        return float((factor * numbers).sum() - factor.mean() * len(self.names) / 2)
+
+    def likelihood_scale(self, values: Array) -> float:
+        """Return the factor of V that makes exp(-V) as wide as the covariance, on average.
+
+        Less than one where covariances were sampled, or rows are correlated and not weighed
+        together (Pauli, Racugno and Ventura 2011).
+        """
+        bread, meat = self.sandwich_parts(values)
+        return len(bread) / float(np.trace(np.linalg.lstsq(bread, meat)[0]))
+
+    @cached_property
+    def likelihood(self) -> RunLikelihood:
+        """The cost of an FRF."""
+        return RunLikelihood(self.data, self.row_wise)
+
+    def free(self, values: Array) -> FreeResponse | None:
+        """Return the free responses of the states, if runs do not end as they began."""
+        data = self.data
+        if data.sample_time is None:
+            return None
+        shift, factor = np.exp(1j * np.outer([data.sample_time, data.delay], data.omega))
+        states = self._states(values)
+        if (
+            self.model.network(self.positions[:1], values).measurement is None
+        ):  # motor accelerations come from sampled angles
+            factor = -(data.omega**2) * factor
+        return FreeResponse(states, shift, factor)
+
+    def errors(self, values: Array, response: ComplexArray | None = None) -> Errors:
+        """Return the errors at `values` (p,), where the model's FRF is `response` if known."""
+        if response is None:
+            response = frequency_response(self.model, self.positions, self.omega, values)
+        free = self.free(values)
+        return self.likelihood.errors(response, None if free is None else free.columns)
+
+    def residuals(self, values: Array) -> tuple[Lines, Lines]:
+        """Return whitened errors (Q, F, m, E) and their derivatives, see `FitProblem`."""
+        G, J = self.derived(values)
+        all_finite(G, J)
+        errors = self.errors(values, G)
+        return errors.whitened, -self._slopes(values, errors, J)
+
+    def squares(self, response: ComplexArray, values: Array) -> Array:
+        """Return the parts of the cost, (w, Q, F, m, E)."""
+        if self.data.has_states:
+            each = zip(response, values, strict=True)
+            white = np.stack([self.errors(theta, G).whitened for G, theta in each])
+        else:
+            white = self.likelihood.errors(response).whitened
+        return np.asarray(white.real**2 + white.imag**2)
+
+    def linearise(self, values: Array, at: Derived | None = None) -> LinearisedFit:
+        """Return the fit about its solution; its elements are the whitened outputs of all runs."""
+        G, J = self.derived(values) if at is None else at
+        errors, freedom = self.errors(values, G), self.data.degrees_of_freedom
+        q, f, m, runs = errors.whitened.shape
+        ones, size = np.ones((q, f, m * runs)), expected_square(freedom, self.rows)
+        covariance: Lines = ones * size[:, None, None]
+        if self.row_wise and m > 1:
+            covariance = size[:, None, None, None] * run_correlation(errors, runs)
+        prior = np.zeros((len(self.names),) * 2)
+        return LinearisedFit(
+            names=self.names,
+            residuals=errors.whitened.reshape(q, f, -1),
+            jacobian=by_line(self._slopes(values, errors, J)),
+            weights=ones,
+            noise_weights=ones,
+            covariance=covariance,
+            deviations=None,
+            degrees_of_freedom=freedom,
+            line_correlation=np.empty(0),
+            prior=prior if self.prior is None else self.prior.information(self.names),
+            scatter_factor=(variance_factor(freedom, self.rows) / size)[:, None, None],
+        )
+
+    def changes(self, values: Array, at: Derived) -> Callable[[ComplexArray], Lines]:
+        """Return what turns changes of the FRF into those of whitened outputs, (Q, F, m E, r)."""
+        errors = self.errors(values, at[0])
+
+        def changes(changed: ComplexArray) -> Lines:
+            return by_line(self._through(errors, changed))
+
+        return changes
+
+    def sandwich_parts(self, values: Array) -> tuple[Array, Array]:
+        """Return the information of the true inputs and the covariance of the cost's gradient.
+
+        H and H + D, see `input_scatter`. Row by row the correlations of the outputs enter the
+        second, and sampled covariances enlarge it by `variance_factor`.
+        """
+        at = self.derived(values)
+        fit = self.linearise(values, at)
+        scattered = input_scatter(self.likelihood, self.errors(values, at[0]), at[1])
+        bread = products(fit.jacobian, fit.jacobian) - products(scattered, scattered)
+        if fit.covariance.ndim == 4:
+            through = fit.covariance @ fit.jacobian
+        else:
+            through = fit.covariance[..., None] * fit.jacobian
+        enlarged = np.asarray(fit.scatter_factor)[..., None] * through
+        return bread, products(fit.jacobian, enlarged)
+
+    def robust(self, squares: Array) -> Array:
+        """Refuse: runs have no robust loss, see `run_problem`."""
+        raise NotImplementedError
+
+    def _through(self, errors: Errors, changed: ComplexArray) -> ComplexArray:
+        """Return whitened changes (Q, F, m, E, r) less what states can imitate of them."""
+        white = self.likelihood.whitened_changes(errors, changed)
+        return white if errors.free is None else errors.free.taken_off(white)
+
+    def _slopes(self, values: Array, errors: Errors, jacobian: ComplexArray) -> ComplexArray:
+        """Return the derivatives of whitened modelled outputs, (Q, F, m, E, p)."""
+        white = self.likelihood.whitened_changes(errors, jacobian)
+        free = self.free(values)
+        if errors.free is None or free is None:
+            return white
+        slopes = by_ln_theta(self._states, values)
+        moved = free.moved(slopes, errors.free.amplitudes)
+        return errors.free.taken_off(white + errors.whiten(moved))
+
+    def _states(self, values: Array) -> Array:
+        assert self.data.sample_time is not None
+        model = self.model.network(self.positions, values).linear_model()
+        return sampled_states(model, self.data.sample_time)
+
+
+def run_problem(
+    model: Elastic,
+    data: RunSpectra | Records,
+    residual: str | ResidualForm | None,
+    weights: str | NDArray[Any] | None,
+    bounds: tuple[float, float] | Array,
+    positions: Sequence[int] | IntArray | None = None,
+    prior: Prior | None = None,
+    loss: str = "linear",
+) -> RunProblem:
+    """Return the problem of a fit to runs; arguments as in `estimators.fit`.
+
+    Raises
+    ------
+    InvalidInput
+        For other residuals, weights or losses than runs have, too few degrees of freedom or data,
+        or runs that the model cannot explain by their number or size.
+    """
+    if residual not in (None, SML):
+        name = residual if isinstance(residual, str) else getattr(residual, "name", residual)
+        raise InvalidInput(
+            f"residual: {name!r} compares FRFs; runs have 'sml', or estimate FRFs of them first"
+        )
+    if loss != "linear":
+        raise InvalidInput(f"loss: {loss!r} is defined for FRFs; runs have 'linear' only")
+    spectra = run_spectra(data) if isinstance(data, Records) else data
+    if positions is not None:
+        check_positions(positions)
+        spectra = spectra.subset(np.asarray(positions))
+    problem = RunProblem(
+        model=model,
+        data=spectra,
+        weighting=_weighting(spectra, "auto" if weights is None else weights),
+        bounds=read_only(checked_bounds(bounds, model.parameters)),
+        prior=prior,
+    )
+    _check_model(problem)
+    return problem
+
+
+def _weighting(data: RunSpectra, rows: str | NDArray[Any]) -> str:
+    """Return "joint" or "row_wise": whether outputs are weighed together or one by one.
+
+    Covariances of nu degrees of freedom for m outputs can be weighed together from nu >= m + 2 on;
+    "auto" does so from nu >= 4 m on and row by row below, which needs 3.
+    """
+    least, m = float(data.degrees_of_freedom.min()), data.outputs.shape[3]
+    if not (isinstance(rows, str) and rows in ROWS):
+        near = nearest(rows, ROWS) if isinstance(rows, str) else ""
+        raise InvalidInput(f"weights: {str(rows)[:60]!r} is none of {', '.join(ROWS)}{near}")
+    if rows == "joint" and least < m + 2:
+        raise InvalidInput(
+            f"weights: 'joint' needs covariances of at least {m + 2} degrees of freedom for {m} "
+            f"outputs; these have {least:g}; take 'row_wise', or measure more blocks or periods"
+        )
+    if rows == "auto":
+        return "row_wise" if least < _JOINT * m else "joint"
+    return rows
+
+
+def _check_model(problem: RunProblem) -> None:
+    """Refuse runs that the model cannot explain, by their number or size."""
+    data, model, p = problem.data, problem.model, len(problem.names)
+    m, n = data.outputs.shape[3], data.inputs.shape[3]
+    who = f"of {getattr(model, 'name', 'the model')}"
+    try:
+        one = frequency_response(model, data.positions[:1], data.omega[:1])
+    except IdentificationError as error:
+        raise InvalidInput(f"runs: not {who}: {error}") from error
+    if one.shape[2:] != (m, n):
+        raise InvalidInput(
+            f"runs: {m} outputs of {n} inputs, not {who}, which has {one.shape[2]} of "
+            f"{one.shape[3]}"
+        )
+    prior_rows = 0 if problem.prior is None else len(problem.prior.columns(problem.names))
+    if problem.used_data + prior_rows < p:
+        raise InvalidInput(
+            f"runs: {problem.used_data} real data for {p} parameters; measure more lines, runs or "
+            "positions, or lock springs"
+        )

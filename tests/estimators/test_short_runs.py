@@ -1,0 +1,83 @@
+"""Runs that do not end as they began: states are estimated along."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from sampled_runs import ANGLE, MODEL, TORQUE, TRUTH, sampled_records
+
+from estimators import covariance, fit, run_spectra
+from estimators.fitting.run_problem import RunProblem
+
+BOUNDS = np.outer([1e-3, 1e3], TRUTH)
+OFF = TRUTH * np.exp(0.05 * np.cos(np.arange(6)))
+LINES = np.array([k for k in range(7, 100, 2) if k % 10 != 5])
+
+
+def random_torques(rng):
+    return run_spectra(sampled_records(rng, samples=512), (TORQUE, ANGLE))
+
+
+def one_period_in_a_loop(rng, noise=(0.0, ANGLE)):
+    records = sampled_records(rng, runs=2, samples=512, feedback=20.0, lines=LINES)
+    return run_spectra(records, noise)
+
+
+def detected_in_a_loop(rng):
+    return one_period_in_a_loop(rng, "detection")
+
+
+@pytest.mark.parametrize("weighting", ["joint", "row_wise"])
+@pytest.mark.parametrize("draw", [random_torques, one_period_in_a_loop])
+def test_gradients_are_those_of_the_cost(draw, weighting):
+    data = draw(np.random.default_rng(1))
+    assert data.has_states
+    problem = RunProblem(model=MODEL, data=data, weighting=weighting, bounds=BOUNDS)
+
+    def cost(values):
+        return float(np.sum(problem.evaluate(values)[0] ** 2))
+
+    residuals, jacobian = problem.evaluate(OFF)
+    gradient = 2 * jacobian.T @ residuals
+    steps = [(cost(OFF * np.exp(h)) - cost(OFF * np.exp(-h))) / 2e-5 for h in 1e-5 * np.eye(6)]
+    np.testing.assert_allclose(gradient, steps, atol=1e-7 * np.abs(gradient).max())
+
+
+def shares(draw, count, seed, with_states=True):
+    """How often intervals of 95 % cover (count, 6), and mean cost over its expectation."""
+    rng = np.random.default_rng(seed)
+    covers, costs = [], []
+    for _ in range(count):
+        data = draw(rng)
+        fitted = fit(MODEL, data if with_states else replace(data, sample_time=None))
+        uncertainty = covariance(fitted)
+        z = np.log(fitted.parameters.values / TRUTH) / uncertainty.std
+        covers.append(np.abs(z) < uncertainty.quantile(0.95))
+        costs.append(fitted.cost / fitted.expected_cost)
+    return np.array(covers), float(np.mean(costs))
+
+
+DRAWS = [random_torques, one_period_in_a_loop, detected_in_a_loop]
+
+
+@pytest.mark.parametrize("draw", DRAWS)
+def test_intervals_cover(draw):
+    covers, cost = shares(draw, 15, 3)
+    assert covers.mean() > 0.87
+    assert draw is detected_in_a_loop or cost == pytest.approx(1.0, abs=0.06)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("draw", DRAWS)
+def test_intervals_cover_in_400_studies(draw):
+    covers, cost = shares(draw, 400, 4)
+    upper = 0.995 if draw is detected_in_a_loop else 0.97
+    assert 0.93 < covers.mean() < upper
+    assert covers.mean(axis=0).min() > 0.91
+    assert draw is detected_in_a_loop or cost == pytest.approx(1.0, abs=0.02)
+
+
+def test_without_states_random_torques_cover_hardly_ever():
+    """The negative control."""
+    covers, _ = shares(random_torques, 8, 5, with_states=False)
+    assert covers.mean() < 0.4
