@@ -88,6 +88,34 @@ def log_probability_rates(problem: Problem) -> dict[str, Any]:
     return result
 
 
+def run_rates(problem: Problem) -> dict[str, Any]:
+    """Return cost evaluations a second and thread of runs, and of NLS of the same size beside them.
+
+    The Manutec r3 with 26 parameters, by the runs in each position; correlated covariances of all
+    torques and outputs.
+    """
+    robot = robotmodels.load_robot("manutec_r3_26")
+    where, omega, rng = positions(robot, POSITIONS), problem.omega, np.random.default_rng(3)
+    network = robot.network(where)
+    G = kernel.frequency_response(network, omega)
+    theta = network.parameters.values * np.exp(0.05 * rng.normal(size=(WALKERS, 26)))
+    available = numba.get_num_threads()
+    numba.set_num_threads(1)
+    nls = kernel.CostKernel(network, omega, G, 1 / np.abs(G) ** 2)
+    result: dict[str, Any] = {"nls": WALKERS / best(lambda: nls(theta))}
+    n = G.shape[3]
+    root = rng.normal(size=(*G.shape[:2], 2 * n, 2 * n)) + 0j
+    for runs in (1, 2, n, 2 * n):
+        U = rng.normal(size=(*G.shape[:2], n, runs)) + 1j * rng.normal(size=(*G.shape[:2], n, runs))
+        for row_wise in (False, True):
+            cost = kernel.RunKernel(network, omega, G @ U, U, root, row_wise)
+            seconds = best(lambda cost=cost: cost(theta))
+            name = f"sml, {runs} runs{', row by row' if row_wise else ''}"
+            result[name] = WALKERS / seconds
+    numba.set_num_threads(available)
+    return result
+
+
 def by_differences(
     network: SpringNetwork, omega: Array, measured: ComplexArray, weights: Array, theta: Array
 ) -> NormalEquations:
@@ -168,6 +196,7 @@ def run_peer(peer: str, problem: Problem) -> tuple[list[Array], float]:
 SECTIONS = {
     "evaluation": evaluation_times,
     "log_probability": log_probability_rates,
+    "runs": run_rates,
     "peers": peer_times,
 }
 
@@ -198,6 +227,9 @@ def report(results: dict[str, Any]) -> None:
             rate = found["evaluations_per_second"]
             ratio = rates["lls"][1] / rate
             print(f"{name:34s}{rate:12.1f}{ratio:17.0f} x{found['difference']:13.1e}")
+    print("\nruns, Manutec r3, 26 parameters   evaluations/s   of nls")
+    for name, rate in results["runs"].items():
+        print(f"{name:34s}{rate:12.0f}{rate / results['runs']['nls']:9.2f}")
     print("peers: LLS on all cores, beside the kernel's LLS on one thread")
 
 

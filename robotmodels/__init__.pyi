@@ -37,7 +37,11 @@ from .linear.modes import (
     resonances as resonances,
     rigid_modes as rigid_modes,
 )
-from .linear.noise import NoiseLaw as NoiseLaw, RelativeNoise as RelativeNoise
+from .linear.noise import (
+    NoiseLaw as NoiseLaw,
+    RelativeNoise as RelativeNoise,
+    RunNoise as RunNoise,
+)
 from .linear.residuals import ResidualForm as ResidualForm
 from .linear.response import (
     frequency_response as frequency_response,

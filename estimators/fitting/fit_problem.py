@@ -131,14 +131,13 @@ class FitProblem(ABC):
     def robust(self, squares: Array) -> Array:
         """Return the loss of squared residuals (r,) and its two derivatives, (3, r)."""
 
-    @property
-    def compiles(self) -> bool:
-        """Whether there is a compiled cost of such data, about equilibria of springs."""
-        return False
+    @abstractmethod
+    def compiles(self, network: SpringNetwork) -> bool:
+        """Tell whether there is a compiled cost of such data, about a network's equilibria."""
 
+    @abstractmethod
     def kernel(self, network: SpringNetwork) -> "FitKernel":
         """Return the compiled cost about a network's equilibria, if it `compiles`."""
-        raise NotImplementedError
 
     def evaluate(self, values: Array) -> tuple[Array, Array]:
         """Return the whitened residuals (r,) and their Jacobian (r, p) at `values` (p,).

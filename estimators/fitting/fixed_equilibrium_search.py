@@ -105,9 +105,7 @@ OUT_OF_EVALUATIONS = "The maximum number of function evaluations is exceeded"
 
 def can_compile(problem: FitProblem, network: SpringNetwork) -> bool:
     """Tell whether a problem is one for the compiled normal equations, and large enough."""
-    if problem.loss != "linear" or not problem.compiles:
-        return False
-    if not (network.only_springs and network.only_motors):
+    if problem.loss != "linear" or not (network.only_motors and problem.compiles(network)):
         return False
     return problem.size * len(network.parameters) >= WORTHWHILE
 

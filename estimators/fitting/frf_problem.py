@@ -147,10 +147,9 @@ class FrfProblem(FitProblem):
         """Return bread and meat of [WM] (5), see `frf_sandwich`."""
         return frf_sandwich(self, values)
 
-    @property
-    def compiles(self) -> bool:
-        """Whether weights are those of single elements."""
-        return not is_full(self.weights, self.estimate.response.shape)
+    def compiles(self, network: SpringNetwork) -> bool:
+        """Tell whether weights are those of single elements, and only springs are free."""
+        return network.only_springs and not is_full(self.weights, self.estimate.response.shape)
 
     def kernel(self, network: SpringNetwork) -> "CostKernel":
         """Return the compiled cost about a network's equilibria."""

@@ -3,7 +3,7 @@
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -32,7 +32,11 @@ from robotmodels.common.arrays import Array, ComplexArray, IntArray, read_only
 from robotmodels.common.errors import IdentificationError, InvalidInput, nearest
 from robotmodels.linear.residuals import ResidualForm
 from robotmodels.linear.response import Elastic, by_ln_theta, frequency_response
+from robotmodels.linear.spring_network import SpringNetwork
 from robotmodels.records.records import Records
+
+if TYPE_CHECKING:
+    from robotmodels.kernel import RunKernel
 
 SML = "sml"
 """Name of the residual."""
@@ -211,6 +215,19 @@ class RunProblem(FitProblem):
             through = fit.covariance[..., None] * fit.jacobian
         enlarged = np.asarray(fit.scatter_factor)[..., None] * through
         return bread, products(fit.jacobian, enlarged)
+
+    def compiles(self, network: SpringNetwork) -> bool:
+        """Tell whether runs are periodic, and motors' motion is measured of springs and dampers."""
+        from robotmodels.kernel import run_kernel_suits
+
+        return not self.data.has_states and run_kernel_suits(network)
+
+    def kernel(self, network: SpringNetwork) -> "RunKernel":
+        """Return the compiled cost about a network's equilibria."""
+        from robotmodels.kernel import RunKernel
+
+        columns, root = self.likelihood.columns, self.likelihood.noise_root
+        return RunKernel(network, self.omega, *columns, root, self.row_wise)
 
     def robust(self, squares: Array) -> Array:
         """Refuse: runs have no robust loss, see `run_problem`."""

@@ -74,7 +74,7 @@ class RunLikelihood:
     row_wise: bool
 
     @cached_property
-    def _noise_root(self) -> ComplexArray:
+    def noise_root(self) -> ComplexArray:
         """T with T T^H = C, (Q, F, m + n, m + n); C may be singular."""
         covariance = self.data.covariance
         size = np.sqrt(np.diagonal(covariance, axis1=-2, axis2=-1).real)
@@ -85,7 +85,7 @@ class RunLikelihood:
         return np.asarray(root)
 
     @cached_property
-    def _columns(self) -> tuple[ComplexArray, ComplexArray]:
+    def columns(self) -> tuple[ComplexArray, ComplexArray]:
         """Outputs (Q, F, m, E) and inputs (Q, F, n, E)."""
         outputs, inputs = (np.moveaxis(x, 1, 3) for x in (self.data.outputs, self.data.inputs))
         return outputs, inputs
@@ -103,7 +103,7 @@ class RunLikelihood:
         SolverFailed
             If the errors of some line have no covariance.
         """
-        U, T = self._columns[1], self._noise_root
+        U, T = self.columns[1], self.noise_root
         m = self.data.outputs.shape[3]
         X = T[..., :m, :] - response @ T[..., m:, :]
         A = T[..., m:, :] @ _adjoint(X)
@@ -127,7 +127,7 @@ class RunLikelihood:
 
     def raw_errors(self, response: ComplexArray) -> ComplexArray:
         """Return Y - G U, (..., Q, F, m, E)."""
-        Y, U = self._columns
+        Y, U = self.columns
         return np.asarray(Y - response @ U)
 
     def whitened_changes(self, errors: Errors, changes: ComplexArray) -> ComplexArray:

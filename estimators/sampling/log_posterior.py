@@ -159,9 +159,8 @@ class LogPosterior:
     @cached_property
     def kernel(self) -> "FitKernel | None":
         """The compiled cost; None where there is none, or the skeleton changes."""
-        if not (self.problem.compiles and self.network.only_springs):
-            return None
-        return self.problem.kernel(self.network)
+        suits = self.problem.compiles(self.network)
+        return self.problem.kernel(self.network) if suits else None
 
     def __getstate__(self) -> dict[str, Any]:
         # Compiled code works on addresses: another process makes its own.

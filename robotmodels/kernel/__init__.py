@@ -17,6 +17,7 @@ from robotmodels.kernel.cost_kernel import (
 from robotmodels.kernel.elimination_order import EliminationPlan, layout
 from robotmodels.kernel.fisher import informations, separable_informations
 from robotmodels.kernel.memory import address, aligned
+from robotmodels.kernel.run_kernel import RunKernel, run_kernel_suits
 from robotmodels.kernel.simd import LANES
 from robotmodels.kernel.solve import responses
 from robotmodels.kernel.threads import over_threads
@@ -30,9 +31,11 @@ __all__ = [
     "CostKernel",
     "FitKernel",
     "NormalEquations",
+    "RunKernel",
     "costs",
     "frequency_response",
     "information",
+    "run_kernel_suits",
 ]
 
 _SHARES = 4

@@ -78,7 +78,7 @@ def _slopes(work, cells, options, columns, sums, start, stop, out):
     `work` is of the full layout, all its rows needed; `columns` (2 n (d + n)) and `sums`
     (d (d + 1)) are buffers of vectors.
     """
-    _, blocks, _, residual = options
+    _, blocks, _, residual, runs = options
     d = work.d
     symmetric = columns + BYTES * 2 * d * work.n
     for q in range(start, stop):
@@ -88,7 +88,7 @@ def _slopes(work, cells, options, columns, sums, start, stop, out):
         for cell in range(q * blocks, (q + 1) * blocks):
             w = load(cells.omega, cell)
             solve(work, q, w)
-            residual_rows(work, cells, cell, residual)
+            residual_rows(work, cells, cell, residual, runs)
             unit_responses(work, columns)
             element_weights(work, symmetric)
             add_products(work, columns, symmetric, sums, w)

@@ -35,11 +35,12 @@ from robotmodels.kernel.memory import (
     store,
     store_scalar,
 )
+from robotmodels.kernel.run_cells import run_squares
 from robotmodels.kernel.simd import LANES, any_negative, fma, lane_sum, pack, splat, where_greater
 from robotmodels.kernel.solve import motor_response, motor_terms, pack_motors
 from robotmodels.kernel.vector_math import angle, half_log, wrap
 
-NLS, LLS, LLS_MAGNITUDE = 0, 1, 2
+NLS, LLS, LLS_MAGNITUDE, SML, SML_ROW_WISE = range(5)
 """Residuals, as compiled code names them."""
 
 
@@ -57,7 +58,7 @@ class Cells(NamedTuple):
     targets : int
         NLS: (cells, elements, 3) the merged measured motor response and its weight; LLS: (cells,
         elements, 6) merged ln magnitude and weight, then two angles and weights; magnitudes only:
-        (cells, elements, 2) these alone.
+        (cells, elements, 2) these alone. Runs: see `run_cells`.
     """
 
     omega: int
@@ -204,9 +205,9 @@ def _cell_costs(work, cells, stiffness, damping, walkers, options, start, stop, 
     """Add the costs of cells `start` to `stop` to the (W,) doubles at `out`.
 
     `stiffness` and `damping` are the addresses of (W, Q, s); `options` are Q, the cells per
-    position, whether a free spring joins two rows, and which residual.
+    position, whether a free spring joins two rows, which residual, and the number of runs.
     """
-    positions, blocks, coupled, residual = options
+    positions, blocks, coupled, residual, runs = options
     for cell in range(start, stop):
         pack_motors(work, cell // blocks)
         for walker in range(walkers):
@@ -217,6 +218,8 @@ def _cell_costs(work, cells, stiffness, damping, walkers, options, start, stop, 
                 squares = nls(work, cells, cell)
             elif residual == LLS:
                 squares = lls(work, cells, cell)
+            elif residual >= SML:
+                squares = run_squares(work, cells, cell, runs, residual == SML_ROW_WISE)
             else:
                 squares = magnitudes(work, cells, cell)
             store_scalar(out, walker, scalar(out, walker) + lane_sum(squares))

@@ -73,6 +73,10 @@ class CostKernel:
         or zero where a logarithm is taken.
     """
 
+    _code: int | None
+    _runs = _scratch = 0
+    _targets: tuple[Array, Array, float] | None = None
+
     def __init__(
         self,
         network: SpringNetwork,
@@ -87,7 +91,9 @@ class CostKernel:
             network, self._omega, measured, weights, self.residual
         )
         self._blocks = -(-self._omega.size // LANES)
-        self._targets: tuple[Array, Array, float] | None = None
+        codes = list(RESIDUALS.values())
+        compiles = self._measured.size and self.residual in codes
+        self._code = codes.index(self.residual) if compiles else None
         self._set(network)
 
     def at(self, network: SpringNetwork) -> Self:
@@ -114,26 +120,27 @@ class CostKernel:
         check_complete(network)
         self.network = network
         full = layout(network)
-        codes = list(RESIDUALS.values())
-        if full is None or not self._measured.size or self.residual not in codes:
+        if full is None or self._code is None:
             self._plan = None
             return
         self._plan = reduced(full)
         self._tables = network_tables(network)
-        self._spaces = Workspaces(self._plan, network, self._tables)
+        if self._targets is None:
+            self._targets = self._prepared()
+        self._spaces = Workspaces(self._plan, network, self._tables, self._scratch)
         coupled = bool(np.any(self._plan.needed[:, 2] >= 0))
-        self._options = len(network.mass), self._blocks, coupled, codes.index(self.residual)
+        self._options = len(network.mass), self._blocks, coupled, self._code, self._runs
         exponents = network.coefficient_exponents
         alike = bool(np.all(exponents == exponents[:1]))
         self._exponents = exponents[: 1 if alike else None]
-        if self._targets is None:
-            self._targets = prepare_targets(
-                self._omega, *self._of_accelerations(), self.residual.name
-            )
         w, targets, self._constant = self._targets
         matrix, off = prepare_matrices(network, self._omega, full, self._plan)
         self._cells = w, matrix, off, targets
         self._at = Cells(*(address(a) for a in self._cells))
+
+    def _prepared(self) -> tuple[Array, Array, float]:
+        """Return frequencies and data as `Cells` wants them, and the cost no model can undo."""
+        return prepare_targets(self._omega, *self._of_accelerations(), self.residual.name)
 
     def _of_accelerations(self) -> tuple[ComplexArray, Array]:
         """Return measured FRFs and weights as those of motor accelerations, the cost unchanged."""
@@ -211,7 +218,7 @@ class CostKernel:
         out = np.empty((q, 2, d, d))
 
         def run(start: int, stop: int) -> None:
-            space = workspace(plan, network, self._tables)
+            space = workspace(plan, network, self._tables, self._scratch)
             n = len(plan.motors)
             columns, sums = aligned(2 * n * (d + n)), aligned(d * (d + 1))
             buffers = address(columns), address(sums)

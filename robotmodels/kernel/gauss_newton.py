@@ -7,9 +7,20 @@ the others are the gradient, theirs among each other the Gauss-Newton matrix.
 # numba compiles what follows and infers its types:
 # mypy: allow-untyped-decorators, allow-untyped-defs, allow-untyped-calls
 
-from robotmodels.kernel.cost_cells import LLS, NLS, one_without_weight, prefetch_cell, solve_cell
+from robotmodels.kernel.cost_cells import (
+    LLS,
+    LLS_MAGNITUDE,
+    NLS,
+    SML,
+    SML_ROW_WISE,
+    one_without_weight,
+    prefetch_cell,
+    solve_cell,
+)
+from robotmodels.kernel.fisher import accumulate_pairs, apply_weights
 from robotmodels.kernel.ldlt import SOURCES, compiled, entry, inverse, square
 from robotmodels.kernel.memory import integer, load, load_complex, scalar, store, store_scalar
+from robotmodels.kernel.run_cells import run_rows, run_weights
 from robotmodels.kernel.sensitivity_products import (
     accumulate,
     accumulate_last,
@@ -76,10 +87,12 @@ def lls_rows(work, cells, cell, phases):
 
 
 @compiled
-def residual_rows(work, cells, cell, residual):
+def residual_rows(work, cells, cell, residual, runs):
     """Do it for the residual that is asked for."""
     if residual == NLS:
         return nls_rows(work, cells, cell)
+    if residual >= SML:
+        return run_rows(work, cells, cell, runs, residual == SML_ROW_WISE)
     return lls_rows(work, cells, cell, residual == LLS)
 
 
@@ -100,13 +113,28 @@ def add_gradient(work, q, stiffness, damping, out):
 
 
 @compiled
+def accumulate_cell(work, cells, cell, matrix, residual, runs, w):
+    """Add a cell's products of springs with the residual, and if `matrix` with each other."""
+    real = residual == LLS_MAGNITUDE
+    if matrix and residual < SML:
+        accumulate(work, work.m + 1, w, real)
+        return
+    accumulate_last(work, work.m, w, real)
+    if matrix:
+        for row in range(work.n if residual == SML_ROW_WISE else 1):
+            only = row if residual == SML_ROW_WISE else -1
+            apply_weights(work, run_weights(work, cells, cell, runs, only))
+            accumulate_pairs(work, w)
+
+
+@compiled
 def _cell_normals(work, cells, stiffness, damping, matrix, options, start, stop, out):
     """Add the cost, gradient and, if `matrix`, Gauss-Newton's of some cells to doubles at `out`.
 
     Arguments as of `cost_cells`, of one set of parameters; `out` holds 1 + p (+ p^2) doubles.
     """
-    _, blocks, coupled, residual = options
-    real = residual != NLS and residual != LLS
+    _, blocks, coupled, residual, runs = options
+    real = residual == LLS_MAGNITUDE
     for cell in range(start, stop):
         q = cell // blocks
         k, c = stiffness + 8 * work.s * q, damping + 8 * work.s * q
@@ -115,15 +143,12 @@ def _cell_normals(work, cells, stiffness, damping, matrix, options, start, stop,
             zero_sums(work)
         prefetch_cell(work, cells, cell + 1)
         solve_cell(work, cells, cell, coupled, k, c, work.first)
-        squares = residual_rows(work, cells, cell, residual)
+        squares = residual_rows(work, cells, cell, residual, runs)
         store_scalar(out, 0, scalar(out, 0) + lane_sum(squares))
         w = load(cells.omega, cell)
         spring_elongations(work, w)
         outer_products(work, False)
-        if matrix:
-            accumulate(work, work.m + 1, w, real)
-        else:
-            accumulate_last(work, work.m, w, real)
+        accumulate_cell(work, cells, cell, matrix, residual, runs, w)
         if cell == stop - 1 or (cell + 1) % blocks == 0:
             add_gradient(work, q, k, c, out + 8)
             if matrix:

@@ -42,6 +42,7 @@ class Work(NamedTuple):
         rows : (m + 1 or m + 2, elements) a_s, and the residual (see `sensitivity_products`); or
             (m, 2, n) with separable noise.
         sums : (pairs, 4) of rows s >= t, in tiles of two by two.
+        scratch : what the likelihood of runs needs, see `run_cells`.
     """
 
     d: int
@@ -84,6 +85,7 @@ class Work(NamedTuple):
     roots: int
     rows: int
     sums: int
+    scratch: int
 
 
 @dataclass(frozen=True, eq=False)
@@ -98,9 +100,13 @@ class Workspaces:
     """The memory of threads that take turns: no two get the same at once."""
 
     def __init__(
-        self, plan: EliminationPlan, network: SpringNetwork, tables: Sequence[Array]
+        self,
+        plan: EliminationPlan,
+        network: SpringNetwork,
+        tables: Sequence[Array],
+        scratch: int = 0,
     ) -> None:
-        self._made_of = plan, network, tables
+        self._made_of = plan, network, tables, scratch
         self._idle: list[Workspace] = []
 
     @contextmanager
@@ -138,8 +144,10 @@ def _step(table: Array) -> int:
     return table[0].size if table.ndim == 3 and len(table) > 1 else 0
 
 
-def workspace(plan: EliminationPlan, network: SpringNetwork, tables: Sequence[Array]) -> Workspace:
-    """Return the memory of one thread."""
+def workspace(
+    plan: EliminationPlan, network: SpringNetwork, tables: Sequence[Array], scratch: int = 0
+) -> Workspace:
+    """Return the memory of one thread, with so many vectors of scratch."""
     size, n, m = len(plan.order), len(plan.motors), len(plan.needed)
     p = len(network.parameters)
     columns = -(-n // BLOCK) * BLOCK
@@ -167,6 +175,7 @@ def workspace(plan: EliminationPlan, network: SpringNetwork, tables: Sequence[Ar
         *structure,
         *_doubles(size, n, m, p),
         *_vectors(size, n, m, columns),
+        aligned(scratch),
     ]
     return Workspace(Work(*sizes, *(address(a) for a in pointed)), pointed)
 
