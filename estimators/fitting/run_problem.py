@@ -135,13 +135,11 @@ class RunProblem(FitProblem):
         data = self.data
         if data.sample_time is None:
             return None
-        shift, factor = np.exp(1j * np.outer([data.sample_time, data.delay], data.omega))
-        states = self._states(values)
-        if (
-            self.model.network(self.positions[:1], values).measurement is None
-        ):  # motor accelerations come from sampled angles
-            factor = -(data.omega**2) * factor
-        return FreeResponse(states, shift, factor)
+        late = np.exp(1j * data.omega * data.delay)[:, None]
+        sensors = self.model.network(self.positions[:1], values).linear_model().measured
+        factor = late * sensors.sensors(data.omega) * (1j * data.omega[:, None]) ** data.derivatives
+        shift = np.exp(1j * data.omega * data.sample_time)
+        return FreeResponse(self._states(values), shift, np.asarray(factor))
 
     def errors(self, values: Array, response: ComplexArray | None = None) -> Errors:
         """Return the errors at `values` (p,), where the model's FRF is `response` if known."""
@@ -251,7 +249,7 @@ class RunProblem(FitProblem):
     def _states(self, values: Array) -> Array:
         assert self.data.sample_time is not None
         model = self.model.network(self.positions, values).linear_model()
-        return sampled_states(model, self.data.sample_time)
+        return sampled_states(model, self.data.sample_time, self.data.derivatives)
 
 
 def run_problem(

@@ -9,8 +9,9 @@ from functools import cached_property
 
 import numpy as np
 
-from robotmodels.common.arrays import Array, ComplexArray
-from robotmodels.linear.linear_model import LinearModel, motor_measurement
+from robotmodels.common.arrays import Array, ComplexArray, IntArray
+from robotmodels.common.errors import InvalidInput
+from robotmodels.linear.linear_model import LinearModel, Measurement
 
 _RANK = 1e-9
 """Singular values that are smaller, of columns of unit length, tell nothing apart."""
@@ -69,10 +70,19 @@ def _complex(rows: Array, shape: tuple[int, ...]) -> ComplexArray:
     return np.asarray((rows[:, :half] + 1j * rows[:, half:]).reshape(shape))
 
 
-def sampled_states(model: LinearModel, sample_time: float) -> Array:
+def sampled_states(model: LinearModel, sample_time: float, derivatives: IntArray) -> Array:
     """Return A above C, (Q, 2 d + m, 2 d): from one sample of angles and speeds to the next.
 
-    Of motor accelerations, the default, C gives the angles that are sampled in their place.
+    Parameters
+    ----------
+    derivatives : ndarray of int, (m,)
+        How often each sampled output was differentiated to make the model's, such as angles twice
+        to make accelerations.
+
+    Raises
+    ------
+    InvalidInput
+        If sensors or torques have lags, or sensors see torques at once.
     """
     from scipy.linalg import expm
 
@@ -82,10 +92,26 @@ def sampled_states(model: LinearModel, sample_time: float) -> Array:
     slopes = -np.linalg.solve(model.mass, forces)
     speeds = np.concatenate([np.zeros((d, d)), np.eye(d)], axis=1)
     rates = np.concatenate([np.broadcast_to(speeds, slopes.shape), slopes], axis=-2)
-    sensors = model.measurement or motor_measurement(model.selector, order=0)
-    C = np.concatenate(np.broadcast_arrays(sensors.position, sensors.velocity), axis=-1)
-    C = C + sensors.acceleration @ slopes
-    return np.concatenate([expm(rates * sample_time), np.broadcast_to(C, C.shape)], axis=-2)
+    C = _sampled_outputs(model.measured, derivatives, slopes)
+    return np.concatenate([expm(rates * sample_time), C], axis=-2)
+
+
+def _sampled_outputs(sensors: Measurement, derivatives: IntArray, slopes: Array) -> Array:
+    """Return the sampled outputs' matrix (Q, m, 2 d); `slopes` (Q, d, 2 d) give accelerations."""
+    lags = sensors.torque.lag.any() or (sensors.sensor is not None and sensors.sensor.lag.any())
+    parts = np.broadcast_arrays(sensors.position, sensors.velocity, sensors.acceleration)
+    none = np.zeros_like(parts[0])
+    rows = np.arange(len(derivatives))
+    sampled = np.stack([*parts, none, none])[derivatives + np.arange(3)[:, None], ..., rows, :]
+    lower = [part[..., derivatives > k, :].any() for k, part in enumerate(parts)]
+    if lags or sensors.feedthrough is not None or any(lower):
+        raise InvalidInput(
+            "states: sensors with lags, or of torques, cannot be estimated along; take "
+            "states='no' and periodic runs, or fit other outputs"
+        )
+    angle, speed, acceleration = np.moveaxis(sampled, 1, -2)
+    C = np.concatenate([angle, speed], axis=-1) + acceleration @ slopes
+    return np.broadcast_to(C, (*slopes.shape[:-2], *C.shape[-2:]))
 
 
 @dataclass(frozen=True, eq=False)
@@ -98,8 +124,8 @@ class FreeResponse:
         See `sampled_states`.
     shift : ndarray of complex, (F,)
         e^{j omega T} of the lines, T the sampling interval.
-    factor : ndarray of complex, (F,)
-        By which spectra of the sampled outputs were multiplied.
+    factor : ndarray of complex, (F, m)
+        By which spectra of the sampled outputs are multiplied.
     """
 
     states: Array
@@ -114,7 +140,7 @@ class FreeResponse:
             np.swapaxes(C, -1, -2)[:, None], (*self._matrices.shape[:3], C.shape[1])
         )
         solved = np.linalg.solve(np.swapaxes(self._matrices, -1, -2), wide)
-        return np.asarray(self.factor[:, None, None] * np.swapaxes(solved, -1, -2))
+        return np.asarray(self.factor[..., None] * np.swapaxes(solved, -1, -2))
 
     def moved(self, slopes: Array, states: Array) -> ComplexArray:
         """Return the derivatives (Q, F, m, E, p) of the responses of states (Q, s, E).
@@ -127,7 +153,7 @@ class FreeResponse:
         changed = np.einsum("qijp,qfje->qfiep", slopes, inside, optimize=True)
         late = changed[:, :, :s] / self.shift[:, None, None, None]
         through = np.einsum("qfms,qfsep->qfmep", self.columns, late, optimize=True)
-        return np.asarray(through + self.factor[:, None, None, None] * changed[:, :, s:])
+        return np.asarray(through + self.factor[..., None, None] * changed[:, :, s:])
 
     @property
     def _count(self) -> int:

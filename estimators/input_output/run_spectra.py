@@ -21,6 +21,7 @@ from robotmodels.common.arrays import (
     complex_numbers,
     read_only,
     real_numbers,
+    whole_numbers,
 )
 from robotmodels.common.errors import InvalidInput
 from robotmodels.common.printing import ReprHtml
@@ -63,6 +64,8 @@ class RunSpectra(ReprHtml):
         outputs sampled that often. None for periodic runs.
     delay : float, s
         By which sampled outputs were late before that was corrected.
+    derivatives : ndarray of int, (m,)
+        How often sampled outputs were differentiated.
     """
 
     positions: Array
@@ -74,6 +77,7 @@ class RunSpectra(ReprHtml):
     noise: str = "declared"
     sample_time: float | None = None
     delay: float = 0.0
+    derivatives: IntArray = 2  # type: ignore[assignment]
 
     def __post_init__(self) -> None:
         inputs = complex_numbers(self.inputs, "inputs")
@@ -103,7 +107,9 @@ class RunSpectra(ReprHtml):
             raise InvalidInput(
                 f"degrees_of_freedom: {np.nanmin(freedom):g}; {_FEWEST} at least are needed"
             )
-        for name, value in (*arrays.items(), ("degrees_of_freedom", freedom)):
+        derivatives = np.broadcast_to(whole_numbers(self.derivatives, "derivatives"), (m,)).copy()
+        arrays |= {"degrees_of_freedom": freedom, "derivatives": derivatives}
+        for name, value in arrays.items():
             object.__setattr__(self, name, read_only(value))
 
     @property
@@ -183,7 +189,7 @@ def run_spectra(
     along = states == "yes" or (states == "auto" and alone)
     return RunSpectra(
         records.positions, records.omega, inputs, outputs, covariance, freedom, kind,
-        records.sample_time if along else None, delay,
+        records.sample_time if along else None, delay, records.derivatives,
     )  # fmt: skip
 
 
@@ -283,8 +289,8 @@ def _from_detection(
     nearest = np.argsort(np.abs(others - lines[:, None]), axis=1)[:, :_NEAREST]
     draws = noise[:, nearest]  # (B, F, 6, m + n, E)
     # Noise of angles is alike nearby, that of their accelerations is not.
-    growth = (measured.omega[:, None] / beside.omega[nearest]) ** 2
-    draws[..., : output.shape[2], :] *= growth[..., None, None]
+    growth = (measured.omega[:, None] / beside.omega[nearest])[..., None] ** records.derivatives
+    draws[..., : output.shape[2], :] *= growth[..., None]
     covariance = np.einsum("bfsie,bfske->fik", draws, np.conj(draws))
     output, torque, _ = measured.averaged()
     freedom = float(_NEAREST * len(noise) * noise.shape[3])
@@ -309,9 +315,8 @@ def _declared(
             raise InvalidInput(f"noise of {name}: {std.min():g}; standard deviations are >= 0")
         stds.append(std)
     torques, angles = stds
-    white = np.concatenate(
-        [measured.omega[:, None] ** 2 * angles, np.ones((len(measured.omega), 1)) * torques], axis=1
-    )
+    readings = measured.omega[:, None] ** records.derivatives * angles
+    white = np.concatenate([readings, np.broadcast_to(torques, (len(readings), n))], axis=1)
     covariance = np.asarray(white[:, :, None] ** 2 * np.eye(m + n) / samples, dtype=complex)
     runs = _runs(np.concatenate([output, torque], axis=2), m)
     return (*runs, covariance, np.inf)
