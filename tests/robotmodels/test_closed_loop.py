@@ -186,4 +186,16 @@ def test_a_motor_without_a_signal_of_its_own_is_named() -> None:
     R[2, :, :] *= np.array([1, 1, 1, 1, 1, 0])
     hertz = f"{OMEGA[2] / (2 * np.pi):.4g} Hz in position 0"
     with pytest.raises(NotIdentifiable, match=hertz):
-        law(reference=R).weights(ROBOT.network(POSITIONS), OMEGA)
+        law(reference=R).covariance(ROBOT.network(POSITIONS), OMEGA)
+
+
+def test_information_adds_up_over_runs() -> None:
+    """FRFs need as many runs as motors, information of the runs themselves does not."""
+    R = law().reference
+    whole = oed.information(ROBOT, POSITIONS, OMEGA, law()).matrices
+    single = [
+        oed.information(ROBOT, POSITIONS, OMEGA, law(reference=R[:, :, [e]])).matrices
+        for e in range(6)
+    ]
+    scale = np.abs(whole).max()
+    np.testing.assert_allclose(sum(single), whole, atol=1e-11 * scale)
