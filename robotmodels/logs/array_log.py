@@ -5,6 +5,7 @@ from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
+from zipfile import BadZipFile
 
 import numpy as np
 from numpy.typing import NDArray
@@ -46,7 +47,7 @@ def read_matlab_log(path: Path, stack: ExitStack) -> Log:
 
 def read_numpy_log(path: Path, stack: ExitStack) -> Log:
     """Read the arrays of an .npz or .npy file."""
-    with library_errors(path, "a file of NumPy arrays"):
+    with library_errors(path, "a file of NumPy arrays", BadZipFile):
         loaded = np.load(path, allow_pickle=False)
         if isinstance(loaded, np.ndarray):
             arrays = {"data": loaded}

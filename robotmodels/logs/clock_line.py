@@ -10,6 +10,7 @@ from robotmodels.common.arrays import Array, BoolArray, IntArray
 _BLOCK = 1 << 17  # stamps
 _WINDOW = 8  # stamps on both sides that tell a gap from a late stamp
 _RESTART = 5  # spacings that the time runs back by where it begins anew, and rises after
+_MOST_MISSING = 2**40  # ticks
 _LEAST_STEP = 1e-3  # of the usual step; smaller ones repeat a time
 
 
@@ -167,7 +168,7 @@ def _missing(stamps: Array, valid: BoolArray, before: int, after: int, spacing: 
     later = stamps[after:high][valid[after:high]][:_WINDOW]
     ends = earlier + spacing * np.arange(len(earlier) - 1, -1, -1)
     shift = np.median(later - spacing * np.arange(len(later))) - np.median(ends)
-    return max(1, round(float(shift / spacing)))
+    return int(np.clip(np.rint(shift / spacing), 1, _MOST_MISSING))
 
 
 def _spacing(stamps: Array, valid: BoolArray) -> float:

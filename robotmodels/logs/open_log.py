@@ -12,13 +12,9 @@ from robotmodels.common.progress import Progress, StageProgress
 from robotmodels.data_files.file_guard import PathLike
 from robotmodels.logs.array_log import read_hdf5_log, read_matlab_log, read_numpy_log
 from robotmodels.logs.bag_log import read_bag_log
+from robotmodels.logs.kuka_trace import is_kuka_trace, read_kuka_trace
 from robotmodels.logs.log import Log
-from robotmodels.logs.record_formats import (
-    is_kuka_trace,
-    read_kuka_trace,
-    read_parquet_log,
-    read_tdms_log,
-)
+from robotmodels.logs.record_formats import read_parquet_log, read_tdms_log
 from robotmodels.logs.text_log import read_text_log
 from robotmodels.logs.uff_log import read_uff_log
 

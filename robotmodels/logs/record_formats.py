@@ -1,4 +1,4 @@
-"""Logs of optional libraries: Parquet and TDMS; and KUKA traces, which need none."""
+"""Logs of optional libraries: Parquet and TDMS."""
 
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack
@@ -9,7 +9,6 @@ import numpy as np
 
 from robotmodels.common.arrays import Array
 from robotmodels.common.errors import InvalidInput
-from robotmodels.common.file_paths import check_file
 from robotmodels.common.progress import Progress
 from robotmodels.data_files.file_guard import library_errors
 from robotmodels.logs.column_store import ColumnStore
@@ -17,7 +16,6 @@ from robotmodels.logs.log import Channel, Log, Table, unique_names
 from robotmodels.logs.optional_library import optional_library
 
 _BATCH = 1 << 15  # rows
-KUKA_HEADER = b"#BEGINCHANNELHEADER"
 
 
 def read_parquet_log(path: Path, stack: ExitStack, progress: Progress | None = None) -> Log:
@@ -105,76 +103,3 @@ def _tdms_reader(channel: Any, path: Path) -> Callable[[int, int], Array]:
             return np.asarray(channel[start:stop], dtype=float)
 
     return read
-
-
-def is_kuka_trace(path: Path) -> bool:
-    """Return whether a .dat file is the header of a KUKA trace, as DIAdem writes it."""
-    with path.open("rb") as file:
-        return KUKA_HEADER in file.read(1 << 16)
-
-
-def read_kuka_trace(path: Path, stack: ExitStack) -> Log:
-    """Read a KUKA trace: channels in a text header, samples side by side in .r64 files.
-
-    A channel without a file is the time: start 240, step 241. Others are at column 221 of the file
-    211, little-endian doubles, times 241 plus 240.
-
-    Raises
-    ------
-    InvalidInput
-        If a header has no samples, or a file is shorter than the header says.
-    """
-    with library_errors(path, "the header of a KUKA trace"):
-        headers = _kuka_headers(path.read_text(encoding="cp1252"))
-        implicit = [h for h in headers if h.get(210, "").upper().startswith("IMPLI")]
-        explicit = [h for h in headers if h not in implicit]
-        widths = {name: sum(h.get(211) == name for h in explicit) for name in _data_files(explicit)}
-        rows = min(int(header.get(220, 0)) for header in explicit) if explicit else 0
-        step = float(implicit[0][241]) if implicit else None
-        names = unique_names([header[200] for header in explicit])
-        channels = {}
-        for number, (name, header) in enumerate(zip(names, explicit, strict=True)):
-            width = widths[header[211]]
-            column = int(header.get(221, number + 1)) - 1
-            samples = _kuka_samples(path, header[211], rows, width)
-            factor = float(header.get(241, 1.0)) or 1.0
-            offset = float(header.get(240, 0.0))
-            read = _kuka_reader(samples, column, factor, offset)
-            channels[name] = Channel(read, header.get(202, "").strip("[]"))
-    if not rows:
-        raise InvalidInput(f"{path}: the header of a KUKA trace without samples")
-    return Log((path,), (Table("", rows, channels, step),))
-
-
-def _data_files(headers: list[dict[int, str]]) -> set[str]:
-    return {header[211] for header in headers}
-
-
-def _kuka_headers(text: str) -> list[dict[int, str]]:
-    headers: list[dict[int, str]] = []
-    for line in text.splitlines():
-        if line.startswith("#BEGINCHANNELHEADER"):
-            headers.append({})
-        key, comma, value = line.partition(",")
-        if headers and comma and key.strip().isdigit():
-            headers[-1][int(key)] = value.strip()
-    return headers
-
-
-def _kuka_samples(path: Path, name: str, rows: int, width: int) -> Any:
-    # The controller writes names in other letters than Windows shows.
-    beside = {each.name.lower(): each for each in path.parent.iterdir()}
-    source = beside.get(name.lower(), path.parent / Path(name).name)
-    check_file(source)
-    samples = np.memmap(source, dtype="<f8", mode="r")
-    if len(samples) < rows * width:
-        raise InvalidInput(
-            f"{source}: {len(samples)} values, the header says {rows} samples of {width} channels"
-        )
-    return samples[: rows * width].reshape(rows, width)
-
-
-def _kuka_reader(
-    samples: Any, column: int, factor: float, offset: float
-) -> Callable[[int, int], Array]:
-    return lambda start, stop: np.array(samples[start:stop, column]) * factor + offset

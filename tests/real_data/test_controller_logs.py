@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+import estimators
 import robotmodels
 from estimators.logs.proposal import propose_mapping
 from estimators.logs.shift_regression import velocity_relation
@@ -234,3 +235,28 @@ def test_kr300_becomes_a_movement_on_the_joint_side(kr300):
     low, high = robot.position_limits.T
     assert ((m.motor_angle > low) & (m.motor_angle < high)).all()
     assert m.motor_torque[0, 1] == pytest.approx(-784, abs=40)  # stiction holds it at the start
+
+
+def test_kr300_from_the_log_to_springs():
+    """A short mapping, then the springs of a robot that nobody here built."""
+    robot = robotmodels.load_robot("kr300")
+    signals = [
+        {"column": "rec.act_pos_mot_deg[*]", "role": "motor_angle", "unit": "deg", "side": "joint"},
+        {"column": "rec.act_pos_se_deg[*]", "role": "link_angle", "unit": "deg"},
+        {
+            "column": "rec.act_torque_abs_nm[*]",
+            "role": "motor_torque",
+            "unit": "N*m",
+            "side": "motor",
+        },
+    ]
+    pose = np.radians([0, -90, 90, 0, 0, 0]).tolist()
+    m = movement(files("kr300/record_A.mat"), robot="kr300", start_pose=pose, signals=signals)
+    fit = estimators.fit_deflection(robot, m)
+    values = {interval.name: interval for interval in fit.intervals()}
+    for axis in (1, 2, 3):
+        assert values[f"m{axis}.delay"].value == pytest.approx(0.003, abs=0.00015)
+    assert 130 < values["payload.mass"].value < 170
+    assert 6.4e6 < values["g2.stiffness"].value < 10e6
+    assert 4.2e6 < values["g3.stiffness"].value < 5.4e6
+    assert values["g1.stiffness"].verdict == "not identifiable"
