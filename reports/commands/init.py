@@ -50,9 +50,14 @@ def init(
     """
     from reports.commands.init_files import default_folder, starter_files, write_starter_files
     from reports.commands.init_options import model_options
+    from reports.summaries.progress import progress_bars
 
     folder = default_folder(robot) if output is None else output
-    starter = starter_files(robot, folder, model_options(argument, packages, lock, base, tip))
+    options = model_options(argument, packages, lock, base, tip)
+    with progress_bars() as bars:
+        if bars is not None:  # hulls of fine meshes take a minute
+            bars("collisions", 0, 0)
+        starter = starter_files(robot, folder, options)
     paths = write_starter_files(starter, folder)
     robot_file = next((path for path in paths if path.name == "robot.yaml"), None)
     lines = [starter.robot, *(f"  written  {path}" for path in paths)]

@@ -76,7 +76,10 @@ def _of_model_file(robot: str, folder: Path, options: ModelOptions) -> StarterFi
     name = default_folder(robot).name
     source = ModelFile(locate(robot, Path(), ""), options.arguments, options.packages)
     joints, checked = moving_joints(source), checked_urdf(source)
-    locked = locked_joints(joints, checked, options.chain)
+    try:
+        locked = locked_joints(joints, checked, options.chain)
+    except InvalidInput as error:
+        raise InvalidInput(f"{robot}: {error}") from None
     locked = locked_couplings(joints, couplings(checked), locked)
     moving = [j for j in joints if j.name not in locked and j.leader is None]
     _check_count(robot, len(moving))

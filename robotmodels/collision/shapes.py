@@ -162,7 +162,8 @@ def _read_shapes(
         geometry = pin.buildGeomFromUrdfString(rigid, xml, pin.COLLISION)
     except (ValueError, RuntimeError) as error:
         parts = " ".join(str(error).split()).partition("message: ")
-        raise InvalidInput(f"{path}: collision shapes: {parts[2] or parts[0]}") from None
+        cause = parts[2].removesuffix("Hint: the mesh directory may be wrong.") or parts[0]
+        raise InvalidInput(f"{path}: {_unreadable(tree, cause.strip())}") from None
     shapes, notes = [], []
     for item in geometry.geometryObjects:
         link = rigid.frames[item.parentFrame].name
@@ -196,6 +197,16 @@ def _with_absolute_meshes(source: ModelFile) -> tuple[ET.Element, tuple[str, ...
                 _check_mesh(file)
                 mesh.set("filename", str(file))
     return robot, tuple(missing)
+
+
+def _unreadable(tree: ET.Element, cause: str) -> str:
+    """Return what is said of a collision shape that cannot be read, naming its link."""
+    for link in tree.iterfind("link"):
+        for mesh in link.iterfind("collision/geometry/mesh"):
+            if mesh.get("filename", "") in cause:
+                remedy = "mend the mesh, or leave the link's <collision> out"
+                return f"link {link.get('name')!r}: its mesh cannot be read: {cause}; {remedy}"
+    return f"collision shapes: {cause}"
 
 
 def _check_mesh(path: Path) -> None:

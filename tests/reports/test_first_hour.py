@@ -6,11 +6,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+import oed
 from oed.study.settings.study_file import load_study
 from oed.study.stages.candidates import gather
 from reports.commands.init_files import starter_files, write_starter_files
 from reports.commands.init_options import model_options
-from robotmodels import InvalidInput, linearize, load_robot
+from robotmodels import InvalidInput, RelativeNoise, linearize, load_robot
 from robotmodels.common.yaml_files import parse_yaml
 from robotmodels.description.robot_file import RobotFile
 from robotmodels.description.urdf import (
@@ -286,6 +287,9 @@ def test_a_free_base_is_held_with_a_word_only(tmp_path):
         assert len(file.motors) == 2
 
 
+MESH = '<collision><geometry><mesh filename="bad.stl"/></geometry></collision>'
+
+
 @pytest.mark.parametrize(
     ("name", "content", "message"),
     [
@@ -293,9 +297,20 @@ def test_a_free_base_is_held_with_a_word_only(tmp_path):
         ("cut.xml", "<mujoco><worldbody>", "cut.xml: not a well-formed MJCF: "),
         ("cut.xacro", "<robot>", "cut.xacro: not a well-formed xacro file: "),
         ("cut.urdf", "<robot>", "cut.urdf: not a well-formed URDF: "),
+        (
+            "mesh.urdf",
+            urdf(ARM[0], link("post", inside=MESH), JOINTS[0]),
+            r"mesh.urdf: link 'post': its mesh cannot be read: .*bad.stl.*; mend the mesh, or",
+        ),
+        (
+            "free.urdf",
+            urdf(*ARM[:2], JOINTS[0].replace('"revolute"', '"planar"')),
+            "free.urdf: joint 'turn' leaves link 'post' free to move",
+        ),
     ],
 )
 def test_files_that_cannot_be_read_are_named_by_their_kind(tmp_path, name, content, message):
+    (tmp_path / "bad.stl").write_text("solid x")
     if content:
         (tmp_path / name).write_text(content)
     with pytest.raises(InvalidInput, match=message) as error:
@@ -322,13 +337,31 @@ def examples():
     return sorted({str(f).split("/robots/")[-1] for f in files if f.suffix == ".urdf"})
 
 
+_MOST_DESIGNED = 60  # candidates: what a design costs grows with them
+_LINES = 20
+
+
+def designed(folder, robot, screened):
+    """Return the plan of a study in some of its candidates, at some lines of its band."""
+    study = load_study(folder / "study.yaml")
+    band = study.frequencies
+    omega = 2 * np.pi * np.geomspace(band.low, band.high, _LINES)
+    noise = RelativeNoise(study.noise.relative, study.noise.floor)
+    some = screened.positions[:: -(-len(screened) // _MOST_DESIGNED)]
+    info = oed.information(robot, some, omega, noise)
+    relaxed = oed.optimal_design(info, study.design.criterion, solver="newton")
+    return oed.exact_design(info, study.design.experiments, relaxed)
+
+
 @pytest.mark.parametrize(
     "name", ["so_arm_description/urdf/so100.urdf", "finger_edu.urdf", "kinova.urdf"]
 )
 def test_studies_of_some_published_robots_run(tmp_path, name):
     _, robot, screened = run_of(EXAMPLES + name, tmp_path)
     assert len(screened) >= 10
-    assert np.isfinite(linearize(robot, screened.positions[-1]).mass).all()
+    plan = designed(tmp_path, robot, screened)
+    assert plan.efficiency > 0.99
+    assert np.sqrt(np.diag(np.linalg.inv(plan.information))).max() < 0.1
 
 
 @pytest.mark.slow
@@ -336,10 +369,14 @@ def test_studies_of_some_published_robots_run(tmp_path, name):
 def test_studies_of_all_published_robots_run_or_say_why_not(tmp_path, name):
     refusal = ""
     try:
-        _, _, screened = run_of(EXAMPLES + name, tmp_path)
+        _, robot, screened = run_of(EXAMPLES + name, tmp_path)
     except InvalidInput as error:
         refusal = str(error)
     assert refusal or len(screened) >= 1
     assert "\n" not in refusal
+    if not refusal:
+        plan = designed(tmp_path, robot, screened)
+        assert plan.efficiency > 0.9
+        assert np.isfinite(np.linalg.inv(plan.information)).all()
     assert "candidate positions are left" not in refusal
     assert Path(name).name in refusal or not refusal
