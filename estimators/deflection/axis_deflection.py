@@ -6,7 +6,7 @@ link's side of the spring, if there is any, looks like a delay of friction over 
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -120,12 +120,7 @@ def estimate(
     """Return payload, friction, compliances and delays, of the same gears as a `nominal` one."""
     robot = at.robot(movements[0].robot)
     count, n = len(movements), len(robot.motor_names)
-    smooth = tuple(
-        JointMovement(
-            robot, m.sample_time, m.motor_angle, m.link_angle, m.torque, m.on_both_sides
-        ).low_passed(at.low_pass)
-        for m in movements
-    )
+    smooth = tuple(replace(m, robot=robot).low_passed(at.low_pass) for m in movements)
     delays = np.zeros((count, n)) if nominal is None else nominal.delays.copy()
     gears = [j for j in sprung(movements[0]) if moves(smooth, j, at)]
     if nominal is not None:
@@ -184,6 +179,8 @@ def _series(
     angle, speed, _ = (part[:, j] for part in movement.links(here.delays[i]))
     bent = angle - movement.motor(movement.measured.time)[:, j]
     torque = gear_torque(here.torques[i], at, here.payload)[:, j]
+    if movement.measured.senses_torque[j]:
+        torque = movement.gear_torque[:, j]
     columns = [-torque, -np.sign(speed)]
     if at.eccentric:
         columns += [np.sin(angle), np.cos(angle)]

@@ -27,6 +27,8 @@ def _share(
         angle, speed, _ = (part[:, j] for part in smooth.links(delays))
         bent = angle - smooth.motor(smooth.measured.time)[:, j]
         torque = gear_torque(smooth.torques(delays), at, here.payload)[:, j]
+        if smooth.measured.senses_torque[j]:
+            torque = smooth.gear_torque[:, j]
         used, predicted = moving(smooth, speed, at), -axis.compliance * torque
         columns = [np.ones_like(angle), -np.sign(speed), -speed]
         X = np.stack(columns if at.delays else columns[:2], axis=1)[used]

@@ -60,15 +60,16 @@ class DeflectionFit:
         axes = self.estimate.axes
         stiffnesses = [self._stiffness(i, axis) for i, axis in enumerate(axes)]
         delays = [each for i, axis in enumerate(axes) for each in self._delays(i, axis)]
-        loads = [] if self.conditional else [self._payload()]
+        loads = [self._payload()] if self.estimate.file_payload is None else []
         return (*stiffnesses, *self._at_rest(), *delays, *loads, *self._friction())
 
     def systematic_shifts(self) -> dict[str, dict[str, float]]:
         """Return, by term and parameter, the relative shift of stiffnesses and payload."""
-        names = [*(self._spring(axis) for axis in self.estimate.axes), "payload.mass"]
-        indices = [*range(len(self.estimate.axes)), -1]
+        estimated = ["payload.mass"] if self.estimate.file_payload is None else []
+        names = [*(self._spring(axis) for axis in self.estimate.axes), *estimated]
+        indices = [*range(len(self.estimate.axes)), -1][: len(names)]
         results = self.estimate.results
-        signs = np.array([*(-1.0 for _ in self.estimate.axes), 1.0])
+        signs = np.array([*(-1.0 for _ in self.estimate.axes), *(1.0 for _ in estimated)])
         return {
             term: dict(
                 zip(names, (signs * shift[indices] / results[indices]).tolist(), strict=True)
@@ -96,11 +97,13 @@ class DeflectionFit:
 
         1 - |d - d'|^2 / |d|^2 over moving samples: d is the deflection less offset, delay and
         hysteresis, which are fitted to that record, d' the gear's torque over the stiffness. Both
-        hold the mean load, unless they are `centred`: an offset absorbs any mean.
+        hold the mean load, unless they are `centred`: an offset absorbs any mean. Gears whose
+        compliance comes out negative are left out.
         """
         movement = joint_movement(self.start, record)
         shares = explained_share(self.estimate, self.at, movement, centred)
-        return {self._spring(axis): s for axis, s in zip(self.estimate.axes, shares, strict=True)}
+        pairs = zip(self.estimate.axes, shares, strict=True)
+        return {self._spring(axis): share for axis, share in pairs if axis.compliance > 0}
 
     def _spring(self, axis: AxisDeflection) -> str:
         return self._stiffness_name(axis.motor)
@@ -241,7 +244,8 @@ def fit_deflection(
         The robot; its drive springs, payload and friction need not be known.
     records : JointHistories or sequence of them
         Movements, such as `robotmodels.Movement`; several are pooled, offsets and delays of the
-        encoders free in each.
+        encoders free in each. A joint's torque sensor (``joint_torque`` of a movement) takes the
+        place of what its gear bears by the robot's masses and its payload.
     payload : {"estimated", "robot file"}
         Whether the payload's mass comes from the motor torques of the same records, or from the
         robot file, of which the stiffnesses then are conditional: deflections alone give stiffness
@@ -276,6 +280,7 @@ def fit_deflection(
     }
     missing = missing_terms(here, at)
     conditional = mass is not None and robot.file.payload is not None
+    conditional = conditional and not _all_sensed(movements)
     return DeflectionFit(robot, at, here, shifts, missing, conditional)
 
 
@@ -294,11 +299,14 @@ def _file_payload(
     file = robot.file.payload
     if file is None or payload == "robot file":
         return 0.0 if file is None else file.mass
+    silent = any(movement.torque is None for movement in movements)
+    if silent and _all_sensed(movements):
+        return file.mass
     remedy = (
         "deflections alone give stiffness over load; record motor torques too, or choose "
         "payload='robot file', for which the stiffnesses then hold"
     )
-    if any(movement.torque is None for movement in movements):
+    if silent:
         raise InvalidInput(f"motor_torque is missing, hence the payload cannot be told: {remedy}")
     smooth = [movement.low_passed(at.low_pass) for movement in movements]
     torques = [s.torques(np.zeros(len(robot.motor_names))) for s in smooth]
@@ -307,6 +315,12 @@ def _file_payload(
     if not any(tells_weight(torques, int(j)) and moves(smooth, int(j), at) for j in measured):
         raise InvalidInput(f"no motor torque tells the payload's weight: {remedy}")
     return None
+
+
+def _all_sensed(movements: Sequence[JointMovement]) -> bool:
+    """Return whether torque sensors tell the torques of all gears."""
+    gears = sprung(movements[0])
+    return all(bool(movement.senses_torque[gears].all()) for movement in movements)
 
 
 def _check_alike(movements: Sequence[JointMovement]) -> None:

@@ -1,5 +1,6 @@
 """Measured movements of joints, low-passed, differentiated and freed of the encoders' delays."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -55,6 +56,8 @@ class JointMovement:
         Motor torques on the joints' side.
     on_both_sides : ndarray of bool, (n,)
         Which joints have an encoder on either side of the gear.
+    gear_torque : ndarray, (N, n), N m
+        What torque sensors of the joints measure; NaN where there is none.
     """
 
     robot: ElasticRobot
@@ -63,6 +66,12 @@ class JointMovement:
     link_angle: Array
     torque: Array | None
     on_both_sides: BoolArray
+    gear_torque: Array
+
+    @property
+    def senses_torque(self) -> BoolArray:
+        """Which joints have a torque sensor behind the gear, (n,)."""
+        return np.asarray(np.isfinite(self.gear_torque).all(axis=0))
 
     @property
     def time(self) -> Array:
@@ -82,9 +91,10 @@ class JointMovement:
             for angle in (self.motor_angle, self.link_angle)
         )
         torque = None if self.torque is None else sosfiltfilt(sections, self.torque, axis=0)
+        gears = sosfiltfilt(sections, self.gear_torque, axis=0)
         margin = 1 / cutoff  # where the filter has not settled
         inside = (self.time > margin) & (self.time < self.time[-1] - margin)
-        return SmoothMovement(self, motor, link, torque, inside)
+        return SmoothMovement(self, motor, link, torque, inside, gears)
 
 
 @dataclass(frozen=True, eq=False)
@@ -101,6 +111,8 @@ class SmoothMovement:
         Motor torques.
     inside : ndarray of bool, (N,)
         Samples that the filter's ends leave alone.
+    gear_torque : ndarray, (N, n)
+        What torque sensors of the joints measure; NaN where there is none.
     """
 
     measured: JointMovement
@@ -108,6 +120,7 @@ class SmoothMovement:
     link: CubicSpline
     torque: Array | None
     inside: BoolArray
+    gear_torque: Array
 
     def links(self, delays: Array) -> tuple[Array, Array, Array]:
         """Return link angles, speeds and accelerations, (N, n), freed of `delays` (n,) [s]."""
@@ -137,6 +150,7 @@ def joint_movement(robot: ElasticRobot, record: JointHistories) -> JointMovement
         for angle in (record.motor_angle, record.link_angle)
     )
     torque = _torque(record, columns)
+    gears = _gear_torque(record, columns)
     both = ~np.isnan(link_angle).all(axis=0)
     for name, angle in zip(robot.motor_names, link_angle.T, strict=True):
         if np.isnan(angle).any() and not np.isnan(angle).all():
@@ -145,7 +159,7 @@ def joint_movement(robot: ElasticRobot, record: JointHistories) -> JointMovement
         raise InvalidInput("link_angle: no joint has an encoder behind its gear")
     link_angle = np.where(both, link_angle, motor_angle)
     _check_angles(robot, motor_angle, link_angle)
-    return JointMovement(robot, record.sample_time, motor_angle, link_angle, torque, both)
+    return JointMovement(robot, record.sample_time, motor_angle, link_angle, torque, both, gears)
 
 
 _FARTHEST = 0.2
@@ -188,3 +202,11 @@ def _torque(record: JointHistories, columns: list[int]) -> Array | None:
     except InvalidInput:
         return None
     return None if np.isnan(torque).all() else torque
+
+
+def _gear_torque(record: JointHistories, columns: list[int]) -> Array:
+    """Return what torque sensors of joints measure, (N, n), NaN where a record has none."""
+    signals: Mapping[str, Array] = getattr(record, "signals", {})
+    if "joint_torque" not in signals:
+        return np.full((len(record.motor_angle), len(columns)), np.nan)
+    return np.asarray(signals["joint_torque"], dtype=float)[:, columns]

@@ -24,6 +24,7 @@ class Truth:
 
     robot: ElasticRobot
     movement: Movement
+    gears: np.ndarray  # torques, (N, 3)
 
 
 def loaded(mass: float) -> ElasticRobot:
@@ -56,7 +57,7 @@ def elastic_movement(mass: float = 150.0, duration: float = 12.0, seed: int = 0)
     torque[:, :3] += gears + COULOMB * np.sign(curve(time, 1)[:, :3])
     torque[:, :3] += VISCOUS * curve(time, 1)[:, :3]
     signals = {"motor_angle": motor, "link_angle": late, "motor_torque": torque}
-    return Truth(robot, Movement(robot.motor_names, T, signals))
+    return Truth(robot, Movement(robot.motor_names, T, signals), gears)
 
 
 def answer(

@@ -132,6 +132,32 @@ def test_without_torques_stiffness_is_refused_or_conditional():
     assert stiffnesses[1] / stiffnesses[0] == pytest.approx(255 / 205, rel=0.03)
 
 
+def test_torque_sensors_of_joints_need_no_payload():
+    truth = elastic_movement()
+    sensed = np.full_like(truth.movement.motor_angle, np.nan)
+    sensed[:, :3] = truth.gears
+    signals = {**truth.movement.signals, "joint_torque": sensed}
+    movement = without(replace(truth.movement, signals=signals), "motor_torque")
+    # The file's payload is wrong, and nothing depends on it.
+    fit = fit_deflection(loaded(20.0), movement, systematic=())
+    found = by_name(fit)
+    for spring in truth.robot.file.springs:
+        assert found[f"{spring.name}.stiffness"].value == pytest.approx(spring.stiffness, rel=0.01)
+        assert "payload" not in found[f"{spring.name}.stiffness"].verdict.reason
+    assert "payload.mass" not in found
+    assert min(fit.explained_share(movement).values()) > 0.999
+
+
+def test_a_robot_without_payload_has_none_to_estimate():
+    truth = elastic_movement(mass=0.0)
+    robot = ElasticRobot(truth.robot.file.model_copy(update={"payload": None}), truth.robot.folder)
+    fit = fit_deflection(robot, truth.movement)
+    found = by_name(fit)
+    assert "payload.mass" not in found
+    assert found["g3.stiffness"].value == pytest.approx(4.0999e6, rel=0.02)
+    assert all("payload.mass" not in shifts for shifts in fit.systematic_shifts().values())
+
+
 def autocorrelated(rng, size, correlation):
     noise = rng.standard_normal(size)
     for i in range(1, size):
