@@ -10,7 +10,7 @@ export MPLBACKEND ?= Agg
 # Compiled modules are kept even where that is off: each process would compile all libraries again.
 export PYTHONDONTWRITEBYTECODE :=
 
-.PHONY: study test trust coverage slow lint bench docs versions reliability clean
+.PHONY: study test trust trust-runs coverage slow lint bench docs versions reliability clean
 
 study: $(VENV)/installed
 	$(BIN)/oed run studies/ur10.yaml
@@ -35,6 +35,9 @@ slow: $(VENV)/installed
 
 trust: $(VENV)/installed
 	$(BIN)/python tests/engines/run_trust.py --workers $(WORKERS)
+
+trust-runs: $(VENV)/installed
+	$(BIN)/python tests/engines/run_trust_runs.py --workers $(WORKERS)
 
 bench: $(VENV)/installed
 	$(BIN)/python benchmarks/linearisation.py

@@ -211,6 +211,7 @@ def _checked(
     measured = read(records)
     check_periods(measured, who)
     check_excited(measured, records.lines, who)
+    _check_alive(records, who)
     if not measured.present.all():
         block, run = np.argwhere(~measured.present)[0] + 1
         raise InvalidInput(
@@ -218,6 +219,16 @@ def _checked(
         )
     first = first_period(measured, transient, who)
     return read(records, first=first) if first else measured
+
+
+def _check_alive(records: Records, who: str) -> None:
+    """Refuse outputs that never move: a dead sensor, or a motor that was not on."""
+    dead = (np.ptp(records.angle[0], axis=3) == 0).all(axis=(0, 1, 2))
+    if dead.any():
+        outputs = ", ".join(str(i + 1) for i in np.flatnonzero(dead))
+        raise InvalidInput(
+            f"{who}: output {outputs} is constant in all runs: a dead sensor, or nothing was on"
+        )
 
 
 def _possible(measured: Spectra) -> str:

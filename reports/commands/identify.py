@@ -66,18 +66,20 @@ def identify(
     from estimators.frf.file_formats import read_records
     from estimators.frf.frf_from_records import collected_warnings
     from estimators.input_output.run_spectra import run_spectra
+    from estimators.uncertainty.covariance import covariance
     from robotmodels import load_robot, save_robot
+    from robotmodels.common.errors import naming
 
     runs = read_records(records)
     model = _counted(load_robot(robot), runs) if coulomb else load_robot(robot)
-    with collected_warnings() as warnings:
-        data = run_spectra(runs, noise, delay=delay, hold=hold)
     begins = perturbed_starts(model.parameters, starts, decades, np.random.default_rng(_SEED))
-    fits = multistart(model, data, begins, weights=rows)
+    with collected_warnings() as warnings, naming(records):
+        data = run_spectra(runs, noise, delay=delay, hold=hold)
+        fits = multistart(model, data, begins, weights=rows)
     fit = fits[0]
     reached = sum(other.cost <= fit.cost * (1 + 1e-6) for other in fits)
     target = (records.parent if output is None else output) / f"{model.name}_identified.yaml"
-    save_robot(fit.robot(), target)
+    save_robot(fit.robot(covariance=covariance(fit).covariance), target)
     warn(warnings)
     say(
         lambda: _summary(fit, reached, starts, target), lambda: _json(fit, reached, target), as_json
@@ -100,7 +102,7 @@ def _summary(fit: "RunFit", reached: int, starts: int, written: Path) -> str:
 
     ratio = fit.cost / fit.expected_cost
     lines = [
-        ("runs", str(fit.data)),
+        ("data", str(fit.data)),
         ("fit", f"cost {ratio:.3f} times what noise makes of it; {reached} of {starts} starts"),
         *(
             (one.name, plain(f"{interval_words(one)} {unit}"))

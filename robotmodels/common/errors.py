@@ -1,6 +1,7 @@
 """Errors that say what is wrong, where, and what would be right."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
+from contextlib import contextmanager
 from difflib import get_close_matches
 
 _MOST_COMBINATIONS = 3  # that an error spells out
@@ -52,6 +53,21 @@ class NotIdentifiable(IdentificationError):
 
 class SolverFailed(IdentificationError):
     """A numerical solver ended without a usable answer."""
+
+
+@contextmanager
+def naming(what: object) -> Iterator[None]:
+    """Begin the message of an `InvalidInput` with what it is about, such as a file.
+
+    Raises
+    ------
+    InvalidInput
+        In place of one raised within.
+    """
+    try:
+        yield
+    except InvalidInput as error:
+        raise InvalidInput(f"{what}: {error}") from error
 
 
 def nearest(word: str, words: Iterable[str]) -> str:

@@ -105,7 +105,8 @@ def test_identify_finds_the_springs_from_records(tmp_path):
         assert (np.abs(middle) < 2 * np.log(high / low)).all()  # well beyond four deviations
         robot = robotmodels.load_robot(said["file"])
         assert set(robot.file.fitted.relative_std) == set(truth.parameters.names)
-        assert kind in robot.file.fitted.provenance["fit"]
+        assert kind in robot.file.fitted.provenance["data"]
+        assert robot.file.fitted.correlation is not None
     code, out, err = oed("identify", "moberg_axis1", tmp_path / "one.h5", "-o", tmp_path)
     assert (code, err) == (0, "")
     assert "runs in each: 1" in out
@@ -113,7 +114,12 @@ def test_identify_finds_the_springs_from_records(tmp_path):
     assert "trustworthy" in out
     code, out, err = oed("identify", "ur10", tmp_path / "one.h5", "-o", tmp_path)
     assert code == 2
-    assert "(Q, 6) is needed, one column per motor" in err
+    assert f"{tmp_path / 'one.h5'}: runs: not of ur10" in err
+    still = replace(records, **(single | {"angle": np.ones_like(single["angle"])}))
+    write_records(tmp_path / "dead.h5", still)
+    code, _, err = oed("identify", "moberg_axis1", tmp_path / "dead.h5", "--noise", "detection")
+    assert code == 2
+    assert "position 1: output 1 is constant in all runs" in err
     code, _, err = oed("identify", "moberg_axis1", tmp_path / "one.h5", "--noise", "blocks")
     assert code == 2
     assert "noise 'blocks' needs 1 runs a block, two blocks" in err
