@@ -62,11 +62,8 @@ def identify(
     one_thread_each()
     import numpy as np
 
-    from estimators.fitting.multistart import multistart, perturbed_starts
-    from estimators.frf.file_formats import read_records
+    from estimators import covariance, multistart, perturbed_starts, read_records, run_spectra
     from estimators.frf.frf_from_records import collected_warnings
-    from estimators.input_output.run_spectra import run_spectra
-    from estimators.uncertainty.covariance import covariance
     from robotmodels import load_robot, save_robot
     from robotmodels.common.errors import naming
 
@@ -78,7 +75,7 @@ def identify(
         fits = multistart(model, data, begins, weights=rows)
     fit = fits[0]
     reached = sum(other.cost <= fit.cost * (1 + 1e-6) for other in fits)
-    target = (records.parent if output is None else output) / f"{model.name}_identified.yaml"
+    target = (output or records.parent) / f"{model.name}_identified.yaml"
     save_robot(fit.robot(covariance=covariance(fit).covariance), target)
     warn(warnings)
     say(

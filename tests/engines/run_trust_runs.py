@@ -160,11 +160,20 @@ def page(document: dict[str, Any]) -> str:
     for r in document["cells"]:
         kind = f"{r['kind']}{', control' if r['control'] else ''}"
         cover = "" if r["quoted_coverage"] is None else f"{100 * r['quoted_coverage']:.1f} %"
-        lines.append(
-            f"| {kind} | {r['studies']} | {r['runs']} | {r['noise']:g} | "
-            f"{r['weights'].replace('_', ' ')} | {r['freedom'] or 'known'} | {100 * r['coverage']:.1f} % | {100 * r['worst']:.1f} % | "
-            f"{r['cost']:.3f} | {100 * r['quoted']:.0f} % | {cover} |"
+        columns = (
+            kind,
+            r["studies"],
+            r["runs"],
+            f"{r['noise']:g}",
+            r["weights"].replace("_", " "),
+            r["freedom"] or "known",
+            f"{100 * r['coverage']:.1f} %",
+            f"{100 * r['worst']:.1f} %",
+            f"{r['cost']:.3f}",
+            f"{100 * r['quoted']:.0f} %",
+            cover,
         )
+        lines.append(f"| {' | '.join(map(str, columns))} |")
     return "\n".join(lines)
 
 
