@@ -16,16 +16,18 @@ from robotmodels.logs.log import Channel, Log, Table, unique_names
 from robotmodels.logs.optional_library import optional_library
 
 _BATCH = 1 << 15  # rows
+_BUFFER = 1 << 20  # bytes
 
 
 def read_parquet_log(path: Path, stack: ExitStack, progress: Progress | None = None) -> Log:
     """Read the columns of a Parquet file; lists of one length become a channel per element."""
     parquet = optional_library("pyarrow.parquet", f"{path}: Parquet")
     with library_errors(path, "a Parquet file", Exception):
-        file = stack.enter_context(parquet.ParquetFile(path))
+        # Buffered: else pyarrow holds whole row groups, and all of them at once.
+        file = stack.enter_context(parquet.ParquetFile(path, buffer_size=_BUFFER))
         store, names, done = None, [], 0
         total = file.metadata.num_rows
-        for batch in file.iter_batches(batch_size=_BATCH):
+        for batch in _batches(file):
             columns = dict(_arrow_columns(batch))
             if store is None:
                 names, store = list(columns), ColumnStore(len(columns), stack)
@@ -39,6 +41,11 @@ def read_parquet_log(path: Path, stack: ExitStack, progress: Progress | None = N
         raise InvalidInput(f"{path}: no column of numbers in it")
     channels = {name: store.channel(i) for i, name in enumerate(names)}
     return Log((path,), (Table("", store.rows, channels),))
+
+
+def _batches(file: Any) -> Iterator[Any]:
+    for group in range(file.num_row_groups):
+        yield from file.iter_batches(batch_size=_BATCH, row_groups=[group], use_threads=False)
 
 
 def _arrow_columns(batch: Any) -> Iterator[tuple[str, Array]]:

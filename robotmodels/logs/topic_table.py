@@ -1,6 +1,6 @@
 """The messages of one topic as rows of numbers."""
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from contextlib import ExitStack
 from operator import attrgetter
 from typing import Any
@@ -36,7 +36,8 @@ class TopicTable:
     """
 
     def __init__(self, example: Any, stack: ExitStack) -> None:
-        self._labels = _labels(example)
+        self._names_as_read = _names_of(example)
+        self._labels = [str(name) for name in self._names_as_read or ()]
         self._fields = list(_fields(example, ""))
         columns = [name for path, length in self._fields for name in self._names(path, length)]
         self.columns = unique_names(columns) if len(columns) <= _MOST_COLUMNS else []
@@ -81,8 +82,10 @@ class TopicTable:
             if length is None:
                 row.append(float(value))
             elif len(value) == length:
-                values = np.asarray(value, dtype=float)
-                row.extend(values[order] if order is not None and length == len(order) else values)
+                # Lists of Python's numbers: an array of them all is made batch by batch.
+                numbers = value.tolist() if isinstance(value, np.ndarray) else value
+                named = order is not None and length == len(self._labels)
+                row.extend([numbers[i] for i in order or ()] if named else numbers)
         return row
 
     def table(self, name: str, origin: int) -> Table:
@@ -115,18 +118,18 @@ class TopicTable:
 
     def _order(self, message: Any) -> list[int] | None:
         """Return the order of this message's joints, None where it is that of the first."""
-        if not self._labels or (names := _labels(message)) == self._labels:
+        if not self._labels or (names := _names_of(message)) == self._names_as_read:
             return None
+        names = [str(name) for name in names or ()]
         if sorted(names) != sorted(self._labels):
             return []
         return [names.index(label) for label in self._labels]
 
 
-def _labels(message: Any) -> list[str]:
+def _names_of(message: Any) -> Any:
+    """Return the names of the joints of a message's arrays, None where it has none."""
     names = getattr(message, "name", None) or getattr(message, "joint_names", None)
-    if isinstance(names, str) or not isinstance(names, Sequence):
-        return []
-    return [str(name) for name in names]
+    return names if isinstance(names, list | tuple) else None
 
 
 def _fields(message: Any, prefix: str) -> Iterator[tuple[str, int | None]]:
