@@ -20,6 +20,7 @@ from robotmodels import ElasticRobot, load_robot
 from robotmodels.common.arrays import Array, IntArray, check_memory, read_only
 from robotmodels.common.errors import InvalidInput
 from robotmodels.common.progress import StageProgress
+from robotmodels.description.friction import shaft_friction
 from robotmodels.simulation.controller import Controller, default_controller
 from robotmodels.simulation.imperfections import Imperfections
 
@@ -208,8 +209,7 @@ def _scaled(
         Limits(positions=robot.position_limits, **limits),
         balance=choice.balance,
         margin=choice.margin,
-        friction=settings.imperfections.friction
-        * np.array([motor.coulomb for motor in robot.file.motors]),
+        friction=settings.imperfections.friction * shaft_friction(robot.file),
         progress=None if progress is None else partial(progress, "amplitudes"),
     )
     if choice.swing is None:

@@ -129,6 +129,12 @@ def friction_shares(file: "RobotFile") -> tuple[FrictionShare, ...]:
     )
 
 
+def shaft_friction(file: "RobotFile") -> Array:
+    """Return the Coulomb friction that each motor overcomes, its joint's included, (n,) [N m]."""
+    joints = {item.joint: item.coulomb for item in file.friction}
+    return np.array([m.coulomb + joints.get(m.joint, 0.0) / abs(m.gear_ratio) for m in file.motors])
+
+
 def at_speeds(file: "RobotFile", speeds: Sequence[float] | Array) -> "RobotFile":
     """Return the robot file whose Coulomb friction counts as damping at the motors' rms speeds.
 

@@ -9,7 +9,7 @@ from simulated import T, errors, frf, records_of
 
 import robotmodels
 from robotmodels import ElasticRobot, Imperfections, InvalidInput, kernel
-from robotmodels.description.friction import equivalent_damping, friction_shares
+from robotmodels.description.friction import equivalent_damping, friction_shares, shaft_friction
 from robotmodels.elastic.inverse_dynamics import movement_torques
 from robotmodels.exports.formats import left_out
 from robotmodels.linear.noise import RelativeNoise
@@ -122,6 +122,11 @@ def test_friction_by_the_load_and_in_inverse_dynamics() -> None:
         for r in (pendulum(coulomb=1e-3), pendulum(coulomb=1e-3, load=0.3))
     ]
     assert swings[1] < swings[0]
+
+
+def test_torques_of_motors_overcome_the_friction_of_their_joints() -> None:
+    robot = pendulum({"coulomb": 0.1}, coulomb=2.0)
+    np.testing.assert_allclose(shaft_friction(robot.file), [0.1 + 2.0 / 50])
 
 
 def test_formats_say_what_of_friction_they_cannot_hold() -> None:
