@@ -84,7 +84,7 @@ class SimulatedStudy(SimulatedDesign):
     def of(cls, run: SimulatedRun) -> "SimulatedStudy":
         """Run the stages."""
         before = SimulatedDesign.of(run)
-        warn_of_weak_combinations(before.design.value.exact)
+        warn_of_weak_combinations(before.plan.promise)
         asked, excitation = visits(before.information, before.design), run.study.data.experiment
         simulated = None if excitation is None else experiment(run, excitation, asked)
         if simulated is None:
@@ -141,9 +141,9 @@ class MeasuredStudy:
             data = Stage(data.name, parts.value.fitted, parts.digest, parts.seconds, parts.loaded)
         warn_of_few_frequencies(run, data.value.estimate.omega)
         info = measured_information(run, data)
-        plan = measured_design(run, info, data)
-        warn_of_weak_combinations(plan.value.exact)
-        return cls(run, parts, data, info, plan)
+        study = cls(run, parts, data, info, measured_design(run, info, data))
+        warn_of_weak_combinations(study.plan.promise)
+        return study
 
     @property
     def plan(self) -> MeasuredPlan:

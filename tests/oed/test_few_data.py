@@ -20,10 +20,10 @@ output: results
 """
 
 
-def warned(folder, count, caplog):
+def warned(folder, count, caplog, design=""):
     """Return what is warned of before the fits, and the error that follows, if any."""
     path = folder / "study.yaml"
-    path.write_text(STUDY.replace("COUNT", str(count)))
+    path.write_text(STUDY.replace("COUNT", str(count)).replace("ments: 4", f"ments: 4{design}"))
     caplog.clear()
     told: list[str] = []
 
@@ -49,7 +49,8 @@ def test_fewer_data_than_parameters_are_said_before_the_design(tmp_path, caplog,
     assert "not identifiable" in error or count > 2
 
 
-def test_weak_combinations_are_said_before_the_fits(tmp_path, caplog):
-    messages, _ = warned(tmp_path, 3, caplog)
+@pytest.mark.parametrize("design", ["", ", solver: newton, robust: {std: 0.1, samples: 2}"])
+def test_weak_combinations_are_said_before_the_fits(tmp_path, caplog, design):
+    messages, _ = warned(tmp_path, 3, caplog, design)
     assert any(m.startswith("the plan is weak: a3.damping^") for m in messages)
     assert any("more frequencies" in m for m in messages)

@@ -5,8 +5,7 @@ Said by logging, which is silent unless a program listens, as the command line d
 
 import logging
 
-from estimators.uncertainty.identifiability import identifiability
-from oed.exact.exact_design import ExactDesign
+from estimators.uncertainty.identifiability import Identifiability
 from oed.study.stages.run import Run
 from robotmodels.common.arrays import Array
 
@@ -29,9 +28,9 @@ def warn_of_few_frequencies(run: Run, omega: Array) -> None:
         )  # fmt: skip
 
 
-def warn_of_weak_combinations(plan: ExactDesign) -> None:
+def warn_of_weak_combinations(promise: Identifiability) -> None:
     """Warn of the combinations of parameters that the plan, were all measured, leaves uncertain."""
-    weak = identifiability(plan.information, plan.names).weak()
+    weak = promise.weak()
     for combination in weak[:_MOST_NAMED]:
         _LOG.warning("the plan is weak: %s", combination)
     if weak:
