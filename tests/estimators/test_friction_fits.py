@@ -5,7 +5,7 @@ import pytest
 from robots import BALANCED, built, changed
 
 import robotmodels
-from estimators import RunFit, fit_runs, run_spectra
+from estimators import RunFit, fit, run_spectra
 from robotmodels import ElasticRobot, Imperfections, InvalidInput, Records, default_controller
 
 T, N = 5e-4, 4000
@@ -50,9 +50,9 @@ def records(robot: ElasticRobot, runs: int, seed: int) -> Records:
     )
 
 
-def deviations(fit: RunFit, truth: ElasticRobot) -> np.ndarray:
+def deviations(found: RunFit, truth: ElasticRobot) -> np.ndarray:
     """Return errors of the three stiffnesses over their standard deviations."""
-    pairs = zip(fit.intervals(), truth.parameters.values, strict=True)
+    pairs = zip(found.intervals(), truth.parameters.values, strict=True)
     return np.array([(one.value - value) / one.std for one, value in pairs])[:3]
 
 
@@ -62,13 +62,13 @@ def test_springs_are_within_their_intervals(runs: int) -> None:
     data = records(robot, runs, seed=runs)
     counted = robotmodels.at_recorded_speeds(robot, data)
     spectra = run_spectra(data, "detection")
-    fit = fit_runs(counted, spectra)
+    found = fit(counted, spectra)
     # Verdicts differ from seed to seed: what friction distorts is correlated over lines.
-    assert 0.7 < fit.cost / fit.expected_cost < 1.3
-    assert np.abs(deviations(fit, robot)).max() < 4.0
-    assert max(one.std / one.value for one in fit.intervals()[:3]) < 0.05
+    assert 0.7 < found.cost / found.expected_cost < 1.3
+    assert np.abs(deviations(found, robot)).max() < 4.0
+    assert max(one.std / one.value for one in found.intervals()[:3]) < 0.05
     # Without it, a linear model is refused.
-    without = fit_runs(robot, spectra)
+    without = fit(robot, spectra)
     assert without.verdict == "model error"
     assert without.cost > 4 * without.expected_cost
 
