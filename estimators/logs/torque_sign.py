@@ -31,6 +31,7 @@ def torque_sign(stamps: Array, angle: Array, torque: Array) -> tuple[int, str]:
     mean, error = parts.mean(), parts.std(ddof=1) / np.sqrt(_PARTS)
     sign = 1 if mean >= 0 else -1
     share = abs(mean) / error if error > 0 else np.inf
-    words = f"mean of torque times velocity over moving samples is {mean / max(error, 1e-300):.1f}"
-    clear = "" if share > 2 else ", which leaves the sign open"
-    return (sign if share > 2 else 1), f"{words} standard errors{clear}"
+    clear = share > 2
+    told = f"sign {'+' if sign > 0 else '-'}" if clear else "sign open, taken as +"
+    reason = f"{told}: over moving samples, torque times velocity is {min(share, 99):.1f} standard"
+    return (sign if clear else 1), f"{reason} errors {'above' if sign > 0 else 'below'} zero"

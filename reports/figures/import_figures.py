@@ -1,6 +1,6 @@
 """What was understood of a log: a panel of curves for each role."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -12,7 +12,7 @@ _COLUMNS = 2
 
 
 def signal_panels(
-    time: Array, signals: Mapping[str, Array], units: Mapping[str, str]
+    time: Array, signals: Mapping[str, Array], units: Mapping[str, str], joints: Sequence[str]
 ) -> Callable[[Palette], Figure]:
     """Return signals over time, a panel per role, a curve per joint.
 
@@ -24,6 +24,8 @@ def signal_panels(
         By role.
     units : mapping of str to str
         Units by role.
+    joints : sequence of str
+        Names of the joints, for the legend.
     """
 
     def draw(palette: Palette) -> Figure:
@@ -36,9 +38,12 @@ def signal_panels(
         for axes, (role, values) in zip(panels.flat, signals.items(), strict=False):
             for j, column in enumerate(values.T):
                 if np.isfinite(column).any():
-                    axes.plot(time, column, color=colours[j % len(colours)], lw=0.8)
+                    style = "-" if j < len(colours) else "--"
+                    colour = colours[j % len(colours)]
+                    axes.plot(time, column, style, color=colour, lw=0.8, label=joints[j])
             axes.set_title(f"{role.replace('_', ' ')} [{units.get(role, '')}]")
             axes.grid(True)
+        panels[0, 0].legend(fontsize=6, ncols=2)
         drawing.supxlabel("time [s]", color=palette.muted, size=9)
         return drawing
 

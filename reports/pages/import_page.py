@@ -47,7 +47,11 @@ def write_import_page(
     if source.roles:
         drawing = figure(
             "signals",
-            signal_panels(*_thinned(source), {role: SI[role][0] for role in source.roles}),
+            signal_panels(
+                *_thinned(source),
+                {role: SI[role][0] for role in source.roles},
+                source.binding.joints,
+            ),
             "Curves over time of every signal, a panel for each role",
             wide=True,
         )
