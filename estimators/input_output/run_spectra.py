@@ -31,7 +31,7 @@ _NEAREST = 6
 """Lines without excitation that show the noise of an excited one."""
 
 _FEWEST = 3
-"""Degrees of freedom of a covariance at least, see `fit_runs`."""
+"""Degrees of freedom of a covariance at least, see `estimators.fit`."""
 
 _BLOCKS = 4
 """From so many on their scatter is preferred to that of periods."""

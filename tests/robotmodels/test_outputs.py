@@ -216,7 +216,7 @@ def test_springs_from_a_joint_encoder_and_a_torque_sensor() -> None:
         friction=0.0, nonlinear_gears=False, angle_noise=1e-6, output_noise=[0.0, 1e-9, 1e-3]
     )
     measured = records(robot, 0.5e-3, imperfections=noise)
-    fit = estimators.fit_runs(robot, estimators.run_spectra(measured, "periods"))
+    fit = estimators.fit(robot, estimators.run_spectra(measured, "periods"))
     assert fit.converged
     truth = robot.parameters.values[:3]
     np.testing.assert_allclose(fit.parameters.values[:3], truth, rtol=0.02)
