@@ -75,6 +75,11 @@ class FittedModel(ReprHtml, ABC):
         """The problem that the fit is the end of."""
 
     @property
+    @abstractmethod
+    def logarithmic(self) -> bool:
+        """Whether residuals are logarithms, so that the cost is no likelihood of normal noise."""
+
+    @property
     def converged(self) -> bool:
         """Whether a local minimum was reached."""
         return self.status > 0

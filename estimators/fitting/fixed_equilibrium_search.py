@@ -105,9 +105,9 @@ OUT_OF_EVALUATIONS = "The maximum number of function evaluations is exceeded"
 
 def can_compile(problem: FitProblem, network: SpringNetwork) -> bool:
     """Tell whether a problem is one for the compiled normal equations, and large enough."""
-    if problem.loss != "linear" or not (network.only_motors and problem.compiles(network)):
+    if problem.loss != "linear" or problem.size * len(network.parameters) < WORTHWHILE:
         return False
-    return problem.size * len(network.parameters) >= WORTHWHILE
+    return network.only_motors and problem.compiles(network)
 
 
 def hardens(network: SpringNetwork) -> bool:

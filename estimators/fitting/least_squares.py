@@ -80,6 +80,11 @@ class Fit(FittedModel):
         )
 
     @property
+    def logarithmic(self) -> bool:
+        """Whether residuals are logarithms of FRFs."""
+        return self.kind.relative
+
+    @property
     def weights_follow(self) -> bool:
         """Whether its named weights are to be evaluated once more, at its FRF."""
         return bool(self.weighting) and (self.kind.relative or self.weighting == "combined")

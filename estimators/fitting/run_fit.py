@@ -29,6 +29,11 @@ class RunFit(FittedModel):
         return self.weighting == "row_wise"
 
     @property
+    def logarithmic(self) -> bool:
+        """Whether residuals are logarithms: they are not."""
+        return False
+
+    @property
     def problem(self) -> RunProblem:
         """The problem that the fit is the end of."""
         return RunProblem(

@@ -179,7 +179,7 @@ def run_spectra(
     positions = [(part, f"position {i + 1}") for i, part in enumerate(each_position(records))]
     read = partial(spectra, hold=hold, delay=delay)
     measured = [_checked(part, who, read, transient) for part, who in positions]
-    kind, estimated = _noise(noise, measured)
+    kind, estimated = _noise(noise, measured, hold)
     parts = [
         estimated(one, part, read, who)
         for one, (part, who) in zip(measured, positions, strict=True)
@@ -194,11 +194,11 @@ def run_spectra(
 
 
 def _noise(
-    noise: str | tuple[ArrayLike, ArrayLike], measured: list[Spectra]
+    noise: str | tuple[ArrayLike, ArrayLike], measured: list[Spectra], hold: bool
 ) -> tuple[str, "_Estimated"]:
     """Return the kind of the noise, and what estimates it."""
     if not isinstance(noise, str):
-        return "declared", partial(_declared, noise)
+        return "declared", partial(_declared, noise, hold)
     kinds = list(_NOISES)
     kind = max(map(_possible, measured), key=kinds.index) if noise == "auto" else noise
     return kind, _NOISES[kind]
@@ -311,6 +311,7 @@ def _from_detection(
 
 def _declared(
     noise: tuple[ArrayLike, ArrayLike],
+    hold: bool,
     measured: Spectra,
     records: Records,
     read: Callable[..., Spectra],
@@ -327,7 +328,8 @@ def _declared(
         stds.append(std)
     torques, angles = stds
     readings = measured.omega[:, None] ** records.derivatives * angles
-    white = np.concatenate([readings, np.broadcast_to(torques, (len(readings), n))], axis=1)
+    held = np.sinc(measured.omega * records.sample_time / (2 * np.pi)) if hold else 1.0
+    white = np.concatenate([readings, np.multiply.outer(held * np.ones(len(readings)), torques)], 1)
     covariance = np.asarray(white[:, :, None] ** 2 * np.eye(m + n) / samples, dtype=complex)
     runs = _runs(np.concatenate([output, torque], axis=2), m)
     return (*runs, covariance, np.inf)

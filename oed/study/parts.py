@@ -154,7 +154,7 @@ class Fits:
     def best_cost(self, name: str) -> float:
         """Return the best cost of an estimator; the result's where that is the same cost."""
         search = self.searches[name]
-        same = search.is_likelihood and self.result.residual == "nls"
+        same = search.is_likelihood and not self.result.logarithmic
         return min(search.runs[0].cost, self.result.cost if same else np.inf)
 
     @cached_property

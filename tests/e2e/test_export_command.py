@@ -89,6 +89,10 @@ def test_draws_are_exported_as_uncertain_as_the_fit(study: Path, tmp_path: Path)
     assert (ratio < 2.0).all()
     correlation = robots[0].file.fitted.correlation
     assert [len(row) for row in correlation] == list(range(len(std)))
+    bent = exported(
+        study, "--to", "mjcf", "--draws", "2", "--position=10,20", "-o", tmp_path / "c.xml"
+    )
+    assert [Path(name).name for name in bent["files"]] == ["c.xml", "c-1.xml", "c-2.xml"]
     (tmp_path / "robot.yaml").write_text(ROBOT)
     target = tmp_path / "x.xml"
     code, _, err = oed(

@@ -84,7 +84,7 @@ def _digest(stage: Stage[object] | None) -> str | None:
 def _repeated(run: Run, result: Stage[SelectedFit], methods: CrossCheckInputs) -> MonteCarlo | None:
     """Return repeated experiments by the plan, where the data and the fit are of the same kind."""
     by_law = run.study.data.experiment is None and run.study.truth is None
-    likelihood = result.value.fit.residual == "nls" and run.study.fit.result is None
+    likelihood = not result.value.fit.logarithmic and run.study.fit.result is None
     if methods.comparison is None or not (by_law and likelihood):
         return None
     return methods.comparison.value.optimal.simulation

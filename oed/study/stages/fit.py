@@ -12,6 +12,7 @@ from estimators.fitting.fitted_robot import robot_prior
 from estimators.fitting.least_squares import Fit, fit as fit_from, reweighted
 from estimators.fitting.multistart import multistart, perturbed_starts
 from estimators.fitting.priors import Prior
+from estimators.fitting.residuals import find_residual
 from estimators.fitting.weights import (
     MINIMUM_SNR,
     combined_weights,
@@ -65,8 +66,8 @@ class Search:
     @property
     def is_likelihood(self) -> bool:
         """Whether the cost is that of all data, weighted as the stated noise has it."""
-        kind = self.estimator
-        return (kind.residual, kind.weights, kind.positions) == ("nls", "optimal", "all")
+        kind, logarithmic = self.estimator, self.result.logarithmic
+        return not logarithmic and (kind.weights, kind.positions) == ("optimal", "all")
 
     def reached(self, best: float | None = None) -> int:
         """Return how many starts ended at the cost `best`, by default the best of these."""
@@ -217,7 +218,8 @@ def weights_of(
     estimator: Estimator, estimate: FrfEstimate, choice: FitChoice
 ) -> str | Array | ComplexArray:
     """Return the weights of an estimator: a name where they are the usual ones of that name."""
-    minimum_snr = 0.0 if estimator.residual == "nls" else choice.minimum_snr
+    logarithmic = find_residual(estimator.residual).relative
+    minimum_snr = choice.minimum_snr if logarithmic else 0.0
     if estimator.weights == "user":
         user = choice.user_weights
         return user_weights(
@@ -228,7 +230,7 @@ def weights_of(
             minimum_snr=minimum_snr,
         )
     by_line = choice.variances == "own"
-    if not by_line and minimum_snr == (0.0 if estimator.residual == "nls" else MINIMUM_SNR):
+    if not by_line and minimum_snr == (MINIMUM_SNR if logarithmic else 0.0):
         return estimator.weights
     if estimator.weights == "combined":
         return combined_weights(estimate, estimator.residual, minimum_snr=minimum_snr)
