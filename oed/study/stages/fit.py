@@ -66,7 +66,7 @@ class Search:
     @property
     def is_likelihood(self) -> bool:
         """Whether the cost is that of all data, weighted as the stated noise has it."""
-        kind, logarithmic = self.estimator, self.result.logarithmic
+        kind, logarithmic = self.estimator, find_residual(self.estimator.residual).relative
         return not logarithmic and (kind.weights, kind.positions) == ("optimal", "all")
 
     def reached(self, best: float | None = None) -> int:
