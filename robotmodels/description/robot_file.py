@@ -59,7 +59,10 @@
       com: [0.0, 0.0, 0.1]       # centre of mass, in the link's frame [m]
     outputs:                     # what is measured, the rows of the FRFs; by default the motors'
                                  # accelerations, from angles. See `robotmodels.description.outputs`
-      link: forearm              # that a sensor sits on; or motor, joint, spring: their names
+      motor: m1                  # whose encoder, or torque by its current; or one of these:
+      joint: shoulder            # whose encoder is behind the gear
+      spring: d1                 # whose torque is measured
+      link: forearm              # that a sensor sits on
       quantity: acceleration     # angle, velocity, acceleration, angular_velocity, torque, force
       name: s1                   # of the reading, used in parameters such as s1.gain
       at: [0.0, 0.0, 0.3]        # of a sensor on a link, in the link's frame [m]
@@ -67,6 +70,12 @@
       gain: 1.0                  # reading over true value
       delay: 0.0                 # of this reading [s]
       lag: 0.0                   # time constant of its first-order lag [s]
+    output: acceleration         # of the motors, or velocity or position; without outputs
+    accelerometers:              # further rows then; outputs hold them too
+      name: s1                   # of the sensor
+      link: forearm              # that it sits on
+      at: [0.0, 0.0, 0.3]        # in the link's frame [m]
+      direction: [1.0, 0.0, 0.0] # along which it measures, in the link's frame
     delay: 0.0                   # of all that is measured [s]
     guessed: {d1.damping: 1.0}   # standard deviations of the logarithms of guesses: a prior
     fitted:                      # of identified values, written by `oed export`

@@ -44,7 +44,7 @@ def test_what_docstrings_say_of_keys_is_in_the_schema(kind, modules, chosen):
 
 def test_every_key_of_robot_files_is_described():
     schema = json_schema("robot")
-    for model in ("Motor", "Spring", "Accelerometer", "Payload", "Choice"):
+    for model in ("Motor", "Spring", "Output", "Accelerometer", "Payload", "Choice"):
         for key, content in schema["$defs"][model]["properties"].items():
             assert content.get("description"), (model, key)
     known = described(schema, schema)
