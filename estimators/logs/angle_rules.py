@@ -135,10 +135,12 @@ def propose_velocity(search: Search, role: str) -> None:
 
 def _add_rate(search: Search, role: str, relations: tuple[Relation | None, ...]) -> None:
     """Add velocities whose integral is the angle, or tell that they are too late to be used."""
+    moving = [i for i, r in enumerate(relations) if r is not None and r.determined]
     good = [relation for relation in relations if relation is not None and relation.determined]
     factors = np.array([1 / relation.factor for relation in good])
     ratio = _usual_gear(search.ratios) if search.angle.side == "joint" else np.nan
-    hits = rate_hypotheses(float(np.median(factors)), search.angle.unit, ratio)
+    sizes = _alike(np.abs(factors), np.abs(search.ratios[moving]), ratio)
+    hits = rate_hypotheses(float(np.median(sizes)), search.angle.unit, ratio)
     told = (
         f"derivative of the angle times {factors.mean():.4f} (channels {factors.min():.4f} to "
         f"{factors.max():.4f}), late by {', '.join(lag_text(r) for r in good)} ms"
@@ -150,8 +152,20 @@ def _add_rate(search: Search, role: str, relations: tuple[Relation | None, ...])
         search.add(role, "", f"{told}; {reason}", None, relations, used=False)
         return
     best = hits[0][1]
-    signs = [int(np.sign(r.factor)) if r is not None and r.determined else 1 for r in relations]
+    gears = search.ratios if best.side == "motor" else np.ones(len(relations))
+    signs = [
+        int(np.sign(r.factor * gear)) if r is not None and r.determined else 1
+        for r, gear in zip(relations, gears, strict=True)
+    ]
     more: dict[str, object] = {"sign": signs[0] if len(set(signs)) == 1 else tuple(signs)}
     if role == "motor_velocity":
         more["side"] = best.side if best.side == "motor" else search.angle.side
     search.add(role, best.unit, told, more, relations)
+
+
+def _alike(sizes: Array, ratios: Array, usual: float) -> Array:
+    """Return factors at the usual ratio, where that makes those of different gears more alike."""
+    at_usual = sizes * usual / ratios
+    if np.isfinite(at_usual).all() and np.ptp(np.log(at_usual)) < np.ptp(np.log(sizes)):
+        return at_usual
+    return sizes

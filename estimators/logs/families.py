@@ -16,11 +16,18 @@ def _set(text: str) -> frozenset[str]:
 
 
 _QUANTITIES: dict[str, frozenset[str]] = {
-    "torque": _set("tau torque torques trq effort efforts moment drehmoment force mom"),
-    "current": _set("current currents curr cur i iq strom amp"),
+    "torque": _set(
+        "tau torque torques trq effort efforts moment drehmoment force mom couple coppia"
+    ),
+    "current": _set("current currents curr cur i iq strom amp courant corriente corrente"),
     "acceleration": _set("acceleration acc accel ddq qdd accelerations beschleunigung"),
-    "velocity": _set("velocity velocities vel speed qd dq omega geschwindigkeit qdot dqdt v rate"),
-    "angle": _set("position positions pos q angle angles theta phi enc encoder winkel lage"),
+    "velocity": _set(
+        "velocity velocities vel speed speeds qd dq omega geschwindigkeit drehzahl rpm qdot dqdt v "
+        "rate vitesse velocidad velocita"
+    ),
+    "angle": _set(
+        "position positions pos q angle angles theta phi enc encoder winkel lage posicion posizione"
+    ),
 }
 _REFERENCE = _set("target ref reference des desired cmd command commanded setpoint set soll goal r")
 _LINK = _set("link load se secondary output abtrieb second")

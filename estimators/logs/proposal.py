@@ -38,11 +38,14 @@ class Proposal:
         Its entries with their evidence, and those left out.
     findings : tuple of str
         What else was seen, in words.
+    unmapped : tuple of str
+        Channels that no entry is about, those of all joints under one name.
     """
 
     mapping: Mapping
     entries: tuple[Entry, ...]
     findings: tuple[str, ...]
+    unmapped: tuple[str, ...]
 
 
 def propose_mapping(
@@ -124,4 +127,15 @@ def _finished(search: Search) -> Proposal:
             "signals": [e.signal for e in search.entries if e.signal is not None],
         }
     )
-    return Proposal(mapping, tuple(search.entries), tuple(search.findings))
+    return Proposal(mapping, tuple(search.entries), tuple(search.findings), _unmapped(search))
+
+
+def _unmapped(search: Search) -> tuple[str, ...]:
+    """Return the families that are neither signals nor stamps, nor left out for a reason."""
+    mapped = {channel for entry in search.entries for channel in entry.family.channels}
+    mapped |= {time.column for time in search.times.values()}
+    return tuple(
+        family.pattern if len(family.channels) > 1 else family.channels[0]
+        for family in families(search.log, search.robot)
+        if not mapped & set(family.channels)
+    )

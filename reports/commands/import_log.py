@@ -35,8 +35,8 @@ def import_log(
         typer.Option(min=1e-9, max=1e9, help="In s, where the log has no time; for a proposal."),
     ] = None,
     output: Annotated[
-        Path | None, typer.Option("-o", "--output", help="Folder; by default that of the log.")
-    ] = None,
+        Path, typer.Option("-o", "--output", help="Folder; by default the current one.")
+    ] = Path(),
     as_json: AsJson = False,
 ) -> None:
     """Read a controller's log: propose what its channels mean, or convert them by a mapping.
@@ -48,7 +48,7 @@ def import_log(
     from robotmodels.library import load_robot
     from robotmodels.logs.open_log import open_log
 
-    target = (logs[0].parent if output is None else output).resolve()
+    target = output.resolve()
     model = None if robot is None else load_robot(robot)
     with progress_bars() as progress, open_log(logs, progress) as log:
         if mapping is None:
@@ -79,7 +79,9 @@ def _propose(
     evidence = [entry.evidence for entry in proposal.entries if entry.signal is not None]
     with staged_folder(target) as folder:
         source = log.files[0].name
-        write_text(folder / "import.yaml", mapping_text(mapping, evidence, source))
+        write_text(
+            folder / "import.yaml", mapping_text(mapping, evidence, source, proposal.unmapped)
+        )
         write_import_page(
             Import(log, mapping, robot), proposal.entries, proposal.findings, folder / "import.html"
         )

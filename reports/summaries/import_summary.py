@@ -10,8 +10,12 @@ from reports.summaries.columns import hung
 from robotmodels.logs.importer import Import
 from robotmodels.logs.mapping_file import Mapping
 
+_MOST_NAMED = 8
 
-def mapping_text(mapping: Mapping, evidence: Sequence[str], source: str) -> str:
+
+def mapping_text(
+    mapping: Mapping, evidence: Sequence[str], source: str, unmapped: Sequence[str] = ()
+) -> str:
     """Return a mapping file with what each of its entries rests on.
 
     Parameters
@@ -20,6 +24,8 @@ def mapping_text(mapping: Mapping, evidence: Sequence[str], source: str) -> str:
         One for each signal.
     source : str
         Name of the log.
+    unmapped : sequence of str
+        Channels that no entry is about.
     """
     content = mapping.model_dump(mode="json", by_alias=True, exclude_defaults=True)
     signals = content.pop("signals")
@@ -29,6 +35,7 @@ def mapping_text(mapping: Mapping, evidence: Sequence[str], source: str) -> str:
     for signal, reason in zip(signals, evidence, strict=True):
         entries = ", ".join(f"{k}: {json.dumps(v, ensure_ascii=False)}" for k, v in signal.items())
         lines += [f"  # {reason}", f"  - {{{entries}}}"]
+    lines += [f"# not mapped: {json.dumps(name, ensure_ascii=False)}" for name in unmapped]
     return "\n".join(lines) + "\n"
 
 
@@ -42,6 +49,10 @@ def proposal_summary(proposal: Proposal, files: Sequence[Path]) -> str:
         lines += hung("  ", f"{entry.family.pattern}: {meaning}{side}; {entry.evidence}")
     for finding in proposal.findings:
         lines += hung("  - ", finding)
+    if proposal.unmapped:
+        names, more = proposal.unmapped[:_MOST_NAMED], len(proposal.unmapped) - _MOST_NAMED
+        end = f" and {more} more, listed in import.yaml" if more > 0 else ""
+        lines += hung("  - ", f"not mapped: {', '.join(names)}{end}")
     lines += [f"  written  {path}" for path in files]
     return "\n".join(lines)
 
@@ -87,6 +98,7 @@ def proposal_json(proposal: Proposal, files: Sequence[Path]) -> dict[str, Any]:
             for entry in proposal.entries
         ],
         "findings": list(proposal.findings),
+        "unmapped": list(proposal.unmapped),
         "files": [str(path) for path in files],
     }
 

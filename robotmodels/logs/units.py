@@ -42,6 +42,10 @@ _SPELLINGS = {
 }
 
 
+_TURNS_A_MINUTE = ("1/min", "min^-1", "min-1", "U/min", "r/min", "rev/min", "tr/min", "giri/min")
+"""As people write the speed of a motor; to pint some of them are frequencies."""
+
+
 def unit_factor(unit: str, role: str, sliding: bool, per_turn: float | None = None) -> float:
     """Return what one of a unit is in the unit of a role.
 
@@ -115,6 +119,8 @@ def _spelled(unit: str, role: str) -> str:
     text = unit.strip().strip("[]()").replace("²", "^2").replace("·", "*").replace("°", "deg")
     if role == "accelerometer" and text in ("g", "G"):
         return "standard_gravity"
+    if text.replace(" ", "") in _TURNS_A_MINUTE:
+        return "rpm"
     head, slash, tail = text.partition("/")
     head = _SPELLINGS.get(head.strip(), head)
     return f"{head}{slash}{tail.replace('sec', 's')}"

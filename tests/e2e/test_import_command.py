@@ -29,7 +29,7 @@ def log_file(tmp_path):
 
 
 def test_a_proposal_is_written_and_then_taken(log_file, tmp_path):
-    code, out, err = oed("import", str(log_file), "--robot", "ur10")
+    code, out, err = oed("import", str(log_file), "--robot", "ur10", "-o", str(log_file.parent))
     assert (code, err) == (0, "")
     assert "nothing was converted" in out
     assert "act_pos_*: motor_angle [deg], joint side" in out
@@ -41,7 +41,13 @@ def test_a_proposal_is_written_and_then_taken(log_file, tmp_path):
     ]  # fmt: skip
     assert "<svg" in (tmp_path / "import.html").read_text()
     code, out, _ = oed(
-        "import", str(log_file), "--mapping", str(tmp_path / "import.yaml"), "--json"
+        "import",
+        str(log_file),
+        "--mapping",
+        str(tmp_path / "import.yaml"),
+        "--json",
+        "-o",
+        str(tmp_path),
     )
     assert code == 0
     result = json.loads(out)
@@ -57,7 +63,9 @@ def test_a_short_mapping_is_completed(log_file, tmp_path):
     mapping.write_text(
         'schema: import/1\nrobot: ur10\nsignals:\n  - {column: "act_pos_*", role: motor_angle}\n'
     )
-    code, out, err = oed("import", str(log_file), "--mapping", str(mapping))
+    code, out, err = oed(
+        "import", str(log_file), "--mapping", str(mapping), "-o", str(log_file.parent)
+    )
     assert (code, err) == (0, "")
     assert "act_pos_*: unit deg, side joint" in out
 
@@ -77,7 +85,9 @@ def test_a_short_mapping_is_completed(log_file, tmp_path):
 def test_mistakes_in_a_mapping_are_one_line(log_file, tmp_path, text, message):
     mapping = tmp_path / "wrong.yaml"
     mapping.write_text(text)
-    code, _, err = oed("import", str(log_file), "--mapping", str(mapping))
+    code, _, err = oed(
+        "import", str(log_file), "--mapping", str(mapping), "-o", str(log_file.parent)
+    )
     assert code == 2
     assert message in err
     assert err.count("\n") == 1
@@ -104,7 +114,7 @@ def test_a_periodic_log_becomes_records_for_frfs(tmp_path):
         "  - {column: q, role: motor_angle, unit: rad, side: joint}\n"
         "  - {column: tau, role: motor_torque, unit: N*m, side: motor}\n"
     )
-    code, out, err = oed("import", str(path), "--mapping", str(mapping))
+    code, out, err = oed("import", str(path), "--mapping", str(mapping), "-o", str(tmp_path))
     assert (code, err) == (0, "")
     assert "period of 400 samples, 0.8 s; 3 runs of 4 to 4 whole periods" in out.replace(
         "\n    ", " "

@@ -1,6 +1,7 @@
 """What a log's numbers say of its channels, against signals made with given factors and lags."""
 
 import itertools
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -22,6 +23,7 @@ from robotmodels.common.errors import InvalidInput
 from robotmodels.logs.importer import Import
 from robotmodels.logs.mapping_file import Mapping, TimeChoice
 from robotmodels.logs.open_log import open_log
+from robotmodels.logs.units import unit_factor
 
 STEP = 0.004
 OMEGA = np.array([0.9, 2.3, 5.1, 11.0])
@@ -290,3 +292,26 @@ def test_copies_are_told(tmp_path):
     with open_log(path) as log:
         (line,) = mapping_findings(Import(log, mapping, None))
     assert line.startswith("r1 (reference_angle) repeats q1 (motor_angle) number by number")
+
+
+def test_a_log_of_drives_with_differing_signed_ratios(tmp_path: Path) -> None:
+    """Two rows of names and units, decimal commas, turns a minute of motors, a spare channel."""
+    robot = robotmodels.load_robot("manutec_r3")
+    ratios = np.array([motor.gear_ratio for motor in robot.file.motors])
+    time = 0.004 * np.arange(1500)
+    angle = np.stack([0.3 * np.sin((2 + 0.3 * i) * time + i) for i in range(6)], axis=1)
+    rpm = np.gradient(angle, 0.004, axis=0) * ratios * 60 / (2 * np.pi)
+    names = ["Zeit", *(f"Achse{i}_Ist_Pos" for i in range(1, 7))]
+    names += [*(f"Achse{i}_Ist_Drehzahl" for i in range(1, 7)), "Lüfter"]
+    units = ["ms", *["deg"] * 6, *["1/min"] * 6, "%"]
+    rows = np.column_stack([1e3 * time, np.degrees(angle), rpm, np.full(len(time), 40.0)])
+    text = [";".join(names), ";".join(units)]
+    text += [";".join(f"{x:.6f}".replace(".", ",") for x in row) for row in rows]
+    path = tmp_path / "trace.csv"
+    path.write_text("\n".join(text) + "\n", encoding="utf-8")
+    with open_log([path]) as log:
+        proposal = propose_mapping(log, robot)
+    (velocity,) = (s for s in proposal.mapping.signals if s.role == "motor_velocity")
+    assert (velocity.unit, velocity.side, velocity.sign) == ("rpm", "motor", 1)
+    assert proposal.unmapped == ("Lüfter",)
+    assert unit_factor("1/min", "motor_velocity", False) == pytest.approx(2 * np.pi / 60)
