@@ -142,7 +142,8 @@ def shortfall(result: dict[str, Any], count: int) -> str:
     sampled = result["freedom"] is not None or result["kind"] == "detection"
     upper = 0.995 if sampled else 0.97
     if result["control"]:
-        return "" if result["coverage"] <= 0.9 else "control covers"
+        most = 0.85 if result["kind"] == "periodic" and result["runs"] == 2 else 0.78
+        return "" if result["coverage"] <= most else f"control covers more than {most:.0%}"
     if not 0.93 - slack < result["coverage"] < upper + slack:
         return f"coverage {result['coverage']:.3f}"
     if result["worst"] < 0.91 - slack:
@@ -155,9 +156,10 @@ def shortfall(result: dict[str, Any], count: int) -> str:
 def page(document: dict[str, Any]) -> str:
     """Return the table of all cells."""
     head = (
-        "| kind | runs | torque noise | outputs | degrees of freedom | covariance | worst | cost |"
+        "| kind | studies | runs | torque noise | outputs | degrees of freedom | covariance | worst "
+        "| cost | quoted | of them cover | falls short |"
     )
-    lines = [head + " quoted | of them cover |", "|---" * 10 + "|"]
+    lines = [head, "|---" * 12 + "|"]
     for r in document["cells"]:
         kind = f"{r['kind']}{', control' if r['control'] else ''}"
         cover = "" if r["quoted_coverage"] is None else f"{100 * r['quoted_coverage']:.1f} %"
@@ -173,6 +175,7 @@ def page(document: dict[str, Any]) -> str:
             f"{r['cost']:.3f}",
             f"{100 * r['quoted']:.0f} %",
             cover,
+            r["short"],
         )
         lines.append(f"| {' | '.join(map(str, columns))} |")
     return "\n".join(lines)
