@@ -156,8 +156,8 @@ def shortfall(result: dict[str, Any], count: int) -> str:
 def page(document: dict[str, Any]) -> str:
     """Return the table of all cells."""
     head = (
-        "| kind | studies | runs | torque noise | outputs | degrees of freedom | covariance | worst "
-        "| cost | quoted | of them cover | falls short |"
+        "| kind | studies | runs | torque noise | outputs | degrees of freedom | covariance "
+        "| worst | cost | quoted | of them cover | falls short |"
     )
     lines = [head, "|---" * 12 + "|"]
     for r in document["cells"]:
