@@ -2,10 +2,8 @@
 
 from typing import TYPE_CHECKING, Literal
 
-from robotmodels.description.friction import JointFriction
-from robotmodels.description.outputs import outputs_of
-
 if TYPE_CHECKING:
+    from robotmodels.description.friction import JointFriction
     from robotmodels.description.outputs import Output
     from robotmodels.description.robot_file import Motor, RobotFile
 
@@ -51,10 +49,12 @@ def left_out(file: "RobotFile", format: Format) -> tuple[str, ...]:
 
 
 def _whose(item: "Motor | JointFriction") -> str:
-    return f"joint {item.joint}" if isinstance(item, JointFriction) else f"motor {item.name}"
+    return f"motor {item.name}" if hasattr(item, "gear_ratio") else f"joint {item.joint}"
 
 
 def _left_out_of_urdf(file: "RobotFile") -> tuple[str, ...]:
+    from robotmodels.description.outputs import outputs_of  # `oed --help` waits for no schema
+
     return (
         *(f"stiffness and damping of spring {spring.name}" for spring in file.springs),
         *(f"rotor inertia of motor {motor.name}" for motor in file.motors),

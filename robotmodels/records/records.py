@@ -91,9 +91,10 @@ class Records:
             object.__setattr__(self, name, read_only(signal))
         for name in ("lines", "detection"):
             object.__setattr__(self, name, read_only(whole_numbers(getattr(self, name), name)))
-        if self.derivatives is None and self.angle.ndim:
-            object.__setattr__(self, "derivatives", np.full(self.angle.shape[-1], 2))
-        derivatives = whole_numbers(self.derivatives, "derivatives")
+        orders = 2 if self.derivatives is None else self.derivatives
+        derivatives = whole_numbers(orders, "derivatives")
+        if (derivatives == 2).all() and self.angle.ndim:  # of however many outputs
+            derivatives = np.full(self.angle.shape[-1], 2)
         object.__setattr__(self, "derivatives", read_only(derivatives))
         saturated = truth_values(self.saturated, "saturated")
         object.__setattr__(self, "saturated", read_only(saturated))

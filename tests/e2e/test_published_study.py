@@ -46,6 +46,11 @@ DRAWN = ("3", "7b", "8", "9")
 """Figures that are drawn, one of each kind; the page has places for all."""
 
 
+def only_warnings(err: str) -> bool:
+    """Return whether errors are warnings of weak plans, which reduced studies have."""
+    return all(line.startswith("warning: ") for line in err.splitlines())
+
+
 @pytest.fixture(scope="module")
 def published(tmp_path_factory):
     """Folder of the study."""
@@ -54,7 +59,8 @@ def published(tmp_path_factory):
     (folder / "plant.yaml").write_text(PLANT, encoding="utf-8")
     with drawn(f"figure-({'|'.join(DRAWN)})"):
         code, _, err = oed("run", path, "--workers", 1)
-    assert (code, err) == (0, "")
+    assert code == 0
+    assert only_warnings(err)
     return folder
 
 
@@ -138,7 +144,8 @@ def test_the_study_is_put_beside_the_paper_again_without_computing(published):
     before = json.loads((output / "published.json").read_text())
     (output / "published.json").unlink()
     code, _, err = oed("replicate", published / "study.yaml", "--workers", 1)
-    assert (code, err) == (0, "")
+    assert code == 0
+    assert only_warnings(err)
     assert json.loads((output / "published.json").read_text()) == before
 
 
@@ -171,7 +178,8 @@ def both(tmp_path_factory):
     (folder / "plant.yaml").write_text(PLANT, encoding="utf-8")
     with drawn():
         code, _, err = oed("replicate", path, "--workers", 1)
-    assert (code, err) == (0, "")
+    assert code == 0
+    assert only_warnings(err)
     return path
 
 

@@ -92,7 +92,7 @@ def payload(**entries: object) -> dict:
         ),
         (
             changed(SPLIT, urdf="."),
-            "urdf: {folder} is a folder; the URDF file itself is needed",
+            "model file: {folder} is a folder; the file itself is needed",
         ),
         (
             with_spring(SPLIT, "d4", damping=0),
