@@ -85,7 +85,11 @@ def _at_instants(torque: Array) -> Array:
 def _on_links(
     plant: PlantModel, robot: ElasticRobot, torque: Array, motion: Array, drives: Drives
 ) -> Array:
-    """Return what sensors on links read, (r T, sensors), by MuJoCo's own."""
+    """Return what sensors on links read, (r T, sensors), by MuJoCo's own.
+
+    Coulomb friction of motors, which stops them between the instants, is not among the forces: it
+    matters for links that motors drive rigidly.
+    """
     sensors = [_along(plant, output) for output in robot.outputs if output.kind == "link"]
     values = np.empty((len(torque), len(sensors)))
     if not sensors:
