@@ -20,6 +20,8 @@ from robotmodels.elastic.extra_elements import extra_elements
 from robotmodels.elastic.robot import ElasticRobot
 from robotmodels.linear.response import Elastic, frequency_response, sensitivity
 
+_MOST = 500.0  # logarithm of an interval that tells nothing
+
 
 def fit_trust(problem: FitProblem, values: Array, converged: bool) -> Trust:
     """Return the recommended intervals and the verdict, by the rule of `estimators.trust.rule`.
@@ -122,7 +124,7 @@ def _ends(
             judged[i] = Verdict("not identifiable", "at its upper bound; only a lower end is known")
             ends[i, 0] = values[i] * np.exp(-one[i] * std[i])
         elif verdict.gives_interval and np.isfinite(std[i]):
-            ends[i] = values[i] * np.exp(np.array([-1, 1]) * both[i] * std[i])
+            ends[i] = values[i] * np.exp(np.array([-1, 1]) * min(both[i] * std[i], _MOST))
     return judged, np.where(np.isfinite(ends), ends, np.nan)
 
 

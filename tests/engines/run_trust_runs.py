@@ -204,7 +204,7 @@ def main() -> None:
     document = {"runs": arguments.runs, "minutes": round(minutes, 1), "cells": results}
     arguments.json.write_text(json.dumps(document, indent=1) + "\n", encoding="utf-8")
     words = arguments.page.read_text(encoding="utf-8").split(BEGIN)[0]
-    said = f"{minutes:.0f} minutes on two cores.\n\n"
+    said = f"{minutes:.0f} minutes, processes: {arguments.workers}.\n\n"
     arguments.page.write_text(f"{words}{BEGIN}\n\n{said}{page(document)}\n\n{END}\n", "utf-8")
     failing = [r for r in results if r["short"]]
     print(f"\n{len(failing)} of {len(results)} cells fall short, {minutes:.1f} minutes")
