@@ -15,8 +15,11 @@ export PYTHONDONTWRITEBYTECODE :=
 study: $(VENV)/installed
 	$(BIN)/oed run studies/ur10.yaml
 
-test: lint
-	$(BIN)/pytest --numprocesses $(WORKERS) --dist worksteal -m "not slow"
+# The checks take one core, and first compilations of the tests not always both: side by side.
+test: $(VENV)/installed
+	@$(MAKE) --no-print-directory lint & checks=$$!; \
+	$(BIN)/pytest --numprocesses $(WORKERS) --dist worksteal -m "not slow"; tests=$$?; \
+	wait $$checks && exit $$tests
 
 lint: $(VENV)/installed
 	$(BIN)/ruff check

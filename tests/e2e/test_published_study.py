@@ -183,6 +183,7 @@ def both(tmp_path_factory):
     return path
 
 
+@pytest.mark.slow
 def test_as_published_is_an_ordinary_study_of_other_settings(both):
     """The stages of both, and a study that says in its file what the paper did."""
     study = load_study(both)
@@ -216,6 +217,7 @@ def test_as_published_is_an_ordinary_study_of_other_settings(both):
         np.testing.assert_allclose(fits[0].weights, expected, rtol=1e-9)
 
 
+@pytest.mark.slow
 def test_the_page_has_both_beside_the_paper(both):
     output = load_study(both).output
     page = (output / "published.html").read_text(encoding="utf-8")
@@ -233,6 +235,7 @@ def test_the_page_has_both_beside_the_paper(both):
     assert "power \N{MINUS SIGN}1" in page
 
 
+@pytest.mark.slow
 def test_less_excitation_is_measured_and_fitted(both):
     output = load_study(both).output
     minima = json.loads((output / "published.json").read_text())["minima"]

@@ -115,6 +115,7 @@ def sample(path):
     oed("sample", path, "--workers", 1)
 
 
+@pytest.mark.slow
 def test_killed_again_and_again_it_ends_with_the_same_results(small_study, tmp_path):
     path = write_study(tmp_path)
     folder = tmp_path / "results" / "here"
