@@ -1,5 +1,6 @@
 """A mapping proposed for a log without one, with the evidence for each entry."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 from estimators.logs.angle_rules import propose_angles, propose_velocity
@@ -68,7 +69,8 @@ def propose_mapping(
         If no channels look like angles of joints, or nothing tells the time of theirs.
     """
     times, missing = table_times(log, time or TimeChoice())
-    members = _members(log, robot, times)
+    groups = families(log, robot)
+    members = _members(groups, robot, times)
     if "motor_angle" not in members:
         reasons = "; ".join(missing.values()) or "names such as q_1, pos_1 or act_pos[0] do"
         raise InvalidInput(f"{log.where}: no channels look like angles of joints ({reasons})")
@@ -80,17 +82,17 @@ def propose_mapping(
     propose_drives(search)
     propose_references(search)
     search.findings += constant_findings(log, robot)
-    return _finished(search)
+    return _finished(search, groups)
 
 
 def _members(
-    log: Log, robot: ElasticRobot | None, times: dict[str, TableTime]
+    groups: Sequence[Family], robot: ElasticRobot | None, times: dict[str, TableTime]
 ) -> dict[str, Family]:
     """Return one family for each role: as many channels as joints, measured, beside the angles."""
     count = None if robot is None else len(robot.motor_names)
     fitting = [
         family
-        for family in families(log, robot)
+        for family in groups
         if family.role in _ROLES
         and family.table.name in times
         and (family.joints or (len(family.channels) == count if count else True))
@@ -111,7 +113,7 @@ def _preference(family: Family, anchor: Family | None) -> tuple[int, ...]:
     return (len(family.channels), int(beside), family.rank, -len(family.pattern))
 
 
-def _finished(search: Search) -> Proposal:
+def _finished(search: Search, groups: Sequence[Family]) -> Proposal:
     names = {entry.family.table.name for entry in search.entries if entry.signal is not None}
     times = {name: search.times[name] for name in sorted(names)}
     choices = [time.choice for time in times.values()]
@@ -127,15 +129,17 @@ def _finished(search: Search) -> Proposal:
             "signals": [e.signal for e in search.entries if e.signal is not None],
         }
     )
-    return Proposal(mapping, tuple(search.entries), tuple(search.findings), _unmapped(search))
+    return Proposal(
+        mapping, tuple(search.entries), tuple(search.findings), _unmapped(search, groups)
+    )
 
 
-def _unmapped(search: Search) -> tuple[str, ...]:
+def _unmapped(search: Search, groups: Sequence[Family]) -> tuple[str, ...]:
     """Return the families that are neither signals nor stamps, nor left out for a reason."""
     mapped = {channel for entry in search.entries for channel in entry.family.channels}
     mapped |= {time.column for time in search.times.values()}
     return tuple(
         family.pattern if len(family.channels) > 1 else family.channels[0]
-        for family in families(search.log, search.robot)
+        for family in groups
         if not mapped & set(family.channels)
     )

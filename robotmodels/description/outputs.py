@@ -96,12 +96,17 @@ class Output(FileSection):
     @property
     def order(self) -> int:
         """Times by which an encoder's angle is differentiated; 0 of every other reading."""
-        return ORDERS[self.quantity] if self.kind in ("motor", "joint") and self.encoder else 0
+        return ORDERS[self.quantity] if self.encoder else 0
 
     @property
     def encoder(self) -> bool:
         """Whether the angle of a motor or a joint is read, whatever is made of it."""
         return self.kind in ("motor", "joint") and self.quantity in ORDERS
+
+    @property
+    def ideal(self) -> bool:
+        """Whether the true value is read, neither scaled nor late."""
+        return (self.gain, self.delay, self.lag) == (1.0, 0.0, 0.0)
 
     def unit(self, sliding: bool = False) -> str:
         """Return the unit; `sliding` of a prismatic joint or its spring."""

@@ -70,7 +70,7 @@ def _left_out_of_urdf(file: "RobotFile") -> tuple[str, ...]:
 
 
 def _left_out_of_mjcf(file: "RobotFile") -> tuple[str, ...]:
-    changed = [o.who for o in file.outputs if (o.gain, o.delay, o.lag) != (1.0, 0.0, 0.0)]
+    changed = [output.who for output in file.outputs if not output.ideal]
     return (
         *_late_torques(file),
         *(f"gain, delay and lag of {who}: noted in <custom>, not simulated" for who in changed),

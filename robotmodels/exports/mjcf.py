@@ -99,8 +99,9 @@ def _add_motors(spec: mujoco.MjSpec, robot: ElasticRobot, joints: Sequence[str])
 
 def _add_output(spec: mujoco.MjSpec, robot: ElasticRobot, output: Output) -> None:
     """Note what changes a reading; add a joint's encoder, or torque sensor on its drive spring."""
-    if (channel := (output.gain, output.delay, output.lag)) != (1.0, 0.0, 0.0):
-        spec.add_numeric(name=f"gain, delay [s] and lag [s] of {output.label}", data=[*channel])
+    if not output.ideal:
+        channel = [output.gain, output.delay, output.lag]
+        spec.add_numeric(name=f"gain, delay [s] and lag [s] of {output.label}", data=channel)
     kinds = {
         "angle": mujoco.mjtSensor.mjSENS_JOINTPOS,
         "velocity": mujoco.mjtSensor.mjSENS_JOINTVEL,
