@@ -134,10 +134,9 @@ def _whole(period: float, sample_time: float) -> int:
 
 def _likeliest_period(angle: Array) -> int:
     """Return the lag after which most samples repeat, the shortest of those nearly alike."""
-    values = angle[:, np.isfinite(angle).all(axis=0)]
-    speed = np.diff(values, axis=0)
+    speed = np.diff(angle[:, np.isfinite(angle).all(axis=0)], axis=0)
     low, high = np.quantile(speed, [0.005, 0.995], axis=0)  # moves between positions
-    speed = np.clip(speed, low, high)
+    np.clip(speed, low, high, out=speed)
     speed = speed[:, np.ptp(speed, axis=0) > 0]
     peaks = _correlation_peaks(speed).tolist() if speed.size else []
     lags = sorted({_nearest_repeat(speed, peak) for peak in peaks})
@@ -151,8 +150,10 @@ def _likeliest_period(angle: Array) -> int:
 def _correlation_peaks(speed: Array) -> IntArray:
     """Return lags at which speeds are alike, the most alike first."""
     n = len(speed)
-    spectrum = np.abs(np.fft.rfft(speed / speed.std(axis=0), 2 * n, axis=0)) ** 2
-    correlation = np.fft.irfft(spectrum, axis=0)[: n // 2 + 1].sum(axis=1)
+    correlation = np.zeros(n // 2 + 1)
+    for column in speed.T:  # one by one: spectra of all joints would be the most in memory
+        spectrum = np.abs(np.fft.rfft(column / column.std(), 2 * n)) ** 2
+        correlation += np.fft.irfft(spectrum)[: n // 2 + 1]
     inner = np.arange(_LEAST_SAMPLES, len(correlation) - 1)
     rises = correlation[inner] >= correlation[inner - 1]
     peaks = inner[rises & (correlation[inner] > correlation[inner + 1])]
@@ -174,7 +175,8 @@ def _repeating(angle: Array, samples: int) -> tuple[IntArray, IntArray]:
     misfit, variation = _misfits(angle, samples)
     largest = variation.max(axis=1)
     moves = variation > _MOVES * largest[:, None]
-    ratio = np.where(moves, misfit / np.where(moves, variation, 1.0), 0.0).max(axis=1)
+    np.divide(misfit, variation, out=misfit, where=moves)
+    ratio = np.where(moves, misfit, 0.0).max(axis=1)
     ratio[largest <= 0] = np.inf
     spans = [_clean_part(ratio, a, b, samples) for a, b in _true_spans(ratio < _REPEATS)]
     # A rest with a little noise may repeat too, but moves less than runs do.
@@ -209,19 +211,19 @@ def _misfits(angle: Array, samples: int) -> tuple[Array, Array]:
 
     Both over the period that begins there, (N - 2 samples + 1, n).
     """
-    present = np.isfinite(angle).all(axis=0)
-    values = angle[:, present]
-    difference = values[samples:] - values[:-samples]
-    misfit = np.sqrt(np.maximum(_window_mean(difference**2, samples), 0.0))
-    centred = values - values.mean(axis=0)
-    mean = _window_mean(centred, samples)
-    variance = _window_mean(centred**2, samples) - mean**2
-    count = len(misfit)
-    return misfit, np.sqrt(np.maximum(variance[:count], 0.0))
+    present = np.flatnonzero(np.isfinite(angle).all(axis=0))
+    misfit, variation = np.empty((2, len(angle) - 2 * samples + 1, len(present)))
+    for column, joint in enumerate(present):
+        values = angle[:, joint] - angle[:, joint].mean()
+        square = _window_mean((values[samples:] - values[:-samples]) ** 2, samples)
+        misfit[:, column] = np.sqrt(np.maximum(square, 0.0))
+        variance = _window_mean(values**2, samples) - _window_mean(values, samples) ** 2
+        variation[:, column] = np.sqrt(np.maximum(variance[: len(misfit)], 0.0))
+    return misfit, variation
 
 
 def _window_mean(values: Array, samples: int) -> Array:
-    total = np.concatenate([np.zeros((1, values.shape[1])), np.cumsum(values, axis=0)])
+    total = np.concatenate([[0.0], np.cumsum(values)])
     return np.asarray((total[samples:] - total[:-samples]) / samples)
 
 

@@ -68,15 +68,15 @@ def open_log(
 
 def _read(path: Path, stack: ExitStack, progress: StageProgress | None) -> Log:
     ending = path.suffix.lower()
+    report = None if progress is None else partial(progress, path.name)
     if path.is_dir() and (path / "metadata.yaml").exists():
-        return read_bag_log(path, stack)
+        return read_bag_log(path, stack, report)
     check_file(path)
     if ending in _READERS:
         return _READERS[ending](path, stack)
     if ending == ".dat" and is_kuka_trace(path):
         return read_kuka_trace(path, stack)
     if ending in _STREAMS:
-        report = None if progress is None else partial(progress, path.name)
         return _STREAMS[ending](path, stack, report)
     raise InvalidInput(
         f"{path}: {ending or 'no ending'} is no format that is read; logs end in "

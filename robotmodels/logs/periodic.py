@@ -16,8 +16,8 @@ from robotmodels.logs.mapping_file import Mapping
 from robotmodels.records.movement import Movement
 from robotmodels.records.records import Records
 
-_MOST_SAMPLES = 4_000_000
-"""Of a log in which periods are looked for: all of it is in memory then."""
+_MOST_NUMBERS = 8_000_000
+"""Samples times joints in which periods are looked for: all of them are in memory then."""
 
 
 def import_records(
@@ -50,8 +50,9 @@ def found_records(source: Import) -> tuple[Records | None, tuple[str, ...]]:
     needed = ("motor_angle", "motor_torque")
     if any(role not in source.roles for role in needed):
         return None, ("no records: motor angles and motor torques are needed for them",)
-    if sum(map(len, source.runs)) > _MOST_SAMPLES:
-        return None, (f"no records: more than {_MOST_SAMPLES} samples; cut the log",)
+    most = _MOST_NUMBERS // len(source.binding.joints)
+    if sum(map(len, source.runs)) > most:
+        return None, (f"no records: more than {most} samples; cut the log",)
     try:
         return periodic_records(source)
     except InvalidInput as error:

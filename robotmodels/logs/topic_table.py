@@ -1,16 +1,20 @@
 """The messages of one topic as rows of numbers."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import ExitStack
 from operator import attrgetter
 from typing import Any
 
 import numpy as np
 
+from robotmodels.common.arrays import Array, BoolArray, IntArray
 from robotmodels.logs.column_store import ColumnStore
 from robotmodels.logs.log import Channel, Table, unique_names
+from robotmodels.logs.message_layout import MessageLayout
+from robotmodels.logs.message_types import MessageType
 
-_BATCH = 4096  # rows
+_BATCH = 4096  # messages that are decoded at once
+_BATCH_BYTES = 1 << 23
 _MOST_COLUMNS = 2000  # images have more
 _SECOND = 1_000_000_000
 
@@ -18,9 +22,13 @@ _SECOND = 1_000_000_000
 class TopicTable:
     """Numbers of all messages of a topic, with the fields of its first message.
 
+    Messages that are laid out like the first are decoded many at once, others one by one.
+
     Parameters
     ----------
-    example : Any
+    kind : MessageType
+        Their type.
+    raw : bytes
         The first message.
     stack : ExitStack
         Closes the file that the numbers go to.
@@ -35,17 +43,19 @@ class TopicTable:
         Time of the first message, its own stamp before that of the recorder.
     """
 
-    def __init__(self, example: Any, stack: ExitStack) -> None:
+    def __init__(self, kind: MessageType, raw: bytes, stack: ExitStack) -> None:
+        self._kind, example = kind, kind.decode(raw)
         self._names_as_read = _names_of(example)
         self._labels = [str(name) for name in self._names_as_read or ()]
         self._fields = list(_fields(example, ""))
         columns = [name for path, length in self._fields for name in self._names(path, length)]
         self.columns = unique_names(columns) if len(columns) <= _MOST_COLUMNS else []
         self._getters = [attrgetter(path) for path, _ in self._fields]
-        self._stamp = _stamp_getter(example)
+        self._stamp = _stamp_path(example)
+        self._layout = self._checked_layout(raw, example) if self.columns else None
         self._store = ColumnStore(2 * bool(self.columns) + len(self.columns), stack)
-        self._rows: list[list[float]] = []
-        self._times: list[tuple[int, int]] = []
+        self._batch: list[tuple[int, bytes]] = []
+        self._bytes = 0
         self._origin: tuple[int, int] | None = None
         self.dropped = 0
 
@@ -56,22 +66,79 @@ class TopicTable:
             return None
         return self._origin[1] or self._origin[0]
 
-    def append(self, log_time: int, message: Any) -> None:
+    def append(self, log_time: int, raw: bytes) -> None:
         """Add a message."""
-        if not self.columns:
-            return
-        row = self._numbers(message)
-        if len(row) != len(self.columns):
-            self.dropped += 1
-            return
-        stamp = self._stamp(message) if self._stamp is not None else 0
+        if self.columns:
+            self._batch.append((log_time, raw))
+            self._bytes += len(raw)
+            if len(self._batch) == _BATCH or self._bytes > _BATCH_BYTES:
+                self.flush()
+
+    def flush(self) -> None:
+        """Decode the messages that were added since the last time."""
+        times, messages = [time for time, _ in self._batch], [raw for _, raw in self._batch]
+        self._batch, self._bytes = [], 0
+        numbers, stamps = np.empty((len(times), len(self.columns))), np.zeros(len(times), dtype=int)
+        complete = self._decode_alike(messages, numbers, stamps)
+        for i in np.flatnonzero(~complete):
+            message = self._kind.decode(messages[i])
+            row = self._numbers(message)
+            if len(row) == len(self.columns):
+                numbers[i], stamps[i], complete[i] = row, self._stamp_of(message), True
+        self.dropped += int((~complete).sum())
+        if complete.any():
+            self._store_rows(np.array(times)[complete], stamps[complete], numbers[complete])
+
+    def _store_rows(self, times: IntArray, stamps: IntArray, numbers: Array) -> None:
         if self._origin is None:
-            self._origin = (log_time, stamp)
+            self._origin = (int(times[0]), int(stamps[0]))
         # Differences of whole numbers: doubles hold nanoseconds since 1970 to 0.2 us only.
-        times = ((log_time - self._origin[0]) / _SECOND, (stamp - self._origin[1]) / _SECOND)
-        self._rows.append([*times, *row])
-        if len(self._rows) == _BATCH:
-            self._flush()
+        since = np.stack([times - self._origin[0], stamps - self._origin[1]], axis=1) / _SECOND
+        self._store.append(np.concatenate([since, numbers], axis=1))
+
+    def _decode_alike(
+        self, messages: Sequence[bytes], numbers: Array, stamps: IntArray
+    ) -> BoolArray:
+        """Decode the messages that are laid out like the first; return which they are."""
+        alike, layout = np.zeros(len(messages), dtype=bool), self._layout
+        if layout is None:
+            return alike
+        size = len(layout.example)
+        index = np.array([i for i, raw in enumerate(messages) if len(raw) == size], dtype=int)
+        raw = np.frombuffer(b"".join(messages[i] for i in index), dtype=np.uint8).reshape(-1, size)
+        same = layout.alike(raw)
+        index, raw = index[same], raw[same]
+        column = 0
+        for path, length in self._fields:
+            part = layout.numbers(raw, path)
+            numbers[index, column : column + part.shape[1]] = part
+            column += 1 if length is None else length
+        if self._stamp:
+            seconds, nanoseconds = (
+                layout.numbers(raw, f"{self._stamp}.{part}")[:, 0].astype(int)
+                for part in ("sec", "nanosec")
+            )
+            stamps[index] = seconds * _SECOND + nanoseconds
+        alike[index] = True
+        return alike
+
+    def _checked_layout(self, raw: bytes, example: Any) -> MessageLayout | None:
+        """Return the layout of the first message if it yields what decoding it yields."""
+        self._layout = self._kind.layout(raw)
+        numbers, stamps = np.empty((1, len(self.columns))), np.zeros(1, dtype=int)
+        try:
+            decoded = self._decode_alike([raw], numbers, stamps).all()
+        except (KeyError, ValueError):
+            return None
+        same = np.array_equal(numbers[0], self._numbers(example), equal_nan=True)
+        return self._layout if decoded and same and stamps[0] == self._stamp_of(example) else None
+
+    def _stamp_of(self, message: Any) -> int:
+        """Return the stamp of a message [ns], zero where it has none."""
+        if not self._stamp:
+            return 0
+        stamp = attrgetter(self._stamp)(message)
+        return int(stamp.sec) * _SECOND + int(stamp.nanosec)
 
     def _numbers(self, message: Any) -> list[float]:
         """Return the numbers of a message, fewer than columns where an array has another length."""
@@ -90,11 +157,10 @@ class TopicTable:
 
     def table(self, name: str, origin: int) -> Table:
         """Return the table of all messages, times from `origin` [ns] on."""
-        self._flush()
         log, stamp = self._origin or (0, 0)
         offset = ((stamp or log) - origin) / _SECOND
         # Stamps of messages that are all alike are none.
-        stamped = self._stamp is not None and bool(self._store.read(1, 0, self._store.rows).any())
+        stamped = bool(self._stamp) and bool(self._store.read(1, 0, self._store.rows).any())
         if not stamped and stamp:
             offset = 0.0
 
@@ -104,11 +170,6 @@ class TopicTable:
         channels = {"time": Channel(time, "s")}
         channels |= {column: self._store.channel(i + 2) for i, column in enumerate(self.columns)}
         return Table(name, self._store.rows, channels, time="time")
-
-    def _flush(self) -> None:
-        if self._rows:
-            self._store.append(np.array(self._rows, dtype=float))
-            self._rows = []
 
     def _names(self, path: str, length: int | None) -> list[str]:
         if length is None:
@@ -152,13 +213,12 @@ def _is_vector(value: Any) -> bool:
     return isinstance(value, list) and bool(value) and isinstance(value[0], int | float)
 
 
-def _stamp_getter(message: Any) -> Callable[[Any], int] | None:
-    """Return what reads a message's own stamp in nanoseconds."""
+def _stamp_path(message: Any) -> str:
+    """Return where a message has its own stamp, empty where it has none."""
     for path in ("header.stamp", "stamp"):
         try:
             attrgetter(f"{path}.nanosec")(message)
         except AttributeError:
             continue
-        getter = attrgetter(path)
-        return lambda each: int(getter(each).sec) * _SECOND + int(getter(each).nanosec)
-    return None
+        return path
+    return ""

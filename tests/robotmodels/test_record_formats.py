@@ -2,6 +2,7 @@
 
 import json
 import sqlite3
+from contextlib import ExitStack
 from pathlib import Path
 
 import numpy as np
@@ -18,7 +19,9 @@ from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 from robotmodels.common.errors import InvalidInput
 from robotmodels.logs import optional_library
 from robotmodels.logs.clocks import fitted_clock
+from robotmodels.logs.message_types import RosType
 from robotmodels.logs.open_log import open_log
+from robotmodels.logs.topic_table import TopicTable
 
 N, STEP = 200, 0.008
 TIME = STEP * np.arange(N)
@@ -251,3 +254,109 @@ def test_recordings_one_behind_the_other_become_runs():
     assert clock.segments == [(0, 80), (80, 130), (130, 200)]
     assert clock.restarts == (80, 130)
     assert clock.sample_time == pytest.approx(STEP)
+
+
+RULE = 80 * "="
+ODD = f"""uint8 mode
+float64 level
+string label
+geometry_msgs/Point[] corners
+bool[3] flags
+int16[] counts
+our_msgs/Inner inner
+{RULE}
+MSG: our_msgs/Inner
+float32 small
+int64 large
+{RULE}
+MSG: geometry_msgs/Point
+float64 x
+float64 y
+float64 z
+"""
+
+
+def odd_messages(store):
+    """Numbers between texts and arrays of other sizes, so that they lie elsewhere each time."""
+    store.register(get_types_from_msg(ODD, "our_msgs/msg/Odd"))
+    types, rng = store.types, np.random.default_rng(4)
+    for k in range(60):
+        points = [types["geometry_msgs/msg/Point"](x=1.0, y=2.0, z=3.0)] * (k % 3)
+        yield types["our_msgs/msg/Odd"](
+            mode=k,
+            level=float(rng.standard_normal()),
+            label="a" * (k % 5),
+            corners=points,
+            flags=rng.random(3) > 0.5,
+            counts=rng.integers(-9, 9, 2).astype(np.int16),
+            inner=types["our_msgs/msg/Inner"](
+                small=np.float32(rng.random()), large=int(rng.integers(-(2**40), 2**40))
+            ),
+        )
+
+
+@pytest.mark.parametrize("cdr", [True, False])
+def test_numbers_of_messages_that_are_laid_out_anyhow(cdr):
+    """Many at once or one by one, in both byte orders: what rosbags decodes."""
+    store = get_typestore(Stores.EMPTY)
+    messages = list(odd_messages(store))
+    kind = RosType(store, "our_msgs/msg/Odd", cdr=cdr)
+    for little in (True, False):
+        if cdr:
+            raws = [
+                bytes(store.serialize_cdr(m, kind.kind, little_endian=little)) for m in messages
+            ]
+        else:
+            raws = [bytes(store.serialize_ros1(m, kind.kind)) for m in messages]
+        with ExitStack() as stack:
+            topic = TopicTable(kind, raws[0], stack)
+            assert topic._layout is not None
+            for k, raw in enumerate(raws):
+                topic.append(k, raw)
+            topic.flush()
+            table = topic.table("odd", 0)
+            expected = [
+                [m.mode, m.level, *m.flags, *m.counts, m.inner.small, m.inner.large]
+                for m in messages
+            ]
+            values = np.stack([table.values(name) for name in topic.columns], axis=1)
+        assert np.array_equal(values, np.array(expected, dtype=float))
+        assert topic.dropped == 0
+
+
+def write_small_chunks(path):
+    """Joint states as bag of ROS 1 or as JSON in MCAP, some messages in each chunk."""
+    if path.suffix == ".bag":
+        store = get_typestore(Stores.ROS1_NOETIC)
+        with Writer1(path) as writer:
+            writer.chunk_threshold = 5000
+            joints = writer.add_connection("/joints", "sensor_msgs/msg/JointState", typestore=store)
+            for k in range(N):
+                raw = store.serialize_ros1(joint_state(store, k), "sensor_msgs/msg/JointState")
+                writer.write(joints, int(STAMPS[k]), raw)
+        return
+    with path.open("wb") as file:
+        writer = McapWriter(file, chunk_size=5000)
+        writer.start()
+        channel = writer.register_channel(
+            "joints", "json", writer.register_schema("joints", "jsonschema", b"{}")
+        )
+        for k in range(N):
+            content = json.dumps({"name": NAMES, "position": ANGLES[k].tolist()})
+            writer.add_message(channel, int(STAMPS[k]), content.encode(), int(STAMPS[k]))
+        writer.finish()
+
+
+@pytest.mark.parametrize("name", ["a.bag", "a.mcap"])
+def test_recordings_that_were_cut_off(tmp_path, name):
+    """What came before is read, and the cut is told."""
+    path = tmp_path / name
+    write_small_chunks(path)
+    assert check_joint_states(path) == ()
+    content = path.read_bytes()
+    path.write_bytes(content[: len(content) // 2])
+    with open_log(path) as log:
+        (table,) = log.tables
+        assert 20 < table.rows < N - 20
+        assert np.array_equal(table.values("position[elbow]"), ANGLES[: table.rows, 1])
+        assert log.notes == (f"{name}: it was cut off; what came before was read",)
