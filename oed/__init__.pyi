@@ -109,6 +109,19 @@ from .experiment.visiting_order import (
 )
 from .information_sets.candidates import InformationSamples as InformationSamples
 from .information_sets.compute import information as information
+from .information_sets.excitations import (
+    Excitation as Excitation,
+    Orthogonal as Orthogonal,
+    RandomPhase as RandomPhase,
+    SingleMotor as SingleMotor,
+    UserSpectrum as UserSpectrum,
+    VisitTiming as VisitTiming,
+    Zippered as Zippered,
+)
+from .information_sets.experiment_candidates import (
+    ExperimentCandidates as ExperimentCandidates,
+    experiment_candidates as experiment_candidates,
+)
 from .information_sets.information_set import InformationSet as InformationSet
 from .information_sets.line_information import (
     line_information as line_information,

@@ -38,6 +38,9 @@ from .linear.modes import (
     rigid_modes as rigid_modes,
 )
 from .linear.noise import (
+    ErrorCovariance as ErrorCovariance,
+    ExcitationNoise as ExcitationNoise,
+    InputOutputNoise as InputOutputNoise,
     NoiseLaw as NoiseLaw,
     RelativeNoise as RelativeNoise,
     RunNoise as RunNoise,

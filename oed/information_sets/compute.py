@@ -4,7 +4,7 @@ import os
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import Executor, Future, ThreadPoolExecutor
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, TypeVar, overload
+from typing import TYPE_CHECKING, Protocol, TypeVar, overload
 
 import numpy as np
 
@@ -64,7 +64,7 @@ class ChunkInformation:
                 self.robot, positions, equilibrium_shift=self.equilibrium_shift
             )
         # For the general way these are too many; what bars the kernel does so everywhere.
-        if self.equilibrium_shift or not self._suits_kernel(self.robot.network(positions[:_FEW])):
+        if self.equilibrium_shift or not self.suits_kernel(self.robot.network(positions[:_FEW])):
             return positions, None
         return positions, (self.robot.network(positions), None)
 
@@ -75,7 +75,7 @@ class ChunkInformation:
             parts = [positions[i : i + _GENERAL] for i in range(0, len(positions), _GENERAL)]
             return np.concatenate([self(part) for part in parts])
         network, tangents = linearised
-        noise, simple = self.noise, tangents is None and self._suits_kernel(network)
+        noise, simple = self.noise, tangents is None and self.suits_kernel(network)
         if simple and isinstance(noise, RelativeNoise | SeparableNoise):
             # Imported when used: user-defined matrices do not need it.
             import robotmodels.kernel as kernel
@@ -83,7 +83,7 @@ class ChunkInformation:
             return np.asarray(kernel.information(network, self.omega, noise))
         return self._general(network, tangents)
 
-    def _suits_kernel(self, network: SpringNetwork) -> bool:
+    def suits_kernel(self, network: SpringNetwork) -> bool:
         """Return whether the kernel may serve.
 
         It knows springs, dampers, motors' inertias and motion, `RelativeNoise` and separable noise.
@@ -183,31 +183,60 @@ def information(
     positions = np.atleast_2d(np.asarray(positions, dtype=float))
     if positions.size == 0:
         raise InvalidInput("positions: none given; at least one candidate position is needed")
-    if chunk < 1:
-        raise InvalidInput(f"chunk: {chunk} positions per call; at least 1 is needed")
     names = robot.parameters.names
     if store is None:
         needed = 8.0 * len(positions) * len(names) ** 2
         check_memory(needed, "positions: the information (a `store` keeps it in a file)")
+    work = ChunkInformation(robot, check_omega(omega), noise, equilibrium_shift)
+    parts = in_chunks(work, positions, chunk, executor)
+    if store is None:
+        return InformationSet._of_sums(positions, counted(parts, len(positions), progress), names)
+    from oed.information_sets.stored_information import write_store
+
+    return write_store(store, positions, names, counted(parts, len(positions), progress))
+
+
+class ChunkWork(Protocol):
+    """What makes arrays of positions in two stages, such as `ChunkInformation`."""
+
+    def __call__(self, positions: Array) -> Array:
+        """Return the array of some positions."""
+        ...
+
+    def prepare(self, positions: Array) -> Prepared:
+        """Return what `finish` takes."""
+        ...
+
+    def finish(self, prepared: Prepared) -> Array:
+        """Return the array of the positions prepared."""
+        ...
+
+
+def in_chunks(
+    work: ChunkWork, positions: Array, chunk: int, executor: Executor | None
+) -> Iterable[Array]:
+    """Return the arrays of chunks of positions, in order.
+
+    Raises
+    ------
+    InvalidInput
+        If `chunk` is not positive.
+    """
+    if chunk < 1:
+        raise InvalidInput(f"chunk: {chunk} positions per call; at least 1 is needed")
     # Several of them, where there are enough positions, for there to be something that overlaps.
     size = min(chunk, max(-(-len(positions) // 4), _WORTHWHILE))
     chunks = [positions[start : start + size] for start in range(0, len(positions), size)]
-    work = ChunkInformation(robot, check_omega(omega), noise, equilibrium_shift)
-    parts: Iterable[Array]
-    if executor is None and len(chunks) == 1:
-        parts = map(work, chunks)
-    elif executor is None:  # what Pinocchio does for a chunk overlaps with the kernel's last
-        parts = pipelined_map(work.prepare, work.finish, chunks)
-    else:
-        parts = executor.map(work, chunks)
-    if store is None:
-        return InformationSet._of_sums(positions, _counted(parts, len(positions), progress), names)
-    from oed.information_sets.stored_information import write_store
-
-    return write_store(store, positions, names, _counted(parts, len(positions), progress))
+    if executor is not None:
+        return executor.map(work, chunks)
+    if len(chunks) == 1:
+        return map(work, chunks)
+    # What Pinocchio does for a chunk overlaps with the kernel's last.
+    return pipelined_map(work.prepare, work.finish, chunks)
 
 
-def _counted(parts: Iterable[Array], total: int, progress: Progress | None) -> Iterator[Array]:
+def counted(parts: Iterable[Array], total: int, progress: Progress | None) -> Iterator[Array]:
+    """Yield parts, and tell the progress how many of their items are done."""
     done = 0
     for part in parts:
         yield part

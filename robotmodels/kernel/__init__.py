@@ -14,18 +14,19 @@ from robotmodels.kernel.cost_kernel import (
     check_complete,
     positive_frequencies,
 )
-from robotmodels.kernel.elimination_order import EliminationPlan, layout
-from robotmodels.kernel.fisher import informations, separable_informations
-from robotmodels.kernel.memory import address, aligned
+from robotmodels.kernel.elimination_order import layout
+from robotmodels.kernel.fisher import informations
+from robotmodels.kernel.memory import address
 from robotmodels.kernel.run_kernel import RunKernel, run_kernel_suits
+from robotmodels.kernel.separable import informations_of_factors, padded_lines
 from robotmodels.kernel.simd import LANES
 from robotmodels.kernel.solve import responses
 from robotmodels.kernel.threads import over_threads
 from robotmodels.kernel.workspace import Workspaces, network_tables, workspace
-from robotmodels.linear.noise import NoiseLaw, RelativeNoise, SeparableNoise
+from robotmodels.linear.noise import NoiseLaw, OutputErrors, RelativeNoise, SeparableNoise
 from robotmodels.linear.normal_equations import NormalEquations
 from robotmodels.linear.residuals import ResidualForm
-from robotmodels.linear.spring_network import SpringNetwork, shared
+from robotmodels.linear.spring_network import SpringNetwork
 
 __all__ = [
     "CostKernel",
@@ -33,6 +34,7 @@ __all__ = [
     "NormalEquations",
     "RunKernel",
     "costs",
+    "excitation_informations",
     "frequency_response",
     "information",
     "run_kernel_suits",
@@ -59,7 +61,7 @@ def frequency_response(network: SpringNetwork, omega: Array) -> ComplexArray:
         return network.frequency_response(w)
     n = len(plan.motors)
     out = np.empty((len(network.mass), w.size, n, n), dtype=complex)
-    frequencies, _ = _padded(w)
+    frequencies, _ = padded_lines(w)
     tables = network_tables(network)
 
     def run(start: int, stop: int) -> None:
@@ -91,13 +93,13 @@ def information(network: SpringNetwork, omega: Array, noise: NoiseLaw | Separabl
     p = len(network.parameters)
     out = np.empty((len(network.mass), p, p))
     if isinstance(noise, SeparableNoise):
-        return _separable_information(network, plan, w, noise.factors(network, w), out)
+        return informations_of_factors(network, plan, w, *noise.factors(network, w))[:, 0]
     # A subclass may have another variance than the compiled one.
     if type(noise) is not RelativeNoise or noise.by_output:
         return _reference_information(network, w, noise)
     if plan is None or _differing_gains(network):
         return _reference_information(network, w, noise)
-    frequencies, mask = _padded(w)
+    frequencies, mask = padded_lines(w)
     spaces = Workspaces(plan, network, network_tables(network))
     lines = address(frequencies), address(mask), w.size
     law = float(noise.relative), float(noise.floor)
@@ -122,37 +124,37 @@ def costs(
     return CostKernel(network, omega, measured, weights, residual)(parameters)
 
 
-def _separable_information(
-    network: SpringNetwork,
-    plan: EliminationPlan | None,
-    omega: Array,
-    factors: tuple[ComplexArray, ComplexArray],
-    out: Array,
+def excitation_informations(
+    network: SpringNetwork, omega: Array, spectra: ComplexArray, errors: OutputErrors
 ) -> Array:
-    """Return the information with the inverse covariance U kron inv(V) of the factors U, V."""
-    power, outputs = shared(factors[0]), _inverse(shared(factors[1]))
-    if plan is None:
-        power, outputs = (np.broadcast_to(x, (len(out), *x.shape[1:])) for x in (power, outputs))
-        _, J = network.sensitivity(omega)
-        weighted = np.einsum("qfml,qflip,qfni->qfmnp", outputs, J, power, optimize=True)
-        return np.asarray(2 * np.einsum("qfmnp,qfmnr->qpr", J.conj(), weighted, optimize=True).real)
-    # The kernel's sensitivities are those of motor accelerations, and lack w^2.
-    if network.measurement is not None:
-        scale = network.motor_factors(omega)
-        power = np.conj(scale)[:, :, None] * power * scale[:, None, :]
-    outputs *= omega[:, None, None] ** 4
-    doubles = [np.ascontiguousarray(x, dtype=complex).view(float) for x in (power, outputs)]
-    frequencies, _ = _padded(omega)
-    tables = network_tables(network)
+    """Return the Fisher information of E excitations, (Q, E, p, p), equilibria fixed.
 
-    def run(start: int, stop: int) -> None:
-        space, buffer = workspace(plan, network, tables), aligned(4 * len(plan.motors) ** 2)
-        weights = [(address(x), x[0].nbytes if len(x) > 1 else 0) for x in doubles]
-        arrays = address(frequencies), *weights, address(buffer), omega.size
-        separable_informations(space.at, *arrays, start, stop, address(out))
+    That of `information` with the `ExcitationNoise` of each: a position is factorised once for
+    all of them.
 
-    over_threads(run, len(out), work_per_item=2 * frequencies.size // LANES)
-    return out
+    Parameters
+    ----------
+    network : SpringNetwork
+        Robot at Q positions.
+    omega : ndarray, (F,), rad/s
+        Angular frequencies.
+    spectra : ndarray of complex, (E, F, n, n), N^2 m^2
+        Spectral matrices.
+    errors : OutputErrors
+        Errors of outputs and torques.
+
+    Raises
+    ------
+    InvalidInput
+        As `information`.
+    """
+    w = positive_frequencies(omega)
+    check_complete(network)
+    plan = layout(network)
+    G = frequency_response(network, w)
+    sigma = errors.output_error(G, w)
+    powers = np.swapaxes(np.asarray(spectra, dtype=complex), -1, -2)[:, None]
+    return informations_of_factors(network, plan, w, powers, sigma)
 
 
 def _differing_gains(network: SpringNetwork) -> bool:
@@ -164,26 +166,6 @@ def _differing_gains(network: SpringNetwork) -> bool:
         return False
     torque = network.measurement.torque
     return bool(np.ptp(torque.gain) > 0 or torque.lag.any())
-
-
-def _inverse(matrices: ComplexArray) -> ComplexArray:
-    """Return the inverses, (Q, F, m, m); of diagonal matrices, at the price of a division."""
-    diagonal = np.einsum("qfii->qfi", matrices)
-    if np.count_nonzero(matrices) > np.count_nonzero(diagonal):
-        return np.asarray(np.linalg.inv(matrices), dtype=complex)
-    inverses = np.zeros(matrices.shape, dtype=complex)
-    np.einsum("qfii->qfi", inverses)[:] = 1.0 / diagonal
-    return inverses
-
-
-def _padded(omega: Array) -> tuple[Array, Array]:
-    """Return `omega` as whole vectors, the last frequency repeated, and ones where it is not."""
-    blocks = -(-omega.size // LANES)
-    filled, mask = aligned(blocks), aligned(blocks)
-    if omega.size:
-        filled[:] = np.pad(omega, (0, blocks * LANES - omega.size), mode="edge")
-    mask[: omega.size] = 1.0
-    return filled, mask
 
 
 def _reference_information(network: SpringNetwork, omega: Array, noise: NoiseLaw) -> Array:

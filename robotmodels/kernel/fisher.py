@@ -150,12 +150,12 @@ def load_weights(work, source, at, frequencies, weights):
 
 
 @compiled
-def apply_weights(work, weights):
-    """Write U v and Y v of every needed spring; U and Y, by row, are at `weights`."""
+def apply_weights(work, weights, part):
+    """Write U v (`part` 0) or Y v (1) of every needed spring; U or Y, by row, is at `weights`."""
     n, zero = work.n, pack(splat(0.0), splat(0.0))
     for s in range(work.m):
-        v, out = s * work.wide, 4 * n * s
-        for i in range(2 * n):
+        v, out = s * work.wide, 4 * n * s + 2 * n * part
+        for i in range(n):
             y = zero
             for j in range(n):
                 weight = load_complex(weights, 2 * (n * i + j))
@@ -190,9 +190,9 @@ def parts(x, y):
 
 
 @compiled
-def accumulate_pairs(work, w):
-    """Add the products of all pairs of springs at the frequencies `w` to their sums."""
-    target = work.sums
+def accumulate_pairs(work, w, sums):
+    """Add the products of all pairs of springs at the frequencies `w` to the sums there."""
+    target = sums
     for s in range(0, work.m, 2):
         for t in range(0, s + 1, 2):
             p, q, r, u = inner(work, s, t, 0)
@@ -204,31 +204,61 @@ def accumulate_pairs(work, w):
             target += 16 * BYTES
 
 
-@compiled
-def _separable_informations(work, omega, inputs, outputs, weights, frequencies, start, stop, out):
-    """Write the (p, p) information of positions `start` to `stop` to the address `out`.
+@inlined
+def sums_length(work):
+    """Return the vectors of one excitation's sums."""
+    pairs = (work.m + 2) // 2
+    return 8 * pairs * (pairs + 1)
 
-    `inputs` and `outputs` are the addresses of complex (Q, F, n, n), each with the bytes from one
-    position to the next; `weights` is that of a buffer of 4 n^2 vectors.
+
+@compiled
+def add_lines(work, q, b, omega, inputs, outputs, buffers, excitations, frequencies):
+    """Add what eight frequencies tell under each excitation to the sums in the buffers."""
+    weights, sums = buffers
+    w, first, length = load(omega, b), b * LANES, BYTES * sums_length(work)
+    solve(work, q, w)
+    spring_elongations(work, w)
+    load_weights(work, outputs[0] + outputs[1] * q, first, frequencies, weights)
+    apply_weights(work, weights, 1)
+    for e in range(excitations):
+        source = inputs[0] + inputs[1] * q + inputs[2] * e
+        load_weights(work, source, first, frequencies, weights)
+        apply_weights(work, weights, 0)
+        accumulate_pairs(work, w, sums + length * e)
+
+
+@compiled
+def finish_information(work, q, sums, out):
+    """Turn the sums of one excitation into its (p, p) information at the address `out`."""
+    springs = 8 * q * work.s
+    for index in range(sums_length(work)):
+        store(work.sums, index, load(sums, index))
+    fill_block(work, work.spring_stiffness + springs, work.spring_damping + springs, False)
+    for index in range(work.p * work.p):
+        store_scalar(out, index, 0.0)
+    project(work, q, out)
+
+
+@compiled
+def _separable_informations(
+    work, omega, inputs, outputs, buffers, excitations, frequencies, start, stop, out
+):
+    """Write the (E, p, p) information of positions `start` to `stop` to the address `out`.
+
+    `inputs` and `outputs` are the addresses of complex (E, Q, F, n, n) and (Q, F, n, n), each with
+    the bytes from one position to the next, the former also from one excitation to the next;
+    `buffers` those of one U or Y, and of the sums of each excitation.
     """
-    size, blocks = work.p * work.p, -(-frequencies // LANES)
-    upper = weights + BYTES * 2 * work.n * work.n
+    size, length, sums = 8 * work.p * work.p, sums_length(work), buffers[1]
     for q in range(start, stop):
         pack_position(work, q)
-        zero_sums(work)
-        for b in range(blocks):
-            w = load(omega, b)
-            solve(work, q, w)
-            spring_elongations(work, w)
-            load_weights(work, inputs[0] + inputs[1] * q, b * LANES, frequencies, weights)
-            load_weights(work, outputs[0] + outputs[1] * q, b * LANES, frequencies, upper)
-            apply_weights(work, weights)
-            accumulate_pairs(work, w)
-        springs = 8 * q * work.s
-        fill_block(work, work.spring_stiffness + springs, work.spring_damping + springs, False)
-        for e in range(size):
-            store_scalar(out, q * size + e, 0.0)
-        project(work, q, out + 8 * q * size)
+        for index in range(length * excitations):
+            store(sums, index, splat(0.0))
+        for b in range(-(-frequencies // LANES)):
+            add_lines(work, q, b, omega, inputs, outputs, buffers, excitations, frequencies)
+        for e in range(excitations):
+            target = out + size * (q * excitations + e)
+            finish_information(work, q, sums + BYTES * length * e, target)
 
 
 def _cached_separable(sources):

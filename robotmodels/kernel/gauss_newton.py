@@ -32,7 +32,7 @@ from robotmodels.kernel.sensitivity_products import (
     spring_elongations,
     zero_sums,
 )
-from robotmodels.kernel.simd import fma, lane_sum, pack, root, splat, where_greater
+from robotmodels.kernel.simd import BYTES, fma, lane_sum, pack, root, splat, where_greater
 from robotmodels.kernel.solve import motor_response, pack_motors
 from robotmodels.kernel.vector_math import angle, half_log, wrap
 
@@ -123,8 +123,10 @@ def accumulate_cell(work, cells, cell, matrix, residual, runs, w):
     if matrix:
         for row in range(work.n if residual == SML_ROW_WISE else 1):
             only = row if residual == SML_ROW_WISE else -1
-            apply_weights(work, run_weights(work, cells, cell, runs, only))
-            accumulate_pairs(work, w)
+            weights = run_weights(work, cells, cell, runs, only)
+            apply_weights(work, weights, 0)
+            apply_weights(work, weights + BYTES * 2 * work.n * work.n, 1)
+            accumulate_pairs(work, w, work.sums)
 
 
 @compiled

@@ -4,6 +4,7 @@ from dataclasses import dataclass
 from typing import Protocol, runtime_checkable
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from robotmodels.common.arrays import (
     Array,
@@ -11,6 +12,7 @@ from robotmodels.common.arrays import (
     check_above_zero,
     complex_numbers,
     read_only,
+    real_numbers,
 )
 from robotmodels.common.errors import InvalidInput
 from robotmodels.linear.spring_network import SpringNetwork
@@ -38,6 +40,156 @@ class SeparableNoise(Protocol):
 
     def factors(self, network: SpringNetwork, omega: Array) -> tuple[ComplexArray, ComplexArray]:
         """Return U (Q, F, n, n) and V (Q, F, m, m): the inverse covariance is U ⊗ inv(V)."""
+
+
+class OutputErrors(Protocol):
+    """A law of the errors of outputs and inputs together, such as `InputOutputNoise`."""
+
+    def output_error(self, response: ComplexArray, omega: Array) -> ComplexArray:
+        """Return the covariance of e = Y - G U, (Q, F, m, m), for FRFs (Q, F, m, n)."""
+        ...
+
+
+@dataclass(frozen=True, eq=False)
+class InputOutputNoise:
+    """Noise of one measured period: at every line, in motors' motion and torques.
+
+    Errors are circular, and independent between lines, outputs and inputs. They have a floor, so
+    that a motor without torque tells nothing, which noise relative to FRFs cannot say.
+
+    Attributes
+    ----------
+    speed : float or ndarray, (m,), rad/s
+        Standard deviation of a line's speed, root mean square: of white noise of standard deviation
+        s in N samples it is s sqrt(2/N). An output is as noisy as the acceleration j omega times
+        that speed.
+    torque : float or ndarray, (n,), N m
+        Standard deviation of a line's torque, root mean square.
+    """
+
+    speed: ArrayLike
+    torque: ArrayLike = 0.0
+
+    def __post_init__(self) -> None:
+        for name, zero in (("speed", False), ("torque", True)):
+            values = real_numbers(getattr(self, name), f"noise.{name}")
+            for value in np.atleast_1d(values).tolist():
+                check_above_zero(value, f"noise.{name}", zero=zero)
+            object.__setattr__(self, name, read_only(values))
+
+    @classmethod
+    def of_levels(
+        cls, torque: ArrayLike, lines: int, share: float = 0.05, *, speed: ArrayLike
+    ) -> "InputOutputNoise":
+        """Return the noise whose part in torques is a share of those of flat spectra.
+
+        Parameters
+        ----------
+        torque : float or ndarray, (n,), N m
+            Root mean square torque of each motor over all lines.
+        lines : int
+            Number F of lines that share it.
+        share : float
+            Standard deviation of a line's torque, in parts of its flat level.
+        speed : float or ndarray, (m,), rad/s
+            As of the noise.
+        """
+        return cls(speed, share * np.asarray(torque, dtype=float) / np.sqrt(lines))
+
+    def covariance(self, omega: Array, outputs: int, inputs: int) -> ComplexArray:
+        """Return the covariance of a run's outputs and inputs, (F, m + n, m + n), as of `RunNoise`.
+
+        Outputs are accelerations [rad/s^2].
+        """
+        w = np.asarray(omega, dtype=float)[:, None]
+        parts = [w * self._each("speed", outputs), self._each("torque", inputs) + 0 * w]
+        variances = np.concatenate(parts, axis=1) ** 2
+        return np.asarray(variances[:, :, None] * np.eye(outputs + inputs), dtype=complex)
+
+    def output_error(self, response: ComplexArray, omega: Array) -> ComplexArray:
+        """Return (omega speed)^2 I + G torque^2 G^H, see `OutputErrors`."""
+        m, n = response.shape[-2:]
+        scaled = response * self._each("torque", n)
+        error = scaled @ np.conj(np.swapaxes(scaled, -1, -2))
+        floor = (np.asarray(omega, dtype=float)[:, None] * self._each("speed", m)) ** 2
+        error[..., np.arange(m), np.arange(m)] += floor
+        return error
+
+    def _each(self, name: str, count: int) -> Array:
+        """Return a standard deviation of each motor, (count,)."""
+        values = np.asarray(getattr(self, name))
+        if values.shape not in ((), (count,)):
+            raise InvalidInput(
+                f"noise.{name}: shape {values.shape}; a number or one of each of {count} is needed"
+            )
+        return np.broadcast_to(values, (count,))
+
+
+@dataclass(frozen=True, eq=False)
+class ErrorCovariance:
+    """Declared or estimated covariances of the errors of outputs and inputs, outputs first.
+
+    Attributes
+    ----------
+    covariance : ndarray of complex, (F, m + n, m + n) or (Q, F, m + n, m + n)
+        Such as `estimators.RunSpectra` has.
+    """
+
+    covariance: ComplexArray
+
+    def output_error(self, response: ComplexArray, omega: Array) -> ComplexArray:
+        """Return [I -G] C [I -G]^H, see `OutputErrors`."""
+        q, f, m, n = response.shape
+        shape = (q, f, m + n, m + n)
+        try:
+            C = np.broadcast_to(self.covariance, shape)
+        except ValueError:
+            raise InvalidInput(
+                f"noise: a covariance of shape {self.covariance.shape} for FRFs of shape "
+                f"{response.shape}; (F, {m + n}, {m + n}) is needed, or that for each position"
+            ) from None
+        wide = np.concatenate([np.broadcast_to(np.eye(m), (q, f, m, m)), -response], axis=-1)
+        return np.asarray(wide @ C @ np.conj(np.swapaxes(wide, -1, -2)))
+
+
+@dataclass(frozen=True, eq=False)
+class ExcitationNoise:
+    """The noise of FRFs by an excitation: the information is linear in its spectral matrices.
+
+    Attributes
+    ----------
+    spectrum : ndarray of complex, (F, n, n) or (Q, F, n, n), N^2 m^2
+        Phi, the sum of U U^H over runs, of any rank: mean squares and products of the torques at
+        each line. Without other lines, its trace over them is the sum of the mean squared torques.
+    errors : OutputErrors
+        Errors of outputs and torques, in the same units.
+    """
+
+    spectrum: ComplexArray
+    errors: OutputErrors
+
+    def factors(self, network: SpringNetwork, omega: Array) -> tuple[ComplexArray, ComplexArray]:
+        """Return Phi^T, (Q, F, n, n), and the output error's covariance, see `SeparableNoise`.
+
+        Raises
+        ------
+        InvalidInput
+            If the spectrum is of other lines or inputs.
+        """
+        G = network.frequency_response(omega)
+        shape = (*G.shape[:2], G.shape[3], G.shape[3])
+        try:
+            spectrum = np.broadcast_to(self.spectrum, shape)
+        except ValueError:
+            raise InvalidInput(
+                f"spectrum: shape {self.spectrum.shape}; {shape[1:]} is needed, or that for each "
+                "position"
+            ) from None
+        return np.swapaxes(spectrum, -1, -2), self.errors.output_error(G, omega)
+
+    def weights(self, network: SpringNetwork, omega: Array) -> ComplexArray:
+        """Return the inverse covariances of vec(G), (Q, F, m n, m n), as of `LoopNoise`."""
+        return _weights(*self.factors(network, omega))
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,25 +230,18 @@ class RunNoise:
         InvalidInput
             If the runs are of other positions, lines, inputs or outputs.
         """
-        G = network.frequency_response(omega)
-        q, f, m, n = G.shape
-        U, C = (x if x.ndim == 4 else x[None] for x in (self.torques, self.covariance))
-        shapes = (q, f, n, U.shape[3]), (q, f, m + n, m + n)
-        try:
-            U, C = (np.broadcast_to(x, shape) for x, shape in zip((U, C), shapes, strict=True))
-        except ValueError:
-            raise InvalidInput(
-                f"noise: torques of shape {self.torques.shape} and a covariance of shape "
-                f"{self.covariance.shape} for FRFs of shape {G.shape}"
-            ) from None
-        wide = np.concatenate([np.broadcast_to(np.eye(m), (q, f, m, m)), -G], axis=-1)
-        power = U @ np.conj(np.swapaxes(U, -1, -2))
-        return np.swapaxes(power, -1, -2), wide @ C @ np.conj(np.swapaxes(wide, -1, -2))
+        U = self.torques
+        spectrum = U @ np.conj(np.swapaxes(U, -1, -2))
+        return ExcitationNoise(spectrum, ErrorCovariance(self.covariance)).factors(network, omega)
 
     def weights(self, network: SpringNetwork, omega: Array) -> ComplexArray:
         """Return the inverse covariances of vec(G), (Q, F, m n, m n), as of `LoopNoise`."""
-        power, sigma = self.factors(network, omega)
-        return kronecker(power, np.asarray(np.linalg.inv(sigma)))
+        return _weights(*self.factors(network, omega))
+
+
+def _weights(power: ComplexArray, sigma: ComplexArray) -> ComplexArray:
+    """Return power kron inv(sigma), of factors (Q, F, n, n) and (Q, F, m, m)."""
+    return kronecker(power, np.asarray(np.linalg.inv(sigma)))
 
 
 def kronecker(left: ComplexArray, right: ComplexArray) -> ComplexArray:
