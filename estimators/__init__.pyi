@@ -52,6 +52,7 @@ from .fitting.weights import (
 )
 from .frf.distortion import Distortion as Distortion, distortion as distortion
 from .frf.estimate_frf import estimate_frf as estimate_frf
+from .frf.excitation import Excitation as Excitation, excitation as excitation
 from .frf.file_formats import (
     read_distortion as read_distortion,
     read_frf as read_frf,

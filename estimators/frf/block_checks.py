@@ -3,6 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
+from estimators.frf.input_rank import excited_rank, input_noise
 from estimators.frf.record_checks import check_records, warn
 from estimators.frf.spectra import Spectra
 from robotmodels.common.arrays import Array, ComplexArray, IntArray
@@ -17,9 +18,8 @@ _REACH = 20  # samples that a slip may have
 _JUMP = 5.0  # from the end of a period to its start, against other steps, rms
 _WRAP = 0.4  # of the range, that a step from one sample to the next is not
 _FEW_LEVELS = 40
-_EXCITED = 4.0  # times the power of noise
+_NAMED = 8  # lines in a message
 _ROUNDING = 1e-13
-_NO_POWER = 1e-12  # of the reference's strongest line
 
 
 def check_samples(records: Records, who: str) -> None:
@@ -79,26 +79,40 @@ def _check_angle(signal: Array, who: str) -> None:
         warn(f"{who}: the angle has {levels} different values in a period; move more")
 
 
-def check_excited(measured: Spectra, lines: IntArray, who: str) -> None:
-    """Refuse lines at which no motor is excited: their FRFs would be noise over noise.
+def check_excited(
+    measured: Spectra, records: Records, lines: IntArray, who: str, least: int
+) -> None:
+    """Refuse lines at which fewer than `least` torques are independent above their noise.
+
+    Their FRFs would be noise over noise.
 
     Raises
     ------
     InvalidInput
         Naming them.
     """
-    reference = (np.abs(measured.reference) ** 2).sum(axis=(0, 1, 3, 4))
-    silent = (reference <= _NO_POWER * reference.max()) & (reference.max() > 0)
-    if measured.noise_input.shape[1]:
-        torque = (np.abs(measured.input.mean(axis=1)) ** 2).sum(axis=(0, 3))
-        noise = (np.abs(measured.noise_input) ** 2).mean(axis=1).sum(axis=(0, 3))
-        silent |= (torque <= _EXCITED * noise).all(axis=-1)
-    if silent.any():
+    rank = excited_rank(measured, input_noise(records, measured, lines))
+    few = rank < least
+    if (rank == 0).any():
         raise InvalidInput(
-            f"{who}: lines {', '.join(map(str, lines[silent][:8]))} are declared as excited, but "
+            f"{who}: {line_words(lines[rank == 0], records)} are declared as excited, but "
             "no motor's torque is above its noise there, or the reference is zero; leave them out, "
             "or mend the number of samples a period"
         )
+    if few.any():
+        raise InvalidInput(
+            f"{who}: {line_words(lines[few], records)}: {rank[few].min()} of {least} torques are "
+            "independent above their noise; leave them out (estimators.excitation tells which are "
+            "usable), or excite every motor at them"
+        )
+
+
+def line_words(lines: IntArray, records: Records) -> str:
+    """Return words for lines: how many, their numbers and band."""
+    numbers = ", ".join(map(str, lines[:_NAMED])) + (", ..." if len(lines) > _NAMED else "")
+    unit = 1 / (records.samples * records.sample_time)
+    word = "line" if len(lines) == 1 else "lines"
+    return f"{len(lines)} {word}, {numbers} ({unit * lines[0]:.4g} to {unit * lines[-1]:.4g} Hz)"
 
 
 def check_copied_periods(measured: Spectra, who: str) -> None:

@@ -14,6 +14,7 @@ import numpy as np
 from estimators.frf.estimate_frf import (
     Transient,
     each_position,
+    lines_of,
     usable_spectra,
     variances,
     with_deviations,
@@ -93,6 +94,7 @@ def distortion(
     hold: bool = True,
     delay: float = 0.0,
     transient: Transient = "auto",
+    lines: IntArray | None = None,
 ) -> Distortion:
     """Return noise and distortion levels of the FRFs that `estimate_frf` finds.
 
@@ -112,13 +114,15 @@ def distortion(
         As in `estimators.estimate_frf`.
     transient : Transient
         As in `estimators.estimate_frf`.
+    lines : ndarray of int, optional
+        As in `estimators.estimate_frf`.
 
     Raises
     ------
     InvalidInput
         If there are less than two periods, or as `estimate_frf` does.
     """
-    settings = _Settings(method, hold, delay, transient)
+    settings = _Settings(method, hold, delay, transient, lines)
     estimates = [
         _of_position(part, f"position {count + 1}", settings)
         for count, part in enumerate(each_position(records))
@@ -142,6 +146,7 @@ class _Settings(NamedTuple):
     hold: bool
     delay: float
     transient: Transient
+    lines: IntArray | None
 
 
 class _Position(NamedTuple):
@@ -163,8 +168,10 @@ def _of_position(part: Records, who: str, settings: _Settings) -> _Position:
     InvalidInput
         As `distortion`.
     """
-    method, hold, delay, transient = settings
-    measured = usable_spectra(part, who, method, hold=hold, delay=delay, transient=transient)
+    method, hold, delay, transient, subset = settings
+    measured = usable_spectra(
+        part, who, method, hold=hold, delay=delay, transient=transient, lines=subset
+    )
     if measured.periods < 2:
         raise InvalidInput(f"{who}: one period; distortion needs at least 2, to see the noise")
     response, noise, _ = with_deviations(measured, method, "noise", who)
@@ -172,7 +179,7 @@ def _of_position(part: Records, who: str, settings: _Settings) -> _Position:
     if len(measured.present) > 1:
         total = variances(with_deviations(measured, method, "total", who)[1])
     levels = {"noise": variances(noise), "total": total, "output": _rms(measured)}
-    lines = detection_lines(part)
+    lines = detection_lines(part, subset)
     first = part.torque.shape[3] - measured.periods
     for name, k in zip(("odd", "even"), lines, strict=True):
         between = spectra(part, 0, k, hold, delay, first)
@@ -182,12 +189,13 @@ def _of_position(part: Records, who: str, settings: _Settings) -> _Position:
     return _Position(part.positions[0], measured.omega, odd, even, len(measured.present), levels)
 
 
-def detection_lines(records: Records) -> tuple[IntArray, IntArray]:
-    """Return the odd and the even detection lines within the excited band.
+def detection_lines(records: Records, lines: IntArray | None = None) -> tuple[IntArray, IntArray]:
+    """Return the odd and the even detection lines within the excited band, or that of `lines`.
 
     Odd ones are declared; every even line that is not excited is one where all excited are odd.
     """
-    first, last = int(records.lines[0]), int(records.lines[-1])
+    band = lines_of(records, lines)
+    first, last = int(band[0]), int(band[-1])
     inside = records.detection[(records.detection >= first) & (records.detection <= last)]
     even = np.arange(first + first % 2, last + 1, 2)
     if (records.lines % 2 == 0).any():

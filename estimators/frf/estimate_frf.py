@@ -28,7 +28,7 @@ from estimators.frf.record_checks import (
     warn,
 )
 from estimators.frf.spectra import Spectra, spectra
-from robotmodels.common.arrays import Array, ComplexArray
+from robotmodels.common.arrays import Array, ComplexArray, IntArray, whole_numbers
 from robotmodels.common.errors import InvalidInput, nearest
 from robotmodels.records.records import Records
 
@@ -44,6 +44,7 @@ def estimate_frf(
     hold: bool = True,
     delay: float = 0.0,
     transient: Transient = "auto",
+    lines: IntArray | None = None,
 ) -> FrfEstimate:
     """Estimate motor torque to motor acceleration FRFs, and the covariance of the estimate.
 
@@ -71,19 +72,24 @@ def estimate_frf(
     transient : Transient
         Periods to drop at the start of each run; "auto" drops those that differ from later ones,
         see `estimators.settling`, and warns when it does.
+    lines : ndarray of int, optional
+        DFT lines, some of those that are excited; all by default. `estimators.excitation` tells
+        which are usable.
 
     Raises
     ------
     InvalidInput
-        Naming position, block, line and condition number where torques are dependent, and whatever
-        else keeps the records from being used.
+        Naming position, block, line and condition number where torques are dependent or within
+        their noise, and whatever else keeps the records from being used.
     """
     find_method(method)
     check_choice("covariance", covariance, ("total", "noise"))
     check_choice("structure", structure, ("full", "diagonal"))
 
     def estimated(part: Records, who: str) -> PositionFrf:
-        measured = usable_spectra(part, who, method, hold=hold, delay=delay, transient=transient)
+        measured = usable_spectra(
+            part, who, method, hold=hold, delay=delay, transient=transient, lines=lines
+        )
         response, draws, freedom = with_deviations(measured, method, covariance, who)
         error = structured(covariance_of(draws), structure, response.shape[1])
         count = len(measured.present)
@@ -181,6 +187,7 @@ def usable_spectra(
     hold: bool = True,
     delay: float = 0.0,
     transient: Transient = "auto",
+    lines: IntArray | None = None,
 ) -> Spectra:
     """Return the checked spectra of one position, without transients and missing blocks.
 
@@ -190,28 +197,51 @@ def usable_spectra(
         As `estimate_frf` does.
     """
     check_samples(records, who)
-    measured = spectra(records, hold=hold, delay=delay)
+    k = lines_of(records, lines)
+    measured = spectra(records, 0, k, hold, delay)
     check_periods(measured, who)
-    check_excited(measured, records.lines, who)
     n, E = measured.input.shape[-2:]
     if n > E:
         raise InvalidInput(
             f"{who}: {E} runs a block for {n} motors; {n} are needed, or "
-            "estimators.local_frf (oed frf --local), which borrows from neighbouring lines"
+            "estimators.local_frf (oed frf --local), which borrows from neighbouring lines, or a "
+            "fit to the runs themselves (oed identify)"
         )
     if n < E and method not in SUMMING:
         raise InvalidInput(
             f"{who}: {E} runs a block for {n} motors; {method} needs {n}, "
             f"{' and '.join(SUMMING)} take any number"
         )
+    check_excited(measured, records, k, who, n)
     if method == "jio" and not measured.reference.any():
         raise InvalidInput(f"{who}: jio needs the reference, which is zero; use another method")
     first = first_period(measured, transient, who)
-    measured = spectra(records, hold=hold, delay=delay, first=first) if first else measured
+    measured = spectra(records, 0, k, hold, delay, first) if first else measured
     measured = _without_missing(measured, method, who)
     check_blocks(measured, who)
-    _check_inputs(measured, method, records.lines.astype(float), who)
+    _check_inputs(measured, method, k.astype(float), who)
     return measured
+
+
+def lines_of(records: Records, lines: IntArray | None) -> IntArray:
+    """Return the excited lines, or some of them.
+
+    Raises
+    ------
+    InvalidInput
+        Naming those that are not excited.
+    """
+    if lines is None:
+        return records.lines
+    subset = whole_numbers(lines, "lines")
+    silent = np.setdiff1d(subset, records.lines)
+    if len(silent) or not len(subset) or (np.diff(subset) <= 0).any():
+        what = f"{', '.join(map(str, silent[:8]))} are not excited" if len(silent) else "none rise"
+        raise InvalidInput(
+            f"lines: {what}; rising ones among the excited {records.lines[0]} to "
+            f"{records.lines[-1]} are needed"
+        )
+    return subset
 
 
 def with_deviations(

@@ -13,13 +13,14 @@ import robotmodels
 from estimators.frf.averaging import find_method
 from estimators.frf.distortion import Distortion, distortion
 from estimators.frf.estimate_frf import estimate_frf
+from estimators.frf.excitation import LOCAL, Excitation, excitation
 from estimators.frf.file_formats import read_records
 from estimators.frf.frf_estimate import FrfEstimate
-from estimators.frf.local_rational_model import local_frf
+from estimators.frf.local_rational_model import local_frf, window_width
 from estimators.frf.method_comparison import MethodComparison, compare_methods, measured_loop
 from estimators.frf.repeated_visits import merge_distortion, merge_visits, visits_of
 from estimators.frf.rigid_body_check import check_rigid_limit
-from robotmodels.common.arrays import ComplexArray, IntArray
+from robotmodels.common.arrays import Array, ComplexArray, IntArray
 from robotmodels.common.errors import IdentificationWarning, InvalidInput
 from robotmodels.common.progress import StageProgress
 from robotmodels.records.records import Records, iterate_records
@@ -27,7 +28,6 @@ from robotmodels.records.records import Records, iterate_records
 if TYPE_CHECKING:
     from robotmodels import ElasticRobot
 
-_LOCAL = "local"
 _LOCAL_MODEL: dict[str, Any] = {"order": 2, "denominator": 2}
 """Follows a resonance that is narrow against the window of lines."""
 
@@ -55,6 +55,10 @@ class MeasuredFrf:
     distortion : Distortion or None
         Noise and distortion, separated; None where there is one measured period only, or where the
         method is local.
+    excitation : Excitation
+        Rank and conditioning of the torques at the lines of the estimate.
+    left_out : ndarray, (L,), rad/s
+        Excited lines of the band that are not estimated.
     robot : ElasticRobot or None
         Robot whose linear model goes with them, or None.
     modelled : ndarray of complex or None, (Q, F, n, n)
@@ -73,6 +77,8 @@ class MeasuredFrf:
     delay: float
     estimate: FrfEstimate
     distortion: Distortion | None
+    excitation: Excitation
+    left_out: Array
     robot: "ElasticRobot | None"
     modelled: ComplexArray | None
     comparison: MethodComparison | None
@@ -85,6 +91,14 @@ class MeasuredFrf:
             return tuple(self.robot.motor_names)
         return tuple(f"motor {i + 1}" for i in range(self.estimate.response.shape[3]))
 
+    @property
+    def outputs(self) -> tuple[str, ...]:
+        """Names of the outputs; without a robot those of the motors, then numbered sensors."""
+        if self.robot is not None:
+            return tuple(self.robot.output_names)
+        m = self.estimate.response.shape[2]
+        return (*self.motors, *(f"sensor {i + 1}" for i in range(m)))[:m]
+
 
 def measured_frf(
     path: Path,
@@ -92,9 +106,10 @@ def measured_frf(
     *,
     covariance: str = "total",
     structure: str = "full",
-    local: bool = False,
+    local: bool | None = None,
     delay: float = 0.0,
     hold: bool = True,
+    band: tuple[float, float] | None = None,
     robot: str | None = None,
     compare: bool = False,
     runs: int = 200,
@@ -118,7 +133,11 @@ def measured_frf(
         As in `estimators.estimate_frf`.
     local : bool
         Whether neighbouring lines stand in for runs, see `estimators.local_frf`; this takes the
-        place of method and covariance, and serves where there are fewer runs than motors.
+        place of method and covariance, and serves where there are fewer runs than motors. By
+        default it does there.
+    band : tuple of float, optional
+        Lowest and highest frequency of the estimate [rad/s]; all excited lines by default. Lines
+        whose torques do not tell all motors apart are left out with a warning.
     robot : str, optional
         Name or file of the robot that was measured.
     compare : bool
@@ -137,11 +156,12 @@ def measured_frf(
         raise InvalidInput(f"delay: {delay!r} s is not a time")
     elastic = None if robot is None else robotmodels.load_robot(robot)
     report = _silent if progress is None else progress
-    signals: dict[str, Any] = {"delay": delay, "hold": hold}
-    if local:
-        method = covariance = _LOCAL
     with collected_warnings() as messages:
         source = _source(path, elastic)
+        if source.needs_local if local is None else local:
+            method = covariance = LOCAL
+        usable, left_out = _usable(source, method, band, insist=bool(local))
+        signals: dict[str, Any] = {"delay": delay, "hold": hold, "lines": usable.lines}
         with _stage(report, "FRFs"):
             visits = _visits(source, method, covariance, structure, signals)
             estimate, missing = merge_visits(visits), source.missing
@@ -158,6 +178,8 @@ def measured_frf(
         delay,
         estimate,
         levels,
+        usable,
+        left_out,
         elastic,
         modelled,
         ranking,
@@ -172,20 +194,63 @@ def _stage(report: StageProgress, name: str) -> Iterator[None]:
     report(name, 1, 1)
 
 
+def _usable(
+    source: "_Source", method: str, band: tuple[float, float] | None, insist: bool
+) -> tuple[Excitation, Array]:
+    """Return what torques tell at the lines to be estimated, and the lines left out, warned of.
+
+    Raises
+    ------
+    InvalidInput
+        If no line is left, or a local model would not be local, unless that is to `insist` on.
+    """
+    model = _LOCAL_MODEL if method == LOCAL else {}
+    everything = excitation(source, method, band=band, **model)
+    usable, words = everything.at_usable_lines(), everything.left_out(source.first)
+    if not len(usable.lines):
+        raise InvalidInput(
+            f"{source.path}: {'; '.join(words)}; excite the motors independently of each other, or "
+            "fit the runs themselves (oed identify)"
+        )
+    if method == LOCAL and not insist:
+        _check_local(source, len(usable.lines))
+    for message in words:
+        warnings.warn(message, IdentificationWarning, stacklevel=1)
+    return usable, np.setdiff1d(everything.omega, usable.omega)
+
+
+def _check_local(source: "_Source", lines: int) -> None:
+    """Refuse windows of more than half of all lines: resonances would not be followed.
+
+    Raises
+    ------
+    InvalidInput
+        Saying what to do.
+    """
+    blocks, runs, *_, n = source.first.torque.shape[1:]
+    width = window_width(None, (lines, n, blocks * runs), **_LOCAL_MODEL, who=str(source.path))
+    if 2 * width > lines:
+        raise InvalidInput(
+            f"{source.path}: {runs} runs a block for {n} motors, and a local model would span "
+            f"{width} of {lines} lines; fit the runs themselves (oed identify), measure more runs "
+            "or lines, or insist (oed frf --local)"
+        )
+
+
 def _visits(
     source: "_Source", method: str, covariance: str, structure: str, signals: dict[str, Any]
 ) -> FrfEstimate:
     """Estimate the FRFs of every visit."""
-    if method == _LOCAL:
+    if method == LOCAL:
         return local_frf(source, structure=structure, **_LOCAL_MODEL, **signals)
     return estimate_frf(source, method, covariance=covariance, structure=structure, **signals)
 
 
 def _distortion(source: "_Source", method: str, signals: dict[str, Any]) -> Distortion | None:
     """Return noise and distortion; None, with a warning why, where they cannot be separated."""
-    if method != _LOCAL and source.first.torque.shape[3] > 1:
+    if method != LOCAL and source.first.torque.shape[3] > 1:
         return merge_distortion(distortion(source, method, **signals))
-    why = "the local method" if method == _LOCAL else "one measured period"
+    why = "the local method" if method == LOCAL else "one measured period"
     message = f"{why}: noise and distortion cannot be told apart"
     warnings.warn(message, IdentificationWarning, stacklevel=1)
     return None
@@ -237,6 +302,11 @@ class _Source:
         self.read: list[Records] = [] if self.lazy else [read_records(path)]
         self.missing = 0
         self.first = next(iterate_records(path)) if self.lazy else self.read[0].at(0)
+
+    @property
+    def needs_local(self) -> bool:
+        """Whether a block has fewer runs than there are motors."""
+        return bool(self.first.torque.shape[2] < self.first.torque.shape[-1])
 
     def __iter__(self) -> Iterator[Records]:
         """Yield records and count the runs that are missing."""

@@ -5,9 +5,11 @@ denominator, whose value at the line is the estimate (Pintelon and Schoukens, Sy
 Identification, 2nd ed. 2012, ch. 7; the ratio as in McKelvey and Guerin, SYSID 2012).
 """
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
+from functools import partial
 
 import numpy as np
+from numpy.typing import NDArray
 
 from estimators.frf.block_checks import check_excited, check_samples
 from estimators.frf.estimate_frf import (
@@ -15,18 +17,21 @@ from estimators.frf.estimate_frf import (
     Transient,
     check_choice,
     first_period,
+    lines_of,
     over_positions,
     structured,
 )
 from estimators.frf.frf_estimate import FrfEstimate
+from estimators.frf.input_rank import input_noise, input_rank, side_by_side
 from estimators.frf.record_checks import check_periods
-from estimators.frf.spectra import spectra
-from robotmodels.common.arrays import Array, ComplexArray, check_count
+from estimators.frf.spectra import Spectra, spectra
+from robotmodels.common.arrays import Array, ComplexArray, IntArray, check_count
 from robotmodels.common.errors import InvalidInput
 from robotmodels.records.records import Records
 
 _AROUND = 6
 _WILD = 10.0
+_SINGULAR = 1e-9
 
 
 def local_frf(
@@ -39,6 +44,7 @@ def local_frf(
     hold: bool = True,
     delay: float = 0.0,
     transient: Transient = "auto",
+    lines: IntArray | None = None,
 ) -> FrfEstimate:
     """Estimate FRFs line by line from a window of lines, all blocks and runs together.
 
@@ -65,6 +71,8 @@ def local_frf(
         As in `estimators.estimate_frf`.
     transient : Transient
         As in `estimators.estimate_frf`.
+    lines : ndarray of int, optional
+        As in `estimators.estimate_frf`.
 
     Raises
     ------
@@ -76,16 +84,14 @@ def local_frf(
     check_count(denominator, "denominator", 0)
 
     def estimated(part: Records, who: str) -> PositionFrf:
-        check_samples(part, who)
-        measured = spectra(part, hold=hold, delay=delay)
-        check_periods(measured, who)
-        check_excited(measured, part.lines, who)
-        first = first_period(measured, transient, who)
-        measured = spectra(part, hold=hold, delay=delay, first=first) if first else measured
-        Y, U, _ = measured.averaged()
-        used = measured.present.reshape(-1)
-        Y, U = (np.concatenate(list(a), axis=-1)[..., used] for a in (Y, U))
-        width = _window(half_width, U.shape, order, denominator, who)
+        k = lines_of(part, lines)
+        measured = _checked(part, who, k, transient, partial(spectra, hold=hold, delay=delay))
+        Y, U = side_by_side(measured.output, measured), side_by_side(measured.input, measured)
+        width = window_width(half_width, U.shape, order, denominator, who)
+        noise = input_noise(part, measured, k)
+        _, determined = window_excitation(measured, noise, who, order, denominator, half_width)
+        if not determined.all():
+            raise _undetermined(measured.omega[np.argmin(determined)], who)
         response, error, correlation = _all_lines(
             Y, U, measured.omega, (order, denominator, width), who
         )
@@ -101,7 +107,23 @@ def local_frf(
     return over_positions(records, estimated)
 
 
-def _window(
+def _checked(
+    part: Records,
+    who: str,
+    lines: IntArray,
+    transient: Transient,
+    read: Callable[..., Spectra],
+) -> Spectra:
+    """Return the checked spectra of one position without its transient."""
+    check_samples(part, who)
+    measured = read(part, lines=lines)
+    check_periods(measured, who)
+    check_excited(measured, part, lines, who, 1)
+    first = first_period(measured, transient, who)
+    return read(part, lines=lines, first=first) if first else measured
+
+
+def window_width(
     half_width: int | None, shape: tuple[int, ...], order: int, denominator: int, who: str
 ) -> int:
     """Return how many lines a window has."""
@@ -117,9 +139,53 @@ def _window(
         raise InvalidInput(
             f"{who}: {width} lines with {runs} runs give {width * runs} "
             f"equations for {unknown} unknowns in each row of G; use a half_width of at least "
-            f"{max(least, order + 1) // 2}, a lower order, or measure more runs"
+            f"{max(least, order + 1) // 2}, a lower order, measure more runs, or fit the runs "
+            "themselves (oed identify)"
         )
     return width
+
+
+def window_excitation(
+    measured: Spectra,
+    noise: Array,
+    who: str,
+    order: int = 2,
+    denominator: int = 0,
+    half_width: int | None = None,
+) -> tuple[Array, NDArray[np.bool_]]:
+    """Return the condition numbers (F,) of windows' regressors, and whether torques tell G.
+
+    They do where no regressor depends on others to rounding, and the torques of the window are
+    independent above their noise, (F, n).
+    """
+    inputs = side_by_side(measured.input, measured)
+    count, n, _ = inputs.shape
+    width = window_width(half_width, inputs.shape, order, denominator, who)
+    condition, rank = np.empty(count), np.empty(count)
+    for k in range(count):
+        window, step = _around(k, width, measured.omega)
+        values = _scaled_svd(_regressors(inputs[window], step, order))[1]
+        condition[k] = values[0] / values[-1] if values[-1] > _SINGULAR * values[0] else np.inf
+        level = np.sqrt(np.mean(noise[window] ** 2, axis=0))
+        rank[k] = input_rank(_columns(inputs[window])[None], level[None])[0]
+    return condition, np.isfinite(condition) & (rank == n)
+
+
+def _around(k: int, width: int, omega: Array) -> tuple[slice, Array]:
+    """Return the window of line k, and its lines' distances from it, scaled to one."""
+    start = int(np.clip(k - width // 2, 0, len(omega) - width))
+    window = slice(start, start + width)
+    step = omega[window] - omega[k]
+    return window, step / np.abs(step).max() if width > 1 else step
+
+
+def _undetermined(frequency: float, who: str) -> InvalidInput:
+    """Return the error of a window [rad/s] whose torques depend on each other."""
+    return InvalidInput(
+        f"{who}: the torques around {frequency / (2 * np.pi):.6g} Hz do not determine the FRF; "
+        "excite the motors independently, widen half_width, leave those lines out "
+        "(estimators.excitation tells which are usable), or fit the runs (oed identify)"
+    )
 
 
 def _all_lines(
@@ -134,20 +200,14 @@ def _all_lines(
     responses, covariances = [], []
     lines, n, runs = inputs.shape
     weights = np.zeros((lines, lines, runs, n), dtype=complex)
-    for k in range(len(omega)):
-        start = int(np.clip(k - width // 2, 0, len(omega) - width))
-        window = slice(start, start + width)
-        step = omega[window] - omega[k]
-        step = step / np.abs(step).max() if width > 1 else step
+    for k in range(lines):
+        window, step = _around(k, width, omega)
         try:
             response, error, inverse = one_line(
                 outputs[window], inputs[window], step, order, denominator
             )
         except np.linalg.LinAlgError:
-            raise InvalidInput(
-                f"{who}: the torques around {omega[k] / (2 * np.pi):.6g} Hz do not determine the "
-                "FRF; excite the motors independently or widen half_width"
-            ) from None
+            raise _undetermined(omega[k], who) from None
         responses.append(response)
         covariances.append(error)
         weights[k, window] = inverse.reshape(width, runs, n)
@@ -194,9 +254,7 @@ def one_line(
     Y (1 + sum_d a_d step^d) = sum_r G_r step^r U + V is linear in a and G_r. What the regressors
     of G_r span is projected out first, which leaves a small problem in a.
     """
-    powers = step[:, None] ** np.arange(order + 1)
-    products = np.einsum("wr,wne->wrne", powers, inputs)
-    regressors = _columns(products.reshape(len(step), -1, inputs.shape[2]))
+    regressors = _regressors(inputs, step, order)
     inverse, span = _inverse(regressors)
     inverse = inverse[:, : inputs.shape[1]]  # G at the line itself
     Y = np.stack([_columns(outputs * step[:, None, None] ** d) for d in range(denominator + 1)])
@@ -217,14 +275,26 @@ def one_line(
     return np.asarray(np.tensordot(a, through, 1)), np.asarray(covariance), inverse
 
 
+def _regressors(inputs: ComplexArray, step: Array, order: int) -> ComplexArray:
+    """Return step^r U side by side, (n (order + 1), W E)."""
+    powers = step[:, None] ** np.arange(order + 1)
+    products = np.einsum("wr,wne->wrne", powers, inputs)
+    return _columns(products.reshape(len(step), -1, inputs.shape[2]))
+
+
 def _inverse(regressors: ComplexArray) -> tuple[ComplexArray, ComplexArray]:
     """Return the right inverse of (r, T) regressors, and orthonormal rows of their span."""
-    size = np.sqrt(np.sum(np.abs(regressors) ** 2, axis=1, keepdims=True))
-    scaled = regressors / np.where(size == 0, 1.0, size)
-    left, values, right = np.linalg.svd(scaled, full_matrices=False)
-    if values[-1] < 1e-9 * values[0]:
+    left, values, right, size = _scaled_svd(regressors)
+    if values[-1] <= _SINGULAR * values[0]:
         raise np.linalg.LinAlgError
     return np.asarray(((np.conj(right.T) / values) @ np.conj(left.T)) / size.T), right
+
+
+def _scaled_svd(regressors: ComplexArray) -> tuple[ComplexArray, Array, ComplexArray, Array]:
+    """Return the singular value decomposition of rows (r, T) of unit length, and their lengths."""
+    size = np.sqrt(np.sum(np.abs(regressors) ** 2, axis=1, keepdims=True))
+    scaled = regressors / np.where(size == 0, 1.0, size)
+    return *np.linalg.svd(scaled, full_matrices=False), size
 
 
 def _columns(matrices: ComplexArray) -> ComplexArray:

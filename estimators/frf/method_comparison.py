@@ -11,7 +11,7 @@ import numpy as np
 
 from estimators.frf.averaging import METHODS, SUMMING, find_method, jio
 from estimators.frf.estimate_frf import Transient, usable_spectra
-from robotmodels.common.arrays import Array, ComplexArray, read_only
+from robotmodels.common.arrays import Array, ComplexArray, IntArray, read_only
 from robotmodels.common.errors import InvalidInput
 from robotmodels.records.records import Records
 
@@ -112,6 +112,7 @@ def measured_loop(
     hold: bool = True,
     delay: float = 0.0,
     transient: Transient = "auto",
+    lines: IntArray | None = None,
 ) -> Loop:
     """Return the loop as records of one position show it; no controller is needed.
 
@@ -130,6 +131,7 @@ def measured_loop(
         hold=hold,
         delay=delay,
         transient=transient,
+        lines=lines,
     )
     Y, U, R = (np.moveaxis(a, 0, 1) for a in measured.averaged())  # (F, B, ., E)
     _, B, n, E = R.shape

@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import ndtr
 
+from estimators.frf.input_rank import condition_numbers
 from estimators.frf.spectra import Spectra
 from robotmodels.common.arrays import Array, ComplexArray, check_level
 from robotmodels.common.errors import IdentificationWarning, InvalidInput
@@ -125,11 +126,7 @@ def check_condition(
     InvalidInput
         Naming line, frequency and condition number.
     """
-    size = np.sqrt(np.mean(np.abs(inputs) ** 2, axis=-1, keepdims=True))
-    scaled = inputs / np.where(size == 0, 1.0, size)
-    values = np.linalg.svd(scaled, compute_uv=False)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        condition = np.where(values[:, -1] > 0, values[:, 0] / values[:, -1], np.inf)
+    condition = condition_numbers(inputs)
     worst = int(np.argmax(condition))
     if condition[worst] < POOR:
         return

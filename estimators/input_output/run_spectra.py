@@ -210,7 +210,7 @@ def _checked(
     """Return the spectra of one position without its transient."""
     measured = read(records)
     check_periods(measured, who)
-    check_excited(measured, records.lines, who)
+    check_excited(measured, records, records.lines, who, 1)
     _check_alive(records, who)
     if not measured.present.all():
         block, run = np.argwhere(~measured.present)[0] + 1

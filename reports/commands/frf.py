@@ -1,5 +1,6 @@
 """``oed frf``: frequency responses from records."""
 
+from math import pi
 from typing import Annotated
 
 import typer
@@ -34,9 +35,17 @@ def frf(
         str, typer.Option(help="Of the covariance over the elements of an FRF: full or diagonal.")
     ] = "full",
     local: Annotated[
-        bool,
-        typer.Option("--local", help="Borrow from neighbouring lines, for fewer runs than motors."),
-    ] = False,
+        bool | None,
+        typer.Option(
+            "--local/--no-local",
+            help="Borrow from neighbouring lines; by default where there are fewer runs than "
+            "motors.",
+        ),
+    ] = None,
+    band: Annotated[
+        tuple[float, float] | None,
+        typer.Option(metavar="LOW HIGH", help="Frequencies, in Hz; by default all excited lines."),
+    ] = None,
     robot: Annotated[
         str | None,
         typer.Option(
@@ -72,6 +81,7 @@ def frf(
             local=local,
             delay=delay,
             hold=hold,
+            band=None if band is None else (2 * pi * band[0], 2 * pi * band[1]),
             robot=robot,
             compare=compare,
             progress=progress,

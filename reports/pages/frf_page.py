@@ -69,6 +69,7 @@ def frf_sections(
             {"panels": responses, "lines": len(lines_drawn(measurement.estimate.response.shape))},
         ),
         ("levels", "Levels", {"levels": level_table(measurement)}),
+        ("excitation", "Excitation", {"excitation": excitation_table(measurement)}),
     ]
     if measurement.distortion is not None:
         contents.insert(2, ("distortion", "Distortion", {"panels": detection}))
@@ -101,7 +102,7 @@ def _facts(measurement: MeasuredFrf) -> dict[str, str]:
 
 def _response(measurement: MeasuredFrf, q: int) -> Figure:
     e, d = measurement.estimate, measurement.distortion
-    outputs, lines = output_names(measurement), lines_drawn(e.response.shape)
+    outputs, lines = list(measurement.outputs), lines_drawn(e.response.shape)
     drawing = response_panels.response_panels(
         e.omega[lines],
         e.response[q, lines],
@@ -122,7 +123,7 @@ def _response(measurement: MeasuredFrf, q: int) -> Figure:
 
 def _detection(measurement: MeasuredFrf, q: int) -> Figure | None:
     """Return motion between excited lines; none without detection lines."""
-    d, outputs = measurement.distortion, output_names(measurement)
+    d, outputs = measurement.distortion, list(measurement.outputs)
     if d is None or not len(d.odd_omega) + len(d.even_omega):
         return None
     alt = f"Motion at excited, odd and even detection lines in position {q + 1}"
@@ -151,13 +152,6 @@ def prismatic_joints(measurement: MeasuredFrf) -> list[bool]:
     ]
 
 
-def output_names(measurement: MeasuredFrf) -> list[str]:
-    """Return names of the rows of FRFs: motors, then other sensors by number."""
-    m = measurement.estimate.response.shape[2]
-    names = list(measurement.motors[:m])
-    return names + [f"sensor {i + 1}" for i in range(m - len(names))]
-
-
 def mean_distortion(measurement: MeasuredFrf) -> Array:
     """Return the part of the FRFs' standard deviations that is distortion, (Q, F, m, n)."""
     d = measurement.distortion
@@ -173,7 +167,7 @@ def level_table(measurement: MeasuredFrf) -> Table:
     std, noise = (np.sqrt(v) / size for v in (e.variance, e.variance if d is None else d.noise))
     distortion = mean_distortion(measurement) / size
     for q, i in np.ndindex(e.response.shape[0], e.response.shape[2]):
-        row: list[Cell] = [Number(str(q + 1), q + 1), output_names(measurement)[i]]
+        row: list[Cell] = [Number(str(q + 1), q + 1), measurement.outputs[i]]
         row.append(_percent(std[q, :, i]))
         row += ["–" if d is None else _percent(noise[q, :, i]), _percent(distortion[q, :, i])]
         if d is None:
@@ -192,6 +186,23 @@ def level_table(measurement: MeasuredFrf) -> Table:
         "distortion relative to the excited motion."
     )
     return table("level-table", caption, columns, rows)
+
+
+def excitation_table(measurement: MeasuredFrf) -> Table:
+    """Return independent torques and condition number of every line, a column a position."""
+    e, rows = measurement.excitation, []
+    for f, omega in enumerate(e.omega):
+        row: list[Cell] = [Number(text.hertz(omega), omega)]
+        row.append(Number(str(e.rank[:, f].min()), int(e.rank[:, f].min())))
+        row += [Number(text.significant(float(c), 3), float(c)) for c in e.condition[:, f]]
+        rows.append(row)
+    count = len(e.positions)
+    columns = numbers("frequency", "independent", *(f"condition {q + 1}" for q in range(count)))
+    caption = (
+        "Independent torques above their noise, the fewest of any position, and the condition "
+        "number in each position."
+    )
+    return table("excitation-table", caption, columns, rows)
 
 
 def method_table(comparison: MethodComparison) -> Table:

@@ -31,6 +31,7 @@ def frf_summary(measurement: MeasuredFrf, files: list[Path]) -> str:
         ),
         ("std", f"{plain(text.percent(float(np.median(medians))))} of the element (median)"),
     ]
+    lines.append(("torques", _torques(measurement)))
     if measurement.distortion is not None:
         ratio = excess(measurement)
         if np.isfinite(ratio):
@@ -42,6 +43,20 @@ def frf_summary(measurement: MeasuredFrf, files: list[Path]) -> str:
     return "\n".join(
         [measurement.robot.name if measurement.robot else "frequency responses", *shown]
     )
+
+
+def _torques(measurement: MeasuredFrf) -> str:
+    """Return the rank and conditioning of the torques, and how many lines are left out."""
+    e, out = measurement.excitation, len(measurement.left_out)
+    words = (
+        f"{e.rank.min()} to {e.rank.max()}" if e.rank.min() < e.rank.max() else str(e.rank.min())
+    )
+    words += (
+        f" of {len(measurement.motors)} independent at a line; condition number "
+        f"{number(float(np.median(e.condition)))} (median), {number(float(e.condition.max()))} "
+        "(worst)"
+    )
+    return words + (f"; {plural(out, 'line')} left out" if out else "")
 
 
 def frf_json(measurement: MeasuredFrf, files: list[Path]) -> dict[str, Any]:
@@ -64,6 +79,10 @@ def frf_json(measurement: MeasuredFrf, files: list[Path]) -> dict[str, Any]:
         "outputs": e.response.shape[2],
         "inputs": e.response.shape[3],
         "lines": len(e.omega),
+        "omega": e.omega.tolist(),
+        "rank": measurement.excitation.rank.tolist(),
+        "condition": measurement.excitation.condition.tolist(),
+        "left_out": measurement.left_out.tolist(),
         "band": [float(e.omega[0]), float(e.omega[-1])],
         "relative_std": float(np.median(relative_std(measurement))),
         "variance_over_noise": ratio if np.isfinite(ratio) else None,

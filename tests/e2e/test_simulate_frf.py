@@ -157,7 +157,8 @@ def test_eleven_seconds_on_a_robot_show_three_springs(tmp_path):
     assert (np.abs((low + high) / 2 - np.log(truth)) < high - low).all()  # four deviations
     code, _, err = oed("frf", tmp_path / "one" / "records.h5", "-o", tmp_path)
     assert code == 2
-    assert "1 runs a block for 6 motors; 6 are needed" in err
+    assert "1 runs a block for 6 motors, and a local model would span 24 of 24 lines" in err
+    assert "oed identify" in err
 
 
 def test_measured_torques_are_not_held(estimated, tmp_path):
@@ -212,6 +213,7 @@ def test_unstable_controller_writes_nothing(tmp_path):
         (("--covariance", "totl"), ["'totl'", "'total'"]),
         (("--robot", "ur10"), ["1 motors", "'ur10' has 6"]),
         (("--robot", "ur11"), ["'ur11'", "'ur10'"]),
+        (("--band", 30, 20), ["band: 30 to 20 Hz holds none of the excited lines"]),
     ],
 )
 def test_mistakes_with_frf(simulated, options, words, tmp_path):

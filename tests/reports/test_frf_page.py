@@ -101,7 +101,14 @@ def undrawn(monkeypatch):
 def test_sections_resolve_and_ids_are_unique(distorted):
     _, _, outline = distorted
     assert len(set(outline.ids)) == len(outline.ids)
-    assert outline.links == ["#summary", "#responses", "#distortion", "#levels", "#methods"]
+    assert outline.links == [
+        "#summary",
+        "#responses",
+        "#distortion",
+        "#levels",
+        "#excitation",
+        "#methods",
+    ]
     assert {link[1:] for link in outline.links} <= set(outline.ids)
     assert {"frf-1", "frf-2", "detection-1", "detection-2"} <= set(outline.ids)
 
@@ -242,6 +249,8 @@ def test_one_experiment_for_two_motors_takes_the_local_method(tmp_path):
         tmp_path / "bench.h5"
     )
     with pytest.raises(InvalidInput, match="--local"):
+        measured_frf(tmp_path / "bench.h5", local=False)
+    with pytest.raises(InvalidInput, match=r"would span 7 of 7 lines; .*oed identify"):
         measured_frf(tmp_path / "bench.h5")
     found = measured_frf(tmp_path / "bench.h5", local=True)
     truth = np.array([[20.0, -4.0], [-3.0, 9.0]]) * (1 + 0.2j)
@@ -258,6 +267,7 @@ def test_positions_of_prismatic_joints_are_in_metres(tmp_path):
     sliding = SimpleNamespace(
         name="crane",
         motor_names=("m1", "m2"),
+        output_names=("m1", "m2"),
         motor_joints=("turn", "slide"),
         elements=SimpleNamespace(prismatic={"slide"}),
     )
