@@ -4,14 +4,16 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from estimators.logs.families import Family, is_bare
 from estimators.logs.findings import pose_findings
 from estimators.logs.search import Search
 from estimators.logs.shift_regression import Relation, angle_relation, velocity_relation
-from estimators.logs.unit_hypotheses import ANGLES, angle_hypotheses, rate_hypotheses
+from estimators.logs.unit_hypotheses import ANGLES, Hypothesis, angle_hypotheses, rate_hypotheses
 from robotmodels.common.arrays import Array
 from robotmodels.common.errors import InvalidInput
 from robotmodels.logs.units import stated_unit
 
+_MANY_COUNTS = 64.0
 _MOST_SAMPLES_LATE = 3.0
 """Samples of lag above which a velocity is a filtered one and is left out."""
 
@@ -33,22 +35,38 @@ def propose_angles(search: Search) -> None:
     hypotheses = angle_hypotheses(
         spans, ratios, limits, stated_unit(family.unit, "motor_angle"), sides, values[0]
     )
+    doubt = _doubt(values)
     if not hypotheses:
         raise InvalidInput(
             f"{search.log.where}: {family.pattern}: in no usual unit do these angles lie within "
-            "the limits of the joints; state unit, side and start_pose in a mapping"
+            f"the limits of the joints{doubt}; state unit, side and start_pose in a mapping"
         )
     search.angle = hypotheses[0]
-    others = " or ".join(f"{h.unit} on the {h.side} side" for h in hypotheses[1:])
-    told = "unit by its name" if family.unit else "unit by the range alone"
-    also = f"; {others} would fit too" if others else ""
+    evidence = _angle_evidence(family, hypotheses, reason, doubt)
     more = {"side": search.angle.side}
-    search.add("motor_angle", search.angle.unit, f"{told}, {reason}{also}", more)
+    search.add("motor_angle", search.angle.unit, evidence, more)
     scale = ANGLES[search.angle.unit] / (ratios if search.angle.side == "motor" else 1.0)
     angles = np.sort(spans * np.broadcast_to(scale, len(spans))[:, None], axis=1)
     search.findings += pose_findings(angles, limits, family.joints or search.joints)
     if links:
         _propose_link(search, links)
+
+
+def _doubt(values: Array) -> str:
+    """Return what speaks for counts of encoders, in words."""
+    if np.ptp(values) > _MANY_COUNTS and np.array_equal(values, np.rint(values)):
+        return "; all are whole numbers, perhaps counts of encoders (counts_per_turn)"
+    return ""
+
+
+def _angle_evidence(
+    family: Family, hypotheses: Sequence[Hypothesis], reason: str, doubt: str
+) -> str:
+    """Return what unit and side of motor angles rest on, and what else would fit."""
+    bare = "taken for angles, as no name tells any; " if is_bare(family) else ""
+    told = "unit by its name" if family.unit else "unit by the range alone"
+    others = " or ".join(f"{h.unit} on the {h.side} side" for h in hypotheses[1:])
+    return f"{bare}{told}, {reason}{doubt}{f'; {others} would fit too' if others else ''}"
 
 
 def _joint_facts(search: Search) -> tuple[Array, Array | None]:

@@ -6,7 +6,7 @@ from estimators.logs.search import Search
 from estimators.logs.torque_sign import torque_sign
 from estimators.logs.unit_hypotheses import torque_side
 from robotmodels.common.arrays import Array
-from robotmodels.logs.units import stated_unit
+from robotmodels.logs.units import full_scale_share, stated_unit
 
 
 def propose_drives(search: Search) -> None:
@@ -18,6 +18,8 @@ def propose_drives(search: Search) -> None:
         _, drive = search.samples(role)
         unit = stated_unit(family.unit, role)
         evidence = "unit by its name" if unit else "unit by its kind alone"
+        if full_scale_share(family.unit) is not None:
+            unit, evidence = family.unit, "a share by its name: state full_scale, 100 % in SI"
         more: dict[str, object] = {}
         if role == "motor_torque":
             more["side"] = _side(search, drive)

@@ -22,20 +22,24 @@ _QUANTITIES: dict[str, frozenset[str]] = {
     "current": _set("current currents curr cur i iq strom amp courant corriente corrente"),
     "acceleration": _set("acceleration acc accel ddq qdd accelerations beschleunigung"),
     "velocity": _set(
-        "velocity velocities vel speed speeds qd dq omega geschwindigkeit drehzahl rpm qdot dqdt v "
-        "rate vitesse velocidad velocita"
+        "velocity velocities vel speed speeds qd dq qvel omega geschwindigkeit drehzahl rpm qdot "
+        "dqdt v rate vitesse velocidad velocita"
     ),
     "angle": _set(
-        "position positions pos q angle angles theta phi enc encoder winkel lage posicion posizione"
+        "position positions pos q qpos angle angles theta phi enc encoder winkel lage posicion "
+        "posizione"
     ),
 }
 _REFERENCE = _set("target ref reference des desired cmd command commanded setpoint set soll goal r")
 _LINK = _set("link load se secondary output abtrieb second")
 _IGNORED = _set(
     "error err diff deviation temperature temp mode status flag "
-    "ff ext external filtered tcp tool pose wrench cartesian"
+    "ff ext external cos sin gripper filtered tcp tool pose wrench cartesian"
 )
-_MEASURED = _set("act actual meas measured msr ist abs state states")
+_MEASURED = _set("act actual meas measured msr ist abs state states observation observations obs")
+_LESS = _set("rel computed calculated estimated predicted model simulated sim")
+_BARE = _set("joint joints j a axis achse motor m state states")
+_COMMANDS = _set("action actions command commands commanded cmd target desired reference setpoint")
 _UNITS = {
     "deg": "deg",
     "grad": "deg",
@@ -103,6 +107,11 @@ def words(text: str) -> list[str]:
     return [word.lower() for word in _WORD.findall(text)]
 
 
+def is_bare(family: Family) -> bool:
+    """Return whether a name tells nothing but joints or a state, as of angles it often does."""
+    return set(words(family.pattern.rpartition(".")[2])) <= _BARE
+
+
 def _skeleton(channel: str, motors: dict[str, str]) -> tuple[str, str]:
     """Return a name with its joint replaced by ``*``, and the motor, if names tell it."""
     for joint in sorted(motors, key=len, reverse=True):
@@ -118,18 +127,19 @@ def _family(
     named = all(joint for _, joint in members)
     key = (lambda m: (order.index(m[1]),)) if named else (lambda m: _numbers(m[0]))
     ranked = sorted(members, key=key)
-    names = [*words(pattern.rpartition(".")[2]), *words(table.name)]
+    path, _, tail = pattern.rpartition(".")
+    names, groups = [*words(tail), *words(table.name)], set(words(path))
     stated = table.channels[ranked[0][0]].unit
     unit = stated or _unit(names)
-    role = _role(names, stated)
-    measured = 2 * bool(_MEASURED & set(names)) - ("rel" in names)
+    role = _role(names, stated, bool(groups & _COMMANDS))
+    measured = 2 * bool(_MEASURED & set(names)) - bool(_LESS & set(names))
     return Family(
         table=table,
         pattern=pattern,
         channels=tuple(channel for channel, _ in ranked),
         role=role,
         unit=unit if role else "",
-        rank=measured,
+        rank=2 * measured + bool(_MEASURED & groups),
         joints=tuple(joint for _, joint in ranked) if named else (),
     )
 
@@ -138,14 +148,16 @@ def _numbers(name: str) -> tuple[int, ...]:
     return tuple(int(number) for number in re.findall(r"\d+", name))
 
 
-def _role(names: Sequence[str], unit: str) -> str:
+def _role(names: Sequence[str], unit: str, commanded: bool) -> str:
     present = set(names)
+    if present & _MEASURED:
+        present -= {"r"}  # part of a type or a robot's name then
     if present & _IGNORED:
         return ""
     quantity = next((q for q, synonyms in _QUANTITIES.items() if present & synonyms), "")
     if not quantity or (quantity == "angle" and unit in ("s", "ms")):
         return ""
-    if present & _REFERENCE:
+    if commanded or present & _REFERENCE:
         return f"reference_{quantity}" if quantity in ("angle", "velocity", "torque") else ""
     if quantity in ("angle", "velocity") and present & _LINK:
         return f"link_{quantity}"

@@ -1,11 +1,11 @@
 """A mapping proposed for a log without one, with the evidence for each entry."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from estimators.logs.angle_rules import propose_angles, propose_velocity
 from estimators.logs.drive_rules import propose_drives, propose_references
-from estimators.logs.families import Family, families
+from estimators.logs.families import Family, families, is_bare
 from estimators.logs.findings import constant_findings
 from estimators.logs.samples import TableTime, table_times
 from estimators.logs.search import Entry, Search
@@ -14,6 +14,7 @@ from robotmodels.elastic.robot import ElasticRobot
 from robotmodels.logs.clocks import clock_messages
 from robotmodels.logs.log import Log
 from robotmodels.logs.mapping_file import Mapping, TimeChoice
+from robotmodels.logs.stamp_pairs import stamp_parts
 
 _ROLES = (
     "motor_angle",
@@ -74,7 +75,7 @@ def propose_mapping(
     if "motor_angle" not in members:
         reasons = "; ".join(missing.values()) or "names such as q_1, pos_1 or act_pos[0] do"
         raise InvalidInput(f"{log.where}: no channels look like angles of joints ({reasons})")
-    search = Search(log, robot, times, members)
+    search = Search(log, robot, times, members, findings=_shortened(groups, members))
     propose_angles(search)
     for role in ("motor_velocity", "link_velocity"):
         if role in members:
@@ -93,24 +94,46 @@ def _members(
     fitting = [
         family
         for family in groups
-        if family.role in _ROLES
-        and family.table.name in times
-        and (family.joints or (len(family.channels) == count if count else True))
+        if family.table.name in times
+        and (family.joints or not count or len(family.channels) in (count, count + 1))
     ]
+    if not any(family.role == "motor_angle" for family in fitting):
+        fitting = [
+            replace(family, role="motor_angle") if not family.role and is_bare(family) else family
+            for family in fitting
+        ]
     best: dict[str, Family] = {}
     for role in _ROLES:
         anchor = best.get("motor_angle")
         candidates = [family for family in fitting if family.role == role]
         if candidates:
-            best[role] = max(candidates, key=lambda family: _preference(family, anchor))
+            family = max(candidates, key=lambda family: _preference(family, count, anchor))
+            best[role] = family if family.joints else _without_gripper(family, count)
     return best
 
 
-def _preference(family: Family, anchor: Family | None) -> tuple[int, ...]:
+def _without_gripper(family: Family, count: int | None) -> Family:
+    return family if count is None else replace(family, channels=family.channels[:count])
+
+
+def _shortened(groups: Sequence[Family], members: dict[str, Family]) -> list[str]:
+    """Return which families have a channel more than the robot has joints, in words."""
+    whole = {(family.table.name, family.pattern): family.channels for family in groups}
+    pairs = [(member, whole[member.table.name, member.pattern]) for member in members.values()]
+    return [
+        f"{member.pattern}: {len(channels)} channels for {len(member.channels)} joints; the last "
+        "one, as of a gripper, is left out"
+        for member, channels in pairs
+        if len(channels) > len(member.channels)
+    ]
+
+
+def _preference(family: Family, count: int | None, anchor: Family | None) -> tuple[int, ...]:
     beside = anchor is not None and (
         family.pattern.rpartition(".")[0] == anchor.pattern.rpartition(".")[0]
     )
-    return (len(family.channels), int(beside), family.rank, -len(family.pattern))
+    complete = len(family.channels) == count
+    return (complete, len(family.channels), int(beside), family.rank, -len(family.pattern))
 
 
 def _finished(search: Search, groups: Sequence[Family]) -> Proposal:
@@ -137,9 +160,10 @@ def _finished(search: Search, groups: Sequence[Family]) -> Proposal:
 def _unmapped(search: Search, groups: Sequence[Family]) -> tuple[str, ...]:
     """Return the families that are neither signals nor stamps, nor left out for a reason."""
     mapped = {channel for entry in search.entries for channel in entry.family.channels}
-    mapped |= {time.column for time in search.times.values()}
-    return tuple(
+    mapped |= {part for time in search.times.values() for part in stamp_parts(time.column)}
+    names = (
         family.pattern if len(family.channels) > 1 else family.channels[0]
         for family in groups
         if not mapped & set(family.channels)
     )
+    return tuple(dict.fromkeys(names))

@@ -221,7 +221,9 @@ class _McapChannels:
                 yield from self.message(number, time, chunk[first + _MCAP_MESSAGE.size : offset])
             elif operation in _MCAP_DEFINITIONS:
                 kind = getattr(self._records, _MCAP_DEFINITIONS[operation])
-                self.define(kind.read(self._streams.ReadDataStream(io.BytesIO(chunk[first:offset]))))
+                self.define(
+                    kind.read(self._streams.ReadDataStream(io.BytesIO(chunk[first:offset])))
+                )
 
     def _type(self, channel: Any) -> MessageType | None:
         """Return the type of a channel's messages, None where they are not read."""

@@ -12,7 +12,7 @@ from robotmodels.data_files.file_guard import listed
 from robotmodels.elastic.robot import ElasticRobot
 from robotmodels.logs.log import Log, Table
 from robotmodels.logs.mapping_file import Mapping, Signal
-from robotmodels.logs.units import stated_unit, unit_factor
+from robotmodels.logs.units import full_scale_share, stated_unit, unit_factor
 
 JOINTLESS = ("accelerometer", "other")
 _FORCES = ("motor_torque", "reference_torque")
@@ -205,10 +205,10 @@ def _of_joints(
 
 
 def _unit(entry: Signal, unit: str, sliding: bool, where: str) -> tuple[float, float]:
-    if unit in ("%", "percent"):
+    if (share := full_scale_share(unit)) is not None:
         if entry.full_scale is None:
-            raise InvalidInput(f"{where}: unit %: full_scale, what 100 % are in SI, is missing")
-        return entry.full_scale / 100, 0.0
+            raise InvalidInput(f"{where}: unit {unit}: full_scale, 100 % in SI, is missing")
+        return share * entry.full_scale, 0.0
     if not unit:
         raise InvalidInput(
             f"{where}: unit is missing, and the file states none; `oed import` without a mapping "

@@ -1,7 +1,6 @@
 """The clock of a table: a line through its stamps, gaps and doubled samples."""
 
 import re
-from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
@@ -17,9 +16,13 @@ from robotmodels.logs.units import time_factor
 
 _UNITS = ("s", "ms", "us", "µs", "ns", "sec")
 _TIME_NAME = re.compile(
-    r"(^|[^a-z])(t|time|timestamps?|stamps?|zeit|clock|elapsed|secs?|seconds)([^a-z]|$)",
+    r"(^|[^a-z])(t|time|timestamps?|stamps?|zeit|zeitstempel|temps|tempo|tiempo|clock|elapsed|ticks?"
+    r"|secs?|seconds|msecs?|millis|milliseconds|usecs?|micros|nsecs?|nanos)([^a-z]|$)",
     re.IGNORECASE,
 )
+_STEPS = ("dt", "ts", "sample_time", "t_s", "sampletime", "sampling_time", "sample_period")
+_FREQUENCIES = ("fs", "f_s", "fps", "rate", "sample_rate", "samplerate", "sampling_rate",
+                "sampling_frequency", "sample_frequency", "control_freq")  # fmt: skip
 _WINDOW = 8  # stamps on both sides that tell a gap from a late stamp
 
 
@@ -143,9 +146,14 @@ def time_channel(table: Table, choice: TimeChoice) -> str:
         return choice.column
     if table.time:
         return table.time
-    names = [name for name in table.channels if _TIME_NAME.search(name.rpartition(".")[2])]
+    names = [name for name in table.channels if _TIME_NAME.search(_spaced(name))]
     plain = [name for name in names if _rises(table, name)]
     return min(plain, key=len, default="")
+
+
+def _spaced(name: str) -> str:
+    """Return the last part of a name, camelCase parted."""
+    return re.sub(r"(?<=[a-z])(?=[A-Z])", "_", name.rpartition(".")[2])
 
 
 def time_unit(table: Table, column: str) -> str:
@@ -240,9 +248,11 @@ def _rises(table: Table, name: str) -> bool:
 
 def _stated(log: Log) -> float | None:
     """Return a sample time among the constants of a file."""
-    names: Sequence[str] = ("dt", "ts", "sample_time", "t_s", "sampletime")
     for name, values in log.constants.items():
-        if name.rpartition(".")[2].lower() in names and values.size == 1:
-            value = float(np.real(values[0]))
-            return value if value > 0 else None
+        tail = name.rpartition(".")[2].lower()
+        value = float(np.real(values[0])) if values.size == 1 else 0.0
+        if value > 0 and tail in _STEPS:
+            return value
+        if value > 0 and tail in _FREQUENCIES:
+            return 1 / value
     return None

@@ -10,11 +10,14 @@ from robotmodels.common.errors import InvalidInput
 from robotmodels.common.file_paths import check_file
 from robotmodels.common.progress import Progress, StageProgress
 from robotmodels.data_files.file_guard import PathLike
-from robotmodels.logs.array_log import read_hdf5_log, read_matlab_log, read_numpy_log
+from robotmodels.logs.array_log import read_numpy_log
 from robotmodels.logs.bag_log import read_bag_log
+from robotmodels.logs.hdf5_log import read_hdf5_log
 from robotmodels.logs.kuka_trace import is_kuka_trace, read_kuka_trace
 from robotmodels.logs.log import Log
+from robotmodels.logs.matlab_log import read_matlab_log
 from robotmodels.logs.record_formats import read_parquet_log, read_tdms_log
+from robotmodels.logs.stamp_pairs import with_joined_stamps
 from robotmodels.logs.text_log import read_text_log
 from robotmodels.logs.uff_log import read_uff_log
 
@@ -62,7 +65,7 @@ def open_log(
     if not files:
         raise InvalidInput("log: no file named; at least one is needed")
     with ExitStack() as stack:
-        logs = [_read(path, stack, progress) for path in files]
+        logs = [_with_joined_stamps(_read(path, stack, progress)) for path in files]
         yield logs[0] if len(logs) == 1 else _joined(logs)
 
 
@@ -82,6 +85,10 @@ def _read(path: Path, stack: ExitStack, progress: StageProgress | None) -> Log:
         f"{path}: {ending or 'no ending'} is no format that is read; logs end in "
         f"{', '.join((*_STREAMS, *_READERS))}"
     )
+
+
+def _with_joined_stamps(log: Log) -> Log:
+    return replace(log, tables=tuple(map(with_joined_stamps, log.tables)))
 
 
 def _joined(logs: Sequence[Log]) -> Log:

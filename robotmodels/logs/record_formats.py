@@ -49,64 +49,76 @@ def _batches(file: Any) -> Iterator[Any]:
 
 
 def _arrow_columns(batch: Any) -> Iterator[tuple[str, Array]]:
-    arrow = optional_library("pyarrow", "Parquet")
     for field, column in zip(batch.schema, batch.columns, strict=True):
-        kind = field.type
-        if arrow.types.is_timestamp(kind):
-            yield (
-                field.name,
-                column.cast(arrow.timestamp("ns")).cast("int64").to_numpy(False) * 1e-9,
-            )
-        elif arrow.types.is_integer(kind) or arrow.types.is_floating(kind):
-            yield field.name, np.asarray(column.to_numpy(zero_copy_only=False), dtype=float)
-        elif arrow.types.is_boolean(kind):
-            yield field.name, np.asarray(column.cast("int8").to_numpy(False), dtype=float)
-        elif arrow.types.is_list(kind) or arrow.types.is_fixed_size_list(kind):
-            inner = kind.value_type
-            if not (arrow.types.is_floating(inner) or arrow.types.is_integer(inner)):
-                continue
-            flat = np.asarray(column.flatten().to_numpy(zero_copy_only=False), dtype=float)
-            if batch.num_rows and len(flat) % batch.num_rows == 0:
-                table = flat.reshape(batch.num_rows, -1)
-                for i, values in enumerate(table.T):
-                    yield f"{field.name}[{i}]", values
+        yield from _arrow_column(field, column)
+
+
+def _arrow_column(field: Any, column: Any) -> Iterator[tuple[str, Array]]:
+    """Yield the numbers of a column by name; of structs and lists one by one."""
+    arrow = optional_library("pyarrow", "Parquet")
+    kind = field.type
+    if arrow.types.is_struct(kind):
+        for inner, part in zip(kind, column.flatten(), strict=True):
+            yield from _arrow_column(inner.with_name(f"{field.name}.{inner.name}"), part)
+    elif arrow.types.is_timestamp(kind):
+        yield (
+            field.name,
+            column.cast(arrow.timestamp("ns")).cast("int64").to_numpy(False) * 1e-9,
+        )
+    elif arrow.types.is_integer(kind) or arrow.types.is_floating(kind):
+        yield field.name, np.asarray(column.to_numpy(zero_copy_only=False), dtype=float)
+    elif arrow.types.is_boolean(kind):
+        yield field.name, np.asarray(column.cast("int8").to_numpy(False), dtype=float)
+    elif arrow.types.is_list(kind) or arrow.types.is_fixed_size_list(kind):
+        inner = kind.value_type
+        if not (arrow.types.is_floating(inner) or arrow.types.is_integer(inner)):
+            return
+        flat = np.asarray(column.flatten().to_numpy(zero_copy_only=False), dtype=float)
+        if len(column.value_lengths().unique()) == 1 and len(flat):
+            table = flat.reshape(len(column), -1)
+            for i, values in enumerate(table.T):
+                yield f"{field.name}[{i}]", values
 
 
 def read_tdms_log(path: Path, stack: ExitStack) -> Log:
     """Read the channels of a TDMS file; those of a group with one length make a table."""
     tdms = optional_library("nptdms", f"{path}: TDMS")
-    tables: dict[tuple[str, int], dict[str, Channel]] = {}
-    steps: dict[tuple[str, int], float | None] = {}
+    tables: dict[tuple[str, int], list[Any]] = {}
     with library_errors(path, "a TDMS file", Exception):
         # Of a damaged file nptdms would leave its own handle open.
         file = stack.enter_context(tdms.TdmsFile.open(stack.enter_context(path.open("rb"))))
         for group in file.groups():
             for channel in group.channels():
-                if channel.dtype.kind not in "fiub" or not len(channel):
-                    continue
-                key = (group.name, len(channel))
-                unit = str(channel.properties.get("unit_string", ""))
-                tables.setdefault(key, {})[channel.name] = Channel(
-                    _tdms_reader(channel, path), unit
-                )
-                step = float(channel.properties.get("wf_increment", 0.0))
-                steps[key] = step if step > 0 else steps.get(key)
-    if not tables:
+                if channel.dtype.kind in "fiubM" and len(channel):
+                    tables.setdefault((group.name, len(channel)), []).append(channel)
+        names = unique_names([group if len(tables) > 1 else "" for group, _ in tables])
+        parts = [_tdms_table(n, each, path) for n, each in zip(names, tables.values(), strict=True)]
+    if not parts:
         raise InvalidInput(f"{path}: no channel of numbers in it")
-    groups = [group for group, _ in tables]
-    named = unique_names([group if len(tables) > 1 else "" for group in groups])
-    return Log(
-        (path,),
-        tuple(
-            Table(name, key[1], channels, steps[key])
-            for name, (key, channels) in zip(named, tables.items(), strict=True)
-        ),
-    )
+    return Log((path,), tuple(parts))
+
+
+def _tdms_table(name: str, members: list[Any], path: Path) -> Table:
+    """Return channels of one length as a table; one of dates is its time."""
+    steps = [float(channel.properties.get("wf_increment", 0.0)) for channel in members]
+    stamps = [channel.name for channel in members if channel.dtype.kind == "M"]
+    channels = {
+        channel.name: Channel(
+            _tdms_reader(channel, path),
+            "s" if channel.name in stamps else str(channel.properties.get("unit_string", "")),
+        )
+        for channel in members
+    }
+    step = next((each for each in steps if each > 0), None)
+    return Table(name, len(members[0]), channels, step, (stamps or [""])[0])
 
 
 def _tdms_reader(channel: Any, path: Path) -> Callable[[int, int], Array]:
     def read(start: int, stop: int) -> Array:
         with library_errors(f"{path}: {channel.name}", "a TDMS file", Exception):
-            return np.asarray(channel[start:stop], dtype=float)
+            values = channel[start:stop]
+            if values.dtype.kind == "M":
+                values = values.astype("datetime64[ns]").astype(np.int64) * 1e-9
+            return np.asarray(values, dtype=float)
 
     return read

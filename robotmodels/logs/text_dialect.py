@@ -97,9 +97,28 @@ def split_cells(line: str, delimiter: str) -> list[str]:
         return [cell.strip('"') for cell in _SPACES.split(line.strip())]
     if '"' not in line:
         return [cell.strip() for cell in line.split(delimiter)]
+    return [part for cell in _quoted_cells(line, delimiter) for part in _elements(cell) or [cell]]
+
+
+def _quoted_cells(line: str, delimiter: str) -> list[str]:
     import csv
 
     return [cell.strip() for cell in next(csv.reader([line], delimiter=delimiter))]
+
+
+def _elements(cell: str) -> list[str]:
+    """Return the elements of a cell that is a list, such as ``[0.1, 0.2]``."""
+    listed = cell[:1] in ("[", "(") and cell[-1:] in ("]", ")")
+    return re.findall(r"[^\s,;\[\]()]+", cell) if listed else []
+
+
+def element_names(names: Sequence[str], line: str, delimiter: str) -> list[str]:
+    """Return the names of columns, with a number for each element where a row has lists."""
+    lengths = [len(_elements(cell)) for cell in _quoted_cells(line, delimiter)]
+    if not any(lengths) or len(lengths) != len(names):
+        return list(names)
+    pairs = zip(names, lengths, strict=True)
+    return [each for n, k in pairs for each in ([f"{n}[{i}]" for i in range(k)] if k else [n])]
 
 
 def split_unit(name: str) -> tuple[str, str]:
@@ -207,7 +226,7 @@ def _number(cell: str, decimal: str, otherwise: float) -> float:
             return otherwise
         cell = cell.replace(",", ".")
     try:
-        return float(cell) if "_" not in cell else otherwise
+        return float(cell.strip("[]()")) if "_" not in cell else otherwise  # of lists in a row
     except ValueError:
         return otherwise
 
@@ -221,7 +240,8 @@ def _header(
         text = line.strip()
         comment = next((sign for sign in _COMMENTS if text.startswith(sign)), "")
         if not comment and text and _is_data(split_cells(line, delimiter), decimal, kinds):
-            return tuple(rows or comments[-1:]), index
+            header = rows or comments[-1:]
+            return tuple(tuple(element_names(row, line, delimiter)) for row in header), index
         content = text.lstrip("#%/ ") if comment else line.rstrip("\r\n")
         cells = split_cells(content, delimiter)
         if len(cells) != len(kinds) and comment:  # comments may be delimited in their own way

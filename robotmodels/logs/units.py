@@ -1,6 +1,7 @@
 """Units of channels and what they are in SI, through pint."""
 
 import math
+import re
 from functools import cache
 from typing import Any
 
@@ -25,22 +26,23 @@ SI: dict[str, tuple[str, str]] = {
 
 _SPELLINGS = {
     "Nm": "N*m",
+    "N-m": "N*m",
     "mNm": "mN*m",
     "kNm": "kN*m",
     "Ncm": "N*cm",
+    "Grad": "deg",  # to pint a billion radians
     "°": "deg",
-    "degree": "deg",
-    "degrees": "deg",
-    "radian": "rad",
-    "radians": "rad",
-    "rev": "turn",
-    "revs": "turn",
+    **dict.fromkeys(("deg", "degs", "degree", "degrees"), "deg"),
+    **dict.fromkeys(("rad", "rads", "radian", "radians"), "rad"),
+    **dict.fromkeys(("rev", "revs", "turns"), "turn"),
+    **dict.fromkeys(("inc", "incs", "increments", "pulse", "pulses", "pls"), "counts"),
+    **dict.fromkeys(("amp", "amps", "ampere", "arms", "a_rms"), "A"),
+    "rpm": "rpm",
     "sec": "s",
-    "amp": "A",
-    "amps": "A",
-    "Amps": "A",
 }
-
+_GRAVITIES = {"g": "standard_gravity", "G": "standard_gravity", "mg": "millistandard_gravity"}
+_SCALED = re.compile(r"(\d*\.?\d+(?:[eE][+-]?\d+)?)[\s*]*((?:[^\W\d]|[%‰°]).*)")
+_SHARES = {"%": 1e-2, "percent": 1e-2, "‰": 1e-3, "permille": 1e-3}
 
 _TURNS_A_MINUTE = ("1/min", "min^-1", "min-1", "U/min", "r/min", "rev/min", "tr/min", "giri/min")
 """As people write the speed of a motor; to pint some of them are frequencies."""
@@ -64,22 +66,29 @@ def unit_factor(unit: str, role: str, sliding: bool, per_turn: float | None = No
         If the unit is unknown or of another kind of quantity.
     """
     registry = _registry()
-    text = _spelled(unit, role)
+    scale, text = _scaled(unit)
+    text = _spelled(text, role)
     if text.startswith("count"):
         if per_turn is None:
             raise InvalidInput(f"unit {unit!r} of {role}: counts_per_turn is missing")
         text = text.replace("counts", "turn").replace("count", "turn")
     quantity = _quantity(registry, text, unit)
     if role == "other":
-        return float(quantity.to_base_units().magnitude)
+        return scale * float(quantity.to_base_units().magnitude)
     # The motor of a joint that slides turns.
     goals = SI[role] if sliding else SI[role][:1]
     for goal in reversed(goals):
         goal_unit = registry.Unit(goal)
         if quantity.dimensionality == goal_unit.dimensionality:
-            factor = float(quantity.to(goal_unit).magnitude)
+            factor = scale * float(quantity.to(goal_unit).magnitude)
             return factor / per_turn if per_turn is not None else factor
     raise InvalidInput(f"unit {unit!r} is none of {role}, which is in {' or '.join(goals)}")
+
+
+def full_scale_share(unit: str) -> float | None:
+    """Return what part of the full scale one of a unit is, such as %, None if it is none of it."""
+    scale, text = _scaled(unit)
+    return scale * _SHARES[text] if text in _SHARES else None
 
 
 def stated_unit(unit: str, role: str) -> str:
@@ -115,15 +124,23 @@ def _registry() -> Any:
     return optional_library("pint", "units of channels").UnitRegistry()
 
 
+def _scaled(unit: str) -> tuple[float, str]:
+    """Return number and unit of ``0.229 rpm``."""
+    text = unit.strip().strip("[]()")
+    match = _SCALED.fullmatch(text)
+    return (float(match[1]), match[2]) if match else (1.0, text)
+
+
 def _spelled(unit: str, role: str) -> str:
     text = unit.strip().strip("[]()").replace("²", "^2").replace("·", "*").replace("°", "deg")
-    if role == "accelerometer" and text in ("g", "G"):
-        return "standard_gravity"
+    if role == "accelerometer" and text in _GRAVITIES:
+        return _GRAVITIES[text]
     if text.replace(" ", "") in _TURNS_A_MINUTE:
         return "rpm"
     head, slash, tail = text.partition("/")
-    head = _SPELLINGS.get(head.strip(), head)
-    return f"{head}{slash}{tail.replace('sec', 's')}"
+    head = _SPELLINGS.get(head.strip()) or _SPELLINGS.get(head.strip().lower(), head)
+    tail = re.sub(r"s\^?2$", "s^2", tail.strip().replace("sec", "s"))
+    return f"{head}{slash}{tail}"
 
 
 def _quantity(registry: Any, text: str, unit: str) -> Any:

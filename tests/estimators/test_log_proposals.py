@@ -315,3 +315,55 @@ def test_a_log_of_drives_with_differing_signed_ratios(tmp_path: Path) -> None:
     assert (velocity.unit, velocity.side, velocity.sign) == ("rpm", "motor", 1)
     assert proposal.unmapped == ("Lüfter",)
     assert unit_factor("1/min", "motor_velocity", False) == pytest.approx(2 * np.pi / 60)
+
+
+def proposal_of(path, robot):
+    with open_log(path) as log:
+        proposal = propose_mapping(log, robot)
+    return proposal, {signal.role: signal for signal in proposal.mapping.signals}
+
+
+def test_commands_are_references_and_measurements_are_not_computed(tmp_path, robot):
+    """As data sets of learning have them: action beside observation, each with joint angles."""
+    m = Movement(2, n=6)
+    angle, middle = m.angle(m.time), robot.position_limits.mean(axis=1)
+    np.savez(
+        tmp_path / "a.npz",
+        **{
+            "timestamp": m.time,
+            "action.joint_position": angle + middle + 0.01,
+            "observation.joint_positions": angle + middle,
+            "observation.torques_computed": angle,
+            "observation.torques_measured": angle,
+        },
+    )
+    _, signals = proposal_of(tmp_path / "a.npz", robot)
+    assert signals["motor_angle"].column == "observation.joint_positions[*]"
+    assert signals["motor_torque"].column == "observation.torques_measured[*]"
+    assert signals["reference_angle"].column == "action.joint_position[*]"
+
+
+def test_a_state_without_a_quantity_and_with_a_gripper(tmp_path, robot):
+    m = Movement(2, n=7)
+    np.savez(tmp_path / "a.npz", **{"timestamp": m.time, "observation.state": m.angle(m.time)})
+    proposal, signals = proposal_of(tmp_path / "a.npz", robot)
+    assert signals["motor_angle"].column == tuple(f"observation.state[{i}]" for i in range(6))
+    assert proposal.entries[0].evidence.startswith("taken for angles, as no name tells any")
+    assert "7 channels for 6 joints; the last one, as of a gripper, is left out" in "".join(
+        proposal.findings
+    )
+
+
+def test_counts_and_shares_are_told(tmp_path, robot):
+    m = Movement(2, n=6)
+    angle = m.angle(m.time)
+    for turns, name in ((4096, "a"), (2**20, "b")):
+        counts = np.rint(angle / (2 * np.pi) * turns * (1 if name == "a" else 100))
+        names = ["t", *(f"q{i}" for i in range(6)), *(f"torque{i} [%]" for i in range(6))]
+        written(tmp_path / f"{name}.csv", names, [m.time, *counts.T, *angle.T])
+    proposal, signals = proposal_of(tmp_path / "a.csv", robot)
+    assert "whole numbers, perhaps counts of encoders" in proposal.entries[0].evidence
+    assert signals["motor_torque"].unit == "%"
+    assert "state full_scale" in proposal.entries[1].evidence
+    with pytest.raises(InvalidInput, match="whole numbers, perhaps counts"):
+        proposal_of(tmp_path / "b.csv", robot)

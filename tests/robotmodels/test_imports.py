@@ -11,6 +11,7 @@ from robotmodels.logs.importer import Import, write_import
 from robotmodels.logs.mapping_file import Mapping
 from robotmodels.logs.open_log import open_log
 from robotmodels.logs.resampling import interpolate
+from robotmodels.logs.units import full_scale_share, unit_factor
 from robotmodels.records.movement import iterate_movements, save_movements
 
 RATIOS = [50.0, -100.0]
@@ -299,3 +300,29 @@ def test_units_of_stamps_are_told(tmp_path, name, scale):
     (movement,), notes = imported(path, signals=[ANGLE])
     assert movement.sample_time == pytest.approx(STEP)
     assert scale == 1 or " in " in notes.splitlines()[0]
+
+
+@pytest.mark.parametrize(
+    ("unit", "role", "factor"),
+    [
+        ("0.229 rpm", "motor_velocity", 0.229 * 2 * np.pi / 60),
+        ("0.001*deg", "motor_angle", 1e-3 * np.pi / 180),
+        ("1/min", "motor_velocity", 2 * np.pi / 60),
+        ("RPM", "motor_velocity", 2 * np.pi / 60),
+        ("Deg", "motor_angle", np.pi / 180),
+        ("Grad/s", "motor_velocity", np.pi / 180),
+        ("rad/s2", "motor_acceleration", 1.0),
+        ("N-m", "motor_torque", 1.0),
+        ("Arms", "motor_current", 1.0),
+        ("mg", "accelerometer", 9.80665e-3),
+    ],
+)
+def test_units_as_people_and_drives_write_them(unit, role, factor):
+    assert unit_factor(unit, role, sliding=False) == pytest.approx(factor, rel=1e-12)
+
+
+def test_shares_of_full_scale():
+    """Drives by CiA 402 tell torques in parts of a thousand."""
+    assert full_scale_share("0.1 %") == full_scale_share("‰") == pytest.approx(1e-3)
+    assert full_scale_share("N*m") is None
+    assert unit_factor("inc/s", "motor_velocity", False, 4096) == pytest.approx(2 * np.pi / 4096)

@@ -9,6 +9,8 @@ from scipy.io import savemat
 
 from robotmodels.common.errors import InvalidInput
 from robotmodels.logs import text_log
+from robotmodels.logs.clocks import table_clock
+from robotmodels.logs.mapping_file import TimeChoice
 from robotmodels.logs.open_log import open_log
 from robotmodels.logs.text_dialect import parse_stamp
 
@@ -205,3 +207,89 @@ def test_patterns_with_numbers_in_braces(tmp_path):
         assert [name for _, name in hits] == ["obs.state[4]", "obs.state[5]", "obs.state[6]"]
         with pytest.raises(InvalidInput, match=r"obs\.state\[7\]' is missing"):
             log.matching("obs.state[{4..7}]")
+
+
+@pytest.mark.parametrize(
+    ("field", "label", "channel"),
+    [("Data", "Name", "rec.Y.drive/q_1"), ("values", "label", "rec.Y.drive/q_1")],
+)
+def test_structs_of_scopes_are_named_by_their_labels(tmp_path, field, label, channel):
+    """Of dSPACE and Simulink: names beside the values, the time in a struct of its own."""
+    scope = np.zeros((1, 2), dtype=[(label, object), (field, object)])
+    for k in range(2):
+        scope[0, k] = (f"drive/q_{k}", VALUES[:, k][None])
+    savemat(tmp_path / "a.mat", {"rec": {"X": {"t": TIME}, "Y": scope}})
+    with open_log(tmp_path / "a.mat") as log:
+        (table,) = log.tables
+        assert list(table.channels) == ["rec.X.t", "rec.Y.drive/q_0", channel]
+        assert np.array_equal(table.values(channel), VALUES[:, 1])
+
+
+def test_references_of_matlab_7_3(tmp_path):
+    """Elements of cells and arrays of structs lie behind references."""
+    path = tmp_path / "a.mat"
+    with h5py.File(path, "w", userblock_size=512) as file:
+        group, hidden = file.create_group("rec"), file.create_group("#refs#")
+        names = group.create_dataset("Name", (3, 1), dtype=h5py.ref_dtype)
+        values = group.create_dataset("Data", (3, 1), dtype=h5py.ref_dtype)
+        cell = file.create_dataset("cell", (2, 1), dtype=h5py.ref_dtype)
+        for k in range(3):
+            text = np.array([[ord(c)] for c in NAMES[k]], dtype=np.uint16)
+            names[k, 0] = hidden.create_dataset(f"n{k}", data=text).ref
+            hidden[f"n{k}"].attrs["MATLAB_class"] = np.bytes_("char")
+            values[k, 0] = hidden.create_dataset(f"v{k}", data=VALUES[:, k][None]).ref
+        cell.attrs["MATLAB_class"] = np.bytes_("cell")
+        cell[0, 0] = hidden.create_dataset("c", data=TIME[None]).ref
+    with path.open("r+b") as file:
+        file.write(b"MATLAB 7.3 MAT-file".ljust(512))
+    with open_log(path) as log:
+        (table,) = log.tables
+        assert list(table.channels) == ["cell(0)", "rec.q1", "rec.q2", "rec.q3"]
+        assert np.array_equal(table.values("rec.q3"), VALUES[:, 2])
+        assert np.array_equal(table.values("cell(0)"), TIME)
+
+
+def test_attributes_scalars_and_compounds_of_hdf5(tmp_path):
+    """The rate of sampling stands in an attribute; rows hold lists of joints."""
+    rows = np.zeros(60, dtype=[("stamp", "f8"), ("q", "f4", (3,))])
+    rows["q"] = VALUES
+    with h5py.File(tmp_path / "a.h5", "w") as file:
+        file["rec"], file["mass"] = rows, 3.5
+        file.attrs["sample_rate"] = 250
+    with open_log(tmp_path / "a.h5") as log:
+        (table,) = log.tables
+        assert np.array_equal(table.values("rec.q[1]"), VALUES[:, 1].astype(np.float32))
+        assert np.array_equal(table.channels["rec.q[2]"].read(5, 9), rows["q"][5:9, 2])
+        assert log.constants["mass"] == [3.5]
+        assert table_clock(log, table, TimeChoice()).sample_time == pytest.approx(0.004)
+
+
+@pytest.mark.parametrize(
+    ("seconds", "nanoseconds"),
+    [("ZeitInSec", "ZeitInNanoSec"), ("stamp.sec", "stamp.nanosec"), ("t_seconds", "t_nanos")],
+)
+def test_stamps_in_two_channels(tmp_path, seconds, nanoseconds):
+    stamps = 1_500_000_000_123_456_789 + np.round(TIME * 1e9).astype(int)
+    names, lines = [seconds, nanoseconds, "q1"], []
+    for stamp, value in zip(stamps, VALUES[:, 0], strict=True):
+        lines.append(f"{stamp // 10**9} {stamp % 10**9} {value!r}")
+    (tmp_path / "a.log").write_text("\n".join([" ".join(names), *lines]))
+    with open_log(tmp_path / "a.log") as log:
+        (table,) = log.tables
+        clock = table_clock(log, table, TimeChoice())
+        assert clock.source == f"stamps of '{seconds} + {nanoseconds}'"
+        assert clock.sample_time == pytest.approx(0.004, rel=1e-6)
+        assert clock.restarts == ()
+
+
+def test_lists_in_rows_of_text(tmp_path):
+    """As data frames write lists in quotation marks, and YARP in parentheses."""
+    rows = list(zip(TIME.tolist(), VALUES.tolist(), strict=True))
+    quoted = "".join(f'{t},"[{", ".join(map(repr, v))}]",on\n' for t, v in rows)
+    bare = "".join(f"{k} ({' '.join(map(repr, v))}) [ok]\n" for k, (_, v) in enumerate(rows))
+    (tmp_path / "a.csv").write_text("t,q,state\n" + quoted)
+    (tmp_path / "b.log").write_text(bare)
+    for name, channels in (("a.csv", ["q[0]", "q[2]"]), ("b.log", ["column_2", "column_4"])):
+        with open_log(tmp_path / name) as log:
+            for channel, column in zip(channels, (0, 2), strict=True):
+                assert np.array_equal(log.tables[0].values(channel), VALUES[:, column]), name

@@ -58,6 +58,26 @@ def test_parquet_with_nested_lists(tmp_path):
         assert np.diff(table.values("moment")) == pytest.approx(STEP, abs=3e-7)
 
 
+def test_parquet_with_structs_and_lists_of_changing_lengths(tmp_path):
+    joints = [{"name": "a", "position": [float(k), 2.0]} for k in range(N)]
+    boxes = [[1.0] * (k % 3) for k in range(N)]
+    pq.write_table(pa.table({"t": TIME, "joints": joints, "boxes": boxes}), tmp_path / "a.parquet")
+    with open_log(tmp_path / "a.parquet") as log:
+        (table,) = log.tables
+        assert list(table.channels) == ["t", "joints.position[0]", "joints.position[1]"]
+        assert np.array_equal(table.values("joints.position[0]"), np.arange(N))
+
+
+def test_tdms_with_stamps(tmp_path):
+    stamps = np.datetime64("2024-01-01T12:00:00") + np.round(TIME * 1e6).astype("timedelta64[us]")
+    with TdmsWriter(tmp_path / "a.tdms") as writer:
+        writer.write_segment([ChannelObject("g", "moment", stamps), ChannelObject("g", "q", TIME)])
+    with open_log(tmp_path / "a.tdms") as log:
+        (table,) = log.tables
+        assert table.time == "moment"
+        assert np.diff(table.values("moment")) == pytest.approx(STEP, abs=5e-7)
+
+
 def joint_state(store, k, order=(0, 1, 2)):
     types = store.types
     stamp = types["builtin_interfaces/msg/Time"](
