@@ -16,8 +16,9 @@ from estimators.fitting.fit_problem import (
     checked_bounds,
 )
 from estimators.fitting.priors import Prior
-from estimators.input_output.free_response import FreeResponse, sampled_states
+from estimators.input_output.free_response import FreePart, FreeResponse, sampled_states
 from estimators.input_output.likelihood import Errors, RunLikelihood
+from estimators.input_output.local_transient import LocalPolynomials
 from estimators.input_output.run_scatter import (
     by_line,
     expected_square,
@@ -94,7 +95,8 @@ class RunProblem(FitProblem):
         """Data, and what was computed of them, see `FitProblem`."""
         data = self.data
         measured = data.positions, data.omega, data.inputs, data.outputs, data.degrees_of_freedom
-        return (self.name, self.row_wise, data.sample_time, data.delay, *measured), data.covariance
+        states = data.sample_time, data.polynomials, data.delay
+        return (self.name, self.row_wise, *states, *measured), data.covariance
 
     @property
     def rows(self) -> int:
@@ -130,9 +132,11 @@ class RunProblem(FitProblem):
         """The cost of an FRF."""
         return RunLikelihood(self.data, self.row_wise)
 
-    def free(self, values: Array) -> FreeResponse | None:
+    def free(self, values: Array) -> FreeResponse | LocalPolynomials | None:
         """Return the free responses of the states, if runs do not end as they began."""
         data = self.data
+        if data.polynomials:
+            return LocalPolynomials(data.omega, data.outputs.shape[3])
         if data.sample_time is None:
             return None
         late = np.exp(1j * data.omega * data.delay)[:, None]
@@ -145,8 +149,7 @@ class RunProblem(FitProblem):
         """Return the errors at `values` (p,), where the model's FRF is `response` if known."""
         if response is None:
             response = frequency_response(self.model, self.positions, self.omega, values)
-        free = self.free(values)
-        return self.likelihood.errors(response, None if free is None else free.columns)
+        return self.likelihood.errors(response, self.free(values))
 
     def residuals(self, values: Array) -> tuple[Lines, Lines]:
         """Return whitened errors (Q, F, m, E) and their derivatives, see `FitProblem`."""
@@ -240,8 +243,10 @@ class RunProblem(FitProblem):
         """Return the derivatives of whitened modelled outputs, (Q, F, m, E, p)."""
         white = self.likelihood.whitened_changes(errors, jacobian)
         free = self.free(values)
-        if errors.free is None or free is None:
+        if errors.free is None:
             return white
+        if not (isinstance(free, FreeResponse) and isinstance(errors.free, FreePart)):
+            return errors.free.taken_off(white)
         slopes = by_ln_theta(self._states, values)
         moved = free.moved(slopes, errors.free.amplitudes)
         return errors.free.taken_off(white + errors.whiten(moved))
@@ -326,6 +331,9 @@ def _check_model(problem: RunProblem) -> None:
             f"runs: {m} outputs of {n} inputs, not {who}, which has {one.shape[2]} of "
             f"{one.shape[3]}"
         )
+    if data.polynomials:
+        transients = LocalPolynomials(data.omega, m)
+        transients.check(model.network(data.positions, model.parameters.values).linear_model())
     prior_rows = 0 if problem.prior is None else len(problem.prior.columns(problem.names))
     if problem.used_data + prior_rows < p:
         raise InvalidInput(

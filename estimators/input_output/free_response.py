@@ -86,14 +86,19 @@ def sampled_states(model: LinearModel, sample_time: float, derivatives: IntArray
     """
     from scipy.linalg import expm
 
-    d = model.mass.shape[-1]
-    damping = np.broadcast_to(model.damping, model.mass.shape)
-    forces = np.concatenate([model.stiffness, damping], axis=-1)
-    slopes = -np.linalg.solve(model.mass, forces)
-    speeds = np.concatenate([np.zeros((d, d)), np.eye(d)], axis=1)
-    rates = np.concatenate([np.broadcast_to(speeds, slopes.shape), slopes], axis=-2)
+    rates = state_rates(model)
+    slopes = rates[..., model.mass.shape[-1] :, :]
     C = _sampled_outputs(model.measured, derivatives, slopes)
     return np.concatenate([expm(rates * sample_time), C], axis=-2)
+
+
+def state_rates(model: LinearModel) -> Array:
+    """Return A of x' = A x without torques, (..., 2 d, 2 d); x are angles above speeds."""
+    d = model.mass.shape[-1]
+    damping = np.broadcast_to(model.damping, model.mass.shape)
+    slopes = -np.linalg.solve(model.mass, np.concatenate([model.stiffness, damping], axis=-1))
+    speeds = np.concatenate([np.zeros((d, d)), np.eye(d)], axis=1)
+    return np.concatenate([np.broadcast_to(speeds, slopes.shape), slopes], axis=-2)
 
 
 def _sampled_outputs(sensors: Measurement, derivatives: IntArray, slopes: Array) -> Array:
@@ -107,7 +112,7 @@ def _sampled_outputs(sensors: Measurement, derivatives: IntArray, slopes: Array)
     if lags or sensors.feedthrough is not None or any(lower):
         raise InvalidInput(
             "states: sensors with lags, or of torques, cannot be estimated along; take "
-            "states='no' and periodic runs, or fit other outputs"
+            "states='polynomial', states='no' and periodic runs, or fit other outputs"
         )
     angle, speed, acceleration = np.moveaxis(sampled, 1, -2)
     C = np.concatenate([angle, speed], axis=-1) + acceleration @ slopes
@@ -141,6 +146,10 @@ class FreeResponse:
         )
         solved = np.linalg.solve(np.swapaxes(self._matrices, -1, -2), wide)
         return np.asarray(self.factor[..., None] * np.swapaxes(solved, -1, -2))
+
+    def part(self, columns: ComplexArray, errors: ComplexArray) -> FreePart:
+        """Return the span of whitened `columns`, and what whitened errors have of it."""
+        return FreePart.of(columns, errors)
 
     def moved(self, slopes: Array, states: Array) -> ComplexArray:
         """Return the derivatives (Q, F, m, E, p) of the responses of states (Q, s, E).

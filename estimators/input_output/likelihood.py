@@ -16,7 +16,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from estimators.input_output.free_response import FreePart
+from estimators.input_output.free_response import FreePart, FreeResponse
+from estimators.input_output.local_transient import LocalPolynomials, PolynomialPart
 from estimators.input_output.run_spectra import RunSpectra
 from robotmodels.common.arrays import Array, ComplexArray
 from robotmodels.common.errors import SolverFailed
@@ -38,7 +39,7 @@ class Errors:
         Sigma.
     gain : ndarray of complex, (Q, F, n, m)
         A L^-H, column by column A_i / L_i row by row: inputs are U less gain times `whitened`.
-    free : FreePart or None
+    free : FreePart or PolynomialPart or None
         The free response.
     """
 
@@ -47,7 +48,7 @@ class Errors:
     inputs: ComplexArray
     covariance: ComplexArray
     gain: ComplexArray
-    free: FreePart | None = None
+    free: FreePart | PolynomialPart | None = None
 
     def whiten(self, columns: ComplexArray) -> ComplexArray:
         """Return L^-1 of columns (Q, F, m, ...)."""
@@ -90,13 +91,15 @@ class RunLikelihood:
         outputs, inputs = (np.moveaxis(x, 1, 3) for x in (self.data.outputs, self.data.inputs))
         return outputs, inputs
 
-    def errors(self, response: ComplexArray, free: ComplexArray | None = None) -> Errors:
+    def errors(
+        self, response: ComplexArray, free: FreeResponse | LocalPolynomials | None = None
+    ) -> Errors:
         """Return the errors of an FRF (..., Q, F, m, n).
 
         Parameters
         ----------
-        free : ndarray of complex, (Q, F, m, s), optional
-            Free responses of s states, whose real amplitudes in each run are estimated along.
+        free : FreeResponse or LocalPolynomials, optional
+            What runs that do not end as they began add, whose size in each run is estimated along.
 
         Raises
         ------
@@ -114,9 +117,9 @@ class RunLikelihood:
             gain = _adjoint(np.linalg.solve(root, _adjoint(A)))
         blank = np.empty(0, dtype=complex)
         errors = Errors(root, blank, blank, X @ _adjoint(X), gain)
-        whitened, part = errors.whiten(self.raw_errors(response)), None
-        if free is not None:
-            part = FreePart.of(errors.whiten(free), whitened)
+        whitened = errors.whiten(self.raw_errors(response))
+        part = None if free is None else _free_part(free, errors, whitened)
+        if part is not None:
             whitened = part.taken_off(whitened)
         if self.row_wise:
             pulled = gain.swapaxes(-1, -2)[..., None] * whitened[..., None, :]  # (Q, F, m, n, E)
@@ -135,6 +138,14 @@ class RunLikelihood:
         inputs = "qfmne" if self.row_wise else "qfne"
         through = np.einsum(f"qfmnr,{inputs}->qfmer", changes, errors.inputs, optimize=True)
         return errors.whiten(through)
+
+
+def _free_part(
+    free: FreeResponse | LocalPolynomials, errors: Errors, whitened: ComplexArray
+) -> FreePart | PolynomialPart:
+    """Return the span of whitened free responses, with what `whitened` errors have of it."""
+    shape = (*errors.covariance.shape[:3], free.columns.shape[-1])
+    return free.part(errors.whiten(np.broadcast_to(free.columns, shape)), whitened)
 
 
 def _joint_root(factor: ComplexArray) -> ComplexArray:

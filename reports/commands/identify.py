@@ -41,6 +41,12 @@ def identify(
     rows: Annotated[
         str, typer.Option(help="Outputs weighed jointly or one by one: auto, joint or row_wise.")
     ] = "auto",
+    states: Annotated[
+        str,
+        typer.Option(
+            help="Of runs that do not end as they began: auto, yes (the model's), no, polynomial."
+        ),
+    ] = "auto",
     starts: Annotated[int, typer.Option(min=1, max=10_000, help="Searches.")] = 4,
     decades: Annotated[
         float, typer.Option(min=0, max=2.9, help="Starts are off by 10^U(-decades, decades).")
@@ -71,7 +77,7 @@ def identify(
     model = _counted(load_robot(robot), runs) if coulomb else load_robot(robot)
     begins = perturbed_starts(model.parameters, starts, decades, np.random.default_rng(_SEED))
     with collected_warnings() as warnings, naming(records):
-        data = run_spectra(runs, noise, delay=delay, hold=hold)
+        data = run_spectra(runs, noise, delay=delay, hold=hold, states=states)
         fits = multistart(model, data, begins, weights=rows)
     fit = fits[0]
     reached = sum(other.cost <= fit.cost * (1 + 1e-6) for other in fits)
