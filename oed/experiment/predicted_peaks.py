@@ -128,7 +128,8 @@ class PlannedLoop:
         share = (amplitudes / sine.amplitudes)[..., None]
         swings = []
         for visit in range(len(plan.visits)):
-            R = plan.scale[visit] * share * sine.spectrum(plan.phases[visit, :blocks])
+            spectrum = sine.spectrum(plan.phases[visit, :blocks])[..., : plan.runs]
+            R = plan.scale[visit] * share * spectrum
             steady, start = self.steady(plan, visit, R), self.start(plan, visit, R)
             lowest = np.minimum(steady[..., 0], start[..., 0])
             highest = np.maximum(steady[..., 1], start[..., 1])

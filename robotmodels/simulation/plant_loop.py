@@ -149,7 +149,7 @@ def closed_loop_run(
     start = drives.ratio * engine.qpos[drives.coordinate]
     last, speed, integral = start.copy(), np.zeros(n), np.zeros(n)
     impulses, lagging = np.zeros(n), gains.hold.copy()
-    work = np.zeros((4, len(engine.qpos)))
+    work = np.zeros((5, len(engine.qpos)))
     step, steps = sample_time / parts, -(-substeps // parts)
     for k in range(T):
         for j in range(n):
@@ -259,6 +259,7 @@ def _advance(
     reactions = _freeze_geometry(engine, 0.5 * duration, work[0])
     work[3] = engine.applied
     for _ in range(substeps):
+        work[4] = v
         for stage in range(len(_A)):
             _mj_tendon(engine.model, engine.data)
             _mj_fwdVelocity(engine.model, engine.data)
@@ -272,7 +273,7 @@ def _advance(
             for i in range(d):
                 q[i] += _B[stage] * slope_q[i]
                 v[i] += _B[stage] * slope_v[i]
-        apply_coulomb_friction(engine, drives, impulses, h)
+        apply_coulomb_friction(engine, drives, work[4], impulses, h)
     engine.applied[:] = work[3]
 
 
@@ -307,28 +308,56 @@ def _freeze_geometry(engine: MujocoState, ahead: float, q0: Array) -> Array:
 
 
 @njit(nogil=True, cache=True)
-def apply_coulomb_friction(engine: MujocoState, drives: Drives, impulses: Array, h: float) -> None:
+def apply_coulomb_friction(
+    engine: MujocoState, drives: Drives, before: Array, impulses: Array, h: float
+) -> None:
     """Brake the motors by Coulomb friction: stop each one if the impulse at hand can do it.
 
     The impulse is that of a force that was constant over the step h, so it moves the motors too:
-    one that rests and is pushed by less than its friction stays where it is.
+    one that rests and is pushed by less than its friction stays where it is. One that turns around
+    within the step, from the velocities `before` (d,), is braked in either direction for its time:
+    friction in the last direction all along would come half a step early, like a negative inertia.
     """
     n = len(impulses)
+    bounds = np.empty((n, 2))
+    for j in range(n):
+        bounds[j] = _impulse_bounds(engine, drives, before, j, h)
     for sweep in range(_SWEEPS):
         change = 0.0
         for j in range(n):
             if drives.friction[j] == 0:
                 continue
             c = drives.coordinate[j]
-            bound = h * drives.friction[j] * abs(drives.ratio[j])
-            before = impulses[j] if sweep > 0 else 0.0
-            needed = before - engine.qvel[c] / drives.mobility[c, j]
-            impulses[j] = min(max(needed, -bound), bound)
-            impulse = impulses[j] - before
-            change = max(change, abs(impulse) / bound)
+            last = impulses[j] if sweep > 0 else 0.0
+            needed = last - engine.qvel[c] / drives.mobility[c, j]
+            impulses[j] = min(max(needed, bounds[j, 0]), bounds[j, 1])
+            impulse = impulses[j] - last
+            change = max(change, abs(impulse) / (h * drives.friction[j] * abs(drives.ratio[j])))
             for i in range(len(engine.qvel)):
                 change_of_speed = drives.mobility[i, j] * impulse
                 engine.qvel[i] += change_of_speed
                 engine.qpos[i] += 0.5 * h * change_of_speed
         if change < 1e-9:
             break
+
+
+@njit(nogil=True, cache=True)
+def _impulse_bounds(
+    engine: MujocoState, drives: Drives, before: Array, j: int, h: float
+) -> tuple[float, float]:
+    """Return the least and largest impulse of friction on a motor in a step.
+
+    A motor that stops after the part tau of the step, v0 / (v0 - v + F h), and is pushed on by more
+    than its friction, has the impulse of that in its first direction for tau, then in the other.
+    """
+    c = drives.coordinate[j]
+    bound = h * drives.friction[j] * abs(drives.ratio[j])
+    first = before[c]
+    sign = 1.0 if first > 0 else -1.0
+    braking = drives.mobility[c, j] * bound
+    pushed = -sign * (engine.qvel[c] - first)  # against the first direction, without friction
+    if first == 0 or pushed <= braking:
+        return -bound, bound
+    part = min(sign * first / (pushed + braking), 1.0)
+    other = (1 - 2 * part) * bound
+    return (-bound, other) if sign > 0 else (-other, bound)

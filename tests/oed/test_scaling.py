@@ -53,6 +53,18 @@ def test_peaks_are_those_of_a_simulation_sample_by_sample():
     np.testing.assert_allclose(predicted.swing, expected, rtol=4e-3)
 
 
+def test_peaks_are_those_of_the_runs_that_are_made():
+    """Of one run, not of as many as motors, whose other phases may add up higher."""
+    one = replace(plan(repetitions=None), runs=1)
+    settled = [
+        extremes(*run(q, one.reference(v).reshape(-1, N, 2))) for v, q in enumerate(one.visited)
+    ]
+    predicted = predicted_peaks(one, AXES, CONTROLLER, NOTHING_HELD).swing
+    np.testing.assert_allclose(predicted, settled, rtol=4e-3)
+    every = predicted_peaks(plan(repetitions=None), AXES, CONTROLLER, NOTHING_HELD).swing
+    assert np.abs(every / predicted - 1).max() > 0.02
+
+
 def test_the_start_knows_the_speed_filter_and_a_delay():
     """Against the controller's equations and the plant, written out for one motor."""
     inertia, viscous, late = 0.02, 0.05, 3
