@@ -254,7 +254,6 @@ def _advance(
     """Advance by one sample: geometry in its middle, Runge-Kutta steps, friction after each."""
     q, v = engine.qpos, engine.qvel
     slope_q, slope_v = work[1], work[2]
-    d = len(q)
     h = duration / substeps
     reactions = _freeze_geometry(engine, 0.5 * duration, work[0])
     work[3] = engine.applied
@@ -267,10 +266,10 @@ def _advance(
             _mj_fwdAcceleration(engine.model, engine.data)
             if len(reactions) > 0:
                 engine.acceleration[:] -= (engine.constraints @ engine.acceleration) @ reactions
-            for i in range(d):
+            for i in range(len(q)):
                 slope_q[i] = _A[stage] * slope_q[i] + h * v[i]
                 slope_v[i] = _A[stage] * slope_v[i] + h * engine.acceleration[i]
-            for i in range(d):
+            for i in range(len(q)):
                 q[i] += _B[stage] * slope_q[i]
                 v[i] += _B[stage] * slope_v[i]
         apply_coulomb_friction(engine, drives, work[4], impulses, h)
@@ -318,19 +317,16 @@ def apply_coulomb_friction(
     within the step, from the velocities `before` (d,), is braked in either direction for its time:
     friction in the last direction all along would come half a step early, like a negative inertia.
     """
-    n = len(impulses)
-    bounds = np.empty((n, 2))
-    for j in range(n):
-        bounds[j] = _impulse_bounds(engine, drives, before, j, h)
+    bounds = [_impulse_bounds(engine, drives, before, j, h) for j in range(len(impulses))]
     for sweep in range(_SWEEPS):
         change = 0.0
-        for j in range(n):
+        for j in range(len(impulses)):
             if drives.friction[j] == 0:
                 continue
             c = drives.coordinate[j]
             last = impulses[j] if sweep > 0 else 0.0
             needed = last - engine.qvel[c] / drives.mobility[c, j]
-            impulses[j] = min(max(needed, bounds[j, 0]), bounds[j, 1])
+            impulses[j] = min(max(needed, bounds[j][0]), bounds[j][1])
             impulse = impulses[j] - last
             change = max(change, abs(impulse) / (h * drives.friction[j] * abs(drives.ratio[j])))
             for i in range(len(engine.qvel)):
