@@ -8,7 +8,14 @@ from estimators.logs.families import Family, is_bare
 from estimators.logs.findings import pose_findings
 from estimators.logs.search import Search
 from estimators.logs.shift_regression import Relation, angle_relation, velocity_relation
-from estimators.logs.unit_hypotheses import ANGLES, Hypothesis, angle_hypotheses, rate_hypotheses
+from estimators.logs.unit_hypotheses import (
+    ANGLES,
+    Hypothesis,
+    angle_hypotheses,
+    rate_hypotheses,
+    usual_angle_unit,
+    without_jumps,
+)
 from robotmodels.common.arrays import Array
 from robotmodels.common.errors import InvalidInput
 from robotmodels.logs.units import stated_unit
@@ -26,14 +33,16 @@ def propose_angles(search: Search) -> None:
     InvalidInput
         If the angles leave the limits of the joints in every usual unit.
     """
-    _, values = search.samples("motor_angle")
     family = search.members["motor_angle"]
-    spans = np.stack([np.nanmin(values, axis=0), np.nanmax(values, axis=0)], axis=1)
+    unit = usual_angle_unit(stated_unit(family.unit, "motor_angle"))
+    _, values = search.samples("motor_angle")
+    continuous = without_jumps(values, unit)
+    spans = np.stack([np.nanmin(continuous, axis=0), np.nanmax(continuous, axis=0)], axis=1)
     ratios, limits = _joint_facts(search)
     links = _link_relations(search)
     sides, reason = _sides(links, ratios)
     hypotheses = angle_hypotheses(
-        spans, ratios, limits, stated_unit(family.unit, "motor_angle"), sides, values[0]
+        spans, ratios, limits, unit, sides, values[0], bool((continuous != values).any())
     )
     doubt = _doubt(values)
     if not hypotheses:
@@ -43,8 +52,7 @@ def propose_angles(search: Search) -> None:
         )
     search.angle = hypotheses[0]
     evidence = _angle_evidence(family, hypotheses, reason, doubt)
-    more = {"side": search.angle.side}
-    search.add("motor_angle", search.angle.unit, evidence, more)
+    search.add("motor_angle", search.angle.unit, evidence, {"side": search.angle.side})
     scale = ANGLES[search.angle.unit] / (ratios if search.angle.side == "motor" else 1.0)
     angles = np.sort(spans * np.broadcast_to(scale, len(spans))[:, None], axis=1)
     search.findings += pose_findings(angles, limits, family.joints or search.joints)
@@ -63,7 +71,7 @@ def _angle_evidence(
     family: Family, hypotheses: Sequence[Hypothesis], reason: str, doubt: str
 ) -> str:
     """Return what unit and side of motor angles rest on, and what else would fit."""
-    bare = "taken for angles, as no name tells any; " if is_bare(family) else ""
+    bare = "taken for angles, as no name tells any; " if is_bare(family) and not family.unit else ""
     told = "unit by its name" if family.unit else "unit by the range alone"
     others = " or ".join(f"{h.unit} on the {h.side} side" for h in hypotheses[1:])
     return f"{bare}{told}, {reason}{doubt}{f'; {others} would fit too' if others else ''}"

@@ -5,8 +5,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise
 
+from robotmodels.common.errors import InvalidInput
 from robotmodels.elastic.robot import ElasticRobot
 from robotmodels.logs.log import Log, Table
+from robotmodels.logs.units import unit_factor
 
 _WORD = re.compile(r"[A-Z]?[a-z]+|[A-Z]+(?![a-z])|%")
 
@@ -17,13 +19,13 @@ def _set(text: str) -> frozenset[str]:
 
 _QUANTITIES: dict[str, frozenset[str]] = {
     "torque": _set(
-        "tau torque torques trq effort efforts moment drehmoment force mom couple coppia"
+        "tau torque torques trq torq effort efforts moment drehmoment force mom couple coppia"
     ),
     "current": _set("current currents curr cur i iq strom amp courant corriente corrente"),
     "acceleration": _set("acceleration acc accel ddq qdd accelerations beschleunigung"),
     "velocity": _set(
-        "velocity velocities vel speed speeds qd dq qvel omega geschwindigkeit drehzahl rpm qdot "
-        "dqdt v rate vitesse velocidad velocita"
+        "velocity velocities velo vel speed speeds qd dq qvel omega geschwindigkeit drehzahl rpm "
+        "qdot dqdt v rate vitesse velocidad velocita"
     ),
     "angle": _set(
         "position positions pos q qpos angle angles theta phi enc encoder winkel lage posicion "
@@ -36,9 +38,11 @@ _IGNORED = _set(
     "error err diff deviation temperature temp mode status flag "
     "ff ext external cos sin gripper filtered tcp tool pose wrench cartesian"
 )
-_MEASURED = _set("act actual meas measured msr ist abs state states observation observations obs")
+_MEASURED = _set(
+    "act actual meas measured msr ist abs state states observation observations obs fb feedback"
+)
 _LESS = _set("rel computed calculated estimated predicted model simulated sim")
-_BARE = _set("joint joints j a axis achse motor m state states")
+_BARE = _set("joint joints j a axis achse motor m")
 _COMMANDS = _set("action actions command commands commanded cmd target desired reference setpoint")
 _UNITS = {
     "deg": "deg",
@@ -109,7 +113,7 @@ def words(text: str) -> list[str]:
 
 def is_bare(family: Family) -> bool:
     """Return whether a name tells nothing but joints or a state, as of angles it often does."""
-    return set(words(family.pattern.rpartition(".")[2])) <= _BARE
+    return set(words(family.pattern.rpartition(".")[2])) <= _BARE | _MEASURED
 
 
 def _skeleton(channel: str, motors: dict[str, str]) -> tuple[str, str]:
@@ -155,6 +159,7 @@ def _role(names: Sequence[str], unit: str, commanded: bool) -> str:
     if present & _IGNORED:
         return ""
     quantity = next((q for q, synonyms in _QUANTITIES.items() if present & synonyms), "")
+    quantity = quantity or _quantity_of(unit)
     if not quantity or (quantity == "angle" and unit in ("s", "ms")):
         return ""
     if commanded or present & _REFERENCE:
@@ -162,6 +167,17 @@ def _role(names: Sequence[str], unit: str, commanded: bool) -> str:
     if quantity in ("angle", "velocity") and present & _LINK:
         return f"link_{quantity}"
     return f"motor_{quantity}"
+
+
+def _quantity_of(unit: str) -> str:
+    """Return the quantity that a file's unit belongs to, empty if to none of a joint that turns."""
+    for quantity in _QUANTITIES if unit else ():
+        try:
+            unit_factor(unit, f"motor_{quantity}", sliding=False)
+        except InvalidInput:
+            continue
+        return quantity
+    return ""
 
 
 def _unit(names: Sequence[str]) -> str:

@@ -8,7 +8,7 @@ import numpy as np
 from estimators.logs.families import Family
 from estimators.logs.samples import TableTime, family_samples
 from estimators.logs.shift_regression import Relation
-from estimators.logs.unit_hypotheses import Hypothesis
+from estimators.logs.unit_hypotheses import Hypothesis, without_jumps
 from robotmodels.common.arrays import Array
 from robotmodels.elastic.robot import ElasticRobot
 from robotmodels.logs.log import Log
@@ -54,7 +54,7 @@ class Search:
     findings : list of str
         What else was seen.
     angle : Hypothesis
-        Unit and side of the motor angles.
+        Unit and side of the motor angles; no unit before it is decided.
     """
 
     log: Log
@@ -63,12 +63,13 @@ class Search:
     members: dict[str, Family]
     entries: list[Entry] = field(default_factory=list)
     findings: list[str] = field(default_factory=list)
-    angle: Hypothesis = field(default_factory=lambda: Hypothesis("rad", "joint"))
+    angle: Hypothesis = field(default_factory=lambda: Hypothesis("", "joint"))
 
     def samples(self, role: str) -> tuple[Array, Array]:
-        """Return stamps (N,) and values (N, n) of a role."""
+        """Return stamps (N,) and values (N, n) of a role, angles without jumps by whole turns."""
         family = self.members[role]
-        return family_samples(family, self.times[family.table.name])
+        stamps, values = family_samples(family, self.times[family.table.name])
+        return stamps, without_jumps(values, self.angle.unit if "_angle" in role else "")
 
     def add(
         self,

@@ -7,6 +7,9 @@ from itertools import product
 import numpy as np
 
 from robotmodels.common.arrays import Array
+from robotmodels.common.errors import InvalidInput
+from robotmodels.logs.survey import JUMP
+from robotmodels.logs.units import unit_factor
 
 ANGLES = {"rad": 1.0, "deg": np.pi / 180, "turn": 2 * np.pi, "mrad": 1e-3, "m": 1.0, "mm": 1e-3}
 RATES = {
@@ -33,6 +36,27 @@ class Hypothesis:
     side: str
 
 
+def usual_angle_unit(unit: str) -> str:
+    """Return the usual name of a unit of angles, such as deg for °, empty if there is none."""
+    if not unit or unit in ANGLES:
+        return unit
+    try:
+        factor = unit_factor(unit, "motor_angle", sliding=True)
+    except InvalidInput:
+        return ""
+    return next((name for name, size in ANGLES.items() if np.isclose(size, factor, 1e-9, 0)), "")
+
+
+def without_jumps(values: Array, unit: str) -> Array:
+    """Return angles, (N, n), without their jumps by whole turns, as they are without a unit."""
+    if not unit or unit in ("m", "mm"):
+        return values
+    turn = 2 * np.pi / ANGLES[unit]
+    steps = np.diff(values, axis=0, prepend=values[:1])
+    jumps = np.where(np.abs(steps) > JUMP * turn, steps, 0.0)
+    return np.asarray(values - turn * np.cumsum(np.rint(jumps / turn), axis=0))
+
+
 def angle_hypotheses(
     spans: Array,
     ratios: Array,
@@ -40,6 +64,7 @@ def angle_hypotheses(
     unit: str,
     sides: Sequence[str],
     start: Array | None = None,
+    wrapped: bool = False,
 ) -> list[Hypothesis]:
     """Return units and sides under which all angles lie within the limits of their joints.
 
@@ -57,6 +82,8 @@ def angle_hypotheses(
         Sides that are possible.
     start : ndarray, (n,), optional
         First values; where they are multiples of 45 degrees, that is no chance.
+    wrapped : bool
+        Whether jumps were taken out, so that whole turns mean nothing.
 
     Returns
     -------
@@ -70,7 +97,11 @@ def angle_hypotheses(
         if np.isfinite(scale).all():
             angles = np.sort(spans * scale[:, None], axis=1)
             marks = 0 if start is None else _landmarks(start * scale)
-            scored.append((_fits(angles, limits), marks, Hypothesis(name, side)))
+            fit = _fits(angles, limits)
+            if fit < 2 and limits is not None and wrapped and side == "joint":
+                turns = np.rint((limits.mean(axis=1) - angles.mean(axis=1)) / (2 * np.pi))
+                fit = max(fit, _fits(angles + 2 * np.pi * turns[:, None], limits))
+            scored.append((fit, marks, Hypothesis(name, side)))
     best = max((fit for fit, _, _ in scored), default=0)
     likely = [(marks, h) for fit, marks, h in scored if fit == best > 0]
     likely.sort(key=lambda pair: (-pair[0], *_rarity(pair[1])))

@@ -148,7 +148,7 @@ def time_channel(table: Table, choice: TimeChoice) -> str:
         return table.time
     names = [name for name in table.channels if _TIME_NAME.search(_spaced(name))]
     plain = [name for name in names if _rises(table, name)]
-    return min(plain, key=len, default="")
+    return min(plain, key=lambda name: (_unevenness(table, name), len(name)), default="")
 
 
 def _spaced(name: str) -> str:
@@ -163,6 +163,9 @@ def time_unit(table: Table, column: str) -> str:
     """
     stated = table.channels[column].unit
     words = re.findall(r"[a-zµ]+", column.lower())
+    scaled = re.search(r"(?<![a-z\d])(\d+) ?([nuµm]?s)(?![a-z])", column.lower())
+    if scaled:
+        return f"{scaled[1]} {scaled[2]}"  # such as 100 ns of Windows
     told = next((unit for unit in (stated, *words) if unit in _UNITS), "")
     if told:
         return told
@@ -244,6 +247,14 @@ def _rises(table: Table, name: str) -> bool:
     head = np.asarray(table.values(name, 1000), dtype=float)
     steps = np.diff(head[np.isfinite(head)])
     return len(steps) > 1 and (steps >= 0).mean() > 0.98 and (steps > 0).mean() > 0.3
+
+
+def _unevenness(table: Table, name: str) -> int:
+    """Return how much the usual steps of stamps differ, in powers of two, all below 1e-3 alike."""
+    steps = np.diff(np.asarray(table.values(name, 1000), dtype=float))
+    middle = float(np.nanmedian(steps))
+    spread = float(np.nanmedian(np.abs(steps - middle)))
+    return round(np.log2(max(spread, 1e-3 * middle) / middle)) if middle > 0 else 0
 
 
 def _stated(log: Log) -> float | None:

@@ -7,7 +7,8 @@ import numpy as np
 from robotmodels.common.arrays import Array, IntArray
 from robotmodels.logs.binding import BoundSignal
 
-_JUMP = 0.75  # of a turn, from which a step is a jump
+JUMP = 0.75
+"""Of a turn, from which a step is a jump."""
 _FEW_LEVELS = 64
 _SATURATED = 0.01
 _DRIVES = ("torque", "current")
@@ -71,7 +72,7 @@ def survey(signal: BoundSignal) -> Survey:
         changes += len(size)
         quantum = min(quantum, size.min(initial=np.inf))
         if signal.turn:
-            hits = np.flatnonzero(np.abs(steps) > _JUMP * signal.turn).astype(int)
+            hits = np.flatnonzero(np.abs(steps) > JUMP * signal.turn).astype(int)
             jumps.append(row + hits)
             turns.append(np.rint(steps[hits] / signal.turn))
         last, row = values[-1], row + len(values)

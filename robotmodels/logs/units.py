@@ -105,11 +105,15 @@ def stated_unit(unit: str, role: str) -> str:
 
 def time_factor(unit: str) -> float:
     """Return what one of a unit of time is in seconds."""
-    quantity = _quantity(_registry(), unit, unit) if unit not in _SECONDS else None
-    factor = _SECONDS.get(unit) or (
-        float(quantity.to("s").magnitude)
-        if quantity is not None and quantity.check("[time]")
-        else math.nan
+    scale, text = _scaled(unit)
+    quantity = _quantity(_registry(), text, unit) if text not in _SECONDS else None
+    factor = scale * (
+        _SECONDS.get(text)
+        or (
+            float(quantity.to("s").magnitude)
+            if quantity is not None and quantity.check("[time]")
+            else math.nan
+        )
     )
     if math.isnan(factor):
         raise InvalidInput(f"unit {unit!r} of the time is none of time; s, ms, us or ns is")

@@ -367,3 +367,34 @@ def test_counts_and_shares_are_told(tmp_path, robot):
     assert "state full_scale" in proposal.entries[1].evidence
     with pytest.raises(InvalidInput, match="whole numbers, perhaps counts"):
         proposal_of(tmp_path / "b.csv", robot)
+
+
+def test_quantities_by_units_alone_and_the_straightest_clock(tmp_path, robot):
+    """Feedback and command of axes tell no quantity; a receiver's clock jitters."""
+    m = Movement(2, n=6)
+    degrees, late = np.degrees(m.angle(m.time)), m.rng.uniform(0, 1e-3, len(m.time))
+    names = ["time", "robot_stamp_ms"]
+    names += [f"{kind}_A{i} [{unit}]" for kind, unit in (("Ist", "°"), ("Soll", "°"), ("x", "A"))
+              for i in range(1, 7)]  # fmt: skip
+    columns = [m.time + late, np.round(1e3 * m.time), *degrees.T, *degrees.T, *degrees.T]
+    proposal, signals = proposal_of(written(tmp_path / "a.csv", names, columns), robot)
+    assert {role: signal.column for role, signal in signals.items()} == {
+        "motor_angle": "Ist_A*",
+        "reference_angle": "Soll_A*",
+        "motor_current": "x_A*",
+    }
+    assert "2500 samples every 4 ms, from stamps of 'robot_stamp_ms'" in proposal.findings[-1]
+
+
+def test_wrapped_angles_have_no_jumps_in_a_proposal(tmp_path, robot):
+    """Jumps would turn the sign of torques round, and hide what a velocity is."""
+    m = Movement(4, n=6)
+    angle, velocity = np.degrees(m.angle(m.time)), np.degrees(m.velocity(m.time))
+    names = ["t", *(f"pos{i} [deg]" for i in range(6)), *(f"vel{i}" for i in range(6))]
+    names += [f"torque{i}" for i in range(6)]
+    columns = [m.time, *(angle % 360).T, *velocity.T, *np.tanh(velocity / 5).T]
+    proposal, signals = proposal_of(written(tmp_path / "a.csv", names, columns), robot)
+    assert (signals["motor_angle"].unit, signals["motor_angle"].side) == ("deg", "joint")
+    assert signals["motor_torque"].sign == 1
+    relations = next(e for e in proposal.entries if e.family.role == "motor_velocity").relations
+    assert all(relation.determined for relation in relations)

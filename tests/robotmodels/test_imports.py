@@ -291,7 +291,15 @@ def test_clocks_do_not_depend_on_blocks(monkeypatch):
 
 
 @pytest.mark.parametrize(
-    ("name", "scale"), [("t", 1.0), ("t", 1e3), ("time_us", 1e6), ("%time", 1e9), ("t [ms]", 1e3)]
+    ("name", "scale"),
+    [
+        ("t", 1.0),
+        ("t", 1e3),
+        ("time_us", 1e6),
+        ("%time", 1e9),
+        ("t [ms]", 1e3),
+        ("time_100ns", 1e7),
+    ],
 )
 def test_units_of_stamps_are_told(tmp_path, name, scale):
     """By the file, by the name, or because controllers sample at 1 Hz to 100 kHz."""
