@@ -36,6 +36,7 @@ from .criteria.robust_criteria import (
     AverageCriterion as AverageCriterion,
     MaximinCriterion as MaximinCriterion,
 )
+from .criteria.targets import TargetCriterion as TargetCriterion
 from .design.certificate import (
     efficiency_bound as efficiency_bound,
     optimality_gap as optimality_gap,
@@ -43,6 +44,10 @@ from .design.certificate import (
 from .design.constraints import Constraints as Constraints, Group as Group
 from .design.cvxpy_solver import Cvxpy as Cvxpy
 from .design.design import Design as Design
+from .design.fastest_design import (
+    FastestDesign as FastestDesign,
+    fastest_design as fastest_design,
+)
 from .design.interior_point import Newton as Newton
 from .design.optimal_design import optimal_design as optimal_design
 from .design.problem import (
@@ -76,6 +81,13 @@ from .exact.sequential import (
     experiments_needed as experiments_needed,
     measured_information as measured_information,
     next_experiments as next_experiments,
+)
+from .exact.visit_plan import (
+    TimeCurve as TimeCurve,
+    VisitPlan as VisitPlan,
+    fastest_visit_plan as fastest_visit_plan,
+    time_curve as time_curve,
+    visit_plan as visit_plan,
 )
 from .experiment.amplitude_scaling import (
     Binding as Binding,

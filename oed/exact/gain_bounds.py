@@ -1,6 +1,7 @@
 """Which candidate adds most to an information matrix, with as few evaluations as bounds allow."""
 
 from collections.abc import Callable
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -106,32 +107,63 @@ def _any(objective: Objective, information: Array, matrices: Array) -> tuple[Arr
 
 def log_values(objective: Objective, stack: Array) -> Array:
     """Return the log value of each of `stack`, (n, p, p) or (n, K, p, p), many at a time."""
+    return np.asarray(np.min(group_log_values(objective, stack), axis=1))
+
+
+def group_log_values(objective: Objective, stack: Array) -> Array:
+    """Return the log values of the objective's groups, (n, G), the least of which counts."""
     p = stack.shape[-1]
     by_sample = stack.reshape(len(stack), -1, p, p)
     totals = []
     try:
+        roots = {k: _InverseRoot.of(by_sample[:, k]) for k in {t.sample for t in objective.terms}}
         for group, reference in zip(objective.groups, objective.log_references, strict=True):
-            parts = [t.share * _mean_values(t.mean, by_sample[:, t.sample]) for t in group]
+            parts = [t.share * _mean_values(t.mean, roots[t.sample]) for t in group]
             totals.append(np.sum(parts, axis=0) - reference)
     except np.linalg.LinAlgError:  # one of them is singular
-        return np.array([objective.log_value(one) for one in stack])
-    return np.asarray(np.min(totals, axis=0))
+        references = objective.log_references
+        return np.array([objective.group_values(one) - references for one in stack])
+    return np.stack(totals, axis=1)
 
 
-def _mean_values(mean: MatrixMean, stack: Array) -> Array:
+@dataclass(frozen=True, eq=False)
+class _InverseRoot:
+    """Of matrices M = (S^-1 L)(S^-1 L)', S a diagonal scaling, n of them at once.
+
+    Attributes
+    ----------
+    scaling : ndarray, (p,)
+        Diagonal of S.
+    log_pivots : ndarray, (n,)
+        log det L.
+    inverse : ndarray, (n, p, p)
+        L^-1.
+    """
+
+    scaling: Array
+    log_pivots: Array
+    inverse: Array
+
+    @classmethod
+    def of(cls, stack: Array) -> "_InverseRoot":
+        """Return the roots of positive definite matrices (n, p, p)."""
+        s = unit_diagonal_scaling(stack[0])
+        if not s.all():
+            raise np.linalg.LinAlgError
+        L = np.linalg.cholesky(s[:, None] * stack * s)
+        pivots = np.diagonal(L, axis1=1, axis2=2)
+        if pivots.min() < 1e-6:
+            raise np.linalg.LinAlgError
+        return cls(s, np.log(pivots).sum(axis=1), np.linalg.inv(L))
+
+
+def _mean_values(mean: MatrixMean, root: _InverseRoot) -> Array:
     """Return the mean's logarithm for positive definite matrices, (n,); see `MatrixMean`."""
-    s = unit_diagonal_scaling(stack[0])
-    if not s.all():
-        raise np.linalg.LinAlgError
-    L = np.linalg.cholesky(s[:, None] * stack * s)
-    pivots = np.diagonal(L, axis1=1, axis2=2)
-    if pivots.min() < 1e-6:
-        raise np.linalg.LinAlgError
+    s = root.scaling
     if mean.combinations is None and mean.kind == "D":
-        log_det = 2 * np.log(pivots).sum(axis=1) - 2 * np.log(s).sum()
-        return np.asarray(log_det / len(s) + mean.offset)
+        return np.asarray(2 * (root.log_pivots - np.log(s).sum()) / len(s) + mean.offset)
     B = np.diag(s) if mean.combinations is None else s[:, None] * mean.combinations
-    roots = np.linalg.solve(L, np.broadcast_to(B, (len(L), *B.shape)))
+    roots = root.inverse @ B
     if mean.kind == "A":
         return np.asarray(mean.offset - np.log((roots**2).sum(axis=(1, 2))))
     covariance = np.swapaxes(roots, 1, 2) @ roots

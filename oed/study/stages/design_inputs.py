@@ -5,6 +5,7 @@ import numpy as np
 from estimators import robot_prior
 from oed.candidates.grids import candidate_at
 from oed.criteria.criteria import AsCriterion, Criterion, DsCriterion
+from oed.criteria.targets import by_name_or_kind
 from oed.design.constraints import Constraints, Group
 from oed.experiment.experiment_file import per_motor
 from oed.experiment.moves import MoveLimits, move_times
@@ -135,17 +136,7 @@ def _prior_root(robot: ElasticRobot) -> Array:
 
 def _std(std: float | dict[str, float], robot: ElasticRobot) -> Array:
     """Return the standard deviation of ln theta that the study gives each parameter, (p,)."""
-    names = robot.parameters.names
-    by_key = dict.fromkeys(names, std) if isinstance(std, float) else std
-    kinds = [name.split(".", 1)[-1] for name in names]
-    for key in by_key:
-        if key not in names and key not in kinds:
-            possible = [*dict.fromkeys(kinds), *names]
-            raise InvalidInput(
-                f"design.robust.std: {key!r} is no free parameter and no kind of them"
-                f"{nearest(key, possible)}"
-            )
-    return np.array([by_key.get(n, by_key.get(k, 0.0)) for n, k in zip(names, kinds, strict=True)])
+    return np.nan_to_num(by_name_or_kind(std, robot.parameters.names, "design.robust.std"))
 
 
 def _durations(choice: DesignChoice, robot: ElasticRobot, positions: Array) -> Array:

@@ -1,0 +1,81 @@
+"""Standard deviations that are asked for, and the criterion of reaching them all."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from fnmatch import fnmatchcase
+
+import numpy as np
+
+from oed.criteria.matrix_means import MatrixMean
+from oed.criteria.objective import Objective, Term
+from robotmodels.common.arrays import Array, check_above_zero
+from robotmodels.common.errors import InvalidInput, nearest
+
+
+def by_name_or_kind(values: float | Mapping[str, float], names: Sequence[str], what: str) -> Array:
+    """Return a positive number for each of p names, (p,); nan where none is meant.
+
+    Parameters
+    ----------
+    values : float or mapping of str to float
+        One number for all, or numbers by name, which comes first, by kind ("stiffness" is any name
+        that ends in ".stiffness") or by pattern ("g*.damping").
+    names : sequence of str
+        Names.
+    what : str
+        What the numbers are, for messages.
+
+    Raises
+    ------
+    InvalidInput
+        If a number is not positive, or a key fits no name.
+    """
+    keyed = values if isinstance(values, Mapping) else {"*": values}
+    numbers = np.full(len(names), np.nan)
+    for key, value in sorted(keyed.items(), key=lambda item: item[0] in names):
+        check_above_zero(value, what if key == "*" else f"{what}: {key}")
+        fits = [fnmatchcase(name, key) or name.split(".", 1)[-1] == key for name in names]
+        if not any(fits):
+            kinds = [*names, *dict.fromkeys(name.split(".", 1)[-1] for name in names)]
+            raise InvalidInput(
+                f"{what}: {key!r} is no free parameter and no kind of them{nearest(key, kinds)}"
+            )
+        numbers[fits] = value
+    return numbers
+
+
+@dataclass(frozen=True, eq=False)
+class TargetCriterion:
+    """The accuracy of all parameters together, in units of what is asked for each.
+
+    Its value is the least of (target / standard deviation)^2, so that a plan of value one reaches
+    every target, the last one exactly. With samples of theta it is the least over these too.
+
+    Attributes
+    ----------
+    deviations : float or mapping of str to float
+        Standard deviations, relative where parameters are ln theta, by name, kind or pattern; see
+        `by_name_or_kind`. Parameters without one are nuisance.
+    """
+
+    deviations: float | Mapping[str, float]
+    name: str = "targets"
+
+    def objective(self, names: Sequence[str], samples: int = 1) -> Objective:
+        """Return the least of the variances' inverses in units of the targets.
+
+        Raises
+        ------
+        InvalidInput
+            If a target is not positive or fits no parameter, or there is none.
+        """
+        targets = by_name_or_kind(self.deviations, names, "targets")
+        if np.isnan(targets).all():
+            raise InvalidInput("targets: none given; at least one is needed")
+        columns = np.eye(len(names))
+        groups = tuple(
+            (Term(MatrixMean("A", columns[:, [i]] / targets[i]), 1.0, k),)
+            for k in range(samples)
+            for i in np.flatnonzero(~np.isnan(targets))
+        )
+        return Objective(self.name, groups, (0.0,) * len(groups))

@@ -1,0 +1,190 @@
+"""The least time in which standard deviations that are asked for can be reached.
+
+The time T of a design over visits of durations t_c is the least for which M_0 + sum_c w_c H_c has
+value one by `TargetCriterion`. Its relaxation is convex, and any W_i >= 0, here those of the design
+at a time T_0, bounds it from below: at value one
+
+    c <= tr(W M_0) + sum_c w_c tr(W H_c) <= tr(W M_0) + T max_c tr(W H_c) / t_c
+
+with W = sum_i W_i and c from `Objective.log_polar`. For W_i = mu_i x_i x_i' that is
+T >= sum_i mu_i (2 x_ii - s_i^2 - x_i' M_0 x_i) / max_c sum_i mu_i x_i' H_c x_i / t_c at its best x.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+from scipy.optimize import brentq
+
+from oed.criteria.objective import Objective
+from oed.criteria.targets import TargetCriterion
+from oed.design.constraints import Constraints
+from oed.design.design import SHOWN, Design
+from oed.design.optimal_design import checked_prior, optimal_design
+from oed.design.problem import DesignSolver
+from oed.information_sets.candidates import Candidates
+from robotmodels.common.arrays import Array, IntArray, read_only
+from robotmodels.common.errors import SolverFailed
+from robotmodels.common.printing import ReprHtml
+
+_MOST_ROUNDS = 30
+# Weights below these shares of the largest are tried without, the last one with all of them.
+_SHARES = (1e-3, 1e-4, 1e-5, 0.0)
+
+
+@dataclass(frozen=True, eq=False)
+class FastestDesign(ReprHtml):
+    """Visits that reach every target in the least time, not yet whole ones, certified.
+
+    Attributes
+    ----------
+    time : float, s
+        Time of all visits.
+    bound : float, s
+        No visits of these candidates reach the targets in less.
+    weights : ndarray, (Q,)
+        Visits of each candidate.
+    support : ndarray of int
+        Candidates with visits.
+    information : ndarray, (p, p), or (K, p, p)
+        Information with the prior's.
+    names : tuple of str
+        p parameter names.
+    """
+
+    time: float
+    bound: float
+    weights: Array
+    support: IntArray
+    information: Array
+    names: tuple[str, ...]
+
+    @property
+    def gap(self) -> float:
+        """How much longer this takes than any other, at most, relative."""
+        return self.time / self.bound - 1.0 if self.bound > 0 else 0.0
+
+    def __str__(self) -> str:
+        shares = ", ".join(f"{self.weights[i]:.3g} of {i}" for i in self.support[:SHOWN])
+        more = len(self.support) - SHOWN
+        return (
+            f"targets reached in {self.time / 60:.3g} min, no visits do in less than "
+            f"{self.bound / 60:.3g}: {shares}{f' and {more} more' if more > 0 else ''}"
+        )
+
+
+def fastest_design(
+    info: Candidates,
+    duration: ArrayLike,
+    targets: float | Mapping[str, float],
+    prior: Array | None = None,
+    tolerance: float = 1e-6,
+    solver: str | DesignSolver = "newton",
+) -> FastestDesign:
+    """Return the visits that reach targets in the least time.
+
+    At wrong guesses of the parameters such a design may take longer than one for D: first D or a
+    prior, targets after a fit.
+
+    Parameters
+    ----------
+    info : Candidates
+        Information of each visit, such as that of `ExperimentCandidates`.
+    duration : float or array_like, (Q,), s
+        Duration of each visit.
+    targets : float or mapping of str to float
+        Standard deviations asked for, as of `TargetCriterion`.
+    prior : ndarray, (p, p), optional
+        Information there is already.
+    tolerance : float
+        Largest gap between the time and its bound.
+    solver : str or DesignSolver
+        As of `optimal_design`.
+
+    Raises
+    ------
+    InvalidInput
+        If durations, targets or prior do not fit.
+    NotIdentifiable
+        Naming the parameters, if all candidates together leave a target open.
+    SolverFailed
+        If the gap stays above the tolerance.
+    """
+    objective = TargetCriterion(targets).objective(info.names, info.samples)
+    problem = _Problem(info, objective, checked_prior(prior, info), duration)
+    if problem.prior is not None and objective.log_value(problem.prior) >= 0:
+        return problem.design(np.zeros(len(info)), 0.0)
+    least, budget = 0.0, float(np.median(problem.costs)) * len(info.names)
+    weights = np.full(len(info), np.inf)
+    for _ in range(_MOST_ROUNDS):
+        limits = Constraints(time=budget, durations=duration)
+        design = optimal_design(
+            info, objective, limits, problem.prior, 0.3 * tolerance, solver=solver
+        )
+        least = max(least, problem.least_time(design, budget))
+        for share in _SHARES:
+            used = design.weights > share * design.weights.max()
+            fewer = problem.stretched(np.where(used, design.weights, 0.0))
+            if problem.costs @ fewer <= (1 + tolerance) * least:
+                return problem.design(fewer, least)
+        weights = min(weights, fewer, key=problem.costs.dot)
+        budget = float(problem.costs @ weights)
+    raise SolverFailed(
+        f"fastest design: {problem.costs @ weights:.6g} s, and no less than {least:.6g} s are "
+        f"needed; allow a larger tolerance than {tolerance:.1g}"
+    )
+
+
+class _Problem:
+    """Candidates, what each costs, and the value that must be one."""
+
+    def __init__(
+        self, info: Candidates, objective: Objective, prior: Array | None, duration: ArrayLike
+    ) -> None:
+        self.info, self.objective, self.prior = info, objective, prior
+        self.costs = Constraints(time=1.0, durations=duration).polytope(len(info)).rows[0]
+
+    def information(self, weights: Array) -> Array:
+        """Return the prior and sum_c w_c H_c."""
+        total = self.info.combined(weights)
+        return total if self.prior is None else total + self.prior
+
+    def least_time(self, design: Design, budget: float) -> float:
+        """Return the bound that a design within a budget gives on the time of any other."""
+        shape = design.information.shape
+        weight = self.objective.summed_by_sample(design.witness, shape)
+        prior = 0.0 if self.prior is None else float(np.vdot(weight, self.prior))
+        rate = float((design.sensitivity / self.costs).max())
+        log_bound = self.objective.log_value(design.information) + np.log1p(design.gap)
+        polar = (prior + budget * rate) / float(np.exp(log_bound))
+        return max((polar - prior) / rate, 0.0)
+
+    def stretched(self, weights: Array) -> Array:
+        """Return the multiple of weights that reaches every target, the last one exactly."""
+        added = self.info.combined(weights)
+        base = np.zeros_like(added) if self.prior is None else self.prior
+
+        def excess(log_factor: float) -> float:
+            return self.objective.log_value(base + float(np.exp(log_factor)) * added)
+
+        low, high = -1.0, 1.0
+        while excess(low) > 0:
+            low *= 2.0
+        while excess(high) < 0:
+            high *= 2.0
+        factor = float(brentq(excess, low, high, xtol=1e-13))
+        while excess(factor) < 0:
+            factor += 1e-12
+        return np.asarray(weights * np.exp(factor))
+
+    def design(self, weights: Array, bound: float) -> FastestDesign:
+        """Return the result for weights."""
+        return FastestDesign(
+            time=float(self.costs @ weights),
+            bound=bound,
+            weights=read_only(weights),
+            support=read_only(np.flatnonzero(weights)),
+            information=read_only(self.information(weights)),
+            names=self.info.names,
+        )

@@ -1,0 +1,260 @@
+"""Whole visits within minutes, or to stated standard deviations, with a bound by the relaxation.
+
+A visit is a position, an excitation and a whole number of periods up to the most that the
+candidates have; each pays its move, settling and transients. Visits are added by what they gain a
+second, and taken out again where others make better use of their time.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from oed.criteria.criteria import Criterion, objective_of
+from oed.criteria.targets import TargetCriterion
+from oed.design.constraints import Constraints
+from oed.design.fastest_design import fastest_design
+from oed.design.optimal_design import checked_prior, optimal_design
+from oed.design.solvers import fast_solver
+from oed.exact.plan_score import standard_deviations
+from oed.exact.visit_search import VisitSearch
+from oed.information_sets.experiment_candidates import ExperimentCandidates
+from robotmodels.common.arrays import Array, IntArray, check_above_zero, read_only
+from robotmodels.common.errors import InvalidInput
+from robotmodels.common.printing import ReprHtml
+
+_WIDER, _MOST_WIDER = 1.1, 40
+_HALVINGS = 3
+
+
+@dataclass(frozen=True, eq=False)
+class VisitPlan(ReprHtml):
+    """Whole visits, with a bound that no other visits of these candidates exceed.
+
+    Attributes
+    ----------
+    candidates : ExperimentCandidates
+        Visits that could be made.
+    periods : ndarray of int, (E Q,)
+        Measured periods of each excitation in each position, positions inside.
+    duration : float, s
+        Time of all visits, moves included.
+    efficiency : float
+        Lower bound on the efficiency against all visits within the time, whole or not; of a plan to
+        targets on the share of the time that is needed at least.
+    value : float
+        log value of the criterion.
+    std : ndarray, (p,)
+        Predicted standard deviations, relative ones where parameters are ln theta.
+    information : ndarray, (p, p), or (K, p, p)
+        Information with the prior's.
+    """
+
+    candidates: ExperimentCandidates
+    periods: IntArray
+    duration: float
+    efficiency: float
+    value: float
+    std: Array
+    information: Array
+
+    @property
+    def visits(self) -> list[tuple[int, str, int]]:
+        """Position, excitation and periods of each visit; more periods than the most are shared."""
+        most, count = max(self.candidates.periods), len(self.candidates.positions)
+        visits = []
+        for pair in np.flatnonzero(self.periods):
+            excitation = self.candidates.excitations[int(pair) // count].name
+            parts = -(-int(self.periods[pair]) // most)
+            for part in np.array_split(np.ones(self.periods[pair]), parts):
+                visits.append((int(pair) % count, excitation, len(part)))
+        return visits
+
+    def __str__(self) -> str:
+        lines = [
+            f"{len(self.visits)} visits in {self.duration / 60:.3g} min, efficiency >= "
+            f"{self.efficiency:.3f}, largest standard deviation {self.std.max():.3g}"
+        ]
+        for position, excitation, periods in self.visits:
+            lines.append(f"  position {position}: {excitation}, {periods} periods")
+        return "\n".join(lines)
+
+
+@dataclass(frozen=True, eq=False)
+class TimeCurve(ReprHtml):
+    """Plans of growing time, each with its bound.
+
+    Attributes
+    ----------
+    times : ndarray, (T,), s
+        Budgets.
+    plans : tuple of VisitPlan
+        One for each.
+    """
+
+    times: Array
+    plans: tuple[VisitPlan, ...]
+
+    @property
+    def std(self) -> Array:
+        """Predicted standard deviations, (T, p)."""
+        return np.array([plan.std for plan in self.plans])
+
+    def __str__(self) -> str:
+        return "\n".join(
+            f"{time / 60:.3g} min: {len(plan.visits)} visits, largest standard deviation "
+            f"{plan.std.max():.3g}, efficiency >= {plan.efficiency:.3f}"
+            for time, plan in zip(self.times, self.plans, strict=True)
+        )
+
+
+def visit_plan(
+    candidates: ExperimentCandidates,
+    time: float,
+    criterion: str | Criterion = "D",
+    prior: Array | None = None,
+) -> VisitPlan:
+    """Return visits within a time that inform most.
+
+    Parameters
+    ----------
+    candidates : ExperimentCandidates
+        Visits that could be made.
+    time : float, s
+        Time of all visits, moves included.
+    criterion : str or Criterion
+        What is maximised, as in `optimal_design`.
+    prior : ndarray, (p, p), optional
+        Information there is already.
+
+    Raises
+    ------
+    InvalidInput
+        If the time is shorter than every visit, naming the shortest.
+    NotIdentifiable
+        Naming the parameters, if all candidates together leave open what the criterion asks for.
+    """
+    check_above_zero(time, "time [s]")
+    shortest = int(np.argmin(candidates.duration))
+    if time < candidates.duration[shortest]:
+        position, excitation, count = candidates.visit(shortest)
+        raise InvalidInput(
+            f"time: {time:g} s is less than the shortest visit, {candidates.duration[shortest]:g} "
+            f"s ({excitation.name}, {count} periods in position {position})"
+        )
+    info = candidates.information
+    objective = objective_of(criterion, info.names, info.samples)
+    before = checked_prior(prior, info)
+    limits = Constraints(time=time, durations=candidates.duration)
+    relaxed = optimal_design(info, objective, limits, before, solver=fast_solver(objective))
+    search = VisitSearch.of(candidates, objective, before, relaxed.weights, relaxed.sensitivity)
+    periods = search.best(time)
+    bound = objective.log_value(relaxed.information) + np.log1p(relaxed.gap)
+    value = search.value(periods)
+    return _plan(candidates, search, periods, min(1.0, float(np.exp(value - bound))))
+
+
+def fastest_visit_plan(
+    candidates: ExperimentCandidates,
+    targets: float | Mapping[str, float],
+    prior: Array | None = None,
+) -> VisitPlan:
+    """Return whole visits that reach targets, in a time near the least.
+
+    Parameters
+    ----------
+    candidates : ExperimentCandidates
+        Visits that could be made.
+    targets : float or mapping of str to float
+        Standard deviations asked for, as of `TargetCriterion`.
+    prior : ndarray, (p, p), optional
+        Information there is already.
+
+    Raises
+    ------
+    InvalidInput, NotIdentifiable
+        As `fastest_design`.
+    """
+    info = candidates.information
+    objective = TargetCriterion(targets).objective(info.names, info.samples)
+    before = checked_prior(prior, info)
+    relaxed = fastest_design(info, candidates.duration, targets, before)
+    witness = objective.log_gradient(relaxed.information)
+    derivatives = info.directional_derivatives(witness)
+    search = VisitSearch.of(candidates, objective, before, relaxed.weights, derivatives)
+    periods: IntArray = search.nothing
+    low, high = relaxed.bound, relaxed.time
+    if relaxed.time > 0:
+        high = max(high, float(candidates.duration.min()))
+        periods = search.best(high)
+        for _ in range(_MOST_WIDER):
+            if search.value(periods) >= 0:
+                break
+            low, high = high, _WIDER * high
+            periods = search.best(high)
+        periods, low, high = _shorter(search, periods, low)
+    share = relaxed.bound / high if high > 0 else 1.0
+    return _plan(candidates, search, periods, share)
+
+
+def time_curve(
+    candidates: ExperimentCandidates,
+    times: Sequence[float],
+    criterion: str | Criterion = "D",
+    prior: Array | None = None,
+) -> TimeCurve:
+    """Return the best plans of several times, for the trade-off of minutes against accuracy.
+
+    Parameters
+    ----------
+    candidates : ExperimentCandidates
+        As of `visit_plan`.
+    times : sequence of float, s
+        Times of all visits of a plan.
+    criterion : str or Criterion
+        As of `visit_plan`; a `TargetCriterion` for the accuracy asked for.
+    prior : ndarray, optional
+        As of `visit_plan`.
+
+    Raises
+    ------
+    InvalidInput, NotIdentifiable
+        As `visit_plan`.
+    """
+    plans = tuple(visit_plan(candidates, time, criterion, prior) for time in times)
+    if not plans:
+        raise InvalidInput("times: none given; at least one is needed")
+    return TimeCurve(read_only(np.array(times, dtype=float)), plans)
+
+
+def _shorter(search: VisitSearch, periods: IntArray, low: float) -> tuple[IntArray, float, float]:
+    """Return a shorter plan of value one, the time that was too short, and its own."""
+    periods = search.shortened(periods)
+    high = search.cost(periods)
+    for _ in range(_HALVINGS):
+        middle = 0.5 * (low + high)
+        attempt = search.best(middle)
+        if search.value(attempt) >= 0:
+            periods = search.shortened(attempt)
+            high = search.cost(periods)
+        else:
+            low = middle
+    return periods, low, high
+
+
+def _plan(
+    candidates: ExperimentCandidates, search: VisitSearch, periods: IntArray, efficiency: float
+) -> VisitPlan:
+    """Return the result for periods of the pool."""
+    total = np.zeros(len(candidates.excitations) * len(candidates.positions), dtype=np.int64)
+    total[search.pairs] = periods
+    information = search.information(periods)
+    return VisitPlan(
+        candidates=candidates,
+        periods=read_only(total),
+        duration=search.cost(periods),
+        efficiency=efficiency,
+        value=search.objective.log_value(information),
+        std=read_only(standard_deviations(information)),
+        information=read_only(information),
+    )

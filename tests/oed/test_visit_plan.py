@@ -1,0 +1,111 @@
+"""Whole visits within minutes and to targets, against every plan there is."""
+
+from itertools import product
+
+import numpy as np
+import pytest
+
+import oed
+from robotmodels import InvalidInput, NotIdentifiable
+
+NAMES = ("g1.stiffness", "g1.damping")
+TIMING = oed.VisitTiming(period=10.0, transient=5.0, settle=4.0, move=6.0)
+TARGETS = {"stiffness": 0.02, "damping": 0.05}
+GOALS = np.array([0.02, 0.05])
+
+
+def candidates(seed, q=3, periods=(1, 2), p=2):
+    """Visits of one run each in q positions, of a random information a period."""
+    rng = np.random.default_rng(seed)
+    J = rng.standard_normal((q, p, p)) * np.array([15.0, 6.0, 3.0])[:p, None]
+    matrices = J @ np.swapaxes(J, 1, 2)
+    names = (*NAMES, "g2.damping")[:p]
+    positions = np.arange(2.0 * q).reshape(q, 2)
+    repeated = np.concatenate([count * matrices for count in periods])
+    return oed.ExperimentCandidates(
+        positions,
+        (oed.Zippered(),),
+        periods,
+        TIMING,
+        oed.InformationSet(np.tile(positions, (len(periods), 1)), repeated, names),
+        np.repeat([TIMING.duration(1, count) for count in periods], q),
+    )
+
+
+def every_plan(table, most):
+    """Return information and time of all plans of up to `most` periods in each position."""
+    q = len(table.positions)
+    periods = np.array(list(product(range(most + 1), repeat=q)))
+    visits = -(-periods // max(table.periods))
+    total = np.tensordot(periods, table.information.matrices[:q], axes=1)
+    return total, (15.0 * visits + 10 * periods).sum(axis=1)
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_plans_within_a_time_against_every_plan(seed):
+    table, time = candidates(seed), 130.0
+    plan = oed.visit_plan(table, time)
+    information, times = every_plan(table, 9)
+    best = np.log(np.linalg.det(information[times <= time]).max())
+    reached = np.exp((np.linalg.slogdet(plan.information).logabsdet - best) / 2)
+    assert plan.duration <= time
+    assert plan.efficiency - 1e-6 <= reached <= 1 + 1e-9
+    assert reached > 0.93
+    assert plan.duration == sum(TIMING.duration(1, count) for _, _, count in plan.visits)
+    np.testing.assert_allclose(plan.std, np.sqrt(np.diag(np.linalg.inv(plan.information))))
+    assert "visits in 2.17 min" in str(plan) or plan.duration < 130
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_plans_to_targets_against_every_plan(seed):
+    table = candidates(seed)
+    plan = oed.fastest_visit_plan(table, TARGETS)
+    assert (plan.std <= GOALS * (1 + 1e-9)).all()
+    information, times = every_plan(table, 14)
+    some = np.linalg.cond(information) < 1e12
+    variances = np.einsum("iaa->ia", np.linalg.inv(information[some]))
+    least = times[some][(variances <= GOALS**2).all(axis=1)].min()
+    assert plan.efficiency <= min(least, plan.duration) / plan.duration + 1e-9
+    assert plan.duration <= 1.2 * least
+    relaxed = oed.fastest_design(table.information, table.duration, TARGETS)
+    assert plan.efficiency == pytest.approx(relaxed.bound / plan.duration)
+
+
+def test_what_is_reached_already_takes_no_time():
+    plan = oed.fastest_visit_plan(candidates(0), TARGETS, prior=2 * np.diag(1 / GOALS**2))
+    assert plan.duration == 0.0
+    assert plan.efficiency == 1.0
+    assert plan.visits == []
+    part = oed.fastest_visit_plan(candidates(0), TARGETS, prior=0.5 * np.diag(1 / GOALS**2))
+    assert 0 < part.duration < oed.fastest_visit_plan(candidates(0), TARGETS).duration
+
+
+def test_more_minutes_buy_accuracy():
+    table = candidates(1, q=12, periods=(1, 4), p=3)
+    curve = oed.time_curve(table, [120.0, 480.0, 1920.0])
+    assert curve.std.shape == (3, 3)
+    assert (np.diff(curve.std.max(axis=1)) < 0).all()
+    # The bound is that of a continuum of visits, so long plans come close to it.
+    assert curve.plans[-1].efficiency > 0.95
+    assert str(curve).count("min: ") == 3
+    targeted = oed.time_curve(table, [480.0], oed.TargetCriterion(0.1)).plans[0]
+    assert targeted.std.max() <= curve.plans[1].std.max() * (1 + 1e-9)
+
+
+def test_times_that_do_not_fit():
+    table = candidates(0)
+    with pytest.raises(
+        InvalidInput, match=r"time: 20 s is less than the shortest visit, 25 s \(zippered, 1 per"
+    ):
+        oed.visit_plan(table, 20.0)
+    with pytest.raises(InvalidInput, match="times: none given"):
+        oed.time_curve(table, [])
+    with pytest.raises(InvalidInput, match=r"time \[s\]: -1.0"):
+        oed.visit_plan(table, -1.0)
+    blind = table.information.matrices * np.array([1.0, 0.0])[:, None] * np.array([1.0, 0.0])
+    info = oed.InformationSet(table.information.positions, blind, NAMES)
+    table = oed.ExperimentCandidates(
+        table.positions, table.excitations, table.periods, TIMING, info, table.duration
+    )
+    with pytest.raises(NotIdentifiable, match=r"g1\.damping"):
+        oed.fastest_visit_plan(table, TARGETS)
