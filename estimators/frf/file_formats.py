@@ -175,15 +175,14 @@ def _read(path: PathLike, readers: Mapping[str, Callable[[Path], _T]]) -> _T:
 
 
 def _contents(value: Any) -> dict[str, Any]:
-    return {field.name: getattr(value, field.name) for field in fields(value)}
+    contents = {field.name: getattr(value, field.name) for field in fields(value)}
+    return {name: one for name, one in contents.items() if one is not None}
 
 
 def _frf_contents(estimate: FrfEstimate) -> dict[str, Any]:
     """Return the fields of an estimate that hold something."""
     contents = _contents(estimate)
-    empty = [k for k in ("deviations", "line_correlation") if not np.size(contents[k])]
-    if estimate.deviations is None:
-        empty.append("deviations")
+    empty = [k for k in ("deviations", "line_correlation") if not np.size(contents.get(k, ()))]
     return {name: value for name, value in contents.items() if name not in empty}
 
 

@@ -114,11 +114,12 @@ def write_records(path: Path, records: Records) -> None:
             records.torque,
             records.angle,
             records.saturated[:, :, :, :, None],
+            *([] if records.command is None else [records.command]),
         )
     ]
     index = np.indices(axes).reshape(5, -1).T
     names = [*_RECORD_INDEX]
-    for name, signal in zip(SIGNALS, signals, strict=True):
+    for name, signal in zip(records.signals, signals, strict=True):
         names += [f"{name}_{i}" for i in range(signal.shape[1])]
     comments = {
         "schema": RECORDS_SCHEMA,
@@ -138,7 +139,8 @@ def read_records(path: Path) -> Records:
     if "run" not in table.columns:
         columns = (current_key(c, table.where, "0.2", experiment="run") for c in table.columns)
         table = replace(table, columns=tuple(columns))
-    names = {name: table.numbered(name) for name in SIGNALS}
+    commanded = ("command",) if "command_0" in table.columns else ()
+    names = {name: table.numbered(name) for name in (*SIGNALS, *commanded)}
     table.check_columns([*_RECORD_INDEX, *(column for group in names.values() for column in group)])
     comments = dict(table.comments)
     grid = ArraySchema({"axes": _AXES}).read(

@@ -20,8 +20,9 @@ from estimators.frf.local_rational_model import local_frf, window_width
 from estimators.frf.method_comparison import MethodComparison, compare_methods, measured_loop
 from estimators.frf.repeated_visits import merge_distortion, merge_visits, visits_of
 from estimators.frf.rigid_body_check import check_rigid_limit
+from estimators.frf.torque_loop import TorqueLoop, check_torque_loop, torque_loop
 from robotmodels.common.arrays import Array, ComplexArray, IntArray
-from robotmodels.common.errors import IdentificationWarning, InvalidInput
+from robotmodels.common.errors import IdentificationWarning, InvalidInput, naming
 from robotmodels.common.progress import StageProgress
 from robotmodels.records.records import Records, iterate_records
 
@@ -65,6 +66,8 @@ class MeasuredFrf:
         FRFs of that model, or None.
     comparison : MethodComparison or None
         Comparison of the methods on the loop of the first position, or None.
+    torque_loop : TorqueLoop or None
+        Loop between commanded and measured torques; None where records do not hold both.
     warnings : tuple of str
         Warnings on the data, each of them once.
     """
@@ -82,6 +85,7 @@ class MeasuredFrf:
     robot: "ElasticRobot | None"
     modelled: ComplexArray | None
     comparison: MethodComparison | None
+    torque_loop: TorqueLoop | None
     warnings: tuple[str, ...]
 
     @property
@@ -183,6 +187,7 @@ def measured_frf(
         elastic,
         modelled,
         ranking,
+        None if source.first.commanded else torque_loop(source, lines=usable.lines),
         tuple(messages),
     )
 
@@ -325,6 +330,9 @@ def _source(path: Path, robot: "ElasticRobot | None") -> _Source:
         raise InvalidInput(
             f"{path}: {n} motors; the robot {robot.name!r} has {len(robot.motor_names)}: {motors}"
         )
+    if robot is not None:
+        with naming(path):
+            check_torque_loop(robot, source.first)
     return source
 
 

@@ -95,7 +95,8 @@ def spectra(
     Parameters
     ----------
     hold : bool
-        Whether the torque was held over each sample; otherwise it is taken as sampled.
+        Whether the torque was held over each sample; otherwise it is taken as sampled, as measured
+        torques always are, see `Records.commanded`.
     delay : float, s
         Time by which the measured angle lags the torque, e.g. a filter's or a bus's.
     first : int
@@ -119,6 +120,7 @@ def spectra(
     reference = np.where(present[:, :, None, None, None], records.reference[index], 0.0)
     reference = reference[:, :, first:] if reference.shape[2] > 1 else reference
     omega = np.asarray(unit * k, dtype=float)
+    hold = hold and records.commanded
     at = _transfer(omega, T, hold, delay, records.derivatives)
     u, y, r = (_lines(signal, k) for signal in (torque, angle, reference))
     noise_u, noise_y = (_between(signal, k) for signal in (torque, angle))

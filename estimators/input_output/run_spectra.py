@@ -338,10 +338,9 @@ def _declared(
         stds.append(std)
     torques, angles = stds
     readings = measured.omega[:, None] ** records.derivatives * angles
-    hold_gain = np.sinc(measured.omega * records.sample_time / (2 * np.pi)) if hold else 1.0
-    white = np.concatenate(
-        [readings, np.multiply.outer(hold_gain * np.ones(len(readings)), torques)], 1
-    )
+    hold_gain = np.sinc(measured.omega * records.sample_time / (2 * np.pi))
+    hold_gain = hold_gain if hold and records.commanded else np.ones_like(hold_gain)
+    white = np.concatenate([readings, np.multiply.outer(hold_gain, torques)], 1)
     covariance = np.asarray(white[:, :, None] ** 2 * np.eye(m + n) / samples, dtype=complex)
     runs = _runs(np.concatenate([output, torque], axis=2), m)
     return (*runs, covariance, np.inf)

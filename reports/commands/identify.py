@@ -77,6 +77,7 @@ def identify(
     model = _counted(load_robot(robot), runs) if coulomb else load_robot(robot)
     begins = perturbed_starts(model.parameters, starts, decades, np.random.default_rng(_SEED))
     with collected_warnings() as warnings, naming(records):
+        loops = _torque_loops(model, runs)
         data = run_spectra(runs, noise, delay=delay, hold=hold, states=states)
         fits = multistart(model, data, begins, weights=rows)
     fit = fits[0]
@@ -85,7 +86,9 @@ def identify(
     save_robot(fit.robot(covariance=covariance(fit).covariance), target)
     warn(warnings)
     say(
-        lambda: _summary(fit, reached, starts, target), lambda: _json(fit, reached, target), as_json
+        lambda: _summary(fit, reached, starts, target, loops[0]),
+        lambda: {**_json(fit, reached, target), "torque_loop": loops[1]},
+        as_json,
     )
 
 
@@ -99,13 +102,28 @@ def _counted(robot: "ElasticRobot", records: "RecordsOfRuns") -> "ElasticRobot":
     return counted
 
 
-def _summary(fit: "RunFit", reached: int, starts: int, written: Path) -> str:
+def _torque_loops(
+    robot: "ElasticRobot", records: "RecordsOfRuns"
+) -> tuple[list[str], list[dict[str, object]] | None]:
+    """Return the loops between commanded and measured torques in words and for scripts."""
+    from estimators.frf.torque_loop import check_torque_loop, torque_loop
+    from reports.summaries.frf_summary import loop_json, loop_words
+
+    if records.commanded:
+        return [], None
+    check_torque_loop(robot, records)
+    loop = torque_loop(records)
+    return loop_words(loop, robot.motor_names), loop_json(loop, robot.motor_names)
+
+
+def _summary(fit: "RunFit", reached: int, starts: int, written: Path, loops: list[str]) -> str:
     from reports.sections.verdict import interval_words
     from reports.summaries.columns import hung, plain
 
     ratio = fit.cost / fit.expected_cost
     lines = [
         ("data", str(fit.data)),
+        *(("loop", words) for words in loops),
         ("fit", f"cost {ratio:.3f} times what noise makes of it; {reached} of {starts} starts"),
         *(
             (one.name, plain(f"{interval_words(one)} {unit}"))

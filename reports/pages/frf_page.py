@@ -24,7 +24,7 @@ from reports.page_elements import (
     page,
     table,
 )
-from reports.summaries.frf_summary import excess, ranked, relative_std
+from reports.summaries.frf_summary import excess, loop_words, ranked, relative_std
 from robotmodels.common.arrays import Array
 from robotmodels.common.atomic_files import write_text
 from robotmodels.common.progress import StageProgress
@@ -69,7 +69,11 @@ def frf_sections(
             {"panels": responses, "lines": len(lines_drawn(measurement.estimate.response.shape))},
         ),
         ("levels", "Levels", {"levels": level_table(measurement)}),
-        ("excitation", "Excitation", {"excitation": excitation_table(measurement)}),
+        (
+            "excitation",
+            "Excitation",
+            {"excitation": excitation_table(measurement), "torque_loop": _loops(measurement)},
+        ),
     ]
     if measurement.distortion is not None:
         contents.insert(2, ("distortion", "Distortion", {"panels": detection}))
@@ -186,6 +190,12 @@ def level_table(measurement: MeasuredFrf) -> Table:
         "distortion relative to the excited motion."
     )
     return table("level-table", caption, columns, rows)
+
+
+def _loops(measurement: MeasuredFrf) -> list[str]:
+    """Return the torque loops in words; none where records hold no commands."""
+    loop = measurement.torque_loop
+    return [] if loop is None else loop_words(loop, measurement.motors)
 
 
 def excitation_table(measurement: MeasuredFrf) -> Table:

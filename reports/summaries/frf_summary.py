@@ -1,5 +1,6 @@
 """What ``oed frf`` says at the end: one screen of text, or JSON."""
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -7,9 +8,12 @@ import numpy as np
 
 from estimators.frf.frf_from_records import MeasuredFrf
 from estimators.frf.method_comparison import MethodComparison
+from estimators.frf.torque_loop import TorqueLoop
 from reports import text
 from reports.summaries.columns import number, plain, plural, table
 from robotmodels.common.arrays import Array
+
+_OTHER_LOOP = 3.0  # of the misfit
 
 
 def frf_summary(measurement: MeasuredFrf, files: list[Path]) -> str:
@@ -32,6 +36,8 @@ def frf_summary(measurement: MeasuredFrf, files: list[Path]) -> str:
         ("std", f"{plain(text.percent(float(np.median(medians))))} of the element (median)"),
     ]
     lines.append(("torques", _torques(measurement)))
+    if measurement.torque_loop is not None:
+        lines += [("loop", one) for one in loop_words(measurement.torque_loop, measurement.motors)]
     if measurement.distortion is not None:
         ratio = excess(measurement)
         if np.isfinite(ratio):
@@ -59,6 +65,38 @@ def _torques(measurement: MeasuredFrf) -> str:
     return words + (f"; {plural(out, 'line')} left out" if out else "")
 
 
+def loop_words(loop: TorqueLoop, motors: Sequence[str]) -> list[str]:
+    """Return measured over commanded torques in words, motor by motor, with standard errors."""
+    words = []
+    for i, motor in enumerate(motors):
+        gain, delay, lag = loop.std[i]
+        parts = f"{motor}: measured over commanded torque {loop.gain[i]:.4g} ({gain:.1g})"
+        parts += f", delay {1e3 * loop.delay[i]:.3g} ({1e3 * delay:.1g}) ms"
+        parts += f", lag {1e3 * loop.lag[i]:.3g} ({1e3 * lag:.1g}) ms"
+        parts += f", bandwidth {loop.bandwidth[i] / (2 * np.pi):.3g} Hz"
+        other = loop.misfit[i] > _OTHER_LOOP
+        words.append(parts + ("; MISFIT, the loop is another" if other else ""))
+    return words
+
+
+def loop_json(loop: TorqueLoop | None, motors: Sequence[str]) -> list[dict[str, Any]] | None:
+    """Return the loop of each motor for scripts, in SI units; an infinite bandwidth is null."""
+    if loop is None:
+        return None
+    return [
+        {
+            "motor": motor,
+            "gain": float(loop.gain[i]),
+            "delay": float(loop.delay[i]),
+            "lag": float(loop.lag[i]),
+            "std": loop.std[i].tolist(),
+            "bandwidth": float(loop.bandwidth[i]) if np.isfinite(loop.bandwidth[i]) else None,
+            "misfit": float(loop.misfit[i]),
+        }
+        for i, motor in enumerate(motors)
+    ]
+
+
 def frf_json(measurement: MeasuredFrf, files: list[Path]) -> dict[str, Any]:
     """Return the summary for scripts; frequencies in rad/s."""
     e, ratio = measurement.estimate, excess(measurement)
@@ -83,6 +121,7 @@ def frf_json(measurement: MeasuredFrf, files: list[Path]) -> dict[str, Any]:
         "rank": measurement.excitation.rank.tolist(),
         "condition": measurement.excitation.condition.tolist(),
         "left_out": measurement.left_out.tolist(),
+        "torque_loop": loop_json(measurement.torque_loop, measurement.motors),
         "band": [float(e.omega[0]), float(e.omega[-1])],
         "relative_std": float(np.median(relative_std(measurement))),
         "variance_over_noise": ratio if np.isfinite(ratio) else None,

@@ -33,6 +33,7 @@ def import_records(
         Files of one recording.
     mapping : path or Mapping
         What their channels mean, or a file that says it; motor angles and torques at least.
+        Reference torques beside them become `Records.command`.
     robot : ElasticRobot, optional
         By default the robot that the mapping names.
 
@@ -118,7 +119,11 @@ def _on_shafts(movement: Movement, source: Import) -> dict[str, Array]:
     torque = movement.motor_torque @ mixing / ratios
     speed = movement.signals.get("reference_velocity")
     reference = np.zeros_like(angle) if speed is None else speed * ratios
-    return {"angle": angle, "torque": torque, "reference": reference}
+    signals = {"angle": angle, "torque": torque, "reference": reference}
+    command = movement.signals.get("reference_torque")
+    if command is not None and np.isfinite(command).all():
+        signals["command"] = command / ratios
+    return signals
 
 
 def _cut(values: Array, excitation: Excitation, order: IntArray, periods: int) -> Array:

@@ -18,6 +18,7 @@ _COORDINATES = Field(("motor",), least=-MOST_LENGTH, most=MOST_LENGTH)
 # Runs that are missing have NaN, of which `Records` itself takes care.
 _SIGNAL_FIELDS = {
     "torque": Field((*_RUNS, "motor"), finite=False),
+    "command": Field((*_RUNS, "motor"), finite=False, optional=True),
     "angle": Field((*_RUNS, "output"), finite=False),
     "reference": Field(("block", "run", "period or 1", "sample", "motor")),
     "saturated": Field(("block", "run", "period", "motor"), "truth"),

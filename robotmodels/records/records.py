@@ -54,7 +54,7 @@ class Records:
     reference : ndarray, rad/s
         (Q, B, E, P, N, n), or with 1 for P, speed reference.
     torque : ndarray, (Q, B, E, P, N, n), N m
-        As commanded, held over a sample.
+        As commanded, held over a sample; as measured at the samples where there is `command` too.
     angle : ndarray, (Q, B, E, P, N, m), rad
         Outputs as measured, by default motor angles; a constant part has no meaning. See
         `robotmodels.description.outputs` for others and their units.
@@ -67,6 +67,8 @@ class Records:
     derivatives : ndarray of int, (m,)
         Times by which FRFs differentiate the outputs, 0 to 2; by default twice, angles to
         accelerations.
+    command : ndarray or None, (Q, B, E, P, N, n), N m
+        Commanded torques, held over a sample, beside measured ones.
 
     Raises
     ------
@@ -84,9 +86,12 @@ class Records:
     detection: IntArray
     saturated: Array
     derivatives: IntArray = None  # type: ignore[assignment]
+    command: Array | None = None
 
     def __post_init__(self) -> None:
-        for name in ("positions", "reference", "torque", "angle"):
+        for name in ("positions", *self.signals):
+            if name == "saturated":
+                continue
             signal = real_numbers(getattr(self, name), name, copy=False)
             object.__setattr__(self, name, read_only(signal))
         for name in ("lines", "detection"):
@@ -120,10 +125,20 @@ class Records:
         """Which runs are missing, (Q, B, E)."""
         return np.asarray(np.isnan(self.torque[..., 0, 0, 0]))
 
+    @property
+    def signals(self) -> tuple[str, ...]:
+        """Names of the arrays with an axis of positions and one of runs."""
+        return SIGNALS if self.command is None else (*SIGNALS, "command")
+
+    @property
+    def commanded(self) -> bool:
+        """Whether torques are as commanded, so that they are held over a sample."""
+        return self.command is None
+
     def at(self, index: int) -> "Records":
         """Return the records of one position, with Q = 1."""
         part = slice(index, index + 1) if index != -1 else slice(-1, None)
-        signals: dict[str, Any] = {k: getattr(self, k)[part] for k in ("positions", *SIGNALS)}
+        signals: dict[str, Any] = {k: getattr(self, k)[part] for k in ("positions", *self.signals)}
         return replace(self, **signals)
 
     @staticmethod
@@ -142,7 +157,7 @@ class Records:
             check_alike(first, part, f"records {i}")
         signals: dict[str, Any] = {
             name: np.concatenate([getattr(part, name) for part in parts])
-            for name in ("positions", *SIGNALS)
+            for name in ("positions", *first.signals)
         }
         return replace(first, **signals)
 
@@ -189,6 +204,8 @@ def _check_shapes(r: Records) -> None:
         "angle": [(*axes, r.angle.shape[-1] if r.angle.ndim else 0)],
         "saturated": [(*axes[:4], n)],
     }
+    if r.command is not None:
+        needed["command"] = [r.torque.shape]
     for name, shapes in needed.items():
         shape = getattr(r, name).shape
         if shape not in shapes:
@@ -227,7 +244,7 @@ def _check_values(r: Records) -> None:
     _refuse(~np.isfinite(r.reference), "reference", axes)
     torque, angle = (np.isnan(s).all(axis=(3, 4, 5)) for s in (r.torque, r.angle))
     whole = np.asarray(torque & angle)
-    for name in ("torque", "angle"):
+    for name in r.signals[1:3] + r.signals[4:]:  # torque, angle and command
         _refuse(~np.isfinite(getattr(r, name)) & ~whole[..., None, None, None], name, axes)
 
 
@@ -256,6 +273,8 @@ def check_alike(first: Records, other: Records, who: str) -> None:
     for name in ("lines", "detection", "derivatives"):
         if not np.array_equal(getattr(first, name), getattr(other, name)):
             raise InvalidInput(f"{who}: its {name} differ from those of the first")
+    if first.commanded != other.commanded:
+        raise InvalidInput(f"{who}: commands beside measured torques in one, not in the first")
     for name in ("reference", "torque", "angle"):
         shapes = getattr(first, name).shape[1:], getattr(other, name).shape[1:]
         if shapes[0] != shapes[1]:
@@ -271,8 +290,9 @@ def save_records(path: str | os.PathLike[str], parts: Iterable[Records]) -> int:
 
     Layout: attributes ``schema`` ("records/1") and ``sample_time`` [s]; datasets ``lines``,
     ``detection`` and ``derivatives``; for position i a group ``position_00000`` (i in five digits)
-    with the datasets ``position`` (n,) and ``reference``, ``torque``, ``angle``, ``saturated`` as
-    in `Records` without their first axis. The file appears under its name when it is complete.
+    with the datasets ``position`` (n,) and ``reference``, ``torque``, ``angle``, ``saturated`` and
+    perhaps ``command`` as in `Records` without their first axis. The file appears under its name
+    when it is complete.
 
     Raises
     ------
@@ -299,7 +319,7 @@ def write_records(file: "h5py.File", parts: Iterable[Records], where: str) -> in
         for i in range(len(records)):
             group = file.create_group(f"{_GROUP}{count:05d}")
             group["position"] = records.positions[i]
-            for name in SIGNALS:
+            for name in records.signals:
                 group[name] = getattr(records, name)[i]
             count += 1
     if first is None:

@@ -381,7 +381,8 @@ def test_mat_files_of_version_7_3_are_read(tmp_path, full):
     )
     same(estimate, read_frf(path))
     one = replace(records(), detection=[])
-    version_7_3(path, {f.name: getattr(one, f.name) for f in fields(one)} | {"schema": "records/1"})
+    arrays = {f.name: getattr(one, f.name) for f in fields(one) if f.name != "command"}
+    version_7_3(path, arrays | {"schema": "records/1"})
     same(one, read_records(path))
 
 
