@@ -12,7 +12,6 @@ from functools import cached_property
 import numpy as np
 
 from estimators.deflection.assumptions import DeflectionAssumptions
-from estimators.deflection.correlated_regression import Regression, Series, regress
 from estimators.deflection.joint_movement import JointMovement, SmoothMovement
 from estimators.deflection.load_balance import (
     LoadBalance,
@@ -23,6 +22,7 @@ from estimators.deflection.load_balance import (
     moving,
     payload_mass,
 )
+from estimators.logs.correlated_regression import Regression, Series, regress
 from robotmodels.common.arrays import Array
 from robotmodels.elastic.inverse_dynamics import MovementTorques
 

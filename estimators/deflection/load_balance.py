@@ -10,8 +10,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from estimators.deflection.assumptions import DeflectionAssumptions
-from estimators.deflection.correlated_regression import Regression, Series, regress
 from estimators.deflection.joint_movement import SmoothMovement
+from estimators.logs.correlated_regression import Regression, Series, regress
 from robotmodels.common.arrays import Array, BoolArray
 from robotmodels.elastic.inverse_dynamics import MovementTorques
 

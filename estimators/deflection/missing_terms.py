@@ -7,8 +7,8 @@ import numpy as np
 
 from estimators.deflection.assumptions import DeflectionAssumptions
 from estimators.deflection.axis_deflection import RecordEstimate, deflection
-from estimators.deflection.correlated_regression import Regression
 from estimators.deflection.load_balance import balances
+from estimators.logs.correlated_regression import Regression
 
 _MATERIAL = 0.15
 """Share of a signal's size from which on a missing term matters. Gears have ripple, and models of

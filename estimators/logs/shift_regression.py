@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 from scipy.interpolate import CubicSpline
 
+from estimators.logs.correlated_regression import Series, regress
 from robotmodels.common.arrays import Array
 
 MOST_UNEXPLAINED = 0.01
@@ -19,6 +20,9 @@ _MOST_LAG = 0.5  # [s]
 _LAGS = 161
 _COARSE = 3000  # samples that the coarse search takes
 _ITERATIONS = 12
+_BLOCK_TIME = 0.1  # [s] of a mean that standard errors come from
+_SHOWN = 0.9  # of the velocity's variation that means must show
+_MOST_BLOCKS = 1500
 
 
 @dataclass(frozen=True)
@@ -81,7 +85,7 @@ def _relation(times: Array, target: Array, channel: Array, integrate: bool) -> R
     lags = np.linspace(-most, most, _LAGS)
     costs = [_linear(trend[::stride], y[::stride], basis(t[::stride] + lag))[1] for lag in lags]
     lag = _refined(t, y, trend, basis, float(lags[int(np.argmin(costs))]), lags[1] - lags[0])
-    return _result(trend, y, basis(t + lag), basis(t + lag, 1), lag)
+    return _result(t, trend, y, basis(t + lag), basis(t + lag, 1), lag)
 
 
 def _refined(t: Array, y: Array, trend: Array, basis: Any, lag: float, step: float) -> float:
@@ -110,23 +114,32 @@ def _slope_fit(trend: Array, x: Array, slope: Array, residual: Array) -> float:
     return float(np.linalg.lstsq(design, residual, rcond=None)[0][0])
 
 
-def _result(trend: Array, y: Array, x: Array, slope: Array, lag: float) -> Relation | None:
-    solution, cost, residual = _linear(trend, y, x)
+def _result(
+    t: Array, trend: Array, y: Array, x: Array, slope: Array, lag: float
+) -> Relation | None:
+    solution, cost, _ = _linear(trend, y, x)
     factor = float(solution[0])
     if factor == 0:
         return None
-    design = np.column_stack([x - x.mean(), factor * slope, trend])
-    scale = np.linalg.norm(design, axis=0)
-    scale[scale == 0] = 1.0
-    normal = np.linalg.pinv((design / scale).T @ (design / scale)) / np.outer(scale, scale)
-    # Residuals are correlated: a sample is worth (1 - r) / (1 + r) of an independent one.
-    correlation = float(np.clip(residual[1:] @ residual[:-1] / max(cost, 1e-300), 0.0, 0.999))
-    noise = cost / max(len(y) - 4, 1) * (1 + correlation) / (1 - correlation)
+    shared = np.column_stack([x - x.mean(), factor * slope])
+    everything = np.ones(len(y), dtype=bool)
+    fit = regress([Series(y, shared, trend, everything, _block(t, slope))])
     variation = y - y.mean()
     return Relation(
         factor=factor,
-        factor_std=float(np.sqrt(noise * normal[0, 0])),
+        factor_std=fit.std(0),
         lag=lag,
-        lag_std=float(np.sqrt(noise * normal[1, 1])),
+        lag_std=fit.std(1),
         unexplained=float(np.sqrt(cost / (variation @ variation))),
     )
+
+
+def _block(t: Array, slope: Array) -> int:
+    """Return the samples in a mean: a tenth of a second, fewer where means would hide movement."""
+    block = max(1, round(_BLOCK_TIME / float(np.median(np.diff(t)))))
+    while block > 1:
+        whole = slope[: len(slope) // block * block].reshape(-1, block)
+        if len(whole) and whole.mean(axis=1).std() > _SHOWN * slope.std():
+            break
+        block //= 2
+    return max(block, len(slope) // _MOST_BLOCKS)

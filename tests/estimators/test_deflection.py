@@ -7,7 +7,7 @@ import pytest
 from elastic_movement import COULOMB, DELAY, VISCOUS, elastic_movement, loaded
 
 from estimators import DeflectionAssumptions, fit_deflection, systematic_terms
-from estimators.deflection.correlated_regression import Series, regress
+from estimators.logs.correlated_regression import Series, regress
 from robotmodels import ElasticRobot, InvalidInput, Movement
 
 

@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.signal import lfilter
 
 import robotmodels
 from estimators.logs.completion import complete_mapping
@@ -67,14 +68,19 @@ def test_real_stamps_count():
     assert relation.lag == pytest.approx(0.003, abs=5e-6)
 
 
-def test_standard_errors_of_lags_are_honest():
-    """Twice the standard error covers at least four of five; a quarter of it must not."""
+@pytest.mark.parametrize("memory", [0.0, 0.98, 0.997])
+def test_standard_errors_of_lags_are_honest(memory):
+    """Twice the standard error covers at least four of five; a quarter of it must not.
+
+    Noise is white, or remembers the past for 0.2 or 1.3 s.
+    """
     pulls = []
     for seed in range(40):
         m = Movement(seed)
-        noise = 2e-4 * m.rng.standard_normal(len(m.time))
+        white = m.rng.standard_normal(3 * len(m.time))
+        noise = lfilter([np.sqrt(1 - memory**2)], [1, -memory], white)[-len(m.time) :]
         late = m.velocity(m.time - 0.005)[:, 0]
-        relation = velocity_relation(m.time, m.angle(m.time)[:, 0] + noise, late)
+        relation = velocity_relation(m.time, m.angle(m.time)[:, 0] + 2e-4 * noise, late)
         pulls.append(abs(relation.lag - 0.005) / relation.lag_std)
     assert np.mean(np.array(pulls) < 2) >= 0.8
     assert np.mean(np.array(pulls) < 0.25) < 0.6

@@ -200,6 +200,8 @@ def test_kr300_is_understood_without_a_mapping(kr300):
     assert (angle.signal.unit, angle.signal.side) == ("deg", "joint")
     late = [1e3 * r.lag for r in link.relations if r is not None]
     assert late == pytest.approx([3.07, 3.07, 2.99], abs=0.15)
+    errors = [1e3 * r.lag_std for r in link.relations if r is not None]
+    assert all(abs(lag - 3.0) < 2 * error < 0.6 for lag, error in zip(late, errors, strict=True))
     slopes = [r.factor for r in link.relations if r is not None]
     assert slopes == pytest.approx([1.0, 1.0, 1.0], abs=6e-4)
     assert all(f"rec.act_pos_se_deg[{j}]" in link.evidence for j in (3, 4, 5))
@@ -207,6 +209,8 @@ def test_kr300_is_understood_without_a_mapping(kr300):
     velocity = entries["motor_velocity"]
     assert [1 / r.factor for r in velocity.relations] == pytest.approx([1.0] * 6, abs=1e-4)
     assert [1e3 * r.lag for r in velocity.relations] == pytest.approx([4.39] * 6, abs=0.015)
+    scatter = np.std([r.lag for r in velocity.relations], ddof=1)  # of lags that are one
+    assert 0.5 < scatter / np.mean([r.lag_std for r in velocity.relations]) < 2
     assert velocity.signal.unit == "deg/s"
     second = entries["link_velocity"]
     assert second.signal is None
