@@ -1,20 +1,24 @@
-"""Fits as files: all that `Fit` holds, but for the model and the estimate.
+"""Fits as files: all that `Fit` or `RunFit` holds, but for the model and the data.
 
 HDF5 with ``schema`` "fits/1". Attributes ``residual`` and so on lie in one group ``fit_00000`` per
 fit (in five digits, in the order given). Weights are many numbers and mostly shared: they lie once
-in ``weights_0``, ``weights_1``, ..., and each fit names the one it uses.
+in ``weights_0``, ``weights_1``, ..., and each fit names the one it uses; fits to runs have none.
 """
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, overload
 
 import numpy as np
 
+from estimators.fitting.fit_problem import Measured
 from estimators.fitting.least_squares import Fit
 from estimators.fitting.priors import Prior
 from estimators.fitting.residuals import check_loss, find_residual
+from estimators.fitting.run_fit import RunFit
+from estimators.fitting.run_problem import SML
 from estimators.frf.frf_estimate import FrfEstimate, is_full
+from estimators.input_output.run_spectra import RunSpectra
 from robotmodels.common.arrays import Array, ComplexArray, IntArray, read_only
 from robotmodels.common.atomic_files import atomic_write
 from robotmodels.common.errors import InvalidInput
@@ -26,10 +30,11 @@ from robotmodels.linear.response import Elastic
 SCHEMA = "fits/1"
 _NAMES = Field(("parameter",), "text")
 _WEIGHTS = Field(("", "", "", ""), "complex")
-_TEXTS = ("residual", "loss", "message", "weights")
+_TEXTS = ("residual", "loss", "message")
 _FIT = ArraySchema(
     {
         **dict.fromkeys(_TEXTS, Field((), "text", attribute=True)),
+        "weights": Field((), "text", attribute=True, optional=True),
         "status": Field((), "whole", attribute=True),
         "cost": Field(attribute=True, finite=False),  # infinite where no search began
         "evaluations": Field((), "whole", least=0, attribute=True),
@@ -46,7 +51,7 @@ _FIT = ArraySchema(
 )
 
 
-def write_fits(path: str | Path, fits: Sequence[Fit]) -> None:
+def write_fits(path: str | Path, fits: Sequence[Fit | RunFit]) -> None:
     """Write fits of one model to HDF5, replacing the file.
 
     Fits may differ in residual, weights and positions.
@@ -68,22 +73,32 @@ def write_fits(path: str | Path, fits: Sequence[Fit]) -> None:
         file.attrs["schema"] = SCHEMA
         file.create_dataset("names", data=list(names), dtype=h5py.string_dtype())
         for i, one in enumerate(fits):
+            group = file.create_group(f"fit_{i:05d}")
+            _write_fit(group, one)
+            if isinstance(one, RunFit):
+                continue
             index = _weights_index(one.weights, weights)
             if index == len(weights):
                 weights.append(one.weights)
                 file[f"weights_{index}"] = one.weights
-            _write_fit(file.create_group(f"fit_{i:05d}"), one, index)
+            group.attrs["weights"] = f"weights_{index}"
 
 
-def read_fits(path: str | Path, model: Elastic, estimate: FrfEstimate) -> tuple[Fit, ...]:
+@overload
+def read_fits(path: str | Path, model: Elastic, estimate: FrfEstimate) -> tuple[Fit, ...]: ...
+@overload
+def read_fits(path: str | Path, model: Elastic, estimate: RunSpectra) -> tuple[RunFit, ...]: ...
+def read_fits(
+    path: str | Path, model: Elastic, estimate: Measured
+) -> tuple[Fit, ...] | tuple[RunFit, ...]:
     """Read what `write_fits` wrote.
 
     Parameters
     ----------
     model : Elastic
         Model that was fitted.
-    estimate : FrfEstimate
-        Estimate that it was fitted to; a fit of some positions gets these positions only.
+    estimate : FrfEstimate or RunSpectra
+        Data that it was fitted to; a fit of some positions gets these positions only.
 
     Raises
     ------
@@ -92,7 +107,9 @@ def read_fits(path: str | Path, model: Elastic, estimate: FrfEstimate) -> tuple[
     """
     with open_hdf5(path, "fits are") as file:
         file.check_schema(SCHEMA)
-        groups, weights = file.numbered("fit_"), file.numbered("weights_", digits=1)
+        groups, weights = file.numbered("fit_"), tuple[str, ...]()
+        if isinstance(estimate, FrfEstimate):
+            weights = file.numbered("weights_", digits=1)
         contents = file.read(
             ArraySchema({"names": _NAMES, **dict.fromkeys(weights, _WEIGHTS)}), beside=groups
         )
@@ -102,8 +119,9 @@ def read_fits(path: str | Path, model: Elastic, estimate: FrfEstimate) -> tuple[
                 f"{path}: fits of {', '.join(names)}; the model's free parameters are "
                 f"{', '.join(model.parameters.names)}"
             )
-        estimates: dict[bytes, FrfEstimate] = {}
-        return tuple(_read_fit(file.group(g), contents, model, estimate, estimates) for g in groups)
+        estimates: dict[bytes, Measured] = {}
+        fits = (_read_fit(file.group(g), contents, model, estimate, estimates) for g in groups)
+        return tuple(fits)  # type: ignore[return-value]  # alike, as the data are
 
 
 def _weights_index(weights: Array | ComplexArray, stored: list[Array | ComplexArray]) -> int:
@@ -114,7 +132,7 @@ def _weights_index(weights: Array | ComplexArray, stored: list[Array | ComplexAr
     return len(stored)
 
 
-def _write_fit(group: Any, one: Fit, weights: int) -> None:
+def _write_fit(group: Any, one: Fit | RunFit) -> None:
     group.attrs.update(
         residual=one.residual,
         loss=one.loss,
@@ -122,13 +140,12 @@ def _write_fit(group: Any, one: Fit, weights: int) -> None:
         status=one.status,
         message=one.message,
         evaluations=one.evaluations,
-        weights=f"weights_{weights}",
         weighting=one.weighting,
     )
     group["values"] = one.parameters.values
     group["start"] = one.start
     group["bounds"] = one.bounds
-    group["positions"] = one.estimate.positions
+    group["positions"] = one.problem.positions
     if one.prior is not None:
         group.attrs["prior_names"] = list(one.prior.names)
         group["prior_values"], group["prior_std"] = one.prior.values, one.prior.std
@@ -140,44 +157,52 @@ def _read_fit(
     group: Hdf5Group,
     shared: dict[str, Any],
     model: Elastic,
-    estimate: FrfEstimate,
-    estimates: dict[bytes, FrfEstimate],
-) -> Fit:
+    estimate: Measured,
+    estimates: dict[bytes, Measured],
+) -> Fit | RunFit:
     stored, parameters = group.read(_FIT), model.parameters
     key = stored["positions"].tobytes()
     if key not in estimates:
         indices = _position_indices(group.where, stored["positions"], estimate)
         whole = len(indices) == len(estimate.positions)
         estimates[key] = estimate if whole else estimate.subset(indices)
-    weights = shared.get(stored["weights"])
-    if stored["weights"] == "names" or weights is None:
-        raise InvalidInput(f"{group.where}: weights {stored['weights'][:60]!r} are not in the file")
+    data = estimates[key]
+    if (stored["residual"] == SML) != isinstance(data, RunSpectra):
+        raise InvalidInput(f"{group.where}: a fit by {stored['residual'][:60]!r} of other data")
     try:
-        is_full(weights, estimates[key].response.shape)
-    except InvalidInput:
-        raise InvalidInput(
-            f"{group.where}: weights of shape {weights.shape} do not fit an estimate of shape "
-            f"{estimates[key].response.shape}"
-        ) from None
-    try:
-        return Fit(
-            model=model,
-            estimate=estimates[key],
-            residual=find_residual(stored["residual"]).name,
-            weights=read_only(weights),
-            parameters=Parameters(parameters.names, stored["values"], parameters.units),
-            cost=stored["cost"],
-            start=read_only(stored["start"]),
-            bounds=read_only(stored["bounds"]),
-            status=stored["status"],
-            message=stored["message"],
-            evaluations=stored["evaluations"],
-            prior=_prior(stored),
-            loss=check_loss(stored["loss"]),
-            weighting=stored.get("weighting") or "",
-        )
+        common: dict[str, Any] = {
+            "model": model,
+            "parameters": Parameters(parameters.names, stored["values"], parameters.units),
+            **{name: read_only(stored[name]) for name in ("start", "bounds")},
+            **{name: stored[name] for name in ("cost", "status", "message", "evaluations")},
+            "prior": _prior(stored),
+            "loss": check_loss(stored["loss"]),
+            "weighting": stored.get("weighting") or "",
+        }
+        if isinstance(data, RunSpectra):
+            return RunFit(data=data, **common)
+        residual = find_residual(stored["residual"]).name
+        weights = _read_weights(stored, shared, data)
+        return Fit(estimate=data, residual=residual, weights=weights, **common)
     except InvalidInput as error:
         raise InvalidInput(f"{group.where}: {error}") from error
+
+
+def _read_weights(
+    stored: dict[str, Any], shared: dict[str, Any], estimate: FrfEstimate
+) -> Array | ComplexArray:
+    """Return the weights that a fit names."""
+    name, shape = stored.get("weights") or "", estimate.response.shape
+    weights = shared.get(name)
+    if name == "names" or weights is None:
+        raise InvalidInput(f"weights {name[:60]!r} are not in the file")
+    try:
+        is_full(weights, shape)
+    except InvalidInput:
+        raise InvalidInput(
+            f"weights of shape {weights.shape} do not fit an estimate of shape {shape}"
+        ) from None
+    return np.asarray(read_only(weights))
 
 
 def _prior(stored: dict[str, Any]) -> Prior | None:
@@ -198,7 +223,7 @@ def _prior(stored: dict[str, Any]) -> Prior | None:
     return Prior(label, value, std, stored.get("prior_correlation"))
 
 
-def _position_indices(path: str, positions: Array, estimate: FrfEstimate) -> IntArray:
+def _position_indices(path: str, positions: Array, estimate: Measured) -> IntArray:
     """Return which of the estimate's positions a fit used."""
     if positions.shape == estimate.positions.shape and np.array_equal(
         positions, estimate.positions

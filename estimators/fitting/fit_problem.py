@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from estimators.fitting.priors import Prior
+from estimators.frf.frf_estimate import FrfEstimate
+from estimators.input_output.run_spectra import RunSpectra
 from estimators.trust.linearised_fit import LinearisedFit, Lines
 from robotmodels.common.arrays import Array, ComplexArray, IntArray
 from robotmodels.common.errors import InvalidInput, SolverFailed
@@ -17,6 +19,9 @@ from robotmodels.linear.spring_network import SpringNetwork
 
 if TYPE_CHECKING:
     from robotmodels.kernel import FitKernel
+
+Measured = FrfEstimate | RunSpectra
+"""What a model is fitted to; both have positions, lines and a `subset` of their positions."""
 
 Derived = tuple[ComplexArray, ComplexArray]
 """FRF of the model (Q, F, m, n) and its derivatives by ln theta, (Q, F, m, n, p)."""
@@ -30,6 +35,8 @@ class FitProblem(ABC):
     ----------
     model : Elastic
         Model whose FRFs are compared with the data.
+    data : FrfEstimate or RunSpectra
+        Data.
     bounds : ndarray, (2, p)
         Lowest and highest values.
     prior : Prior or None
@@ -41,6 +48,7 @@ class FitProblem(ABC):
     """
 
     model: Elastic
+    data: Measured
     bounds: Array
     prior: Prior | None = None
     loss: str = "linear"
@@ -52,14 +60,14 @@ class FitProblem(ABC):
         """Name of the residual."""
 
     @property
-    @abstractmethod
     def positions(self) -> Array:
         """Positions of the data, (Q, n) [rad]."""
+        return self.data.positions
 
     @property
-    @abstractmethod
     def omega(self) -> Array:
         """Angular frequencies of the data, (F,) [rad/s]."""
+        return self.data.omega
 
     @property
     @abstractmethod
@@ -117,6 +125,10 @@ class FitProblem(ABC):
         """Return the fit about its solution `values` (p,), where the model is `at` if known."""
 
     @abstractmethod
+    def by_output(self, values: Array) -> Array:
+        """Return numbers of the k residuals of a line, (k,), as rows of outputs, (m, k / m)."""
+
+    @abstractmethod
     def changes(self, values: Array, at: Derived) -> Callable[[ComplexArray], Lines]:
         """Return what turns changes (Q, F, m, n, r) of the FRF into those of modelled values."""
 
@@ -154,6 +166,22 @@ class FitProblem(ABC):
     def checked_start(self, start: Array | None) -> Array:
         """Return `checked_start` within the bounds."""
         return checked_start(self.model.parameters, start, self.bounds)
+
+
+def check_enough_data(problem: FitProblem) -> None:
+    """Refuse a fit of more parameters than data.
+
+    Raises
+    ------
+    InvalidInput
+        If there are more.
+    """
+    data, names, prior = problem.used_data, problem.names, problem.prior
+    if data + (0 if prior is None else len(prior.columns(names))) < len(names):
+        raise InvalidInput(
+            f"fit: {len(names)} parameters but only {data} real data carry weight; "
+            "add positions, frequencies or runs, or free fewer parameters"
+        )
 
 
 def all_finite(*arrays: Lines) -> None:

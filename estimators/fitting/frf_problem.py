@@ -21,7 +21,7 @@ from estimators.fitting.residuals import Residual, check_loss, find_residual, ro
 from estimators.fitting.sandwich import frf_sandwich
 from estimators.fitting.weight_choice import evaluate_weights
 from estimators.fitting.weights import square_root, used_elements, whiten
-from estimators.frf.frf_estimate import FrfEstimate, is_full, vec
+from estimators.frf.frf_estimate import FrfEstimate, is_full, unvec, vec
 from estimators.trust.linearised_fit import LinearisedFit, Lines
 from robotmodels.common.arrays import Array, ComplexArray, IntArray, read_only
 from robotmodels.common.errors import InvalidInput
@@ -39,8 +39,8 @@ class FrfProblem(FitProblem):
 
     Attributes
     ----------
-    estimate : FrfEstimate
-        As in `estimators.Fit`.
+    data : FrfEstimate
+        FRFs.
     kind : Residual
         As in `estimators.Fit`.
     weights : ndarray or ndarray of complex
@@ -51,7 +51,7 @@ class FrfProblem(FitProblem):
         Elements with a weight, see `used_elements`.
     """
 
-    estimate: FrfEstimate
+    data: FrfEstimate
     kind: Residual
     weights: Array | ComplexArray
     root: Array | ComplexArray = field(init=False)
@@ -59,40 +59,22 @@ class FrfProblem(FitProblem):
 
     def __post_init__(self) -> None:
         self.weights.flags.writeable = False
-        shape = self.estimate.response.shape
+        shape = self.data.response.shape
         used = used_elements(self.weights, shape)
         object.__setattr__(self, "used", used)
         object.__setattr__(self, "root", square_root(self.weights, shape))
-        parameters = self.model.parameters
-        data = self.used_data
-        prior_rows = 0 if self.prior is None else len(self.prior.columns(parameters.names))
-        if data + prior_rows < len(parameters):
-            raise InvalidInput(
-                f"fit: {len(parameters)} parameters but only {data} real data carry weight; "
-                "add positions or frequencies, or free fewer parameters"
-            )
-        if not (self.real or self.estimate.has_phase):
+        if not (self.real or self.data.has_phase):
             raise InvalidInput(
                 f"fit: the FRFs are magnitudes without phases, and {self.name} compares "
                 "phases; use lls_magnitude, or give complex FRFs"
             )
         # A measured zero would spoil every start alike: better said before the first.
-        self.kind.error(self.estimate.response, np.ones(shape, dtype=complex), used)
+        self.kind.error(self.data.response, np.ones(shape, dtype=complex), used)
 
     @property
     def name(self) -> str:
         """Name of the residual."""
         return self.kind.name
-
-    @property
-    def positions(self) -> Array:
-        """Positions of the data, (Q, n) [rad]."""
-        return self.estimate.positions
-
-    @property
-    def omega(self) -> Array:
-        """Angular frequencies of the data, (F,) [rad/s]."""
-        return self.estimate.omega
 
     @property
     def used_data(self) -> int:
@@ -102,12 +84,12 @@ class FrfProblem(FitProblem):
     @property
     def size(self) -> int:
         """Complex numbers in the data."""
-        return self.estimate.response.size
+        return self.data.response.size
 
     @property
     def identity(self) -> tuple[object, object]:
         """Data, and the weights that they led to, see `FitProblem`."""
-        estimate = self.estimate
+        estimate = self.data
         scale = None if self.loss == "linear" else estimate.covariance
         measured = estimate.positions, estimate.omega, estimate.response, scale
         return (self.name, self.loss, *measured), self.weights
@@ -120,24 +102,28 @@ class FrfProblem(FitProblem):
     @property
     def has_degrees_of_freedom(self) -> bool:
         """Whether the data tell the degrees of freedom of their noise."""
-        return self.estimate.has_degrees_of_freedom
+        return self.data.has_degrees_of_freedom
 
     def residuals(self, values: Array) -> tuple[Lines, Lines]:
         """Return whitened residuals and their derivatives by ln theta, see `FitProblem`."""
         G, J = self.derived(values)
-        error = whiten(self.root, self.kind.error(self.estimate.response, G, self.used))
+        error = whiten(self.root, self.kind.error(self.data.response, G, self.used))
         slope = whiten(self.root, self.kind.jacobian(G, J, self.used))
         all_finite(error, slope)
         return error, slope
 
     def squares(self, response: ComplexArray, values: Array) -> Array:
         """Return the parts of the cost, by element or, of full weights, by line."""
-        error = self.kind.error(self.estimate.response, response, self.used)
+        error = self.kind.error(self.data.response, response, self.used)
         return line_squares(self.root, error)
 
     def linearise(self, values: Array, at: Derived | None = None) -> LinearisedFit:
         """Return the fit about its solution `values` (p,)."""
         return linearise(self, values, at)
+
+    def by_output(self, values: Array) -> Array:
+        """Return numbers of a line's elements (m n,) as the matrix (m, n)."""
+        return unvec(values, self.data.response.shape[-2])
 
     def changes(self, values: Array, at: Derived) -> Callable[[ComplexArray], Lines]:
         """Return what turns changes (Q, F, m, n, r) of the FRF into those of modelled values."""
@@ -149,13 +135,13 @@ class FrfProblem(FitProblem):
 
     def compiles(self, network: SpringNetwork) -> bool:
         """Tell whether weights are those of single elements, and only springs are free."""
-        return network.only_springs and not is_full(self.weights, self.estimate.response.shape)
+        return network.only_springs and not is_full(self.weights, self.data.response.shape)
 
     def kernel(self, network: SpringNetwork) -> "CostKernel":
         """Return the compiled cost about a network's equilibria."""
         from robotmodels.kernel import CostKernel
 
-        estimate, weights = self.estimate, np.asarray(self.weights, dtype=float)
+        estimate, weights = self.data, np.asarray(self.weights, dtype=float)
         return CostKernel(network, estimate.omega, estimate.response, weights, self.kind.form)
 
     def robust(self, squares: Array) -> Array:
@@ -171,7 +157,7 @@ class FrfProblem(FitProblem):
 
     @cached_property
     def _scale(self) -> Array:
-        variance = self.expected_squares(self.estimate.response)
+        variance = self.expected_squares(self.data.response)
         # Residuals without weight are zero: any variance will do.
         return np.where(variance > 0, variance, 1.0)
 
@@ -183,7 +169,7 @@ class FrfProblem(FitProblem):
         response : ndarray of complex, (Q, F, m, n)
             Response at which the noise of a log residual is evaluated.
         """
-        noise = self.kind.noise(self.estimate.covariance, response, self.used)
+        noise = self.kind.noise(self.data.covariance, response, self.used)
         shape, full = response.shape, is_full(noise, response.shape)
         if is_full(self.root, shape):
             matrix = noise if full else vec(noise)[..., None] * np.eye(shape[-2] * shape[-1])
@@ -199,9 +185,9 @@ class FrfProblem(FitProblem):
 def frf_problem(
     model: Elastic,
     estimate: FrfEstimate,
-    residual: str | ResidualForm | None,
-    weights: str | NDArray[Any] | None,
-    bounds: tuple[float, float] | Array,
+    residual: str | ResidualForm | None = None,
+    weights: str | NDArray[Any] | None = None,
+    bounds: tuple[float, float] | Array = (1e-3, 1e3),
     positions: Sequence[int] | IntArray | None = None,
     prior: Prior | None = None,
     loss: str = "linear",
@@ -225,7 +211,7 @@ def frf_problem(
         estimate, weight_values = estimate.subset(positions), weight_values[np.asarray(positions)]
     return FrfProblem(
         model=model,
-        estimate=estimate,
+        data=estimate,
         kind=kind,
         weights=weight_values,
         bounds=read_only(checked_bounds(bounds, model.parameters)),

@@ -8,7 +8,7 @@ from typing import Any, overload
 import numpy as np
 from numpy.typing import NDArray
 
-from estimators.fitting.fit_problem import FitProblem
+from estimators.fitting.fit_problem import FitProblem, check_enough_data
 from estimators.fitting.fitted_model import FittedModel, lines_in_words
 from estimators.fitting.frf_problem import FrfProblem, frf_problem
 from estimators.fitting.priors import Prior
@@ -70,7 +70,7 @@ class Fit(FittedModel):
         """The problem that the fit is the end of."""
         return FrfProblem(
             model=self.model,
-            estimate=self.estimate,
+            data=self.estimate,
             kind=self.kind,
             weights=self.weights,
             bounds=self.bounds,
@@ -194,7 +194,7 @@ def fit(
     if isinstance(start, str):
         if not isinstance(problem, FrfProblem):
             raise InvalidInput(f"start: {start!r} needs FRFs; give parameter values with runs")
-        start = np.clip(named_start(start, model, problem.estimate), *problem.bounds)
+        start = np.clip(named_start(start, model, problem.data), *problem.bounds)
     begin = problem.checked_start(start)
     first = as_fit(problem, begin, search(problem, begin, max_evaluations, tolerance))
     if isinstance(first, RunFit) or not (first.weights_follow and first.converged):
@@ -269,10 +269,14 @@ def fit_problem(
     InvalidInput
         As `frf_problem` and `run_problem`, or for data of another kind.
     """
+    problem: FrfProblem | RunProblem
     if isinstance(data, FrfEstimate):
-        return frf_problem(model, data, residual, weights, bounds, positions, prior, loss)
-    check_kind(data, (FrfEstimate, RunSpectra, Records), "fit: data")
-    return run_problem(model, data, residual, weights, bounds, positions, prior, loss)
+        problem = frf_problem(model, data, residual, weights, bounds, positions, prior, loss)
+    else:
+        check_kind(data, (FrfEstimate, RunSpectra, Records), "fit: data")
+        problem = run_problem(model, data, residual, weights, bounds, positions, prior, loss)
+    check_enough_data(problem)
+    return problem
 
 
 def as_fit(problem: FitProblem, start: Array, outcome: SearchResult) -> Fit | RunFit:
@@ -296,7 +300,7 @@ def as_fit(problem: FitProblem, start: Array, outcome: SearchResult) -> Fit | Ru
     assert isinstance(problem, FrfProblem)
     form = problem.kind.form
     return Fit(
-        estimate=problem.estimate,
+        estimate=problem.data,
         residual=problem.name,
         weights=problem.weights,
         custom_residual=None if form in RESIDUALS.values() else form,

@@ -31,7 +31,7 @@ def linearise(problem: "FrfProblem", values: Array, at: Derived | None = None) -
         computed where None.
     """
     response, jacobian = problem.derived(values) if at is None else at
-    estimate, kind, used = problem.estimate, problem.kind, problem.used
+    estimate, kind, used = problem.data, problem.kind, problem.used
     weights = problem.weights
     slopes = -kind.jacobian(response, jacobian, used)
     residuals = np.where(used, kind.error(estimate.response, response, used), 0.0)

@@ -1,7 +1,7 @@
 """The cost of a fit to runs: maximum likelihood with noisy inputs and outputs."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
@@ -69,16 +69,6 @@ class RunProblem(FitProblem):
     def name(self) -> str:
         """Name of the residual."""
         return SML
-
-    @property
-    def positions(self) -> Array:
-        """Positions of the data, (Q, n) [rad]."""
-        return self.data.positions
-
-    @property
-    def omega(self) -> Array:
-        """Angular frequencies of the data, (F,) [rad/s]."""
-        return self.data.omega
 
     @property
     def used_data(self) -> int:
@@ -191,6 +181,26 @@ class RunProblem(FitProblem):
             scatter_factor=(variance_factor(freedom, self.rows) / size)[:, None, None],
         )
 
+    def by_output(self, values: Array) -> Array:
+        """Return numbers of a line's outputs in all runs (m E,) as the matrix (m, E)."""
+        return values.reshape(self.data.outputs.shape[3], -1)
+
+    def information(self, values: Array) -> Array:
+        """Return the information of the runs in each position, (Q, p, p), were the model right.
+
+        H = 2 Re sum tr((U U^H - C_UU) dG_j^H Sigma^-1 dG_i), that of the true inputs on average:
+        far from the fit, measured inputs tell them better than the likelihood does.
+        """
+        G, J = self.derived(values)
+        errors, inputs = self.errors(values, G), self.likelihood.columns[1]
+        if self.row_wise:
+            inputs = np.broadcast_to(inputs[:, :, None], errors.inputs.shape)
+        measured = replace(errors, inputs=inputs, gain=np.zeros_like(errors.gain))
+        seen = by_line(self._through(measured, J))
+        noise = input_scatter(self.likelihood, measured, J)
+        pairs = zip(seen, noise, strict=True)
+        return np.stack([products(a, a) - products(b, b) for a, b in pairs])
+
     def changes(self, values: Array, at: Derived) -> Callable[[ComplexArray], Lines]:
         """Return what turns changes of the FRF into those of whitened outputs, (Q, F, m E, r)."""
         errors = self.errors(values, at[0])
@@ -260,9 +270,9 @@ class RunProblem(FitProblem):
 def run_problem(
     model: Elastic,
     data: RunSpectra | Records,
-    residual: str | ResidualForm | None,
-    weights: str | NDArray[Any] | None,
-    bounds: tuple[float, float] | Array,
+    residual: str | ResidualForm | None = None,
+    weights: str | NDArray[Any] | None = None,
+    bounds: tuple[float, float] | Array = (1e-3, 1e3),
     positions: Sequence[int] | IntArray | None = None,
     prior: Prior | None = None,
     loss: str = "linear",
@@ -286,15 +296,14 @@ def run_problem(
     if positions is not None:
         check_positions(positions)
         spectra = spectra.subset(np.asarray(positions))
-    problem = RunProblem(
+    check_model(model, spectra)
+    return RunProblem(
         model=model,
         data=spectra,
         weighting=_weighting(spectra, "auto" if weights is None else weights),
         bounds=read_only(checked_bounds(bounds, model.parameters)),
         prior=prior,
     )
-    _check_model(problem)
-    return problem
 
 
 def _weighting(data: RunSpectra, rows: str | NDArray[Any]) -> str:
@@ -317,9 +326,15 @@ def _weighting(data: RunSpectra, rows: str | NDArray[Any]) -> str:
     return rows
 
 
-def _check_model(problem: RunProblem) -> None:
-    """Refuse runs that the model cannot explain, by their number or size."""
-    data, model, p = problem.data, problem.model, len(problem.names)
+def check_model(model: Elastic, data: RunSpectra) -> None:
+    """Refuse runs that the model cannot explain.
+
+    Raises
+    ------
+    InvalidInput
+        If it has other numbers of inputs and outputs, or transients are polynomials of lines that
+        are not dense against its resonances.
+    """
     m, n = data.outputs.shape[3], data.inputs.shape[3]
     who = f"of {getattr(model, 'name', 'the model')}"
     try:
@@ -334,9 +349,3 @@ def _check_model(problem: RunProblem) -> None:
     if data.polynomials:
         transients = LocalPolynomials(data.omega, m)
         transients.check(model.network(data.positions, model.parameters.values).linear_model())
-    prior_rows = 0 if problem.prior is None else len(problem.prior.columns(problem.names))
-    if problem.used_data + prior_rows < p:
-        raise InvalidInput(
-            f"runs: {problem.used_data} real data for {p} parameters; measure more lines, runs or "
-            "positions, or lock springs"
-        )

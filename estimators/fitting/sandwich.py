@@ -22,7 +22,7 @@ def frf_sandwich(problem: "FrfProblem", values: Array) -> tuple[Array, Array]:
     kind, weights, used = problem.kind, problem.weights, problem.used
     G, J = problem.derived(values)
     psi = kind.jacobian(G, J, used)
-    noise = kind.noise(problem.estimate.covariance, G, used)
+    noise = kind.noise(problem.data.covariance, G, used)
     bread = information(psi, weights).sum(axis=0)
     meat = information(psi, weighted_noise(weights, noise, G.shape)).sum(axis=0)
     return bread, meat

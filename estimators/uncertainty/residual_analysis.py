@@ -4,8 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from estimators.fitting.least_squares import Fit
-from estimators.frf.frf_estimate import unvec
+from estimators.fitting.fitted_model import FittedModel
 from estimators.trust.line_correlation import correlation_of_residuals, lagged_products
 from estimators.trust.linearised_fit import LinearisedFit
 from estimators.trust.residual_size import residual_size
@@ -33,8 +32,8 @@ class ResidualAnalysis(ReprHtml):
         Probability of a ratio as large or larger, allowing for correlation along the lines.
     by_position : ndarray, (Q,)
         The same ratio by position.
-    by_element : ndarray, (m, n)
-        The same by element of the FRF; not a number where none was used.
+    by_element : ndarray, (m, n) or (m, E)
+        The same by element of the FRF, or by output and run; not a number where none was used.
     autocorrelation : ndarray, (L,)
         Autocorrelation of the standardised residuals over 1 to L neighbouring frequencies.
     position_autocorrelation : ndarray, (Q,)
@@ -74,7 +73,7 @@ class ResidualAnalysis(ReprHtml):
         return "\n".join(lines)
 
 
-def residual_analysis(fit: Fit, lags: int = LAGS) -> ResidualAnalysis:
+def residual_analysis(fit: FittedModel, lags: int = LAGS) -> ResidualAnalysis:
     """Return what a fit leaves unexplained, in units of the noise.
 
     Whatever the fit's weights, its residuals are judged by the noise of the estimate, with the
@@ -94,7 +93,8 @@ def residual_analysis(fit: Fit, lags: int = LAGS) -> ResidualAnalysis:
     """
     if not np.isfinite(fit.cost):
         raise SolverFailed(f"no residuals without a fit: {fit.message}")
-    frequencies = len(fit.estimate.omega)
+    problem = fit.problem
+    frequencies = len(problem.omega)
     if not 1 <= lags < max(frequencies, 2):  # a single line has no neighbour
         raise InvalidInput(f"lags: {lags} for {frequencies} frequencies; 1 to F - 1 are possible")
     linear = fit.linearise()
@@ -103,12 +103,11 @@ def residual_analysis(fit: Fit, lags: int = LAGS) -> ResidualAnalysis:
             f"residuals: {linear.data} data for {len(linear.names)} parameters leave none"
         )
     size = residual_size(linear, find_correlation(linear))
-    m = fit.estimate.response.shape[-2]
     square = linear.noise_weights * np.abs(linear.residuals) ** 2
     each = linear.noise_weights * linear.element_variances * (size.expected / _stated(linear))
     with np.errstate(invalid="ignore", divide="ignore"):
         by_position = square.sum(axis=(1, 2)) / each.sum(axis=(1, 2))
-        by_element = unvec(square.sum(axis=(0, 1)) / each.sum(axis=(0, 1)), m)
+        by_element = problem.by_output(square.sum(axis=(0, 1)) / each.sum(axis=(0, 1)))
     products = lagged_products((np.sqrt(linear.noise_weights) * linear.residuals)[:, None], lags)
     return ResidualAnalysis(
         ratio=size.ratio,

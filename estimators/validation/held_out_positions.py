@@ -4,19 +4,22 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from estimators.fitting.weights import optimal_weights, square_root, whiten
+from estimators.fitting.fit_problem import FitProblem, Measured
+from estimators.fitting.frf_problem import frf_problem
+from estimators.fitting.run_problem import run_problem
 from estimators.frf.frf_estimate import FrfEstimate
+from estimators.trust.linearised_fit import LinearisedFit
 from estimators.uncertainty.covariance import Uncertainty
-from robotmodels.common.arrays import IMPROBABLE, Array, ComplexArray, read_only
+from robotmodels.common.arrays import IMPROBABLE, Array, read_only
 from robotmodels.common.errors import InvalidInput
-from robotmodels.linear.response import Elastic, sensitivity
+from robotmodels.linear.response import Elastic
 
 LEVELS = np.linspace(0.05, 0.95, 19)
 
 
 @dataclass(frozen=True, eq=False)
 class Validation:
-    """How measured FRFs lie in their predicted bands.
+    """How measured FRFs, or outputs of runs, lie in their predicted bands.
 
     Attributes
     ----------
@@ -62,16 +65,17 @@ class Validation:
 def validate(
     model: Elastic,
     values: Array,
-    held_out: FrfEstimate,
+    held_out: Measured,
     uncertainty: Uncertainty,
     levels: Array = LEVELS,
 ) -> Validation:
-    """Return how well a fit predicts FRFs it has not seen.
+    """Return how well a fit predicts FRFs or runs it has not seen.
 
-    The predicted covariance of a measured FRF is the parameters' by the delta method plus the
-    noise. Regions are ellipses in the complex plane; elements share the parameters' errors, so a
-    single validation's coverage scatters more than a binomial number. The misfit of all data
-    together takes that into account, and has an F law if predictions are right.
+    The predicted covariance of a measured FRF, or of a run's outputs less their prediction, is the
+    parameters' by the delta method plus the noise. Regions are ellipses in the complex plane;
+    elements share the parameters' errors, so a single validation's coverage scatters more than a
+    binomial number. The misfit of all data together takes that into account, and has an F law if
+    predictions are right.
 
     Parameters
     ----------
@@ -79,8 +83,8 @@ def validate(
         Model that was fitted.
     values : ndarray, (p,)
         Fitted parameters [SI].
-    held_out : FrfEstimate
-        Estimates in positions that were not fitted.
+    held_out : FrfEstimate or RunSpectra
+        Data in positions that were not fitted.
     uncertainty : Uncertainty
         Uncertainty of the fit, a covariance of ln theta.
     levels : ndarray
@@ -99,16 +103,20 @@ def validate(
             f"validation: an uncertainty of {', '.join(uncertainty.names)} for the parameters "
             f"{', '.join(model.parameters.names)}"
         )
-    G, J = sensitivity(model, held_out.positions, held_out.omega, values)
-    error = held_out.response - G
-    parts = np.stack([J.real, J.imag], axis=-2)
+    problem: FitProblem
+    if isinstance(held_out, FrfEstimate):
+        problem = frf_problem(model, held_out, "nls", "optimal")
+    else:
+        problem = run_problem(model, held_out)
+    fit = problem.linearise(values)
+    parts = np.stack([fit.jacobian.real, fit.jacobian.imag], axis=-2)
     shape = parts @ uncertainty.covariance @ np.swapaxes(parts, -1, -2)
-    shape = shape + held_out.pooled_variance[..., None, None] / 2 * np.eye(2)
-    error_parts = np.stack([error.real, error.imag], axis=-1)
+    shape = shape + _variance(fit)[..., None, None] / 2 * np.eye(2)
+    error_parts = np.stack([fit.residuals.real, fit.residuals.imag], axis=-1)
     squares = np.sum(error_parts * np.linalg.solve(shape, error_parts[..., None])[..., 0], axis=-1)
     inside = -np.expm1(-squares / 2)[..., None] <= levels  # chi square of two degrees
-    by_position = inside.mean(axis=(1, 2, 3))
-    misfit, probability = _joint(error, J, held_out, uncertainty)
+    by_position = inside.mean(axis=(1, 2))
+    misfit, probability = _joint(*problem.evaluate(values), fit, uncertainty)
     return Validation(
         read_only(levels),
         read_only(by_position.mean(axis=0)),
@@ -118,32 +126,39 @@ def validate(
     )
 
 
+def _variance(fit: LinearisedFit) -> Array:
+    """Return the variances (Q, F, k) of the noise, as smooth as its weights."""
+    stated = fit.element_variances * fit.noise_weights
+    return np.asarray(stated.mean(axis=(1, 2), keepdims=True) / fit.noise_weights)
+
+
 def _joint(
-    error: ComplexArray, slopes_of_g: ComplexArray, held_out: FrfEstimate, uncertainty: Uncertainty
+    white: Array, slopes: Array, fit: LinearisedFit, uncertainty: Uncertainty
 ) -> tuple[float, float]:
     """Return e^T (noise + J C J^T)^-1 e per datum by Woodbury's formula, and its probability.
 
-    Of a covariance with few degrees of freedom the ratio to its own size has an F law, as in
-    `estimators.trust.residual_size`.
+    `white` and `slopes` are e and J whitened by the noise, its variances one half. Of a covariance
+    with few degrees of freedom the ratio to its own size has an F law, as in
+    `estimators.trust.residual_size`; of correlated elements fewer count.
     """
     from scipy.stats import f as f_law
 
-    root = square_root(optimal_weights(held_out, "nls"), error.shape)
-    white = np.sqrt(2) * whiten(root, error).reshape(-1)
-    slopes = np.sqrt(2) * whiten(root, slopes_of_g).reshape(-1, slopes_of_g.shape[-1])
-    white = np.concatenate([white.real, white.imag])
-    slopes = np.concatenate([slopes.real, slopes.imag])
+    white, slopes = np.sqrt(2) * white, np.sqrt(2) * slopes
     # In units of the standard deviations along independent directions of ln theta.
     variances, vectors = np.linalg.eigh(uncertainty.covariance)
     slopes = slopes @ (vectors * np.sqrt(np.maximum(variances, 0.0)))
     seen = slopes.T @ white
     explained = seen @ np.linalg.solve(np.eye(len(seen)) + slopes.T @ slopes, seen)
-    stated = held_out.variance / held_out.pooled_variance
+    stated = fit.element_variances * fit.noise_weights
+    squares = stated**2
+    if fit.covariance.ndim > fit.weights.ndim:  # correlations that whitening leaves
+        root = np.sqrt(fit.noise_weights)
+        squares = (np.abs(root[..., None] * fit.covariance * root[..., None, :]) ** 2).sum(axis=-1)
     ratio = float(white @ white - explained) / white.size / float(stated.mean())
-    nu = held_out.degrees_of_freedom[:, None, None, None]
+    nu = fit.degrees_of_freedom[:, None, None]
     finite_freedom = np.where(np.isfinite(nu), nu, 1e9)
     numerator = (
-        white.size * stated.mean() ** 2 / (stated**2 * finite_freedom / (finite_freedom + 1)).mean()
+        white.size * stated.mean() ** 2 / (squares * (finite_freedom + 1) / finite_freedom).mean()
     )
     denominator = numerator * float(finite_freedom.mean())
     below = float(f_law.cdf(ratio, numerator, denominator))

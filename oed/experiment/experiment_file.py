@@ -187,6 +187,7 @@ class MultisineSettings(FileSection):
 class ExcitationSettings(MultisineSettings):
     """Excitation of a robot in its positions: the keys that a study's ``experiment`` has too."""
 
+    runs: Annotated[int, Field(ge=0, le=64)] = 0  # of a block; 0 for as many as motors
     ramp: bool = True
     limits: LimitChoice
     moves: MoveChoice = MoveChoice()
@@ -202,7 +203,6 @@ class Experiment(ExcitationSettings):
     positions: Annotated[list[list[Coordinate]], Field(min_length=1)] | None = None
     repetitions: list[Count] | None = None
     design: Path | None = None
-    runs: Annotated[int, Field(ge=0, le=64)] = 0  # of a block; 0 for as many as motors
     seed: Seed = 1
     output: Path
 

@@ -79,8 +79,7 @@ def prepare(experiment: Experiment, progress: StageProgress | None = None) -> Pr
     robot = load_robot(experiment.robot)
     positions, repetitions = planned_positions(experiment, robot.name)
     rng = np.random.default_rng(experiment.seed)
-    runs = experiment.runs
-    return prepare_in(experiment, robot, positions, repetitions, rng, progress, runs=runs)
+    return prepare_in(experiment, robot, positions, repetitions, rng, progress)
 
 
 def prepare_in(
@@ -90,8 +89,6 @@ def prepare_in(
     repetitions: IntArray,
     rng: np.random.Generator,
     progress: StageProgress | None = None,
-    *,
-    runs: int = 0,
 ) -> Prepared:
     """Draw a plan for positions (Q, n) and repetitions (Q,) and scale it.
 
@@ -120,7 +117,7 @@ def prepare_in(
         acceleration=per_motor("moves.acceleration", moves.acceleration, motors),
         rng=rng,
         repetitions=repetitions,
-        runs=runs,
+        runs=settings.runs,
         crest_iterations=settings.multisine.crest_iterations,
         progress=None if progress is None else partial(progress, "plan"),
     )

@@ -70,7 +70,7 @@ def fit_as_published(
         data = data_from_records(run, simulated.value.records, simulated.digest)
         searches = {
             kind.name: fit(run, kind, data, starts).value
-            for kind in study.fit.used
+            for kind in study.estimators
             if kind.name in ESTIMATORS
         }
         part = data.value
@@ -80,7 +80,7 @@ def fit_as_published(
             plan,
             RunRecord((), run.stages.seconds, run.stages.loaded, versions()),
             SimulatedData(
-                estimate=part.estimate,
+                measured=part.measured,
                 distortion=part.distortion,
                 warnings=part.warnings,
                 plant=run.plant,

@@ -173,7 +173,7 @@ def _fitted(
 def _searched(
     run: Run, name: str, estimate: FrfEstimate, starts: Array, truth: Array
 ) -> MinimaReached:
-    (kind,) = (one for one in run.study.fit.used if one.name == name)
+    (kind,) = (one for one in run.study.estimators if one.name == name)
     weights = weights_of(kind, estimate, run.study.fit)
     fits = multistart(run.robot, estimate, starts, kind.residual, weights, executor=run.executor)
     costs = np.array([one.cost for one in fits])

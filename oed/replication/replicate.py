@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from estimators.fitting.least_squares import Fit
+from estimators.fitting.fitted_model import FittedModel
 from estimators.uncertainty.covariance import Uncertainty, covariance
 from oed.replication.as_published import fit_as_published
 from oed.replication.conclusions import Judged, conclusions
@@ -36,7 +36,7 @@ class Replication:
     ----------
     evaluation : Evaluation
         All models of the six estimators.
-    reference : Fit
+    reference : FittedModel
         The best LLS15U fit.
     theorem1 : Uncertainty
         Theorem1 of it.
@@ -59,7 +59,7 @@ class Replication:
     """
 
     evaluation: Evaluation
-    reference: Fit
+    reference: FittedModel
     theorem1: Uncertainty
     table: Table1
     groups: Groups
@@ -151,7 +151,7 @@ def _replication(
 
 
 def _evaluation(run: Run, results: FittedStudy) -> Stage[Evaluation]:
-    estimate, starts = results.data.estimate, results.fits.starts
+    estimate, starts = results.data.frf, results.fits.starts
     searches = {name: results.fits.searches[name] for name in ESTIMATORS}
     ends = {
         name: [(fit.parameters.values, fit.cost) for fit in search.runs]
@@ -191,7 +191,7 @@ def _minima(run: Run, choice: LocalMinimaChoice, results: FittedStudy) -> Stage[
 
     inputs = {
         "robot": run.robot_digest,
-        "data": fingerprint((results.data.estimate, results.fits.starts)),
+        "data": fingerprint((results.data.frf, results.fits.starts)),
         **run.settings("local_minima", "truth", "data", "seed"),
         **weighting_of(run.study.fit),
     }

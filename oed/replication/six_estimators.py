@@ -128,7 +128,7 @@ def evaluate(
     starts : ndarray, (N, p)
         SI.
     """
-    problems = tuple(frf_problem(robot, estimate, "lls", weight, _BOUNDS) for weight in weights)
+    problems = tuple(frf_problem(robot, estimate, "lls", weight) for weight in weights)
     fits = [run for name in ESTIMATORS for run in searches[name].runs]
     judge = partial(_costs, problems)
     values = [fit.parameters.values for fit in fits]
@@ -158,13 +158,12 @@ def evaluate(
     )
 
 
-_BOUNDS = (1e-3, 1e3)  # nothing is searched: any will do
 _TOGETHER = 25  # models that a process judges at a time: preparing the data costs as much as some
 
 
 def _costs(problems: tuple[FrfProblem, ...], values: Array) -> tuple[float, ...]:
     """Return the costs of one model in problems of the same data."""
-    model, estimate = problems[0].model, problems[0].estimate
+    model, estimate = problems[0].model, problems[0].data
     try:
         network = model.network(estimate.positions, values)
         if can_compile(problems[0], network):

@@ -157,7 +157,7 @@ def fit_document(results: FittedStudy) -> dict[str, Any]:
             name: {
                 "residual": search.estimator.residual,
                 "weights": search.weights,
-                "positions": len(search.result.estimate.positions),
+                "positions": len(search.positions),
                 "estimate": search.result.parameters.values,
                 "cost": search.result.cost,
                 "converged": search.result.converged,

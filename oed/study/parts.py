@@ -7,6 +7,7 @@ from functools import cached_property
 import numpy as np
 
 from estimators.fitting.least_squares import Fit
+from estimators.fitting.run_fit import RunFit
 from estimators.sampling.posterior import Posterior
 from estimators.uncertainty.covariance import Uncertainty
 from estimators.uncertainty.identifiability import Identifiability, fit_information, identifiability
@@ -43,7 +44,9 @@ class _Plan:
     omega : ndarray, (F,), rad/s
         Angular frequencies.
     runs_per_visit : int
-        Excitations of one visit: one for each motor, in every block of a simulation.
+        Excitations of one visit: usually one for each motor, in every block of a simulation.
+    visit_share : float
+        Part of the information of a run for each motor that a visit has: its runs over the motors.
     """
 
     information: Information
@@ -52,6 +55,7 @@ class _Plan:
     used: IntArray
     omega: Array
     runs_per_visit: int
+    visit_share: float
 
     @property
     def positions(self) -> Array:
@@ -74,7 +78,7 @@ class _Plan:
         counts = self.exact.repetitions[self.used]
         matrices = self.information.take(self.used)
         total = sum(n * matrix for n, matrix in zip(counts, matrices, strict=True))
-        return identifiability(total, self.information.names)
+        return identifiability(self.visit_share * total, self.information.names)
 
 
 @dataclass(frozen=True, eq=False)
@@ -133,22 +137,21 @@ class Fits:
         Perturbed start values in SI units.
     searches : mapping of str to Search
         The fits of each estimator, by name.
-    result : Fit
-        The study's result: the estimator that the study names, or else NLS with optimal weights
-        (the likelihood of the stated noise), best of all.
+    result : Fit or RunFit
+        The study's result, see `oed.study.stages.result.SelectedFit`.
     origin : str
         Where the search for `result` began, for people.
     """
 
     starts: Array
     searches: Mapping[str, Search]
-    result: Fit
+    result: Fit | RunFit
     origin: str
 
     @cached_property
     def residuals(self) -> ResidualAnalysis:
         """What the result leaves unexplained."""
-        lines = len(self.result.estimate.omega)
+        lines = len(self.result.problem.omega)
         return residual_analysis(self.result, max(min(LAGS, lines - 1), 1))
 
     def best_cost(self, name: str) -> float:

@@ -146,7 +146,7 @@ class _Fits:
         run, data = source.run, source.data
         starts = starts_of(run)
         searches = {
-            estimator.name: fit(run, estimator, data, starts) for estimator in run.study.fit.used
+            estimator.name: fit(run, estimator, data, starts) for estimator in run.study.estimators
         }
         return cls(starts, searches, result(run, data, searches, starts))
 

@@ -75,7 +75,7 @@ class FittedStudy(PlannedStudy):
     Attributes
     ----------
     data : SimulatedData or MeasuredData
-        FRFs at the plan's positions.
+        FRFs or runs at the plan's positions.
     fits : Fits
         Fits of all estimators, and the result.
     """

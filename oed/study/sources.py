@@ -16,7 +16,7 @@ from oed.study.stages.candidates import candidates
 from oed.study.stages.comparison import check_comparison, comparison
 from oed.study.stages.data import Data, data_by_noise_law, data_from_records, measured_data
 from oed.study.stages.design import StudyDesign, design, measured_design, visits
-from oed.study.stages.experiment import SimulatedExperiment, experiment
+from oed.study.stages.experiment import SimulatedExperiment, experiment, runs_of_block
 from oed.study.stages.few_data import warn_of_few_frequencies, warn_of_weak_combinations
 from oed.study.stages.information import (
     Information,
@@ -46,10 +46,10 @@ class SimulatedDesign:
         Raises
         ------
         InvalidInput
-            If plans cannot be compared as the study asks.
+            If plans cannot be compared as the study asks, or FRFs need more runs.
         """
         check_comparison(run)
-        warn_of_few_frequencies(run, run.omega)
+        warn_of_few_frequencies(run, run.omega, runs_of_block(run))
         screened = candidates(run)
         info = information(run, screened)
         samples = sampled_information(run, screened)
@@ -60,13 +60,15 @@ class SimulatedDesign:
         """The plan."""
         stage, excitation = self.design.value, self.run.study.data.experiment
         blocks = 1 if excitation is None else excitation.blocks
+        motors, runs = len(self.run.robot.motor_names), runs_of_block(self.run)
         return DesignedPlan(
             information=self.information.value,
             design=stage.design,
             exact=stage.exact,
             used=stage.used,
             omega=self.run.omega,
-            runs_per_visit=blocks * len(self.run.robot.motor_names),
+            runs_per_visit=blocks * runs,
+            visit_share=runs / motors,
             candidates=self.candidates.value,
             robust=stage.robust,
             order=stage.order,
@@ -98,7 +100,7 @@ class SimulatedStudy(SimulatedDesign):
         """The data."""
         data, simulated = self.data.value, self.experiment
         return SimulatedData(
-            estimate=data.estimate,
+            measured=data.measured,
             distortion=data.distortion,
             warnings=data.warnings,
             plant=self.run.plant,
@@ -139,7 +141,7 @@ class MeasuredStudy:
         parts = None if choice is None else split(run, choice, data)
         if parts is not None:
             data = Stage(data.name, parts.value.fitted, parts.digest, parts.seconds, parts.loaded)
-        warn_of_few_frequencies(run, data.value.estimate.omega)
+        warn_of_few_frequencies(run, data.value.measured.omega, data.value.columns)
         info = measured_information(run, data)
         study = cls(run, parts, data, info, measured_design(run, info, data))
         warn_of_weak_combinations(study.plan.promise)
@@ -154,15 +156,16 @@ class MeasuredStudy:
             design=stage.design,
             exact=stage.exact,
             used=stage.used,
-            omega=self.data.value.estimate.omega,
-            runs_per_visit=len(self.run.robot.motor_names),
+            omega=self.data.value.measured.omega,
+            runs_per_visit=self.data.value.columns,
+            visit_share=1.0,
         )
 
     @property
     def results_data(self) -> MeasuredData:
         """The data."""
         data = self.data.value
-        return MeasuredData(data.estimate, data.distortion, data.warnings)
+        return MeasuredData(data.measured, data.distortion, data.warnings)
 
     def comparison(self) -> Stage[PlanComparison] | None:
         """Return None: plans are compared where data are simulated."""

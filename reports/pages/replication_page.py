@@ -139,7 +139,7 @@ def _parameter_figure(
 def _responses(results: FittedStudy, published: Replication) -> Section:
     """Show the best models in the position that alone says most."""
     e, single = published.evaluation, results.fits.searches["LLS1U"]
-    estimate = single.result.estimate
+    estimate = results.data.frf.subset(single.positions)
     position = estimate.positions
     indices = e.values[e.of("LLS15U"), : figures.best_count(e)]
     models = np.array(

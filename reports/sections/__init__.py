@@ -3,6 +3,7 @@
 from collections.abc import Callable
 from functools import partial
 
+from estimators.fitting.run_fit import RunFit
 from oed.study.results import StudyResults
 from oed.study.stage_cache import Failure
 from reports.page_elements import Section
@@ -21,6 +22,7 @@ from reports.sections import (
     residuals,
     responses,
     robot,
+    run_spectra,
     summary,
     uncertainty,
     validation,
@@ -58,11 +60,24 @@ def study_sections(
     return sections, tuple(failed)
 
 
+def _responses(results: StudyResults) -> Section:
+    fit = results.fits.result
+    if isinstance(fit, RunFit):
+        return run_spectra.section(results, fit)
+    return responses.section(results)
+
+
 def _residuals(results: StudyResults) -> Section:
-    robot_ = results.robot
-    return residuals.section(
-        results.fits.residuals, results.trust, robot_.output_names, robot_.motor_names
+    analysis, robot_ = results.fits.residuals, results.robot
+    if results.study.fits_runs:
+        runs = tuple(f"run {e + 1}" for e in range(analysis.by_element.shape[1]))
+        by_run = residuals.element_table(analysis.by_element.T, "", runs, robot_.output_names)
+        return residuals.section(analysis, results.trust, by_run)
+    columns = tuple(f"from {motor}" for motor in robot_.motor_names)
+    by_element = residuals.element_table(
+        analysis.by_element, "output", robot_.output_names, columns
     )
+    return residuals.section(analysis, results.trust, by_element)
 
 
 def _cross_check(results: StudyResults) -> Section | None:
@@ -91,7 +106,7 @@ _IN_ORDER: dict[str, Callable[[StudyResults], Section | None]] = {
     "positions": positions.section,
     "plans": comparison.section,
     "experiment": experiment.section,
-    "responses": responses.section,
+    "responses": _responses,
     "fit": fit.section,
     "residuals": _residuals,
     "parameters": parameters.section,

@@ -24,9 +24,7 @@ def section(results: StudyResults) -> Section | None:
         experiment=experiment,
         warnings=data.warnings,
         peaks=None if experiment is None else peak_table(experiment.outcome, motors),
-        levels=None
-        if data.distortion is None
-        else level_table(data.distortion, data.estimate, outputs),
+        levels=None if data.distortion is None else level_table(data.distortion, data.frf, outputs),
     )
     return Section("experiment", "Experiments", body)
 

@@ -1,5 +1,6 @@
 """Words for the positions of a plan, its experiments and its runs."""
 
+from estimators.frf.repeated_visits import visits_of
 from oed.study.results import PlannedStudy, StudyResults
 from reports import text
 from reports.page_elements import Number
@@ -23,8 +24,13 @@ def experiments(results: PlannedStudy, candidate: int) -> str:
 
 
 def experiment_noun(results: PlannedStudy) -> str:
-    """Return the noun of what is counted in a position: measured data tell only blocks."""
-    return "block" if results.measured else "experiment"
+    """Return the noun of what is counted in a position: measured FRFs tell only blocks."""
+    return "block" if results.measured and not results.study.fits_runs else "experiment"
+
+
+def data_words(results: PlannedStudy) -> str:
+    """Return what the data are."""
+    return "outputs of runs" if results.study.fits_runs else "frequency responses"
 
 
 def prismatic(results: StudyResults) -> list[bool]:
@@ -37,6 +43,19 @@ def position_cells(results: StudyResults, position: Array) -> list[Number]:
     """Return the entries of a table for a position (n,) [rad or m]."""
     words = text.format_position(position, prismatic(results))
     return [Number(word, float(value)) for word, value in zip(words, position, strict=True)]
+
+
+def visit_labels(results: StudyResults) -> list[str]:
+    """Return a label for each visit of runs: the position's, and which visit to it."""
+    of_positions = labels(results)
+    if results.measured:
+        return of_positions
+    visits = visits_of(results.data.measured.positions)
+    words = [""] * len(results.data.measured.positions)
+    for label, several in zip(of_positions, visits, strict=True):
+        for count, visit in enumerate(several, start=1):
+            words[visit] = f"{label}, visit {count}" if len(several) > 1 else label
+    return words
 
 
 def labels(results: StudyResults) -> list[str]:

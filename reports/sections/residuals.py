@@ -24,10 +24,8 @@ from robotmodels.common.arrays import Array
 MOST_CONSPICUOUS, MOST_RISKY = 40, 10
 
 
-def section(
-    analysis: ResidualAnalysis, trust: Trust, outputs: tuple[str, ...], motors: tuple[str, ...]
-) -> Section:
-    """Return the section."""
+def section(analysis: ResidualAnalysis, trust: Trust, elements: Table) -> Section:
+    """Return the section, which ends with a table of `elements`."""
     body = filled(
         "residuals.html.j2",
         analysis=analysis,
@@ -40,7 +38,7 @@ def section(
         whiteness=text.probability(analysis.whiteness_p_value),
         outlying=text.listed([str(q + 1) for q in analysis.outlying]),
         positions=by_position(analysis),
-        elements=element_table(analysis.by_element, outputs, motors),
+        elements=elements,
     )
     return Section("residuals", "Residuals", body)
 
@@ -105,15 +103,16 @@ def by_position(analysis: ResidualAnalysis) -> Figure | None:
     )
 
 
-def element_table(ratio: Array, outputs: tuple[str, ...], motors: tuple[str, ...]) -> Table:
-    """Return chi squared over its expectation, (m, n), for each element."""
+def element_table(
+    ratio: Array, head: str, names: tuple[str, ...], columns: tuple[str, ...]
+) -> Table:
+    """Return chi squared over its expectation, a row for each of `names`, with their heading."""
     rows: list[Row] = [
-        (output, *(_number(float(value)) for value in row))
-        for output, row in zip(outputs, ratio, strict=True)
+        (name, *(_number(float(value)) for value in row))
+        for name, row in zip(names, ratio, strict=True)
     ]
     caption = "Sum of squared residuals over its expectation, element by element; 1 for noise."
-    columns = [Column("output"), *numbers(*(f"from {motor}" for motor in motors))]
-    return table("residuals-by-element", caption, columns, rows)
+    return table("residuals-by-element", caption, [Column(head), *numbers(*columns)], rows)
 
 
 def _number(value: float) -> Number:

@@ -13,10 +13,12 @@ from robotmodels.common.arrays import IntArray
 
 def section(results: StudyResults) -> Section:
     """Return the section."""
-    shown = lines_drawn(results.data.estimate.response.shape)
+    estimate = results.data.frf
+    shown = lines_drawn(estimate.response.shape)
     body = filled(
         "responses.html.j2",
         results=results,
+        frequencies=len(estimate.omega),
         panels=panels(results, shown),
         lines=len(shown),
         units=dict.fromkeys(unit.replace("^2", "²") for unit in results.robot.output_units),
@@ -26,16 +28,17 @@ def section(results: StudyResults) -> Section:
 
 def panels(results: StudyResults, lines: IntArray) -> list[Figure]:
     """Return the Bode panels of every position."""
-    r, omega = results, results.data.estimate.omega[lines]
+    r, estimate = results, results.data.frf
+    omega = estimate.omega[lines]
     fitted = robotmodels.frequency_response(
-        r.robot, r.data.estimate.positions, omega, r.fits.result.parameters.values
+        r.robot, estimate.positions, omega, r.fits.result.parameters.values
     )
-    std = np.sqrt(r.data.estimate.variance)
+    std = np.sqrt(estimate.variance)
     figures = []
     for q, label in enumerate(labels(r)):
         drawing = response_panels.response_panels(
             omega,
-            r.data.estimate.response[q, lines],
+            estimate.response[q, lines],
             std[q, lines],
             fitted[q],
             r.robot.motor_names,

@@ -18,7 +18,7 @@ from reports.page_elements import (
     numbers,
     table,
 )
-from reports.sections.plan_labels import prismatic
+from reports.sections.plan_labels import data_words, prismatic
 
 
 def section(results: StudyResults) -> Section | None:
@@ -30,7 +30,8 @@ def section(results: StudyResults) -> Section | None:
         "validation.html.j2",
         validation=validation,
         measured=results.measured,
-        count=len(validation.estimate.positions),
+        data=data_words(results),
+        count=len(validation.measured.positions),
         judged=judged_table(validation),
         positions=position_table(results, validation),
         calibration=figure(
@@ -77,7 +78,7 @@ def position_table(results: StudyResults, validation: HeldOut) -> Table:
     straight = prismatic(results)
     rows: list[Row] = []
     at = _highest(validation.theorem1)
-    for q, position in enumerate(validation.estimate.positions):
+    for q, position in enumerate(validation.measured.positions):
         angles = ", ".join(text.format_position(position, straight))
         share = float(validation.theorem1.by_position[q, at])
         rows.append([angles, Number(text.percent(share), share)])

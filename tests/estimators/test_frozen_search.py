@@ -47,7 +47,7 @@ def known(robot):
 
 
 def frozen(problem, start, evaluations=200, tolerance=1e-10):
-    network = problem.model.network(problem.estimate.positions, start)
+    network = problem.model.network(problem.positions, start)
     return frozen_search(problem, start, network, evaluations, tolerance)
 
 

@@ -22,15 +22,17 @@
       experiment: {...}          # simulated in closed loop, keys as in an experiment file
       records: records.h5        # measured torques and angles
       frf: frf.h5                # measured FRFs
+      noise: auto                # of records fitted as runs: blocks, periods or detection; or [std
+                                 # of torques, of angles] in single samples
       method: ari                # or har, log, h1, jio: of the FRFs from records
-      covariance: total          # or noise, which misses distortion
-      structure: diagonal        # or full, over the elements of an FRF
+      covariance: total          # of these: or noise, which misses distortion
+      structure: diagonal        # of these: or full, over the elements of an FRF
       delay: 0.0                 # of the angles after the torques, in records [s]
       hold: true                 # whether torques of records are held, as commanded ones are
     fit:                         # from several starts, by several estimators
       starts: 4                  # the same for all estimators,
       decades: 0.3               # each value multiplied by 10^U(-0.3, 0.3)
-      residuals: [lls, nls]      # lls with user weights, nls with optimal ones
+      residuals: [lls, nls]      # lls with user weights, nls with optimal ones; sml of records
       estimators:                # in place of residuals: each with its weights and positions
         - {name: LLS15U, residual: lls, weights: user}
         - {name: LLS1U, residual: lls, weights: user, positions: best}    # or all, or [0, 3]
@@ -55,6 +57,10 @@
     local_minima: {amplitudes: [0.1, 1.0], blocks: [2, 8]}    # with it: fits of less excitation
     output: ../out/ur10          # relative to this file, as every path in it
 
+Records are fitted as runs, by maximum likelihood (sml), unless the file names residuals of FRFs
+(lls, nls, lls_magnitude) or options of FRFs (method, covariance, structure; user_weights,
+minimum_snr, variances). A study has runs or FRFs, not both.
+
 With measured data, the positions are those of the data: `candidates` is left out, and `design` but
 for `tolerance` and `solver` of the optimum over the positions measured. Plans are compared where
 data are simulated by the noise law; where `compare` is given, with others too, but always with FRFs
@@ -69,14 +75,21 @@ from pydantic import Field, model_validator
 from oed.experiment.experiment_file import ExcitationSettings
 from oed.study.settings.candidates_settings import CandidatesChoice
 from oed.study.settings.design_settings import DesignChoice
-from oed.study.settings.fit_settings import FitChoice
+from oed.study.settings.fit_settings import SML, Estimator, FitChoice, Residual
+from robotmodels.common.errors import nearest
 from robotmodels.common.file_paths import existing_file, output_folder, robot_reference
 from robotmodels.common.yaml_files import FileSection, read_yaml
-from robotmodels.description.ranges import Count, Hertz, Index, Positive, Seed
+from robotmodels.description.ranges import Count, Hertz, Index, NonNegative, Positive, Seed
 
 MOST_DRAWS = 10**9
 """Steps of all walkers of a posterior; a thousandth of them takes some minutes."""
 
+
+_OF_FRFS = {
+    "data": ("method", "covariance", "structure"),
+    "fit": ("user_weights", "minimum_snr", "variances"),
+}
+"""Keys that say how FRFs are estimated from records, and how they are weighed."""
 
 ESTIMATORS = ("LLSM15U", "LLS15U", "LLS15O", "NLS15U", "NLS15O", "LLS1U")
 """Of [WM]. M: magnitude only; 15 or 1: positions; U or O: user-defined or optimal weights."""
@@ -113,11 +126,14 @@ class Noise(FileSection):
 
 
 class DataChoice(FileSection):
-    """Where the FRFs come from; from the noise law where none of the first three is given."""
+    """Where the data come from; FRFs by the noise law where none of the first three is given."""
 
     experiment: ExcitationSettings | None = None
     records: Path | None = None
     frf: Path | None = None
+    noise: Literal["auto", "blocks", "periods", "detection"] | tuple[NonNegative, NonNegative] = (
+        "auto"
+    )
     method: Literal["ari", "har", "log", "h1", "jio"] = "ari"
     covariance: Literal["total", "noise"] = "total"
     structure: Literal["diagonal", "full"] = "diagonal"
@@ -135,6 +151,11 @@ class DataChoice(FileSection):
     def measured(self) -> bool:
         """Whether the data come from files."""
         return self.records is not None or self.frf is not None
+
+    @property
+    def recorded(self) -> bool:
+        """Whether the data are records."""
+        return self.records is not None or self.experiment is not None
 
 
 class PosteriorChoice(FileSection):
@@ -269,6 +290,60 @@ class Study(FileSection):
         return self
 
     @property
+    def estimators(self) -> tuple[Estimator, ...]:
+        """The estimators of the fit."""
+        usual: tuple[Residual, ...] = ("lls", "nls")
+        if self.data.recorded and not self._given_of_frfs():
+            usual = (SML,)
+        return self.fit.estimators_or(usual)
+
+    @property
+    def fits_runs(self) -> bool:
+        """Whether records are fitted as runs rather than by FRFs."""
+        return self.estimators[0].residual == SML
+
+    def _given_of_frfs(self) -> list[str]:
+        """Return the keys given that only FRFs have."""
+        return [
+            f"{section}.{key}"
+            for section, keys in _OF_FRFS.items()
+            for key in keys
+            if key in getattr(self, section).model_fields_set
+        ]
+
+    @model_validator(mode="after")
+    def _runs_or_frfs(self) -> Self:
+        if len({estimator.residual == SML for estimator in self.estimators}) > 1:
+            raise ValueError(
+                "fit: sml is of runs, other residuals are of FRFs; a study has one or the other"
+            )
+        if not self.fits_runs:
+            if "noise" in self.data.model_fields_set:
+                raise ValueError(
+                    "data.noise: it is that of runs, residual sml; FRFs have their own"
+                )
+            return self
+        if not self.data.recorded:
+            raise ValueError(
+                "fit: residual sml compares runs; data.records or data.experiment is needed"
+            )
+        if useless := self._given_of_frfs():
+            raise ValueError(
+                f"{useless[0]}: it is of FRFs, which residual sml does not use; leave it out"
+            )
+        return self
+
+    @model_validator(mode="after")
+    def _result_of_an_estimator(self) -> Self:
+        name, names = self.fit.result, [estimator.name for estimator in self.estimators]
+        if name is not None and name not in names:
+            raise ValueError(
+                f"fit.result: {name!r} is none of the estimators{nearest(name, names)}; "
+                f"there are {', '.join(names)}"
+            )
+        return self
+
+    @property
     def compares(self) -> bool:
         """Whether the plan is compared with rivals in simulated experiments."""
         if self.data.measured or self.compare.runs == 0:
@@ -293,7 +368,7 @@ class Study(FileSection):
                     f"local_minima: blocks: {max(self.local_minima.blocks)}; the experiment has "
                     f"{blocks}"
                 )
-        names = [estimator.name for estimator in self.fit.used]
+        names = [estimator.name for estimator in self.estimators]
         missing = [name for name in ESTIMATORS if name not in names]
         if self.compare_with is not None and missing:
             raise ValueError(

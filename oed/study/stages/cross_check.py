@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TypeVar
 
-from estimators.fitting.least_squares import Fit
+from estimators.fitting.fitted_model import FittedModel
 from estimators.sampling.importance_sampling import importance_sample
 from estimators.sampling.posterior import Posterior
 from estimators.uncertainty.covariance import Uncertainty
@@ -42,7 +42,7 @@ def cross_check(
 ) -> Stage[CrossCheck]:
     """Return what the methods say of each parameter, side by side, with a verdict."""
     name = run.study.fit.result or _likelihood(searches)
-    runs: tuple[Fit, ...] = () if name is None else searches[name].value.runs
+    runs: tuple[FittedModel, ...] = () if name is None else searches[name].value.runs
     repeated = _repeated(run, result, methods)
     fit = result.value.fit
 

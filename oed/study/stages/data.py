@@ -1,39 +1,75 @@
-"""The stage ``data``: the FRFs that are fitted, by the noise law, from records or from a file."""
+"""The stage ``data``: the FRFs that are fitted, by the noise law, from records or from a file.
+
+Or, of records, the spectra of their runs.
+"""
 
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+import numpy as np
+
+from estimators.fitting.fit_problem import Measured
+from estimators.fitting.run_problem import check_model
 from estimators.frf.distortion import Distortion
-from estimators.frf.file_formats import read_frf
+from estimators.frf.file_formats import read_frf, read_records
 from estimators.frf.frf_estimate import FrfEstimate, simulate_frf
-from estimators.frf.frf_from_records import measured_frf
+from estimators.frf.frf_from_records import collected_warnings, measured_frf
 from estimators.frf.repeated_visits import merge_visits
 from estimators.frf.rigid_body_check import rigid_limit
+from estimators.input_output.run_spectra import RunSpectra, run_spectra
 from oed.study.stage_cache import Stage, dataclass_files
 from oed.study.stages.run import MeasuredRun, Run, SimulatedRun, Visits
 from robotmodels import ElasticRobot
-from robotmodels.common.errors import InvalidInput
+from robotmodels.common.arrays import IntArray
+from robotmodels.common.errors import InvalidInput, naming
 from robotmodels.common.fingerprints import file_digest
 from robotmodels.common.progress import Progress
 
 
 @dataclass(frozen=True, eq=False)
 class Data:
-    """FRFs to fit, and what their records say beside them.
+    """What is fitted, and what its records say beside.
 
     Attributes
     ----------
-    estimate : FrfEstimate
-        FRFs, one for each position.
+    measured : FrfEstimate or RunSpectra
+        FRFs, one for each position; or runs, of each visit to a position.
     distortion : Distortion or None
         Noise and distortion separately; None without repeated periods.
     warnings : tuple of str
         Warnings about the records or FRFs.
     """
 
-    estimate: FrfEstimate
+    measured: Measured
     distortion: Distortion | None = None
     warnings: tuple[str, ...] = ()
+
+    @property
+    def frf(self) -> FrfEstimate:
+        """The FRFs.
+
+        Raises
+        ------
+        InvalidInput
+            If runs are fitted.
+        """
+        if isinstance(self.measured, RunSpectra):
+            raise InvalidInput("fit: frequency responses are needed; these data are runs (sml)")
+        return self.measured
+
+    @property
+    def repetitions(self) -> IntArray:
+        """How many experiments each of the positions stands for, (Q,)."""
+        if isinstance(self.measured, RunSpectra):
+            return np.ones(len(self.measured.positions), dtype=np.int64)
+        return self.measured.repetitions
+
+    @property
+    def columns(self) -> int:
+        """How many runs, or inputs of FRFs, each position has."""
+        if isinstance(self.measured, RunSpectra):
+            return int(self.measured.inputs.shape[1])
+        return int(self.measured.response.shape[3])
 
 
 def data_by_noise_law(run: SimulatedRun, visits: Visits) -> Stage[Data]:
@@ -60,23 +96,37 @@ def data_by_noise_law(run: SimulatedRun, visits: Visits) -> Stage[Data]:
 
 
 def data_from_records(run: Run, records: Path, digest: str) -> Stage[Data]:
-    """Return FRFs estimated from records, visits of one position averaged."""
-    choice = run.study.data
+    """Return the data of records: spectra of runs, or FRFs, visits of one position averaged."""
+    kinds = {True: ("noise",), False: ("method", "covariance", "structure")}
+    settings = run.study.data.model_dump(mode="json")
 
     def compute(folder: Path, report: Progress | None) -> Data:
-        return frf_of(run, records)
+        return read_data(run, records)
 
     inputs = {
         "robot": run.robot_digest,
         "records": digest,
-        **{k: getattr(choice, k) for k in ("method", "covariance", "delay", "hold", "structure")},
+        **{key: settings[key] for key in ("delay", "hold", *kinds[run.study.fits_runs])},
     }
     return run.stages.run("data", inputs, compute, dataclass_files(Data))
 
 
-def frf_of(run: Run, records: Path) -> Data:
-    """Estimate FRFs from records as the study asks, visits of one position averaged."""
+def read_data(run: Run, records: Path) -> Data:
+    """Read the data of records as the study asks.
+
+    Raises
+    ------
+    InvalidInput
+        If they are of another robot, or cannot be read so.
+    """
     choice = run.study.data
+    if run.study.fits_runs:
+        with collected_warnings() as warnings, naming(records):
+            runs = run_spectra(
+                read_records(records), choice.noise, hold=choice.hold, delay=choice.delay
+            )
+            check_model(run.robot, runs)
+        return Data(runs, warnings=tuple(warnings))
     measured = measured_frf(
         records,
         choice.method,

@@ -160,7 +160,7 @@ def measured_design(
 
     def compute(folder: Path, report: Progress | None) -> StudyDesign:
         relaxed = optimal_design(info.value, tolerance=choice.tolerance, solver=choice.solver)
-        counts = data.value.estimate.repetitions
+        counts = data.value.repetitions
         total = np.tensordot(counts, info.value.matrices, axes=1)
         value = named_criterion("D").value(total / counts.sum())
         best = named_criterion("D").value(relaxed.information)

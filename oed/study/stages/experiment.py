@@ -13,6 +13,7 @@ from oed.study.stage_cache import Files, Stage
 from oed.study.stages.run import SimulatedRun, Visits
 from robotmodels.common.arrays import Array, IntArray
 from robotmodels.common.dataclass_files import read_dataclass, write_dataclass
+from robotmodels.common.errors import InvalidInput
 from robotmodels.common.progress import Progress
 
 
@@ -52,6 +53,24 @@ def experiment(
         **run.settings("seed"),
     }
     return run.stages.run("experiment", inputs, compute, Files(_save, _load))
+
+
+def runs_of_block(run: SimulatedRun) -> int:
+    """Return how many runs a block has.
+
+    Raises
+    ------
+    InvalidInput
+        If FRFs need more.
+    """
+    excitation, motors = run.study.data.experiment, len(run.robot.motor_names)
+    runs = motors if excitation is None else excitation.runs or motors
+    if runs < motors and not run.study.fits_runs:
+        raise InvalidInput(
+            f"data.experiment.runs: {runs}; FRFs need {motors}, as many as motors: leave it out, "
+            "or fit runs (residual sml)"
+        )
+    return runs
 
 
 def simulate_experiment(

@@ -14,10 +14,13 @@ _LOG.addHandler(logging.NullHandler())
 _MOST_NAMED = 3
 
 
-def warn_of_few_frequencies(run: Run, omega: Array) -> None:
-    """Warn where the real data of a position are fewer than the free parameters."""
+def warn_of_few_frequencies(run: Run, omega: Array, columns: int) -> None:
+    """Warn where the real data of a position are fewer than the free parameters.
+
+    Each output has as many `columns` as there are inputs of FRFs, or runs.
+    """
     robot = run.robot
-    responses = len(robot.output_names) * len(robot.motor_names)
+    responses = len(robot.output_names) * columns
     data, parameters = 2 * len(omega) * responses, len(robot.parameters)
     if data < parameters:
         _LOG.warning(

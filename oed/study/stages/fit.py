@@ -8,18 +8,20 @@ from typing import Any
 import numpy as np
 
 from estimators.fitting.fit_files import read_fits, write_fits
+from estimators.fitting.fit_problem import Measured
 from estimators.fitting.fitted_robot import robot_prior
 from estimators.fitting.least_squares import Fit, fit as fit_from, reweighted
 from estimators.fitting.multistart import multistart, perturbed_starts
 from estimators.fitting.priors import Prior
 from estimators.fitting.residuals import find_residual
+from estimators.fitting.run_fit import RunFit
 from estimators.fitting.weights import (
     MINIMUM_SNR,
     combined_weights,
     optimal_weights,
     user_weights,
 )
-from estimators.frf.frf_estimate import FrfEstimate
+from estimators.input_output.run_spectra import RunSpectra
 from estimators.uncertainty.covariance import covariance
 from oed.study.settings.fit_settings import Estimator, FitChoice
 from oed.study.stage_cache import Files, Stage
@@ -45,17 +47,17 @@ class Search:
     ----------
     estimator : Estimator
         Residual, weights and positions.
-    runs : tuple of Fit
+    runs : tuple of Fit or RunFit
         One fit per start, the least cost first.
-    result : Fit
+    result : Fit or RunFit
         The best run; if the estimator asks for it, once more with optimal weights at its FRF.
     positions : ndarray of int
         Which of the data's positions the estimator uses.
     """
 
     estimator: Estimator
-    runs: tuple[Fit, ...]
-    result: Fit
+    runs: tuple[Fit | RunFit, ...]
+    result: Fit | RunFit
     positions: IntArray
 
     @property
@@ -65,9 +67,10 @@ class Search:
 
     @property
     def is_likelihood(self) -> bool:
-        """Whether the cost is that of all data, weighted as the stated noise has it."""
-        kind, logarithmic = self.estimator, find_residual(self.estimator.residual).relative
-        return not logarithmic and (kind.weights, kind.positions) == ("optimal", "all")
+        """Whether the cost is that of all data, weighted as the noise has it."""
+        kind = self.estimator
+        by_noise = kind.weights in ("optimal", "auto") and kind.positions == "all"
+        return by_noise and not self.result.logarithmic
 
     def reached(self, best: float | None = None) -> int:
         """Return how many starts ended at the cost `best`, by default the best of these."""
@@ -94,18 +97,20 @@ def fit(
     SolverFailed
         If no start led to an answer.
     """
-    whole, choice = data.value.estimate, run.study.fit
+    whole, choice = data.value.measured, run.study.fit
 
     def compute(folder: Path, report: Progress | None) -> Search:
         positions = positions_of(estimator, run.robot, whole, choice)
         runs = _runs(run, estimator, whole.subset(positions), starts, folder / _STORE, report)
-        best = reweighted(runs[0]) if estimator.reweight else runs[0]
+        best = runs[0]
+        if estimator.reweight and isinstance(best, Fit):
+            best = reweighted(best)
         return Search(estimator, runs, best, positions)
 
     def load(folder: Path) -> Search:
         positions = _read_positions(folder / _POSITIONS, len(whole.positions))
         estimate = whole.subset(positions)
-        runs = read_fits(folder / "runs.h5", run.robot, estimate)
+        runs: tuple[Fit | RunFit, ...] = read_fits(folder / "runs.h5", run.robot, estimate)
         (result,) = read_fits(folder / "result.h5", run.robot, estimate)
         return Search(estimator, runs, result, positions)
 
@@ -127,14 +132,14 @@ def fit(
 def _runs(
     run: Run,
     estimator: Estimator,
-    estimate: FrfEstimate,
+    estimate: Measured,
     starts: Array,
     store: Path,
     report: Progress | None,
-) -> tuple[Fit, ...]:
+) -> tuple[Fit | RunFit, ...]:
     """Return the fits from all starts, the least cost first."""
     minimiser = run.study.fit.minimiser
-    runs = multistart(
+    runs: tuple[Fit | RunFit, ...] = multistart(
         run.robot,
         estimate,
         starts,
@@ -164,7 +169,7 @@ def prior_of(run: Run) -> Prior | None:
 
 
 def positions_of(
-    estimator: Estimator, robot: ElasticRobot, estimate: FrfEstimate, choice: FitChoice
+    estimator: Estimator, robot: ElasticRobot, estimate: Measured, choice: FitChoice
 ) -> IntArray:
     """Return which positions of the data an estimator uses.
 
@@ -202,7 +207,7 @@ def positions_of(
 
 
 def _log_volume(
-    estimator: Estimator, robot: ElasticRobot, estimate: FrfEstimate, choice: FitChoice
+    estimator: Estimator, robot: ElasticRobot, estimate: Measured, choice: FitChoice
 ) -> float:
     """Return the logarithm of the determinant of an estimator's covariance at nominal values."""
     weights = weights_of(estimator, estimate, choice)
@@ -215,9 +220,11 @@ def _log_volume(
 
 
 def weights_of(
-    estimator: Estimator, estimate: FrfEstimate, choice: FitChoice
+    estimator: Estimator, estimate: Measured, choice: FitChoice
 ) -> str | Array | ComplexArray:
     """Return the weights of an estimator: a name where they are the usual ones of that name."""
+    if isinstance(estimate, RunSpectra):
+        return estimator.weights
     logarithmic = find_residual(estimator.residual).relative
     minimum_snr = choice.minimum_snr if logarithmic else 0.0
     if estimator.weights == "user":
@@ -244,7 +251,7 @@ def weighting_of(choice: FitChoice) -> dict[str, Any]:
     return choice.model_dump(mode="json", include={"user_weights", "minimum_snr", "variances"})
 
 
-def start_number(starts: Array, run: Fit) -> int:
+def start_number(starts: Array, run: Fit | RunFit) -> int:
     """Return which of the starts (N, p), from 0, a run came from."""
     return int(np.flatnonzero((starts == run.start).all(axis=1))[0])  # it is the very same array
 

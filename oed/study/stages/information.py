@@ -10,6 +10,8 @@ from pathlib import Path
 import numpy as np
 
 import estimators
+from estimators.fitting.run_problem import run_problem
+from estimators.input_output.run_spectra import RunSpectra
 from oed.candidates.screening import ScreenedCandidates
 from oed.information_sets.compute import information as compute_information
 from oed.information_sets.information_set import InformationSet
@@ -108,11 +110,13 @@ def measured_information(run: MeasuredRun, data: Stage[Data]) -> Stage[Informati
     """Return the information of one experiment in each measured position, at the robot's values."""
 
     def compute(folder: Path, report: Progress | None) -> InformationSet:
-        estimate = data.value.estimate
+        estimate, names = data.value.measured, run.robot.parameters.names
+        if isinstance(estimate, RunSpectra):
+            matrices = run_problem(run.robot, estimate).information(run.robot.parameters.values)
+            return InformationSet(estimate.positions, matrices, names)
         _, slopes = sensitivity(run.robot, estimate.positions, estimate.omega)
         matrices = estimators.information(slopes, 1 / estimate.variance)
         repetitions = estimate.repetitions[:, None, None]
-        names = run.robot.parameters.names
         return InformationSet(estimate.positions, matrices / repetitions, names)
 
     inputs = {"robot": run.robot_digest, "data": data.digest}

@@ -8,6 +8,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 from estimators.fitting.least_squares import Fit, likelihood_fit
+from estimators.fitting.run_fit import RunFit
 from estimators.sampling.convergence import StoppingCriterion
 from estimators.sampling.log_posterior import has_noise_weights
 from estimators.sampling.posterior import Posterior, check_sizes, sample_posterior
@@ -47,18 +48,20 @@ def posterior(run: Run, result: Stage[SelectedFit]) -> Stage[Posterior]:
 
 def cost_posterior(run: Run, result: Stage[SelectedFit]) -> Stage[Posterior] | None:
     """Return draws by the result's cost, if its weights are not those of the noise."""
-    if has_noise_weights(result.value.fit):
+    if isinstance(result.value.fit, RunFit) or has_noise_weights(result.value.fit):
         return None
     return _sampled(run, result, "cost-posterior", lambda fit: fit)
 
 
-def likelihood_of(fit: Fit) -> Fit:
+def likelihood_of(fit: Fit | RunFit) -> Fit | RunFit:
     """Return the fit whose cost is the likelihood: itself if its weights are the noise's."""
-    return fit if has_noise_weights(fit) else likelihood_fit(fit)
+    if isinstance(fit, RunFit) or has_noise_weights(fit):
+        return fit
+    return likelihood_fit(fit)
 
 
 def _sampled(
-    run: Run, result: Stage[SelectedFit], name: str, density: Callable[[Fit], Fit]
+    run: Run, result: Stage[SelectedFit], name: str, density: Callable[[Fit | RunFit], Fit | RunFit]
 ) -> Stage[Posterior]:
     choice = run.study.posterior
 

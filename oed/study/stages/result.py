@@ -6,8 +6,10 @@ from pathlib import Path
 from typing import Any
 
 from estimators.fitting.fit_files import read_fits, write_fits
+from estimators.fitting.fit_problem import Measured
 from estimators.fitting.least_squares import Fit, fit
-from estimators.frf.frf_estimate import FrfEstimate
+from estimators.fitting.run_fit import RunFit
+from estimators.input_output.run_spectra import RunSpectra
 from oed.study.stage_cache import Files, Stage
 from oed.study.stages.data import Data
 from oed.study.stages.fit import SAME_COST, Search, start_number
@@ -23,14 +25,14 @@ class SelectedFit:
 
     Attributes
     ----------
-    fit : Fit
-        Fit by the estimator that the study names, or else by NLS with optimal weights (the
-        likelihood of the stated noise), best of all.
+    fit : Fit or RunFit
+        Fit by the estimator that the study names, or else by the likelihood of the noise: NLS with
+        optimal weights, or of runs SML; best of all.
     origin : str
         Where its search began, for people.
     """
 
-    fit: Fit
+    fit: Fit | RunFit
     origin: str
 
 
@@ -38,7 +40,7 @@ def result(
     run: Run, data: Stage[Data], searches: Mapping[str, Stage[Search]], starts: Array
 ) -> Stage[SelectedFit]:
     """Return the study's result: the estimator it names, or else the likelihood's best fit."""
-    estimate, name = data.value.estimate, run.study.fit.result
+    estimate, name = data.value.measured, run.study.fit.result
     finished = {key: stage.value for key, stage in searches.items()}
 
     def compute(folder: Path, report: Progress | None) -> SelectedFit:
@@ -48,6 +50,7 @@ def result(
         return SelectedFit(search.result, origin_of(starts, search.runs[0]))
 
     def load(folder: Path) -> SelectedFit:
+        best: Fit | RunFit
         (best,) = read_fits(folder / "fit.h5", run.robot, estimate)
         return SelectedFit(best, (folder / "origin.txt").read_text(encoding="utf-8"))
 
@@ -57,20 +60,22 @@ def result(
 
 
 def best_likelihood(
-    robot: ElasticRobot, estimate: FrfEstimate, searches: Mapping[str, Search], starts: Array
+    robot: ElasticRobot, estimate: Measured, searches: Mapping[str, Search], starts: Array
 ) -> SelectedFit:
-    """Return the best NLS fit with optimal weights, and where its search began.
+    """Return the best fit by the likelihood, and where its search began.
 
-    That cost is the exact likelihood of circular complex noise of known covariance. Besides the
-    perturbed starts it is tried from the result of every other estimator.
+    That is NLS with optimal weights, the exact likelihood of circular complex noise of known
+    covariance; of runs SML. Besides the perturbed starts it is tried from the result of every other
+    estimator.
     """
+    kind = ("sml", "auto") if isinstance(estimate, RunSpectra) else ("nls", "optimal")
     from_starts, from_fits = [], []
     for name, search in searches.items():
         if search.is_likelihood:
             from_starts.append(SelectedFit(search.runs[0], origin_of(starts, search.runs[0])))
         else:
             values, prior = search.result.parameters.values, search.result.prior
-            refined = fit(robot, estimate, "nls", "optimal", start=values, prior=prior)
+            refined = fit(robot, estimate, *kind, start=values, prior=prior)
             from_fits.append(SelectedFit(refined, f"the {name.replace('_', ' ')} fit"))
     # Perturbed starts first: they owe nothing to other estimators.
     candidates = from_starts + from_fits
@@ -78,7 +83,7 @@ def best_likelihood(
     return next(one for one in candidates if one.fit.cost <= best * (1 + SAME_COST))
 
 
-def origin_of(starts: Array, run: Fit) -> str:
+def origin_of(starts: Array, run: Fit | RunFit) -> str:
     """Return the start of a run in words."""
     return f"perturbed start {start_number(starts, run) + 1}"
 

@@ -9,13 +9,14 @@ from pathlib import Path
 
 import numpy as np
 
-from estimators.frf.frf_estimate import FrfEstimate, simulate_frf
+from estimators.fitting.fit_problem import Measured
+from estimators.frf.frf_estimate import simulate_frf
 from estimators.frf.repeated_visits import distortion_in
 from estimators.uncertainty.covariance import Uncertainty
 from estimators.validation.held_out_positions import Validation, validate
 from oed.study.settings.study_file import ValidationChoice
 from oed.study.stage_cache import Stage, dataclass_files
-from oed.study.stages.data import Data, frf_of
+from oed.study.stages.data import Data, read_data
 from oed.study.stages.design import StudyDesign
 from oed.study.stages.experiment import simulate_experiment
 from oed.study.stages.information import Information
@@ -34,12 +35,12 @@ class Split:
     ----------
     fitted : Data
         Data of the positions that are fitted.
-    held_out : FrfEstimate
-        FRFs in the other positions.
+    held_out : FrfEstimate or RunSpectra
+        Data in the other positions.
     """
 
     fitted: Data
-    held_out: FrfEstimate
+    held_out: Measured
 
 
 def split(run: MeasuredRun, choice: ValidationChoice, data: Stage[Data]) -> Stage[Split]:
@@ -50,7 +51,7 @@ def split(run: MeasuredRun, choice: ValidationChoice, data: Stage[Data]) -> Stag
     InvalidInput
         If there are no such positions, or none remains to fit.
     """
-    estimate = data.value.estimate
+    estimate = data.value.measured
     out = _positions_out(run, choice, len(estimate.positions))
 
     def compute(folder: Path, report: Progress | None) -> Split:
@@ -58,7 +59,7 @@ def split(run: MeasuredRun, choice: ValidationChoice, data: Stage[Data]) -> Stag
         distortion = data.value.distortion
         part = replace(
             data.value,
-            estimate=estimate.subset(fitted),
+            measured=estimate.subset(fitted),
             distortion=None if distortion is None else distortion_in(distortion, fitted),
         )
         return Split(part, estimate.subset(out))
@@ -89,17 +90,17 @@ def _positions_out(run: MeasuredRun, choice: ValidationChoice, count: int) -> In
 
 @dataclass(frozen=True, eq=False)
 class HeldOut:
-    """FRFs in positions that were not fitted, and how they lie in their predicted bands.
+    """Data in positions that were not fitted, and how they lie in their predicted bands.
 
     Attributes
     ----------
-    estimate : FrfEstimate
-        The FRFs.
+    measured : FrfEstimate or RunSpectra
+        The data.
     theorem1 : Validation
         Judged with Theorem 1's covariance.
     """
 
-    estimate: FrfEstimate
+    measured: Measured
     theorem1: Validation
 
 
@@ -152,10 +153,10 @@ def measured_validation(
 
 
 def _held_out(
-    run: Run, estimate: FrfEstimate, result: Stage[SelectedFit], theorem1: Stage[Uncertainty]
+    run: Run, measured: Measured, result: Stage[SelectedFit], theorem1: Stage[Uncertainty]
 ) -> HeldOut:
     values = result.value.fit.parameters.values
-    return HeldOut(estimate, validate(run.robot, values, estimate, theorem1.value))
+    return HeldOut(measured, validate(run.robot, values, measured, theorem1.value))
 
 
 def _unused(run: SimulatedRun, count: int, info: Information, plan: StudyDesign) -> Array:
@@ -171,13 +172,13 @@ def _unused(run: SimulatedRun, count: int, info: Information, plan: StudyDesign)
 
 def _simulated(
     run: SimulatedRun, positions: Array, folder: Path, report: Progress | None
-) -> FrfEstimate:
-    """Return FRFs simulated as the data of the study, once in each position."""
+) -> Measured:
+    """Return data simulated as the data of the study, once in each position."""
     once, rng = np.ones(len(positions), dtype=np.int64), run.rng("held out")
     excitation = run.study.data.experiment
     if excitation is None:
         return simulate_frf(run.plant, positions, run.omega, run.noise, rng, once)
     simulated = simulate_experiment(run, excitation, positions, once, rng, folder, report)
-    estimate = frf_of(run, simulated.records).estimate
+    measured = read_data(run, simulated.records).measured
     simulated.records.unlink()
-    return estimate
+    return measured
