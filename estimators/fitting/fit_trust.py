@@ -7,6 +7,7 @@ import numpy as np
 
 from estimators.fitting.fit_problem import FitProblem
 from estimators.fitting.residuals import loss_factors
+from estimators.frf.repeated_visits import visits_of
 from estimators.trust.directed_tests import Directions
 from estimators.trust.intervals import VERDICTS, Verdict
 from estimators.trust.line_scatter import Scatter
@@ -168,9 +169,10 @@ def model_directions(
         units.append(unit)
         columns.append(column)
     parameters = model.parameters.names
-    count = len(positions) if len(positions) > 1 else 0
+    visits = visits_of(positions)
+    visits = visits if len(visits) > 1 else []
     half = len(omega) // 2 if len(omega) > 3 else 0
-    local = [f"{name} in position {q + 1}" for q in range(count) for name in parameters]
+    local = [f"{name} in position {q + 1}" for q in range(len(visits)) for name in parameters]
     if half:
         local += [f"{name} below {omega[half] / (2 * np.pi):.3g} Hz" for name in parameters]
     stacked = np.stack(columns, axis=-1)
@@ -179,7 +181,7 @@ def model_directions(
         (*units, *["relative"] * len(local)),
         changes(stacked),
         changes(jacobian),
-        count,
+        tuple(visits),
         half,
     )
 

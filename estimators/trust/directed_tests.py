@@ -36,15 +36,17 @@ class Directions:
         Change of the modelled values with a coefficient of one.
     jacobian : Lines, (Q, F, k, p)
         Change with ln theta, of which single positions and half of the lines are directions.
-    positions, half : int
-        How many positions are tested one by one; how many lines are the lower half.
+    visits : tuple of ndarray of int
+        Rows of each position that is tested alone: its visits.
+    half : int
+        How many lines are the lower half.
     """
 
     names: tuple[str, ...]
     units: tuple[str, ...]
     columns: Lines
     jacobian: Lines
-    positions: int = 0
+    visits: tuple[IntArray, ...] = ()
     half: int = 0
 
     @cached_property
@@ -64,10 +66,10 @@ class Directions:
         step = max(1, _TOGETHER // max(lines, 1))
         for first in range(0, self.columns.shape[-1], step):
             yield self.columns[..., first : first + step]
-        for q in range(self.positions):
+        for rows in self.visits:
             for first in range(0, p, step):
                 part = np.zeros_like(self.jacobian[..., first : first + step])
-                part[q] = self.jacobian[q, ..., first : first + step]
+                part[rows] = self.jacobian[rows, ..., first : first + step]
                 yield part
         for first in range(0, p if self.half else 0, step):
             part = self.jacobian[..., first : first + step].copy()

@@ -1,12 +1,14 @@
 """What a fit leaves unexplained: is it noise, and if not, where is it."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from estimators.fitting.fitted_model import FittedModel
+from estimators.frf.repeated_visits import visits_of
 from estimators.trust.line_correlation import correlation_of_residuals, lagged_products
-from estimators.trust.linearised_fit import LinearisedFit
+from estimators.trust.linearised_fit import LinearisedFit, Lines
 from estimators.trust.residual_size import residual_size
 from estimators.trust.rule import find_correlation
 from robotmodels.common.arrays import IMPROBABLE, Array, IntArray
@@ -31,7 +33,7 @@ class ResidualAnalysis(ReprHtml):
     p_value : float
         Probability of a ratio as large or larger, allowing for correlation along the lines.
     by_position : ndarray, (Q,)
-        The same ratio by position.
+        The same ratio by position, of all visits to it.
     by_element : ndarray, (m, n) or (m, E)
         The same by element of the FRF, or by output and run; not a number where none was used.
     autocorrelation : ndarray, (L,)
@@ -105,8 +107,10 @@ def residual_analysis(fit: FittedModel, lags: int = LAGS) -> ResidualAnalysis:
     size = residual_size(linear, find_correlation(linear))
     square = linear.noise_weights * np.abs(linear.residuals) ** 2
     each = linear.noise_weights * linear.element_variances * (size.expected / _stated(linear))
+    visits = visits_of(problem.positions)
+    squares = _sums(square, visits)
     with np.errstate(invalid="ignore", divide="ignore"):
-        by_position = square.sum(axis=(1, 2)) / each.sum(axis=(1, 2))
+        by_position = squares / _sums(each, visits)
         by_element = problem.by_output(square.sum(axis=(0, 1)) / each.sum(axis=(0, 1)))
     products = lagged_products((np.sqrt(linear.noise_weights) * linear.residuals)[:, None], lags)
     return ResidualAnalysis(
@@ -116,18 +120,22 @@ def residual_analysis(fit: FittedModel, lags: int = LAGS) -> ResidualAnalysis:
         by_position=by_position,
         by_element=by_element,
         autocorrelation=np.array([p.sum() for p in products]) / square.sum(),
-        position_autocorrelation=products[0].sum(axis=(1, 2))
-        / np.maximum(square.sum(axis=(1, 2)), 1e-300),
+        position_autocorrelation=_sums(products[0], visits) / np.maximum(squares, 1e-300),
         whiteness_p_value=correlation_of_residuals(linear).probability,
-        outlying=_outlying(by_position, linear),
+        outlying=_outlying(by_position, linear, visits),
     )
+
+
+def _sums(values: Lines, visits: Sequence[IntArray]) -> Array:
+    """Return the sums of values (V, F, k) over all visits to each position, (Q,)."""
+    return np.array([values[rows].sum() for rows in visits])
 
 
 def _stated(fit: LinearisedFit) -> float:
     return float((fit.noise_weights * fit.element_variances).sum())
 
 
-def _outlying(ratio: Array, fit: LinearisedFit) -> IntArray:
+def _outlying(ratio: Array, fit: LinearisedFit, visits: Sequence[IntArray]) -> IntArray:
     """Return which positions' ratio is too large beside the others'.
 
     Too large is what noise alone exceeds in one position of a hundred analyses (F law), and also
@@ -135,11 +143,12 @@ def _outlying(ratio: Array, fit: LinearisedFit) -> IntArray:
     """
     from scipy.stats import f as f_law
 
-    data = fit.parts * fit.used.sum(axis=(1, 2))
+    data = fit.parts * _sums(fit.used, visits)
     seen = data > 0
     middle = float(np.nanmedian(ratio))
     spread = 1.4826 * float(np.nanmedian(np.abs(ratio - middle)))
-    noise = np.minimum(data * fit.degrees_of_freedom, 1e9)
+    freedom = fit.degrees_of_freedom[:, None, None]
+    noise = np.minimum(fit.parts * _sums(np.where(fit.used, freedom, 0.0), visits), 1e9)
     chance = f_law.isf(FALSE_ALARM / len(ratio), np.where(seen, data, 1), np.maximum(noise, 1))
     limit = np.maximum(middle * chance, middle + 4 * spread)
     return np.flatnonzero(seen & (ratio > limit))

@@ -80,7 +80,7 @@ def fit_as_published(
             plan,
             RunRecord((), run.stages.seconds, run.stages.loaded, versions()),
             SimulatedData(
-                measured=part.measured,
+                estimate=part.estimate,
                 distortion=part.distortion,
                 warnings=part.warnings,
                 plant=run.plant,

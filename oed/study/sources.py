@@ -100,7 +100,7 @@ class SimulatedStudy(SimulatedDesign):
         """The data."""
         data, simulated = self.data.value, self.experiment
         return SimulatedData(
-            measured=data.measured,
+            estimate=data.estimate,
             distortion=data.distortion,
             warnings=data.warnings,
             plant=self.run.plant,
@@ -141,7 +141,7 @@ class MeasuredStudy:
         parts = None if choice is None else split(run, choice, data)
         if parts is not None:
             data = Stage(data.name, parts.value.fitted, parts.digest, parts.seconds, parts.loaded)
-        warn_of_few_frequencies(run, data.value.measured.omega, data.value.columns)
+        warn_of_few_frequencies(run, data.value.estimate.omega, data.value.columns)
         info = measured_information(run, data)
         study = cls(run, parts, data, info, measured_design(run, info, data))
         warn_of_weak_combinations(study.plan.promise)
@@ -156,7 +156,7 @@ class MeasuredStudy:
             design=stage.design,
             exact=stage.exact,
             used=stage.used,
-            omega=self.data.value.measured.omega,
+            omega=self.data.value.estimate.omega,
             runs_per_visit=self.data.value.columns,
             visit_share=1.0,
         )
@@ -165,7 +165,7 @@ class MeasuredStudy:
     def results_data(self) -> MeasuredData:
         """The data."""
         data = self.data.value
-        return MeasuredData(data.measured, data.distortion, data.warnings)
+        return MeasuredData(data.estimate, data.distortion, data.warnings)
 
     def comparison(self) -> Stage[PlanComparison] | None:
         """Return None: plans are compared where data are simulated."""

@@ -50,8 +50,8 @@ def visit_labels(results: StudyResults) -> list[str]:
     of_positions = labels(results)
     if results.measured:
         return of_positions
-    visits = visits_of(results.data.measured.positions)
-    words = [""] * len(results.data.measured.positions)
+    visits = visits_of(results.data.estimate.positions)
+    words = [""] * len(results.data.estimate.positions)
     for label, several in zip(of_positions, visits, strict=True):
         for count, visit in enumerate(several, start=1):
             words[visit] = f"{label}, visit {count}" if len(several) > 1 else label

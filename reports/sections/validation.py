@@ -31,7 +31,7 @@ def section(results: StudyResults) -> Section | None:
         validation=validation,
         measured=results.measured,
         data=data_words(results),
-        count=len(validation.measured.positions),
+        count=len(validation.estimate.positions),
         judged=judged_table(validation),
         positions=position_table(results, validation),
         calibration=figure(
@@ -78,7 +78,7 @@ def position_table(results: StudyResults, validation: HeldOut) -> Table:
     straight = prismatic(results)
     rows: list[Row] = []
     at = _highest(validation.theorem1)
-    for q, position in enumerate(validation.measured.positions):
+    for q, position in enumerate(validation.estimate.positions):
         angles = ", ".join(text.format_position(position, straight))
         share = float(validation.theorem1.by_position[q, at])
         rows.append([angles, Number(text.percent(share), share)])

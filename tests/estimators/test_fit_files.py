@@ -1,6 +1,7 @@
 import numpy as np
 import pytest
 from mass_springs import OMEGA, MassSprings
+from noisy_runs import noisy_runs
 from test_frf_estimate import full_covariance
 from test_least_squares import MODEL, TRUTH, exact, noisy
 
@@ -95,3 +96,21 @@ def test_files_that_do_not_fit_are_refused(tmp_path):
     )
     with pytest.raises(InvalidInput, match="weights of shape"):
         read_fits(path, MODEL, shorter)
+
+
+@pytest.mark.parametrize("weights", ["joint", "row_wise"])
+def test_fits_to_runs_come_back(weights, tmp_path):
+    data, path = noisy_runs(np.random.default_rng(1), 1), tmp_path / "fits.h5"
+    prior = Prior(("k1",), np.array([800.0]), np.array([0.1]))
+    (written,) = multistart(MODEL, data, [TRUTH], weights=weights, positions=[2, 0], prior=prior)
+    write_fits(path, [written])
+    (read,) = read_fits(path, MODEL, data)
+    assert [getattr(read, n) for n in FIELDS] == [getattr(written, n) for n in FIELDS]
+    assert (read.weighting, read.prior.names) == (weights, ("k1",))
+    assert np.array_equal(read.data.outputs, written.data.outputs)
+    assert read.problem.evaluate(TRUTH)[0] @ read.problem.evaluate(TRUTH)[0] > 0
+    with pytest.raises(InvalidInput, match="weights_0"):
+        read_fits(path, MODEL, noisy())
+    write_fits(path, fits(noisy()))
+    with pytest.raises(InvalidInput, match=r"weights_0|other data"):
+        read_fits(path, MODEL, data)

@@ -296,3 +296,47 @@ def test_a_prior_counts_as_data() -> None:
     assert fitted.parameters.values[0] == pytest.approx(TRUTH[0], rel=1e-5)
     assert covariance(fitted).std[0] == pytest.approx(1e-6, rel=1e-2)
     assert "sml fit: converged" in str(fitted)
+
+
+@pytest.mark.parametrize("row_wise", [False, True])
+def test_the_information_of_positions_is_that_of_the_true_inputs(row_wise: bool) -> None:
+    """On average over noise, whatever the model's distance from the fit; E = 2, 50 % noise."""
+    clean = noisy_runs(np.random.default_rng(0), 2, 0.0, 1e-9, correlated=False)
+    noise = noisy_runs(np.random.default_rng(0), 2, 0.5).covariance
+    expected = problem(replace(clean, covariance=noise), row_wise)
+    H = expected.information(OFF)
+    _, J = expected.derived(OFF)
+    root = np.linalg.cholesky(noise)
+    drawn = []
+    rng = np.random.default_rng(1)
+    for _ in range(60):
+        N = np.einsum("qfij,qefj->qefi", root, circular(rng, Q, 2, F, 4))
+        noisy = replace(
+            clean,
+            covariance=noise,
+            inputs=clean.inputs + N[..., 2:],
+            outputs=clean.outputs + N[..., :2],
+        )
+        drawn.append(problem(noisy, row_wise).information(OFF))
+    mean, std = np.mean(drawn, axis=0), np.std(drawn, axis=0) / np.sqrt(len(drawn))
+    truth = H + _noise_share(expected, J)
+    size = np.sqrt(np.einsum("qi,qj->qij", *[np.einsum("qii->qi", truth)] * 2))
+    std = np.maximum(std, 1e-9 * size)  # of a spring and its own damper it is zero
+    assert np.abs((mean - truth) / std).max() < 5
+    assert np.abs((mean - 1.3 * truth) / std).max() > 5  # so narrow is the test
+
+
+def _noise_share(one: RunProblem, jacobian: np.ndarray) -> np.ndarray:
+    """What `information` takes off for noise of inputs that, here, are clean."""
+    errors = one.errors(OFF)
+    still = replace(errors, gain=np.zeros_like(errors.gain))
+    noise = input_scatter(one.likelihood, still, jacobian)
+    return np.stack([products(a, a) for a in noise])
+
+
+def test_without_noise_of_inputs_the_information_is_the_bread() -> None:
+    data = noisy_runs(np.random.default_rng(2), 3, 0.0, 0.1, correlated=False)
+    one = problem(data)
+    bread = one.sandwich_parts(OFF)[0]
+    size = np.sqrt(np.outer(np.diag(bread), np.diag(bread)))
+    np.testing.assert_allclose(one.information(OFF).sum(axis=0) / size, bread / size, atol=1e-10)

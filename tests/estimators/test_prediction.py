@@ -1,6 +1,7 @@
 import numpy as np
 import pytest
 from mass_springs import OMEGA, POSITIONS, MassSprings
+from noisy_runs import noisy_runs
 from test_least_squares import MODEL
 from test_profile import noisy
 
@@ -14,6 +15,7 @@ from estimators import (
     validate,
     workspace_map,
 )
+from estimators.fitting.run_problem import run_problem
 from robotmodels import (
     InvalidInput,
     RelativeNoise,
@@ -182,3 +184,23 @@ def test_what_cannot_be_predicted_is_named(known):
     with pytest.raises(InvalidInput, match=r"levels: 0\.5 to 1; between"):
         validate(MODEL, TRUTH, held_out(MODEL, 0), known, np.array([0.5, 1.0]))
     assert len(POSITIONS) == 3
+
+
+@pytest.mark.parametrize("weighting", ["joint", "row_wise"])
+def test_runs_that_were_not_fitted_are_predicted(weighting):
+    """Covariances of 8 or 5 degrees of freedom, 30 % noise of torques, two runs."""
+    freedom = {"joint": 8, "row_wise": 5}[weighting]
+    judged = []
+    for seed in range(20):
+        rng = np.random.default_rng(seed)
+        data, other = (noisy_runs(rng, 2, 0.3, freedom=freedom) for _ in range(2))
+        one = fit(MODEL, data)
+        judged.append(validate(MODEL, one.parameters.values, other, covariance(one)))
+    assert run_problem(MODEL, other).weighting == weighting
+    n = len(judged)
+    misfits = np.array([f.misfit for f in judged])
+    assert misfits.mean() == pytest.approx(1.0, abs=4 * misfits.std() / np.sqrt(n))
+    assert np.mean([f.probability for f in judged]) == pytest.approx(0.5, abs=4 / np.sqrt(12 * n))
+    assert np.mean([f.coverage[-1] for f in judged]) == pytest.approx(0.95, abs=0.02)
+    moved = one.parameters.values * 1.3
+    assert not validate(MODEL, moved, other, covariance(one)).calibrated

@@ -88,7 +88,8 @@ def analysis(**changes):
 
 
 def residual_section(found, trust):
-    return residuals.section(found, trust, ("m1",), ("m1", "m2"))
+    elements = residuals.element_table(found.by_element, "output", ("m1",), ("from m1", "from m2"))
+    return residuals.section(found, trust, elements)
 
 
 def test_residuals_are_stated_in_units_of_the_noise():

@@ -22,11 +22,11 @@
       experiment: {...}          # simulated in closed loop, keys as in an experiment file
       records: records.h5        # measured torques and angles
       frf: frf.h5                # measured FRFs
-      noise: auto                # of records fitted as runs: blocks, periods or detection; or [std
-                                 # of torques, of angles] in single samples
+      noise: auto                # or blocks, periods, detection: where that of runs is seen; or
+                                 # standard deviations of samples, [torque, angle]
       method: ari                # or har, log, h1, jio: of the FRFs from records
-      covariance: total          # of these: or noise, which misses distortion
-      structure: diagonal        # of these: or full, over the elements of an FRF
+      covariance: total          # or noise, which misses distortion
+      structure: diagonal        # or full, over the elements of an FRF
       delay: 0.0                 # of the angles after the torques, in records [s]
       hold: true                 # whether torques of records are held, as commanded ones are
     fit:                         # from several starts, by several estimators
@@ -72,14 +72,14 @@ from typing import Annotated, Literal, Self
 
 from pydantic import Field, model_validator
 
-from oed.experiment.experiment_file import ExcitationSettings
 from oed.study.settings.candidates_settings import CandidatesChoice
+from oed.study.settings.data_settings import DataChoice, ValidationChoice
 from oed.study.settings.design_settings import DesignChoice
 from oed.study.settings.fit_settings import SML, Estimator, FitChoice, Residual
 from robotmodels.common.errors import nearest
 from robotmodels.common.file_paths import existing_file, output_folder, robot_reference
 from robotmodels.common.yaml_files import FileSection, read_yaml
-from robotmodels.description.ranges import Count, Hertz, Index, NonNegative, Positive, Seed
+from robotmodels.description.ranges import Hertz, Positive, Seed
 
 MOST_DRAWS = 10**9
 """Steps of all walkers of a posterior; a thousandth of them takes some minutes."""
@@ -125,39 +125,6 @@ class Noise(FileSection):
         return self
 
 
-class DataChoice(FileSection):
-    """Where the data come from; FRFs by the noise law where none of the first three is given."""
-
-    experiment: ExcitationSettings | None = None
-    records: Path | None = None
-    frf: Path | None = None
-    noise: Literal["auto", "blocks", "periods", "detection"] | tuple[NonNegative, NonNegative] = (
-        "auto"
-    )
-    method: Literal["ari", "har", "log", "h1", "jio"] = "ari"
-    covariance: Literal["total", "noise"] = "total"
-    structure: Literal["diagonal", "full"] = "diagonal"
-    delay: Annotated[float, Field(ge=-1e3, le=1e3)] = 0.0
-    hold: bool = True
-
-    @model_validator(mode="after")
-    def _one_source(self) -> Self:
-        sources = [k for k in ("experiment", "records", "frf") if getattr(self, k) is not None]
-        if len(sources) > 1:
-            raise ValueError(f"{' and '.join(sources)} given; one of them is needed")
-        return self
-
-    @property
-    def measured(self) -> bool:
-        """Whether the data come from files."""
-        return self.records is not None or self.frf is not None
-
-    @property
-    def recorded(self) -> bool:
-        """Whether the data are records."""
-        return self.records is not None or self.experiment is not None
-
-
 class PosteriorChoice(FileSection):
     """Independent ensembles of emcee walkers, and when they have done enough steps.
 
@@ -178,26 +145,6 @@ class PosteriorChoice(FileSection):
             raise ValueError(
                 f"steps: {draws:.3g} steps of all walkers; at most {MOST_DRAWS:.3g} can be taken"
             )
-        return self
-
-
-class ValidationChoice(FileSection):
-    """Which positions check predictions instead of being fitted.
-
-    Of simulated data `count` candidates that the plan does not use; of measured data some of their
-    positions, counted from 0, or a share of them drawn at random.
-    """
-
-    count: Count | None = None
-    positions: Annotated[tuple[Index, ...], Field(min_length=1)] | None = None
-    share: Annotated[float, Field(gt=0, lt=1)] | None = None
-
-    @model_validator(mode="after")
-    def _one(self) -> Self:
-        keys = [k for k in ("count", "positions", "share") if getattr(self, k) is not None]
-        if len(keys) != 1:
-            listed = " and ".join(keys) or "none of count, positions and share"
-            raise ValueError(f"{listed} given; one of them is needed")
         return self
 
 

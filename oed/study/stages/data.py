@@ -32,7 +32,7 @@ class Data:
 
     Attributes
     ----------
-    measured : FrfEstimate or RunSpectra
+    estimate : FrfEstimate or RunSpectra
         FRFs, one for each position; or runs, of each visit to a position.
     distortion : Distortion or None
         Noise and distortion separately; None without repeated periods.
@@ -40,7 +40,7 @@ class Data:
         Warnings about the records or FRFs.
     """
 
-    measured: Measured
+    estimate: Measured
     distortion: Distortion | None = None
     warnings: tuple[str, ...] = ()
 
@@ -53,23 +53,23 @@ class Data:
         InvalidInput
             If runs are fitted.
         """
-        if isinstance(self.measured, RunSpectra):
+        if isinstance(self.estimate, RunSpectra):
             raise InvalidInput("fit: frequency responses are needed; these data are runs (sml)")
-        return self.measured
+        return self.estimate
 
     @property
     def repetitions(self) -> IntArray:
         """How many experiments each of the positions stands for, (Q,)."""
-        if isinstance(self.measured, RunSpectra):
-            return np.ones(len(self.measured.positions), dtype=np.int64)
-        return self.measured.repetitions
+        if isinstance(self.estimate, RunSpectra):
+            return np.ones(len(self.estimate.positions), dtype=np.int64)
+        return self.estimate.repetitions
 
     @property
     def columns(self) -> int:
         """How many runs, or inputs of FRFs, each position has."""
-        if isinstance(self.measured, RunSpectra):
-            return int(self.measured.inputs.shape[1])
-        return int(self.measured.response.shape[3])
+        if isinstance(self.estimate, RunSpectra):
+            return int(self.estimate.inputs.shape[1])
+        return int(self.estimate.response.shape[3])
 
 
 def data_by_noise_law(run: SimulatedRun, visits: Visits) -> Stage[Data]:

@@ -23,7 +23,7 @@ from estimators.fitting.weights import (
 )
 from estimators.input_output.run_spectra import RunSpectra
 from estimators.uncertainty.covariance import covariance
-from oed.study.settings.fit_settings import Estimator, FitChoice
+from oed.study.settings.fit_settings import SML, Estimator, FitChoice
 from oed.study.stage_cache import Files, Stage
 from oed.study.stages.data import Data
 from oed.study.stages.run import Run
@@ -32,6 +32,9 @@ from robotmodels.common.arrays import Array, ComplexArray, IntArray
 from robotmodels.common.errors import InvalidInput, NotIdentifiable, SolverFailed
 from robotmodels.common.progress import Progress
 from robotmodels.data_files.json_text import read_json
+
+LIKELIHOODS = ("nls", "optimal"), (SML, "auto")
+"""Residuals and weights of the likelihood, of FRFs and of runs."""
 
 SAME_COST = 1e-6
 """Costs this close, relatively, are one minimum."""
@@ -69,8 +72,7 @@ class Search:
     def is_likelihood(self) -> bool:
         """Whether the cost is that of all data, weighted as the noise has it."""
         kind = self.estimator
-        by_noise = kind.weights in ("optimal", "auto") and kind.positions == "all"
-        return by_noise and not self.result.logarithmic
+        return (kind.residual, kind.weights) in LIKELIHOODS and kind.positions == "all"
 
     def reached(self, best: float | None = None) -> int:
         """Return how many starts ended at the cost `best`, by default the best of these."""
@@ -97,7 +99,7 @@ def fit(
     SolverFailed
         If no start led to an answer.
     """
-    whole, choice = data.value.measured, run.study.fit
+    whole, choice = data.value.estimate, run.study.fit
 
     def compute(folder: Path, report: Progress | None) -> Search:
         positions = positions_of(estimator, run.robot, whole, choice)

@@ -110,7 +110,7 @@ def measured_information(run: MeasuredRun, data: Stage[Data]) -> Stage[Informati
     """Return the information of one experiment in each measured position, at the robot's values."""
 
     def compute(folder: Path, report: Progress | None) -> InformationSet:
-        estimate, names = data.value.measured, run.robot.parameters.names
+        estimate, names = data.value.estimate, run.robot.parameters.names
         if isinstance(estimate, RunSpectra):
             matrices = run_problem(run.robot, estimate).information(run.robot.parameters.values)
             return InformationSet(estimate.positions, matrices, names)

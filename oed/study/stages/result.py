@@ -12,7 +12,7 @@ from estimators.fitting.run_fit import RunFit
 from estimators.input_output.run_spectra import RunSpectra
 from oed.study.stage_cache import Files, Stage
 from oed.study.stages.data import Data
-from oed.study.stages.fit import SAME_COST, Search, start_number
+from oed.study.stages.fit import LIKELIHOODS, SAME_COST, Search, start_number
 from oed.study.stages.run import Run
 from robotmodels import ElasticRobot
 from robotmodels.common.arrays import Array
@@ -40,7 +40,7 @@ def result(
     run: Run, data: Stage[Data], searches: Mapping[str, Stage[Search]], starts: Array
 ) -> Stage[SelectedFit]:
     """Return the study's result: the estimator it names, or else the likelihood's best fit."""
-    estimate, name = data.value.measured, run.study.fit.result
+    estimate, name = data.value.estimate, run.study.fit.result
     finished = {key: stage.value for key, stage in searches.items()}
 
     def compute(folder: Path, report: Progress | None) -> SelectedFit:
@@ -68,7 +68,7 @@ def best_likelihood(
     covariance; of runs SML. Besides the perturbed starts it is tried from the result of every other
     estimator.
     """
-    kind = ("sml", "auto") if isinstance(estimate, RunSpectra) else ("nls", "optimal")
+    kind = LIKELIHOODS[isinstance(estimate, RunSpectra)]
     from_starts, from_fits = [], []
     for name, search in searches.items():
         if search.is_likelihood:

@@ -14,7 +14,7 @@ from estimators.frf.frf_estimate import simulate_frf
 from estimators.frf.repeated_visits import distortion_in
 from estimators.uncertainty.covariance import Uncertainty
 from estimators.validation.held_out_positions import Validation, validate
-from oed.study.settings.study_file import ValidationChoice
+from oed.study.settings.data_settings import ValidationChoice
 from oed.study.stage_cache import Stage, dataclass_files
 from oed.study.stages.data import Data, read_data
 from oed.study.stages.design import StudyDesign
@@ -51,7 +51,7 @@ def split(run: MeasuredRun, choice: ValidationChoice, data: Stage[Data]) -> Stag
     InvalidInput
         If there are no such positions, or none remains to fit.
     """
-    estimate = data.value.measured
+    estimate = data.value.estimate
     out = _positions_out(run, choice, len(estimate.positions))
 
     def compute(folder: Path, report: Progress | None) -> Split:
@@ -59,7 +59,7 @@ def split(run: MeasuredRun, choice: ValidationChoice, data: Stage[Data]) -> Stag
         distortion = data.value.distortion
         part = replace(
             data.value,
-            measured=estimate.subset(fitted),
+            estimate=estimate.subset(fitted),
             distortion=None if distortion is None else distortion_in(distortion, fitted),
         )
         return Split(part, estimate.subset(out))
@@ -94,13 +94,13 @@ class HeldOut:
 
     Attributes
     ----------
-    measured : FrfEstimate or RunSpectra
+    estimate : FrfEstimate or RunSpectra
         The data.
     theorem1 : Validation
         Judged with Theorem 1's covariance.
     """
 
-    measured: Measured
+    estimate: Measured
     theorem1: Validation
 
 
@@ -179,6 +179,6 @@ def _simulated(
     if excitation is None:
         return simulate_frf(run.plant, positions, run.omega, run.noise, rng, once)
     simulated = simulate_experiment(run, excitation, positions, once, rng, folder, report)
-    measured = read_data(run, simulated.records).measured
+    measured = read_data(run, simulated.records).estimate
     simulated.records.unlink()
     return measured
