@@ -107,8 +107,7 @@ def _directions(
     stacked: Lines = np.zeros(shape, dtype=complex)
     for k, column in enumerate(columns):
         stacked[0, ..., k] = np.swapaxes(column, 1, 2).reshape(lines, m * m)
-    units = ("relative",) * len(names)
-    return Directions(tuple(names), units, stacked, fit.jacobian, half=half)
+    return Directions(tuple(names), ("relative",) * len(names), stacked, fit.jacobian, half=half)
 
 
 def chain_intervals(trust: Trust, names: tuple[str, ...], values: Array) -> tuple[Interval, ...]:

@@ -27,7 +27,7 @@ def section(results: StudyResults, fit: RunFit) -> Section:
         shown=min(runs, MOST_RUNS),
         noise=noise_words(fit),
         row_wise=fit.row_wise,
-        states=fit.data.has_states,
+        data=fit.data,
         ratio=text.significant(fit.cost / fit.expected_cost, 4),
         units=dict.fromkeys(unit.replace("^2", "²") for unit in results.robot.output_units),
         lines=lines,
