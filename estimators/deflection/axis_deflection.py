@@ -23,7 +23,7 @@ from estimators.deflection.load_balance import (
     payload_mass,
 )
 from estimators.logs.correlated_regression import Regression, Series, regress
-from robotmodels.common.arrays import Array
+from robotmodels.common.arrays import Array, BoolArray
 from robotmodels.elastic.inverse_dynamics import MovementTorques
 
 _ROUNDS = 3  # after two, delays change by less than a microsecond
@@ -169,6 +169,44 @@ def deflection(
         ),
         elastic=float(np.std(torque) * abs(regression.coefficients[0])),
         deflection=float(np.std(targets)),
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class DeflectionHistory:
+    """The deflection of one gear in one record.
+
+    Attributes
+    ----------
+    time : ndarray, (N,), s
+        Times of the samples.
+    measured : ndarray, (N,), rad
+        Link less motor angle, less offset and delay of the link's encoder.
+    fitted : ndarray, (N,), rad
+        What gear torque and hysteresis make of it.
+    used : ndarray of bool, (N,)
+        Which samples were fitted.
+    """
+
+    time: Array
+    measured: Array
+    fitted: Array
+    used: BoolArray
+
+
+def deflection_history(
+    here: RecordEstimate, at: DeflectionAssumptions, axis: AxisDeflection, record: int
+) -> DeflectionHistory:
+    """Return the deflection of a gear in one of the records, beside what was fitted."""
+    series = _series(here, at, record, axis.motor, None)
+    shared, width = series.shared.shape[1], series.per_record.shape[1]
+    first = shared + width * record
+    coefficients = axis.regression.coefficients
+    return DeflectionHistory(
+        time=here.smooth[record].measured.time,
+        measured=series.target - series.per_record @ coefficients[first : first + width],
+        fitted=series.shared @ coefficients[:shared],
+        used=series.used,
     )
 
 

@@ -12,7 +12,14 @@ from estimators.deflection.assumptions import (
     SystematicTerm,
     systematic_terms,
 )
-from estimators.deflection.axis_deflection import AxisDeflection, RecordEstimate, estimate, sprung
+from estimators.deflection.axis_deflection import (
+    AxisDeflection,
+    DeflectionHistory,
+    RecordEstimate,
+    deflection_history,
+    estimate,
+    sprung,
+)
 from estimators.deflection.explained_share import explained_share
 from estimators.deflection.joint_movement import JointHistories, JointMovement, joint_movement
 from estimators.deflection.load_balance import moves, tells_weight
@@ -104,6 +111,36 @@ class DeflectionFit:
         shares = explained_share(self.estimate, self.at, movement, centred)
         pairs = zip(self.estimate.axes, shares, strict=True)
         return {self._spring(axis): share for axis, share in pairs if axis.compliance > 0}
+
+    @property
+    def verdict(self) -> Verdict:
+        """The verdict on all stiffnesses: what is missing, else how many have an interval."""
+        stiffnesses = [one for one in self.intervals() if one.name.endswith(".stiffness")]
+        told = sum(one.verdict.gives_interval for one in stiffnesses)
+        if self.flags:
+            return Verdict("model error", self.flags[0].sentence)
+        if not told:
+            return Verdict("not identifiable", "the movements tell no stiffness")
+        return Verdict("trustworthy", f"{told} of {len(stiffnesses)} stiffnesses have an interval")
+
+    def histories(self, spring: str) -> tuple[DeflectionHistory, ...]:
+        """Return measured and fitted deflections of a gear, record by record.
+
+        Parameters
+        ----------
+        spring : str
+            Name of its stiffness, such as ``g2.stiffness``.
+
+        Raises
+        ------
+        InvalidInput
+            If no such stiffness was fitted.
+        """
+        axes = {self._spring(axis): axis for axis in self.estimate.axes}
+        if spring not in axes:
+            raise InvalidInput(f"{spring!r} was not fitted; there are {', '.join(axes)}")
+        records = range(len(self.estimate.smooth))
+        return tuple(deflection_history(self.estimate, self.at, axes[spring], r) for r in records)
 
     def _spring(self, axis: AxisDeflection) -> str:
         return self._stiffness_name(axis.motor)

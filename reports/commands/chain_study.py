@@ -5,22 +5,6 @@ from pathlib import Path
 from reports.commands.options import say, warn
 from reports.commands.studies import working
 from reports.commands.workers import one_thread_each
-from robotmodels.common.errors import IdentificationError
-
-
-def is_chain_study(study: Path) -> bool:
-    """Tell whether a file says that it is a study of coupled chains.
-
-    Return False for a file that cannot be read; the reader of studies names its error.
-    """
-    from robotmodels.common.yaml_files import MOST_CHARACTERS, read_text, yaml_document
-
-    try:
-        text = read_text(study, MOST_CHARACTERS, "a study")
-        content = yaml_document(text, str(study), "a study").content
-    except IdentificationError:
-        return False
-    return isinstance(content, dict) and str(content.get("schema")).startswith("chain_study")
 
 
 def compute_chain_study(study: Path, as_json: bool) -> None:

@@ -6,10 +6,18 @@ from typing import TYPE_CHECKING, Any
 
 import typer
 
-from reports.commands.chain_study import compute_chain_study, is_chain_study
+from reports.commands.chain_study import compute_chain_study
+from reports.commands.deflection_study import compute_deflection_study
 from reports.commands.options import WORKERS, AsJson, Workers, say
 from reports.commands.replicate import write_replication
-from reports.commands.studies import Cluster, Fresh, StudyFile, compute_study, end_with_failures
+from reports.commands.studies import (
+    Cluster,
+    Fresh,
+    StudyFile,
+    compute_study,
+    end_with_failures,
+    study_kind,
+)
 
 if TYPE_CHECKING:
     from oed.study.stage_cache import Failure
@@ -31,12 +39,17 @@ def run(
 
     Stages that an earlier run finished are kept while nothing they rest on changes.
 
-    Studies of coupled chains (schema chain_study/1) take under a minute, computed as a whole.
+    Studies of coupled chains (schema chain_study/1) and of movements (data.movements) take under a
+    minute, computed as a whole.
 
     Example: oed run studies/ur10.yaml
     """
-    if is_chain_study(study):
+    kind = study_kind(study)
+    if kind == "chains":
         compute_chain_study(study, as_json)
+        return
+    if kind == "movements":
+        compute_deflection_study(study, as_json)
         return
     # Imported here: `oed --help` need not wait for the numerics.
     from oed.study.pipeline import run_study

@@ -16,6 +16,7 @@ class Kind(StrEnum):
     ROBOT = "robot"
     CHAIN_STUDY = "chain_study"
     IMPORT = "import"
+    DEFLECTION_STUDY = "deflection_study"
 
 
 def register(app: typer.Typer) -> None:

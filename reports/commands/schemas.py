@@ -8,7 +8,7 @@ from typing import Any
 from robotmodels.common.errors import InvalidInput, nearest
 from robotmodels.common.yaml_files import FileSection
 
-KINDS = ("study", "experiment", "robot", "chain_study", "import")
+KINDS = ("study", "experiment", "robot", "chain_study", "import", "deflection_study")
 
 Words = dict[tuple[str, ...], str]
 """Descriptions by the keys that lead to a key."""
@@ -26,7 +26,12 @@ def json_schema(kind: str) -> dict[str, Any]:
     """
     from oed.chain_study import study_file as chain_study
     from oed.experiment import experiment_file as experiment
-    from oed.study.settings import candidates_settings, design_settings, study_file as study
+    from oed.study.settings import (
+        candidates_settings,
+        deflection_settings,
+        design_settings,
+        study_file as study,
+    )
     from robotmodels.description import robot_file
     from robotmodels.logs import mapping_file
 
@@ -38,6 +43,10 @@ def json_schema(kind: str) -> dict[str, Any]:
             | key_words(candidates_settings)
             | key_words(design_settings)
             | {("data", "experiment", *keys): words for keys, words in shaken.items()},
+        ),
+        "deflection_study": (
+            deflection_settings.DeflectionStudy,
+            key_words(deflection_settings),
         ),
         "experiment": (experiment.Experiment, shaken),
         "robot": (robot_file.RobotFile, key_words(robot_file)),

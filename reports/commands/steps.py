@@ -4,8 +4,16 @@ from collections.abc import Callable
 
 import typer
 
+from reports.commands.deflection_study import compute_deflection_study
 from reports.commands.options import WORKERS, AsJson, Workers, say
-from reports.commands.studies import Cluster, Fresh, StudyFile, compute_study, end_with_failures
+from reports.commands.studies import (
+    Cluster,
+    Fresh,
+    StudyFile,
+    compute_study,
+    end_with_failures,
+    study_kind,
+)
 
 _PURPOSE = {
     "design": "Choose where to measure: candidates, optimal design, whole experiments, what they "
@@ -35,6 +43,9 @@ def _up_to(name: str) -> Callable[..., None]:
         fresh: Fresh = False,
         as_json: AsJson = False,
     ) -> None:
+        if name == "fit" and study_kind(study) == "movements":
+            compute_deflection_study(study, as_json, with_page=False)
+            return
         from oed.study import pipeline
         from reports.summaries.study_summary import study_json, study_summary
 

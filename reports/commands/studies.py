@@ -12,7 +12,7 @@ import typer
 from reports.commands.options import about, fail, warn
 from reports.commands.stopping import INTERRUPTED, stoppable, stopping_at_steps
 from reports.commands.workers import one_thread_each, shared
-from robotmodels.common.errors import InvalidInput
+from robotmodels.common.errors import IdentificationError, InvalidInput
 
 if TYPE_CHECKING:
     from concurrent.futures import Executor
@@ -80,6 +80,26 @@ def working(
         yield stopping_at_steps(bars), executor
 
 
+def study_kind(study: Path) -> str:
+    """Return which study a file says that it is: "chains", "movements" or "robot".
+
+    It is "robot" for a file that cannot be read; the reader of studies names its error.
+    """
+    from oed.study.settings.deflection_settings import is_deflection_study
+    from robotmodels.common.yaml_files import MOST_CHARACTERS, read_text, yaml_document
+
+    try:
+        text = read_text(study, MOST_CHARACTERS, "a study")
+        content = yaml_document(text, str(study), "a study").content
+    except IdentificationError:
+        return "robot"
+    if not isinstance(content, dict):
+        return "robot"
+    if str(content.get("schema")).startswith("chain_study"):
+        return "chains"
+    return "movements" if is_deflection_study(content) else "robot"
+
+
 def read_study(study: Path) -> "Study":
     """Return the study of a file.
 
@@ -93,6 +113,11 @@ def read_study(study: Path) -> "Study":
 
     if study.is_dir() and (study / "study.yaml").is_file():
         raise InvalidInput(f"{study} is a folder; did you mean {study / 'study.yaml'}?")
+    if study_kind(study) == "movements":
+        raise InvalidInput(
+            f"{study}: data.movements: movements have neither design nor posterior; use oed run or "
+            "oed fit"
+        )
     return load_study(study)
 
 

@@ -7,6 +7,7 @@ import pytest
 import yaml
 from conftest import oed
 
+import estimators
 import robotmodels
 
 
@@ -58,3 +59,89 @@ def test_one_line_for_a_mistake(movements, tmp_path):
     assert code == 2
     assert "error:" in err
     assert len(err.strip().splitlines()) == 1
+
+
+STUDY = """\
+schema: study/1
+robot: kr300
+data: {{movements: {movements}}}
+fit: {{residuals: [deflection], low_pass: 4.0}}
+validation: {{movements: {movements}}}
+output: results
+"""
+
+
+def written(folder, movements, *change):
+    path = folder / "study.yaml"
+    path.write_text(STUDY.format(movements=movements).replace(*change or ("", "")))
+    return path
+
+
+def test_a_study_of_movements_has_numbers_a_robot_file_and_a_page(movements, tmp_path):
+    code, out, err = oed("run", written(tmp_path, movements))
+    assert (code, err) == (0, "")
+    results = tmp_path / "results"
+    assert {path.name for path in results.iterdir()} == {
+        "deflection.json",
+        "kr300_identified.yaml",
+        "report.html",
+    }
+    document = json.loads((results / "deflection.json").read_text())
+    robot = robotmodels.load_robot("kr300")
+    assumptions = estimators.DeflectionAssumptions(low_pass=4.0)
+    records = list(robotmodels.iterate_movements(movements))
+    fit = estimators.fit_deflection(robot, records, assumptions=assumptions)
+    values = {one["name"]: one["value"] for one in document["intervals"]}
+    assert values["g2.stiffness"] == pytest.approx(fit.intervals()[0].value, rel=1e-9)
+    assert (document["verdict"], document["reason"]) == (
+        "trustworthy",
+        "2 of 3 stiffnesses have an interval",
+    )
+    assert document["explained"][0]["g2.stiffness"] > 0.9
+    page = (results / "report.html").read_text()
+    for section in ("parameters", "systematic", "deflections", "residuals", "provenance"):
+        assert f'id="{section}"' in page
+    for words in ("torque scale 5%", "2 of 3 stiffnesses", "deflection-g2", "gear of g3.stiffness"):
+        assert words in page
+    assert "explained" in out
+    (results / "report.html").unlink()
+    assert oed("fit", tmp_path / "study.yaml")[0] == 0
+    assert not (results / "report.html").exists()
+
+
+def test_measured_deflections_are_fitted_ones_and_residuals(movements):
+    robot = robotmodels.load_robot("kr300")
+    fit = estimators.fit_deflection(robot, list(robotmodels.iterate_movements(movements)))
+    (history,) = fit.histories("g3.stiffness")
+    residuals = (history.measured - history.fitted)[history.used]
+    np.testing.assert_allclose(residuals, fit.estimate.axes[1].regression.residuals, atol=1e-15)
+    with pytest.raises(robotmodels.InvalidInput, match=r"'g1\.stiffness' was not fitted"):
+        fit.histories("g1.stiffness")
+
+
+MISTAKES = {
+    "no movements": ("data: {movements", "data: {records", "missing key 'data.movements'"),
+    "other residual": ("[deflection]", "[nls]", "fit.residuals"),
+    "posterior": ("output:", "posterior: {steps: 100}\noutput:", "unknown key 'posterior'"),
+    "weights": ("low_pass: 4.0", "minimum_snr: 3.0", "unknown key 'fit.minimum_snr'"),
+    "no file": ("movements.h5}", "none.h5}", "none.h5: no such file"),
+    "payload": ("low_pass: 4.0", "payload: scales", "fit.payload"),
+}
+
+
+@pytest.mark.parametrize("mistake", MISTAKES)
+def test_what_movements_do_not_have_is_named(mistake, movements, tmp_path):
+    right, wrong, words = MISTAKES[mistake]
+    code, _, err = oed("run", written(tmp_path, movements, right, wrong))
+    assert (code, len(err.splitlines())) == (2, 1)
+    assert words in err
+    assert "study.yaml" in err
+
+
+def test_movements_have_no_design_and_other_robots_no_such_movements(movements, tmp_path):
+    code, _, err = oed("design", written(tmp_path, movements))
+    assert (code, len(err.splitlines())) == (2, 1)
+    assert "data.movements: movements have neither design nor posterior" in err
+    code, _, err = oed("run", written(tmp_path, movements, "kr300", "panda"))
+    assert (code, len(err.splitlines())) == (2, 1)
+    assert "movements.h5: " in err

@@ -5,7 +5,12 @@ import re
 import pytest
 
 from oed.experiment import experiment_file as experiment
-from oed.study.settings import candidates_settings, design_settings, study_file as study
+from oed.study.settings import (
+    candidates_settings,
+    deflection_settings,
+    design_settings,
+    study_file as study,
+)
 from reports.commands.schemas import json_schema, key_words
 from robotmodels.description import robot_file
 from robotmodels.logs import mapping_file
@@ -30,6 +35,7 @@ def described(schema, node, at=()):
         ("experiment", [experiment], set()),
         ("robot", [robot_file], set()),
         ("import", [mapping_file], {"block_2", "a6"}),
+        ("deflection_study", [deflection_settings], set()),
     ],
 )
 def test_what_docstrings_say_of_keys_is_in_the_schema(kind, modules, chosen):
