@@ -1,20 +1,22 @@
 """The schema of a study of movements: springs from encoders on both sides of the gears.
 
-schema: study/1
-robot: kr300                 # a built-in robot, or the path of a robot file
-data:
-  movements: movements.h5    # such as `oed import` writes; several in a file are pooled
-fit:
-  residuals: [deflection]    # link less motor angle; movements have no other
-  payload: estimated         # or robot file: where the payload's mass is from
-  low_pass: 5.0              # cut-off frequency of all signals [Hz]
-  least_speed: 0.02          # of joints that count [rad/s]
-  averaging: 0.1             # duration of the means that covariances come from [s]
-  delays: true               # whether delays of the encoders behind the gears are estimated
-  eccentric: false           # whether the eccentricity of these encoders is estimated
-validation:                  # left out: none
-  movements: others.h5       # whose deflections the result is to explain
-output: ../out/kr300         # folder, relative to this file as every path in it
+    schema: study/1
+    robot: kr300                 # a built-in robot, or the path of a robot file
+    data:
+      movements: movements.h5    # such as `oed import` writes; several in a file are pooled
+    fit:
+      residuals: [deflection]    # link less motor angle; movements have no other
+      payload: estimated         # or robot file: where the payload's mass is from
+      low_pass: 5.0              # cut-off frequency of all signals [Hz]
+      least_speed: 0.02          # of joints that count [rad/s]
+      averaging: 0.1             # duration of the means that covariances come from [s]
+      delays: true               # whether delays of the encoders behind the gears are estimated
+      eccentric: false           # whether the eccentricity of these encoders is estimated
+    validation:                  # left out: none
+      movements: others.h5       # whose deflections the result is to explain
+    output: ../out/kr300         # folder, relative to this file as every path in it
+
+It is told from other study files by its movements or its residual.
 """
 
 from pathlib import Path
