@@ -35,6 +35,12 @@ class MovementChoice(FileSection):
     movements: Path
 
 
+class OtherMovements(FileSection):
+    """A file of movements that are not fitted."""
+
+    movements: Path
+
+
 class DeflectionChoice(FileSection):
     """What `estimators.fit_deflection` takes for granted."""
 
@@ -54,7 +60,7 @@ class DeflectionStudy(FileSection):
     robot: str
     data: MovementChoice
     fit: DeflectionChoice = DeflectionChoice()
-    validation: MovementChoice | None = None
+    validation: OtherMovements | None = None
     output: Path
 
 
@@ -83,5 +89,5 @@ def load_deflection_study(path: str | Path) -> DeflectionStudy:
     for key in ("data", "validation"):
         if (choice := getattr(study, key)) is not None:
             file = existing_file(path, f"{key}.movements", choice.movements)
-            changed[key] = MovementChoice(movements=file)
+            changed[key] = choice.model_copy(update={"movements": file})
     return study.model_copy(update=changed)
