@@ -129,7 +129,7 @@ def closed_loop_run(
     substeps: int,
     parts: int,
     motion: Array,
-) -> tuple[Array, Array, NDArray[np.bool_], Array, int]:
+) -> tuple[Array, Array, NDArray[np.bool_], Array, Array, int]:
     """Simulate one run from the state in `engine`.
 
     Torques may change `parts` times a sample; `motion`, (2, parts T, d) or empty, receives
@@ -137,18 +137,19 @@ def closed_loop_run(
 
     Returns
     -------
-    tuple of (ndarray, ndarray, ndarray of bool, ndarray, int)
-        Torque as commanded, angle and whether the torque was limited, (T, n), torque of the motors
-        from each instant to the next, (parts T, n), all on the motor shafts; and how many samples
-        went well.
+    tuple of (ndarray, ndarray, ndarray of bool, ndarray, ndarray, int)
+        Torque as commanded, angle and whether the torque was limited, (T, n); mean torque of the
+        motors from each instant to the next, and that with disturbance and Coulomb friction,
+        (parts T, n), all on the motor shafts; and how many samples went well.
     """
     T, n = reference.shape
     torque, angle, delivered = np.zeros((T, n)), np.zeros((T, n)), np.zeros((parts * T, n))
+    acting = np.zeros((parts * T, n))
     limited = np.zeros((T, n), np.bool_)
     true_angle, true_speed = np.empty((T, n)), np.empty((T, n))
     start = drives.ratio * engine.qpos[drives.coordinate]
     last, speed, integral = start.copy(), np.zeros(n), np.zeros(n)
-    impulses, lagging = np.zeros(n), gains.hold.copy()
+    impulses, braked, lagging = np.zeros(n), np.zeros(n), gains.hold.copy()
     work = np.zeros((5, len(engine.qpos)))
     step, steps = sample_time / parts, -(-substeps // parts)
     for k in range(T):
@@ -158,7 +159,7 @@ def closed_loop_run(
             true_speed[k, j] = drives.ratio[j] * engine.qvel[c]
             # Written so that NaN ends it too.
             if not abs(true_angle[k, j] - start[j]) < _FARTHEST * abs(drives.ratio[j]):
-                return torque, angle, limited, delivered, k
+                return torque, angle, limited, delivered, acting, k
             y = _measured(true_angle, true_speed, k, j, sensing, sample_time, start[j])
             pole = gains.filter_pole[j]
             speed[j] = pole * speed[j] + (1 - pole) * (y - last[j]) / sample_time
@@ -176,12 +177,15 @@ def closed_loop_run(
             for j in range(n):
                 u = _motor_torque(torque, i / parts, 1 / parts, j, drives, lagging, gains.hold[j])
                 delivered[i, j] = u
-                applied = drives.ratio[j] * (u + disturbance[k, j])
-                engine.applied[drives.coordinate[j]] = applied
+                acting[i, j] = u + disturbance[k, j]
+                engine.applied[drives.coordinate[j]] = drives.ratio[j] * acting[i, j]
             if motion.size:
                 motion[0, i], motion[1, i] = engine.qpos, engine.qvel
-            _advance(engine, drives, impulses, step, steps, work)
-    return torque, angle, limited, delivered, T
+            braked[:] = 0.0
+            _advance(engine, drives, impulses, braked, step, steps, work)
+            for j in range(n):
+                acting[i, j] += braked[j] / (step * drives.ratio[j])
+    return torque, angle, limited, delivered, acting, T
 
 
 @njit(nogil=True, cache=True)
@@ -247,11 +251,15 @@ def _advance(
     engine: MujocoState,
     drives: Drives,
     impulses: Array,
+    braked: Array,
     duration: float,
     substeps: int,
     work: Array,
 ) -> None:
-    """Advance by one sample: geometry in its middle, Runge-Kutta steps, friction after each."""
+    """Advance by one sample: geometry in its middle, Runge-Kutta steps, friction after each.
+
+    Impulses of friction are added up in `braked` (n,).
+    """
     q, v = engine.qpos, engine.qvel
     slope_q, slope_v = work[1], work[2]
     h = duration / substeps
@@ -273,6 +281,7 @@ def _advance(
                 q[i] += _B[stage] * slope_q[i]
                 v[i] += _B[stage] * slope_v[i]
         apply_coulomb_friction(engine, drives, work[4], impulses, h)
+        braked += impulses
     engine.applied[:] = work[3]
 
 

@@ -30,6 +30,7 @@ def readings(
     robot: ElasticRobot,
     angle: Array,
     torque: Array,
+    acting: Array,
     motion: Array,
     sample_time: float,
     noise: Array,
@@ -45,6 +46,8 @@ def readings(
         What motors' encoders read, on their shafts.
     torque : ndarray, (r T, n), N m
         The motors' torques on their shafts, from each instant to the next.
+    acting : ndarray, (r T, n), N m
+        The same with disturbances and Coulomb friction of motors.
     motion : ndarray, (2, r T, d)
         Coordinates and rates at r instants of every sample; empty where motors' encoders are all.
     noise : ndarray, (T, m)
@@ -55,7 +58,7 @@ def readings(
     file, motors, others = robot.file, robot.motor_names, other_outputs(robot)
     columns = np.empty((len(angle), len(robot.outputs)))
     torque = _at_instants(torque)
-    on_links = iter(_on_links(plant, robot, torque, motion, drives).T)
+    on_links = iter(_on_links(plant, robot, _at_instants(acting), motion, drives).T)
     for i, output in enumerate(robot.outputs):
         if output.kind == "motor" and output.encoder:
             signal = angle[:, motors.index(output.of)]
@@ -87,8 +90,8 @@ def _on_links(
 ) -> Array:
     """Return what sensors on links read, (r T, sensors), by MuJoCo's own.
 
-    Coulomb friction of motors, which stops them between the instants, is not among the forces: it
-    matters for links that motors drive rigidly.
+    `torque` (r T, n) is all that acts on the motors' shafts: links that motors drive rigidly feel
+    it at once.
     """
     sensors = [_along(plant, output) for output in robot.outputs if output.kind == "link"]
     values = np.empty((len(torque), len(sensors)))

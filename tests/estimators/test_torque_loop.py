@@ -112,7 +112,7 @@ def test_mistakes_are_named():
     records = both(blocks=2, periods=1)
     with pytest.raises(InvalidInput, match="position 1: no commands beside measured torques"):
         torque_loop(replace(records, command=None))
-    with pytest.raises(InvalidInput, match="command: shape .* does not fit torque"):
+    with pytest.raises(InvalidInput, match=r"command: shape .* does not fit torque"):
         replace(records, command=records.command[..., :1])
     with pytest.raises(InvalidInput, match="command: that of motor 1 is zero at a line"):
         torque_loop(replace(records, command=np.zeros_like(records.command)))

@@ -162,3 +162,25 @@ def test_friction_of_rigid_drives_is_the_motors() -> None:
         ElasticRobot(type(robot.file).model_validate(content), robot.folder)
     with pytest.raises(InvalidInput, match="one per motor"):
         robotmodels.with_speeds(robot, np.array([1.0, 2.0]))
+
+
+@pytest.mark.parametrize("disturbance", [0.0, 0.02])
+def test_links_that_motors_drive_rigidly_feel_sharp_friction(disturbance: float) -> None:
+    """A gyroscope reads the motion alone, an accelerometer what MuJoCo makes of the forces."""
+    arm, tilt = [0.4, 0.0, 0.0], [0.0, -1.0, 0.0]
+    outputs = [
+        {"motor": "m", "quantity": "angle"},
+        {"link": "rod", "quantity": "angular_velocity", "direction": tilt},
+        {"link": "rod", "quantity": "acceleration", "at": arm, "direction": [0, 0, 1]},
+    ]
+    motors = [PENDULUM["motors"][0] | {"coulomb": 0.2}]
+    sideways = {"name": "b", "joint": "hinge", "axis": "x", "stiffness": 1e5, "damping": 50.0}
+    robot = built(
+        changed(PENDULUM, motors=motors, springs=[sideways], gravity=[0, 0, 0], outputs=outputs)
+    )
+    flaws = Imperfections(friction=1.0, torque_disturbance=disturbance)
+    records = records_of(robot, REST, amplitude=1.0, imperfections=flaws)
+    spectrum = np.fft.rfft(records.angle[0, 0, 0, -1], axis=0)[1:400]
+    omega = 2 * np.pi * np.arange(1, 400) / (records.samples * T)
+    tangential = 1j * omega * spectrum[:, 1] * 0.4
+    assert np.abs(spectrum[:, 2] - tangential).max() < 2e-3 * np.abs(tangential).max()
