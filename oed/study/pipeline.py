@@ -55,8 +55,9 @@ def fit_study(
 
     Parameters, errors and what is stored: see `run_study`.
     """
-    with open_run(study, progress, executor, fresh) as run:
-        source = _source(run)
+    with open_run(study, progress, executor, fresh) as begun:
+        source = _source(begun)
+        run = source.run
         fits = _Fits.of(source)
         record = _record(run.stages)
         return FittedStudy(study, run.robot, source.plan, record, source.results_data, fits.results)
@@ -93,8 +94,9 @@ def run_study(
     IdentificationError
         Where the study cannot be computed, naming what is at fault.
     """
-    with open_run(study, progress, executor, fresh) as run:
-        source = _source(run)
+    with open_run(study, progress, executor, fresh) as begun:
+        source = _source(begun)
+        run = source.run
         fits = _Fits.of(source)
         best, attempt = fits.result, run.stages.attempt
         plans = attempt("comparison", source.comparison)

@@ -4,7 +4,8 @@ A study is a `SimulatedStudy`, which chooses its positions and simulates its dat
 `MeasuredStudy`, whose data and positions are in a file.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from pathlib import Path
 
 from estimators.uncertainty.covariance import Uncertainty
 from oed.candidates.screening import ScreenedCandidates
@@ -28,6 +29,7 @@ from oed.study.stages.result import SelectedFit
 from oed.study.stages.run import MeasuredRun, SimulatedRun
 from oed.study.stages.uncertainty import needed
 from oed.study.stages.validation import HeldOut, Split, measured_validation, split, validation
+from robotmodels import Records, at_recorded_speeds
 
 
 @dataclass(frozen=True, eq=False)
@@ -92,6 +94,7 @@ class SimulatedStudy(SimulatedDesign):
         if simulated is None:
             data = data_by_noise_law(run, asked)
         else:
+            run = _at_simulated_speeds(run, simulated.value.records)
             data = data_from_records(run, simulated.value.records, simulated.digest)
         return cls(run, before.candidates, before.information, before.design, simulated, data)
 
@@ -122,6 +125,13 @@ class SimulatedStudy(SimulatedDesign):
             return None
         plan = self.information, self.design
         return validation(self.run, choice.count, *plan, result, needed(theorem1))
+
+
+def _at_simulated_speeds(run: SimulatedRun, records: Path) -> SimulatedRun:
+    """Return the run whose robot counts Coulomb friction as dampers, if the study asks for it."""
+    if run.study.data.coulomb_speeds != "data":
+        return run
+    return replace(run, robot=at_recorded_speeds(run.robot, Records.load(records)))
 
 
 @dataclass(frozen=True, eq=False)

@@ -143,13 +143,16 @@ def closed_loop_run(
         (parts T, n), all on the motor shafts; and how many samples went well.
     """
     T, n = reference.shape
-    torque, angle, delivered = np.zeros((T, n)), np.zeros((T, n)), np.zeros((parts * T, n))
-    acting = np.zeros((parts * T, n))
-    limited = np.zeros((T, n), np.bool_)
-    true_angle, true_speed = np.empty((T, n)), np.empty((T, n))
+    torque, angle = np.zeros((T, n)), np.zeros((T, n))
+    delivered, acting = np.zeros((parts * T, n)), np.zeros((parts * T, n))
+    limited, true_angle, true_speed = (
+        np.zeros((T, n), np.bool_),
+        np.empty((T, n)),
+        np.empty((T, n)),
+    )
     start = drives.ratio * engine.qpos[drives.coordinate]
     last, speed, integral = start.copy(), np.zeros(n), np.zeros(n)
-    impulses, braked, lagging = np.zeros(n), np.zeros(n), gains.hold.copy()
+    impulses, lagging = np.zeros(n), gains.hold.copy()
     work = np.zeros((5, len(engine.qpos)))
     step, steps = sample_time / parts, -(-substeps // parts)
     for k in range(T):
@@ -181,10 +184,7 @@ def closed_loop_run(
                 engine.applied[drives.coordinate[j]] = drives.ratio[j] * acting[i, j]
             if motion.size:
                 motion[0, i], motion[1, i] = engine.qpos, engine.qvel
-            braked[:] = 0.0
-            _advance(engine, drives, impulses, braked, step, steps, work)
-            for j in range(n):
-                acting[i, j] += braked[j] / (step * drives.ratio[j])
+            _advance(engine, drives, impulses, acting[i], step, steps, work)
     return torque, angle, limited, delivered, acting, T
 
 
@@ -251,17 +251,16 @@ def _advance(
     engine: MujocoState,
     drives: Drives,
     impulses: Array,
-    braked: Array,
+    acting: Array,
     duration: float,
     substeps: int,
     work: Array,
 ) -> None:
     """Advance by one sample: geometry in its middle, Runge-Kutta steps, friction after each.
 
-    Impulses of friction are added up in `braked` (n,).
+    The mean torque of friction is added to what is `acting` on the motors' shafts, (n,).
     """
-    q, v = engine.qpos, engine.qvel
-    slope_q, slope_v = work[1], work[2]
+    q, v, slope_q, slope_v = engine.qpos, engine.qvel, work[1], work[2]
     h = duration / substeps
     reactions = _freeze_geometry(engine, 0.5 * duration, work[0])
     work[3] = engine.applied
@@ -281,7 +280,7 @@ def _advance(
                 q[i] += _B[stage] * slope_q[i]
                 v[i] += _B[stage] * slope_v[i]
         apply_coulomb_friction(engine, drives, work[4], impulses, h)
-        braked += impulses
+        acting += impulses / (duration * drives.ratio)
     engine.applied[:] = work[3]
 
 

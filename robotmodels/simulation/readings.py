@@ -29,8 +29,7 @@ def readings(
     plant: PlantModel,
     robot: ElasticRobot,
     angle: Array,
-    torque: Array,
-    acting: Array,
+    torques: tuple[Array, Array],
     motion: Array,
     sample_time: float,
     noise: Array,
@@ -44,10 +43,9 @@ def readings(
     ----------
     angle : ndarray, (T, n), rad
         What motors' encoders read, on their shafts.
-    torque : ndarray, (r T, n), N m
-        The motors' torques on their shafts, from each instant to the next.
-    acting : ndarray, (r T, n), N m
-        The same with disturbances and Coulomb friction of motors.
+    torques : tuple of ndarray, (r T, n), N m
+        The motors' torques on their shafts, from each instant to the next; and the same with
+        disturbances and Coulomb friction of motors.
     motion : ndarray, (2, r T, d)
         Coordinates and rates at r instants of every sample; empty where motors' encoders are all.
     noise : ndarray, (T, m)
@@ -57,8 +55,8 @@ def readings(
     """
     file, motors, others = robot.file, robot.motor_names, other_outputs(robot)
     columns = np.empty((len(angle), len(robot.outputs)))
-    torque = _at_instants(torque)
-    on_links = iter(_on_links(plant, robot, _at_instants(acting), motion, drives).T)
+    torque, acting = map(_at_instants, torques)
+    on_links = iter(_on_links(plant, robot, acting, motion, drives).T)
     for i, output in enumerate(robot.outputs):
         if output.kind == "motor" and output.encoder:
             signal = angle[:, motors.index(output.of)]

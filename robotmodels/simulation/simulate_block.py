@@ -96,13 +96,13 @@ def run_block(block: Block) -> tuple[Array, Array, NDArray[np.bool_]]:
         )
         reference = _whole_run(block, signal, total)
         sensing = Sensing(robot.file.delay / step, flaws.quantisation, errors)
-        torque, angle, limited, *torques, good = closed_loop_run(
+        torque, angle, limited, delivered, acting, good = closed_loop_run(
             engine, drives, gains, sensing, reference, disturbance, step, steps, parts, motion
         )
         if good < total:
             raise _lost(f"{block.where}, run {e + 1}", good * step)
         noise = _output_noise(block, total)
-        outputs = readings(plant, robot, angle, *torques, motion, step, noise, drives)
+        outputs = readings(plant, robot, angle, (delivered, acting), motion, step, noise, drives)
         end = (block.transient + block.periods) * N
         recorded = (trace[block.transient * N : end] for trace in (torque, outputs, limited))
         results.append([trace.reshape(block.periods, N, -1) for trace in recorded])

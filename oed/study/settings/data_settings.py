@@ -24,12 +24,18 @@ class DataChoice(FileSection):
     structure: Literal["diagonal", "full"] = "diagonal"
     delay: Annotated[float, Field(ge=-1e3, le=1e3)] = 0.0
     hold: bool = True
+    coulomb_speeds: Literal["file", "data"] | tuple[float, ...] = "file"
 
     @model_validator(mode="after")
     def _one_source(self) -> Self:
         sources = [k for k in ("experiment", "records", "frf") if getattr(self, k) is not None]
         if len(sources) > 1:
             raise ValueError(f"{' and '.join(sources)} given; one of them is needed")
+        if self.coulomb_speeds == "data" and not self.recorded:
+            raise ValueError(
+                "coulomb_speeds: 'data' are the speeds of an experiment or of records, which are "
+                "not given; list them, one for each motor"
+            )
         return self
 
     @property

@@ -29,6 +29,9 @@
       structure: diagonal        # or full, over the elements of an FRF
       delay: 0.0                 # of the angles after the torques, in records [s]
       hold: true                 # whether torques of records are held, as commanded ones are
+      coulomb_speeds: file       # rms speeds at which Coulomb friction counts as dampers: those of
+                                 # the robot file, of the motors in the data (of records or an
+                                 # experiment; `data`), or a list [rad/s, on the shafts]
     fit:                         # from several starts, by several estimators
       starts: 4                  # the same for all estimators,
       decades: 0.3               # each value multiplied by 10^U(-0.3, 0.3)

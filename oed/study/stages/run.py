@@ -11,12 +11,13 @@ from typing import Any, Literal
 
 import numpy as np
 
+from estimators.frf.file_formats import read_records
 from oed.study.settings.candidates_settings import CandidatesChoice
 from oed.study.settings.study_file import Frequencies, Study
 from oed.study.stage_cache import Stages, open_stages
-from robotmodels import ElasticRobot, load_robot
+from robotmodels import ElasticRobot, at_recorded_speeds, load_robot, with_speeds
 from robotmodels.common.arrays import Array, IntArray
-from robotmodels.common.errors import InvalidInput
+from robotmodels.common.errors import InvalidInput, naming
 from robotmodels.common.progress import StageProgress
 from robotmodels.library.robot_digest import robot_digest
 from robotmodels.linear.noise import RelativeNoise
@@ -161,10 +162,22 @@ def open_run(
     InvalidInput
         If the robot or the folder cannot be used, or a setting is missing that simulated data need.
     """
-    robot = load_robot(study.robot)
-    plant = robot if study.truth is None else load_robot(study.truth)
+    robot = _counted(load_robot(study.robot), study)
+    plant = robot if study.truth is None else _counted(load_robot(study.truth), study)
     with open_stages(study.output / "stages", progress, fresh) as stages:
         yield _run(study, robot, plant, stages, executor)
+
+
+def _counted(robot: ElasticRobot, study: Study) -> ElasticRobot:
+    """Return the robot whose Coulomb friction counts as dampers at the speeds of the study."""
+    speeds, records = study.data.coulomb_speeds, study.data.records
+    if isinstance(speeds, tuple):
+        with naming("data.coulomb_speeds"):
+            return with_speeds(robot, np.array(speeds))
+    if speeds == "data" and records is not None:
+        with naming(records):
+            return at_recorded_speeds(robot, read_records(records))
+    return robot
 
 
 def _run(
