@@ -6,6 +6,7 @@ from itertools import combinations
 import numpy as np
 
 from estimators.logs.shift_regression import Relation, angle_relation, velocity_relation
+from estimators.logs.torque_balance import torque_findings
 from estimators.logs.torque_sign import torque_sign
 from robotmodels.common.arrays import Array
 from robotmodels.logs.importer import Import
@@ -35,7 +36,11 @@ def mapping_findings(source: Import) -> tuple[str, ...]:
         )
         if sign < 0:
             lines.append(f"motor_torque: its sign seems wrong: {reason}")
-    return (*lines, *_copies(source))
+        if source.robot is not None and source.binding.joints == source.robot.motor_names:
+            step = source.clock.sample_time
+            both = (signals["motor_angle"], signals["motor_torque"])
+            lines += torque_findings(source.robot, step, *both)
+    return (*lines, *_accelerometers(source), *_copies(source))
 
 
 def _related(
@@ -66,6 +71,23 @@ def _told(relation: Relation, name: str, angle: str, step: float) -> Iterator[st
             f"{name} is late against {angle} by {1e3 * relation.lag:.2f} +- "
             f"{1e3 * relation.lag_std:.2g} ms"
         )
+
+
+def _accelerometers(source: Import) -> Iterator[str]:
+    """Yield where accelerometers sit by the robot file, or that nobody tells."""
+    file = None if source.robot is None else source.robot.file
+    sensors = {} if file is None else {sensor.name: sensor for sensor in file.accelerometers}
+    for name, signal in source.others.items():
+        if signal.role == "accelerometer" and name in sensors:
+            sensor = sensors[name]
+            place = ", ".join(f"{x:g}" for x in sensor.at)
+            axis = ", ".join(f"{x:g}" for x in sensor.direction)
+            yield f"accelerometer {name}: on {sensor.link} at ({place}) m along ({axis})"
+        elif signal.role == "accelerometer":
+            yield (
+                f"accelerometer {name}: not in the robot file, which would say its place and axis; "
+                "it is kept as a signal"
+            )
 
 
 def _copies(source: Import) -> Iterator[str]:

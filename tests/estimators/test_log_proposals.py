@@ -1,6 +1,7 @@
 """What a log's numbers say of its channels, against signals made with given factors and lags."""
 
 import itertools
+import re
 from pathlib import Path
 
 import numpy as np
@@ -12,6 +13,7 @@ from estimators.logs.completion import complete_mapping
 from estimators.logs.mapping_checks import mapping_findings
 from estimators.logs.proposal import propose_mapping
 from estimators.logs.shift_regression import angle_relation, velocity_relation
+from estimators.logs.torque_balance import torque_findings
 from estimators.logs.torque_sign import torque_sign
 from estimators.logs.unit_hypotheses import (
     ANGLES,
@@ -21,6 +23,7 @@ from estimators.logs.unit_hypotheses import (
     torque_side,
 )
 from robotmodels.common.errors import InvalidInput
+from robotmodels.elastic.inverse_dynamics import movement_torques
 from robotmodels.logs.importer import Import
 from robotmodels.logs.mapping_file import Mapping, TimeChoice
 from robotmodels.logs.open_log import open_log
@@ -404,3 +407,32 @@ def test_wrapped_angles_have_no_jumps_in_a_proposal(tmp_path, robot):
     assert signals["motor_torque"].sign == 1
     relations = next(e for e in proposal.entries if e.family.role == "motor_velocity").relations
     assert all(relation.determined for relation in relations)
+
+
+@pytest.mark.parametrize(
+    ("scale", "message"),
+    [
+        (1.0, ""),
+        (-1.0, "weight and acceleration need: its sign seems wrong"),
+        (0.01, "the robot file needs here: a unit, a side of the gear or a mass is wrong"),
+    ],
+)
+def test_torques_against_weight_and_acceleration(robot, scale, message):
+    """Torques by inverse dynamics and friction, one joint of another sign or side."""
+    m = Movement(6, n=6, count=4000)
+    angle = m.angle(m.time) + robot.position_limits.mean(axis=1)
+    speed, acceleration = m.velocity(m.time), np.gradient(m.velocity(m.time), STEP, axis=0)
+    behind = movement_torques(robot, angle, speed, acceleration)
+    rotors = [motor.inertia * motor.gear_ratio**2 for motor in robot.file.motors]
+    torque = behind.links + robot.file.payload.mass * behind.payload + acceleration * rotors
+    friction = np.sign(speed) + 0.1 * m.rng.standard_normal(speed.shape)
+    torque += 0.1 * np.ptp(torque, axis=0) * friction
+    torque[:, 1] *= scale
+    lines = list(torque_findings(robot, STEP, angle, torque))
+    assert len(lines) == bool(message)
+    for line in lines:
+        factor, told = re.match(
+            r"motor_torque of m2 is (\S+) \+- \S+ times what (.*)", line
+        ).groups()
+        assert float(factor) == pytest.approx(scale, rel=0.05)
+        assert told == message
