@@ -252,20 +252,19 @@ def write_import(source: Import, path: Path) -> int:
 
     from robotmodels.common.atomic_files import atomic_write
 
+    parts, done = len(source.runs) * (len(source.roles) + len(source.others)), 0
     with atomic_write(path) as unfinished, h5py.File(unfinished, "w") as file:
         write_header(file, source.provenance)
         for number, run in enumerate(source.runs):
             group = movement_group(file, number, run)
-            for role in source.roles:
-                dataset = group.create_dataset(role, (len(run), len(run.joints)), dtype=float)
-                _fill(dataset, run.pieces(role))
-            for name in source.others:
-                _fill(
-                    group["others"].create_dataset(name, (len(run),), dtype=float),
-                    run.other_pieces(name),
-                )
-            if source.progress is not None:
-                source.progress("write", number + 1, len(source.runs))
+            shapes = {role: (len(run), len(run.joints)) for role in source.roles}
+            for name in (*source.roles, *source.others):
+                inside = group if name in shapes else group["others"]
+                dataset = inside.create_dataset(name, shapes.get(name, (len(run),)), dtype=float)
+                _fill(dataset, run.pieces(name) if name in shapes else run.other_pieces(name))
+                done += 1
+                if source.progress is not None:
+                    source.progress("write", done, parts)
     return len(source.runs)
 
 
