@@ -31,7 +31,7 @@ class JointFriction(FileSection):
     """Friction of a joint behind its gear's spring.
 
     Coulomb friction is (coulomb + load |torque of gravity|) tanh(speed / coulomb_width). At the
-    rms speed `coulomb_speed`, frequency responses count `coulomb` as a damper.
+    rms speed `coulomb_speed`, frequency responses count it as a damper.
     """
 
     name: Name
@@ -46,6 +46,11 @@ class JointFriction(FileSection):
     def equivalent(self) -> float:
         """Damping that Coulomb friction counts as in frequency responses [N m s/rad]."""
         return equivalent_damping(self.coulomb, self.coulomb_width, self.coulomb_speed)
+
+    @property
+    def per_load(self) -> float:
+        """What each N m of gravity's torque adds to that damping [s/rad]."""
+        return equivalent_damping(self.load, self.coulomb_width, self.coulomb_speed)
 
 
 _NORMAL = np.linspace(-8.0, 8.0, 8001)
@@ -88,6 +93,8 @@ class FrictionShare:
         Rms speed at which it counts as a damper [rad/s].
     equivalent : float
         That damper [N m s/rad].
+    per_load : float
+        What each N m of gravity's torque adds to it [s/rad].
     """
 
     name: str
@@ -95,6 +102,7 @@ class FrictionShare:
     coulomb: float
     speed: float | None
     equivalent: float
+    per_load: float = 0.0
 
     @property
     def dominates(self) -> bool:
@@ -107,7 +115,9 @@ def friction_sentences(file: "RobotFile") -> list[str]:
     shares = friction_shares(file)
     sentences = [
         f"Coulomb friction of {x.name}, {x.coulomb:.4g} N m, counts as {x.equivalent:.4g} N m "
-        f"s/rad at {x.speed:.4g} rad/s rms, beside {x.viscous:.4g} of viscous friction"
+        f"s/rad at {x.speed:.4g} rad/s rms"
+        + (f" and {x.per_load:.4g} more for each N m of gravity's torque" if x.per_load else "")
+        + f", beside {x.viscous:.4g} of viscous friction"
         + ("; it DOMINATES, so responses hold for this amplitude" if x.dominates else "")
         for x in shares
         if x.speed is not None
@@ -123,9 +133,16 @@ def friction_sentences(file: "RobotFile") -> list[str]:
 def friction_shares(file: "RobotFile") -> tuple[FrictionShare, ...]:
     """Return the share of each motor and joint with Coulomb friction, values on its own side."""
     return tuple(
-        FrictionShare(item.name, item.viscous, item.coulomb, item.coulomb_speed, item.equivalent)
+        FrictionShare(
+            item.name,
+            item.viscous,
+            item.coulomb,
+            item.coulomb_speed,
+            item.equivalent,
+            getattr(item, "per_load", 0.0),
+        )
         for item in file.frictional
-        if item.coulomb
+        if item.coulomb or getattr(item, "load", 0.0)
     )
 
 

@@ -48,7 +48,7 @@
       coulomb: 50.0              # [N m]
       coulomb_width: 0.001       # of tanh(speed / width) [rad/s]
       coulomb_speed: 0.05        # as of a motor [rad/s]
-      load: 0.02                 # Coulomb friction per torque of gravity, in simulations
+      load: 0.02                 # Coulomb friction per torque of gravity
     parameters:                  # by default every stiffness, then every damping is estimated
       fixed: [d1.damping]        # known, not estimated
       tied: [[d1.stiffness, d2.stiffness]]    # each group keeps its ratios

@@ -53,10 +53,12 @@ def differentiate(
         for name, derivative in derivatives.items():
             derivative[j] = (plus[name] - minus[name]) / (2 * STEP)
     count = len(coordinates)
-    damping = np.broadcast_to(derivatives["damping"], (count, *derivatives["damping"].shape))
+    damping = derivatives["damping"]
+    if damping.ndim == 3:  # alike in all positions
+        damping = np.broadcast_to(damping[:, None], (len(damping), count, *damping.shape[1:]))
     return Tangents(
         mass=np.swapaxes(derivatives["mass"], 0, 1),
-        damping=damping,
+        damping=np.swapaxes(damping, 0, 1),
         stiffness=np.swapaxes(derivatives["stiffness"], 0, 1),
         gravity=np.swapaxes(derivatives["gravity"], 0, 1),
         rows=_unless_zero(np.moveaxis(derivatives["rows"], 0, 2)),

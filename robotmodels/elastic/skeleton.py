@@ -1,7 +1,7 @@
 """Everything of a robot but its springs, at given coordinates: mass, gravity, motors, sensors."""
 
 from collections.abc import Collection
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -12,7 +12,7 @@ from robotmodels.common.symmetric_matrices import ROUNDING, scaled_eigh
 from robotmodels.description.outputs import Output, outputs_of
 from robotmodels.description.robot_file import RobotFile
 from robotmodels.elastic.arm import Arm
-from robotmodels.elastic.dynamics import mass_and_gravity, mass_matrices
+from robotmodels.elastic.dynamics import Gravity, mass_and_gravity, mass_matrices
 from robotmodels.elastic.link_sensors import link_sensors
 from robotmodels.linear.linear_model import Channels, Measurement
 
@@ -117,7 +117,7 @@ class Skeleton:
     ----------
     mass, stiffness : ndarray, (Q, d, d)
         Mass matrices, and the stiffness that gravity adds.
-    damping : ndarray, (d, d)
+    damping : ndarray, (d, d), or (Q, d, d) where friction depends on the load
         Viscous friction of motors and joints, and dampers in place of Coulomb friction. Inertia and
         viscous friction are missing where one of them is free (see `Inertances`).
     gravity : ndarray, (Q, d)
@@ -147,26 +147,35 @@ def skeleton(layout: Layout, coordinates: Array, without: Collection[str] = ()) 
     stiffness, torques = np.zeros((count, size, size)), np.zeros((count, size))
     torques[:, arm] = gravity.torques
     gravity.write_slopes(stiffness[:, arm, arm])
-    damping = np.zeros((size, size))
     selector = np.zeros((size, len(file.motors)))
     for j, (c, motor) in enumerate(zip(layout.motors, file.motors, strict=True)):
         if motor.name not in without:
             mass[:, c, c] += motor.inertia * motor.gear_ratio**2
         selector[c, j] = motor.gear_ratio
-    _add_friction(damping, layout, without)
+    damping = _friction(layout, gravity, without)
     measurement = _measurement(layout, selector, coordinates)
     return Skeleton(mass, damping, stiffness, torques, selector, measurement)
 
 
-def _add_friction(damping: Array, layout: Layout, without: Collection[str]) -> None:
-    """Add to `damping` (d, d): viscous friction, `without` that of some names, and equivalents."""
-    file = layout.file
+def _friction(layout: Layout, gravity: Gravity, without: Collection[str]) -> Array:
+    """Return viscous friction, `without` that of some names, and equivalents of Coulomb friction.
+
+    (d, d), or (Q, d, d) where friction depends on the torque of gravity, counterbalances aside.
+    """
+    file, size = layout.file, layout.size
+    damping = np.zeros((size, size))
+    if any(item.per_load for item in file.friction):
+        load = np.abs(replace(gravity, balance=None).torques)
+        damping = np.zeros((len(load), size, size))
     for c, motor in zip(layout.motors, file.motors, strict=True):
         viscous = 0.0 if motor.name in without else motor.viscous
-        damping[c, c] += (viscous + motor.equivalent) * motor.gear_ratio**2
+        damping[..., c, c] += (viscous + motor.equivalent) * motor.gear_ratio**2
     for item in file.friction:
         c = layout.arm.coordinate[item.joint]
-        damping[c, c] += (0.0 if item.name in without else item.viscous) + item.equivalent
+        damping[..., c, c] += (0.0 if item.name in without else item.viscous) + item.equivalent
+        if item.per_load:
+            damping[:, c, c] += item.per_load * load[:, c]
+    return damping
 
 
 def check_mass(layout: Layout) -> None:

@@ -55,7 +55,7 @@ class SpringNetwork:
     ----------
     mass : ndarray, (Q, d, d), kg m^2
         Mass matrix without the terms.
-    damping : ndarray, (d, d), N m s/rad
+    damping : ndarray, (d, d) or (Q, d, d), N m s/rad
         Damping matrix without the terms.
     stiffness : ndarray, (Q, d, d), N m/rad
         Stiffness matrix without the terms.

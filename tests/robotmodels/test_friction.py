@@ -9,7 +9,12 @@ from simulated import T, errors, frf, records_of
 
 import robotmodels
 from robotmodels import ElasticRobot, Imperfections, InvalidInput, kernel
-from robotmodels.description.friction import equivalent_damping, friction_shares, shaft_friction
+from robotmodels.description.friction import (
+    equivalent_damping,
+    friction_sentences,
+    friction_shares,
+    shaft_friction,
+)
 from robotmodels.elastic.inverse_dynamics import movement_torques
 from robotmodels.exports.formats import left_out
 from robotmodels.linear.noise import RelativeNoise
@@ -85,12 +90,64 @@ def test_viscous_friction_of_a_joint_is_that_of_the_simulation() -> None:
     assert errors(response, without)[0] > 0.1
 
 
-@pytest.mark.parametrize("where", ["motor", "joint"])
+def loaded(**friction: Any) -> ElasticRobot:
+    entry = {"name": "f", "joint": "hinge", "load": 0.5, "coulomb_speed": 0.05} | friction
+    payload = {"link": "rod", "mass": 1.0, "com": [0.4, 0, 0], "inertia": [0.01, 0.01, 0.01]}
+    soft = {**PENDULUM["springs"][0], "stiffness": 300.0}
+    return built(
+        changed(
+            PENDULUM, friction=[entry], payload=payload, springs=[soft],
+            parameters={"extra": ["payload.mass", "f.viscous"]},
+        )
+    )  # fmt: skip
+
+
+TILTED = np.array([[0.0], [0.7]])
+
+
+def test_friction_by_the_load_counts_in_each_position() -> None:
+    robot, without = loaded(viscous=2.0, coulomb=1.0), loaded(viscous=2.0, coulomb=1.0, load=0.0)
+    change = robotmodels.linearize(robot, TILTED).damping
+    change = change - robotmodels.linearize(without, TILTED).damping
+    angle = robot.equilibrium(TILTED).coordinates[:, 0]
+    torque = 9.81 * (4.0 * 0.5 + 0.4) * np.cos(angle)
+    expected = 0.5 * torque * np.sqrt(2 / np.pi) / 0.05
+    np.testing.assert_allclose(change[:, 0, 0], expected, rtol=1e-3)  # of the width and of g
+    assert np.count_nonzero(change) == 2
+    (sentence,) = [w for w in friction_sentences(robot.file) if "more for each N m" in w]
+    assert "counts as 15.9" in sentence
+
+
+def test_friction_by_the_load_has_exact_derivatives_also_on_the_fast_path() -> None:
+    """Gravity's torque changes with the payload, and with springs that sag."""
+    robot, omega = loaded(viscous=2.0), 2 * np.pi * np.geomspace(0.5, 20, 8)
+    theta = robot.parameters.values
+    G, J = robotmodels.sensitivity(robot, TILTED, omega)
+    for j, step in enumerate(1e-4 * np.eye(len(theta))):
+        plus, minus = (
+            robotmodels.frequency_response(robot, TILTED, omega, theta * np.exp(s * step))
+            for s in (1, -1)
+        )
+        change = (plus - minus) / 2e-4
+        np.testing.assert_allclose(J[..., j], change, rtol=0, atol=1e-6 * np.abs(change).max())
+    fixed = built({**robot.file.model_dump(by_alias=True, exclude_unset=True), "parameters": {}})
+    G, J = robotmodels.sensitivity(fixed, TILTED, omega, equilibrium_shift=False)
+    noise = RelativeNoise()
+    fast = kernel.information(fixed.network(TILTED), omega, noise)
+    weights = 1 / noise.variance(G)
+    expected = 2 * np.einsum("qfmnp,qfmn,qfmnr->qpr", J.conj(), weights, J, optimize=True).real
+    size = np.sqrt(np.einsum("qii->qi", expected))
+    assert np.max(np.abs(fast - expected) / size[:, :, None] / size[:, None, :]) < 1e-9
+
+
+@pytest.mark.parametrize("where", ["motor", "joint", "load"])
 def test_coulomb_friction_counts_as_the_damper_of_its_excitation(where: str) -> None:
     if where == "motor":
         robot = pendulum({"coulomb": 0.3, "coulomb_width": 0.05})
-    else:
+    elif where == "joint":
         robot = pendulum(coulomb=15.0, coulomb_width=1e-3)
+    else:  # 4 kg at 0.5 m
+        robot = pendulum(load=15.0 / (4.0 * 9.81 * 0.5), coulomb_width=1e-3)
     records = records_of(
         robot, np.zeros(1), transient=6, amplitude=0.05, samples=8000, imperfections=FRICTION
     )
@@ -103,7 +160,7 @@ def test_coulomb_friction_counts_as_the_damper_of_its_excitation(where: str) -> 
     misfits = [np.median(np.abs(responses / other - 1)) for other in (expected, without)]
     assert misfits[0] < 0.4 * misfits[1]
     (share,) = friction_shares(counted.file)
-    assert share.dominates
+    assert share.dominates or where == "load"
     assert share.speed == pytest.approx(speed.std() / (1 if where == "motor" else 50))
 
 
