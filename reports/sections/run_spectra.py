@@ -32,7 +32,7 @@ def section(results: StudyResults, fit: RunFit) -> Section:
         units=dict.fromkeys(unit.replace("^2", "²") for unit in results.robot.output_units),
         lines=lines,
     )
-    return Section("runs", "Runs", body)
+    return Section("run-spectra", "Runs", body)
 
 
 def noise_words(fit: RunFit) -> str:
@@ -69,8 +69,10 @@ def panels(results: StudyResults, fit: RunFit) -> list[Figure]:
             std[q, lines],
             fitted[q, lines],
             names,
+            noise=std[q, lines],
+            distortion=np.abs(outputs - fitted)[q, lines],
             outputs=results.robot.output_names,
         )
         alt = f"Magnitudes and phases of the spectra of outputs, measured and predicted, in {label}"
-        figures.append(figure(f"runs-{q + 1}", drawing, alt, label=label, wide=True))
+        figures.append(figure(f"spectra-{q + 1}", drawing, alt, label=label, wide=True))
     return figures

@@ -43,7 +43,7 @@ output: results/here
 @pytest.fixture(scope="module")
 def simulated(tmp_path_factory):
     path = write_study(tmp_path_factory.mktemp("runs"), SIMULATED)
-    return path, *ran(path, "runs-1")
+    return path, *ran(path, "spectra-1")
 
 
 def test_records_are_fitted_as_runs_by_default(simulated):
@@ -59,9 +59,11 @@ def test_records_are_fitted_as_runs_by_default(simulated):
     assert not uncertainty["failures"]
     ratio = np.divide(uncertainty["emcee"]["std"], uncertainty["theorem1"]["std"])
     assert (np.abs(np.log(ratio)) < 0.3).all()
-    for section in ("runs", "residuals", "cross-check"):
+    for section in ("run-spectra", "residuals", "cross-check"):
         assert f'id="{section}"' in page
     assert 'id="responses"' not in page
+    ids = re.findall(r'<(?:h2|div|table|figure)[^>]* id="([^"]+)"', page)
+    assert len(set(ids)) == len(ids)
     assert "outputs of 1 run in each of 3 visits" in " ".join(page.split())
     assert "visit 2" in page  # one of the two positions is visited twice
     tested = {one["name"] for one in fit["trust"]["directions"]}
