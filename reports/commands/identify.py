@@ -70,6 +70,7 @@ def identify(
 
     from estimators import covariance, multistart, perturbed_starts, read_records, run_spectra
     from estimators.frf.frf_from_records import collected_warnings
+    from estimators.input_output.run_frf import check_rigid_runs
     from robotmodels import load_robot, save_robot
     from robotmodels.common.errors import naming
 
@@ -79,6 +80,7 @@ def identify(
     with collected_warnings() as warnings, naming(records):
         loops = _torque_loops(model, runs)
         data = run_spectra(runs, noise, delay=delay, hold=hold, states=states)
+        check_rigid_runs(data, model)
         fits = multistart(model, data, begins, weights=rows)
     fit = fits[0]
     reached = sum(other.cost <= fit.cost * (1 + 1e-6) for other in fits)

@@ -16,6 +16,7 @@ from estimators.frf.frf_estimate import FrfEstimate, simulate_frf
 from estimators.frf.frf_from_records import collected_warnings, measured_frf
 from estimators.frf.repeated_visits import merge_visits
 from estimators.frf.rigid_body_check import rigid_limit
+from estimators.input_output.run_frf import check_rigid_runs
 from estimators.input_output.run_spectra import RunSpectra, run_spectra
 from oed.study.stage_cache import Stage, dataclass_files
 from oed.study.stages.run import MeasuredRun, Run, SimulatedRun, Visits
@@ -126,6 +127,7 @@ def read_data(run: Run, records: Path) -> Data:
                 read_records(records), choice.noise, hold=choice.hold, delay=choice.delay
             )
             check_model(run.robot, runs)
+            check_rigid_runs(runs, run.robot)
         return Data(runs, warnings=tuple(warnings))
     measured = measured_frf(
         records,
