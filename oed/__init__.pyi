@@ -50,6 +50,10 @@ from .design.fastest_design import (
 )
 from .design.interior_point import Newton as Newton
 from .design.optimal_design import optimal_design as optimal_design
+from .design.optimal_spectra import (
+    SpectraDesign as SpectraDesign,
+    optimal_spectra as optimal_spectra,
+)
 from .design.problem import (
     DesignSolver as DesignSolver,
     ScaledProblem as ScaledProblem,

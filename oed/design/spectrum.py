@@ -10,23 +10,15 @@ needed, and when none gains more than the design allows, no other spectrum in an
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from functools import partial
 
 import numpy as np
 
 from oed.criteria.criteria import Criterion, objective_of
-from oed.criteria.objective import Objective
 from oed.design.certificate import efficiency_bound
-from oed.design.design import Design
-from oed.design.optimal_design import optimal_design
-from oed.design.solvers import fast_solver
+from oed.design.column_generation import generate_columns
 from oed.design.spectrum_polytope import LineLimit, SpectrumPolytopes
-from oed.information_sets.information_set import InformationSet
-from robotmodels.common.arrays import Array, IntArray, read_only
-from robotmodels.common.errors import InvalidInput, NotIdentifiable, SolverFailed
+from robotmodels.common.arrays import Array, read_only
 from robotmodels.common.printing import ReprHtml
-
-_REMEDY = "add positions or lines, or fix or tie some of these parameters"
 
 
 @dataclass(frozen=True, eq=False)
@@ -129,92 +121,19 @@ def optimal_spectrum(
     SolverFailed
         If the gap stays above the tolerance.
     """
-    if max_rounds < 1:
-        raise InvalidInput(f"max_rounds: {max_rounds!r}; at least 1 is needed")
     polytopes = SpectrumPolytopes.checked(lines, names, limits, line_most)
     objective = objective_of(criterion, names)
-    optimal = partial(_design, polytopes, objective, prior)
-    flat = polytopes.flat()
-    owners, powers = np.arange(len(flat)), flat
-    start = design = optimal(owners, powers, tolerance)
-    for done in range(1, max_rounds + 1):
-        gap, more, corners = _certified(polytopes, objective, design, prior, tolerance)
-        if gap <= tolerance:
-            return _answer(polytopes, owners, powers, design, start, objective, gap, done)
-        used = design.support
-        owners = np.concatenate([owners[used], more])
-        powers = np.concatenate([powers[used], corners])
-        design = optimal(owners, powers, 0.01 * tolerance)
-    raise SolverFailed(
-        f"optimal spectrum: the certified gap is {gap:.2g} after {max_rounds} rounds, above the "
-        f"tolerance {tolerance:.2g}; allow more rounds or a larger tolerance"
-    )
-
-
-def _certified(
-    polytopes: SpectrumPolytopes,
-    objective: Objective,
-    design: Design,
-    prior: Array | None,
-    tolerance: float,
-) -> tuple[float, IntArray, Array]:
-    """Return the gap over all spectra, and the positions and powers of the best ones."""
-    information = design.information
-    # Without a unique derivative, as for E, the solver's witness gives the tighter bound.
-    witness = objective.witness(information) if objective.smooth else design.witness
-    weight = objective.summed_by_sample(witness, information.shape)
-    gains = np.tensordot(polytopes.lines, weight)
-    prior_value = 0.0 if prior is None else float(np.vdot(weight, prior))
-    level = float(np.vdot(weight, information)) - prior_value
-    largest, corners, owners = polytopes.best_extreme_points(gains, level + 0.1 * tolerance)
-    bound = np.log(prior_value + largest) - objective.log_polar(witness)
-    return float(np.expm1(bound - objective.log_value(information))), owners, corners
-
-
-def _design(
-    polytopes: SpectrumPolytopes,
-    objective: Objective,
-    prior: Array | None,
-    owners: IntArray,
-    powers: Array,
-    tolerance: float,
-) -> Design:
-    """Return the best shares of experiments with these powers (k, F) in the positions (k,)."""
-    matrices = np.einsum("if,ifab->iab", powers, polytopes.lines[owners])
-    info = InformationSet(owners[:, None].astype(float), matrices, polytopes.names)
-    tolerance = max(tolerance, 1e-8 if objective.smooth else 1e-6)
-    try:
-        return optimal_design(
-            info, objective, None, prior, tolerance, solver=fast_solver(objective)
-        )
-    except NotIdentifiable as error:
-        raise NotIdentifiable(error.names, _REMEDY, error.combinations) from error
-
-
-def _answer(
-    polytopes: SpectrumPolytopes,
-    owners: IntArray,
-    powers: Array,
-    design: Design,
-    start: Design,
-    objective: Objective,
-    gap: float,
-    rounds: int,
-) -> SpectrumDesign:
-    n, f = polytopes.lines.shape[:2]
-    weights, power = np.zeros(n), np.zeros((n, f))
-    np.add.at(weights, owners, design.weights)
-    np.add.at(power, owners, design.weights[:, None] * powers)
-    used = weights > 0
-    power[used] /= weights[used, None]
+    solution = generate_columns(polytopes, objective, prior, tolerance, max_rounds)
+    weights, power = solution.means(len(polytopes.lines))
+    design = solution.design
     return SpectrumDesign(
         weights=read_only(weights),
-        power=read_only(power),
+        power=read_only(np.real(power)),
         value=design.value,
-        gap=gap,
+        gap=solution.gap,
         information=design.information,
         criterion=design.criterion,
         names=polytopes.names,
-        uniform_efficiency=objective.efficiency(start.information, design.information),
-        rounds=rounds,
+        uniform_efficiency=objective.efficiency(solution.flat.information, design.information),
+        rounds=solution.rounds,
     )

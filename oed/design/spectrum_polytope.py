@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.optimize import linprog
 
+from oed.design.column_generation import Columns
 from oed.information_sets.information_set import InformationSet
 from robotmodels.common.arrays import Array, IntArray, check_above_zero, real_numbers
 from robotmodels.common.errors import InvalidInput, SolverFailed
@@ -89,24 +90,21 @@ class SpectrumPolytopes:
             raise InvalidInput(f"limits: none holds for line {line} in position {q}")
         return cls(lines, names, costs, bounds, line_most)
 
-    def flat(self) -> Array:
-        """Return each position's flat spectrum, as strong as its limits allow, (Q, F)."""
+    def flat(self) -> Columns:
+        """Return each position's flat spectrum, as strong as its limits allow."""
         sums = self.costs.sum(axis=2)
         with np.errstate(divide="ignore"):
             level = np.minimum((self.bounds / sums).min(axis=1, initial=np.inf), self.line_most)
-        return np.repeat(level[:, None], self.lines.shape[1], axis=1)
+        powers = np.repeat(level[:, None], self.lines.shape[1], axis=1)
+        return self._columns(np.arange(len(powers)), powers)
 
-    def best_extreme_points(self, gains: Array, level: float) -> tuple[float, Array, IntArray]:
-        """Return a bound on the gain of any spectrum, the best spectra, and their positions.
+    def best_columns(self, weight: Array, level: float) -> tuple[float, Columns]:
+        """Return a bound on tr(W H) of any spectrum, and the best spectra.
 
         Each single limit bounds the gain of a position; a linear program is solved only where
         that bound exceeds `level`. At most 2p spectra, all of larger gains, are returned.
-
-        Parameters
-        ----------
-        gains : ndarray, (Q, F)
-            Gain of a unit of power: tr(W H) of a line in a position.
         """
+        gains = np.tensordot(self.lines, weight)
         single = [self._single(gains, r) for r in range(len(self.bounds))]
         bounds = np.stack([bound for bound, _ in single])
         lowest = np.argmin(bounds, axis=0)
@@ -123,7 +121,11 @@ class SpectrumPolytopes:
             if value[q] > level:
                 best.append(int(q))
         indices = np.array(best, dtype=np.int64)
-        return float(value.max()), spectra[indices], indices
+        return float(value.max()), self._columns(indices, spectra[indices])
+
+    def _columns(self, owners: IntArray, powers: Array) -> Columns:
+        matrices = np.einsum("if,ifab->iab", powers, self.lines[owners])
+        return Columns(owners, powers, matrices)
 
     def _single(self, gains: Array, row: int) -> tuple[Array, Array]:
         """Return the largest gains (Q,) under one limit, and the spectra (Q, F): knapsacks."""

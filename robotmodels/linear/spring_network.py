@@ -275,30 +275,54 @@ class SpringNetwork:
         """
         model = self.linear_model(parameters)
         X, Z = model.receptances(omega) if receptances is None else receptances
-        first, second = self.coefficients_at(parameters)
-        a, jw = self.incidence(), 1j * np.asarray(omega)[None, :, None]
-        ones = np.ones((len(first), jw.size, len(a)), dtype=complex)
-        if self.inertances is not None:
-            # What j omega is to a damper beside its spring, it is to an inertia beside friction.
-            more = np.ones((len(first), 1, len(self.inertances.friction)))
-            ones = np.concatenate([ones, jw * more], axis=-1)
-            a = np.concatenate([a, self._moves()])
-        scale = np.stack([-ones * first[:, None], -ones * jw * second[:, None]], axis=2)
-        exponents = self.coefficient_exponents.reshape(len(first), 2, len(a), -1)
-        free = self.free_terms
-        weights = np.einsum("qfts,qtsp->qfsp", scale[..., free], exponents[:, :, free])
-        left, right = np.swapaxes(Z, -1, -2) @ a[free].T, np.swapaxes(X, -1, -2) @ a[free].T
+        left, right, weights = self._factors(omega, (X, Z), parameters)
         products = left[..., :, None, :] * right[..., None, :, :]
-        J = products.reshape(*left.shape[:2], -1, len(free)) @ weights
+        J = products.reshape(*left.shape[:2], -1, left.shape[-1]) @ weights
         G = np.swapaxes(Z, -1, -2) @ model.forces(omega) + model.measured.direct(omega)
         J = J.reshape(*G.shape, -1)
         if self.torque_springs is not None:
             rows, springs, a = self._torque_rows()
             sensors = np.broadcast_to(model.measured.sensors(omega), G.shape[1:3])[:, rows, None]
             # What its coefficients are to a spring's torque, beside its elongation.
-            direct = np.einsum("qfts,qtsp->qfsp", scale[..., springs], exponents[:, :, springs])
+            direct = self._weights(omega, springs, parameters)
             J[:, :, rows] += (sensors * direct)[..., None, :] * (a @ X)[..., None]
         return G, J
+
+    def rank_one_sensitivity(
+        self, omega: Array, parameters: Array | None = None
+    ) -> tuple[ComplexArray, ComplexArray, ComplexArray, ComplexArray]:
+        """Return G and the factors of dG/d ln theta_a = sum_t w_ta y_t v_t^T.
+
+        Of the t free terms y is (Q, F, m, t), v (Q, F, n, t) and w (Q, F, t, p). What springs do to
+        sensors of their own torque is not in it.
+        """
+        model = self.linear_model(parameters)
+        X, Z = model.receptances(omega)
+        G = np.swapaxes(Z, -1, -2) @ model.forces(omega) + model.measured.direct(omega)
+        return G, *self._factors(omega, (X, Z), parameters)
+
+    def _factors(
+        self, omega: Array, receptances: tuple[ComplexArray, ComplexArray], parameters: Array | None
+    ) -> tuple[ComplexArray, ComplexArray, ComplexArray]:
+        """Return y, v and w of `rank_one_sensitivity`."""
+        a, free = self.incidence(), self.free_terms
+        if self.inertances is not None:
+            a = np.concatenate([a, self._moves()])
+        right, left = (np.swapaxes(part, -1, -2) @ a[free].T for part in receptances)
+        return left, right, self._weights(omega, free, parameters)
+
+    def _weights(self, omega: Array, terms: IntArray, parameters: Array | None) -> ComplexArray:
+        """Return what parameters do to terms, in units of their elongations, (Q, F, t, p)."""
+        first, second = self.coefficients_at(parameters)
+        jw = 1j * np.asarray(omega)[None, :, None]
+        ones = np.ones((len(first), jw.size, len(self.nodes)), dtype=complex)
+        if self.inertances is not None:
+            # What j omega is to a damper beside its spring, it is to an inertia beside friction.
+            more = np.ones((len(first), 1, len(self.inertances.friction)))
+            ones = np.concatenate([ones, jw * more], axis=-1)
+        scale = np.stack([-ones * first[:, None], -ones * jw * second[:, None]], axis=2)
+        exponents = self.coefficient_exponents.reshape(len(first), 2, first.shape[1], -1)
+        return np.asarray(np.einsum("qfts,qtsp->qfsp", scale[..., terms], exponents[:, :, terms]))
 
     def _moves(self) -> Array:
         """Return the unit vectors of the inertances' coordinates, (r, d)."""
