@@ -5,6 +5,7 @@ candidates have; each pays its move, settling and transients. Visits are added b
 second, and taken out again where others make better use of their time.
 """
 
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
@@ -75,8 +76,9 @@ class VisitPlan(ReprHtml):
             f"{len(self.visits)} visits in {self.duration / 60:.3g} min, efficiency >= "
             f"{self.efficiency:.3f}, largest standard deviation {self.std.max():.3g}"
         ]
-        for position, excitation, periods in self.visits:
-            lines.append(f"  position {position}: {excitation}, {periods} periods")
+        for (position, excitation, periods), times in Counter(self.visits).items():
+            often = f", {times} times" if times > 1 else ""
+            lines.append(f"  position {position}: {excitation}, {periods} periods{often}")
         return "\n".join(lines)
 
 
