@@ -332,8 +332,9 @@ def check_model(model: Elastic, data: RunSpectra) -> None:
     Raises
     ------
     InvalidInput
-        If it has other numbers of inputs and outputs, or transients are polynomials of lines that
-        are not dense against its resonances.
+        If it has other numbers of inputs and outputs, a torque loop that measured torques have
+        behind them, or transients are polynomials of lines that are not dense against its
+        resonances.
     """
     m, n = data.outputs.shape[3], data.inputs.shape[3]
     who = f"of {getattr(model, 'name', 'the model')}"
@@ -346,6 +347,12 @@ def check_model(model: Elastic, data: RunSpectra) -> None:
             f"runs: {m} outputs of {n} inputs, not {who}, which has {one.shape[2]} of "
             f"{one.shape[3]}"
         )
+    first = model.network(data.positions[:1], model.parameters.values).linear_model()
+    if not (data.commanded or first.measured.torque.ideal):
+        raise InvalidInput(
+            f"runs: torque_gain, torque_delay and torque_lag {who} act on commanded torques, these "
+            "were measured; leave them out of the robot file"
+        )
     if data.polynomials:
-        transients = LocalPolynomials(data.omega, m)
-        transients.check(model.network(data.positions, model.parameters.values).linear_model())
+        everywhere = model.network(data.positions, model.parameters.values)
+        LocalPolynomials(data.omega, m).check(everywhere.linear_model())

@@ -69,6 +69,8 @@ class RunSpectra(ReprHtml):
     polynomials : bool
         Whether what runs add that do not end as they began is taken for polynomials of the
         frequency, in blocks of lines, instead of the model's states.
+    commanded : bool
+        Whether inputs are commands, to which the model's torque loop belongs, or measured torques.
     """
 
     positions: Array
@@ -82,6 +84,7 @@ class RunSpectra(ReprHtml):
     delay: float = 0.0
     derivatives: IntArray = 2  # type: ignore[assignment]
     polynomials: bool = False
+    commanded: bool = True
 
     def __post_init__(self) -> None:
         inputs = complex_numbers(self.inputs, "inputs")
@@ -200,6 +203,7 @@ def run_spectra(
     return RunSpectra(
         records.positions, records.omega, inputs, outputs, covariance, freedom, kind,
         records.sample_time if along else None, delay, records.derivatives, states == "polynomial",
+        records.commanded,
     )  # fmt: skip
 
 

@@ -117,9 +117,10 @@ class Skeleton:
     ----------
     mass, stiffness : ndarray, (Q, d, d)
         Mass matrices, and the stiffness that gravity adds.
-    damping : ndarray, (d, d), or (Q, d, d) where friction depends on the load
-        Viscous friction of motors and joints, and dampers in place of Coulomb friction. Inertia and
-        viscous friction are missing where one of them is free (see `Inertances`).
+    damping : ndarray, (d, d) or (Q, d, d)
+        Viscous friction of motors and joints, and dampers in place of Coulomb friction, by position
+        where it depends on the load. Inertia and viscous friction are missing where one of them is
+        free (see `Inertances`).
     gravity : ndarray, (Q, d)
         Gravity torques.
     selector : ndarray, (d, n)

@@ -57,7 +57,7 @@ WORDS = {
     "same_phases": "blocks 1 and 2 have the same phases",
     "periods_copied": "all periods hold the same samples",
     "truncated": "refused: .*samples a period",
-    "not_excited": "refused: .*lines 7, 23 are declared",
+    "not_excited": r"refused: .*2 lines, 7, 23 \(.* are declared",
 }
 # Named without the cause, or left to the misfit of the fit.
 UNNAMED = {

@@ -16,7 +16,7 @@ from closed_loop import (
 )
 
 import robotmodels
-from estimators import estimate_frf, read_records, run_spectra, torque_loop, write_records
+from estimators import estimate_frf, fit, read_records, run_spectra, torque_loop, write_records
 from estimators.frf.frf_from_records import measured_frf
 from estimators.frf.torque_loop import check_torque_loop
 from reports.summaries.frf_summary import frf_json, frf_summary
@@ -108,6 +108,12 @@ def test_the_loop_is_stated_beside_frfs(tmp_path):
     assert [one["lag"] for one in document] == pytest.approx(LAG, rel=1e-2)
 
 
+def one_motor(records):
+    """Return the first motor's part of records."""
+    signals = {name: getattr(records, name)[..., :1] for name in (*records.signals, "positions")}
+    return replace(records, **signals, derivatives=None)
+
+
 def test_mistakes_are_named():
     records = both(blocks=2, periods=1)
     with pytest.raises(InvalidInput, match="position 1: no commands beside measured torques"):
@@ -128,3 +134,7 @@ def test_mistakes_are_named():
     with pytest.raises(InvalidInput, match="motor m1: torque_gain, torque_delay and torque_lag"):
         check_torque_loop(late, records)
     check_torque_loop(robot, records)
+    runs = run_spectra(one_motor(records), (0.1, 1e-6))
+    assert not runs.commanded
+    with pytest.raises(InvalidInput, match=r"torque_lag of moberg_axis1 act on commanded torques"):
+        fit(late, runs)
