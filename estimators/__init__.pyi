@@ -73,6 +73,7 @@ from .frf.method_comparison import (
 from .frf.record_checks import Settling as Settling, settling as settling
 from .frf.rigid_body_check import RigidLimit as RigidLimit, check_rigid_limit as check_rigid_limit
 from .frf.torque_loop import TorqueLoop as TorqueLoop, torque_loop as torque_loop
+from .input_output.run_frf import check_rigid_runs as check_rigid_runs
 from .input_output.run_spectra import RunSpectra as RunSpectra, run_spectra as run_spectra
 from .sampling.convergence import StoppingCriterion as StoppingCriterion
 from .sampling.exported_draws import export_draws as export_draws

@@ -68,9 +68,15 @@ def identify(
     one_thread_each()
     import numpy as np
 
-    from estimators import covariance, multistart, perturbed_starts, read_records, run_spectra
+    from estimators import (
+        check_rigid_runs,
+        covariance,
+        multistart,
+        perturbed_starts,
+        read_records,
+        run_spectra,
+    )
     from estimators.frf.frf_from_records import collected_warnings
-    from estimators.input_output.run_frf import check_rigid_runs
     from robotmodels import load_robot, save_robot
     from robotmodels.common.errors import naming
 
