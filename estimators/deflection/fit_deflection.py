@@ -123,6 +123,11 @@ class DeflectionFit:
             return Verdict("not identifiable", "the movements tell no stiffness")
         return Verdict("trustworthy", f"{told} of {len(stiffnesses)} stiffnesses have an interval")
 
+    @property
+    def gears(self) -> tuple[str, ...]:
+        """Names of the stiffnesses that were fitted: those of gears that moved."""
+        return tuple(self._spring(axis) for axis in self.estimate.axes)
+
     def histories(self, spring: str) -> tuple[DeflectionHistory, ...]:
         """Return measured and fitted deflections of a gear, record by record.
 
@@ -136,11 +141,10 @@ class DeflectionFit:
         InvalidInput
             If no such stiffness was fitted.
         """
-        axes = {self._spring(axis): axis for axis in self.estimate.axes}
-        if spring not in axes:
-            raise InvalidInput(f"{spring!r} was not fitted; there are {', '.join(axes)}")
-        records = range(len(self.estimate.smooth))
-        return tuple(deflection_history(self.estimate, self.at, axes[spring], r) for r in records)
+        if spring not in self.gears:
+            raise InvalidInput(f"{spring!r} was not fitted; there are {', '.join(self.gears)}")
+        axis, records = self.estimate.axes[self.gears.index(spring)], len(self.estimate.smooth)
+        return tuple(deflection_history(self.estimate, self.at, axis, r) for r in range(records))
 
     def _spring(self, axis: AxisDeflection) -> str:
         return self._stiffness_name(axis.motor)

@@ -26,13 +26,14 @@ class DeflectionResults:
         Movements that were fitted.
     fit : DeflectionFit
         The fit.
-    shares : tuple of dict
-        Of each movement that was not fitted, the share explained of each gear's deflection.
+    fitted_shares, shares : tuple of dict
+        Share explained of each gear's deflection, in each movement that was fitted, and in others.
     """
 
     study: DeflectionStudy
     movements: tuple[Movement, ...]
     fit: DeflectionFit
+    fitted_shares: tuple[dict[str, float], ...]
     shares: tuple[dict[str, float], ...]
 
 
@@ -54,9 +55,10 @@ def run_deflection_study(study: DeflectionStudy) -> DeflectionResults:
             payload=study.fit.payload,
             assumptions=DeflectionAssumptions(**settings),
         )
+        fitted_shares = tuple(fit.explained_share(movement) for movement in movements)
     if study.validation is None:
-        return DeflectionResults(study, movements, fit, ())
+        return DeflectionResults(study, movements, fit, fitted_shares, ())
     with naming(study.validation.movements):
         others = iterate_movements(study.validation.movements)
         shares = tuple(fit.explained_share(movement) for movement in others)
-    return DeflectionResults(study, movements, fit, shares)
+    return DeflectionResults(study, movements, fit, fitted_shares, shares)

@@ -113,21 +113,16 @@ def _systematic(results: DeflectionResults) -> Section:
 
 
 def _deflections(results: DeflectionResults) -> Section:
-    gears = [one.name for one in results.fit.intervals() if one.name.endswith(".stiffness")]
-    fitted = [name for name in gears if name in _fitted(results)]
+    gears = [one for one in results.fit.intervals() if one.name in results.fit.gears]
+    fitted = [one.name for one in sorted(gears, key=lambda one: discredited(one) != "")]
     body = filled(
         "deflection_pictures.html.j2",
         panels=[_panel(results, name) for name in fitted],
         least=text.significant(results.fit.at.least_speed, 2),
         low_pass=text.significant(results.fit.at.low_pass, 3),
-        explained=share_table(results) if results.shares else None,
+        explained=share_table(results),
     )
     return Section("deflections", "Deflections", body)
-
-
-def _fitted(results: DeflectionResults) -> set[str]:
-    """Return the names of the stiffnesses whose gears moved."""
-    return {name for each in results.fit.systematic_shifts().values() for name in each}
 
 
 def _panel(results: DeflectionResults, name: str) -> Figure:
@@ -137,13 +132,15 @@ def _panel(results: DeflectionResults, name: str) -> Figure:
 
 
 def share_table(results: DeflectionResults) -> Table:
-    """Return the shares of other movements' deflections that are explained."""
-    names = list(dict.fromkeys(name for share in results.shares for name in share))
+    """Return the shares of the movements' deflections that are explained."""
+    kinds = {"fitted": results.fitted_shares, "other": results.shares}
+    names = list(dict.fromkeys(name for share in results.fitted_shares for name in share))
     rows: list[Row] = [
-        (f"movement {i}", *(_percent(share.get(name, np.nan)) for name in names))
-        for i, share in enumerate(results.shares, start=1)
+        (f"{kind} {i}", *(_percent(share.get(name, np.nan)) for name in names))
+        for kind, shares in kinds.items()
+        for i, share in enumerate(shares, start=1)
     ]
-    caption = "Share of the springs’ part of the deflection that is explained in other movements."
+    caption = "Share of the springs’ part of the deflection that is explained."
     return table("explained", caption, [Column("movement"), *numbers(*names)], rows)
 
 
