@@ -117,16 +117,22 @@ def _along(plant: PlantModel, output: Output) -> tuple[int, Array]:
 
 
 def _spring_torque(plant: PlantModel, file: RobotFile, name: str, motion: Array) -> Array:
-    """Return the torque of a spring and its damper on what is beyond, (T,)."""
+    """Return the torque of a spring and its damper on what is beyond, (T,).
+
+    Gears are as they are simulated: linearised, or with a gap, if that was asked for.
+    """
     spring = next(s for s in file.springs if s.name == name)
     joint = plant.coordinate(str(spring.joint if spring.axis == "drive" else spring.name))
     elongation, rate = motion[0][:, joint].copy(), motion[1][:, joint].copy()
-    gears = {m.joint: m.name for m in file.motors}
-    if spring.axis == "drive" and spring.joint in gears:
-        shaft = plant.coordinate(gears[spring.joint])
-        elongation -= motion[0][:, shaft]
-        rate -= motion[1][:, shaft]
     low, _, cubic = stiffness_polynomial(spring)
+    gears = {m.joint: (m.name, gear) for m, gear in zip(file.motors, plant.gears, strict=True)}
+    if spring.axis == "drive" and spring.joint in gears:
+        motor, gear = gears[spring.joint]
+        shaft, model = plant.coordinate(motor), plant.model
+        elongation -= motion[0][:, shaft]
+        elongation -= np.clip(elongation, *model.tendon_lengthspring[gear])
+        rate -= motion[1][:, shaft]
+        low, cubic = model.tendon_stiffness[gear], model.tendon_stiffnesspoly[gear][1]
     return np.asarray(-(low + cubic * elongation**2) * elongation - spring.damping * rate)
 
 

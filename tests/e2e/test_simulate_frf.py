@@ -161,6 +161,43 @@ def test_eleven_seconds_on_a_robot_show_three_springs(tmp_path):
     assert "oed identify" in err
 
 
+OUTPUTS = """\
+outputs:
+  - {motor: m1, quantity: angle}
+  - {joint: axis, quantity: angle}
+  - {spring: g1, quantity: torque}
+"""
+
+
+def test_any_number_of_outputs_and_a_band(tmp_path):
+    """One motor, its encoder, one behind the gear, and a torque sensor."""
+    robot = tmp_path / "axis.yaml"
+    robotmodels.save_robot(robotmodels.load_robot("moberg_axis1"), robot)
+    robot.write_text(robot.read_text(encoding="utf-8") + OUTPUTS, encoding="utf-8")
+    path = write(tmp_path, EXPERIMENT.replace("robot: moberg_axis1", "robot: axis.yaml"))
+    code, _, err = oed("simulate", path, "--workers", 1)
+    assert (code, err) == (0, "")
+    folder = tmp_path / "results" / "axis"
+    command = "frf", folder / "records.h5", "--robot", robot, "--band", 0, 20
+    code, out, err = oed(*command)
+    assert (code, err) == (0, "")
+    assert "FRFs     ari, 3 x 1 at" in out
+    assert "torques  1 of 1 independent at a line; condition number 1" in out
+    said = json.loads(oed(*command, "--json")[1])
+    omega, shape = np.array(said["omega"]), (1, len(said["omega"]))
+    assert 0 < omega[0] < omega[-1] < 2 * np.pi * 20
+    assert np.shape(said["rank"]) == np.shape(said["condition"]) == shape
+    assert (said["left_out"], said["torque_loop"]) == ([], None)
+    estimate = read_frf(folder / "frf.h5")
+    model = robotmodels.load_robot(robot)
+    expected = robotmodels.frequency_response(model, estimate.positions, estimate.omega)
+    error = np.abs(estimate.response - expected).max(axis=1) / np.abs(expected).max(axis=1)
+    assert error.max() < 0.02
+    page = (folder / "frf.html").read_text(encoding="utf-8")
+    assert "g1 torque" in page
+    assert "Every line" in page
+
+
 def test_measured_torques_are_not_held(estimated, tmp_path):
     folder, _ = estimated
     assert oed("frf", folder / "records.h5", "--no-hold", "-o", tmp_path)[0] == 0

@@ -8,6 +8,7 @@ import mujoco
 import numpy as np
 import pytest
 from reloaded_mjcf import ReloadedMjcf, differences
+from robots import PENDULUM, built, with_spring
 
 import estimators
 import oed
@@ -18,6 +19,9 @@ from estimators.sampling.log_posterior import batched_frequency_response
 from oed.information_sets.line_information import sensor_information
 from robotmodels import ElasticRobot, InvalidInput, Records
 from robotmodels.description.robot_file import RobotFile, read_robot_file
+from robotmodels.simulation.plant_model import build_plant
+from robotmodels.simulation.readings import _spring_torque
+from robotmodels.simulation.simulate_block import linearise_gears, open_gears
 
 LIBRARY = Path(robotmodels.__file__).parent / "library"
 OMEGA = 2 * np.pi * np.array([3.0, 11.0, 25.0, 60.0])
@@ -207,6 +211,29 @@ def test_simulated_readings_are_those_of_the_linear_model() -> None:
     prompt = [motor.model_copy(update={"torque_lag": 0.0}) for motor in robot.file.motors]
     file = robot.file.model_copy(update={"motors": prompt})
     assert errors(ElasticRobot(file, robot.folder))[0] > 0.1
+
+
+@pytest.mark.parametrize("linear", [False, True])
+@pytest.mark.parametrize("gap", [0.0, 2e-3])
+def test_torque_sensors_read_gears_as_they_are_simulated(linear: bool, gap: float) -> None:
+    """MuJoCo's own passive forces, of a hardening gear under gravity, perhaps with a gap."""
+    stiffness = {"low": 2e3, "high": 9e3, "torque": 40.0}
+    robot = built(with_spring(PENDULUM, "g", stiffness=stiffness))
+    motors = [motor.model_copy(update={"viscous": 0.0}) for motor in robot.file.motors]
+    file = robot.file.model_copy(update={"motors": motors})
+    plant = build_plant(file, robot.model_file)
+    state = np.array([0.1, 0.11])
+    if linear:
+        linearise_gears(plant, state)
+    state = open_gears(plant, state, np.array([gap]))
+    motion = np.random.default_rng(1).normal(size=(2, 50, 2)) * [[[0.01]], [[0.1]]]
+    motion[0] += state
+    forces = []
+    for plant.data.qpos[:], plant.data.qvel[:] in motion.swapaxes(0, 1):
+        mujoco.mj_forward(plant.model, plant.data)
+        forces.append(-plant.data.qfrc_passive[plant.coordinate("m")])
+    readings = _spring_torque(plant, file, "g", motion)
+    np.testing.assert_allclose(readings, forces, rtol=1e-9, atol=1e-9)
 
 
 def test_springs_from_a_joint_encoder_and_a_torque_sensor() -> None:
