@@ -80,9 +80,9 @@ def _accelerometers(source: Import) -> Iterator[str]:
     for name, signal in source.others.items():
         if signal.role == "accelerometer" and name in sensors:
             sensor = sensors[name]
-            place = ", ".join(f"{x:g}" for x in sensor.at)
+            position = ", ".join(f"{x:g}" for x in sensor.at)
             axis = ", ".join(f"{x:g}" for x in sensor.direction)
-            yield f"accelerometer {name}: on {sensor.link} at ({place}) m along ({axis})"
+            yield f"accelerometer {name}: on {sensor.link} at ({position}) m along ({axis})"
         elif signal.role == "accelerometer":
             yield (
                 f"accelerometer {name}: not in the robot file, which would say its place and axis; "

@@ -10,7 +10,7 @@
     start_pose: [0.0, -1.57, 1.57]       # added to all angles of joints [rad or m]
     time:                        # of all tables; names such as t or time are looked for by default
       column: t                  # with stamps, numbers or ISO
-      unit: ms                   # of the stamps, s by default
+      unit: ms                   # of the stamps, also such as 100 ns; s by default
       counter: cycle             # counts samples; takes the place of stamps that jitter
       sample_time: 0.004         # [s], where there are no stamps, or of one count
     tables:                      # other times, by the name of a table
@@ -25,7 +25,8 @@
                                  # reference_angle, reference_velocity, reference_torque,
                                  # accelerometer, other
       joint: a2                  # or joints, a list; by default those of the log
-      unit: deg                  # as pint writes units, or counts or %; the file's by default
+      unit: deg                  # as pint or people write units, such as 0.229 rpm, or counts or
+                                 # %, ‰, 0.1 %; the file's by default
       side: motor                # of the gear, motor or joint
       sign: -1                   # or one for each joint
       counts_per_turn: 4096      # of a unit of counts
