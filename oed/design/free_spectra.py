@@ -222,7 +222,10 @@ class FreeSpectra:
         network, tangents = linearization(robot, positions, equilibrium_shift=False)
         rank_one = tangents is None and network.only_springs and network.torque_springs is None
         if rank_one:
-            G, left, right, weights = network.rank_one_sensitivity(self.omega)
+            # Imported when used: other designs do not need it.
+            import robotmodels.kernel as kernel
+
+            G, left, right, weights = kernel.rank_one_sensitivity(network, self.omega)
             weighted = np.linalg.solve(self.errors.output_error(G, self.omega), left)
             products = np.conj(np.swapaxes(left, -1, -2)) @ weighted
             inputs = self.torque[:, None] * right

@@ -23,6 +23,7 @@ from robotmodels.common.arrays import (
 )
 from robotmodels.common.errors import InvalidInput
 from robotmodels.common.printing import ReprHtml
+from robotmodels.elastic.robot import ElasticRobot
 from robotmodels.linear.noise import OutputErrors
 from robotmodels.linear.response import Elastic, check_omega
 
@@ -157,7 +158,8 @@ def optimal_spectra(
     Raises
     ------
     InvalidInput
-        If positions, torques, speeds or noise do not fit, or the cap is below one.
+        If positions, torques, speeds or noise do not fit, or the cap is below one; if parameters of
+        a single robot are guesses by its file.
     NotIdentifiable
         Naming the parameters, if flat spectra in all positions leave some open.
     SolverFailed
@@ -166,6 +168,8 @@ def optimal_spectra(
     robots = tuple(robot) if isinstance(robot, Sequence) else (robot,)
     if not robots:
         raise InvalidInput("robot: no sample given; at least one is needed")
+    if len(robots) == 1:
+        _check_estimated(robots[0])
     positions, lines = np.atleast_2d(real_numbers(positions, "positions")), check_omega(omega)
     if positions.size == 0:
         raise InvalidInput("positions: none given; at least one candidate position is needed")
@@ -180,6 +184,20 @@ def optimal_spectra(
     objective = objective_of(criterion, sets.names, len(robots))
     solution = generate_columns(sets, objective, prior, goal, max_rounds)
     return _result(sets, solution, objective, prior)
+
+
+def _check_estimated(robot: Elastic) -> None:
+    """Refuse a robot whose file has guesses of free parameters that no fit has replaced."""
+    if not isinstance(robot, ElasticRobot):
+        return
+    fitted = robot.file.fitted.relative_std if robot.file.fitted else {}
+    guesses = [n for n in robot.parameters.names if n in robot.file.guessed and n not in fitted]
+    if guesses:
+        raise InvalidInput(
+            f"robot {robot.name!r}: its file has guesses of {', '.join(guesses)}, and spectra "
+            "designed at guesses lose most of their gain: fit first, or give samples of the "
+            "robot, `robotmodels.WithParameters` of values drawn from the prior"
+        )
 
 
 def _limits(values: ArrayLike, motors: int, what: str) -> Array:

@@ -15,6 +15,7 @@ from robotmodels.kernel.cost_kernel import (
     positive_frequencies,
 )
 from robotmodels.kernel.elimination_order import layout
+from robotmodels.kernel.elongations import elongations
 from robotmodels.kernel.fisher import informations
 from robotmodels.kernel.memory import address
 from robotmodels.kernel.run_kernel import RunKernel, run_kernel_suits
@@ -37,6 +38,7 @@ __all__ = [
     "excitation_informations",
     "frequency_response",
     "information",
+    "rank_one_sensitivity",
     "run_kernel_suits",
 ]
 
@@ -110,6 +112,35 @@ def information(network: SpringNetwork, omega: Array, noise: NoiseLaw | Separabl
 
     over_threads(run, len(out), work_per_item=2 * frequencies.size // LANES, shares=_SHARES)
     return out
+
+
+def rank_one_sensitivity(
+    network: SpringNetwork, omega: Array
+) -> tuple[ComplexArray, ComplexArray, ComplexArray, ComplexArray]:
+    """Return G and the factors y, v and w of its derivatives, see `SpringNetwork`.
+
+    Raises
+    ------
+    InvalidInput
+        If a frequency is not positive and finite.
+    """
+    w = positive_frequencies(omega)
+    plan = layout(network)
+    if plan is None or network.inertances is not None:
+        return network.rank_one_sensitivity(w)
+    out = np.empty((len(network.mass), w.size, len(plan.needed), len(plan.motors)), dtype=complex)
+    frequencies, _ = padded_lines(w)
+    tables = network_tables(network)
+
+    def run(start: int, stop: int) -> None:
+        space = workspace(plan, network, tables)
+        elongations(space.at, address(frequencies), w.size, start, stop, address(out.view(float)))
+
+    over_threads(run, len(out), work_per_item=frequencies.size // LANES)
+    v = np.swapaxes(out, -1, -2)
+    right = v * network.motor_factors(w)[..., None]
+    weights = network.rank_one_weights(w)
+    return frequency_response(network, w), -(w[:, None, None] ** 2) * v, right, weights
 
 
 def costs(

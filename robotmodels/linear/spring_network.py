@@ -311,6 +311,10 @@ class SpringNetwork:
         right, left = (np.swapaxes(part, -1, -2) @ a[free].T for part in receptances)
         return left, right, self._weights(omega, free, parameters)
 
+    def rank_one_weights(self, omega: Array) -> ComplexArray:
+        """Return w of `rank_one_sensitivity`, (Q, F, t, p)."""
+        return self._weights(omega, self.free_terms, None)
+
     def _weights(self, omega: Array, terms: IntArray, parameters: Array | None) -> ComplexArray:
         """Return what parameters do to terms, in units of their elongations, (Q, F, t, p)."""
         first, second = self.coefficients_at(parameters)

@@ -14,6 +14,7 @@ from robotmodels import (
     load_robot,
     sensitivity,
 )
+from robotmodels.kernel import rank_one_sensitivity
 
 TORQUE = np.array([9.0, 9.0, 9.0, 1.9, 2.0, 0.65])
 LINES = 24
@@ -158,6 +159,19 @@ def test_estimated_covariances_are_a_noise_too():
     )
     expected = some_candidates(["random_phase"]).information.matrices
     assert far(table.information.matrices, expected) < 1e-12
+
+
+@pytest.mark.parametrize("name", ["manutec_r3", "ur10"])
+def test_rank_one_factors_are_the_derivatives(name):
+    robot = load_robot(name)
+    network = robot.network(POSITIONS[:2])
+    G, J = network.sensitivity(OMEGA)
+    for factors in (network.rank_one_sensitivity(OMEGA), rank_one_sensitivity(network, OMEGA)):
+        response, y, v, w = factors
+        np.testing.assert_allclose(response, G, rtol=1e-9, atol=1e-12 * np.abs(G).max())
+        product = np.einsum("qfmt,qfnt,qftp->qfmnp", y, v, w)
+        scale = np.abs(J).max(axis=(0, 2, 3), keepdims=True)
+        assert np.abs((product - J) / scale).max() < 1e-9
 
 
 def fitted(excitation, runs, seed):

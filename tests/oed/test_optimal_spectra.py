@@ -7,6 +7,7 @@ import pytest
 import oed
 from oed.design.spectral_oracle import SpectralOracle
 from robotmodels import (
+    ElasticRobot,
     ExcitationNoise,
     InputOutputNoise,
     InvalidInput,
@@ -15,6 +16,7 @@ from robotmodels import (
     load_robot,
     sensitivity,
 )
+from robotmodels.description.robot_file import Fitted
 
 ROBOT = load_robot("manutec_r3")
 TORQUE = np.array([9.0, 9.0, 9.0, 1.9, 2.0, 0.65])
@@ -183,6 +185,18 @@ def test_spectra_averaged_over_the_prior_are_those_of_samples():
         ]
         kept.append(np.linalg.slogdet(sum(parts)).logabsdet)
     assert np.mean(kept) <= np.linalg.slogdet(design.information).logabsdet.mean() + 1e-6
+
+
+def test_guesses_are_refused_and_fitted_values_are_not():
+    names = ROBOT.parameters.names
+    guess = ROBOT.file.model_copy(update={"guessed": {names[0]: 0.5}})
+    robot = ElasticRobot(guess, ROBOT.folder)
+    with pytest.raises(InvalidInput, match=r"file has guesses of g1\.stiffness, .* fit first, or"):
+        designed(robot=robot)
+    samples = [WithParameters(robot, f * robot.parameters.values) for f in (0.7, 1.4)]
+    assert designed(robot=samples).gap <= 1e-6
+    fitted = guess.model_copy(update={"fitted": Fitted(relative_std={names[0]: 0.01})})
+    assert designed(robot=ElasticRobot(fitted, ROBOT.folder)).gap <= 1e-6
 
 
 def test_targets_and_prior_information():
