@@ -140,7 +140,8 @@ def rank_one_sensitivity(
     v = np.swapaxes(out, -1, -2)
     right = v * network.motor_factors(w)[..., None]
     weights = network.rank_one_weights(w)
-    return frequency_response(network, w), -(w[:, None, None] ** 2) * v, right, weights
+    left: ComplexArray = np.asarray(-(w[:, None, None] ** 2) * v)
+    return frequency_response(network, w), left, right, weights
 
 
 def costs(
