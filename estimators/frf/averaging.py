@@ -55,6 +55,14 @@ METHODS: dict[str, Method] = {"ari": ari, "har": har, "log": log, "h1": h1, "jio
 SUMMING = ("h1", "jio")
 
 
+def needed_rank(method: str, motors: int) -> int:
+    """Return how many torques of a line must be independent above their noise.
+
+    The references of "jio" find torques in noise, one line's as well as another's.
+    """
+    return 1 if method == "jio" else motors
+
+
 def find_method(name: str) -> Method:
     """Return the estimator called `name`.
 

@@ -12,6 +12,7 @@ from estimators.frf.averaging import (
     effective_runs,
     find_method,
     jackknife,
+    needed_rank,
     noise_deviations,
 )
 from estimators.frf.block_checks import (
@@ -212,7 +213,7 @@ def usable_spectra(
             f"{who}: {E} runs a block for {n} motors; {method} needs {n}, "
             f"{' and '.join(SUMMING)} take any number"
         )
-    check_excited(measured, records, k, who, n)
+    check_excited(measured, records, k, who, needed_rank(method, n))
     if method == "jio" and not measured.reference.any():
         raise InvalidInput(f"{who}: jio needs the reference, which is zero; use another method")
     first = first_period(measured, transient, who)

@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from estimators.frf.averaging import SUMMING
+from estimators.frf.averaging import SUMMING, needed_rank
 from estimators.frf.block_checks import line_words
 from estimators.frf.estimate_frf import Transient, each_position, first_period
 from estimators.frf.input_rank import (
@@ -161,7 +161,8 @@ def _of_position(
     if method == LOCAL:
         condition, determined = window_excitation(measured, noise, who, **local)
     else:
-        condition, determined = _by_line(measured, method), rank == part.positions.shape[1]
+        condition = _by_line(measured, method)
+        determined = rank >= needed_rank(method, part.positions.shape[1])
     return _Part(lines, measured.omega, rank, condition, determined & (rank > 0))
 
 

@@ -7,10 +7,8 @@ from estimators.frf.spectra import Spectra, spectra
 from robotmodels.common.arrays import Array, ComplexArray, IntArray
 from robotmodels.records.records import Records
 
-_ABOVE = 4.0
-"""Least power of a torque, over the most that its noise can be taken for."""
 _ROUNDING = 1e-8  # of a motor's torque, rms over lines
-_NO_POWER = 1e-12  # of the reference's strongest line
+_UNASKED = 1e-6  # of its reference
 _NEAREST = 6
 """Lines without excitation that show a line's noise, where there is one period only."""
 
@@ -18,15 +16,16 @@ _NEAREST = 6
 def input_noise(records: Records, measured: Spectra, lines: IntArray) -> Array:
     """Return the standard deviations of the period-averaged torques of one position, (F, n).
 
-    From bins between those of the periods; of one period from the nearest lines within the band
-    that were left out, and zero where there are none.
+    From bins between those of the periods. Of one period from the nearest lines within the band
+    that were left out, which hold distortion too: zero where there are none, or where references
+    tell what was excited.
     """
     if measured.noise_input.shape[1]:
         count = max(int(measured.present.sum()) * measured.noise_input.shape[1], 1)
         power = (np.abs(measured.noise_input) ** 2).sum(axis=(0, 1, 4)) / count
         return np.asarray(np.sqrt(power))
     others = np.setdiff1d(np.arange(records.lines[0], records.lines[-1]), records.lines)
-    if len(others) < _NEAREST:
+    if len(others) < _NEAREST or records.reference.any():
         return np.zeros(measured.input.shape[2:4])
     torque = spectra(records, 0, others).input[:, 0]  # (B, F', n, E)
     power = (np.abs(torque) ** 2).sum(axis=(0, 3)) / max(int(measured.present.sum()), 1)
@@ -40,25 +39,27 @@ def side_by_side(signal: ComplexArray, measured: Spectra) -> ComplexArray:
     return np.asarray(runs[..., measured.present.reshape(-1)])
 
 
-def input_rank(inputs: ComplexArray, noise: Array) -> IntArray:
+def input_rank(inputs: ComplexArray, noise: Array, least: float = _ROUNDING) -> IntArray:
     """Return the rank (F,) of torques (F, n, r) whose noise has standard deviations (F, n).
 
     Counted are singular values above those of noise alone, which are at most about
-    sqrt(n) + sqrt(r) times its standard deviation, and above rounding.
+    sqrt(n) + sqrt(r) times its standard deviation, and above the part `least` of their mean.
     """
     _, n, runs = inputs.shape
-    rounding = _ROUNDING * np.sqrt(runs * np.mean(np.abs(inputs) ** 2, axis=(0, 2)))
-    most = np.sqrt(_ABOVE) * (np.sqrt(n) + np.sqrt(runs)) * noise
+    rounding = least * np.sqrt(runs * np.mean(np.abs(inputs) ** 2, axis=(0, 2)))
+    most = (np.sqrt(n) + np.sqrt(runs)) * noise
     scale = np.hypot(most, rounding)
     scaled = inputs / np.where(scale > 0, scale, np.inf)[..., None]
     return np.asarray((np.linalg.svd(scaled, compute_uv=False) > 1).sum(axis=-1))
 
 
 def excited_rank(measured: Spectra, noise: Array) -> IntArray:
-    """Return the rank (F,) of the torques of all runs; zero where the references are."""
-    power = (np.abs(measured.reference) ** 2).sum(axis=(0, 1, 3, 4))
-    unasked = (power <= _NO_POWER * power.max()) & (power.max() > 0)
-    return np.where(unasked, 0, input_rank(side_by_side(measured.input, measured), noise))
+    """Return the rank (F,) of the torques of all runs: at most that of their references."""
+    rank = input_rank(side_by_side(measured.input, measured), noise)
+    if not measured.reference.any():
+        return rank
+    reference = side_by_side(measured.reference, measured)
+    return np.minimum(rank, input_rank(reference, np.zeros(noise.shape), _UNASKED))
 
 
 def condition_numbers(inputs: ComplexArray) -> Array:
