@@ -1,7 +1,7 @@
 """The spectra that every position may have, in which motors share lines as they like."""
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import NamedTuple, Protocol
 
@@ -15,6 +15,7 @@ from oed.information_sets.experiment_candidates import experiment_candidates
 from robotmodels.common.arrays import Array, ComplexArray, IntArray
 from robotmodels.linear.noise import OutputErrors
 from robotmodels.linear.response import Elastic, linearization, sensitivity_about
+from robotmodels.linear.spring_network import SpringNetwork
 
 _PART = 8  # positions whose sensitivities are in memory at once
 
@@ -226,18 +227,27 @@ class FreeSpectra:
             import robotmodels.kernel as kernel
 
             G, left, right, weights = kernel.rank_one_sensitivity(network, self.omega)
-            weighted = np.linalg.solve(self.errors.output_error(G, self.omega), left)
+            weighted = np.linalg.solve(self.errors.output_error(network, G, self.omega), left)
             products = np.conj(np.swapaxes(left, -1, -2)) @ weighted
             inputs = self.torque[:, None] * right
             white: list[White] = list(map(RankOne, products, inputs, weights))
         else:
             G, J = sensitivity_about(network, tangents, self.omega)
-            L = np.linalg.cholesky(self.errors.output_error(G, self.omega))
+            L = np.linalg.cholesky(self.errors.output_error(network, G, self.omega))
             A = np.linalg.solve(L, J.reshape(*J.shape[:3], -1)).reshape(J.shape)
             white = list(map(Whole, A * self.torque[:, None]))
+        return list(zip(white, self._speeds(network), strict=True))
+
+    def _speeds(self, network: SpringNetwork) -> ComplexArray:
+        """Return the limited speeds of motors in units of their limits, (Q, R, F, n)."""
         limited = np.isfinite(self.speed)
-        speeds = G[:, :, limited] * self.torque / (1j * self.omega[:, None, None])
-        return list(zip(white, np.swapaxes(speeds / self.speed[limited, None], 1, 2), strict=True))
+        if not limited.any():
+            q, f, n = len(network.mass), len(self.omega), len(self.torque)
+            return np.zeros((q, 0, f, n), dtype=complex)
+        motors = replace(network, measurement=None, torque_springs=None)
+        G = motors.frequency_response(self.omega)[:, :, limited]
+        speeds = G * self.torque / (1j * self.omega[:, None, None] * self.speed[limited, None])
+        return np.asarray(np.swapaxes(speeds, 1, 2))
 
 
 def _growth(old: Array | None, new: Array) -> float:

@@ -145,7 +145,7 @@ def optimal_spectra(
         Largest power of a line, summed over motors in units of their flat levels, in parts of the
         flat one: without it a few lines are shaken, and the design is not robust.
     speed : float or array_like, (n,), rad/s
-        Largest root mean square speed of each output.
+        Largest root mean square speed of each motor.
     criterion : str or Criterion
         As in `optimal_design`.
     prior : ndarray, (p, p), optional

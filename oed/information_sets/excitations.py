@@ -165,7 +165,7 @@ class UserSpectrum:
     ----------
     matrices : ndarray of complex, (F, n, n), N^2 m^2
         Phi of all runs, Hermitian and positive semidefinite.
-    experiments : int
+    run_count : int
         Runs, as many as the largest rank at least.
     name : str
         What reports call it.
@@ -177,12 +177,12 @@ class UserSpectrum:
     """
 
     matrices: ComplexArray
-    experiments: int = 1
+    run_count: int = 1
     name: str = "user"
 
     def __post_init__(self) -> None:
         Phi = complex_numbers(self.matrices, f"excitation {self.name}")
-        check_count(self.experiments, f"excitation {self.name}: experiments")
+        check_count(self.run_count, f"excitation {self.name}: run_count")
         if Phi.ndim != 3 or Phi.shape[1] != Phi.shape[2] or not np.isfinite(Phi).all():
             raise InvalidInput(
                 f"excitation {self.name}: shape {Phi.shape}; finite numbers (F, n, n) are needed"
@@ -194,7 +194,7 @@ class UserSpectrum:
         for wrong, what in (
             (skew, "is not Hermitian"),
             (values[:, 0] < -1e-9 * size, "is not positive semidefinite"),
-            (ranks > self.experiments, f"takes more runs than {self.experiments}"),
+            (ranks > self.run_count, f"takes more runs than {self.run_count}"),
         ):
             if wrong.any():
                 line = int(np.argmax(wrong))
@@ -203,7 +203,7 @@ class UserSpectrum:
 
     def runs(self, motors: int) -> int:
         """Return the number of runs."""
-        return self.experiments
+        return self.run_count
 
     def spectrum(self, torque: Array, lines: int) -> ComplexArray:
         """Return the matrices.

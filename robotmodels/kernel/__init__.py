@@ -184,7 +184,7 @@ def excitation_informations(
     check_complete(network)
     plan = layout(network)
     G = frequency_response(network, w)
-    sigma = errors.output_error(G, w)
+    sigma = errors.output_error(network, G, w)
     powers = np.swapaxes(np.asarray(spectra, dtype=complex), -1, -2)[:, None]
     return informations_of_factors(network, plan, w, powers, sigma)
 

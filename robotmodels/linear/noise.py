@@ -45,8 +45,10 @@ class SeparableNoise(Protocol):
 class OutputErrors(Protocol):
     """A law of the errors of outputs and inputs together, such as `InputOutputNoise`."""
 
-    def output_error(self, response: ComplexArray, omega: Array) -> ComplexArray:
-        """Return the covariance of e = Y - G U, (Q, F, m, m), for FRFs (Q, F, m, n)."""
+    def output_error(
+        self, network: SpringNetwork, response: ComplexArray, omega: Array
+    ) -> ComplexArray:
+        """Return the covariance of e = Y - G U, (Q, F, m, m), for FRFs G (Q, F, m, n)."""
         ...
 
 
@@ -61,8 +63,8 @@ class InputOutputNoise:
     ----------
     speed : float or ndarray, (m,), rad/s
         Standard deviation of a line's speed, root mean square: of white noise of standard deviation
-        s in N samples it is s sqrt(2/N). An output is as noisy as the acceleration j omega times
-        that speed.
+        s in N samples it is s sqrt(2/N). Measured angles and accelerations are as noisy as what
+        that speed makes of them.
     torque : float or ndarray, (n,), N m
         Standard deviation of a line's torque, root mean square.
     """
@@ -106,14 +108,29 @@ class InputOutputNoise:
         variances = np.concatenate(parts, axis=1) ** 2
         return np.asarray(variances[:, :, None] * np.eye(outputs + inputs), dtype=complex)
 
-    def output_error(self, response: ComplexArray, omega: Array) -> ComplexArray:
-        """Return (omega speed)^2 I + G torque^2 G^H, see `OutputErrors`."""
+    def output_error(
+        self, network: SpringNetwork, response: ComplexArray, omega: Array
+    ) -> ComplexArray:
+        """Return (omega speed)^2 I + G torque^2 G^H of accelerations, see `OutputErrors`.
+
+        Raises
+        ------
+        InvalidInput
+            If the robot measures more than its motors' motion, all alike.
+        """
         m, n = response.shape[-2:]
+        measured = network.measurement
+        order = 2 if measured is None else measured.motor_order(network.selector)
+        if order is None:
+            raise InvalidInput(
+                "noise: InputOutputNoise is that of motors' motion, and this robot has other "
+                "outputs; give their ErrorCovariance"
+            )
         scaled = response * self._each("torque", n)
         error = scaled @ np.conj(np.swapaxes(scaled, -1, -2))
-        floor = (np.asarray(omega, dtype=float)[:, None] * self._each("speed", m)) ** 2
-        error[..., np.arange(m), np.arange(m)] += floor
-        return error
+        w = np.asarray(omega, dtype=float)[:, None]
+        error[..., np.arange(m), np.arange(m)] += (w ** (order - 1) * self._each("speed", m)) ** 2
+        return np.asarray(error)
 
     def _each(self, name: str, count: int) -> Array:
         """Return a standard deviation of each motor, (count,)."""
@@ -137,7 +154,9 @@ class ErrorCovariance:
 
     covariance: ComplexArray
 
-    def output_error(self, response: ComplexArray, omega: Array) -> ComplexArray:
+    def output_error(
+        self, network: SpringNetwork, response: ComplexArray, omega: Array
+    ) -> ComplexArray:
         """Return [I -G] C [I -G]^H, see `OutputErrors`."""
         q, f, m, n = response.shape
         shape = (q, f, m + n, m + n)
@@ -185,7 +204,7 @@ class ExcitationNoise:
                 f"spectrum: shape {self.spectrum.shape}; {shape[1:]} is needed, or that for each "
                 "position"
             ) from None
-        return np.swapaxes(spectrum, -1, -2), self.errors.output_error(G, omega)
+        return np.swapaxes(spectrum, -1, -2), self.errors.output_error(network, G, omega)
 
     def weights(self, network: SpringNetwork, omega: Array) -> ComplexArray:
         """Return the inverse covariances of vec(G), (Q, F, m n, m n), as of `LoopNoise`."""

@@ -6,6 +6,7 @@ import pytest
 import oed
 from estimators import RunSpectra, covariance, fit
 from robotmodels import (
+    ElasticRobot,
     ErrorCovariance,
     ExcitationNoise,
     InputOutputNoise,
@@ -46,7 +47,7 @@ def hermitian(rng, rank=2):
 @pytest.mark.parametrize("seed", range(3))
 def test_information_against_derivatives_of_frfs(seed):
     """H_ab = 2 sum_k Re tr(J_a^H inv(Lambda_y) J_b Phi), errors of torques in Lambda_y."""
-    user = oed.UserSpectrum(hermitian(np.random.default_rng(seed)), experiments=2)
+    user = oed.UserSpectrum(hermitian(np.random.default_rng(seed)), run_count=2)
     table = some_candidates([*FAMILIES, user], periods=3)
     G, J = sensitivity(ROBOT, POSITIONS, OMEGA, equilibrium_shift=False)
     spread = np.zeros((len(G), LINES, 6, 6), dtype=complex)
@@ -150,6 +151,16 @@ def test_minutes_are_a_budget_of_the_relaxed_design():
     assert design.gap <= 1e-6
     assert design.weights @ table.duration == pytest.approx(600.0)
     assert {table.visit(i)[1].name for i in design.support} == {"orthogonal"}
+
+
+@pytest.mark.parametrize("quantity", ["velocity", "position"])
+def test_information_is_that_of_what_the_same_motion_is_measured_as(quantity):
+    """The noise is a speed's, whether angles, speeds or accelerations are what is measured."""
+    file = ROBOT.file.model_copy(update={"output": quantity})
+    other = ElasticRobot(file, ROBOT.folder)
+    expected = some_candidates(["zippered"]).information.matrices
+    table = oed.experiment_candidates(other, POSITIONS, ["zippered"], OMEGA, NOISE, torque=TORQUE)
+    assert far(table.information.matrices, expected) < 1e-11
 
 
 def test_estimated_covariances_are_a_noise_too():

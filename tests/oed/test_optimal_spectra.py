@@ -36,7 +36,7 @@ def designed(**options):
 
 def white_sensitivities():
     G, J = sensitivity(ROBOT, POSITIONS, OMEGA, equilibrium_shift=False)
-    L = np.linalg.cholesky(NOISE.output_error(G, OMEGA))
+    L = np.linalg.cholesky(NOISE.output_error(ROBOT.network(POSITIONS), G, OMEGA))
     A = np.linalg.solve(L, J.reshape(*J.shape[:3], -1)).reshape(J.shape)
     return G, A * TORQUE[:, None]
 
@@ -197,6 +197,12 @@ def test_guesses_are_refused_and_fitted_values_are_not():
     assert designed(robot=samples).gap <= 1e-6
     fitted = guess.model_copy(update={"fitted": Fitted(relative_std={names[0]: 0.01})})
     assert designed(robot=ElasticRobot(fitted, ROBOT.folder)).gap <= 1e-6
+
+
+def test_the_same_motion_measured_as_speeds_has_the_same_spectra():
+    file = ROBOT.file.model_copy(update={"output": "velocity"})
+    design = designed(robot=ElasticRobot(file, ROBOT.folder), speed=3.0)
+    assert design.value == pytest.approx(designed(speed=3.0).value, abs=1e-5)
 
 
 def test_targets_and_prior_information():
