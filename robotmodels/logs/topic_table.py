@@ -124,9 +124,9 @@ class TopicTable:
 
     def _checked_layout(self, raw: bytes, example: Any) -> MessageLayout | None:
         """Return the layout of the first message if it yields what decoding it yields."""
-        self._layout = self._kind.layout(raw)
         numbers, stamps = np.empty((1, len(self.columns))), np.zeros(1, dtype=int)
         try:
+            self._layout = self._kind.layout(raw)
             decoded = self._decode_alike([raw], numbers, stamps).all()
         except (KeyError, ValueError):
             return None

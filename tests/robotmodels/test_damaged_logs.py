@@ -6,7 +6,10 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 from file_mutations import mutated_bytes
+from mcap_ros2.writer import Writer as Ros2Writer
 from nptdms import ChannelObject, TdmsWriter
+from rosbags.rosbag1 import Writer
+from rosbags.typesys import Stores, get_typestore
 from scipy.io import savemat
 
 from robotmodels.common.errors import InvalidInput
@@ -40,7 +43,31 @@ def write_tdms(path):
         )
 
 
+def write_bag(path):
+    store = get_typestore(Stores.ROS1_NOETIC)
+    kind = "std_msgs/msg/Float64MultiArray"
+    layout = store.types["std_msgs/msg/MultiArrayLayout"](dim=[], data_offset=0)
+    with Writer(path) as writer:
+        writer.chunk_threshold = 2000
+        connection = writer.add_connection("/q", kind, typestore=store)
+        for time, angles in zip(TIME, ANGLES, strict=True):
+            message = store.types[kind](layout=layout, data=angles)
+            writer.write(connection, int(1e9 * time), store.serialize_ros1(message, kind))
+
+
+def write_mcap(path):
+    with path.open("wb") as file:
+        writer = Ros2Writer(file, chunk_size=2000)
+        schema = writer.register_msgdef("our_msgs/msg/Angles", "float64[2] q\nstring text")
+        for time, angles in zip(TIME, ANGLES, strict=True):
+            content = {"q": angles.tolist(), "text": "a"}
+            writer.write_message("/q", schema, content, int(1e9 * time))
+        writer.finish()
+
+
 WRITERS = {
+    "a.bag": write_bag,
+    "a.mcap": write_mcap,
     "a.csv": write_text,
     "a.mat": lambda path: savemat(path, {"rec": {"t": TIME, "q": ANGLES.T}}),
     "a.h5": write_hdf5,
