@@ -13,6 +13,7 @@ from robotmodels.common.progress import Progress
 from robotmodels.data_files.file_guard import library_errors
 from robotmodels.logs.column_store import ColumnStore
 from robotmodels.logs.log import Channel, Log, Table, unique_names
+from robotmodels.logs.merged_rows import part_merged_rows
 from robotmodels.logs.optional_library import optional_library
 
 _BATCH = 1 << 15  # rows
@@ -40,7 +41,7 @@ def read_parquet_log(path: Path, stack: ExitStack, progress: Progress | None = N
     if store is None or not names:
         raise InvalidInput(f"{path}: no column of numbers in it")
     channels = {name: store.channel(i) for i, name in enumerate(names)}
-    return Log((path,), (Table("", store.rows, channels),))
+    return Log((path,), part_merged_rows(Table("", store.rows, channels)))
 
 
 def _batches(file: Any) -> Iterator[Any]:

@@ -16,6 +16,7 @@ from robotmodels.common.progress import Progress
 from robotmodels.data_files.file_guard import library_errors
 from robotmodels.logs.column_store import ColumnStore
 from robotmodels.logs.log import Channel, Log, Table, unique_names
+from robotmodels.logs.merged_rows import part_merged_rows
 from robotmodels.logs.text_dialect import Dialect, find_dialect, parse_stamp, split_unit
 
 _CHUNK = 1 << 23  # characters parsed at once
@@ -53,9 +54,9 @@ def read_text_log(path: Path, stack: ExitStack, progress: Progress | None = None
                 progress(min(characters, size), size)
     if not store.rows:
         raise InvalidInput(f"{path}: no rows of numbers below its header")
-    layout = _layout(dialect)
     notes = [f"{path.name}: {dropped} lines that are no rows of numbers were dropped"]
-    tables = tuple(_tables(layout, dialect, columns, store))
+    blocks = _tables(_layout(dialect), dialect, columns, store)
+    tables = tuple(table for block in blocks for table in part_merged_rows(block))
     return Log((path,), tables, notes=tuple(notes if dropped else ()))
 
 

@@ -1,6 +1,7 @@
 """Logs of every container that needs no optional library, each written by another library."""
 
 import csv
+import math
 
 import h5py
 import numpy as np
@@ -293,3 +294,20 @@ def test_lists_in_rows_of_text(tmp_path):
         with open_log(tmp_path / name) as log:
             for channel, column in zip(channels, (0, 2), strict=True):
                 assert np.array_equal(log.tables[0].values(channel), VALUES[:, column]), name
+
+
+def test_rows_of_several_clocks_in_one_table(tmp_path):
+    """As tools write that plot topics: a row a message, cells of other topics empty."""
+    fast, slow = np.arange(200) * 0.004, np.arange(40) * 0.02 + 0.001
+    rows = [(t, f"{t!r},{math.sin(t)!r},,") for t in fast.tolist()]
+    rows += [(t, f"{t!r},,{math.cos(t)!r},{2 * t!r}") for t in slow.tolist()]
+    lines = ["__time,/joints/a/position,/tool/x,/tool/y", *(line for _, line in sorted(rows))]
+    (tmp_path / "a.csv").write_text("\n".join(lines))
+    with open_log(tmp_path / "a.csv") as log:
+        joints, tool = log.tables
+        assert (joints.name, tool.name) == ("", "part_2")
+        assert joints.values("/joints/a/position") == pytest.approx(np.sin(fast), rel=1e-15)
+        assert tool.channels["/tool/x"].read(3, 9) == pytest.approx(np.cos(slow[3:9]), rel=1e-15)
+        assert np.array_equal(tool.values("/tool/y"), 2 * slow)
+        steps = [table_clock(log, table, TimeChoice()).sample_time for table in log.tables]
+        assert steps == pytest.approx([0.004, 0.02])
