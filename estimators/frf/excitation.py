@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from estimators.frf.averaging import SUMMING, needed_rank
+from estimators.frf.averaging import SUMMING, find_method, needed_rank
 from estimators.frf.block_checks import line_words
 from estimators.frf.estimate_frf import Transient, each_position, first_period
 from estimators.frf.input_rank import (
@@ -17,6 +17,7 @@ from estimators.frf.input_rank import (
     side_by_side,
 )
 from estimators.frf.local_rational_model import window_excitation
+from estimators.frf.record_checks import check_records
 from estimators.frf.repeated_visits import visits_of
 from estimators.frf.spectra import Spectra, spectra
 from robotmodels.common.arrays import Array, IntArray, real_numbers
@@ -113,8 +114,10 @@ def excitation(
     Raises
     ------
     InvalidInput
-        If no line lies in the band, or positions differ in their lines.
+        If no line lies in the band, positions differ in their lines, or a method does not exist.
     """
+    if method != LOCAL:
+        find_method(method)
     positions, parts = [], list[_Part]()
     for count, part in enumerate(each_position(records)):
         who = f"position {count + 1}"
@@ -152,6 +155,7 @@ def _of_position(
     transient: Transient,
     local: dict[str, Any],
 ) -> _Part:
+    check_records(part, 0, who)
     lines = lines_in(part, band)
     measured = spectra(part, 0, lines)
     if first := first_period(measured, transient, who):

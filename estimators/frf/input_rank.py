@@ -1,7 +1,6 @@
 """How many torques are independent of each other at a line, above what is noise in them."""
 
 import numpy as np
-from numpy.typing import NDArray
 
 from estimators.frf.spectra import Spectra, spectra
 from robotmodels.common.arrays import Array, ComplexArray, IntArray
@@ -65,11 +64,7 @@ def excited_rank(measured: Spectra, noise: Array) -> IntArray:
 def condition_numbers(inputs: ComplexArray) -> Array:
     """Return the condition numbers (...) of inputs (..., n, r), motors of any size."""
     size = np.sqrt(np.mean(np.abs(inputs) ** 2, axis=-1, keepdims=True))
-    return _ratios(np.linalg.svd(inputs / np.where(size == 0, 1.0, size), compute_uv=False))
-
-
-def _ratios(values: NDArray[np.floating]) -> Array:
-    """Return the largest over the smallest of singular values (..., k), infinite over zero."""
+    values = np.linalg.svd(inputs / np.where(size == 0, 1.0, size), compute_uv=False)
     with np.errstate(divide="ignore", invalid="ignore"):
         ratio = values[..., 0] / values[..., -1]
     return np.asarray(np.where(values[..., -1] > 0, ratio, np.inf))
