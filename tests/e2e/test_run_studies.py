@@ -85,6 +85,19 @@ def test_a_visit_of_one_run_is_worth_its_part_of_an_experiment(simulated):
     np.testing.assert_allclose(ratio, np.sqrt(2))
 
 
+@pytest.mark.parametrize(
+    ("right", "wrong", "words"),
+    [
+        ("starts: 2", "starts: 2, residuals: [nls]", "runs: 1; FRFs need 2, as many as motors"),
+        ("runs: 1", "runs: 3", "data.experiment.runs: 3; a block has 1 to 2"),
+    ],
+)
+def test_numbers_of_runs_that_cannot_be_are_named(right, wrong, words, tmp_path):
+    code, _, err = oed("run", write_study(tmp_path, SIMULATED.replace(right, wrong)))
+    assert (code, len(err.splitlines())) == (2, 1)
+    assert words in err
+
+
 def test_nothing_is_computed_again(simulated):
     path, _, _ = simulated
     code, out, _ = oed("fit", path, "--workers", 1)

@@ -61,10 +61,12 @@ def runs_of_block(run: SimulatedRun) -> int:
     Raises
     ------
     InvalidInput
-        If FRFs need more.
+        If FRFs need more, or there are more than motors.
     """
     excitation, motors = run.study.data.experiment, len(run.robot.motor_names)
     runs = motors if excitation is None else excitation.runs or motors
+    if runs > motors:
+        raise InvalidInput(f"data.experiment.runs: {runs}; a block has 1 to {motors}")
     if runs < motors and not run.study.fits_runs:
         raise InvalidInput(
             f"data.experiment.runs: {runs}; FRFs need {motors}, as many as motors: leave it out, "
