@@ -24,6 +24,17 @@ def variance_factor(freedom: Array, m: int) -> Array:
     return np.asarray(np.where(np.isfinite(freedom), factor, 1.0))
 
 
+def square_spread(freedom: Array, m: int, runs: int) -> Array:
+    """Return nu (nu - m + E)/((nu - m)^2 - 1), by which sampled Sigma widen sums of |L^-1 e|^2.
+
+    Variances over squared means of the sums over m outputs and E runs of a line, beside those with
+    known Sigma: tr(A B^-1) of complex Wishart matrices A and B, by E[B^-1 x B^-1].
+    """
+    with np.errstate(invalid="ignore"):
+        spread = freedom * (freedom - m + runs) / ((freedom - m) ** 2 - 1)
+    return np.asarray(np.where(np.isfinite(freedom), spread, 1.0))
+
+
 def run_correlation(errors: Errors, runs: int) -> ComplexArray:
     """Return the correlations of whitened outputs, (Q, F, m E, m E): runs are independent."""
     std = errors.root

@@ -8,6 +8,7 @@ from estimators.fitting.fit_problem import FitProblem, Measured
 from estimators.fitting.frf_problem import frf_problem
 from estimators.fitting.run_problem import run_problem
 from estimators.frf.frf_estimate import FrfEstimate
+from estimators.input_output.run_scatter import square_spread
 from estimators.trust.linearised_fit import LinearisedFit
 from estimators.uncertainty.covariance import Uncertainty
 from robotmodels.common.arrays import IMPROBABLE, Array, read_only
@@ -104,10 +105,13 @@ def validate(
             f"{', '.join(model.parameters.names)}"
         )
     problem: FitProblem
+    spread = np.ones(len(held_out.positions))
     if isinstance(held_out, FrfEstimate):
         problem = frf_problem(model, held_out, "nls", "optimal")
     else:
-        problem = run_problem(model, held_out)
+        problem = of_runs = run_problem(model, held_out)
+        runs = held_out.inputs.shape[1]
+        spread = square_spread(held_out.degrees_of_freedom, of_runs.rows, runs)
     fit = problem.linearise(values)
     parts = np.stack([fit.jacobian.real, fit.jacobian.imag], axis=-2)
     shape = parts @ uncertainty.covariance @ np.swapaxes(parts, -1, -2)
@@ -116,7 +120,7 @@ def validate(
     squares = np.sum(error_parts * np.linalg.solve(shape, error_parts[..., None])[..., 0], axis=-1)
     inside = -np.expm1(-squares / 2)[..., None] <= levels  # chi square of two degrees
     by_position = inside.mean(axis=(1, 2))
-    misfit, probability = _joint(*problem.evaluate(values), fit, uncertainty)
+    misfit, probability = _joint(*problem.evaluate(values), fit, uncertainty, spread)
     return Validation(
         read_only(levels),
         read_only(by_position.mean(axis=0)),
@@ -133,13 +137,14 @@ def _variance(fit: LinearisedFit) -> Array:
 
 
 def _joint(
-    white: Array, slopes: Array, fit: LinearisedFit, uncertainty: Uncertainty
+    white: Array, slopes: Array, fit: LinearisedFit, uncertainty: Uncertainty, spread: Array
 ) -> tuple[float, float]:
     """Return e^T (noise + J C J^T)^-1 e per datum by Woodbury's formula, and its probability.
 
     `white` and `slopes` are e and J whitened by the noise, its variances one half. Of a covariance
     with few degrees of freedom the ratio to its own size has an F law, as in
-    `estimators.trust.residual_size`; of correlated elements fewer count.
+    `estimators.trust.residual_size`; of correlated elements fewer count, and fewer by `spread` (Q,)
+    where covariances are sampled line by line.
     """
     from scipy.stats import f as f_law
 
@@ -157,9 +162,9 @@ def _joint(
     ratio = float(white @ white - explained) / white.size / float(stated.mean())
     nu = fit.degrees_of_freedom[:, None, None]
     finite_freedom = np.where(np.isfinite(nu), nu, 1e9)
-    numerator = (
-        white.size * stated.mean() ** 2 / (squares * (finite_freedom + 1) / finite_freedom).mean()
-    )
+    # The F law has the scatter (nu + 1)/nu of variances that are sampled.
+    squares = squares * spread[:, None, None] * finite_freedom / (finite_freedom + 1)
+    numerator = white.size * stated.mean() ** 2 / squares.mean()
     denominator = numerator * float(finite_freedom.mean())
     below = float(f_law.cdf(ratio, numerator, denominator))
     above = float(f_law.sf(ratio, numerator, denominator))

@@ -13,7 +13,7 @@ from estimators import Prior, RunSpectra, covariance, fit, run_spectra
 from estimators.fitting.run_problem import RunProblem
 from estimators.frf.spectra import Spectra, spectra
 from estimators.input_output.likelihood import RunLikelihood
-from estimators.input_output.run_scatter import input_scatter, products
+from estimators.input_output.run_scatter import input_scatter, products, square_spread
 from estimators.input_output.run_spectra import _from_blocks
 from robotmodels import InvalidInput
 
@@ -340,3 +340,17 @@ def test_without_noise_of_inputs_the_information_is_the_bread() -> None:
     bread = one.sandwich_parts(OFF)[0]
     size = np.sqrt(np.outer(np.diag(bread), np.diag(bread)))
     np.testing.assert_allclose(one.information(OFF).sum(axis=0) / size, bread / size, atol=1e-10)
+
+
+@pytest.mark.parametrize(("m", "runs", "freedom"), [(1, 1, 10), (1, 4, 10), (2, 2, 12), (3, 1, 14)])
+def test_sampled_covariances_widen_sums_of_squares(m: int, runs: int, freedom: int) -> None:
+    """tr(A B^-1) of drawn complex Wishart matrices, against known B; 40 000 draws."""
+    rng = np.random.default_rng(m + runs)
+    errors, noise = circular(rng, 40_000, m, runs), circular(rng, 40_000, m, freedom)
+    B = noise @ np.conj(noise.swapaxes(1, 2))
+    sums = (np.conj(errors) * np.linalg.solve(B, errors)).real.sum(axis=(1, 2))
+    spread = sums.var() / sums.mean() ** 2 * m * runs
+    expected = float(square_spread(np.array(freedom), m, runs))
+    assert spread == pytest.approx(expected, rel=0.15)
+    assert spread > 1.12  # known noise would give one
+    assert float(square_spread(np.array(np.inf), m, runs)) == 1.0
