@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from estimators.logs.families import Family, is_bare
+from estimators.logs.families import Family
 from estimators.logs.findings import pose_findings
 from estimators.logs.search import Search
 from estimators.logs.shift_regression import Relation, angle_relation, velocity_relation
@@ -71,7 +71,7 @@ def _angle_evidence(
     family: Family, hypotheses: Sequence[Hypothesis], reason: str, doubt: str
 ) -> str:
     """Return what unit and side of motor angles rest on, and what else would fit."""
-    bare = "taken for angles, as no name tells any; " if is_bare(family) and not family.unit else ""
+    bare = "taken for angles, as no name tells any; " if family.by_default else ""
     told = "unit by its name" if family.unit else "unit by the range alone"
     others = " or ".join(f"{h.unit} on the {h.side} side" for h in hypotheses[1:])
     return f"{bare}{told}, {reason}{doubt}{f'; {others} would fit too' if others else ''}"

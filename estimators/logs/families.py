@@ -79,6 +79,8 @@ class Family:
         How clearly names tell that this was measured; the largest wins.
     joints : tuple of str
         Motors of the robot that the names tell, else empty.
+    by_default : bool
+        Whether the role is that of bare names, where no name tells one.
     """
 
     table: Table
@@ -88,6 +90,7 @@ class Family:
     unit: str
     rank: int
     joints: tuple[str, ...] = field(default=())
+    by_default: bool = False
 
 
 def families(log: Log, robot: ElasticRobot | None) -> list[Family]:

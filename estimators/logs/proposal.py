@@ -99,7 +99,9 @@ def _members(
     ]
     if not any(family.role == "motor_angle" for family in fitting):
         fitting = [
-            replace(family, role="motor_angle") if not family.role and is_bare(family) else family
+            replace(family, role="motor_angle", by_default=True)
+            if not family.role and is_bare(family)
+            else family
             for family in fitting
         ]
     best: dict[str, Family] = {}

@@ -185,21 +185,12 @@ def _of_joints(
     signals = []
     for (table, channel), joint, sign in zip(channels, indices, signs, strict=True):
         unit = entry.unit or stated_unit(table.channels[channel].unit, entry.role)
-        sliding = robot is None or _slides(robot, joints[joint])
+        name = joints[joint]
+        sliding = robot is None or _slides(robot, name)
         factor, turn = _unit(entry, unit, sliding, where)
-        side = _side_factor(entry, ratios[joint], joints[joint], where)
+        factor *= sign * _side_factor(entry, ratios[joint], name, where)
         signals.append(
-            BoundSignal(
-                entry.role,
-                joint,
-                joints[joint],
-                table,
-                channel,
-                unit,
-                sign * factor * side,
-                turn,
-                entry,
-            )
+            BoundSignal(entry.role, joint, name, table, channel, unit, factor, turn, entry)
         )
     return signals
 

@@ -3,6 +3,7 @@
 import math
 import re
 from functools import cache
+from tokenize import TokenError
 from typing import Any
 
 from robotmodels.common.errors import InvalidInput
@@ -120,6 +121,9 @@ def time_factor(unit: str) -> float:
     return factor
 
 
+# What pint raises over texts that are no units, beside its own errors.
+_OF_PINT = (ArithmeticError, AssertionError, AttributeError, LookupError, SyntaxError, TypeError,
+            ValueError)  # fmt: skip
 _SECONDS = {"": 1.0, "s": 1.0, "ms": 1e-3, "us": 1e-6, "µs": 1e-6, "ns": 1e-9, "sec": 1.0}
 
 
@@ -153,9 +157,9 @@ def _quantity(registry: Any, text: str, unit: str) -> Any:
 
     try:
         quantity = registry.Quantity(1.0, text)
-        if not isinstance(quantity, pint.Quantity):
-            raise TypeError(text)
-    except (PintError, TypeError, ValueError, AttributeError, AssertionError, SyntaxError) as error:
+        if not isinstance(quantity, pint.Quantity) or not text.strip():
+            raise TypeError("no unit")
+    except (PintError, TokenError, *_OF_PINT) as error:
         raise InvalidInput(
             f"unit {unit!r} is unknown ({str(error)[:80]}); deg, rad, rev, rpm, N*m, A are some"
         ) from None

@@ -334,3 +334,13 @@ def test_shares_of_full_scale():
     assert full_scale_share("0.1 %") == full_scale_share("‰") == pytest.approx(1e-3)
     assert full_scale_share("N*m") is None
     assert unit_factor("inc/s", "motor_velocity", False, 4096) == pytest.approx(2 * np.pi / 4096)
+
+
+@pytest.mark.parametrize(
+    "unit", ["(", "-Ω)_", "1/0", "²;/s", "bit^21/0", "A **0^2", "m°C ", "None ", "21", "\n", "if"]
+)
+def test_texts_that_are_no_units(unit):
+    """Pint raises all kinds of errors over them, one line is told."""
+    with pytest.raises(InvalidInput) as error:
+        unit_factor(unit, "motor_angle", sliding=False)
+    assert "\n" not in str(error.value)
