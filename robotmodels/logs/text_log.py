@@ -82,10 +82,18 @@ def _parse(lines: Sequence[str], dialect: Dialect, columns: Sequence[int]) -> Ar
 
 
 def _parse_fast(lines: Sequence[str], dialect: Dialect, columns: Sequence[int]) -> Array:
-    separated = dialect.delimiter != " "  # of any number of spaces NumPy knows alone
-    arrow = find_spec("pyarrow") is not None and separated
-    block = (_parse_by_arrow if arrow else _parse_by_numpy)("".join(lines), dialect, columns)
-    if len(block) != len(lines) or np.isnan(block).all(axis=1).any():
+    text = "".join(lines)
+    # Of any number of spaces NumPy knows alone, and of signs before positive numbers.
+    if find_spec("pyarrow") is not None and dialect.delimiter != " ":
+        try:
+            return _checked(_parse_by_arrow(text, dialect, columns), len(lines))
+        except ValueError:
+            pass
+    return _checked(_parse_by_numpy(text, dialect, columns), len(lines))
+
+
+def _checked(block: Array, rows: int) -> Array:
+    if len(block) != rows or np.isnan(block).all(axis=1).any():
         raise ValueError("rows without numbers")
     return block
 

@@ -311,3 +311,18 @@ def test_rows_of_several_clocks_in_one_table(tmp_path):
         assert np.array_equal(tool.values("/tool/y"), 2 * slow)
         steps = [table_clock(log, table, TimeChoice()).sample_time for table in log.tables]
         assert steps == pytest.approx([0.004, 0.02])
+
+
+@pytest.mark.parametrize("number", ["{:+.17e}", "  {:.17g} ", "{:.17g}"])
+@pytest.mark.parametrize("arrow", [True, False])
+def test_numbers_are_read_to_their_last_bit(tmp_path, monkeypatch, number, arrow):
+    """By each parser, with signs and spaces as programs write them."""
+    if not arrow:
+        monkeypatch.setattr(text_log, "find_spec", lambda name: None)
+    values = np.random.default_rng(3).standard_normal((50, 2)) * [1e-7, 1e9]
+    rows = [f"{k}," + ",".join(number.format(x) for x in row) for k, row in enumerate(values)]
+    (tmp_path / "a.csv").write_text("\n".join(["t,a,b", *rows]))
+    monkeypatch.setattr(text_log.Dialect, "number", None)  # the slow path is not taken
+    with open_log(tmp_path / "a.csv") as log:
+        for name, column in zip("ab", values.T, strict=True):
+            assert np.array_equal(log.tables[0].values(name), column)
