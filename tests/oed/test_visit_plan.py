@@ -41,7 +41,7 @@ def every_plan(table, most):
     return total, (15.0 * visits + 10 * periods).sum(axis=1)
 
 
-@pytest.mark.parametrize("seed", range(6))
+@pytest.mark.parametrize("seed", range(4))
 def test_plans_within_a_time_against_every_plan(seed):
     table, time = candidates(seed), 130.0
     plan = oed.visit_plan(table, time)
@@ -56,7 +56,7 @@ def test_plans_within_a_time_against_every_plan(seed):
     assert "visits in 2.17 min" in str(plan) or plan.duration < 130
 
 
-@pytest.mark.parametrize("seed", range(6))
+@pytest.mark.parametrize("seed", range(4))
 def test_plans_to_targets_against_every_plan(seed):
     table = candidates(seed)
     plan = oed.fastest_visit_plan(table, TARGETS)
