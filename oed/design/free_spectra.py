@@ -162,13 +162,16 @@ class FreeSpectra:
         capped = self.oracle.cap * len(self.omega) * sensitivities(weight, self._flat)
         bounds = np.minimum(self._bounds * _growth(self._weight, W), capped)
         best: list[_Column] = []
-        # The most promising first, so that few others have to be searched.
-        order = np.argsort(-bounds, kind="stable")
+        # The most promising first. Where enough are found and others do not better them, the rest
+        # wait for another round: their bounds hold unsearched.
+        order, idle = np.argsort(-bounds, kind="stable"), 0
         for q, white, speeds in self._parts(order[bounds[order] > level]):
-            threshold = best[-1].bound if len(best) == most else level
-            if bounds[q] > threshold:
-                bounds[q], column = self._search(q, white, speeds, W, threshold)
-                best = sorted([*best, *column], key=lambda one: -one.bound)[:most]
+            full = len(best) == most
+            if full and idle > 2 * most:
+                break
+            bounds[q], column = self._search(q, white, speeds, W, best[-1].bound if full else level)
+            idle = 0 if column else idle + 1
+            best = sorted([*best, *column], key=lambda one: -one.bound)[:most]
         self._bounds, self._weight = bounds, W
         columns = self._columns(
             np.array([one.owner for one in best], dtype=np.int64),
@@ -189,6 +192,14 @@ class FreeSpectra:
         if bound <= threshold:
             return bound, []
         return bound, [_Column(bound, q, X, np.stack([A.information(X) for A in white]))]
+
+    def slowed(self, owners: IntArray, runs: ComplexArray) -> ComplexArray:
+        """Return single runs (k, F, n), weaker where they would move too fast."""
+        fastest = [
+            np.sum(np.abs(np.einsum("rfi,fi->rf", s, u)) ** 2, axis=1).max(initial=1.0)
+            for u, (_, _, s) in zip(runs, self._parts(owners), strict=True)
+        ]
+        return np.asarray(runs / np.sqrt(fastest)[:, None, None])
 
     def informations(self, owners: IntArray, spectra: ComplexArray) -> Array:
         """Return the information of spectra (k, F, n, n), (k, p, p) or (k, K, p, p)."""

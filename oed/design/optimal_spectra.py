@@ -220,7 +220,7 @@ def _result(
     weights, means = solution.means(len(sets.positions))
     support = np.flatnonzero(weights)
     X, shares, design = means[support], weights[support], solution.design
-    runs = _single_runs(X, sets.oracle.full)
+    runs = sets.slowed(support, _single_runs(X, sets.oracle.full))
     single = sets.informations(support, runs[..., :, None] * runs[..., None, :].conj())
     reached = np.tensordot(shares, single, axes=1) + (0.0 if prior is None else prior)
     scale = sets.torque[:, None] * sets.torque

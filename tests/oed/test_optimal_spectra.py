@@ -82,6 +82,8 @@ def check_limits(design, speed=None):
         G = frequency_response(ROBOT, design.positions, OMEGA)
         moved = np.einsum("kfji,kfil,kfjl->kfj", G, design.spectra, G.conj()).real
         assert (moved / OMEGA[:, None] ** 2).sum(axis=1).max() <= speed**2 * (1 + 1e-9)
+        run = np.abs(np.einsum("kfji,kfi->kfj", G, design.torques) / OMEGA[:, None]) ** 2
+        assert run.sum(axis=1).max() <= speed**2 * (1 + 1e-9)
     assert np.linalg.eigvalsh(design.spectra).min() > -1e-9
 
 
