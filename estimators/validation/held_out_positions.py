@@ -104,14 +104,7 @@ def validate(
             f"validation: an uncertainty of {', '.join(uncertainty.names)} for the parameters "
             f"{', '.join(model.parameters.names)}"
         )
-    problem: FitProblem
-    spread = np.ones(len(held_out.positions))
-    if isinstance(held_out, FrfEstimate):
-        problem = frf_problem(model, held_out, "nls", "optimal")
-    else:
-        problem = of_runs = run_problem(model, held_out)
-        runs = held_out.inputs.shape[1]
-        spread = square_spread(held_out.degrees_of_freedom, of_runs.rows, runs)
+    problem, spread = _problem(model, held_out)
     fit = problem.linearise(values)
     parts = np.stack([fit.jacobian.real, fit.jacobian.imag], axis=-2)
     shape = parts @ uncertainty.covariance @ np.swapaxes(parts, -1, -2)
@@ -128,6 +121,15 @@ def validate(
         misfit,
         probability,
     )
+
+
+def _problem(model: Elastic, held_out: Measured) -> tuple[FitProblem, Array]:
+    """Return the problem of the data, by the likelihood, and `square_spread` of positions (Q,)."""
+    if isinstance(held_out, FrfEstimate):
+        ones = np.ones(len(held_out.positions))
+        return frf_problem(model, held_out, "nls", "optimal"), ones
+    problem, runs = run_problem(model, held_out), held_out.inputs.shape[1]
+    return problem, square_spread(held_out.degrees_of_freedom, problem.rows, runs)
 
 
 def _variance(fit: LinearisedFit) -> Array:
