@@ -71,14 +71,17 @@ def test_real_stamps_count():
     assert relation.lag == pytest.approx(0.003, abs=5e-6)
 
 
-@pytest.mark.parametrize("memory", [0.0, 0.98, 0.997])
-def test_standard_errors_of_lags_are_honest(memory):
+@pytest.mark.parametrize(
+    ("memory", "runs"),
+    [(0.98, 16), *(pytest.param(m, 40, marks=pytest.mark.slow) for m in (0.0, 0.98, 0.997))],
+)
+def test_standard_errors_of_lags_are_honest(memory, runs):
     """Twice the standard error covers at least four of five; a quarter of it must not.
 
     Noise is white, or remembers the past for 0.2 or 1.3 s.
     """
     pulls = []
-    for seed in range(40):
+    for seed in range(runs):
         m = Movement(seed)
         white = m.rng.standard_normal(3 * len(m.time))
         noise = lfilter([np.sqrt(1 - memory**2)], [1, -memory], white)[-len(m.time) :]
