@@ -1,6 +1,6 @@
 """Spectra of runs in each position, with the covariance of inputs and outputs together."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any
@@ -127,8 +127,27 @@ class RunSpectra(ReprHtml):
     def subset(self, positions: IntArray) -> "RunSpectra":
         """Return the spectra of some positions."""
         rows = chosen_positions(positions, len(self.positions))
-        arrays = ("positions", "inputs", "outputs", "covariance", "degrees_of_freedom")
-        return replace(self, **{name: getattr(self, name)[rows] for name in arrays})
+        return replace(self, **{name: getattr(self, name)[rows] for name in _EACH})
+
+    @staticmethod
+    def join(parts: Sequence["RunSpectra"]) -> "RunSpectra":
+        """Return the spectra of all positions of `parts`, which may differ in their noise.
+
+        Raises
+        ------
+        InvalidInput
+            If there is no part, or parts differ in lines, runs, inputs, outputs or states.
+        """
+        if not parts:
+            raise InvalidInput("run spectra: nothing to join; at least one position is needed")
+        first = parts[0]
+        for i, part in enumerate(parts):
+            for name, one, other in zip(_ALIKE, _alike(first), _alike(part), strict=True):
+                if not np.array_equal(one, other):
+                    raise InvalidInput(f"run spectra {i}: other {name} than those before")
+        kinds = list(dict.fromkeys(part.noise for part in parts))
+        joined = {name: np.concatenate([getattr(x, name) for x in parts]) for name in _EACH}
+        return replace(first, noise=", ".join(kinds), **joined)
 
     def __str__(self) -> str:
         q, e, f, n = self.inputs.shape
@@ -139,6 +158,19 @@ class RunSpectra(ReprHtml):
 
 
 STATES = ("auto", "yes", "no", "polynomial")
+
+
+_EACH = ("positions", "inputs", "outputs", "covariance", "degrees_of_freedom")
+"""Arrays with a row for each position."""
+
+_ALIKE = ("lines", "runs, inputs or outputs", "states or derivatives")
+
+
+def _alike(data: RunSpectra) -> tuple[object, ...]:
+    """Return what spectra that are joined have in common, see `_ALIKE`."""
+    sizes = data.inputs.shape[1], data.inputs.shape[3], data.outputs.shape[3]
+    states = data.sample_time or 0.0, data.delay, *data.derivatives
+    return data.omega, sizes, states
 
 
 def run_spectra(

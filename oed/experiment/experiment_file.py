@@ -184,15 +184,21 @@ class MultisineSettings(FileSection):
         return self
 
 
-class ExcitationSettings(MultisineSettings):
-    """Excitation of a robot in its positions: the keys that a study's ``experiment`` has too."""
+class LoopSettings(FileSection):
+    """Lines, limits and moves of a robot under its controller; of a simulated one what it lacks."""
 
-    runs: Annotated[int, Field(ge=0, le=64)] = 0  # of a block; 0 for as many as motors
-    ramp: bool = True
+    multisine: MultisineChoice
     limits: LimitChoice
     moves: MoveChoice = MoveChoice()
     controller: ControllerChoice | None = None
     imperfections: ImperfectionChoice = ImperfectionChoice()
+
+
+class ExcitationSettings(MultisineSettings, LoopSettings):
+    """Excitation of a robot in its positions: the keys that a study's ``experiment`` has too."""
+
+    runs: Annotated[int, Field(ge=0, le=64)] = 0  # of a block; 0 for as many as motors
+    ramp: bool = True
 
 
 class Experiment(ExcitationSettings):

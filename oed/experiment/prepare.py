@@ -10,6 +10,7 @@ from oed.experiment.draw_plan import experiment_plan
 from oed.experiment.experiment_file import (
     ExcitationSettings,
     Experiment,
+    LoopSettings,
     per_motor,
     planned_positions,
 )
@@ -123,7 +124,9 @@ def prepare_in(
     )
     controller = controller_of(settings, robot)
     imperfections = imperfections_of(settings, robot)
-    scaling = _scaled(settings, plan, robot, controller, progress)
+    scaling = within_limits(
+        settings, plan, robot, controller, balance=settings.limits.balance, progress=progress
+    )
     return Prepared(robot, controller, scaling, imperfections, rng)
 
 
@@ -155,7 +158,7 @@ def _multisine(settings: ExcitationSettings, motors: int, rng: np.random.Generat
     )
 
 
-def controller_of(settings: ExcitationSettings, robot: ElasticRobot) -> Controller:
+def controller_of(settings: LoopSettings, robot: ElasticRobot) -> Controller:
     """Return the controller of the settings, the default one where they have none."""
     choice, sample_time = settings.controller, settings.multisine.sample_time
     if choice is None:
@@ -167,7 +170,7 @@ def controller_of(settings: ExcitationSettings, robot: ElasticRobot) -> Controll
     return Controller(sample_time=sample_time, **gains)
 
 
-def imperfections_of(settings: ExcitationSettings, robot: ElasticRobot) -> Imperfections:
+def imperfections_of(settings: LoopSettings, robot: ElasticRobot) -> Imperfections:
     """Return the imperfections of the settings, per motor and output."""
     choice, motors = settings.imperfections, robot.motor_names
     lists = {
@@ -186,13 +189,22 @@ def imperfections_of(settings: ExcitationSettings, robot: ElasticRobot) -> Imper
     )
 
 
-def _scaled(
-    settings: ExcitationSettings,
+def within_limits(
+    settings: LoopSettings,
     plan: ExperimentPlan,
     robot: ElasticRobot,
     controller: Controller,
-    progress: StageProgress | None,
+    *,
+    balance: bool = False,
+    progress: StageProgress | None = None,
 ) -> Scaling:
+    """Return the plan with the largest amplitudes that the limits of the settings allow.
+
+    Raises
+    ------
+    InvalidInput, NoEquilibrium
+        As `oed.scale`.
+    """
     choice, motors = settings.limits, plan.motors
     limits = {
         name: per_motor(f"limits.{name}", value, motors)
@@ -204,7 +216,7 @@ def _scaled(
         robot,
         controller,
         Limits(positions=robot.position_limits, **limits),
-        balance=choice.balance,
+        balance=balance,
         margin=choice.margin,
         friction=settings.imperfections.friction * shaft_friction(robot.file),
         progress=None if progress is None else partial(progress, "amplitudes"),

@@ -42,15 +42,6 @@ def gather(
     InvalidInput
         As `oed.candidates.sources.gathered_candidates`, naming the key of the study file.
     """
-    workcell = Workcell(
-        floor=settings.floor,
-        obstacles=[obstacle(choice) for choice in settings.obstacles],
-        self_collision=_compares_links(settings),
-        link_radius=settings.link_radius,
-        margin=settings.margin,
-        ignored=settings.ignored,
-        torque_limits=settings.torque,
-    )
     try:
         return gathered_candidates(
             robot,
@@ -60,7 +51,7 @@ def gather(
             boxes=[TaskBox(**box.model_dump()) for box in settings.boxes],
             files=settings.files,
             listed=settings.positions,
-            workcell=workcell,
+            workcell=workcell(settings),
             progress=progress,
         )
     except InvalidInput as error:
@@ -68,6 +59,19 @@ def gather(
         message = str(error).replace("torque_limits", "torque", 1)
         section = "candidates." if message.startswith(tuple(CandidatesChoice.model_fields)) else ""
         raise InvalidInput(section + message) from error
+
+
+def workcell(settings: CandidatesChoice) -> Workcell:
+    """Return what keeps a robot from a position."""
+    return Workcell(
+        floor=settings.floor,
+        obstacles=[obstacle(choice) for choice in settings.obstacles],
+        self_collision=_compares_links(settings),
+        link_radius=settings.link_radius,
+        margin=settings.margin,
+        ignored=settings.ignored,
+        torque_limits=settings.torque,
+    )
 
 
 def compares_shapes(settings: CandidatesChoice) -> bool:

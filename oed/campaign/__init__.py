@@ -1,0 +1,1 @@
+"""Identification in steps: visits proposed, records taken back, until accuracies are reached."""

@@ -1,0 +1,302 @@
+"""A campaign: visits are asked for, run, and told, until every accuracy is reached.
+
+The convention is that of Optuna's ask and tell. `ask` returns the visits that are open, and plans
+new ones only where none is; so a second `ask`, after a crash or in another terminal, repeats
+itself. All state is in files, see `oed.campaign.visits`; one process at a time changes it.
+"""
+
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+
+from estimators import robot_prior
+from estimators.fitting.priors import Prior
+from oed.campaign.checks import check_low_level, low_level_noise
+from oed.campaign.estimate import FITTED, Estimate, estimate
+from oed.campaign.planning import Planner, known_now
+from oed.campaign.settings import CampaignSettings, load_campaign
+from oed.campaign.visits import Purpose, Visit, VisitFolder
+from oed.candidates.screening import ScreenedCandidates
+from oed.experiment.experiment_plan import ExperimentPlan
+from oed.study.stage_cache import Stage, Stages, dataclass_files, open_stages
+from oed.study.stages.candidates import gather, workcell
+from robotmodels import ElasticRobot, load_robot
+from robotmodels.common.arrays import Array
+from robotmodels.common.errors import InvalidInput
+from robotmodels.common.fingerprints import file_digest
+from robotmodels.common.progress import Progress, StageProgress
+from robotmodels.library.robot_digest import robot_digest
+
+State = Literal["begun", "identifying", "reached", "minutes used"]
+
+
+@dataclass(frozen=True, eq=False)
+class CampaignStatus:
+    """How far a campaign is.
+
+    Attributes
+    ----------
+    state : {"begun", "identifying", "reached", "minutes used"}
+        Before the first fit; on the way; every accuracy reached; no time for another visit.
+    names : tuple of str
+        The p parameters.
+    targets : ndarray, (p,)
+        Relative standard deviations asked for; infinite where none is.
+    estimate : Estimate or None
+        What all records say; None before the first fit.
+    visits : tuple of Visit
+        All, in the order of proposal.
+    minutes : float
+        Robot time of the visits that were run, moves included.
+    expected : float
+        Robot time of the open visits [min].
+    budget : float
+        Robot time that was allowed [min].
+    """
+
+    state: State
+    names: tuple[str, ...]
+    targets: Array
+    estimate: Estimate | None
+    visits: tuple[Visit, ...]
+    minutes: float
+    expected: float
+    budget: float
+
+    @property
+    def short_of(self) -> dict[str, float]:
+        """Parameters that miss their target, and by which factor."""
+        if self.estimate is None:
+            return {}
+        ratio = self.estimate.std / self.targets
+        return {name: float(r) for name, r in zip(self.names, ratio, strict=True) if not r <= 1}
+
+
+@dataclass(frozen=True, eq=False)
+class Campaign:
+    """A campaign file with its folder.
+
+    Attributes
+    ----------
+    settings : CampaignSettings
+        The file's content.
+    robot : ElasticRobot
+        The robot with the guesses.
+    """
+
+    settings: CampaignSettings
+    robot: ElasticRobot
+
+    @classmethod
+    def load(cls, path: str | Path) -> "Campaign":
+        """Read a campaign file.
+
+        Raises
+        ------
+        InvalidInput
+            If it, or its robot file, cannot be used; or targets name no parameter.
+        """
+        settings = load_campaign(path)
+        campaign = cls(settings, load_robot(settings.robot))
+        assert campaign.targets.size  # patterns are checked before anything is run
+        return campaign
+
+    @cached_property
+    def targets(self) -> Array:
+        """Relative standard deviations asked for, (p,)."""
+        return self.settings.accuracies(self.robot.parameters.names)
+
+    @property
+    def visits(self) -> tuple[Visit, ...]:
+        """All visits, in the order of proposal.
+
+        Raises
+        ------
+        InvalidInput
+            If a file is damaged, or the robot file was changed since a visit was planned.
+        """
+        visits = VisitFolder(self.settings.output / "visits").all()
+        for visit in visits:
+            if visit.robot_digest != self._digest:
+                raise InvalidInput(
+                    f"robot {self.robot.name!r}: its file was changed after visit {visit.number} "
+                    "was planned; restore it, or give the campaign another output"
+                )
+        return visits
+
+    @cached_property
+    def _digest(self) -> str:
+        return robot_digest(self.robot)
+
+    def ask(self, progress: StageProgress | None = None) -> tuple[Visit, ...]:
+        """Return the visits to run, in order; none where the campaign has ended.
+
+        Raises
+        ------
+        InvalidInput
+            If the low-level run was not as predicted, no visit fits the minutes, or limits forbid
+            every excitation.
+        """
+        with self._stages(progress) as stages:
+            visits = self.visits
+            waiting = tuple(visit for visit in visits if visit.state == "open")
+            return waiting or self._planned(visits, stages)
+
+    def tell(self, number: int, records: str | Path) -> bool:
+        """Take a visit's records; return whether they are new.
+
+        Raises
+        ------
+        InvalidInput
+            If there is no such visit, or the records are not its own.
+        """
+        with self._stages():
+            return self._visit(number).take(Path(records))
+
+    def fail(self, number: int, reason: str) -> None:
+        """Note that a visit failed; another is planned in its place where it is needed.
+
+        Raises
+        ------
+        InvalidInput
+            If there is no such visit, or its records are here.
+        """
+        with self._stages():
+            self._visit(number).fail(reason)
+
+    def status(self, progress: StageProgress | None = None) -> CampaignStatus:
+        """Return how far the campaign is; fits where new records are here."""
+        with self._stages(progress) as stages:
+            visits = self.visits
+            return self._status(visits, self._estimate(visits, stages))
+
+    def _visit(self, number: int) -> Visit:
+        visits = {visit.number: visit for visit in self.visits}
+        if number not in visits:
+            raise InvalidInput(
+                f"visit {number}: the campaign has asked for {len(visits) or 'none'} so far"
+            )
+        return visits[number]
+
+    @contextmanager
+    def _stages(self, progress: StageProgress | None = None) -> Iterator[Stages]:
+        with open_stages(self.settings.output / "stages", progress) as stages:
+            yield stages
+
+    def _planned(self, visits: tuple[Visit, ...], stages: Stages) -> tuple[Visit, ...]:
+        """Plan new visits and write them; none where the campaign has ended."""
+        told = [visit for visit in visits if visit.state == "told"]
+        checked = [visit for visit in told if visit.purpose == "check"]
+        if not checked:
+            return self._write(self._planner(None, visits, stages).check(), "check")
+        check_low_level(checked[-1], self.settings)
+        stage = self._estimate(visits, stages)
+        found = None if stage is None else stage.value
+        planner = self._planner(found, visits, stages)
+        if found is None:
+            noise = low_level_noise(checked[-1])
+            return self._write(planner.first(noise, self._guesses, self._wanted), "first")
+        if (found.std <= self.targets).all():
+            fitted = [visit for visit in told if visit.purpose in FITTED]
+            if any(visit.purpose == "repeat" for visit in visits):
+                return ()
+            return self._write(planner.repeated(fitted[0].plan), "repeat")
+        left = self.settings.minutes - _minutes(visits, self.settings)
+        return self._write(planner.accuracy(found, self._wanted, left), "accuracy")
+
+    @property
+    def _wanted(self) -> dict[str, float]:
+        """Targets by name."""
+        pairs = zip(self.robot.parameters.names, self.targets, strict=True)
+        return {name: float(value) for name, value in pairs if np.isfinite(value)}
+
+    @cached_property
+    def _prior(self) -> Prior:
+        """How far guesses may be off."""
+        within = self.settings.guesses_within
+        if within == "robot":
+            return robot_prior(self.robot)
+        names, values = self.robot.parameters.names, self.robot.parameters.values
+        return Prior(names, values, np.full(len(names), np.log(within)))
+
+    @property
+    def _guesses(self) -> Array:
+        return self._prior.information(self.robot.parameters.names)
+
+    def _planner(
+        self, found: Estimate | None, visits: tuple[Visit, ...], stages: Stages
+    ) -> Planner:
+        choice = self.settings.candidates
+        inputs = {
+            "robot": self._digest,
+            "files": [file_digest(file) for file in choice.files],
+            "candidates": choice.model_dump(mode="json", exclude={"files"}),
+        }
+        candidates = stages.run(
+            "candidates",
+            inputs,
+            lambda _, report: gather(choice, self.robot, report),
+            dataclass_files(ScreenedCandidates),
+        ).value
+        been = [visit for visit in visits if visit.state != "open"]
+        return Planner(
+            settings=self.settings,
+            robot=known_now(self.robot, found),
+            positions=candidates.positions,
+            surroundings=workcell(choice).surroundings(self.robot),
+            stage=len(visits),
+            at=been[-1].plan.positions[0] if been else None,
+        )
+
+    def _estimate(self, visits: tuple[Visit, ...], stages: Stages) -> Stage[Estimate] | None:
+        """Fit what is here; None before the first visits."""
+        fitted = [v for v in visits if v.state == "told" and v.purpose in FITTED]
+        if not fitted or any(v.state == "open" and v.purpose == "first" for v in visits):
+            return None
+
+        def compute(_: Path, report: Progress | None) -> Estimate:
+            rng = np.random.default_rng([self.settings.seed, len(fitted)])
+            return estimate(self.robot, fitted, self._prior, rng, report)
+
+        inputs = {
+            "robot": self._digest,
+            "guesses": self.settings.guesses_within,
+            "seed": self.settings.seed,
+            "records": [file_digest(visit.records_file) for visit in fitted],
+        }
+        return stages.run("estimate", inputs, compute, dataclass_files(Estimate))
+
+    def _status(self, visits: tuple[Visit, ...], stage: Stage[Estimate] | None) -> CampaignStatus:
+        found = None if stage is None else stage.value
+        used = _minutes([v for v in visits if v.state != "open"], self.settings)
+        expected = _minutes([v for v in visits if v.state == "open"], self.settings)
+        state: State = "begun" if found is None else "identifying"
+        if found is not None and (found.std <= self.targets).all():
+            state = "reached"
+        elif found is not None and not expected and used >= self.settings.minutes:
+            state = "minutes used"
+        return CampaignStatus(
+            state=state,
+            names=self.robot.parameters.names,
+            targets=self.targets,
+            estimate=found,
+            visits=visits,
+            minutes=used,
+            expected=expected,
+            budget=self.settings.minutes,
+        )
+
+    def _write(self, plans: list[ExperimentPlan], purpose: Purpose) -> tuple[Visit, ...]:
+        folder = VisitFolder(self.settings.output / "visits")
+        ratios = np.array([motor.gear_ratio for motor in self.robot.file.motors])
+        return tuple(folder.add(plan, purpose, self._digest, ratios) for plan in plans)
+
+
+def _minutes(visits: Sequence[Visit], settings: CampaignSettings) -> float:
+    """Return the robot time of visits [min], moves and settling included."""
+    return sum(visit.plan.duration + settings.settle for visit in visits) / 60

@@ -1,0 +1,98 @@
+"""What records tell before they are fitted: the low-level run, and drift from first to last."""
+
+from dataclasses import replace
+
+import numpy as np
+from scipy.stats import chi2
+
+from estimators.fitting.run_fit import RunFit
+from estimators.input_output.run_spectra import run_spectra
+from oed.campaign.settings import CampaignSettings
+from oed.campaign.visits import Visit
+from oed.experiment.experiment_file import per_motor
+from robotmodels.common.arrays import Array, ComplexArray
+from robotmodels.common.errors import InvalidInput
+from robotmodels.records.records import Records
+
+LOW_LEVEL = 0.2
+"""Part of the largest amplitude at which the first visit is run."""
+
+_EXCESS = 1.5
+"""At full amplitude so many times a limit may be exceeded: peaks of full runs are planned anew."""
+
+
+def check_low_level(visit: Visit, settings: CampaignSettings) -> None:
+    """Refuse to go on after a low-level run that would break limits at full amplitude.
+
+    Raises
+    ------
+    InvalidInput
+        Naming the motor whose torque or speed would, or met its limit.
+    """
+    records, motors = Records.load(visit.records_file), visit.plan.motors
+    who = f"visit {visit.number}, at {100 * LOW_LEVEL:.0f} % of the amplitude"
+    if records.saturated.any():
+        motor = motors[int(records.saturated.any(axis=(0, 1, 2, 3)).argmax())]
+        raise InvalidInput(
+            f"{who}: the torque of motor {motor!r} met its limit; see what holds it, or lower "
+            "the limits"
+        )
+    torque, speed = _peaks(records, len(motors))
+    for name, unit, (level, swing) in (("torque", "N m", torque), ("speed", "rad/s", speed)):
+        choice = getattr(settings.limits, name)
+        if choice is None:
+            continue
+        limit = per_motor(f"limits.{name}", choice, motors)
+        full = np.abs(level) + swing / LOW_LEVEL
+        if (full > _EXCESS * limit).any():
+            i = int((full / limit).argmax())
+            raise InvalidInput(
+                f"{who}: {name} of motor {motors[i]!r} swings by {swing[i]:.4g} {unit}, which at "
+                f"full amplitude is {full[i]:.4g}, far beyond its limit {limit[i]:.4g}; correct "
+                "the robot file or the controller's gains, or lower the limit"
+            )
+
+
+def low_level_noise(visit: Visit) -> ComplexArray:
+    """Return the covariance of outputs and torques in one period, (F, m + n, m + n)."""
+    data = run_spectra(Records.load(visit.records_file), "detection")
+    return np.asarray(visit.plan.periods * data.covariance[0])
+
+
+def _peaks(records: Records, motors: int) -> tuple[tuple[Array, Array], tuple[Array, Array]]:
+    """Return mean and largest deviation of torques and of motors' speeds, (n,) each."""
+    torque = records.torque[0].reshape(-1, motors)
+    level = torque.mean(axis=0)
+    angle = records.angle[0, ..., :motors]
+    speed = np.diff(angle, axis=3) / records.sample_time
+    fastest = np.abs(speed).max(axis=(0, 1, 2, 3))
+    return (level, np.abs(torque - level).max(axis=0)), (np.zeros(motors), fastest)
+
+
+def drift(fit: RunFit, first: int, last: int) -> float:
+    """Return the probability of two visits as different as these if nothing drifts.
+
+    Both have the same plan. The gradients of their costs by ln theta at the fit of all records
+    differ by noise alone if the robot stays as it is; their difference over its covariance has a
+    chi-square law with as many degrees of freedom as directions that the visits show.
+
+    Parameters
+    ----------
+    fit : RunFit
+        Of the records of all visits.
+    first, last : int
+        Indices of both positions in its data.
+    """
+    gradients, scatter = [], []
+    for index in (first, last):
+        problem = replace(fit.problem, data=fit.data.subset(np.array([index])))
+        linear = problem.linearise(fit.parameters.values)
+        slopes = linear.jacobian.reshape(-1, linear.jacobian.shape[-1])
+        gradients.append(2 * (np.conj(slopes).T @ linear.residuals.ravel()).real)
+        scatter.append(problem.sandwich_parts(fit.parameters.values)[1])
+    total = scatter[0] + scatter[1]
+    scale = 1 / np.sqrt(np.maximum(np.diag(total), np.finfo(float).tiny))
+    values, vectors = np.linalg.eigh(scale[:, None] * total * scale)
+    shown = values > 1e-9 * values[-1]
+    along = vectors.T[shown] @ (scale * (gradients[1] - gradients[0]))
+    return float(chi2.sf(np.sum(along**2 / values[shown]), int(shown.sum())))

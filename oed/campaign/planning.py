@@ -1,0 +1,192 @@
+"""Which visits come next: positions, torques and periods, in an order with free moves."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+
+from oed.campaign.checks import LOW_LEVEL
+from oed.campaign.estimate import Estimate
+from oed.campaign.settings import CampaignSettings
+from oed.campaign.visit_plan import fair_torques, line_grid, torque_phases, visit_plan
+from oed.candidates.free_moves import free_moves
+from oed.criteria.targets import TargetCriterion
+from oed.exact.visit_plan import VisitPlan, fastest_visit_plan, visit_plan as plan_within
+from oed.experiment.experiment_file import per_motor
+from oed.experiment.experiment_plan import ExperimentPlan
+from oed.experiment.moves import MoveLimits, move_times
+from oed.information_sets.excitations import VisitTiming, Zippered
+from oed.information_sets.experiment_candidates import ExperimentCandidates, experiment_candidates
+from robotmodels import ElasticRobot
+from robotmodels.collision.surroundings import Surroundings
+from robotmodels.common.arrays import Array, ComplexArray
+from robotmodels.common.errors import InvalidInput
+from robotmodels.exports.robot_files import with_values
+from robotmodels.linear.noise import ErrorCovariance
+
+_SAMPLE = 16
+"""Positions whose median torques stand for all in a plan."""
+
+_FIRST_SHARE, _FEWEST = 0.15, 2
+"""Of the expected time, before any fit; visits at least."""
+
+_FIRST_PERIODS = 2
+
+
+@dataclass(frozen=True, eq=False)
+class Planner:
+    """Plans of a campaign's visits.
+
+    Attributes
+    ----------
+    settings : CampaignSettings
+        The campaign file.
+    robot : ElasticRobot
+        The robot as it is known now.
+    positions : ndarray, (Q, n), rad
+        Candidates.
+    surroundings : Surroundings or None
+        What moves must not touch.
+    stage : int
+        Number of visits before, which phases are drawn by.
+    at : ndarray or None, (n,), rad
+        Where the robot is.
+    """
+
+    settings: CampaignSettings
+    robot: ElasticRobot
+    positions: Array
+    surroundings: Surroundings | None
+    stage: int
+    at: Array | None
+
+    def check(self) -> list[ExperimentPlan]:
+        """Return a visit at a low level, in the position nearest to the middle of the ranges."""
+        limits = self.robot.position_limits
+        middle, width = limits.mean(axis=1), np.ptp(limits, axis=1)
+        nearest = np.argsort((((self.positions - middle) / width) ** 2).sum(axis=1))
+        return self._plans([(self.positions[nearest[0]], _FIRST_PERIODS)], LOW_LEVEL)
+
+    def first(
+        self, noise: ComplexArray, prior: Array, targets: Mapping[str, float]
+    ) -> list[ExperimentPlan]:
+        """Return visits before any fit: flat spectra, D-optimal at the guesses.
+
+        Parameters
+        ----------
+        noise : ndarray of complex, (F, m + n, m + n)
+            Covariance of outputs and torques, of one period.
+        prior : ndarray, (p, p)
+            Information of the guesses.
+        targets : mapping of str to float
+            As of `TargetCriterion`.
+        """
+        candidates = self._candidates(noise, [_FIRST_PERIODS])
+        expected = fastest_visit_plan(candidates, dict(targets), prior).duration
+        shortest = float(candidates.duration.min())
+        time = max(_FIRST_SHARE * expected, _FEWEST * shortest)
+        return self._plans(self._visits(plan_within(candidates, time, "D", prior)))
+
+    def accuracy(
+        self, found: Estimate, targets: Mapping[str, float], minutes: float
+    ) -> list[ExperimentPlan]:
+        """Return visits that reach the targets in little time; none if the minutes allow none.
+
+        Where the minutes do not suffice they are used as well as can be.
+        """
+        most = self.settings.most_periods
+        counts = sorted({1, 2, 4, most, *(n for n in (8, 16, 32, 64) if n < most)})
+        candidates = self._candidates(found.noise, counts)
+        information = np.asarray(np.linalg.inv(found.covariance), dtype=float)
+        plan = fastest_visit_plan(candidates, dict(targets), information)
+        if plan.duration > 60 * minutes:
+            if candidates.duration.min() > 60 * minutes:
+                return []
+            plan = plan_within(
+                candidates, 60 * minutes, TargetCriterion(dict(targets)), information
+            )
+        return self._plans(self._visits(plan))
+
+    def repeated(self, plan: ExperimentPlan) -> list[ExperimentPlan]:
+        """Return an earlier visit once more, from where the robot is now."""
+        if self.at is not None:
+            self._nearest(self.at, plan.positions)
+        return [replace(plan, start=self.at)]
+
+    @cached_property
+    def _power(self) -> Array:
+        """Shares of motors' powers on the lines, (F, n)."""
+        n = len(self.robot.motor_names)
+        owners = Zippered().owners(n, len(line_grid(self.settings, n).lines))
+        return np.asarray(owners / owners.sum(axis=0))
+
+    def _candidates(self, noise: ComplexArray, periods: list[int]) -> ExperimentCandidates:
+        settings, robot = self.settings, self.robot
+        rng = np.random.default_rng([settings.seed, self.stage])
+        some = rng.choice(len(self.positions), min(_SAMPLE, len(self.positions)), replace=False)
+        levels = [fair_torques(settings, robot, self.positions[q], self._power) for q in some]
+        grid = line_grid(settings, len(robot.motor_names))
+        motors = tuple(robot.motor_names)
+        moves = MoveLimits(
+            motors,
+            robot.position_limits,
+            per_motor("moves.speed", settings.moves.speed, motors),
+            per_motor("moves.acceleration", settings.moves.acceleration, motors),
+        )
+        between = move_times(self.positions[some], self.positions[some], moves)
+        timing = VisitTiming(
+            period=grid.period,
+            transient=settings.transient_periods * grid.period,
+            settle=settings.settle,
+            move=float(between.mean()),
+        )
+        # Covariances of `RunSpectra` are of lines' amplitudes over two, powers here mean squares.
+        errors = ErrorCovariance(2 * noise)
+        return experiment_candidates(
+            robot,
+            self.positions,
+            [Zippered()],
+            grid.omega,
+            errors,
+            torque=np.median(levels, axis=0),
+            periods=periods,
+            timing=timing,
+        )
+
+    def _visits(self, plan: VisitPlan) -> list[tuple[Array, int]]:
+        return [(self.positions[q], periods) for q, _, periods in plan.visits]
+
+    def _plans(self, visits: list[tuple[Array, int]], part: float = 1.0) -> list[ExperimentPlan]:
+        """Return plans in an order whose straight moves are free, the nearest position first."""
+        at, remaining = self.at, list(visits)
+        plans: list[ExperimentPlan] = []
+        while remaining:
+            goals = np.array([position for position, _ in remaining])
+            index = 0 if at is None else self._nearest(at, goals)
+            position, periods = remaining.pop(index)
+            power = self._power
+            level = fair_torques(self.settings, self.robot, position, power)
+            rng = np.random.default_rng([self.settings.seed, self.stage + len(plans), 1])
+            grid = line_grid(self.settings, power.shape[1])
+            torques = torque_phases(grid, np.sqrt(2 * power) * level, rng)
+            scaled = visit_plan(self.settings, self.robot, position, torques, periods, at, part)
+            plans.append(scaled.plan)
+            at = position
+        return plans
+
+    def _nearest(self, at: Array, goals: Array) -> int:
+        """Return the nearest goal that a straight move leads to freely."""
+        free = free_moves(self.surroundings, at, goals)
+        if not free.any():
+            raise InvalidInput(
+                f"moves: no straight move from {np.round(at, 3).tolist()} to the planned positions "
+                "is free; add candidates between, or clear the way"
+            )
+        distance = np.abs(goals - at).max(axis=1)
+        return int(np.where(free, distance, np.inf).argmin())
+
+
+def known_now(robot: ElasticRobot, found: Estimate | None) -> ElasticRobot:
+    """Return the robot with the values of an estimate, the guesses before the first."""
+    return robot if found is None else with_values(robot, found.values, None)

@@ -1,0 +1,93 @@
+"""The schema of a campaign file: which robot, what is to be known how well, what it may cost.
+
+schema: campaign/1
+robot: ur10                  # a built-in robot, or the path of a robot file with guesses
+guesses_within: 2.0          # factor that its values may be off by (one standard deviation), or
+                             # robot: the standard deviations in the file's `guessed`, `fitted`
+targets:                     # relative standard deviations; names may have * and ?
+  "*.stiffness": 0.01
+  "*.damping": 0.05
+minutes: 30                  # robot time at most, moves included
+candidates: {sobol: 512}     # positions to choose from, as in a study
+multisine: {band: [1.0, 60.0], sample_time: 0.002, period: 2.0, detection: 4}
+settle: 1.0                  # rest after each move [s]
+transient_periods: 1         # before those measured
+most_periods: 16             # measured in one visit
+limits: {torque: 50.0, speed: 10.0}     # as in an experiment file, and so the next two
+moves: {speed: 1.0, acceleration: 2.0}
+controller: {...}
+seed: 1
+output: ../out/campaign      # folder; relative to this file, as every path in it
+"""
+
+from pathlib import Path
+from typing import Annotated, Literal, Self
+
+import numpy as np
+from pydantic import Field, model_validator
+
+from oed.criteria.targets import by_name_or_kind
+from oed.experiment.experiment_file import LoopSettings
+from oed.study.settings.candidates_settings import CandidatesChoice
+from robotmodels.common.arrays import Array
+from robotmodels.common.file_paths import existing_file, output_folder, robot_reference
+from robotmodels.common.yaml_files import read_yaml
+from robotmodels.description.ranges import Count, NonNegative, Positive, Seed
+
+Accuracy = Annotated[float, Field(gt=0, lt=1)]
+
+
+class CampaignSettings(LoopSettings):
+    """A campaign file, ``schema: campaign/1``; paths in it are relative to the file."""
+
+    schema_: Literal["campaign/1"] = Field(alias="schema")
+    robot: str
+    guesses_within: Annotated[float, Field(gt=1, le=100)] | Literal["robot"] = 2.0
+    targets: Annotated[dict[str, Accuracy], Field(min_length=1)]
+    minutes: Positive
+    candidates: CandidatesChoice = CandidatesChoice(sobol=512)
+    settle: NonNegative = 1.0
+    transient_periods: Count = 1
+    most_periods: Annotated[int, Field(ge=2, le=10_000)] = 16
+    seed: Seed = 1
+    output: Path
+
+    @model_validator(mode="after")
+    def _planned(self) -> Self:
+        if self.multisine.slope:
+            raise ValueError("multisine.slope: spectra are planned; leave it out")
+        if self.multisine.detection is None:
+            raise ValueError("multisine.detection: missing; single runs show their noise there")
+        return self
+
+    def accuracies(self, names: tuple[str, ...]) -> Array:
+        """Return the relative standard deviation asked for of each parameter, (p,).
+
+        Infinite where none is asked for. Keys are names, kinds or patterns, see `by_name_or_kind`.
+
+        Raises
+        ------
+        InvalidInput
+            If a pattern fits no free parameter.
+        """
+        asked = by_name_or_kind(self.targets, names, "targets")
+        return np.where(np.isnan(asked), np.inf, asked)
+
+
+def load_campaign(path: str | Path) -> CampaignSettings:
+    """Read a campaign file; the paths inside it become absolute.
+
+    Raises
+    ------
+    InvalidInput
+        If the file is absent, is not YAML, or does not fit the schema; the key is named.
+    """
+    path = Path(path)
+    settings = read_yaml(path, CampaignSettings)
+    lists = [existing_file(path, "candidates.files", file) for file in settings.candidates.files]
+    changed = {
+        "output": output_folder(path, settings.output),
+        "robot": robot_reference(path, settings.robot),
+        "candidates": settings.candidates.model_copy(update={"files": tuple(lists)}),
+    }
+    return settings.model_copy(update=changed)

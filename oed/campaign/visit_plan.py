@@ -1,0 +1,157 @@
+"""From the torques that a visit is to have to a plan within all limits.
+
+Under feedback a controller is told speeds, and the torques that they lead to depend on the robot:
+references R = F_r^-1 (I + F_y G_y) U of the present model give the torques U, near enough.
+"""
+
+from dataclasses import replace
+
+import numpy as np
+
+from oed.campaign.settings import CampaignSettings
+from oed.experiment.amplitude_scaling import Scaling, fair_amplitudes
+from oed.experiment.draw_plan import experiment_plan, reduced_crest
+from oed.experiment.experiment_file import per_motor
+from oed.experiment.multisine import Multisine, band_multisine
+from oed.experiment.prepare import controller_of, within_limits
+from robotmodels import ElasticRobot
+from robotmodels.common.arrays import Array, ComplexArray
+from robotmodels.common.errors import InvalidInput
+from robotmodels.description.friction import shaft_friction
+from robotmodels.elastic.rigid_pose import holding_torques
+from robotmodels.linear.response import frequency_response
+from robotmodels.simulation.loop_noise import closed_loop
+
+_CLIPPINGS = 100
+_CREST = 3.3
+"""Largest over root mean square value of many lines in random phases, 5 % above the median."""
+
+
+def line_grid(settings: CampaignSettings, motors: int) -> Multisine:
+    """Return the lines of all visits, the same for the same seed: detection lines are drawn."""
+    choice = settings.multisine
+    low, high = choice.band
+    return band_multisine(
+        choice.samples,
+        choice.sample_time,
+        (2 * np.pi * low, 2 * np.pi * high),
+        inputs=motors,
+        count=choice.count,
+        spacing=choice.spacing,
+        odd=choice.odd,
+        detection_group=choice.detection,
+        rng=np.random.default_rng(settings.seed),
+    )
+
+
+def fair_torques(
+    settings: CampaignSettings, robot: ElasticRobot, position: Array, power: Array
+) -> Array:
+    """Return the root mean square torque of each motor, (n,) [N m], that limits have room for.
+
+    Peaks are taken for 3.3 times root mean squares, powers of motors add up.
+
+    Parameters
+    ----------
+    power : ndarray, (F, n)
+        Share of each motor's power on each line; columns sum to one.
+
+    Raises
+    ------
+    InvalidInput
+        Naming the motor whose torque limit is used up by gravity and friction.
+    """
+    motors, limits = tuple(robot.motor_names), settings.limits
+    omega = line_grid(settings, len(motors)).omega[:, None, None]
+    G = frequency_response(robot, position[None], omega.ravel())[0]
+    ratios = np.array([abs(motor.gear_ratio) for motor in robot.file.motors])
+    rows = []
+    if limits.torque is not None:
+        limit = per_motor("limits.torque", limits.torque, motors)
+        held = holding_torques(robot, robot.equilibrium(position[None]).coordinates)[0]
+        friction = settings.imperfections.friction * shaft_friction(robot.file)
+        room = limit - np.abs(held) - friction
+        if not (room > 0).all():
+            i = int(room.argmin())
+            raise InvalidInput(
+                f"limits.torque: motor {motors[i]!r} needs {limit[i] - room[i]:.4g} N m against "
+                f"gravity and friction at {np.round(position, 3).tolist()}; its limit is "
+                f"{limit[i]:.4g} N m"
+            )
+        rows.append(np.diag(1 / room))
+    for name, order, sides in (("speed", 1, np.ones(len(motors))), ("swing", 2, ratios)):
+        if (choice := getattr(limits, name)) is not None:
+            limit = per_motor(f"limits.{name}", choice, motors) * sides
+            square = np.einsum("fji,fi->ji", np.abs(G / omega**order) ** 2, power)
+            rows.append(np.sqrt(square) / limit[:, None])
+    return np.asarray(fair_amplitudes(_CREST * np.vstack(rows))) * (1 - limits.margin)
+
+
+def torque_phases(grid: Multisine, amplitude: Array, rng: np.random.Generator) -> ComplexArray:
+    """Return torques (F, n) of these amplitudes, in random phases that keep peaks low."""
+    tiny = 1e-9 * amplitude.max()  # what has no amplitude has no crest factor
+    sine = grid.with_amplitudes(np.maximum(amplitude, tiny))
+    phases = rng.uniform(0, 2 * np.pi, (1, *amplitude.shape))
+    lowered = reduced_crest(sine, phases, _CLIPPINGS)[0]
+    return np.asarray(amplitude * np.exp(1j * lowered))
+
+
+def visit_plan(
+    settings: CampaignSettings,
+    robot: ElasticRobot,
+    position: Array,
+    torques: ComplexArray,
+    periods: int,
+    start: Array | None,
+    part: float = 1.0,
+) -> Scaling:
+    """Return a plan of one run whose torques are in the ratios of `torques` (F, n).
+
+    Parameters
+    ----------
+    settings : CampaignSettings
+        Lines, limits, moves and controller.
+    robot : ElasticRobot
+        The robot as it is known now.
+    position : ndarray, (n,), rad
+        Where to go.
+    torques : ndarray of complex, (F, n), N m
+        Amplitude and phase of each line; the common factor is the largest that the limits allow.
+    periods : int
+        To measure.
+    start : ndarray or None, (n,), rad
+        Where the robot is before.
+    part : float
+        Part of the largest amplitude to take.
+
+    Raises
+    ------
+    InvalidInput
+        Naming motor and limit without room, or the controller that is unstable there.
+    NoEquilibrium
+        If the springs cannot carry the robot's weight.
+    """
+    motors = tuple(robot.motor_names)
+    grid = line_grid(settings, len(motors))
+    controller = controller_of(settings, robot)
+    loop = closed_loop(robot.network(position[None]), grid.omega, controller)
+    R = np.linalg.solve(loop.torque[0], torques[..., None])[..., 0]
+    drawn = experiment_plan(
+        robot,
+        position[None],
+        grid.with_amplitudes(np.abs(R)),
+        blocks=1,
+        periods=periods,
+        transient_periods=settings.transient_periods,
+        ramp=True,
+        speed=per_motor("moves.speed", settings.moves.speed, motors),
+        acceleration=per_motor("moves.acceleration", settings.moves.acceleration, motors),
+        rng=np.random.default_rng(0),  # its phases are replaced
+        start=start,
+        runs=1,
+    )
+    plan = replace(drawn, phases=np.angle(R)[None, None])
+    scaled = within_limits(settings, plan, robot, controller)
+    if part == 1.0:
+        return scaled
+    return replace(scaled, plan=scaled.plan.rescaled(np.asarray(part)))

@@ -1,0 +1,196 @@
+"""The folder of a campaign's visits: what was proposed, what came back.
+
+``visits/003`` holds the plan of visit 3 (``plan.yaml``, ``plan.h5``), its files for controllers
+and ``visit.yaml``, written before the folder gets its name. What came back lies beside them:
+``records.h5``, or ``failed.yaml`` with the reason. Files are the only state: a campaign goes on
+from them after a kill at any moment.
+"""
+
+import os
+import shutil
+import tempfile
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Literal
+
+import numpy as np
+import yaml
+from pydantic import Field
+
+from oed.experiment.experiment_plan import ExperimentPlan
+from oed.experiment.plan_export import export_csv
+from robotmodels.common.arrays import Array
+from robotmodels.common.atomic_files import atomic_write, write_text
+from robotmodels.common.errors import InvalidInput, naming
+from robotmodels.common.fingerprints import file_digest
+from robotmodels.common.yaml_files import FileSection, read_yaml
+from robotmodels.records.records import Records
+
+Purpose = Literal["check", "first", "accuracy", "repeat"]
+"""A low-level run, one before any fit, one for the accuracies, the first one once more."""
+
+_NEAR = 2e-3
+"""Largest distance of measured positions from planned ones [rad; m]."""
+
+
+class _VisitFile(FileSection):
+    """``visit.yaml``, ``schema: visit/1``."""
+
+    schema_: Literal["visit/1"] = Field(alias="schema")
+    purpose: Purpose
+    robot_digest: str
+
+
+class _FailureFile(FileSection):
+    """``failed.yaml``, ``schema: failed_visit/1``."""
+
+    schema_: Literal["failed_visit/1"] = Field(alias="schema")
+    reason: Annotated[str, Field(min_length=1)]
+
+
+@dataclass(frozen=True, eq=False)
+class Visit:
+    """A visit: one position, one run.
+
+    Attributes
+    ----------
+    number : int
+        Counted from 1, in the order of proposal.
+    folder : Path
+        Folder of its files.
+    purpose : Purpose
+        What it is for.
+    plan : ExperimentPlan
+        Where to go and what the motors are told.
+    robot_digest : str
+        Robot file that it was planned with, see `robot_digest`.
+    """
+
+    number: int
+    folder: Path
+    purpose: Purpose
+    plan: ExperimentPlan
+    robot_digest: str
+
+    @property
+    def records_file(self) -> Path:
+        """File of the records that came back."""
+        return self.folder / "records.h5"
+
+    @property
+    def state(self) -> Literal["open", "told", "failed"]:
+        """Whether it is to be run, its records are here, or it failed."""
+        if self.records_file.exists():
+            return "told"
+        return "failed" if (self.folder / "failed.yaml").exists() else "open"
+
+    @property
+    def failure(self) -> str:
+        """Why it failed."""
+        return read_yaml(self.folder / "failed.yaml", _FailureFile).reason
+
+    def fail(self, reason: str) -> None:
+        """Note that it failed; without effect on a visit whose records are here."""
+        if self.state == "told":
+            raise InvalidInput(f"visit {self.number}: its records are here; it did not fail")
+        document = {"schema": "failed_visit/1", "reason": reason}
+        write_text(self.folder / "failed.yaml", yaml.safe_dump(document, sort_keys=False))
+
+    def take(self, path: Path) -> bool:
+        """Keep a copy of its records; return whether they are new.
+
+        Raises
+        ------
+        InvalidInput
+            If they are those of another visit, or others of this one are here.
+        """
+        with naming(path):
+            self._check(Records.load(path))
+        target = self.records_file
+        if target.exists():
+            if file_digest(target) == file_digest(path):
+                return False
+            raise InvalidInput(
+                f"{path}: visit {self.number} has other records, {target}; remove that file first "
+                "if these are to replace it"
+            )
+        with atomic_write(target) as part:
+            shutil.copyfile(path, part)
+        return True
+
+    def _check(self, records: Records) -> None:
+        """Refuse records that this visit cannot have led to."""
+        plan, sine = self.plan, self.plan.multisine
+        who = f"not of visit {self.number}"
+        if len(records) != 1:
+            raise InvalidInput(f"{who}: {len(records)} positions; give those of each visit alone")
+        if records.torque.shape[-1] != len(plan.motors):
+            raise InvalidInput(
+                f"{who}: {records.torque.shape[-1]} motors, the plan has {len(plan.motors)}"
+            )
+        away = np.abs(records.positions[0] - plan.positions[0])
+        if away.max() > _NEAR:
+            motor = plan.motors[int(away.argmax())]
+            raise InvalidInput(
+                f"{who}: motor {motor!r} at {records.positions[0, away.argmax()]:.4g}, planned "
+                f"{plan.positions[0, away.argmax()]:.4g}"
+            )
+        period = records.samples * records.sample_time
+        if not np.isclose(period, sine.period, rtol=1e-6, atol=0):
+            raise InvalidInput(f"{who}: a period of {period:.6g} s, planned {sine.period:.6g} s")
+        if records.reference.any() and not _alike(records, plan):
+            raise InvalidInput(f"{who}: other references than planned; perhaps of another visit")
+
+
+def _alike(records: Records, plan: ExperimentPlan) -> bool:
+    """Return whether the records' references are those of the plan, sampled as they may be."""
+    planned = np.fft.rfft(plan.reference(0)[0], axis=1)[:, plan.multisine.lines]  # (E, F, n)
+    measured = records.reference[0, 0]  # (E, P, N, n)
+    if len(measured) != len(planned):
+        return False
+    spectrum = np.fft.rfft(measured.mean(axis=1), axis=1)[:, plan.multisine.lines]
+    spectrum = spectrum * (plan.multisine.samples / records.samples)
+    return bool(np.abs(spectrum - planned).max() <= 1e-3 * np.abs(planned).max())
+
+
+@dataclass(frozen=True)
+class VisitFolder:
+    """The visits of a campaign, in ``visits`` of its folder."""
+
+    folder: Path
+
+    def all(self) -> tuple[Visit, ...]:
+        """Return all visits, in the order of proposal.
+
+        Raises
+        ------
+        InvalidInput
+            If a file of theirs is missing or damaged.
+        """
+        if not self.folder.is_dir():
+            return ()
+        names = sorted(path.name for path in self.folder.iterdir() if path.name.isdigit())
+        return tuple(self._read(self.folder / name) for name in names)
+
+    def _read(self, folder: Path) -> Visit:
+        file = read_yaml(folder / "visit.yaml", _VisitFile)
+        plan = ExperimentPlan.load(folder / "plan.yaml")
+        return Visit(int(folder.name), folder, file.purpose, plan, file.robot_digest)
+
+    def add(
+        self, plan: ExperimentPlan, purpose: Purpose, robot_digest: str, gear_ratios: Array
+    ) -> Visit:
+        """Write a new visit with its files for controllers; it has its name when it is whole."""
+        self.folder.mkdir(parents=True, exist_ok=True)
+        number = 1 + max((visit.number for visit in self.all()), default=0)
+        stage = Path(tempfile.mkdtemp(prefix=".unfinished-", dir=self.folder))
+        try:
+            plan.save(stage / "plan.yaml")
+            export_csv(plan, stage / "controller", gear_ratios)
+            document = {"schema": "visit/1", "purpose": purpose, "robot_digest": robot_digest}
+            write_text(stage / "visit.yaml", yaml.safe_dump(document, sort_keys=False))
+            target = self.folder / f"{number:03d}"
+            os.replace(stage, target)
+        finally:
+            shutil.rmtree(stage, ignore_errors=True)
+        return Visit(number, target, purpose, plan, robot_digest)
