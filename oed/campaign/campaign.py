@@ -207,7 +207,13 @@ class Campaign:
                 return ()
             return self._write(planner.repeated(fitted[0].plan), "repeat")
         left = self.settings.minutes - _minutes(visits, self.settings)
-        return self._write(planner.accuracy(found, self._wanted, left), "accuracy")
+        # Quoted standard deviations are those of Theorem 1, or larger by what the residuals tell.
+        quoted = found.std / np.sqrt(np.diag(found.covariance))
+        wanted = {
+            name: target / float(quoted[self.robot.parameters.index(name)])
+            for name, target in self._wanted.items()
+        }
+        return self._write(planner.accuracy(found, wanted, left), "accuracy")
 
     @property
     def _wanted(self) -> dict[str, float]:

@@ -12,6 +12,7 @@ from oed.campaign.settings import CampaignSettings
 from oed.campaign.visit_plan import fair_torques, line_grid, torque_phases, visit_plan
 from oed.candidates.free_moves import free_moves
 from oed.criteria.targets import TargetCriterion
+from oed.design.fastest_design import fastest_design
 from oed.exact.visit_plan import VisitPlan, fastest_visit_plan, visit_plan as plan_within
 from oed.experiment.experiment_file import per_motor
 from oed.experiment.experiment_plan import ExperimentPlan
@@ -32,6 +33,12 @@ _FIRST_SHARE, _FEWEST = 0.15, 2
 """Of the expected time, before any fit; visits at least."""
 
 _FIRST_PERIODS = 2
+
+_MOST_VISITS = 10
+"""Until plans are made anew by what was measured."""
+
+_GAP = 1e-4
+"""Of the least time."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,7 +90,7 @@ class Planner:
             As of `TargetCriterion`.
         """
         candidates = self._candidates(noise, [_FIRST_PERIODS])
-        expected = fastest_visit_plan(candidates, dict(targets), prior).duration
+        expected = _least_time(candidates, targets, prior)
         shortest = float(candidates.duration.min())
         time = max(_FIRST_SHARE * expected, _FEWEST * shortest)
         return self._plans(self._visits(plan_within(candidates, time, "D", prior)))
@@ -93,20 +100,22 @@ class Planner:
     ) -> list[ExperimentPlan]:
         """Return visits that reach the targets in little time; none if the minutes allow none.
 
-        Where the minutes do not suffice they are used as well as can be.
+        Where the minutes do not suffice, or many visits are needed, those that fit the time of ten
+        long ones and bring the targets nearest.
         """
-        most = self.settings.most_periods
-        counts = sorted({1, 2, 4, most, *(n for n in (8, 16, 32, 64) if n < most)})
+        longest = self.settings.most_periods
+        counts = sorted({*(n for n in (1, 2, 4, 8, 16, 32, 64) if n < longest), longest})
         candidates = self._candidates(found.noise, counts)
         information = np.asarray(np.linalg.inv(found.covariance), dtype=float)
-        plan = fastest_visit_plan(candidates, dict(targets), information)
-        if plan.duration > 60 * minutes:
-            if candidates.duration.min() > 60 * minutes:
-                return []
-            plan = plan_within(
-                candidates, 60 * minutes, TargetCriterion(dict(targets)), information
-            )
-        return self._plans(self._visits(plan))
+        most = min(_MOST_VISITS * float(candidates.duration.max()), 60 * minutes)
+        if candidates.duration.min() > most:
+            return []
+        if _least_time(candidates, targets, information) < most:
+            plan = fastest_visit_plan(candidates, dict(targets), information)
+            if plan.duration <= most:
+                return self._plans(self._visits(plan))
+        criterion = TargetCriterion(dict(targets))
+        return self._plans(self._visits(plan_within(candidates, most, criterion, information)))
 
     def repeated(self, plan: ExperimentPlan) -> list[ExperimentPlan]:
         """Return an earlier visit once more, from where the robot is now."""
@@ -185,6 +194,14 @@ class Planner:
             )
         distance = np.abs(goals - at).max(axis=1)
         return int(np.where(free, distance, np.inf).argmin())
+
+
+def _least_time(
+    candidates: ExperimentCandidates, targets: Mapping[str, float], information: Array
+) -> float:
+    """Return the time that visits need at least, were they divisible [s]."""
+    info, duration = candidates.information, candidates.duration
+    return fastest_design(info, duration, dict(targets), information, _GAP).time
 
 
 def known_now(robot: ElasticRobot, found: Estimate | None) -> ElasticRobot:

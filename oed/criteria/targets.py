@@ -18,8 +18,8 @@ def by_name_or_kind(values: float | Mapping[str, float], names: Sequence[str], w
     Parameters
     ----------
     values : float or mapping of str to float
-        One number for all, or numbers by name, which comes first, by kind ("stiffness" is any name
-        that ends in ".stiffness") or by pattern ("g*.damping").
+        One number for all, or numbers by name, which comes first, by kind ("stiffness" is that of
+        all springs) or by pattern ("g*.damping").
     names : sequence of str
         Names.
     what : str
@@ -34,9 +34,9 @@ def by_name_or_kind(values: float | Mapping[str, float], names: Sequence[str], w
     numbers = np.full(len(names), np.nan)
     for key, value in sorted(keyed.items(), key=lambda item: item[0] in names):
         check_above_zero(value, what if key == "*" else f"{what}: {key}")
-        fits = [fnmatchcase(name, key) or name.split(".", 1)[-1] == key for name in names]
+        fits = [fnmatchcase(name, key) or key in name.split(".")[1:] for name in names]
         if not any(fits):
-            kinds = [*names, *dict.fromkeys(name.split(".", 1)[-1] for name in names)]
+            kinds = [*names, *dict.fromkeys(".".join(name.split(".")[1:2]) for name in names)]
             raise InvalidInput(
                 f"{what}: {key!r} is no free parameter and no kind of them{nearest(key, kinds)}"
             )

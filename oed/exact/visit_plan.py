@@ -26,6 +26,8 @@ from robotmodels.common.printing import ReprHtml
 
 _WIDER, _MOST_WIDER = 1.1, 40
 _HALVINGS = 3
+_RELAXED_GAP = 1e-4
+"""Of the relaxation: whole periods cost far more."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -180,7 +182,7 @@ def fastest_visit_plan(
     info = candidates.information
     objective = TargetCriterion(targets).objective(info.names, info.samples)
     before = checked_prior(prior, info)
-    relaxed = fastest_design(info, candidates.duration, targets, before)
+    relaxed = fastest_design(info, candidates.duration, targets, before, _RELAXED_GAP)
     witness = objective.log_gradient(relaxed.information)
     derivatives = info.directional_derivatives(witness)
     search = VisitSearch.of(candidates, objective, before, relaxed.weights, derivatives)

@@ -3,6 +3,7 @@
 import typer
 
 from reports.commands import (
+    campaign,
     chains,
     check,
     deflection,
@@ -30,6 +31,7 @@ _IN_ORDER = (
     report,
     export,
     simulate,
+    campaign,
     import_log,
     frf,
     identify,

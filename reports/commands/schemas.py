@@ -8,7 +8,15 @@ from typing import Any
 from robotmodels.common.errors import InvalidInput, nearest
 from robotmodels.common.yaml_files import FileSection
 
-KINDS = ("study", "experiment", "robot", "chain_study", "import", "deflection_study")
+KINDS = (
+    "study",
+    "experiment",
+    "robot",
+    "chain_study",
+    "import",
+    "deflection_study",
+    "campaign",
+)
 
 Words = dict[tuple[str, ...], str]
 """Descriptions by the keys that lead to a key."""
@@ -24,6 +32,7 @@ def json_schema(kind: str) -> dict[str, Any]:
     InvalidInput
         For another kind of file.
     """
+    from oed.campaign import settings as campaign
     from oed.chain_study import study_file as chain_study
     from oed.experiment import experiment_file as experiment
     from oed.study.settings import (
@@ -49,6 +58,10 @@ def json_schema(kind: str) -> dict[str, Any]:
             key_words(deflection_settings),
         ),
         "experiment": (experiment.Experiment, shaken),
+        "campaign": (
+            campaign.CampaignSettings,
+            shaken | key_words(candidates_settings) | key_words(campaign),
+        ),
         "robot": (robot_file.RobotFile, key_words(robot_file)),
         "import": (mapping_file.Mapping, key_words(mapping_file)),
         "chain_study": (

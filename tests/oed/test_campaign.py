@@ -1,0 +1,221 @@
+"""Campaigns: visits asked for and told, in simulation, and what interrupts or spoils them."""
+
+import re
+import shutil
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from estimators.fitting.least_squares import fit
+from estimators.fitting.run_fit import RunFit
+from oed.campaign import Campaign, simulate_visits
+from oed.campaign.checks import drift
+from oed.campaign.estimate import visit_spectra
+from oed.campaign.settings import load_campaign
+from oed.candidates.free_moves import free_moves
+from robotmodels import InvalidInput, Records, load_robot, save_robot, surroundings
+from robotmodels.collision.obstacles import Box
+from robotmodels.exports.robot_files import with_values
+
+AXIS = """
+schema: campaign/1
+robot: guesses.yaml
+guesses_within: 1.5
+targets: {stiffness: 0.05, damping: 0.3}
+minutes: 20
+candidates: {sobol: 4}
+multisine: {band: [1.0, 60.0], sample_time: 0.002, period: 2.0, detection: 5}
+limits: {speed: 5.0, swing: 0.05}
+imperfections: {angle_noise: 1.0e-5, friction: 0, nonlinear_gears: false}
+output: out
+"""
+
+
+@pytest.fixture
+def campaign(tmp_path: Path) -> Path:
+    """A campaign file for one axis, whose guesses are off by a third at most."""
+    truth = load_robot("moberg_axis1")
+    factors = np.exp(np.random.default_rng(2).uniform(-0.3, 0.3, len(truth.parameters)))
+    save_robot(
+        with_values(truth, truth.parameters.values * factors, None), tmp_path / "guesses.yaml"
+    )
+    path = tmp_path / "campaign.yaml"
+    path.write_text(AXIS)
+    return path
+
+
+def run_open(path: Path, truth: str = "moberg_axis1") -> list[int]:
+    """Simulate what is open, or planned next; return the numbers of the visits."""
+    campaign = Campaign.load(path)
+    visits = campaign.ask()
+    simulate_visits(campaign.settings, campaign.robot, load_robot(truth), visits)
+    return [visit.number for visit in visits]
+
+
+def test_a_campaign_from_guesses_to_accuracies(campaign: Path) -> None:
+    """Low level, first visits, accuracies, the first visit once more; the truth is inside."""
+    for _ in range(8):
+        if not run_open(campaign):
+            break
+    status = Campaign.load(campaign).status()
+    assert status.state == "reached"
+    assert not status.short_of
+    purposes = [visit.purpose for visit in status.visits]
+    assert purposes[:2] == ["check", "first"]
+    assert purposes[-1] == "repeat"
+    assert status.estimate is not None
+    truth = load_robot("moberg_axis1").parameters.values
+    away = np.log(status.estimate.values / truth) / status.estimate.std
+    assert np.abs(away).max() < 4
+    assert (status.estimate.std <= status.targets).all()
+    assert status.estimate.drift > 1e-3
+    times = [visit.plan.duration + 1.0 for visit in status.visits]
+    assert status.minutes == pytest.approx(sum(times) / 60)
+
+
+def test_asking_again_repeats_the_open_visits(campaign: Path) -> None:
+    """In another process too; a folder that a kill left half-written is none."""
+    first = Campaign.load(campaign).ask()
+    (first[0].folder.parent / ".unfinished-x").mkdir()
+    again = Campaign.load(campaign).ask()
+    assert [visit.number for visit in again] == [visit.number for visit in first] == [1]
+    np.testing.assert_array_equal(again[0].plan.phases, first[0].plan.phases)
+
+
+def test_failed_visits_and_other_orders(campaign: Path) -> None:
+    """A failed visit is replaced; records may come in any order, twice without effect."""
+    Campaign.load(campaign).fail(Campaign.load(campaign).ask()[0].number, "cable torn")
+    assert run_open(campaign) == [2]
+    opened = Campaign.load(campaign)
+    visits = opened.ask()
+    simulate_visits(opened.settings, opened.robot, load_robot("moberg_axis1"), visits[::-1])
+    visit = visits[0]
+    copy = visit.folder / "copy.h5"
+    shutil.copy(visit.records_file, copy)
+    assert not opened.tell(visit.number, copy)
+    assert Campaign.load(campaign).visits[0].failure == "cable torn"
+    with pytest.raises(InvalidInput, match="visit 3: its records are here; it did not fail"):
+        opened.fail(visit.number, "no")
+
+
+def test_records_of_other_visits_are_refused(campaign: Path, tmp_path: Path) -> None:
+    run_open(campaign)
+    opened = Campaign.load(campaign)
+    one, other = opened.ask()[:2]
+    simulate_visits(opened.settings, opened.robot, load_robot("moberg_axis1"), [one])
+    with pytest.raises(InvalidInput, match=rf"records.h5: not of visit {other.number}: "):
+        opened.tell(other.number, one.records_file)
+    records = Records.load(one.records_file)
+    changed = tmp_path / "changed.h5"
+    replace(records, torque=1.01 * records.torque).save(changed)
+    with pytest.raises(InvalidInput, match=rf"visit {one.number} has other records"):
+        opened.tell(one.number, changed)
+    replace(records, reference=-records.reference).save(changed)
+    with pytest.raises(InvalidInput, match="other references than planned"):
+        opened.tell(one.number, changed)
+    replace(records, sample_time=0.004).save(changed)
+    with pytest.raises(InvalidInput, match="a period of 4 s, planned 2 s"):
+        opened.tell(one.number, changed)
+    with pytest.raises(InvalidInput, match="visit 9: the campaign has asked for 3 so far"):
+        opened.tell(9, changed)
+
+
+def test_a_robot_file_that_changes_in_between(campaign: Path) -> None:
+    Campaign.load(campaign).ask()
+    file = campaign.parent / "guesses.yaml"
+    file.write_text(file.read_text().replace("gear_ratio: 220", "gear_ratio: 221"))
+    with pytest.raises(InvalidInput, match="its file was changed after visit 1 was planned"):
+        Campaign.load(campaign).ask()
+
+
+def test_a_low_level_run_that_moves_too_much(campaign: Path) -> None:
+    """Full amplitude is not offered: the robot is far lighter than its file says."""
+    opened = Campaign.load(campaign)
+    (visit,) = opened.ask()
+    simulate_visits(opened.settings, opened.robot, load_robot("moberg_axis1"), [visit])
+    records = Records.load(visit.records_file)
+    replace(records, angle=3 * records.angle).save(visit.records_file)
+    with pytest.raises(InvalidInput, match=r"speed of motor 'm1' swings by .* full amplitude"):
+        opened.ask()
+
+
+def test_minutes_that_are_used(campaign: Path) -> None:
+    campaign.write_text(AXIS.replace("minutes: 20", "minutes: 0.6").replace("0.05, d", "0.0001, d"))
+    for _ in range(6):
+        if not run_open(campaign):
+            break
+    status = Campaign.load(campaign).status()
+    assert status.state == "minutes used"
+    assert status.short_of
+
+
+@pytest.mark.parametrize(
+    ("before", "after", "message"),
+    [
+        ("stiffness: 0.05", "stifness: 0.05", "targets: 'stifness' is no free parameter"),
+        ("detection: 5", "count: 40", "multisine.detection: missing"),
+        ("minutes: 20", "minutes: -1", "minutes"),
+    ],
+)
+def test_files_that_cannot_be(campaign: Path, before: str, after: str, message: str) -> None:
+    campaign.write_text(AXIS.replace(before, after))
+    with pytest.raises(InvalidInput, match=message):
+        Campaign.load(campaign).ask()
+
+
+def test_gravity_that_uses_up_a_torque_limit(campaign: Path) -> None:
+    content = AXIS.replace("guesses.yaml", "manutec_r3").replace("speed: 5.0", "torque: 0.1")
+    campaign.write_text(content)
+    with pytest.raises(
+        InvalidInput, match=r"limits.torque: motor 'm\d' needs .* N m ag"
+    ):
+        Campaign.load(campaign).ask()
+
+
+def test_drift_between_two_visits(campaign: Path) -> None:
+    """A robot that has become a twentieth softer is noticed, the same one is not."""
+    run_open(campaign)
+    opened = Campaign.load(campaign)
+    visit = opened.ask()[0]
+    truth = load_robot("moberg_axis1")
+    softer = with_values(truth, truth.parameters.values * 0.95, None)
+    again = replace(visit, number=99, folder=campaign.parent / "again")
+    again.folder.mkdir()
+    values = []
+    for robot in (truth, softer):
+        simulate_visits(opened.settings, opened.robot, truth, [visit])
+        simulate_visits(opened.settings, opened.robot, robot, [again])
+        data = visit_spectra([visit, again])
+        found = fit(truth, data)
+        assert isinstance(found, RunFit)
+        values.append(drift(found, 0, 1))
+        again.records_file.unlink()
+        visit.records_file.unlink()
+    assert values[0] > 1e-3
+    assert values[1] < 1e-6
+
+
+def test_moves_through_an_obstacle_are_not_free() -> None:
+    """A box between two positions of a planar sweep, and none."""
+    robot = load_robot("ur10")
+    start = np.array([0.0, -1.0, 1.0, 0.0, 0.0, 0.0])
+    turned = np.eye(6)[0]
+    goals = np.stack([start + 2.5 * turned, start - 0.5 * turned])
+    reach = np.array([0.0, 0.9, 0.6])
+    box = Box("box", tuple(reach), (0.3, 0.3, 1.2))
+    among = surroundings(robot, obstacles=[box])
+    alone = surroundings(robot)
+    assert not among.touching(np.vstack([start, goals])).any()
+    assert free_moves(among, start, goals).tolist() == [False, True]
+    assert free_moves(alone, start, goals).tolist() == [True, True]
+    assert free_moves(None, start, goals).tolist() == [True, True]
+
+
+def test_settings_name_their_keys(campaign: Path) -> None:
+    settings = load_campaign(campaign)
+    names = load_robot(settings.robot).parameters.names
+    asked = settings.accuracies(names)
+    assert asked.tolist() == [0.3 if "damping" in name else 0.05 for name in names]
+    assert re.fullmatch(r".*/out", str(settings.output))
