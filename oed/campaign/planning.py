@@ -1,6 +1,6 @@
 """Which visits come next: positions, torques and periods, in an order with free moves."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -9,15 +9,17 @@ import numpy as np
 from oed.campaign.checks import LOW_LEVEL
 from oed.campaign.estimate import Estimate
 from oed.campaign.settings import CampaignSettings
-from oed.campaign.visit_plan import fair_torques, line_grid, torque_phases, visit_plan
+from oed.campaign.visit_plan import CREST, fair_torques, line_grid, torque_phases, visit_plan
 from oed.candidates.free_moves import free_moves
 from oed.criteria.targets import TargetCriterion
 from oed.design.fastest_design import fastest_design
+from oed.design.optimal_spectra import optimal_spectra
 from oed.exact.visit_plan import VisitPlan, fastest_visit_plan, visit_plan as plan_within
 from oed.experiment.experiment_file import per_motor
 from oed.experiment.experiment_plan import ExperimentPlan
 from oed.experiment.moves import MoveLimits, move_times
-from oed.information_sets.excitations import VisitTiming, Zippered
+from oed.experiment.multisine import Multisine
+from oed.information_sets.excitations import Excitation, VisitTiming, Zippered
 from oed.information_sets.experiment_candidates import ExperimentCandidates, experiment_candidates
 from robotmodels import ElasticRobot
 from robotmodels.collision.surroundings import Surroundings
@@ -37,8 +39,14 @@ _FIRST_PERIODS = 2
 _MOST_VISITS = 10
 """Until plans are made anew by what was measured."""
 
-_GAP = 1e-4
-"""Of the least time."""
+_GAP, _COARSE = 1e-4, 1e-2
+"""Of the least time; of spectra, which are rounded to runs and periods anyway."""
+
+_GAIN = 4.0
+"""Times as fast as flat spectra, roughly: what is known weighs so much more beside them."""
+
+_Choice = tuple[Array, Excitation, int]
+"""Position, excitation and periods of a visit."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,7 +81,7 @@ class Planner:
         limits = self.robot.position_limits
         middle, width = limits.mean(axis=1), np.ptp(limits, axis=1)
         nearest = np.argsort((((self.positions - middle) / width) ** 2).sum(axis=1))
-        return self._plans([(self.positions[nearest[0]], _FIRST_PERIODS)], LOW_LEVEL)
+        return self._plans([(self.positions[nearest[0]], Zippered(), _FIRST_PERIODS)], LOW_LEVEL)
 
     def first(
         self, noise: ComplexArray, prior: Array, targets: Mapping[str, float]
@@ -89,11 +97,11 @@ class Planner:
         targets : mapping of str to float
             As of `TargetCriterion`.
         """
-        candidates = self._candidates(noise, [_FIRST_PERIODS])
+        candidates = self._candidates(noise, [_FIRST_PERIODS], self.positions, [Zippered()])
         expected = _least_time(candidates, targets, prior)
         shortest = float(candidates.duration.min())
         time = max(_FIRST_SHARE * expected, _FEWEST * shortest)
-        return self._plans(self._visits(plan_within(candidates, time, "D", prior)))
+        return self._plans(_chosen(plan_within(candidates, time, "D", prior)))
 
     def accuracy(
         self, found: Estimate, targets: Mapping[str, float], minutes: float
@@ -103,19 +111,20 @@ class Planner:
         Where the minutes do not suffice, or many visits are needed, those that fit the time of ten
         long ones and bring the targets nearest.
         """
+        information = np.asarray(np.linalg.inv(found.covariance), dtype=float)
         longest = self.settings.most_periods
         counts = sorted({*(n for n in (1, 2, 4, 8, 16, 32, 64) if n < longest), longest})
-        candidates = self._candidates(found.noise, counts)
-        information = np.asarray(np.linalg.inv(found.covariance), dtype=float)
+        flat = self._candidates(found.noise, counts, self.positions, [Zippered()])
+        candidates = self._coloured(flat, found.noise, counts, targets, information)
         most = min(_MOST_VISITS * float(candidates.duration.max()), 60 * minutes)
         if candidates.duration.min() > most:
             return []
         if _least_time(candidates, targets, information) < most:
             plan = fastest_visit_plan(candidates, dict(targets), information)
             if plan.duration <= most:
-                return self._plans(self._visits(plan))
+                return self._plans(_chosen(plan))
         criterion = TargetCriterion(dict(targets))
-        return self._plans(self._visits(plan_within(candidates, most, criterion, information)))
+        return self._plans(_chosen(plan_within(candidates, most, criterion, information)))
 
     def repeated(self, plan: ExperimentPlan) -> list[ExperimentPlan]:
         """Return an earlier visit once more, from where the robot is now."""
@@ -123,62 +132,113 @@ class Planner:
             self._nearest(self.at, plan.positions)
         return [replace(plan, start=self.at)]
 
-    @cached_property
-    def _power(self) -> Array:
-        """Shares of motors' powers on the lines, (F, n)."""
-        n = len(self.robot.motor_names)
-        owners = Zippered().owners(n, len(line_grid(self.settings, n).lines))
-        return np.asarray(owners / owners.sum(axis=0))
+    def _coloured(
+        self,
+        flat: ExperimentCandidates,
+        noise: ComplexArray,
+        periods: list[int],
+        targets: Mapping[str, float],
+        information: Array,
+    ) -> ExperimentCandidates:
+        """Return candidates with designed spectra in the positions that flat ones would use."""
+        relaxed = fastest_design(flat.information, flat.duration, dict(targets), information, _GAP)
+        if relaxed.time < _MOST_VISITS * flat.duration.min():
+            return flat
+        positions = np.unique(relaxed.support % len(self.positions))
+        weights = relaxed.weights.reshape(len(periods), -1) * np.array(periods)[:, None]
+        design = optimal_spectra(
+            self.robot,
+            self.positions[positions],
+            self._grid.omega,
+            ErrorCovariance(2 * noise),
+            self._levels,
+            speed=self._speeds,
+            criterion=TargetCriterion(dict(targets)),
+            prior=information * (_GAIN / weights.sum()),
+            tolerance=_COARSE,
+        )
+        excitations: list[Excitation] = [Zippered(), *design.excitations]
+        return self._candidates(noise, periods, design.positions, excitations)
 
-    def _candidates(self, noise: ComplexArray, periods: list[int]) -> ExperimentCandidates:
-        settings, robot = self.settings, self.robot
-        rng = np.random.default_rng([settings.seed, self.stage])
-        some = rng.choice(len(self.positions), min(_SAMPLE, len(self.positions)), replace=False)
-        levels = [fair_torques(settings, robot, self.positions[q], self._power) for q in some]
-        grid = line_grid(settings, len(robot.motor_names))
-        motors = tuple(robot.motor_names)
+    @cached_property
+    def _grid(self) -> Multisine:
+        return line_grid(self.settings, len(self.robot.motor_names))
+
+    @cached_property
+    def _levels(self) -> Array:
+        """Root mean square torques, the median of some positions, (n,) [N m]."""
+        n = len(self.robot.motor_names)
+        owners = Zippered().owners(n, len(self._grid.lines))
+        each = [
+            fair_torques(self.settings, self.robot, q, owners / owners.sum(axis=0))
+            for q in self._some
+        ]
+        return np.asarray(np.median(each, axis=0))
+
+    @cached_property
+    def _some(self) -> Array:
+        """Some candidates that stand for all."""
+        rng = np.random.default_rng([self.settings.seed, self.stage])
+        count = min(_SAMPLE, len(self.positions))
+        return self.positions[rng.choice(len(self.positions), count, replace=False)]
+
+    @property
+    def _speeds(self) -> Array:
+        """Root mean square speeds that limits have room for, (n,) [rad/s]."""
+        choice, motors = self.settings.limits.speed, tuple(self.robot.motor_names)
+        if choice is None:
+            return np.full(len(motors), np.inf)
+        return per_motor("limits.speed", choice, motors) / CREST
+
+    @cached_property
+    def _timing(self) -> VisitTiming:
+        settings, motors = self.settings, tuple(self.robot.motor_names)
         moves = MoveLimits(
             motors,
-            robot.position_limits,
+            self.robot.position_limits,
             per_motor("moves.speed", settings.moves.speed, motors),
             per_motor("moves.acceleration", settings.moves.acceleration, motors),
         )
-        between = move_times(self.positions[some], self.positions[some], moves)
-        timing = VisitTiming(
-            period=grid.period,
-            transient=settings.transient_periods * grid.period,
+        return VisitTiming(
+            period=self._grid.period,
+            transient=settings.transient_periods * self._grid.period,
             settle=settings.settle,
-            move=float(between.mean()),
+            move=float(move_times(self._some, self._some, moves).mean()),
         )
-        # Covariances of `RunSpectra` are of lines' amplitudes over two, powers here mean squares.
-        errors = ErrorCovariance(2 * noise)
+
+    def _candidates(
+        self,
+        noise: ComplexArray,
+        periods: list[int],
+        positions: Array,
+        excitations: Sequence[Excitation],
+    ) -> ExperimentCandidates:
         return experiment_candidates(
-            robot,
-            self.positions,
-            [Zippered()],
-            grid.omega,
-            errors,
-            torque=np.median(levels, axis=0),
+            self.robot,
+            positions,
+            excitations,
+            self._grid.omega,
+            # Covariances of `RunSpectra` are of half amplitudes, powers here mean squares.
+            ErrorCovariance(2 * noise),
+            torque=self._levels,
             periods=periods,
-            timing=timing,
+            timing=self._timing,
         )
 
-    def _visits(self, plan: VisitPlan) -> list[tuple[Array, int]]:
-        return [(self.positions[q], periods) for q, _, periods in plan.visits]
-
-    def _plans(self, visits: list[tuple[Array, int]], part: float = 1.0) -> list[ExperimentPlan]:
+    def _plans(self, visits: list[_Choice], part: float = 1.0) -> list[ExperimentPlan]:
         """Return plans in an order whose straight moves are free, the nearest position first."""
         at, remaining = self.at, list(visits)
         plans: list[ExperimentPlan] = []
+        n, lines = len(self.robot.motor_names), len(self._grid.lines)
         while remaining:
-            goals = np.array([position for position, _ in remaining])
+            goals = np.array([position for position, _, _ in remaining])
             index = 0 if at is None else self._nearest(at, goals)
-            position, periods = remaining.pop(index)
-            power = self._power
+            position, excitation, periods = remaining.pop(index)
+            power = np.einsum("fii->fi", excitation.spectrum(np.ones(n), lines)).real
+            power = power / np.maximum(power.sum(axis=0), np.finfo(float).tiny)
             level = fair_torques(self.settings, self.robot, position, power)
             rng = np.random.default_rng([self.settings.seed, self.stage + len(plans), 1])
-            grid = line_grid(self.settings, power.shape[1])
-            torques = torque_phases(grid, np.sqrt(2 * power) * level, rng)
+            torques = torque_phases(self._grid, np.sqrt(2 * power) * level, rng)
             scaled = visit_plan(self.settings, self.robot, position, torques, periods, at, part)
             plans.append(scaled.plan)
             at = position
@@ -194,6 +254,13 @@ class Planner:
             )
         distance = np.abs(goals - at).max(axis=1)
         return int(np.where(free, distance, np.inf).argmin())
+
+
+def _chosen(plan: VisitPlan) -> list[_Choice]:
+    """Return the visits of a plan."""
+    candidates = plan.candidates
+    by_name = {one.name: one for one in candidates.excitations}
+    return [(candidates.positions[q], by_name[name], count) for q, name, count in plan.visits]
 
 
 def _least_time(

@@ -23,7 +23,7 @@ from robotmodels.linear.response import frequency_response
 from robotmodels.simulation.loop_noise import closed_loop
 
 _CLIPPINGS = 100
-_CREST = 3.3
+CREST = 3.3
 """Largest over root mean square value of many lines in random phases, 5 % above the median."""
 
 
@@ -84,7 +84,7 @@ def fair_torques(
             limit = per_motor(f"limits.{name}", choice, motors) * sides
             square = np.einsum("fji,fi->ji", np.abs(G / omega**order) ** 2, power)
             rows.append(np.sqrt(square) / limit[:, None])
-    return np.asarray(fair_amplitudes(_CREST * np.vstack(rows))) * (1 - limits.margin)
+    return np.asarray(fair_amplitudes(CREST * np.vstack(rows))) * (1 - limits.margin)
 
 
 def torque_phases(grid: Multisine, amplitude: Array, rng: np.random.Generator) -> ComplexArray:

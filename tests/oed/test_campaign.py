@@ -168,9 +168,7 @@ def test_files_that_cannot_be(campaign: Path, before: str, after: str, message: 
 def test_gravity_that_uses_up_a_torque_limit(campaign: Path) -> None:
     content = AXIS.replace("guesses.yaml", "manutec_r3").replace("speed: 5.0", "torque: 0.1")
     campaign.write_text(content)
-    with pytest.raises(
-        InvalidInput, match=r"limits.torque: motor 'm\d' needs .* N m ag"
-    ):
+    with pytest.raises(InvalidInput, match=r"limits.torque: motor 'm\d' needs .* N m ag"):
         Campaign.load(campaign).ask()
 
 
