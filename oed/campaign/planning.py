@@ -42,6 +42,9 @@ _MOST_VISITS = 10
 _GAP, _COARSE = 1e-4, 1e-2
 """Of the least time; of spectra, which are rounded to runs and periods anyway."""
 
+_FLOOR = 1e-2
+"""Power of lines that are not to be shaken, in parts of the largest over their number."""
+
 _GAIN = 4.0
 """Times as fast as flat spectra, roughly: what is known weighs so much more beside them."""
 
@@ -235,7 +238,8 @@ class Planner:
             index = 0 if at is None else self._nearest(at, goals)
             position, excitation, periods = remaining.pop(index)
             power = np.einsum("fii->fi", excitation.spectrum(np.ones(n), lines)).real
-            power = power / np.maximum(power.sum(axis=0), np.finfo(float).tiny)
+            power = np.maximum(power, _FLOOR * power.max() / lines)  # no line is left out
+            power = power / power.sum(axis=0)
             level = fair_torques(self.settings, self.robot, position, power)
             rng = np.random.default_rng([self.settings.seed, self.stage + len(plans), 1])
             torques = torque_phases(self._grid, np.sqrt(2 * power) * level, rng)
