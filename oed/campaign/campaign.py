@@ -196,24 +196,24 @@ class Campaign:
             return self._write(self._planner(None, visits, stages).check(), "check")
         check_low_level(checked[-1], self.settings)
         stage = self._estimate(visits, stages)
-        found = None if stage is None else stage.value
-        planner = self._planner(found, visits, stages)
-        if found is None:
+        latest = None if stage is None else stage.value
+        planner = self._planner(latest, visits, stages)
+        if latest is None:
             noise = low_level_noise(checked[-1])
             return self._write(planner.first(noise, self._guesses, self._wanted), "first")
-        if (found.std <= self.targets).all():
+        if (latest.std <= self.targets).all():
             fitted = [visit for visit in told if visit.purpose in FITTED]
             if any(visit.purpose == "repeat" for visit in visits):
                 return ()
             return self._write(planner.repeated(fitted[0].plan), "repeat")
         left = self.settings.minutes - _minutes(visits, self.settings)
         # Quoted standard deviations are those of Theorem 1, or larger by what the residuals tell.
-        quoted = found.std / np.sqrt(np.diag(found.covariance))
+        quoted = latest.std / np.sqrt(np.diag(latest.covariance))
         wanted = {
             name: target / float(quoted[self.robot.parameters.index(name)])
             for name, target in self._wanted.items()
         }
-        return self._write(planner.accuracy(found, wanted, left), "accuracy")
+        return self._write(planner.accuracy(latest, wanted, left), "accuracy")
 
     @property
     def _wanted(self) -> dict[str, float]:
@@ -235,7 +235,7 @@ class Campaign:
         return self._prior.information(self.robot.parameters.names)
 
     def _planner(
-        self, found: Estimate | None, visits: tuple[Visit, ...], stages: Stages
+        self, latest: Estimate | None, visits: tuple[Visit, ...], stages: Stages
     ) -> Planner:
         choice = self.settings.candidates
         inputs = {
@@ -252,7 +252,7 @@ class Campaign:
         been = [visit for visit in visits if visit.state != "open"]
         return Planner(
             settings=self.settings,
-            robot=known_now(self.robot, found),
+            robot=known_now(self.robot, latest),
             positions=candidates.positions,
             surroundings=workcell(choice).surroundings(self.robot),
             stage=len(visits),
@@ -278,19 +278,19 @@ class Campaign:
         return stages.run("estimate", inputs, compute, dataclass_files(Estimate))
 
     def _status(self, visits: tuple[Visit, ...], stage: Stage[Estimate] | None) -> CampaignStatus:
-        found = None if stage is None else stage.value
+        latest = None if stage is None else stage.value
         used = _minutes([v for v in visits if v.state != "open"], self.settings)
         expected = _minutes([v for v in visits if v.state == "open"], self.settings)
-        state: State = "begun" if found is None else "identifying"
-        if found is not None and (found.std <= self.targets).all():
+        state: State = "begun" if latest is None else "identifying"
+        if latest is not None and (latest.std <= self.targets).all():
             state = "reached"
-        elif found is not None and not expected and used >= self.settings.minutes:
+        elif latest is not None and not expected and used >= self.settings.minutes:
             state = "minutes used"
         return CampaignStatus(
             state=state,
             names=self.robot.parameters.names,
             targets=self.targets,
-            estimate=found,
+            estimate=latest,
             visits=visits,
             minutes=used,
             expected=expected,

@@ -104,30 +104,30 @@ class Planner:
         expected = _least_time(candidates, targets, prior)
         shortest = float(candidates.duration.min())
         time = max(_FIRST_SHARE * expected, _FEWEST * shortest)
-        return self._plans(_chosen(plan_within(candidates, time, "D", prior)))
+        return self._plans(_visits_of(plan_within(candidates, time, "D", prior)))
 
     def accuracy(
-        self, found: Estimate, targets: Mapping[str, float], minutes: float
+        self, latest: Estimate, targets: Mapping[str, float], minutes: float
     ) -> list[ExperimentPlan]:
         """Return visits that reach the targets in little time; none if the minutes allow none.
 
         Where the minutes do not suffice, or many visits are needed, those that fit the time of ten
         long ones and bring the targets nearest.
         """
-        information = np.asarray(np.linalg.inv(found.covariance), dtype=float)
+        information = np.asarray(np.linalg.inv(latest.covariance), dtype=float)
         longest = self.settings.most_periods
         counts = sorted({*(n for n in (1, 2, 4, 8, 16, 32, 64) if n < longest), longest})
-        flat = self._candidates(found.noise, counts, self.positions, [Zippered()])
-        candidates = self._coloured(flat, found.noise, counts, targets, information)
+        flat = self._candidates(latest.noise, counts, self.positions, [Zippered()])
+        candidates = self._coloured(flat, latest.noise, counts, targets, information)
         most = min(_MOST_VISITS * float(candidates.duration.max()), 60 * minutes)
         if candidates.duration.min() > most:
             return []
         if _least_time(candidates, targets, information) < most:
             plan = fastest_visit_plan(candidates, dict(targets), information)
             if plan.duration <= most:
-                return self._plans(_chosen(plan))
+                return self._plans(_visits_of(plan))
         criterion = TargetCriterion(dict(targets))
-        return self._plans(_chosen(plan_within(candidates, most, criterion, information)))
+        return self._plans(_visits_of(plan_within(candidates, most, criterion, information)))
 
     def repeated(self, plan: ExperimentPlan) -> list[ExperimentPlan]:
         """Return an earlier visit once more, from where the robot is now."""
@@ -260,7 +260,7 @@ class Planner:
         return int(np.where(free, distance, np.inf).argmin())
 
 
-def _chosen(plan: VisitPlan) -> list[_Choice]:
+def _visits_of(plan: VisitPlan) -> list[_Choice]:
     """Return the visits of a plan."""
     candidates = plan.candidates
     by_name = {one.name: one for one in candidates.excitations}
@@ -275,6 +275,6 @@ def _least_time(
     return fastest_design(info, duration, dict(targets), information, _GAP).time
 
 
-def known_now(robot: ElasticRobot, found: Estimate | None) -> ElasticRobot:
+def known_now(robot: ElasticRobot, latest: Estimate | None) -> ElasticRobot:
     """Return the robot with the values of an estimate, the guesses before the first."""
-    return robot if found is None else with_values(robot, found.values, None)
+    return robot if latest is None else with_values(robot, latest.values, None)

@@ -68,9 +68,9 @@ def fair_torques(
     rows = []
     if limits.torque is not None:
         limit = per_motor("limits.torque", limits.torque, motors)
-        held = holding_torques(robot, robot.equilibrium(position[None]).coordinates)[0]
+        gravity = holding_torques(robot, robot.equilibrium(position[None]).coordinates)[0]
         friction = settings.imperfections.friction * shaft_friction(robot.file)
-        room = limit - np.abs(held) - friction
+        room = limit - np.abs(gravity) - friction
         if not (room > 0).all():
             i = int(room.argmin())
             raise InvalidInput(

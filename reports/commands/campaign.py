@@ -104,8 +104,8 @@ def status(campaign: File, as_json: AsJson = False) -> None:
     from reports.summaries.progress import progress_bars
 
     with progress_bars() as bars:
-        found = Campaign.load(campaign).status(bars)
-    _say_status(found, as_json)
+        current = Campaign.load(campaign).status(bars)
+    _say_status(current, as_json)
 
 
 @app.command()
@@ -170,19 +170,19 @@ def _visit(visit: "Visit") -> dict[str, Any]:
     }
 
 
-def _say_status(found: "CampaignStatus", as_json: bool) -> None:
-    say(lambda: _status(found), lambda: _status_document(found), as_json)
+def _say_status(current: "CampaignStatus", as_json: bool) -> None:
+    say(lambda: _status(current), lambda: _status_document(current), as_json)
 
 
-def _status(found: "CampaignStatus") -> str:
+def _status(current: "CampaignStatus") -> str:
     from reports.summaries.columns import number, plural, table
 
-    told = sum(visit.state == "told" for visit in found.visits)
+    told = sum(visit.state == "told" for visit in current.visits)
     lines = [
-        f"{found.state}: {plural(told, 'visit')} in {found.minutes:.1f} of {found.budget:g} min"
-        + (f", {found.expected:.1f} min asked for" if found.expected else "")
+        f"{current.state}: {plural(told, 'visit')} in {current.minutes:.1f} of {current.budget:g} min"
+        + (f", {current.expected:.1f} min asked for" if current.expected else "")
     ]
-    estimate = found.estimate
+    estimate = current.estimate
     if estimate is None:
         return "\n".join(lines)
     rows = [
@@ -194,7 +194,7 @@ def _status(found: "CampaignStatus") -> str:
             "" if std <= target else "not yet",
         )
         for name, value, std, target in zip(
-            found.names, estimate.values, estimate.std, found.targets, strict=True
+            current.names, estimate.values, estimate.std, current.targets, strict=True
         )
     ]
     header = ("parameter", "value", "std", "asked for", "")
@@ -207,15 +207,15 @@ def _status(found: "CampaignStatus") -> str:
     return "\n".join(lines)
 
 
-def _status_document(found: "CampaignStatus") -> dict[str, Any]:
-    estimate = found.estimate
+def _status_document(current: "CampaignStatus") -> dict[str, Any]:
+    estimate = current.estimate
     document: dict[str, Any] = {
         "schema": "campaign_status/1",
-        "state": found.state,
-        "minutes": found.minutes,
-        "expected_minutes": found.expected,
-        "budget": found.budget,
-        "visits": [{**_visit(visit), "state": visit.state} for visit in found.visits],
+        "state": current.state,
+        "minutes": current.minutes,
+        "expected_minutes": current.expected,
+        "budget": current.budget,
+        "visits": [{**_visit(visit), "state": visit.state} for visit in current.visits],
     }
     if estimate is not None:
         document |= {
@@ -225,10 +225,10 @@ def _status_document(found: "CampaignStatus") -> dict[str, Any]:
             "parameters": [
                 {"name": name, "value": value, "relative_std": std, "target": target}
                 for name, value, std, target in zip(
-                    found.names,
+                    current.names,
                     estimate.values.tolist(),
                     estimate.std.tolist(),
-                    found.targets.tolist(),
+                    current.targets.tolist(),
                     strict=True,
                 )
             ],

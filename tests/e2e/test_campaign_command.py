@@ -1,0 +1,49 @@
+"""``oed campaign``: what a person types, reads and gets wrong."""
+
+import json
+from pathlib import Path
+
+import yaml
+from conftest import oed
+
+
+def test_from_a_template_to_a_status(tmp_path: Path, monkeypatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    code, out, err = oed("campaign", "init", "manutec_r3", "-o", "c.yaml")
+    assert (code, err) == (0, "")
+    assert "oed campaign ask c.yaml" in out
+    assert yaml.safe_load(Path("c.yaml").read_text())["robot"] == "manutec_r3"
+    code, _, err = oed("campaign", "init", "manutec_r3", "-o", "c.yaml")
+    assert code == 2
+    assert "c.yaml: the file is there already" in err
+    content = yaml.safe_load(Path("c.yaml").read_text())
+    content |= {
+        "robot": "moberg_axis1",
+        "targets": {"stiffness": 0.3},
+        "limits": {"speed": 5.0, "swing": 0.05},
+        "candidates": {"sobol": 4},
+        "imperfections": {"angle_noise": 1e-5, "nonlinear_gears": False},
+    }
+    Path("c.yaml").write_text(yaml.safe_dump(content))
+    code, out, err = oed("campaign", "ask", "c.yaml")
+    assert code == 0, err
+    assert "check" in out
+    assert "oed campaign tell CAMPAIGN 1 RECORDS" in out
+    for _ in range(2):
+        code, _, err = oed("campaign", "simulate", "c.yaml", "--truth", "moberg_axis1")
+        assert code == 0, err
+    code, out, err = oed("campaign", "status", "c.yaml", "--json")
+    assert code == 0, err
+    status = json.loads(out)
+    assert [visit["state"] for visit in status["visits"]] == ["told"] * len(status["visits"])
+    assert {one["name"] for one in status["parameters"]} >= {"a2.stiffness", "a3.damping"}
+    code, out, _ = oed("campaign", "status", "c.yaml")
+    assert "asked for" in out
+    assert "verdict:" in out
+    code, _, err = oed("campaign", "tell", "c.yaml", "1")
+    assert code == 2
+    assert "visit 1: give its records, or --failed with the reason" in err
+    code, out, _ = oed(
+        "campaign", "tell", "c.yaml", "1", status["visits"][0]["folder"] + "/records.h5"
+    )
+    assert "was taken before" in out
