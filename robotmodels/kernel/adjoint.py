@@ -78,17 +78,18 @@ def _slopes(work, cells, options, columns, sums, start, stop, out):
     `work` is of the full layout, all its rows needed; `columns` (2 n (d + n)) and `sums`
     (d (d + 1)) are buffers of vectors.
     """
-    _, blocks, _, residual, runs = options
+    _, blocks, _, residual, shape = options
     d = work.d
     symmetric = columns + BYTES * 2 * d * work.n
     for q in range(start, stop):
         pack_position(work, q)
+        k, c = work.spring_stiffness + 8 * work.s * q, work.spring_damping + 8 * work.s * q
         for index in range(d * (d + 1)):
             store(sums, index, splat(0.0))
         for cell in range(q * blocks, (q + 1) * blocks):
             w = load(cells.omega, cell)
             solve(work, q, w)
-            residual_rows(work, cells, cell, residual, runs)
+            residual_rows(work, cells, cell, k, c, residual, shape)
             unit_responses(work, columns)
             element_weights(work, symmetric)
             add_products(work, columns, symmetric, sums, w)

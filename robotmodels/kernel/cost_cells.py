@@ -201,13 +201,29 @@ def magnitudes(work, cells, cell):
 
 
 @compiled
+def cell_squares(work, cells, cell, stiffness, damping, residual, shape):
+    """Return the squares of the residual that is asked for; `shape` is None but for runs.
+
+    So of each kind of data only its own residuals are compiled.
+    """
+    if shape is not None:
+        by_row = residual == SML_ROW_WISE
+        return run_squares(work, cells, cell, stiffness, damping, shape, by_row)
+    if residual == NLS:
+        return nls(work, cells, cell)
+    if residual == LLS:
+        return lls(work, cells, cell)
+    return magnitudes(work, cells, cell)
+
+
+@compiled
 def _cell_costs(work, cells, stiffness, damping, walkers, options, start, stop, out):
     """Add the costs of cells `start` to `stop` to the (W,) doubles at `out`.
 
     `stiffness` and `damping` are the addresses of (W, Q, s); `options` are Q, the cells per
-    position, whether a free spring joins two rows, which residual, and the number of runs.
+    position, whether a free spring joins two rows, which residual, and the `RunShape`.
     """
-    positions, blocks, coupled, residual, runs = options
+    positions, blocks, coupled, residual, shape = options
     for cell in range(start, stop):
         pack_motors(work, cell // blocks)
         for walker in range(walkers):
@@ -219,7 +235,7 @@ def _cell_costs(work, cells, stiffness, damping, walkers, options, start, stop, 
             elif residual == LLS:
                 squares = lls(work, cells, cell)
             elif residual >= SML:
-                squares = run_squares(work, cells, cell, runs, residual == SML_ROW_WISE)
+                squares = run_squares(work, cells, cell, k, c, shape, residual == SML_ROW_WISE)
             else:
                 squares = magnitudes(work, cells, cell)
             store_scalar(out, walker, scalar(out, walker) + lane_sum(squares))

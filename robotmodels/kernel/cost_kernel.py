@@ -10,9 +10,10 @@ from robotmodels.common.arrays import Array, ComplexArray
 from robotmodels.common.errors import InvalidInput
 from robotmodels.kernel.adjoint import slopes
 from robotmodels.kernel.cost_cells import Cells, cell_costs
-from robotmodels.kernel.elimination_order import layout, reduced
+from robotmodels.kernel.elimination_order import EliminationPlan, layout, reduced
 from robotmodels.kernel.gauss_newton import cell_normals
 from robotmodels.kernel.memory import address, aligned
+from robotmodels.kernel.output_cells import RunShape
 from robotmodels.kernel.prepare import prepare_matrices, prepare_targets
 from robotmodels.kernel.simd import LANES
 from robotmodels.kernel.threads import over_threads
@@ -74,7 +75,7 @@ class CostKernel:
     """
 
     _code: int | None
-    _runs = _scratch = 0
+    _scratch = 0
     _targets: tuple[Array, Array, float] | None = None
 
     def __init__(
@@ -119,24 +120,33 @@ class CostKernel:
     def _set(self, network: SpringNetwork) -> None:
         check_complete(network)
         self.network = network
-        full = layout(network)
+        system = self._system = self._with_terminals(network)
+        full = layout(system)
         if full is None or self._code is None:
             self._plan = None
             return
         self._plan = reduced(full)
-        self._tables = network_tables(network)
+        self._tables = network_tables(system)
         if self._targets is None:
             self._targets = self._prepared()
-        self._spaces = Workspaces(self._plan, network, self._tables, self._scratch)
+        shape = self._run_shape(self._plan)
+        self._spaces = Workspaces(self._plan, system, self._tables, self._scratch)
         coupled = bool(np.any(self._plan.needed[:, 2] >= 0))
-        self._options = len(network.mass), self._blocks, coupled, self._code, self._runs
+        self._options = len(network.mass), self._blocks, coupled, self._code, shape
         exponents = network.coefficient_exponents
         alike = bool(np.all(exponents == exponents[:1]))
         self._exponents = exponents[: 1 if alike else None]
         w, targets, self._constant = self._targets
-        matrix, off = prepare_matrices(network, self._omega, full, self._plan)
+        matrix, off = prepare_matrices(system, self._omega, full, self._plan)
         self._cells = w, matrix, off, targets
         self._at = Cells(*(address(a) for a in self._cells))
+
+    def _with_terminals(self, network: SpringNetwork) -> SpringNetwork:
+        """Return the network that compiled code solves; one of the same springs."""
+        return network
+
+    def _run_shape(self, plan: EliminationPlan) -> RunShape:
+        return RunShape(0, 0, 0, self._blocks)
 
     def _prepared(self) -> tuple[Array, Array, float]:
         """Return frequencies and data as `Cells` wants them, and the cost no model can undo."""
@@ -209,7 +219,7 @@ class CostKernel:
         By the stiffness and mass matrices of its linear model, for symmetric changes: dV is the sum
         of dV/dK dK and dV/dM dM over positions and entries.
         """
-        network = self.network
+        network = self._system
         q, d = network.mass.shape[:2]
         full = layout(network)
         if full is None or self._plan is None:

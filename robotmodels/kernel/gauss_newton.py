@@ -20,6 +20,7 @@ from robotmodels.kernel.cost_cells import (
 from robotmodels.kernel.fisher import accumulate_pairs, apply_weights
 from robotmodels.kernel.ldlt import SOURCES, compiled, entry, inverse, square
 from robotmodels.kernel.memory import integer, load, load_complex, scalar, store, store_scalar
+from robotmodels.kernel.output_cells import own_torques
 from robotmodels.kernel.run_cells import run_rows, run_weights
 from robotmodels.kernel.sensitivity_products import (
     accumulate,
@@ -87,12 +88,13 @@ def lls_rows(work, cells, cell, phases):
 
 
 @compiled
-def residual_rows(work, cells, cell, residual, runs):
+def residual_rows(work, cells, cell, stiffness, damping, residual, shape):
     """Do it for the residual that is asked for."""
     if residual == NLS:
         return nls_rows(work, cells, cell)
     if residual >= SML:
-        return run_rows(work, cells, cell, runs, residual == SML_ROW_WISE)
+        by_row = residual == SML_ROW_WISE
+        return run_rows(work, cells, cell, stiffness, damping, shape, by_row)
     return lls_rows(work, cells, cell, residual == LLS)
 
 
@@ -113,17 +115,20 @@ def add_gradient(work, q, stiffness, damping, out):
 
 
 @compiled
-def accumulate_cell(work, cells, cell, matrix, residual, runs, w):
+def accumulate_cell(work, cells, cell, matrix, residual, shape, w):
     """Add a cell's products of springs with the residual, and if `matrix` with each other."""
     real = residual == LLS_MAGNITUDE
-    if matrix and residual < SML:
-        accumulate(work, work.m + 1, w, real)
+    if shape is None:
+        if matrix:
+            accumulate(work, work.m + 1, w, real)
+        else:
+            accumulate_last(work, work.m, w, real)
         return
     accumulate_last(work, work.m, w, real)
     if matrix:
-        for row in range(work.n if residual == SML_ROW_WISE else 1):
+        for row in range(shape.outputs if residual == SML_ROW_WISE else 1):
             only = row if residual == SML_ROW_WISE else -1
-            weights = run_weights(work, cells, cell, runs, only)
+            weights = run_weights(work, cells, cell, shape, only)
             apply_weights(work, weights, 0)
             apply_weights(work, weights + BYTES * 2 * work.n * work.n, 1)
             accumulate_pairs(work, w, work.sums)
@@ -135,7 +140,7 @@ def _cell_normals(work, cells, stiffness, damping, matrix, options, start, stop,
 
     Arguments as of `cost_cells`, of one set of parameters; `out` holds 1 + p (+ p^2) doubles.
     """
-    _, blocks, coupled, residual, runs = options
+    _, blocks, coupled, residual, shape = options
     real = residual == LLS_MAGNITUDE
     for cell in range(start, stop):
         q = cell // blocks
@@ -145,12 +150,13 @@ def _cell_normals(work, cells, stiffness, damping, matrix, options, start, stop,
             zero_sums(work)
         prefetch_cell(work, cells, cell + 1)
         solve_cell(work, cells, cell, coupled, k, c, work.first)
-        squares = residual_rows(work, cells, cell, residual, runs)
+        squares = residual_rows(work, cells, cell, k, c, residual, shape)
         store_scalar(out, 0, scalar(out, 0) + lane_sum(squares))
         w = load(cells.omega, cell)
         spring_elongations(work, w)
+        own_torques(work, shape)
         outer_products(work, False)
-        accumulate_cell(work, cells, cell, matrix, residual, runs, w)
+        accumulate_cell(work, cells, cell, matrix, residual, shape, w)
         if cell == stop - 1 or (cell + 1) % blocks == 0:
             add_gradient(work, q, k, c, out + 8)
             if matrix:

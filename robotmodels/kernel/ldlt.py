@@ -32,7 +32,7 @@ compiled: Any = njit(**_INNER)
 entry: Any = njit(error_model="numpy", cache=True, nogil=True)
 
 
-_PLAIN = "__init__", "cost_kernel", "prepare", "run_kernel", "threads"
+_PLAIN = "__init__", "cost_kernel", "prepare", "run_kernel", "terminals", "threads"
 """Files of the kernel in which nothing is compiled."""
 
 

@@ -1,9 +1,9 @@
 """The likelihood of runs with noisy torques and outputs, eight lines at once.
 
-Of a line's response x = S^T A^-1 S, errors are W = [Y B] - x [U L], with L L^H the covariance of
-the torques, B L^H that of outputs with them and K what outputs have beside (see `prepare_runs`):
-the first columns are e, the last X, Sigma = K + X X^H. Runs were turned by a unitary matrix so
-that U is a lower triangle, too.
+Of a line's FRF G, errors are W = [Y B] - G [U L], with L L^H the covariance of the torques, B L^H
+that of outputs with them and K what outputs have beside (see `run_kernel`): the first columns are
+e, the last X, Sigma = K + X X^H. Runs were turned by a unitary matrix so that U is a lower
+triangle, too.
 """
 
 # numba compiles what follows and infers its types:
@@ -11,21 +11,28 @@ that U is a lower triangle, too.
 
 from robotmodels.kernel.ldlt import compiled, inlined, square
 from robotmodels.kernel.memory import load, load_complex, store
+from robotmodels.kernel.output_cells import even, lift, write_response, write_sensors
 from robotmodels.kernel.simd import BYTES, fma, fma_conjugate, pack, splat
-from robotmodels.kernel.solve import motor_response
 
 
 @inlined
-def even(count):
-    """Return the next even number: tiles are of two by two."""
-    return count + count % 2
-
-
-@inlined
-def cell_length(n, runs):
+def cell_length(shape):
     """Return the vectors that a cell keeps: which lines count, -[U L], [Y B] and K."""
-    wide = even(n)
-    return 2 + 2 * wide * (2 * (runs + wide) + wide)
+    n, m = even(shape.inputs), even(shape.outputs)
+    return 2 + 2 * ((n + m) * (shape.runs + n) + m * m)
+
+
+@inlined
+def buffers(work, shape):
+    """Return where W, Sigma, 1/D, U0, what slopes are made of, weights, and R are; G is before."""
+    n, m = even(shape.inputs), even(shape.outputs)
+    deviation = work.scratch + BYTES * 2 * m * n
+    sigma = deviation + BYTES * 2 * m * (shape.runs + n)
+    inverse = sigma + BYTES * 2 * m * m
+    inputs = inverse + BYTES * 2 * m
+    lifted = inputs + BYTES * 2 * n * shape.runs
+    weights = lifted + BYTES * 2 * work.n * max(shape.runs, m)
+    return deviation, sigma, inverse, inputs, lifted, weights, weights + BYTES * 4 * work.n**2
 
 
 @inlined
@@ -36,25 +43,15 @@ def corners(source, at, below):
 
 
 @compiled
-def write_response(work, target, wide):
-    """Write x to `target`, (wide, wide)."""
-    for i in range(work.n):
-        for j in range(i, work.n):
-            response = motor_response(work, i, j)
-            store(target, 2 * (i * wide + j), response)
-            store(target, 2 * (j * wide + i), response)
-
-
-@compiled
-def deviations(work, source, runs, target):
-    """Write W to `target`, (wide, runs + wide); `source` is the address of a cell."""
-    n, wide, x = work.n, even(work.n), work.scratch
+def deviations(work, source, shape, target):
+    """Write W to `target`; `source` is the address of a cell, G is at the scratch's begin."""
+    n, x, runs = shape.inputs, work.scratch, shape.runs
+    wide, high = even(n), even(shape.outputs)
     columns = runs + wide
-    write_response(work, x, wide)
     right, left = source + 2 * BYTES, source + BYTES * (2 + 2 * wide * columns)
     for k in range(0, columns, 2):
         first = min(k if k < runs else k - runs, n)
-        for i in range(0, wide, 2):
+        for i in range(0, high, 2):
             at = 2 * (i * columns + k)
             below = at + 2 * columns
             p, q, r, u = corners(left, at, below)
@@ -71,11 +68,12 @@ def deviations(work, source, runs, target):
 
 
 @compiled
-def error_covariance(work, source, runs, deviation, target):
-    """Write the lower triangle of Sigma to `target`, (wide, wide)."""
-    n, wide = work.n, even(work.n)
-    columns = runs + wide
-    beside, X = source + BYTES * (2 + 4 * wide * columns), deviation + 2 * BYTES * runs
+def error_covariance(source, shape, deviation, target):
+    """Write the lower triangle of Sigma to `target`."""
+    n, wide, runs = shape.inputs, even(shape.outputs), shape.runs
+    columns = runs + even(n)
+    beside = source + BYTES * (2 + 2 * (even(n) + wide) * columns)
+    X = deviation + 2 * BYTES * runs
     for i in range(0, wide, 2):
         for j in range(0, i + 1, 2):
             at = 2 * (i * wide + j)
@@ -95,132 +93,136 @@ def error_covariance(work, source, runs, deviation, target):
 
 
 @compiled
-def factor_covariance(work, sigma, inverse, row_wise):
+def factor_covariance(m, sigma, inverse, row_wise):
     """Turn Sigma into minus the unit triangle below its diagonal, with 1/D at `inverse`."""
-    n, wide = work.n, even(work.n)
+    wide = even(m)
     zero, one = splat(0.0), splat(1.0)
-    for j in range(n):
+    for j in range(m):
         scale = one / load(sigma, 2 * j * (wide + 1))
         store(inverse, j, scale)
         if row_wise:
             continue
-        for i in range(j + 1, n):
+        for i in range(j + 1, m):
             lower = load_complex(sigma, 2 * (i * wide + j)) * (zero - scale)
             for k in range(j + 1, i + 1):
                 at = 2 * (i * wide + k)
                 column = load_complex(sigma, 2 * (k * wide + j))
                 store(sigma, at, fma_conjugate(column, lower, load_complex(sigma, at)))
-        for i in range(j + 1, n):
+        for i in range(j + 1, m):
             at = 2 * (i * wide + j)
             store(sigma, at, load_complex(sigma, at) * (zero - scale))
 
 
 @compiled
-def whiten_down(n, wide, sigma, errors, columns, runs):
-    """Solve L z = e in place, columns of `errors` (., columns)."""
-    for j in range(n):
-        for i in range(j + 1, n):
+def whiten_down(m, sigma, errors, columns, count):
+    """Solve L z = e in place, `count` columns of `errors` (m, columns)."""
+    wide = even(m)
+    for j in range(m):
+        for i in range(j + 1, m):
             lower = load_complex(sigma, 2 * (i * wide + j))
-            for k in range(0, 2 * runs, 2):
+            for k in range(0, 2 * count, 2):
                 at = 2 * i * columns + k
                 z = load_complex(errors, 2 * j * columns + k)
                 store(errors, at, fma(lower, z, load_complex(errors, at)))
 
 
 @compiled
-def weigh_and_solve_up(n, wide, sigma, inverse, errors, columns, runs):
+def weigh_and_solve_up(m, sigma, inverse, errors, columns, count):
     """Solve L^H s = D^-1 z in place."""
-    for j in range(n - 1, -1, -1):
+    wide = even(m)
+    for j in range(m - 1, -1, -1):
         scale = load(inverse, j)
-        for k in range(0, 2 * runs, 2):
+        for k in range(0, 2 * count, 2):
             y = load_complex(errors, 2 * j * columns + k) * scale
-            for i in range(j + 1, n):
+            for i in range(j + 1, m):
                 lower = load_complex(sigma, 2 * (i * wide + j))
                 y = fma_conjugate(lower, load_complex(errors, 2 * i * columns + k), y)
             store(errors, 2 * j * columns + k, y)
 
 
-@inlined
-def buffers(work, runs):
-    """Return where W, Sigma and 1/D are, and what comes after them."""
-    wide = even(work.n)
-    deviation = work.scratch + BYTES * 2 * wide * wide
-    sigma = deviation + BYTES * 2 * wide * (runs + wide)
-    inverse = sigma + BYTES * 2 * wide * wide
-    return deviation, sigma, inverse, inverse + BYTES * 2 * wide
-
-
 @compiled
-def run_squares(work, cells, cell, runs, row_wise):
-    """Return the squares of whitened errors, summed over outputs and runs; e becomes L^-1 e."""
-    n, wide = work.n, even(work.n)
-    columns = runs + wide
-    source = cells.targets + BYTES * cell * cell_length(n, runs)
-    deviation, sigma, inverse, _ = buffers(work, runs)
-    deviations(work, source, runs, deviation)
-    error_covariance(work, source, runs, deviation, sigma)
-    factor_covariance(work, sigma, inverse, row_wise)
+def run_squares(work, cells, cell, stiffness, damping, shape, row_wise):
+    """Return the squares of whitened errors, summed over outputs and runs; e becomes L^-1 e.
+
+    `stiffness` and `damping` are the addresses of a position's first and second coefficients.
+    """
+    m, columns = shape.outputs, shape.runs + even(shape.inputs)
+    source = cells.targets + BYTES * cell * cell_length(shape)
+    deviation, sigma, inverse, _, _, _, sensors = buffers(work, shape)
+    if shape.readings != 0:
+        write_sensors(work, cells, cell, stiffness, damping, shape, sensors)
+    write_response(work, shape, sensors, work.scratch)
+    deviations(work, source, shape, deviation)
+    error_covariance(source, shape, deviation, sigma)
+    factor_covariance(m, sigma, inverse, row_wise)
     if not row_wise:
-        whiten_down(n, wide, sigma, deviation, columns, runs)
+        whiten_down(m, sigma, deviation, columns, shape.runs)
     total = splat(0.0)
-    for i in range(n):
+    for i in range(m):
         part = splat(0.0)
-        for k in range(0, 2 * runs, 2):
+        for k in range(0, 2 * shape.runs, 2):
             part = part + square(load_complex(deviation, 2 * i * columns + k))
         total = fma(part, load(inverse, i), total)
     return total * load(source, 0)
 
 
 @compiled
-def run_rows(work, cells, cell, runs, row_wise):
+def run_rows(work, cells, cell, stiffness, damping, shape, row_wise):
     """Write the slope of V by the response as the residual's row, with roots of one; return V.
 
-    dV = -2 Re sum dx_ij conj(P_ij), P = s U0^H, s = Sigma^-1 e, which takes the place of e.
+    dV = -2 Re sum dG_ij conj(P_ij), P = s U0^H, s = Sigma^-1 e, which takes the place of e.
     """
-    n, columns = work.n, runs + even(work.n)
-    source = cells.targets + BYTES * cell * cell_length(n, runs)
-    squares = run_squares(work, cells, cell, runs, row_wise)
-    deviation, sigma, inverse, inputs = buffers(work, runs)
+    m, runs = shape.outputs, shape.runs
+    columns = runs + even(shape.inputs)
+    source = cells.targets + BYTES * cell * cell_length(shape)
+    squares = run_squares(work, cells, cell, stiffness, damping, shape, row_wise)
+    deviation, sigma, inverse, inputs, lifted, _, sensors = buffers(work, shape)
     if row_wise:
-        for i in range(n):
+        for i in range(m):
             for k in range(0, 2 * runs, 2):
                 at = 2 * i * columns + k
                 store(deviation, at, load_complex(deviation, at) * load(inverse, i))
     else:
-        weigh_and_solve_up(n, columns - runs, sigma, inverse, deviation, columns, runs)
-    elements = n * (n + 1) // 2
+        weigh_and_solve_up(m, sigma, inverse, deviation, columns, runs)
+    elements = work.n * (work.n + 1) // 2
     slope = work.rows + BYTES * 2 * work.m * elements
     for e in range(0, 2 * elements, 2):
         store(slope, e, pack(splat(0.0), splat(0.0)))
         store(work.roots, e, pack(splat(1.0), splat(0.0)))
-    for only in range(0 if row_wise else -1, n if row_wise else 0):
-        estimate_inputs(work, source + 2 * BYTES, deviation, inputs, runs, only)
-        add_slopes(work, deviation, inputs, runs, only, load(source, 0), slope)
+    for only in range(0 if row_wise else -1, m if row_wise else 0):
+        low, high = (only, only + 1) if row_wise else (0, m)
+        estimate_inputs(work, source + 2 * BYTES, deviation, inputs, shape, low, high)
+        if shape.readings == 0:
+            add_slopes(work, deviation, columns, low, high, inputs, shape, load(source, 0))
+        else:
+            lift(work, sensors, deviation, columns, low, high, runs, lifted)
+            add_slopes(work, lifted, runs, 0, work.n, inputs, shape, load(source, 0))
     return squares
 
 
 @compiled
-def add_slopes(work, solved, inputs, runs, row, mask, target):
-    """Subtract P, merged to elements i <= j, from `target`; one row of it if not negative."""
-    n, columns = work.n, runs + even(work.n)
-    for k in range(row if row >= 0 else 0, row + 1 if row >= 0 else n):
-        for j in range(n):
+def add_slopes(work, solved, columns, low, high, inputs, shape, mask):
+    """Subtract s U0^H, merged to elements i <= j, of rows `low` to `high` of s (., columns)."""
+    n, runs = work.n, shape.runs
+    target = work.rows + BYTES * work.m * n * (n + 1)
+    for k in range(low, high):
+        for j in range(shape.inputs):
             y = pack(splat(0.0), splat(0.0))
             for run in range(0, 2 * runs, 2):
                 u = load_complex(inputs, 2 * j * runs + run)
                 y = fma_conjugate(u, load_complex(solved, 2 * k * columns + run), y)
-            low, high = min(j, k), max(j, k)
-            at = 2 * (low * n - low * (low - 1) // 2 + high - low)
+            first, second = min(j, k), max(j, k)
+            at = 2 * (first * n - first * (first - 1) // 2 + second - first)
             store(target, at, load_complex(target, at) - y * mask)
 
 
 @compiled
-def estimate_inputs(work, right, deviation, inputs, runs, row):
-    """Write U0 = U - L X^H s, (n, runs), to `inputs`; of one row of s if not negative."""
-    n, columns = work.n, runs + even(work.n)
+def estimate_inputs(work, right, deviation, inputs, shape, low, high):
+    """Write U0 = U - L X^H s, (n, runs), to `inputs`; of rows `low` to `high` of s."""
+    n, runs = shape.inputs, shape.runs
+    columns = runs + even(n)
     factor = deviation + BYTES * 2 * runs
     zero = pack(splat(0.0), splat(0.0))
-    low, high = (row, row + 1) if row >= 0 else (0, n)
     for run in range(0, 2 * runs, 2):
         for j in range(n):
             t = zero
@@ -247,28 +249,38 @@ def row_product(inputs, runs, i, j):
 
 
 @compiled
-def run_weights(work, cells, cell, runs, row):
-    """Write conj(U0 U0^H) and Sigma^-1, (n, n) by row, after `run_rows`; return their address.
+def run_weights(work, cells, cell, shape, row):
+    """Write conj(U0 U0^H) and R^H Sigma^-1 R, by row, after `run_rows`; return their address.
 
     They are what `apply_weights` takes. Of a row that is not negative its own U0, and 1/Sigma_ii in
     place of the inverse.
     """
-    n, wide = work.n, even(work.n)
-    source = cells.targets + BYTES * cell * cell_length(n, runs)
-    deviation, sigma, inverse, inputs = buffers(work, runs)
+    n, t, m = shape.inputs, work.n, shape.outputs
+    source = cells.targets + BYTES * cell * cell_length(shape)
+    deviation, sigma, inverse, inputs, lifted, power, sensors = buffers(work, shape)
     if row >= 0:
-        estimate_inputs(work, source + 2 * BYTES, deviation, inputs, runs, row)
-    power = inputs + BYTES * 2 * wide * runs
-    inverses = power + BYTES * 2 * n * n
+        estimate_inputs(work, source + 2 * BYTES, deviation, inputs, shape, row, row + 1)
+    weights, plain = power + BYTES * 2 * t * t, shape.readings == 0
     zero, one = pack(splat(0.0), splat(0.0)), pack(splat(1.0), splat(0.0))
-    for i in range(n):
-        for j in range(n):
-            y = row_product(inputs, runs, i, j)
-            store(power, 2 * (i * n + j), y * load(source, 0))
-            store(inverses, 2 * (i * n + j), one if i == j and row < 0 else zero)
-    if row >= 0:
-        store(inverses, 2 * row * (n + 1), one * load(inverse, row))
-    else:
-        whiten_down(n, wide, sigma, inverses, n, n)
-        weigh_and_solve_up(n, wide, sigma, inverse, inverses, n, n)
+    for i in range(t):
+        for j in range(t):
+            y = zero
+            if i < n and j < n:
+                y = row_product(inputs, shape.runs, i, j) * load(source, 0)
+            store(power, 2 * (i * t + j), y)
+    solved = weights if plain else lifted
+    for i in range(m):
+        for j in range(t):
+            y = zero
+            if row < 0 or row == i:
+                unit = one if i == j else zero
+                y = unit if plain else load_complex(sensors, 2 * (i * t + j))
+            if row == i:
+                y = y * load(inverse, i)
+            store(solved, 2 * (i * t + j), y)
+    if row < 0:
+        whiten_down(m, sigma, solved, t, t)
+        weigh_and_solve_up(m, sigma, inverse, solved, t, t)
+    if not plain:
+        lift(work, sensors, solved, t, 0, m, t, weights)
     return power

@@ -33,26 +33,28 @@ def sampled(position):
     return wide[:d, :d], wide[:d, d:]
 
 
-def sampled_records(rng, runs=1, samples=512, feedback=0.0, lines=None):
+def sampled_records(rng, runs=1, samples=512, feedback=0.0, lines=None, seen=(0, 1)):
     """Runs of random torques, or of a multisine in a loop whose noise is fed back.
 
-    Torques and angles have white noise; in a loop, which turns `feedback` times the measured
-    angle into torque, torques are known exactly.
+    Torques and angles, of the coordinates `seen`, have white noise; in a loop, which turns
+    `feedback` times the two measured angles into torque, torques are known exactly.
     """
+    seen = list(seen)
     k = np.arange(6, samples // 8) if lines is None else lines
     before, shape = 4 * samples, (runs, samples, 2)
-    signals = np.empty((len(POSITIONS), 2, *shape))
+    torque, angle = np.empty((2, *shape)), np.empty((2, *shape[:2], len(seen)))
     for q, position in enumerate(POSITIONS):
         A, B = sampled(position)
         u = excitation(rng, k, runs, samples, before, bool(feedback))
-        e = ANGLE * rng.standard_normal(u.shape)
+        e = ANGLE * rng.standard_normal((*u.shape[:2], len(seen)))
         x, last = np.zeros((runs, len(A))), 0.0
         for i in range(u.shape[1]):
-            y = x[:, :2] + e[:, i]
-            u[:, i] -= feedback * (y + DERIVATIVE * (y - last) / SAMPLE_TIME)
+            y = x[:, seen] + e[:, i]
+            if feedback:
+                u[:, i] -= feedback * (y + DERIVATIVE * (y - last) / SAMPLE_TIME)
             x, e[:, i], last = x @ A.T + u[:, i] @ B.T, y, y
-        signals[q] = u[:, before:], e[:, before:]
-    torque, angle = signals[:, :, None, :, None].swapaxes(0, 1)  # (Q, B, E, P, N, n) each
+        torque[q], angle[q] = u[:, before:], e[:, before:]
+    torque, angle = (x[:, None, :, None] for x in (torque, angle))  # (Q, B, E, P, N, n)
     if not feedback:
         torque = torque + TORQUE * rng.standard_normal(torque.shape)
     none = np.zeros((*torque.shape[:4], 2), dtype=bool)

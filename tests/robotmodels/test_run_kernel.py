@@ -96,6 +96,6 @@ def test_other_networks_are_refused():
     problem = problem_of("manutec_r3", 1, "joint")
     network = problem.model.network(problem.positions)
     bent = network.__class__(**{**network.__dict__, "selector": np.ones_like(network.selector)})
-    with pytest.raises(InvalidInput, match="compiled code is for springs, dampers and motors only"):
+    with pytest.raises(InvalidInput, match="motors that act on one coordinate"):
         problem.kernel(bent)
     assert not problem.compiles(bent)
