@@ -95,6 +95,11 @@ class FitProblem(ABC):
         return False
 
     @property
+    def any_outputs(self) -> bool:
+        """Whether there is compiled code for other outputs than the motors' motions."""
+        return False
+
+    @property
     def has_degrees_of_freedom(self) -> bool:
         """Whether the data tell the degrees of freedom of their noise."""
         return True

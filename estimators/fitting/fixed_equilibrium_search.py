@@ -107,7 +107,11 @@ def can_compile(problem: FitProblem, network: SpringNetwork) -> bool:
     """Tell whether a problem is one for the compiled normal equations, and large enough."""
     if problem.loss != "linear" or problem.size * len(network.parameters) < WORTHWHILE:
         return False
-    return network.only_motors and problem.compiles(network)
+    if network.only_motors:
+        return problem.compiles(network)
+    # Slopes by the equilibria are those of mass and stiffness alone.
+    stay = network.outputs_stay and (network.torque_springs is None or not hardens(network))
+    return stay and problem.any_outputs and problem.compiles(network)
 
 
 def hardens(network: SpringNetwork) -> bool:

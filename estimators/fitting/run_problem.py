@@ -89,6 +89,11 @@ class RunProblem(FitProblem):
         return (self.name, self.row_wise, *states, *measured), data.covariance
 
     @property
+    def any_outputs(self) -> bool:
+        """Whether there is compiled code for other outputs than the motors' motions."""
+        return True
+
+    @property
     def rows(self) -> int:
         """Outputs that are weighed together."""
         return 1 if self.row_wise else self.data.outputs.shape[3]
@@ -228,7 +233,7 @@ class RunProblem(FitProblem):
         return bread, products(fit.jacobian, enlarged)
 
     def compiles(self, network: SpringNetwork) -> bool:
-        """Tell whether runs are periodic, and motors' motion is measured of springs and dampers."""
+        """Tell whether runs are periodic, and only springs, dampers and inertias are free."""
         from robotmodels.kernel import run_kernel_suits
 
         return not self.data.has_states and run_kernel_suits(network)

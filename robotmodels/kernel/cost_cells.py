@@ -221,7 +221,8 @@ def _cell_costs(work, cells, stiffness, damping, walkers, options, start, stop, 
     """Add the costs of cells `start` to `stop` to the (W,) doubles at `out`.
 
     `stiffness` and `damping` are the addresses of (W, Q, s); `options` are Q, the cells per
-    position, whether a free spring joins two rows, which residual, and the `RunShape`.
+    position, whether a free spring joins two rows, which residual, and the `RunShape` or
+    None.
     """
     positions, blocks, coupled, residual, shape = options
     for cell in range(start, stop):
@@ -230,14 +231,7 @@ def _cell_costs(work, cells, stiffness, damping, walkers, options, start, stop, 
             springs = 8 * work.s * (walker * positions + cell // blocks)
             k, c = stiffness + springs, damping + springs
             solve_cell(work, cells, cell, coupled, k, c, work.size - work.n)
-            if residual == NLS:
-                squares = nls(work, cells, cell)
-            elif residual == LLS:
-                squares = lls(work, cells, cell)
-            elif residual >= SML:
-                squares = run_squares(work, cells, cell, k, c, shape, residual == SML_ROW_WISE)
-            else:
-                squares = magnitudes(work, cells, cell)
+            squares = cell_squares(work, cells, cell, k, c, residual, shape)
             store_scalar(out, walker, scalar(out, walker) + lane_sum(squares))
 
 

@@ -145,8 +145,9 @@ class CostKernel:
         """Return the network that compiled code solves; one of the same springs."""
         return network
 
-    def _run_shape(self, plan: EliminationPlan) -> RunShape:
-        return RunShape(0, 0, 0, self._blocks)
+    def _run_shape(self, plan: EliminationPlan) -> RunShape | None:
+        """Return the sizes of runs; None of FRFs."""
+        return None
 
     def _prepared(self) -> tuple[Array, Array, float]:
         """Return frequencies and data as `Cells` wants them, and the cost no model can undo."""

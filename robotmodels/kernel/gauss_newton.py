@@ -11,7 +11,6 @@ from robotmodels.kernel.cost_cells import (
     LLS,
     LLS_MAGNITUDE,
     NLS,
-    SML,
     SML_ROW_WISE,
     one_without_weight,
     prefetch_cell,
@@ -89,12 +88,12 @@ def lls_rows(work, cells, cell, phases):
 
 @compiled
 def residual_rows(work, cells, cell, stiffness, damping, residual, shape):
-    """Do it for the residual that is asked for."""
-    if residual == NLS:
-        return nls_rows(work, cells, cell)
-    if residual >= SML:
+    """Do it for the residual that is asked for, see `cell_squares`."""
+    if shape is not None:
         by_row = residual == SML_ROW_WISE
         return run_rows(work, cells, cell, stiffness, damping, shape, by_row)
+    if residual == NLS:
+        return nls_rows(work, cells, cell)
     return lls_rows(work, cells, cell, residual == LLS)
 
 

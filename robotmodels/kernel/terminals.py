@@ -82,7 +82,9 @@ class Terminals:
         shape = len(self.network.mass), *parts[0].shape[-2:]
         gears = np.ones(len(self.coordinates))
         gears[:n] = self.network.selector[self.coordinates[:n], np.arange(n)]
-        rows = np.stack([np.broadcast_to(C, shape)[..., self.coordinates] / gears for C in parts], 1)
+        rows = np.stack(
+            [np.broadcast_to(C, shape)[..., self.coordinates] / gears for C in parts], 1
+        )
         return np.pad(rows, [(0, 0)] * 3 + [(0, more)])
 
     def sensors(self, omega: Array) -> ComplexArray:

@@ -118,6 +118,17 @@ class SpringNetwork:
         return self.measurement is None or self.measurement.motor_order(self.selector) is not None
 
     @property
+    def outputs_stay(self) -> bool:
+        """Whether outputs read motions alike at all equilibria, as encoders do.
+
+        Their rows are then one and the same in memory; sensors on links turn with these.
+        """
+        if self.measurement is None:
+            return True
+        parts = self.measurement.position, self.measurement.velocity, self.measurement.acceleration
+        return all(part.strides[0] == 0 for part in parts)
+
+    @property
     def motor_rows(self) -> IntArray:
         """Output that is each motor's angle, speed or acceleration, (n,); -1 where none is."""
         n = self.selector.shape[1]
