@@ -129,10 +129,9 @@ class CostKernel:
         self._tables = network_tables(system)
         if self._targets is None:
             self._targets = self._prepared()
-        shape = self._run_shape(self._plan)
-        self._spaces = Workspaces(self._plan, system, self._tables, self._scratch)
-        coupled = bool(np.any(self._plan.needed[:, 2] >= 0))
+        coupled, shape = bool(np.any(self._plan.needed[:, 2] >= 0)), self._run_shape(self._plan)
         self._options = len(network.mass), self._blocks, coupled, self._code, shape
+        self._spaces = Workspaces(self._plan, system, self._tables, self._scratch)
         exponents = network.coefficient_exponents
         alike = bool(np.all(exponents == exponents[:1]))
         self._exponents = exponents[: 1 if alike else None]

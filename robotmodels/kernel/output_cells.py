@@ -67,17 +67,22 @@ def write_sensors(work, cells, cell, stiffness, damping, shape, target):
             at_rest = fma(splat(0.0) - w * w, acceleration, angle)
             store(target, 2 * e, pack(at_rest, w * rate) * gain)
     for e in range(shape.torques):
-        i, s = integer(shape.table, 5 * e), integer(shape.table, 5 * e + 1)
-        gain = load_complex(shape.sensors, 2 * (cell * shape.outputs + i))
-        own = work.n - shape.torques + e
-        store(target, 2 * (i * work.n + own), gain)
-        spring = pack(splat(scalar(stiffness, s)), w * splat(scalar(damping, s))) * gain
-        for end in range(2):
-            motor = integer(shape.table, 5 * e + 2 + end)
-            if motor >= 0:
-                at = 2 * (i * work.n + motor)
-                share = splat((2.0 * end - 1.0) / scalar(work.gears, motor))
-                store(target, at, load_complex(target, at) + spring * share)
+        add_torque(work, e, w, stiffness, damping, cell, shape, target)
+
+
+@compiled
+def add_torque(work, e, w, stiffness, damping, cell, shape, target):
+    """Add what torque sensor `e` reads of the motions at its spring's ends to R, and its motor."""
+    i, s = integer(shape.table, 5 * e), integer(shape.table, 5 * e + 1)
+    gain = load_complex(shape.sensors, 2 * (cell * shape.outputs + i))
+    store(target, 2 * (i * work.n + work.n - shape.torques + e), gain)
+    spring = pack(splat(scalar(stiffness, s)), w * splat(scalar(damping, s))) * gain
+    for end in range(2):
+        motor = integer(shape.table, 5 * e + 2 + end)
+        if motor >= 0:
+            at = 2 * (i * work.n + motor)
+            share = splat((2.0 * end - 1.0) / scalar(work.gears, motor))
+            store(target, at, load_complex(target, at) + spring * share)
 
 
 @compiled
@@ -113,6 +118,19 @@ def lift(work, sensors, rows, columns, low, high, count, target):
                 sensor = load_complex(sensors, 2 * (i * work.n + a))
                 y = fma_conjugate(sensor, load_complex(rows, 2 * i * columns + k), y)
             store(target, 2 * a * count + k, y)
+
+
+@inlined
+def copy_sensors(work, sensors, shape, row, target):
+    """Write R (m, t), the unit matrix of motors' motions; one row of it if not negative."""
+    zero, one, t = pack(splat(0.0), splat(0.0)), pack(splat(1.0), splat(0.0)), work.n
+    for i in range(shape.outputs):
+        for j in range(t):
+            y = zero
+            if row < 0 or row == i:
+                unit = one if i == j else zero
+                y = unit if shape.readings == 0 else load_complex(sensors, 2 * (i * t + j))
+            store(target, 2 * (i * t + j), y)
 
 
 @compiled

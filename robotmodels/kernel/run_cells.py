@@ -11,7 +11,7 @@ triangle, too.
 
 from robotmodels.kernel.ldlt import compiled, inlined, square
 from robotmodels.kernel.memory import load, load_complex, store
-from robotmodels.kernel.output_cells import even, lift, write_response, write_sensors
+from robotmodels.kernel.output_cells import copy_sensors, even, lift, write_response, write_sensors
 from robotmodels.kernel.simd import BYTES, fma, fma_conjugate, pack, splat
 
 
@@ -172,32 +172,42 @@ def run_rows(work, cells, cell, stiffness, damping, shape, row_wise):
 
     dV = -2 Re sum dG_ij conj(P_ij), P = s U0^H, s = Sigma^-1 e, which takes the place of e.
     """
-    m, runs = shape.outputs, shape.runs
-    columns = runs + even(shape.inputs)
+    m, columns = shape.outputs, shape.runs + even(shape.inputs)
     source = cells.targets + BYTES * cell * cell_length(shape)
     squares = run_squares(work, cells, cell, stiffness, damping, shape, row_wise)
     deviation, sigma, inverse, inputs, lifted, _, sensors = buffers(work, shape)
     if row_wise:
-        for i in range(m):
-            for k in range(0, 2 * runs, 2):
-                at = 2 * i * columns + k
-                store(deviation, at, load_complex(deviation, at) * load(inverse, i))
+        weigh_rows(m, inverse, deviation, columns, shape.runs)
     else:
-        weigh_and_solve_up(m, sigma, inverse, deviation, columns, runs)
-    elements = work.n * (work.n + 1) // 2
-    slope = work.rows + BYTES * 2 * work.m * elements
-    for e in range(0, 2 * elements, 2):
-        store(slope, e, pack(splat(0.0), splat(0.0)))
-        store(work.roots, e, pack(splat(1.0), splat(0.0)))
+        weigh_and_solve_up(m, sigma, inverse, deviation, columns, shape.runs)
+    zero_slopes(work)
     for only in range(0 if row_wise else -1, m if row_wise else 0):
         low, high = (only, only + 1) if row_wise else (0, m)
         estimate_inputs(work, source + 2 * BYTES, deviation, inputs, shape, low, high)
         if shape.readings == 0:
             add_slopes(work, deviation, columns, low, high, inputs, shape, load(source, 0))
         else:
-            lift(work, sensors, deviation, columns, low, high, runs, lifted)
-            add_slopes(work, lifted, runs, 0, work.n, inputs, shape, load(source, 0))
+            lift(work, sensors, deviation, columns, low, high, shape.runs, lifted)
+            add_slopes(work, lifted, shape.runs, 0, work.n, inputs, shape, load(source, 0))
     return squares
+
+
+@compiled
+def weigh_rows(m, inverse, errors, columns, count):
+    """Divide rows by their variances in place, `count` columns of `errors` (m, columns)."""
+    for i in range(m):
+        for at in range(2 * i * columns, 2 * (i * columns + count), 2):
+            store(errors, at, load_complex(errors, at) * load(inverse, i))
+
+
+@inlined
+def zero_slopes(work):
+    """Set the residual's row to zero and the roots to one."""
+    elements = work.n * (work.n + 1)
+    slope = work.rows + BYTES * work.m * elements
+    for e in range(0, elements, 2):
+        store(slope, e, pack(splat(0.0), splat(0.0)))
+        store(work.roots, e, pack(splat(1.0), splat(0.0)))
 
 
 @compiled
@@ -255,32 +265,32 @@ def run_weights(work, cells, cell, shape, row):
     They are what `apply_weights` takes. Of a row that is not negative its own U0, and 1/Sigma_ii in
     place of the inverse.
     """
-    n, t, m = shape.inputs, work.n, shape.outputs
+    t, m = work.n, shape.outputs
     source = cells.targets + BYTES * cell * cell_length(shape)
     deviation, sigma, inverse, inputs, lifted, power, sensors = buffers(work, shape)
     if row >= 0:
         estimate_inputs(work, source + 2 * BYTES, deviation, inputs, shape, row, row + 1)
-    weights, plain = power + BYTES * 2 * t * t, shape.readings == 0
-    zero, one = pack(splat(0.0), splat(0.0)), pack(splat(1.0), splat(0.0))
-    for i in range(t):
-        for j in range(t):
-            y = zero
-            if i < n and j < n:
-                y = row_product(inputs, shape.runs, i, j) * load(source, 0)
-            store(power, 2 * (i * t + j), y)
-    solved = weights if plain else lifted
-    for i in range(m):
-        for j in range(t):
-            y = zero
-            if row < 0 or row == i:
-                unit = one if i == j else zero
-                y = unit if plain else load_complex(sensors, 2 * (i * t + j))
-            if row == i:
-                y = y * load(inverse, i)
-            store(solved, 2 * (i * t + j), y)
+    write_power(work, inputs, shape, load(source, 0), power)
+    weights = power + BYTES * 2 * t * t
+    solved = weights if shape.readings == 0 else lifted
+    copy_sensors(work, sensors, shape, row, solved)
     if row < 0:
         whiten_down(m, sigma, solved, t, t)
         weigh_and_solve_up(m, sigma, inverse, solved, t, t)
-    if not plain:
+    else:
+        weigh_rows(m, inverse, solved, t, t)
+    if shape.readings != 0:
         lift(work, sensors, solved, t, 0, m, t, weights)
     return power
+
+
+@inlined
+def write_power(work, inputs, shape, mask, power):
+    """Write conj(U0 U0^H), (t, t), zero beyond the torques."""
+    n, t = shape.inputs, work.n
+    for i in range(t):
+        for j in range(t):
+            y = pack(splat(0.0), splat(0.0))
+            if i < n and j < n:
+                y = row_product(inputs, shape.runs, i, j) * mask
+            store(power, 2 * (i * t + j), y)

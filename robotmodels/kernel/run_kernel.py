@@ -69,15 +69,15 @@ class RunKernel(CostKernel):
         shape = RunShape(self._runs, n, m, self._blocks)
         if self._terminals is not None:
             sensors = self._terminals.sensors(self._omega)[None].repeat(len(inputs), axis=0)
-            arrays = (
-                contiguous(self._terminals.readings),
-                vectors(parted(sensors), self._blocks),
-                self._terminals.table(plan.needed[:, 0]),
-            )
-            self._readings = arrays  # addresses are of what lives
+            readings = contiguous(self._terminals.readings)
+            gains = vectors(parted(sensors), self._blocks)
+            table = self._terminals.table(plan.needed[:, 0])
+            self._read = readings, gains, table  # addresses are of what lives
             shape = shape._replace(
-                torques=len(arrays[2]),
-                **dict(zip(("readings", "sensors", "table"), map(address, arrays), strict=True)),
+                torques=len(table),
+                readings=address(readings),
+                sensors=address(gains),
+                table=address(table),
             )
         self._scratch = _scratch_length(shape, len(plan.motors))
         return shape

@@ -93,11 +93,11 @@ class Terminals:
         return np.broadcast_to(self.measurement.sensors(omega), (len(omega), count))
 
     def table(self, needed: IntArray) -> IntArray:
-        """Return (torques, 5) output, spring, motors at its ends or -1, its place in `needed`."""
+        """Return (torques, 5) output, spring, motors at its ends or -1, its index in `needed`."""
         motor = {-1: -1} | {int(c): i for i, c in enumerate(self.coordinates)}
-        place = {int(s): i for i, s in enumerate(needed)}
+        index = {int(s): i for i, s in enumerate(needed)}
         table = [
-            (row, s, *(motor[int(c)] for c in self.network.nodes[s]), place.get(int(s), -1))
+            (row, s, *(motor[int(c)] for c in self.network.nodes[s]), index.get(int(s), -1))
             for row, s in zip(*self._torques, strict=True)
         ]
         return np.array(table, dtype=np.int64).reshape(-1, 5)

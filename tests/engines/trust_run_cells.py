@@ -28,7 +28,7 @@ SEEN = {MOTORS: (0, 1), "link": (2, 3), "angles": (0, 2, 3)}
 """Coordinates whose angles are sampled."""
 SAMPLES = 512
 LINES = np.array([k for k in range(7, 100, 2) if k % 10 != 5])
-JUDGED = 100
+JUDGED = 20
 """Studies of six motors whose verdicts are asked for: they take longer than their fits."""
 FEEDBACK = {"detection": 20.0, "loop": 100.0}
 """Gains of the loops; the noise that a strong one feeds back shows in the states."""
@@ -70,7 +70,7 @@ class Cell:
     @property
     def slow(self) -> bool:
         """Whether a study takes so long that half of them must do."""
-        return self.kind == "random" and self.runs > 1
+        return self.kind == "random" and self.runs * len(SEEN[self.outputs]) > 2
 
     @property
     def sampled(self) -> bool:
