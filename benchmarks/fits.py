@@ -18,6 +18,7 @@ from linearisation import HERE, best, hertz, machine, peer_python, positions
 import robotmodels
 from robotmodels import kernel
 from robotmodels.common.arrays import Array, ComplexArray
+from robotmodels.description.outputs import Output
 from robotmodels.linear.noise import RelativeNoise
 from robotmodels.linear.normal_equations import NormalEquations, normal_equations
 from robotmodels.linear.residuals import residual_form
@@ -92,28 +93,46 @@ def run_rates(problem: Problem) -> dict[str, Any]:
     """Return cost evaluations a second and thread of runs, and of NLS of the same size beside them.
 
     The Manutec r3 with 26 parameters, by the runs in each position; correlated covariances of all
-    torques and outputs.
+    torques and outputs. Then the same with three encoders behind the gears beside the motors'.
     """
-    robot = robotmodels.load_robot("manutec_r3_26")
-    where, omega, rng = positions(robot, POSITIONS), problem.omega, np.random.default_rng(3)
-    network = robot.network(where)
-    G = kernel.frequency_response(network, omega)
-    theta = network.parameters.values * np.exp(0.05 * rng.normal(size=(WALKERS, 26)))
     available = numba.get_num_threads()
     numba.set_num_threads(1)
+    robot = robotmodels.load_robot("manutec_r3_26")
+    where, omega = positions(robot, POSITIONS), problem.omega
+    network = robot.network(where)
+    theta = network.parameters.values * np.exp(problem.steps[:, :26])
+    G = kernel.frequency_response(network, omega)
     nls = kernel.CostKernel(network, omega, G, 1 / np.abs(G) ** 2)
     result: dict[str, Any] = {"nls": WALKERS / best(lambda: nls(theta))}
-    n = G.shape[3]
-    root = rng.normal(size=(*G.shape[:2], 2 * n, 2 * n)) + 0j
+    n = len(robot.motor_names)
     for runs in (1, 2, n, 2 * n):
-        U = rng.normal(size=(*G.shape[:2], n, runs)) + 1j * rng.normal(size=(*G.shape[:2], n, runs))
-        for row_wise in (False, True):
-            cost = kernel.RunKernel(network, omega, G @ U, U, root, row_wise)
-            seconds = best(lambda cost=cost: cost(theta))
-            name = f"sml, {runs} runs{', row by row' if row_wise else ''}"
-            result[name] = WALKERS / seconds
+        result |= rates_of_runs(network, omega, runs, theta)
+    both = [{"motor": name, "quantity": "angle"} for name in robot.motor_names]
+    both += [{"joint": f"joint{i}", "quantity": "angle"} for i in (1, 2, 3)]
+    file = robot.file.model_copy(update={"outputs": [Output.model_validate(o) for o in both]})
+    network = robotmodels.ElasticRobot(file, robot.folder).network(where)
+    for runs in (1, n):
+        result |= rates_of_runs(network, omega, runs, theta)
     numba.set_num_threads(available)
     return result
+
+
+def rates_of_runs(
+    network: SpringNetwork, omega: Array, runs: int, theta: Array
+) -> dict[str, float]:
+    """Return cost evaluations a second of so many runs, weighed together and row by row."""
+    rng = np.random.default_rng(3)
+    G = network.frequency_response(omega)
+    m, n = G.shape[2:]
+    root = rng.normal(size=(*G.shape[:2], m + n, m + n)) + 0j
+    U = rng.normal(size=(*G.shape[:2], n, runs)) + 1j * rng.normal(size=(*G.shape[:2], n, runs))
+    rates = {}
+    for row_wise in (False, True):
+        cost = kernel.RunKernel(network, omega, G @ U, U, root, row_wise)
+        seconds = best(lambda cost=cost: cost(theta))
+        by_row = ", row by row" if row_wise else ""
+        rates[f"sml, {m} outputs, {runs} runs{by_row}"] = WALKERS / seconds
+    return rates
 
 
 def by_differences(
