@@ -128,7 +128,7 @@ def rates_of_runs(
     U = rng.normal(size=(*G.shape[:2], n, runs)) + 1j * rng.normal(size=(*G.shape[:2], n, runs))
     rates = {}
     for row_wise in (False, True):
-        cost = kernel.RunKernel(network, omega, G @ U, U, root, row_wise)
+        cost = kernel.RunKernel(network, omega, np.asarray(G @ U), U, root, row_wise)
         seconds = best(lambda cost=cost: cost(theta))
         by_row = ", row by row" if row_wise else ""
         rates[f"sml, {m} outputs, {runs} runs{by_row}"] = WALKERS / seconds
