@@ -52,6 +52,16 @@ def page(document: dict[str, Any]) -> str:
     return "\n".join(lines)
 
 
+def write(results: list[dict[str, Any]], minutes: float, arguments: argparse.Namespace) -> None:
+    """Write what there is: a run that is stopped leaves the cells that it finished."""
+    document = {"runs": arguments.runs, "minutes": round(minutes, 1), "cells": results}
+    arguments.json.write_text(json.dumps(document, indent=1) + "\n", encoding="utf-8")
+    words = arguments.page.read_text(encoding="utf-8").split(BEGIN)[0]
+    done = f"{len(results)} of {len(cells())} cells"
+    said = f"{done}, {minutes:.0f} minutes, processes: {arguments.workers}.\n\n"
+    arguments.page.write_text(f"{words}{BEGIN}\n\n{said}{page(document)}\n\n{END}\n", "utf-8")
+
+
 def main() -> None:
     """Run everything."""
     parser = argparse.ArgumentParser(description=__doc__)
@@ -69,14 +79,9 @@ def main() -> None:
         for job in jobs:
             results.append(job.result())
             print(json.dumps(results[-1]), flush=True)
-    minutes = (time.monotonic() - begin) / 60
-    document = {"runs": arguments.runs, "minutes": round(minutes, 1), "cells": results}
-    arguments.json.write_text(json.dumps(document, indent=1) + "\n", encoding="utf-8")
-    words = arguments.page.read_text(encoding="utf-8").split(BEGIN)[0]
-    said = f"{minutes:.0f} minutes, processes: {arguments.workers}.\n\n"
-    arguments.page.write_text(f"{words}{BEGIN}\n\n{said}{page(document)}\n\n{END}\n", "utf-8")
+            write(results, (time.monotonic() - begin) / 60, arguments)
     failing = [r for r in results if r["short"]]
-    print(f"\n{len(failing)} of {len(results)} cells fall short, {minutes:.1f} minutes")
+    print(f"\n{len(failing)} of {len(results)} cells fall short")
 
 
 if __name__ == "__main__":
