@@ -146,7 +146,9 @@ class RunSpectra(ReprHtml):
                 if not np.array_equal(one, other):
                     raise InvalidInput(f"run spectra {i}: other {name} than those before")
         kinds = list(dict.fromkeys(part.noise for part in parts))
-        joined = {name: np.concatenate([getattr(x, name) for x in parts]) for name in _EACH}
+        joined: dict[str, Any] = {
+            name: np.concatenate([getattr(x, name) for x in parts]) for name in _EACH
+        }
         return replace(first, noise=", ".join(kinds), **joined)
 
     def __str__(self) -> str:
@@ -166,7 +168,7 @@ _EACH = ("positions", "inputs", "outputs", "covariance", "degrees_of_freedom")
 _ALIKE = ("lines", "runs, inputs or outputs", "states or derivatives")
 
 
-def _alike(data: RunSpectra) -> tuple[object, ...]:
+def _alike(data: RunSpectra) -> tuple[ArrayLike, ...]:
     """Return what spectra that are joined have in common, see `_ALIKE`."""
     sizes = data.inputs.shape[1], data.inputs.shape[3], data.outputs.shape[3]
     states = data.sample_time or 0.0, data.delay, *data.derivatives

@@ -106,12 +106,8 @@ def validate(
         )
     problem, spread = _problem(model, held_out)
     fit = problem.linearise(values)
-    parts = np.stack([fit.jacobian.real, fit.jacobian.imag], axis=-2)
-    shape = parts @ uncertainty.covariance @ np.swapaxes(parts, -1, -2)
-    shape = shape + _variance(fit)[..., None, None] / 2 * np.eye(2)
-    error_parts = np.stack([fit.residuals.real, fit.residuals.imag], axis=-1)
-    squares = np.sum(error_parts * np.linalg.solve(shape, error_parts[..., None])[..., 0], axis=-1)
-    inside = -np.expm1(-squares / 2)[..., None] <= levels  # chi square of two degrees
+    # chi square of two degrees
+    inside = -np.expm1(-_squares(fit, uncertainty.covariance) / 2)[..., None] <= levels
     by_position = inside.mean(axis=(1, 2))
     misfit, probability = _joint(*problem.evaluate(values), fit, uncertainty, spread)
     return Validation(
@@ -130,6 +126,15 @@ def _problem(model: Elastic, held_out: Measured) -> tuple[FitProblem, Array]:
         return frf_problem(model, held_out, "nls", "optimal"), ones
     problem, runs = run_problem(model, held_out), held_out.inputs.shape[1]
     return problem, square_spread(held_out.degrees_of_freedom, problem.rows, runs)
+
+
+def _squares(fit: LinearisedFit, covariance: Array) -> Array:
+    """Return squared errors by their predicted covariance in the complex plane, (Q, F, k)."""
+    parts = np.stack([fit.jacobian.real, fit.jacobian.imag], axis=-2)
+    shape = parts @ covariance @ np.swapaxes(parts, -1, -2)
+    shape = shape + _variance(fit)[..., None, None] / 2 * np.eye(2)
+    errors = np.stack([fit.residuals.real, fit.residuals.imag], axis=-1)
+    return np.asarray(np.sum(errors * np.linalg.solve(shape, errors[..., None])[..., 0], axis=-1))
 
 
 def _variance(fit: LinearisedFit) -> Array:

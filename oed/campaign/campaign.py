@@ -200,23 +200,23 @@ class Campaign:
         planner = self._planner(latest, visits, stages)
         if latest is None:
             noise = low_level_noise(checked[-1])
-            return self._write(planner.first(noise, self._guesses, self._wanted), "first")
+            return self._write(planner.first(noise, self._guesses, self._named_targets), "first")
         if (latest.std <= self.targets).all():
             fitted = [visit for visit in told if visit.purpose in FITTED]
             if any(visit.purpose == "repeat" for visit in visits):
                 return ()
             return self._write(planner.repeated(fitted[0].plan), "repeat")
-        left = self.settings.minutes - _minutes(visits, self.settings)
+        minutes = self.settings.minutes - _minutes(visits, self.settings)
         # Quoted standard deviations are those of Theorem 1, or larger by what the residuals tell.
         quoted = latest.std / np.sqrt(np.diag(latest.covariance))
-        wanted = {
+        scaled = {
             name: target / float(quoted[self.robot.parameters.index(name)])
-            for name, target in self._wanted.items()
+            for name, target in self._named_targets.items()
         }
-        return self._write(planner.accuracy(latest, wanted, left), "accuracy")
+        return self._write(planner.accuracy(latest, scaled, minutes), "accuracy")
 
     @property
-    def _wanted(self) -> dict[str, float]:
+    def _named_targets(self) -> dict[str, float]:
         """Targets by name."""
         pairs = zip(self.robot.parameters.names, self.targets, strict=True)
         return {name: float(value) for name, value in pairs if np.isfinite(value)}

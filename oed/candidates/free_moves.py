@@ -25,4 +25,4 @@ def free_moves(surroundings: Surroundings | None, start: Array, goals: Array) ->
     share = (np.arange(len(move)) - first[move] + 1) / counts[move]
     path = start + share[:, None] * (goals[move] - start)
     touching = surroundings.touching(path).any(axis=1)
-    return np.bincount(move, touching, len(goals)) == 0
+    return np.asarray(np.bincount(move, touching, len(goals)) == 0)

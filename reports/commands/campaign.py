@@ -179,7 +179,8 @@ def _status(current: "CampaignStatus") -> str:
 
     told = sum(visit.state == "told" for visit in current.visits)
     lines = [
-        f"{current.state}: {plural(told, 'visit')} in {current.minutes:.1f} of {current.budget:g} min"
+        f"{current.state}: {plural(told, 'visit')} in {current.minutes:.1f} of "
+        f"{current.budget:g} min"
         + (f", {current.expected:.1f} min asked for" if current.expected else "")
     ]
     estimate = current.estimate
