@@ -277,4 +277,7 @@ def _least_time(
 
 def known_now(robot: ElasticRobot, latest: Estimate | None) -> ElasticRobot:
     """Return the robot with the values of an estimate, the guesses before the first."""
-    return robot if latest is None else with_values(robot, latest.values, None)
+    if latest is None:
+        return robot
+    fitted = with_values(robot, latest.values, None)
+    return replace(fitted, file=fitted.file.model_copy(update={"guessed": {}}))

@@ -12,7 +12,8 @@ from estimators.fitting.least_squares import fit
 from estimators.fitting.run_fit import RunFit
 from oed.campaign import Campaign, simulate_visits
 from oed.campaign.checks import drift
-from oed.campaign.estimate import visit_spectra
+from oed.campaign.estimate import Estimate, visit_spectra
+from oed.campaign.planning import known_now
 from oed.campaign.settings import load_campaign
 from oed.candidates.free_moves import free_moves
 from robotmodels import InvalidInput, Records, load_robot, save_robot, surroundings
@@ -209,6 +210,23 @@ def test_moves_through_an_obstacle_are_not_free() -> None:
     assert free_moves(among, start, goals).tolist() == [False, True]
     assert free_moves(alone, start, goals).tolist() == [True, True]
     assert free_moves(None, start, goals).tolist() == [True, True]
+
+
+def test_guesses_of_the_file_are_none_after_a_fit() -> None:
+    """Spectra designed at guesses are refused; those of an estimate are not."""
+    robot = load_robot("moberg_axis1")
+    names = robot.parameters.names
+    guessed = replace(
+        robot, file=robot.file.model_copy(update={"guessed": dict.fromkeys(names, 0.5)})
+    )
+    p = len(names)
+    latest = Estimate(
+        2 * robot.parameters.values, np.ones(p), np.eye(p), 1.0, 1.0, "", "", np.eye(2), np.nan
+    )
+    known = known_now(guessed, latest)
+    assert not known.file.guessed
+    np.testing.assert_allclose(known.parameters.values, 2 * robot.parameters.values)
+    assert known_now(guessed, None) is guessed
 
 
 def test_settings_name_their_keys(campaign: Path) -> None:
