@@ -221,7 +221,15 @@ def test_guesses_of_the_file_are_none_after_a_fit() -> None:
     )
     p = len(names)
     latest = Estimate(
-        2 * robot.parameters.values, np.ones(p), np.eye(p), 1.0, 1.0, "", "", np.eye(2), np.nan
+        2 * robot.parameters.values,
+        np.ones(p),
+        np.eye(p),
+        1.0,
+        1.0,
+        "",
+        "",
+        np.eye(2, dtype=complex),
+        np.nan,
     )
     known = known_now(guessed, latest)
     assert not known.file.guessed
