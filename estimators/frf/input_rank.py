@@ -41,15 +41,18 @@ def side_by_side(signal: ComplexArray, measured: Spectra) -> ComplexArray:
 def input_rank(inputs: ComplexArray, noise: Array, least: float = _ROUNDING) -> IntArray:
     """Return the rank (F,) of torques (F, n, r) whose noise has standard deviations (F, n).
 
-    Counted are singular values above those of noise alone, which are at most about
-    sqrt(n) + sqrt(r) times its standard deviation, and above the part `least` of their mean.
+    Counted are singular values above those of noise alone, and above the part `least` of their
+    mean: behind j larger ones noise is left in n - j rows and r - j columns, whose singular values
+    are at most about sqrt(n - j) + sqrt(r - j) times its standard deviation.
     """
     _, n, runs = inputs.shape
+    rank = np.arange(min(n, runs))
+    edge = np.sqrt(n - rank) + np.sqrt(runs - rank)
     rounding = least * np.sqrt(runs * np.mean(np.abs(inputs) ** 2, axis=(0, 2)))
-    most = (np.sqrt(n) + np.sqrt(runs)) * noise
-    scale = np.hypot(most, rounding)
+    scale = np.hypot(noise, rounding / edge[0])
     scaled = inputs / np.where(scale > 0, scale, np.inf)[..., None]
-    return np.asarray((np.linalg.svd(scaled, compute_uv=False) > 1).sum(axis=-1))
+    above = np.linalg.svd(scaled, compute_uv=False) > edge
+    return np.asarray(np.logical_and.accumulate(above, axis=-1).sum(axis=-1))
 
 
 def excited_rank(measured: Spectra, noise: Array) -> IntArray:
