@@ -1,3 +1,6 @@
+from .campaign.campaign import Campaign as Campaign, CampaignStatus as CampaignStatus
+from .campaign.simulated import simulate_visits as simulate_visits
+from .campaign.visits import Visit as Visit
 from .candidates.grids import (
     candidate_positions as candidate_positions,
     sobol_positions as sobol_positions,

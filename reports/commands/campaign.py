@@ -9,7 +9,7 @@ from reports.commands.options import AsJson, robot_names, say
 from reports.commands.workers import one_thread_each
 
 if TYPE_CHECKING:
-    from oed.campaign import CampaignStatus, Visit
+    from oed import CampaignStatus, Visit
 
 app = typer.Typer(
     no_args_is_help=True,
@@ -51,7 +51,7 @@ def ask(campaign: File, as_json: AsJson = False) -> None:
     Example: oed campaign ask campaign.yaml
     """
     one_thread_each()
-    from oed.campaign import Campaign
+    from oed import Campaign
     from reports.summaries.progress import progress_bars
 
     opened = Campaign.load(campaign)
@@ -78,7 +78,7 @@ def tell(
 
     Example: oed campaign tell campaign.yaml 3 visit_3.h5
     """
-    from oed.campaign import Campaign
+    from oed import Campaign
     from robotmodels.common.errors import InvalidInput
 
     opened = Campaign.load(campaign)
@@ -100,7 +100,7 @@ def status(campaign: File, as_json: AsJson = False) -> None:
     Example: oed campaign status campaign.yaml
     """
     one_thread_each()
-    from oed.campaign import Campaign
+    from oed import Campaign
     from reports.summaries.progress import progress_bars
 
     with progress_bars() as bars:
@@ -123,7 +123,7 @@ def simulate(
     Example: oed campaign simulate campaign.yaml --truth ur10
     """
     one_thread_each()
-    from oed.campaign import Campaign, simulate_visits
+    from oed import Campaign, simulate_visits
     from reports.summaries.progress import progress_bars
     from robotmodels import load_robot
 

@@ -10,7 +10,7 @@ import pytest
 
 from estimators.fitting.least_squares import fit
 from estimators.fitting.run_fit import RunFit
-from oed.campaign import Campaign, simulate_visits
+from oed import Campaign, simulate_visits
 from oed.campaign.checks import drift
 from oed.campaign.estimate import Estimate, visit_spectra
 from oed.campaign.planning import known_now
