@@ -102,7 +102,7 @@ class Measurement:
 
         `selector` is the model's, (d, n).
         """
-        if self.sensor is not None or self.feedthrough is not None:
+        if self.feedthrough is not None or not (self.sensor is None or self.sensor.ideal):
             return None
         parts = self.position, self.velocity, self.acceleration
         order = int(np.argmax([np.any(part) for part in parts]))

@@ -17,7 +17,7 @@ from estimators.frf.file_formats import read_records, write_records
 from estimators.frf.spectra import spectra
 from estimators.sampling.log_posterior import batched_frequency_response
 from oed.information_sets.line_information import sensor_information
-from robotmodels import ElasticRobot, InvalidInput, Records
+from robotmodels import ElasticRobot, InvalidInput, Records, kernel
 from robotmodels.description.robot_file import RobotFile, read_robot_file
 from robotmodels.simulation.plant_model import build_plant
 from robotmodels.simulation.readings import _spring_torque
@@ -310,6 +310,19 @@ def test_every_output_beside_the_encoders_can_be_bought() -> None:
 def test_outputs_that_do_not_exist(output: dict[str, Any], message: str) -> None:
     with pytest.raises((ValueError, InvalidInput), match=message):
         ur10([output])
+
+
+def test_angles_of_all_motors_by_name_are_those_without_outputs() -> None:
+    """Ideal encoders that a file names leave the compiled way open; one with a gain does not."""
+    robot = ur10([])
+    named: list[dict[str, Any]] = [{"motor": m, "quantity": "angle"} for m in robot.motor_names]
+    network = ur10(named).network(POSITIONS)
+    assert network.only_motors
+    response = kernel.frequency_response(network, OMEGA)
+    plain = robot.network(POSITIONS).frequency_response(OMEGA) / -(OMEGA**2)[:, None, None]
+    np.testing.assert_allclose(response, plain, rtol=0, atol=1e-12 * np.abs(plain).max())
+    named[0] = {**named[0], "gain": 1.01}
+    assert not ur10(named).network(POSITIONS).only_motors
 
 
 def test_the_older_keys_stand_alone() -> None:
