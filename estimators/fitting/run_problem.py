@@ -338,8 +338,8 @@ def check_model(model: Elastic, data: RunSpectra) -> None:
     ------
     InvalidInput
         If it has other numbers of inputs and outputs, a torque loop that measured torques have
-        behind them, or transients are polynomials of lines that are not dense against its
-        resonances.
+        behind them, states that cannot be estimated along, or transients are polynomials of lines
+        that are not dense against its resonances.
     """
     m, n = data.outputs.shape[3], data.inputs.shape[3]
     who = f"of {getattr(model, 'name', 'the model')}"
@@ -361,3 +361,5 @@ def check_model(model: Elastic, data: RunSpectra) -> None:
     if data.polynomials:
         everywhere = model.network(data.positions, model.parameters.values)
         LocalPolynomials(data.omega, m).check(everywhere.linear_model())
+    elif data.sample_time is not None:
+        sampled_states(first, data.sample_time, data.derivatives)

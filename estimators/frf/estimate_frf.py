@@ -204,7 +204,7 @@ def usable_spectra(
     n, E = measured.input.shape[-2:]
     if n > E:
         raise InvalidInput(
-            f"{who}: {E} runs a block for {n} motors; {n} are needed, or "
+            f"{who}: {E} of {n} runs a block, one for each motor; they are needed, or "
             "estimators.local_frf (oed frf --local), which borrows from neighbouring lines, or a "
             "fit to the runs themselves (oed identify)"
         )
@@ -262,8 +262,8 @@ def with_deviations(
     if covariance == "total":
         if B < 2:
             raise InvalidInput(
-                f"{who}: one block; a total covariance needs at least 2 with new phases, or "
-                "covariance='noise' from two periods or more"
+                f"{who}: one block; a total covariance needs at least 2 with new phases, a noise "
+                "covariance two periods; otherwise fit the runs themselves (oed identify)"
             )
         response, draws = jackknife(find_method(method), Y, U, R)
         freedom = float(B - 1)

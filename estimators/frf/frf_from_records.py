@@ -236,7 +236,7 @@ def _check_local(source: "_Source", lines: int) -> None:
     width = window_width(None, (lines, n, blocks * runs), **_LOCAL_MODEL, who=str(source.path))
     if 2 * width > lines:
         raise InvalidInput(
-            f"{source.path}: {runs} runs a block for {n} motors, and a local model would span "
+            f"{source.path}: {runs} of {n} runs a block, and a local model would span "
             f"{width} of {lines} lines; fit the runs themselves (oed identify), measure more runs "
             "or lines, or insist (oed frf --local)"
         )

@@ -111,8 +111,8 @@ def _sampled_outputs(sensors: Measurement, derivatives: IntArray, slopes: Array)
     lower = [part[..., derivatives > k, :].any() for k, part in enumerate(parts)]
     if lags or sensors.feedthrough is not None or any(lower):
         raise InvalidInput(
-            "states: sensors with lags, or of torques, cannot be estimated along; take "
-            "states='polynomial', states='no' and periodic runs, or fit other outputs"
+            "states: those of lags, and of outputs that read motors' torques, cannot be estimated "
+            "along; take states='polynomial', states='no' and periodic runs, or fit other outputs"
         )
     angle, speed, acceleration = np.moveaxis(sampled, 1, -2)
     C = np.concatenate([angle, speed], axis=-1) + acceleration @ slopes

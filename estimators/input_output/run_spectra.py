@@ -258,13 +258,13 @@ def _checked(
     """Return the spectra of one position without its transient."""
     measured = read(records)
     check_periods(measured, who)
-    check_excited(measured, records, records.lines, who, 1)
-    _check_alive(records, who)
     if not measured.present.all():
         block, run = np.argwhere(~measured.present)[0] + 1
         raise InvalidInput(
             f"{who}: run {run} of block {block} is missing; leave that block out of all positions"
         )
+    check_excited(measured, records, records.lines, who, 1)
+    _check_alive(records, who)
     first = first_period(measured, transient, who)
     return read(records, first=first) if first else measured
 
@@ -299,8 +299,8 @@ def _from_blocks(
     blocks, _, n, runs = torque.shape
     if runs != n or blocks < 2 or not reference.any():
         raise InvalidInput(
-            f"{who}: noise 'blocks' needs {n} runs a block, two blocks and references; there are "
-            f"{runs} runs in {blocks} blocks; take 'periods' or 'detection'"
+            f"{who}: noise 'blocks' needs {n} runs a block, two blocks and references; here are "
+            f"runs a block: {runs}, blocks: {blocks}; take 'periods' or 'detection'"
         )
     check_condition(reference[0], measured.omega, measured.omega, who, "references")
     inverse = np.linalg.inv(reference)

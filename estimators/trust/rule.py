@@ -191,7 +191,9 @@ def _overall(e: Evidence) -> Verdict:
         lag = e.correlation.coefficients[1] if len(e.correlation.coefficients) > 1 else 0.0
         return Verdict(
             "noise correlated",
-            f"errors of neighbouring lines are correlated by {lag:.2g}; intervals allow for it",
+            "errors of neighbouring lines are "
+            + (f"correlated by {lag:.2g}" if abs(lag) >= 0.005 else "a little correlated")
+            + f" (p = {e.correlation.probability:.1g}); intervals allow for it",
         )
     reason = f"noise explains the residuals (F = {e.size.ratio:.3g}, p = {e.size.probability:.2g})"
     if e.size.probability_below < LEVEL:

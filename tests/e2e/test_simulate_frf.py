@@ -157,7 +157,7 @@ def test_eleven_seconds_on_a_robot_show_three_springs(tmp_path):
     assert (np.abs((low + high) / 2 - np.log(truth)) < high - low).all()  # four deviations
     code, _, err = oed("frf", tmp_path / "one" / "records.h5", "-o", tmp_path)
     assert code == 2
-    assert "1 runs a block for 6 motors, and a local model would span 24 of 24 lines" in err
+    assert "1 of 6 runs a block, and a local model would span 24 of 24 lines" in err
     assert "oed identify" in err
 
 

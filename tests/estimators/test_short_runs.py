@@ -1,13 +1,17 @@
 """Runs that do not end as they began: states are estimated along."""
 
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import pytest
+from noisy_runs import NoisySystem
 from sampled_runs import ANGLE, MODEL, TORQUE, TRUTH, sampled_records
+from sensed_springs import SensedSprings
 
-from estimators import covariance, fit, run_spectra
+from estimators import covariance, fit, multistart, run_spectra
 from estimators.fitting.run_problem import RunProblem
+from robotmodels import InvalidInput
 
 BOUNDS = np.outer([1e-3, 1e3], TRUTH)
 OFF = TRUTH * np.exp(0.05 * np.cos(np.arange(6)))
@@ -81,3 +85,12 @@ def test_without_states_random_torques_cover_hardly_ever():
     """The negative control."""
     covers, _ = shares(random_torques, 8, 5, with_states=False)
     assert covers.mean() < 0.4
+
+
+def test_states_of_lags_are_refused_before_any_search():
+    mixed = NoisySystem(SensedSprings(outputs="mixed"))
+    data = mixed.runs(np.random.default_rng(1), 1, 0.1)
+    late = replace(data, sample_time=0.01, derivatives=np.zeros(4, dtype=int))
+    for search in (fit, partial(multistart, starts=OFF[None])):
+        with pytest.raises(InvalidInput, match="states: those of lags"):
+            search(mixed.model, late)

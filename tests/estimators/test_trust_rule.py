@@ -267,6 +267,10 @@ def test_verdicts_are_words_with_a_reason():
     verdict = judge(evidence_of())[0]
     assert verdict == "trustworthy"
     assert verdict.reason.startswith("noise explains")
+    slightly = replace(white_errors(F), probability=1e-3)
+    verdict = judge(replace(evidence_of(), correlation=slightly))[0]
+    assert verdict == "noise correlated"
+    assert "are a little correlated (p = 0.001)" in verdict.reason
 
 
 def test_a_damper_at_its_bound_has_one_end():
