@@ -3,6 +3,7 @@
 from collections.abc import Iterable
 
 from estimators.logs.proposal import propose_mapping
+from robotmodels.common.errors import InvalidInput
 from robotmodels.elastic.robot import ElasticRobot
 from robotmodels.logs.binding import SIDED, matches
 from robotmodels.logs.log import Log
@@ -21,16 +22,14 @@ def complete_mapping(
         The log, open.
     mapping : Mapping
         As the user wrote it; entries without a unit or a side take those of the proposal for the
-        same channels.
-
-    Raises
-    ------
-    InvalidInput
-        If something is open and the log allows no proposal.
+        same channels, if the log allows a proposal.
     """
     if not any(_open(log, signal) for signal in mapping.signals):
         return mapping, ()
-    proposal = propose_mapping(log, robot, mapping.time)
+    try:
+        proposal = propose_mapping(log, robot, mapping.time)
+    except InvalidInput:
+        return mapping, ()  # so that what is open is told by the entry
     told, signals = [], []
     for signal in mapping.signals:
         entry = next(

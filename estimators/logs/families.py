@@ -29,7 +29,7 @@ _QUANTITIES: dict[str, frozenset[str]] = {
     ),
     "angle": _set(
         "position positions pos q qpos angle angles theta phi enc encoder winkel lage posicion "
-        "posizione"
+        "posizione impulse pulse pulses resolver"
     ),
 }
 _REFERENCE = _set("target ref reference des desired cmd command commanded setpoint set soll goal r")
@@ -176,7 +176,7 @@ def _quantity_of(unit: str) -> str:
     """Return the quantity that a file's unit belongs to, empty if to none of a joint that turns."""
     for quantity in _QUANTITIES if unit else ():
         try:
-            unit_factor(unit, f"motor_{quantity}", sliding=False)
+            unit_factor(unit, f"motor_{quantity}", sliding=False, per_turn=1.0)
         except InvalidInput:
             continue
         return quantity

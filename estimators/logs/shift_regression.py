@@ -71,9 +71,10 @@ def angle_relation(times: Array, target: Array, angle: Array) -> Relation | None
 
 def _relation(times: Array, target: Array, channel: Array, integrate: bool) -> Relation | None:
     good = np.isfinite(times) & np.isfinite(target) & np.isfinite(channel)
-    t, y, x = times[good] - times[good].mean(), target[good], channel[good]
+    t, y, x = times[good], target[good], channel[good]
     if len(t) < 16 or not np.ptp(y) > 0 or not np.ptp(x) > 0:
         return None
+    t = t - t.mean()
     spline = CubicSpline(t, x)
     basis = spline.antiderivative() if integrate else spline
     most = min(_MOST_LAG, 0.1 * np.ptp(t))

@@ -8,7 +8,7 @@ import numpy as np
 
 from robotmodels.common.arrays import Array
 from robotmodels.common.errors import InvalidInput
-from robotmodels.logs.survey import JUMP
+from robotmodels.logs.survey import JUMP, wraps
 from robotmodels.logs.units import unit_factor
 
 ANGLES = {"rad": 1.0, "deg": np.pi / 180, "turn": 2 * np.pi, "mrad": 1e-3, "m": 1.0, "mm": 1e-3}
@@ -53,8 +53,13 @@ def without_jumps(values: Array, unit: str) -> Array:
         return values
     turn = 2 * np.pi / ANGLES[unit]
     steps = np.diff(values, axis=0, prepend=values[:1])
-    jumps = np.where(np.abs(steps) > JUMP * turn, steps, 0.0)
-    return np.asarray(values - turn * np.cumsum(np.rint(jumps / turn), axis=0))
+    by_turns = np.where(np.abs(steps) > JUMP * turn, steps, 0.0) / turn
+    for column, jumps in enumerate(by_turns.T):
+        usual = np.abs(steps[:, column][jumps == 0]) / turn
+        span = float(np.ptp(values[:, column])) / turn
+        if not wraps(jumps[jumps != 0], span, float(np.nanmax(usual, initial=0.0))):
+            by_turns[:, column] = 0.0
+    return np.asarray(values - turn * np.cumsum(np.rint(by_turns), axis=0))
 
 
 def angle_hypotheses(

@@ -22,6 +22,7 @@ from robotmodels.logs.survey import Survey, signal_key, survey, survey_messages
 from robotmodels.records.movement import Movement, movement_group, write_header
 
 _SAME = 1e-3  # of a sample
+_OF_MOTION = ("motor_angle", "motor_velocity", "reference_angle", "reference_velocity")
 
 
 @dataclass(frozen=True, eq=False)
@@ -141,11 +142,19 @@ class Import:
 
     @cached_property
     def present(self) -> tuple[BoundSignal, ...]:
-        """Signals that change; one that never does is absent, unless all of its role rest."""
+        """Signals that change, and those of motors at rest; others that never do are absent.
+
+        Where nothing of a role changes, all of it rests.
+        """
         signals = self.binding.signals
-        moving = {s.role for s in signals if not self.surveys[signal_key(s)].constant}
+        constant = {signal_key(s) for s in signals if self.surveys[signal_key(s)].constant}
+        moving = {s.role for s in signals if signal_key(s) not in constant}
         return tuple(
-            s for s in signals if s.role not in moving or not self.surveys[signal_key(s)].constant
+            s
+            for s in signals
+            if s.role not in moving
+            or signal_key(s) not in constant
+            or (s.role in _OF_MOTION and f"motor_angle:{s.name}" in constant)
         )
 
     @cached_property

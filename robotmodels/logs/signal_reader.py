@@ -11,7 +11,7 @@ from robotmodels.logs.binding import BoundSignal
 from robotmodels.logs.clocks import Clock
 from robotmodels.logs.log import Table
 from robotmodels.logs.resampling import band_edge_share, interpolate
-from robotmodels.logs.survey import Survey, signal_key
+from robotmodels.logs.survey import Survey, signal_key, unwraps
 
 _SAME = 1e-3  # of a sample, by which clocks may differ and still be one
 _MOST_ERROR = 0.02  # of a signal, that interpolation may get wrong
@@ -99,6 +99,7 @@ class SignalReader:
         rows = clock.sample_rows(low, high)
         first, stop = int(rows[0]), int(rows[-1]) + 1
         raw = np.asarray(signal.table.channels[signal.channel].read(first, stop), dtype=float)
-        if signal.turn and signal.entry.wrapped is not False:
-            raw = self.surveys[signal_key(signal)].unwrapped(raw, first, signal.turn)
+        seen = self.surveys[signal_key(signal)]
+        if unwraps(signal, seen):
+            raw = seen.unwrapped(raw, first, signal.turn)
         return raw if len(raw) == len(rows) else raw[rows - first]

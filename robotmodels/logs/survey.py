@@ -9,6 +9,8 @@ from robotmodels.logs.binding import BoundSignal
 
 JUMP = 0.75
 """Of a turn, from which a step is a jump."""
+_SPAN = 1.01  # of what a counter runs through before it begins anew
+_FASTER = 2.0  # than elsewhere, that a step behind a jump may be
 _FEW_LEVELS = 64
 _SATURATED = 0.01
 _DRIVES = ("torque", "current")
@@ -26,6 +28,8 @@ class Survey:
         Values that are not finite.
     jumps, turns : ndarray of int
         Rows at which the channel jumps by whole turns, and the turns since its beginning.
+    wraps : bool
+        Whether they are those of a counter that begins anew, see `wraps`.
     quantum : float
         Smallest step, 0 where nothing changes.
     at_limit : int
@@ -41,6 +45,7 @@ class Survey:
     missing: int
     jumps: IntArray
     turns: IntArray
+    wraps: bool
     quantum: float
     at_limit: int
     changes: int
@@ -63,7 +68,8 @@ def survey(signal: BoundSignal) -> Survey:
     """Pass through the channel of a signal."""
     limits, quantum, changes, row, last = _Limits(), np.inf, 0, 0, np.nan
     jumps: list[IntArray] = [np.empty(0, dtype=int)]
-    turns: list[Array] = [np.empty(0)]
+    steps_by_turns: list[Array] = [np.empty(0)]
+    fastest = 0.0
     for piece in signal.table.pieces(signal.channel):
         values = np.asarray(piece, dtype=float)
         limits.add(values)
@@ -74,19 +80,44 @@ def survey(signal: BoundSignal) -> Survey:
         if signal.turn:
             hits = np.flatnonzero(np.abs(steps) > JUMP * signal.turn).astype(int)
             jumps.append(row + hits)
-            turns.append(np.rint(steps[hits] / signal.turn))
+            steps_by_turns.append(steps[hits] / signal.turn)
+            fastest = max(fastest, size[size <= JUMP * signal.turn].max(initial=0.0) / signal.turn)
         last, row = values[-1], row + len(values)
+    by_turns = np.concatenate(steps_by_turns)
+    span = (limits.high - limits.low) / signal.turn if signal.turn else 0.0
     return Survey(
         low=limits.low if limits.low <= limits.high else np.nan,
         high=limits.high if limits.low <= limits.high else np.nan,
         missing=limits.missing,
         jumps=np.concatenate(jumps),
-        turns=np.cumsum(np.concatenate(turns)).astype(int),
+        turns=np.cumsum(np.rint(by_turns)).astype(int),
+        wraps=wraps(by_turns, span, fastest),
         quantum=float(quantum) if np.isfinite(quantum) else 0.0,
         at_limit=max(limits.at_low, limits.at_high) if limits.high > limits.low else 0,
         changes=changes,
         rows=row,
     )
+
+
+def wraps(steps: Array, span: float, fastest: float) -> bool:
+    """Return whether steps are those of a counter that begins anew.
+
+    It does so after one turn, or a power of two of them, and spans no more. Other steps lead to
+    another recording, or over a gap.
+
+    Parameters
+    ----------
+    steps : ndarray, (jumps,), turns
+        Steps of more than `JUMP`.
+    span, fastest : float, turns
+        Range of the channel, and its largest step elsewhere.
+    """
+    turns = np.abs(np.rint(steps))
+    size = turns.max(initial=0.0)
+    if size == 0 or (turns != size).any() or np.log2(size) % 1 or span > _SPAN * size:
+        return False
+    likely = np.abs(np.abs(steps) - size) <= _FASTER * fastest
+    return bool(likely.mean() >= 0.5)
 
 
 @dataclass
@@ -119,6 +150,13 @@ def signal_key(signal: BoundSignal) -> str:
     return f"{signal.role}:{signal.name}"
 
 
+def unwraps(signal: BoundSignal, seen: Survey) -> bool:
+    """Return whether jumps by whole turns are taken out, as the mapping or the jumps say."""
+    if not len(seen.jumps):
+        return False
+    return seen.wraps if signal.entry.wrapped is None else signal.entry.wrapped
+
+
 def survey_messages(signal: BoundSignal, seen: Survey, absent: bool) -> list[str]:
     """Return what a person should know of a channel, in words.
 
@@ -135,8 +173,13 @@ def survey_messages(signal: BoundSignal, seen: Survey, absent: bool) -> list[str
     lines = []
     if seen.missing:
         lines.append(f"{name}: {seen.missing} of {seen.rows} values are missing")
-    if len(seen.jumps) and signal.entry.wrapped is not False:
+    if unwraps(signal, seen):
         lines.append(f"{name}: {len(seen.jumps)} jumps by whole turns are taken out")
+    elif len(seen.jumps) and signal.entry.wrapped is None:
+        lines.append(
+            f"{name}: {len(seen.jumps)} steps of more than {JUMP} turns are left, since no counter "
+            "begins anew there; wrapped: true would take them out"
+        )
     levels = (seen.high - seen.low) / seen.quantum
     if levels < _FEW_LEVELS:
         lines.append(

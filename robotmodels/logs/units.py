@@ -93,12 +93,12 @@ def full_scale_share(unit: str) -> float | None:
 
 
 def stated_unit(unit: str, role: str) -> str:
-    """Return the unit that a file states, empty if it is none of the role."""
+    """Return the unit that a file states, counts too, empty if it is none of the role."""
     text = unit.partition("(")[0].strip()
     if not text or role == "other":
         return text
     try:
-        unit_factor(text, role, sliding=True)
+        unit_factor(text, role, sliding=True, per_turn=1.0)
     except InvalidInput:
         return ""
     return text

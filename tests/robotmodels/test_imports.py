@@ -21,6 +21,7 @@ TIME = STEP * np.arange(N)
 ANGLES = np.stack([0.3 * np.sin(9 * TIME), 1.0 + 0.2 * np.cos(7 * TIME)], axis=1)
 TORQUES = np.stack([3 * np.cos(5 * TIME), 2 * np.sin(4 * TIME)], axis=1)
 ANGLE = {"column": "q*", "role": "motor_angle", "unit": "rad", "side": "joint"}
+LINK = {"column": "l*", "role": "link_angle", "unit": "rad"}
 
 
 def write(path, names, columns):
@@ -122,6 +123,28 @@ def test_wrapped_angles_are_unwrapped_and_said(tmp_path):
     (movement,), notes = imported(path, signals=[{**ANGLE, "unit": "deg", "wrapped": False}])
     assert np.ptp(movement.motor_angle) < 2 * np.pi
     assert "jumps" not in notes
+
+
+@pytest.mark.parametrize("phase", np.linspace(0, 2 * np.pi, 7).tolist())
+@pytest.mark.parametrize("offset", [-12.86, 2.05, 0.93])
+def test_another_recording_is_no_jump_by_whole_turns(tmp_path, offset, phase):
+    """Turns of motors recorded in two positions, one behind the other: they stay where they are."""
+    turns = 0.2 * np.sin(3 * TIME + phase) + offset * (TIME > 1)
+    path = write(tmp_path / "a.csv", ["t", "q1"], [TIME, turns])
+    (movement,), notes = imported(path, signals=[{**ANGLE, "unit": "rev"}])
+    assert movement.motor_angle[:, 0] == pytest.approx(2 * np.pi * turns)
+    assert "1 steps of more than 0.75 turns are left" in notes
+    signals = [{**ANGLE, "unit": "rev", "wrapped": True}]
+    (movement,), notes = imported(path, signals=signals)
+    assert "1 jumps by whole turns are taken out" in notes
+
+
+@pytest.mark.parametrize("turns", [1, 16])
+def test_counters_of_several_turns_begin_anew(tmp_path, turns):
+    angle = 7.3 * turns * TIME + 0.1 * np.sin(40 * TIME)
+    path = write(tmp_path / "a.csv", ["t", "q1"], [TIME, (angle + turns / 2) % turns - turns / 2])
+    (movement,), _ = imported(path, signals=[{**ANGLE, "unit": "rev"}])
+    assert movement.motor_angle[:, 0] == pytest.approx(2 * np.pi * angle)
 
 
 def test_a_known_delay_is_taken_out(tmp_path):
@@ -236,15 +259,27 @@ def test_mistakes_in_a_mapping(tmp_path, signals, message):
 def test_absent_coarse_and_saturated_channels_are_told(tmp_path):
     clipped = np.clip(TORQUES[:, 0], -2, 2)
     coarse = np.round(TORQUES[:, 1] * 3) / 3
-    path = write(tmp_path / "a.csv", ["t", "q1", "q2", "f1", "f2"],
-                 [TIME, ANGLES[:, 0], 0 * TIME, clipped, coarse])  # fmt: skip
+    path = write(tmp_path / "a.csv", ["t", "q1", "q2", "f1", "f2", "l1", "l2"],
+                 [TIME, *ANGLES.T, clipped, coarse, ANGLES[:, 0], 0 * TIME])  # fmt: skip
     torque = {"column": "f*", "role": "motor_torque", "unit": "Nm", "side": "joint"}
-    (movement,), notes = imported(path, signals=[ANGLE, torque])
-    assert np.isnan(movement.motor_angle[:, 1]).all()
-    assert "q2 (motor_angle of joint_2): zero throughout; it counts as absent" in notes
+    (movement,), notes = imported(path, signals=[ANGLE, torque, LINK])
+    assert np.isnan(movement.link_angle[:, 1]).all()
+    assert "l2 (link_angle of joint_2): zero throughout; it counts as absent" in notes
     assert "f1 (motor_torque of joint_1)" in notes
     assert "saturated" in notes
     assert "f2 (motor_torque of joint_2): only 12 levels" in notes
+
+
+@pytest.mark.parametrize("angle", [0.0, 0.3])
+def test_motors_at_rest_are_measured(tmp_path, angle):
+    """Brakes hold a joint: its angle stays, also where it counts from there; its encoder's does."""
+    rest = np.full(N, angle)
+    path = write(tmp_path / "a.csv", ["t", "q1", "q2", "l1", "l2"],
+                 [TIME, ANGLES[:, 0], rest, ANGLES[:, 0], rest])  # fmt: skip
+    (movement,), notes = imported(path, signals=[ANGLE, LINK])
+    assert (movement.motor_angle[:, 1] == angle).all()
+    assert np.isnan(movement.link_angle[:, 1]).all()  # no encoder tells so from a dead one
+    assert f"q2 (motor_angle of joint_2): {angle or 'zero'} throughout; nothing moves" in notes
 
 
 def test_movements_come_back_from_their_file(tmp_path):
