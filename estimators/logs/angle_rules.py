@@ -18,7 +18,7 @@ from estimators.logs.unit_hypotheses import (
 )
 from robotmodels.common.arrays import Array
 from robotmodels.common.errors import InvalidInput
-from robotmodels.logs.units import stated_unit
+from robotmodels.logs.units import is_counts, stated_unit
 
 _MANY_COUNTS = 64.0
 _MOST_SAMPLES_LATE = 3.0
@@ -31,10 +31,10 @@ def propose_angles(search: Search) -> None:
     Raises
     ------
     InvalidInput
-        If the angles leave the limits of the joints in every usual unit.
+        If the angles leave the limits of the joints in every usual unit, or are counts.
     """
     family = search.members["motor_angle"]
-    unit = usual_angle_unit(stated_unit(family.unit, "motor_angle"))
+    unit = _stated_angle_unit(search)
     _, values = search.samples("motor_angle")
     continuous = without_jumps(values, unit)
     spans = np.stack([np.nanmin(continuous, axis=0), np.nanmax(continuous, axis=0)], axis=1)
@@ -58,6 +58,16 @@ def propose_angles(search: Search) -> None:
     search.findings += pose_findings(angles, limits, family.joints or search.joints)
     if links:
         _propose_link(search, links)
+
+
+def _stated_angle_unit(search: Search) -> str:
+    family = search.members["motor_angle"]
+    if is_counts(family.unit):
+        raise InvalidInput(
+            f"{search.log.where}: {family.pattern}: in counts of encoders; state counts_per_turn "
+            "and side in a mapping"
+        )
+    return usual_angle_unit(stated_unit(family.unit, "motor_angle"))
 
 
 def _doubt(values: Array) -> str:

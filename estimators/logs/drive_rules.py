@@ -6,7 +6,7 @@ from estimators.logs.search import Search
 from estimators.logs.torque_sign import torque_sign
 from estimators.logs.unit_hypotheses import torque_side
 from robotmodels.common.arrays import Array
-from robotmodels.logs.units import full_scale_share, stated_unit
+from robotmodels.logs.units import full_scale_share, stated_unit, unit_factor
 
 
 def propose_drives(search: Search) -> None:
@@ -22,7 +22,9 @@ def propose_drives(search: Search) -> None:
             unit, evidence = family.unit, "a share by its name: state full_scale, 100 % in SI"
         more: dict[str, object] = {}
         if role == "motor_torque":
-            more["side"] = _side(search, drive)
+            share = full_scale_share(unit) is not None
+            size = 1.0 if share else unit_factor(unit or default, role, sliding=True)
+            more["side"] = _side(search, size * drive)
             evidence += ", side by its size against the robot's weight"
         stamps, angle = search.samples("motor_angle")
         sign, reason = torque_sign(stamps, angle, drive)

@@ -10,6 +10,7 @@ from estimators.logs.findings import constant_findings
 from estimators.logs.samples import TableTime, table_times
 from estimators.logs.search import Entry, Search
 from robotmodels.common.errors import InvalidInput
+from robotmodels.data_files.file_guard import listed
 from robotmodels.elastic.robot import ElasticRobot
 from robotmodels.logs.clocks import clock_messages
 from robotmodels.logs.log import Log
@@ -73,8 +74,12 @@ def propose_mapping(
     groups = families(log, robot)
     members = _members(groups, robot, times)
     if "motor_angle" not in members:
+        names = [family.pattern for family in groups]
         reasons = "; ".join(missing.values()) or "names such as q_1, pos_1 or act_pos[0] do"
-        raise InvalidInput(f"{log.where}: no channels look like angles of joints ({reasons})")
+        raise InvalidInput(
+            f"{log.where}: no channels look like angles of joints ({reasons}); a mapping of your "
+            f"own is needed (there are {listed(names)})"
+        )
     search = Search(log, robot, times, members, findings=_shortened(groups, members))
     propose_angles(search)
     for role in ("motor_velocity", "link_velocity"):
@@ -145,7 +150,8 @@ def _finished(search: Search, groups: Sequence[Family]) -> Proposal:
     common = choices[0] if all(choice == choices[0] for choice in choices) else TimeChoice()
     tables = {} if common is choices[0] else {name: time.choice for name, time in times.items()}
     for name, time in times.items():
-        search.findings += clock_messages(time.clock, name or search.log.files[0].name)
+        told = f"table {name}" if name else search.log.files[0].name
+        search.findings += clock_messages(time.clock, told)
     mapping = Mapping.model_validate(
         {
             "schema": "import/1",

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from robotmodels.common.arrays import Array
-from robotmodels.common.errors import InvalidInput, nearest
+from robotmodels.common.errors import InvalidInput, naming, nearest
 from robotmodels.data_files.file_guard import listed
 from robotmodels.elastic.robot import ElasticRobot
 from robotmodels.logs.log import Log, Table
@@ -205,7 +205,8 @@ def _unit(entry: Signal, unit: str, sliding: bool, where: str) -> tuple[float, f
             f"{where}: unit is missing, and the file states none; `oed import` without a mapping "
             "proposes one"
         )
-    factor = unit_factor(unit, entry.role, sliding, entry.counts_per_turn)
+    with naming(where):
+        factor = unit_factor(unit, entry.role, sliding, entry.counts_per_turn)
     turns = entry.role.endswith("_angle") and not unit.strip("[]() ").endswith("m")
     return factor, 2 * np.pi / factor if turns else 0.0
 

@@ -20,6 +20,7 @@ _TIME_NAME = re.compile(
     r"|secs?|seconds|msecs?|millis|milliseconds|usecs?|micros|nsecs?|nanos)([^a-z]|$)",
     re.IGNORECASE,
 )
+_ABSCISSA = re.compile(r"(^|\.)x(\(0\))?(\.|$)", re.IGNORECASE)  # of scopes, such as rec.X.Data
 _STEPS = ("dt", "ts", "sample_time", "t_s", "sampletime", "sampling_time", "sample_period")
 _FREQUENCIES = ("fs", "f_s", "fps", "rate", "sample_rate", "samplerate", "sampling_rate",
                 "sampling_frequency", "sample_frequency", "control_freq")  # fmt: skip
@@ -147,6 +148,7 @@ def time_channel(table: Table, choice: TimeChoice) -> str:
     if table.time:
         return table.time
     names = [name for name in table.channels if _TIME_NAME.search(_spaced(name))]
+    names = names or [name for name in table.channels if _ABSCISSA.search(name)]
     plain = [name for name in names if _rises(table, name)]
     return min(plain, key=lambda name: (_unevenness(table, name), len(name)), default="")
 

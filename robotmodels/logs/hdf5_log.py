@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from robotmodels.data_files.file_guard import library_errors
 from robotmodels.logs.array_log import LazyArray, arrays_log, lazy_array
 from robotmodels.logs.log import Log
-from robotmodels.logs.struct_labels import LABELS, first_label, labelled_arrays
+from robotmodels.logs.struct_labels import LABELS, UNITS, first_label, first_text, labelled_arrays
 
 _DEEPEST = 8  # of references to references
 
@@ -64,7 +64,8 @@ def _referenced(
         else:
             continue
         label = "" if cell else first_label(_text_of(group, each, number) for each in LABELS)
-        yield from labelled_arrays(inner, element, prefix, label)
+        unit = "" if cell else first_text(_text_of(group, each, number) for each in UNITS)
+        yield from labelled_arrays(inner, element, prefix, label, unit)
 
 
 def _text_of(group: Any, field: str, number: int) -> str:

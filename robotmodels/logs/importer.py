@@ -199,7 +199,7 @@ class Import:
         """What was seen and what was changed, in words."""
         lines = list(self.log.notes)
         for name, clock in self.clocks.items():
-            lines += clock_messages(clock, name or self.log.files[0].name)
+            lines += clock_messages(clock, f"table {name}" if name else self.log.files[0].name)
         for signal in self.binding.signals:
             lines += survey_messages(
                 signal, self.surveys[signal_key(signal)], signal not in self.present

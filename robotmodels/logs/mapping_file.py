@@ -32,7 +32,8 @@
       counts_per_turn: 4096      # of a unit of counts
       full_scale: 50.0           # what 100 % are [SI]
       delay: 0.003               # by which it is late, taken out [s]
-      wrapped: true              # jumps by whole turns are taken out, by default too
+      wrapped: true              # jumps by whole turns are taken out, by default where a counter
+                                 # begins anew
       name: s1                   # of an accelerometer in the robot file, or of another signal
 
 `signals` is a list; of one entry, what its keys mean. What is left out must follow from log and

@@ -6,13 +6,12 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from robotmodels.data_files.file_guard import library_errors
-from robotmodels.logs.array_log import arrays_log, lazy_array
+from robotmodels.logs.array_log import LazyArray, arrays_log, lazy_array
 from robotmodels.logs.hdf5_log import read_hdf5_log
 from robotmodels.logs.log import Log
-from robotmodels.logs.struct_labels import LABELS, first_label, labelled_arrays
+from robotmodels.logs.struct_labels import LABELS, UNITS, first_label, first_text, labelled_arrays
 
 _VERSION_7_3 = b"MATLAB 7.3"
 
@@ -29,10 +28,10 @@ def read_matlab_log(path: Path, stack: ExitStack) -> Log:
     with library_errors(path, "a MATLAB file", MatReadError):
         variables = loadmat(path, appendmat=False, struct_as_record=False)
         arrays = dict(_matlab_arrays({n: v for n, v in variables.items() if n[:2] != "__"}, ""))
-    return arrays_log(path, {name: lazy_array(values) for name, values in arrays.items()})
+    return arrays_log(path, arrays)
 
 
-def _matlab_arrays(value: Any, name: str) -> Iterator[tuple[str, NDArray[Any]]]:
+def _matlab_arrays(value: Any, name: str) -> Iterator[tuple[str, LazyArray]]:
     """Yield arrays of numbers of variables, structs, arrays of structs and cells."""
     if isinstance(value, dict):
         for key, inner in value.items():
@@ -42,7 +41,9 @@ def _matlab_arrays(value: Any, name: str) -> Iterator[tuple[str, NDArray[Any]]]:
     elif isinstance(value, np.ndarray) and value.dtype == object:
         for number, inner in enumerate(value.ravel()):
             label = first_label(getattr(inner, field, None) for field in LABELS)
+            unit = first_text(getattr(inner, field, None) for field in UNITS)
             number_name = name if value.size == 1 else f"{name}({number})"
-            yield from labelled_arrays(_matlab_arrays(inner, number_name), number_name, name, label)
+            members = _matlab_arrays(inner, number_name)
+            yield from labelled_arrays(members, number_name, name, label, unit)
     elif isinstance(value, np.ndarray) and value.dtype.kind in "fiubc" and value.size:
-        yield name, value
+        yield name, lazy_array(value)

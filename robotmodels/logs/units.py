@@ -92,6 +92,11 @@ def full_scale_share(unit: str) -> float | None:
     return scale * _SHARES[text] if text in _SHARES else None
 
 
+def is_counts(unit: str) -> bool:
+    """Return whether a unit is counts of an encoder, as people write them."""
+    return _spelled(_scaled(unit)[1], "motor_angle").startswith("count")
+
+
 def stated_unit(unit: str, role: str) -> str:
     """Return the unit that a file states, counts too, empty if it is none of the role."""
     text = unit.partition("(")[0].strip()

@@ -30,6 +30,7 @@ from robotmodels.logs.open_log import open_log
 from robotmodels.logs.units import unit_factor
 
 STEP = 0.004
+TIME = STEP * np.arange(200)
 OMEGA = np.array([0.9, 2.3, 5.1, 11.0])
 
 
@@ -49,6 +50,12 @@ class Movement:
     def velocity(self, t):
         cosine = np.cos(np.multiply.outer(t, OMEGA)[:, None] + self.phase)
         return (self.size * OMEGA * cosine).sum(axis=-1)
+
+
+def test_absent_channels_have_no_relation():
+    absent = np.full_like(TIME, np.nan)
+    assert angle_relation(TIME, np.sin(TIME), absent) is None
+    assert velocity_relation(TIME, absent, np.cos(TIME)) is None
 
 
 @pytest.mark.parametrize("seed", range(4))
@@ -379,6 +386,39 @@ def test_counts_and_shares_are_told(tmp_path, robot):
     assert "state full_scale" in proposal.entries[1].evidence
     with pytest.raises(InvalidInput, match="whole numbers, perhaps counts"):
         proposal_of(tmp_path / "b.csv", robot)
+
+
+def test_counts_that_the_file_states(tmp_path, robot):
+    """What a mapping leaves open is told by its entry, what it states is enough."""
+    counts = np.rint(2**16 * Movement(2, n=6).angle(TIME)).T
+    names = ["t", *(f"Wert{i} [Inc]" for i in range(6))]
+    path = written(tmp_path / "a.csv", names, [TIME, *counts])
+    with pytest.raises(InvalidInput, match="in counts of encoders; state counts_per_turn and side"):
+        proposal_of(path, robot)
+    signal = {"column": "Wert*", "role": "motor_angle", "side": "joint", "counts_per_turn": 2**16}
+    mapping = Mapping.model_validate({"schema": "import/1", "signals": [signal]})
+    with open_log(path) as log:
+        complete, _ = complete_mapping(log, mapping, robot)
+        (movement,) = [run.read() for run in Import(log, complete, robot).runs]
+        assert np.array_equal(np.rint(2**16 * movement.motor_angle / (2 * np.pi)), counts.T)
+        bare = signal.copy()
+        del bare["counts_per_turn"], bare["side"]
+        mapping = Mapping.model_validate({"schema": "import/1", "signals": [bare]})
+        complete, _ = complete_mapping(log, mapping, robot)
+        with pytest.raises(
+            InvalidInput, match=r"entry 1 \('Wert\*'\): unit 'Inc' .* counts_per_turn is missing"
+        ):
+            Import(log, complete, robot).binding  # noqa: B018
+
+
+@pytest.mark.parametrize(("unit", "size"), [("mNm", 1e3), ("Nm", 1.0), ("kNm", 1e-3)])
+def test_sides_of_torques_by_size_in_their_own_unit(tmp_path, robot, unit, size):
+    m = Movement(3, n=6)
+    torque = size * np.tanh(9 * m.velocity(m.time)) * [330, 330, 150, 56, 56, 56] / 101
+    names = ["t", *(f"q{i} [rad]" for i in range(6)), *(f"torque{i} [{unit}]" for i in range(6))]
+    path = written(tmp_path / "a.csv", names, [m.time, *m.angle(m.time).T, *torque.T])
+    _, signals = proposal_of(path, robot)
+    assert (signals["motor_torque"].unit, signals["motor_torque"].side) == (unit, "motor")
 
 
 def test_quantities_by_units_alone_and_the_straightest_clock(tmp_path, robot):

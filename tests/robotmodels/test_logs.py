@@ -215,14 +215,16 @@ def test_patterns_with_numbers_in_braces(tmp_path):
     [("Data", "Name", "rec.Y.drive/q_1"), ("values", "label", "rec.Y.drive/q_1")],
 )
 def test_structs_of_scopes_are_named_by_their_labels(tmp_path, field, label, channel):
-    """Of dSPACE and Simulink: names beside the values, the time in a struct of its own."""
-    scope = np.zeros((1, 2), dtype=[(label, object), (field, object)])
+    """Of dSPACE and Simulink: names and units beside values, the time in a struct of its own."""
+    scope = np.zeros((1, 2), dtype=[(label, object), (field, object), ("Unit", object)])
     for k in range(2):
-        scope[0, k] = (f"drive/q_{k}", VALUES[:, k][None])
-    savemat(tmp_path / "a.mat", {"rec": {"X": {"t": TIME}, "Y": scope}})
+        scope[0, k] = (f"drive/q_{k}", VALUES[:, k][None], ("rev", "N.m")[k])
+    savemat(tmp_path / "a.mat", {"rec": {"X": {"Data": TIME, "Unit": "s"}, "Y": scope}})
     with open_log(tmp_path / "a.mat") as log:
         (table,) = log.tables
-        assert list(table.channels) == ["rec.X.t", "rec.Y.drive/q_0", channel]
+        assert list(table.channels) == ["rec.X.Data", "rec.Y.drive/q_0", channel]
+        assert [signal.unit for signal in table.channels.values()] == ["s", "rev", "N.m"]
+        assert table_clock(log, table, TimeChoice()).source == "stamps of 'rec.X.Data'"
         assert np.array_equal(table.values(channel), VALUES[:, 1])
 
 
@@ -233,11 +235,15 @@ def test_references_of_matlab_7_3(tmp_path):
         group, hidden = file.create_group("rec"), file.create_group("#refs#")
         names = group.create_dataset("Name", (3, 1), dtype=h5py.ref_dtype)
         values = group.create_dataset("Data", (3, 1), dtype=h5py.ref_dtype)
+        units = group.create_dataset("Unit", (3, 1), dtype=h5py.ref_dtype)
+        text = np.array([[ord(c)] for c in "deg"], dtype=np.uint16)
+        hidden.create_dataset("u", data=text).attrs["MATLAB_class"] = np.bytes_("char")
         cell = file.create_dataset("cell", (2, 1), dtype=h5py.ref_dtype)
         for k in range(3):
             text = np.array([[ord(c)] for c in NAMES[k]], dtype=np.uint16)
             names[k, 0] = hidden.create_dataset(f"n{k}", data=text).ref
             hidden[f"n{k}"].attrs["MATLAB_class"] = np.bytes_("char")
+            units[k, 0] = hidden["u"].ref
             values[k, 0] = hidden.create_dataset(f"v{k}", data=VALUES[:, k][None]).ref
         cell.attrs["MATLAB_class"] = np.bytes_("cell")
         cell[0, 0] = hidden.create_dataset("c", data=TIME[None]).ref
@@ -247,6 +253,7 @@ def test_references_of_matlab_7_3(tmp_path):
         (table,) = log.tables
         assert list(table.channels) == ["cell(0)", "rec.q1", "rec.q2", "rec.q3"]
         assert np.array_equal(table.values("rec.q3"), VALUES[:, 2])
+        assert table.channels["rec.q3"].unit == "deg"
         assert np.array_equal(table.values("cell(0)"), TIME)
 
 
