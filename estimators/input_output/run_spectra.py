@@ -1,5 +1,6 @@
 """Spectra of runs in each position, with the covariance of inputs and outputs together."""
 
+import warnings
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
@@ -23,7 +24,7 @@ from robotmodels.common.arrays import (
     real_numbers,
     whole_numbers,
 )
-from robotmodels.common.errors import InvalidInput
+from robotmodels.common.errors import IdentificationWarning, InvalidInput
 from robotmodels.common.printing import ReprHtml
 from robotmodels.records.records import Records
 
@@ -260,9 +261,10 @@ def _checked(
     check_periods(measured, who)
     if not measured.present.all():
         block, run = np.argwhere(~measured.present)[0] + 1
-        raise InvalidInput(
-            f"{who}: run {run} of block {block} is missing; leave that block out of all positions"
+        what = (
+            "that block out of all positions" if len(measured.present) > 1 else "the position out"
         )
+        raise InvalidInput(f"{who}: run {run} of block {block} is missing; leave {what}")
     check_excited(measured, records, records.lines, who, 1)
     _check_alive(records, who)
     first = first_period(measured, transient, who)
@@ -270,12 +272,21 @@ def _checked(
 
 
 def _check_alive(records: Records, who: str) -> None:
-    """Refuse outputs that never move: a dead sensor, or a motor that was not on."""
+    """Refuse outputs that never move, warn of torques that never do: dead sensors, motors off."""
     dead = (np.ptp(records.angle[0], axis=3) == 0).all(axis=(0, 1, 2))
     if dead.any():
         outputs = ", ".join(str(i + 1) for i in np.flatnonzero(dead))
         raise InvalidInput(
             f"{who}: output {outputs} is constant in all runs: a dead sensor, or nothing was on"
+        )
+    idle = (np.ptp(records.torque[0], axis=3) == 0).all(axis=(0, 1, 2))
+    if idle.any():
+        motors = ", ".join(str(i + 1) for i in np.flatnonzero(idle))
+        warnings.warn(
+            f"{who}: the torque of motor {motors} is constant in all runs; unless that motor was "
+            "off, its torque was not recorded",
+            IdentificationWarning,
+            stacklevel=2,
         )
 
 

@@ -86,8 +86,8 @@ def identify(
     with collected_warnings() as warnings, naming(records):
         loops = _torque_loops(model, runs)
         data = run_spectra(runs, noise, delay=delay, hold=hold, states=states)
-        check_rigid_runs(data, model)
         fits = multistart(model, data, begins, weights=rows)
+        check_rigid_runs(data, model)  # after the fit has refused data of other robots
     fit = fits[0]
     reached = sum(other.cost <= fit.cost * (1 + 1e-6) for other in fits)
     target = (output or records.parent) / f"{model.name}_identified.yaml"

@@ -15,7 +15,7 @@ from estimators.frf.spectra import Spectra, spectra
 from estimators.input_output.likelihood import RunLikelihood
 from estimators.input_output.run_scatter import input_scatter, products, square_spread
 from estimators.input_output.run_spectra import _from_blocks
-from robotmodels import InvalidInput
+from robotmodels import IdentificationWarning, InvalidInput
 
 BOUNDS = np.outer([1e-3, 1e3], TRUTH)
 OFF = TRUTH * np.exp(0.1 * np.cos(np.arange(6)))
@@ -285,8 +285,11 @@ def test_records_that_cannot_show_their_noise_are_refused() -> None:
     with pytest.raises(InvalidInput, match="noise 'none' is none of"):
         run_spectra(records, "none")
     missing = records.torque * np.nan, records.angle * np.nan
-    with pytest.raises(InvalidInput, match="position 1: run 1 of block 1 is missing; leave that"):
+    with pytest.raises(InvalidInput, match="position 1: run 1 of block 1 is missing; leave the"):
         run_spectra(replace(records, torque=missing[0], angle=missing[1]))
+    idle = replace(records, torque=records.torque * [1.0, 0.0])
+    with pytest.warns(IdentificationWarning, match="position 1: the torque of motor 2 is constant"):
+        run_spectra(idle)
 
 
 def test_a_prior_counts_as_data() -> None:
