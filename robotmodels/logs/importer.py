@@ -207,7 +207,7 @@ class Import:
             if (error := self.reader.interpolation_error(signal)) is not None:
                 lines.append(
                     f"{signal.channel}: interpolated to the samples of {self.clock.source}; error "
-                    f"below {max(error, 1e-4):.2g} of its rms"
+                    f"below {max(error, 1e-4):.2g} of {signal.role}"
                 )
         return tuple(lines)
 

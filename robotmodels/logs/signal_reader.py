@@ -68,7 +68,7 @@ class SignalReader:
         return shift + drift < _SAME * base.sample_time
 
     def interpolation_error(self, signal: BoundSignal) -> float | None:
-        """Return the error of interpolating a signal, None where it is taken as it is.
+        """Return the error of interpolating a signal over what its role moves, None without.
 
         Raises
         ------
@@ -79,12 +79,12 @@ class SignalReader:
             return None
         clock, base = self.clocks[signal.table.name], self.clocks[self.base.name]
         head = self._by_tick(signal, clock, 0, min(len(clock), _JUDGED))
-        error = band_edge_share(head, base.sample_time / clock.sample_time)
+        error = band_edge_share(head, base.sample_time / clock.sample_time) * self._share(signal)
         if error > _MOST_ERROR:
             raise InvalidInput(
                 f"{self.where}: {signal.channel}: interpolation to other samples would err by "
-                f"{error:.1%} of its rms, it has that much near the Nyquist frequency; put its own "
-                "table first in the mapping, or record faster"
+                f"{error:.1%} of {signal.role}, it has that much near the Nyquist frequency; put "
+                "its own table first in the mapping, or record faster"
             )
         if clock.gaps:
             row, missing = clock.gaps[0]
@@ -93,6 +93,19 @@ class SignalReader:
                 "a channel with gaps is not interpolated, cut the file there"
             )
         return error
+
+    def _share(self, signal: BoundSignal) -> float:
+        """Return the range of a signal over the largest of its role: noise of rest counts little.
+
+        Channels of one role are mostly in one unit.
+        """
+        ranges = {
+            key: seen.high - seen.low
+            for key, seen in self.surveys.items()
+            if key.startswith(f"{signal.role}:")
+        }
+        largest = np.nanmax(list(ranges.values()))
+        return float(ranges[signal_key(signal)] / largest) if largest > 0 else 1.0
 
     def _by_tick(self, signal: BoundSignal, clock: Clock, low: int, high: int) -> Array:
         """Return values in the unit of the channel, by samples of its own clock."""

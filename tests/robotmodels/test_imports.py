@@ -183,6 +183,18 @@ def test_interpolation_that_would_err_is_refused(tmp_path):
         imported([a, b], signals=[{**ANGLE, "column": "a:q1"}, torque])
 
 
+def test_noise_of_a_joint_at_rest_is_interpolated(tmp_path):
+    """Beside a joint that moves, it may err; alone, it is refused as any noise."""
+    noise = 1e-5 * np.random.default_rng(1).standard_normal(N)
+    a = write(tmp_path / "a.csv", ["t", "q1", "q2"], [TIME, *ANGLES.T])
+    b = write(tmp_path / "b.csv", ["t", "l1", "l2"], [TIME + 0.001, ANGLES[:, 0], noise])
+    angle, link = {**ANGLE, "column": "a:q*"}, {**LINK, "column": "b:l*"}
+    (movement,), _ = imported([a, b], signals=[angle, link])
+    assert np.abs(movement.link_angle[40:-40, 1]).max() < 1e-4
+    with pytest.raises(InvalidInput, match="l2: interpolation to other samples would err by"):
+        imported([a, b], signals=[angle, {**link, "column": "b:l2", "joint": "joint_2"}])
+
+
 @pytest.mark.parametrize("step", [0.8, 1.0, 2.7])
 def test_interpolation_is_exact_below_the_band_edge(step):
     rows = np.arange(4000)
