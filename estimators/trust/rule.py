@@ -133,7 +133,7 @@ def judge(evidence: Evidence) -> tuple[Verdict, ...]:
     3. "model error": a test of a single direction fires at 1 % over all of them, or residuals are
        too large (.5 %) and what exceeds the noise is smooth along the lines or stands out
        at single ones, or a single residual is improbable at .3 % over all.
-    4. "not identifiable": the standard deviation of ln theta exceeds one.
+    4. "not identifiable": the standard deviation of ln theta, as 5 scales it, exceeds one.
     5. "noise understated": residuals are too large, and alike everywhere; intervals are scaled.
     6. "noise correlated" along the lines; intervals allow for it.
     7. "trustworthy".
@@ -141,7 +141,7 @@ def judge(evidence: Evidence) -> tuple[Verdict, ...]:
     Every rule fails closed: evidence that is not a number counts against the fit.
     """
     e = evidence
-    std = np.sqrt(e.scatter.variance)
+    std = np.sqrt(e.scatter.variance * variance_scale(e))
     overall = _overall(e)
     verdicts = []
     for i in range(len(std)):
@@ -149,6 +149,8 @@ def judge(evidence: Evidence) -> tuple[Verdict, ...]:
             verdicts.append(overall)
         elif not std[i] <= NOT_IDENTIFIABLE_STD:
             reason = f"the relative standard deviation is {std[i]:.3g}, more than one"
+            if e.too_large:
+                reason += f", as residuals are {e.size.ratio:.3g} times what noise explains"
             verdicts.append(Verdict("not identifiable", reason))
         else:
             verdicts.append(overall)

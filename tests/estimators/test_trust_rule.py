@@ -250,6 +250,15 @@ def test_the_gravest_verdict_comes_first():
         assert verdicts_of(evidence) == {verdict}
 
 
+def test_noise_that_is_understated_may_leave_nothing_identifiable():
+    evidence = evidence_of()
+    size = replace(evidence.size, probability=1e-9, ratio=100.0)
+    scatter = replace(evidence.scatter, variance=np.array([1e-3, 0.011, 0.011]))
+    verdicts = judge(replace(evidence, size=size, scatter=scatter))
+    assert [str(one) for one in verdicts] == ["noise understated", *2 * ["not identifiable"]]
+    assert verdicts[1].reason.endswith("as residuals are 100 times what noise explains")
+
+
 @pytest.mark.parametrize("number", [np.nan, 0.0])
 def test_evidence_that_is_not_a_number_is_never_trusted(number):
     evidence = evidence_of()
