@@ -167,10 +167,15 @@ class VisitFolder:
         InvalidInput
             If a file of theirs is missing or damaged.
         """
+        return tuple(self._read(self.folder / name) for name in self._names)
+
+    @property
+    def _names(self) -> list[str]:
+        """Names of the visits' folders, in order."""
         if not self.folder.is_dir():
-            return ()
-        names = sorted(path.name for path in self.folder.iterdir() if path.name.isdigit())
-        return tuple(self._read(self.folder / name) for name in names)
+            return []
+        numbered = [path.name for path in self.folder.iterdir() if path.name.isdigit()]
+        return sorted(numbered, key=int)
 
     def _read(self, folder: Path) -> Visit:
         file = read_yaml(folder / "visit.yaml", _VisitFile)
@@ -182,7 +187,7 @@ class VisitFolder:
     ) -> Visit:
         """Write a new visit with its files for controllers; it has its name when it is whole."""
         self.folder.mkdir(parents=True, exist_ok=True)
-        number = 1 + max((visit.number for visit in self.all()), default=0)
+        number = 1 + max(map(int, self._names), default=0)
         stage = Path(tempfile.mkdtemp(prefix=".unfinished-", dir=self.folder))
         try:
             plan.save(stage / "plan.yaml")

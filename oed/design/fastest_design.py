@@ -23,7 +23,7 @@ from oed.design.constraints import Constraints
 from oed.design.design import SHOWN, Design
 from oed.design.optimal_design import checked_prior, optimal_design
 from oed.design.problem import DesignSolver
-from oed.information_sets.candidates import Candidates
+from oed.information_sets.candidates import Candidates, check_candidates
 from robotmodels.common.arrays import Array, IntArray, read_only
 from robotmodels.common.errors import SolverFailed
 from robotmodels.common.printing import ReprHtml
@@ -111,6 +111,7 @@ def fastest_design(
     SolverFailed
         If the gap stays above the tolerance.
     """
+    check_candidates(info)
     objective = TargetCriterion(targets).objective(info.names, info.samples)
     problem = _Problem(info, objective, checked_prior(prior, info), duration)
     if problem.prior is not None and objective.log_value(problem.prior) >= 0:

@@ -20,7 +20,7 @@ from oed.design.solvers import fast_solver
 from oed.exact.plan_score import standard_deviations
 from oed.exact.visit_search import VisitSearch
 from oed.information_sets.experiment_candidates import ExperimentCandidates
-from robotmodels.common.arrays import Array, IntArray, check_above_zero, read_only
+from robotmodels.common.arrays import Array, IntArray, check_above_zero, check_kind, read_only
 from robotmodels.common.errors import InvalidInput
 from robotmodels.common.printing import ReprHtml
 
@@ -138,6 +138,7 @@ def visit_plan(
     NotIdentifiable
         Naming the parameters, if all candidates together leave open what the criterion asks for.
     """
+    check_kind(candidates, ExperimentCandidates, "visit_plan: candidates")
     check_above_zero(time, "time [s]")
     shortest = int(np.argmin(candidates.duration))
     if time < candidates.duration[shortest]:
@@ -179,6 +180,7 @@ def fastest_visit_plan(
     InvalidInput, NotIdentifiable
         As `fastest_design`.
     """
+    check_kind(candidates, ExperimentCandidates, "fastest_visit_plan: candidates")
     info = candidates.information
     objective = TargetCriterion(targets).objective(info.names, info.samples)
     before = checked_prior(prior, info)

@@ -75,7 +75,7 @@ def test_the_robot_file_of_a_study_is_start_and_prior_of_the_next(study: Path) -
 
 
 def test_draws_are_exported_as_uncertain_as_the_fit(study: Path, tmp_path: Path) -> None:
-    words = "--to", "robot", "--draws", "30", "-o"
+    words = "--to", "robot", "--draws", "16", "-o"
     first = exported(study, *words, tmp_path / "a.yaml")["files"]
     again = exported(study, *words, tmp_path / "b.yaml")["files"]
     assert [Path(name).name for name in first[:2]] == ["a.yaml", "a-01.yaml"]
@@ -85,8 +85,8 @@ def test_draws_are_exported_as_uncertain_as_the_fit(study: Path, tmp_path: Path)
     np.testing.assert_array_equal(values, repeated)
     std = np.array(list(robots[0].file.fitted.relative_std.values()))
     ratio = values[1:].std(axis=0, ddof=1) / std  # the file's are the recommended ones
-    assert (ratio > 0.4).all()
-    assert (ratio < 2.0).all()
+    assert (ratio > 0.3).all()
+    assert (ratio < 2.2).all()
     correlation = robots[0].file.fitted.correlation
     assert [len(row) for row in correlation] == list(range(len(std)))
     bent = exported(

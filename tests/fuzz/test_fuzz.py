@@ -13,7 +13,7 @@ from hostile import CASES
 from hypothesis import HealthCheck, given, settings, strategies as st
 from runner import Runner
 
-MUTANTS = 30
+MUTANTS = 20
 
 
 @pytest.fixture(scope="module")

@@ -143,7 +143,8 @@ def test_a_low_level_run_that_moves_too_much(campaign: Path) -> None:
 
 
 def test_minutes_that_are_used(campaign: Path) -> None:
-    campaign.write_text(AXIS.replace("minutes: 20", "minutes: 0.6").replace("0.05, d", "0.0001, d"))
+    short = AXIS.replace("minutes: 20", "minutes: 0.6\nmost_periods: 4")
+    campaign.write_text(short.replace("0.05, d", "0.0001, d"))
     for _ in range(6):
         if not run_open(campaign):
             break

@@ -13,6 +13,7 @@ RAW = random_set(0, 10, 3, 2).matrices
 POINTS, OMEGA, RNG = np.zeros((2, 1)), np.ones(2), np.random.default_rng(0)
 CALLS = {
     "optimal_design": lambda: oed.optimal_design(RAW),
+    "fastest_design": lambda: oed.fastest_design(RAW, 1.0, 0.1),
     "exact_design": lambda: oed.exact_design(RAW, 4),
     "best_plans": lambda: oed.best_plans(RAW, 4),
     "score": lambda: oed.score(RAW, [0, 1, 2]),
@@ -40,6 +41,12 @@ def test_every_public_function_of_candidates_is_called_here():
         and "info" in inspect.signature(getattr(oed, name)).parameters
     }
     assert takes - {"refined_over"} <= set(CALLS)
+
+
+def test_plans_of_visits_take_visits():
+    for plan in (oed.visit_plan, oed.fastest_visit_plan):
+        with pytest.raises(InvalidInput, match=f"{plan.__name__}: candidates: InformationSet"):
+            plan(information_set(RAW), 10.0)
 
 
 @pytest.mark.parametrize("raw", [None, [[1.0]], "design.h5", {}])
