@@ -185,8 +185,7 @@ def fastest_visit_plan(
     objective = TargetCriterion(targets).objective(info.names, info.samples)
     before = checked_prior(prior, info)
     relaxed = fastest_design(info, candidates.duration, targets, before, _RELAXED_GAP)
-    witness = objective.log_gradient(relaxed.information)
-    derivatives = info.directional_derivatives(witness)
+    derivatives = info.directional_derivatives(objective.log_gradient(relaxed.information))
     search = VisitSearch.of(candidates, objective, before, relaxed.weights, derivatives)
     periods: IntArray = search.nothing
     low, high = relaxed.bound, relaxed.time
