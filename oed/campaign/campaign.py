@@ -102,9 +102,9 @@ class Campaign:
             If it, or its robot file, cannot be used; or targets name no parameter.
         """
         settings = load_campaign(path)
-        campaign = cls(settings, load_robot(settings.robot))
-        assert campaign.targets.size  # patterns are checked before anything is run
-        return campaign
+        robot = load_robot(settings.robot)
+        settings.accuracies(robot.parameters.names)  # refused before anything is run
+        return cls(settings, robot)
 
     @cached_property
     def targets(self) -> Array:
@@ -284,7 +284,7 @@ class Campaign:
         state: State = "begun" if latest is None else "identifying"
         if latest is not None and (latest.std <= self.targets).all():
             state = "reached"
-        elif latest is not None and not expected and used >= self.settings.minutes:
+        elif latest is not None and not expected and used > self.settings.minutes - self._shortest:
             state = "minutes used"
         return CampaignStatus(
             state=state,
@@ -296,6 +296,13 @@ class Campaign:
             expected=expected,
             budget=self.settings.minutes,
         )
+
+    @property
+    def _shortest(self) -> float:
+        """Time of the shortest visit, its move left out [min]."""
+        settings = self.settings
+        periods = settings.transient_periods + 1
+        return (settings.settle + periods * settings.multisine.period) / 60
 
     def _write(self, plans: list[ExperimentPlan], purpose: Purpose) -> tuple[Visit, ...]:
         folder = VisitFolder(self.settings.output / "visits")

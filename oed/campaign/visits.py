@@ -17,14 +17,14 @@ import numpy as np
 import yaml
 from pydantic import Field
 
+from estimators.frf.file_formats import read_records
 from oed.experiment.experiment_plan import ExperimentPlan
 from oed.experiment.plan_export import export_csv
 from robotmodels.common.arrays import Array
 from robotmodels.common.atomic_files import atomic_write, write_text
 from robotmodels.common.errors import InvalidInput, naming
-from robotmodels.common.fingerprints import file_digest
 from robotmodels.common.yaml_files import FileSection, read_yaml
-from robotmodels.records.records import Records
+from robotmodels.records.records import SIGNALS, Records
 
 Purpose = Literal["check", "first", "accuracy", "repeat"]
 """A low-level run, one before any fit, one for the accuracies, the first one once more."""
@@ -105,17 +105,22 @@ class Visit:
             If they are those of another visit, or others of this one are here.
         """
         with naming(path):
-            self._check(Records.load(path))
+            records = read_records(path)
+            self._check(records)
         target = self.records_file
         if target.exists():
-            if file_digest(target) == file_digest(path):
+            before = Records.load(target)
+            if all(np.array_equal(getattr(before, k), getattr(records, k)) for k in SIGNALS):
                 return False
             raise InvalidInput(
                 f"{path}: visit {self.number} has other records, {target}; remove that file first "
                 "if these are to replace it"
             )
         with atomic_write(target) as part:
-            shutil.copyfile(path, part)
+            if path.suffix == target.suffix:
+                shutil.copyfile(path, part)  # with what it says of its origin
+            else:
+                records.save(part)
         return True
 
     def _check(self, records: Records) -> None:

@@ -42,7 +42,10 @@ def test_intervals_of_a_right_model_cover(cell):
     white = not cell.correlation and cell.factor == 1
     expected = "trustworthy" if white else "noise correlated" if cell.correlation else None
     if expected is None:
-        assert result["verdicts"]["noise understated"] > 0.9
+        # Of parameters whose std the larger noise takes beyond one, the other verdict is right.
+        wide = result["verdicts"].get("not identifiable", 0)
+        assert result["verdicts"]["noise understated"] + wide > 0.95
+        assert wide < 0.2
     else:
         assert result["verdicts"][expected] > 1 - share_below(0.03, RUNS)
 

@@ -10,6 +10,7 @@ import pytest
 
 from estimators.fitting.least_squares import fit
 from estimators.fitting.run_fit import RunFit
+from estimators.frf.file_formats import write_records
 from oed import Campaign, simulate_visits
 from oed.campaign.checks import drift
 from oed.campaign.estimate import Estimate, visit_spectra
@@ -96,6 +97,11 @@ def test_failed_visits_and_other_orders(campaign: Path) -> None:
     copy = visit.folder / "copy.h5"
     shutil.copy(visit.records_file, copy)
     assert not opened.tell(visit.number, copy)
+    matlab = visit.folder / "copy.mat"
+    write_records(matlab, Records.load(copy))
+    visit.records_file.unlink()
+    assert opened.tell(visit.number, matlab)
+    np.testing.assert_allclose(Records.load(visit.records_file).angle, Records.load(copy).angle)
     assert Campaign.load(campaign).visits[0].failure == "cable torn"
     with pytest.raises(InvalidInput, match="visit 3: its records are here; it did not fail"):
         opened.fail(visit.number, "no")
