@@ -200,7 +200,7 @@ class Campaign:
         planner = self._planner(latest, visits, stages)
         if latest is None:
             noise = low_level_noise(checked[-1])
-            return self._write(planner.first(noise, self._guesses, self._named_targets), "first")
+            return self._write(planner.first(noise, self._prior, self._named_targets), "first")
         if (latest.std <= self.targets).all():
             fitted = [visit for visit in told if visit.purpose in FITTED]
             if any(visit.purpose == "repeat" for visit in visits):
@@ -229,10 +229,6 @@ class Campaign:
             return robot_prior(self.robot)
         names, values = self.robot.parameters.names, self.robot.parameters.values
         return Prior(names, values, np.full(len(names), np.log(within)))
-
-    @property
-    def _guesses(self) -> Array:
-        return self._prior.information(self.robot.parameters.names)
 
     def _planner(
         self, latest: Estimate | None, visits: tuple[Visit, ...], stages: Stages

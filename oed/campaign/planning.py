@@ -6,19 +6,21 @@ from functools import cached_property
 
 import numpy as np
 
+from estimators.fitting.priors import Prior
 from oed.campaign.checks import LOW_LEVEL
 from oed.campaign.estimate import Estimate
 from oed.campaign.settings import CampaignSettings
 from oed.campaign.visit_plan import CREST, fair_torques, line_grid, torque_phases, visit_plan
 from oed.candidates.free_moves import free_moves
 from oed.criteria.targets import TargetCriterion
-from oed.design.fastest_design import fastest_design
+from oed.design.fastest_design import FastestDesign, fastest_design
 from oed.design.optimal_spectra import optimal_spectra
 from oed.exact.visit_plan import VisitPlan, fastest_visit_plan, visit_plan as plan_within
 from oed.experiment.experiment_file import per_motor
 from oed.experiment.experiment_plan import ExperimentPlan
-from oed.experiment.moves import MoveLimits, move_times
+from oed.experiment.moves import move_times
 from oed.experiment.multisine import Multisine
+from oed.experiment.prepare import move_limits
 from oed.information_sets.excitations import Excitation, VisitTiming, Zippered
 from oed.information_sets.experiment_candidates import ExperimentCandidates, experiment_candidates
 from robotmodels import ElasticRobot
@@ -87,7 +89,7 @@ class Planner:
         return self._plans([(self.positions[nearest[0]], Zippered(), _FIRST_PERIODS)], LOW_LEVEL)
 
     def first(
-        self, noise: ComplexArray, prior: Array, targets: Mapping[str, float]
+        self, noise: ComplexArray, prior: Prior, targets: Mapping[str, float]
     ) -> list[ExperimentPlan]:
         """Return visits before any fit: flat spectra, D-optimal at the guesses.
 
@@ -95,16 +97,17 @@ class Planner:
         ----------
         noise : ndarray of complex, (F, m + n, m + n)
             Covariance of outputs and torques, of one period.
-        prior : ndarray, (p, p)
-            Information of the guesses.
+        prior : Prior
+            How far the guesses may be off.
         targets : mapping of str to float
             As of `TargetCriterion`.
         """
         candidates = self._candidates(noise, [_FIRST_PERIODS], self.positions, [Zippered()])
-        expected = _least_time(candidates, targets, prior)
+        guesses = prior.information(self.robot.parameters.names)
+        expected = _fastest(candidates, targets, guesses).time
         shortest = float(candidates.duration.min())
         time = max(_FIRST_SHARE * expected, _FEWEST * shortest)
-        return self._plans(_visits_of(plan_within(candidates, time, "D", prior)))
+        return self._plans(_visits_of(plan_within(candidates, time, "D", guesses)))
 
     def accuracy(
         self, latest: Estimate, targets: Mapping[str, float], minutes: float
@@ -118,11 +121,14 @@ class Planner:
         longest = self.settings.most_periods
         counts = sorted({*(n for n in (1, 2, 4, 8, 16, 32, 64) if n < longest), longest})
         flat = self._candidates(latest.noise, counts, self.positions, [Zippered()])
-        candidates = self._coloured(flat, latest.noise, counts, targets, information)
+        candidates, relaxed = flat, _fastest(flat, targets, information)
+        if relaxed.time >= _MOST_VISITS * flat.duration.min():
+            candidates = self._coloured(relaxed, latest.noise, counts, targets, information)
+            relaxed = _fastest(candidates, targets, information)
         most = min(_MOST_VISITS * float(candidates.duration.max()), 60 * minutes)
         if candidates.duration.min() > most:
             return []
-        if _least_time(candidates, targets, information) < most:
+        if relaxed.time < most:
             plan = fastest_visit_plan(candidates, dict(targets), information)
             if plan.duration <= most:
                 return self._plans(_visits_of(plan))
@@ -137,16 +143,13 @@ class Planner:
 
     def _coloured(
         self,
-        flat: ExperimentCandidates,
+        relaxed: FastestDesign,
         noise: ComplexArray,
         periods: list[int],
         targets: Mapping[str, float],
         information: Array,
     ) -> ExperimentCandidates:
-        """Return candidates with designed spectra in the positions that flat ones would use."""
-        relaxed = fastest_design(flat.information, flat.duration, dict(targets), information, _GAP)
-        if relaxed.time < _MOST_VISITS * flat.duration.min():
-            return flat
+        """Return candidates with designed spectra in the positions that flat ones use at best."""
         positions = np.unique(relaxed.support % len(self.positions))
         weights = relaxed.weights.reshape(len(periods), -1) * np.array(periods)[:, None]
         design = optimal_spectra(
@@ -170,8 +173,7 @@ class Planner:
     @cached_property
     def _levels(self) -> Array:
         """Root mean square torques, the median of some positions, (n,) [N m]."""
-        n = len(self.robot.motor_names)
-        owners = Zippered().owners(n, len(self._grid.lines))
+        owners = Zippered().owners(self._grid.inputs, len(self._grid.lines))
         each = [
             fair_torques(self.settings, self.robot, q, owners / owners.sum(axis=0))
             for q in self._some
@@ -195,13 +197,7 @@ class Planner:
 
     @cached_property
     def _timing(self) -> VisitTiming:
-        settings, motors = self.settings, tuple(self.robot.motor_names)
-        moves = MoveLimits(
-            motors,
-            self.robot.position_limits,
-            per_motor("moves.speed", settings.moves.speed, motors),
-            per_motor("moves.acceleration", settings.moves.acceleration, motors),
-        )
+        settings, moves = self.settings, move_limits(self.settings, self.robot)
         return VisitTiming(
             period=self._grid.period,
             transient=settings.transient_periods * self._grid.period,
@@ -267,12 +263,12 @@ def _visits_of(plan: VisitPlan) -> list[_Choice]:
     return [(candidates.positions[q], by_name[name], count) for q, name, count in plan.visits]
 
 
-def _least_time(
+def _fastest(
     candidates: ExperimentCandidates, targets: Mapping[str, float], information: Array
-) -> float:
-    """Return the time that visits need at least, were they divisible [s]."""
+) -> FastestDesign:
+    """Return how fast visits reach the targets, were they divisible."""
     info, duration = candidates.information, candidates.duration
-    return fastest_design(info, duration, dict(targets), information, _GAP).time
+    return fastest_design(info, duration, dict(targets), information, _GAP)
 
 
 def known_now(robot: ElasticRobot, latest: Estimate | None) -> ElasticRobot:

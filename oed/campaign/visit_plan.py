@@ -10,10 +10,16 @@ import numpy as np
 
 from oed.campaign.settings import CampaignSettings
 from oed.experiment.amplitude_scaling import Scaling, fair_amplitudes
-from oed.experiment.draw_plan import experiment_plan, reduced_crest
+from oed.experiment.draw_plan import reduced_crest
 from oed.experiment.experiment_file import per_motor
-from oed.experiment.multisine import Multisine, band_multisine
-from oed.experiment.prepare import controller_of, within_limits
+from oed.experiment.experiment_plan import ExperimentPlan
+from oed.experiment.multisine import Multisine
+from oed.experiment.prepare import (
+    controller_of,
+    move_limits,
+    planned_multisine,
+    within_limits,
+)
 from robotmodels import ElasticRobot
 from robotmodels.common.arrays import Array, ComplexArray
 from robotmodels.common.errors import InvalidInput
@@ -29,19 +35,7 @@ CREST = 3.3
 
 def line_grid(settings: CampaignSettings, motors: int) -> Multisine:
     """Return the lines of all visits, the same for the same seed: detection lines are drawn."""
-    choice = settings.multisine
-    low, high = choice.band
-    return band_multisine(
-        choice.samples,
-        choice.sample_time,
-        (2 * np.pi * low, 2 * np.pi * high),
-        inputs=motors,
-        count=choice.count,
-        spacing=choice.spacing,
-        odd=choice.odd,
-        detection_group=choice.detection,
-        rng=np.random.default_rng(settings.seed),
-    )
+    return planned_multisine(settings, motors, np.random.default_rng(settings.seed))
 
 
 def fair_torques(
@@ -131,27 +125,23 @@ def visit_plan(
     NoEquilibrium
         If the springs cannot carry the robot's weight.
     """
-    motors = tuple(robot.motor_names)
-    grid = line_grid(settings, len(motors))
+    grid = line_grid(settings, len(robot.motor_names))
     controller = controller_of(settings, robot)
     loop = closed_loop(robot.network(position[None]), grid.omega, controller)
     R = np.linalg.solve(loop.torque[0], torques[..., None])[..., 0]
-    drawn = experiment_plan(
-        robot,
-        position[None],
-        grid.with_amplitudes(np.abs(R)),
-        blocks=1,
+    plan = ExperimentPlan(
+        robot=robot.name,
+        positions=position[None],
+        repetitions=np.ones(1, dtype=np.int64),
+        multisine=grid.with_amplitudes(np.abs(R)),
+        phases=np.angle(R)[None, None],
         periods=periods,
         transient_periods=settings.transient_periods,
-        ramp=True,
-        speed=per_motor("moves.speed", settings.moves.speed, motors),
-        acceleration=per_motor("moves.acceleration", settings.moves.acceleration, motors),
-        rng=np.random.default_rng(0),  # its phases are replaced
+        moves=move_limits(settings, robot),
+        scale=np.ones(1),
         start=start,
+        ramp=True,
         runs=1,
     )
-    plan = replace(drawn, phases=np.angle(R)[None, None])
     scaled = within_limits(settings, plan, robot, controller)
-    if part == 1.0:
-        return scaled
     return replace(scaled, plan=scaled.plan.rescaled(np.asarray(part)))

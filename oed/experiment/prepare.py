@@ -15,6 +15,7 @@ from oed.experiment.experiment_file import (
     planned_positions,
 )
 from oed.experiment.experiment_plan import ExperimentPlan
+from oed.experiment.moves import MoveLimits
 from oed.experiment.multisine import Multisine, band_multisine
 from oed.experiment.predicted_peaks import Peaks
 from robotmodels import ElasticRobot, load_robot
@@ -109,7 +110,7 @@ def prepare_in(
     plan = experiment_plan(
         robot,
         positions,
-        _multisine(settings, len(motors), rng),
+        planned_multisine(settings, len(motors), rng),
         blocks=settings.blocks,
         periods=settings.periods,
         transient_periods=settings.transient_periods,
@@ -140,7 +141,8 @@ def _check_memory(settings: ExcitationSettings, repetitions: IntArray, motors: i
     )
 
 
-def _multisine(settings: ExcitationSettings, motors: int, rng: np.random.Generator) -> Multisine:
+def planned_multisine(settings: LoopSettings, motors: int, rng: np.random.Generator) -> Multisine:
+    """Return the lines of the settings and their amplitudes; `rng` draws detection lines."""
     choice = settings.multisine
     low, high = choice.band
     middle = 2 * np.pi * np.sqrt(low * high)
@@ -156,6 +158,14 @@ def _multisine(settings: ExcitationSettings, motors: int, rng: np.random.Generat
         amplitude=lambda omega: (omega / middle) ** choice.slope,
         rng=rng,
     )
+
+
+def move_limits(settings: LoopSettings, robot: ElasticRobot) -> MoveLimits:
+    """Return what moves between positions must respect."""
+    motors = tuple(robot.motor_names)
+    speed = per_motor("moves.speed", settings.moves.speed, motors)
+    acceleration = per_motor("moves.acceleration", settings.moves.acceleration, motors)
+    return MoveLimits(motors, robot.position_limits, speed, acceleration)
 
 
 def controller_of(settings: LoopSettings, robot: ElasticRobot) -> Controller:
