@@ -9,8 +9,15 @@ import numpy as np
 from estimators.fitting.priors import Prior
 from oed.campaign.checks import LOW_LEVEL
 from oed.campaign.estimate import Estimate
-from oed.campaign.settings import CampaignSettings
-from oed.campaign.visit_plan import CREST, fair_torques, line_grid, torque_phases, visit_plan
+from oed.campaign.settings import VisitSettings
+from oed.campaign.visit_plan import (
+    CREST,
+    fair_torques,
+    line_grid,
+    torque_phases,
+    visit_plan,
+    with_relative_phases,
+)
 from oed.candidates.free_moves import free_moves
 from oed.criteria.targets import TargetCriterion
 from oed.design.fastest_design import FastestDesign, fastest_design
@@ -21,14 +28,15 @@ from oed.experiment.experiment_plan import ExperimentPlan
 from oed.experiment.moves import move_times
 from oed.experiment.multisine import Multisine
 from oed.experiment.prepare import move_limits
-from oed.information_sets.excitations import Excitation, VisitTiming, Zippered
+from oed.information_sets.excitations import Excitation, UserSpectrum, VisitTiming, Zippered
 from oed.information_sets.experiment_candidates import ExperimentCandidates, experiment_candidates
 from robotmodels import ElasticRobot
 from robotmodels.collision.surroundings import Surroundings
 from robotmodels.common.arrays import Array, ComplexArray
 from robotmodels.common.errors import InvalidInput
 from robotmodels.exports.robot_files import with_values
-from robotmodels.linear.noise import ErrorCovariance
+from robotmodels.linear.noise import ErrorCovariance, OutputErrors
+from robotmodels.linear.response import Elastic
 
 _SAMPLE = 16
 """Positions whose median torques stand for all in a plan."""
@@ -60,8 +68,8 @@ class Planner:
 
     Attributes
     ----------
-    settings : CampaignSettings
-        The campaign file.
+    settings : VisitSettings
+        Lines, limits, moves and controller.
     robot : ElasticRobot
         The robot as it is known now.
     positions : ndarray, (Q, n), rad
@@ -74,7 +82,7 @@ class Planner:
         Where the robot is.
     """
 
-    settings: CampaignSettings
+    settings: VisitSettings
     robot: ElasticRobot
     positions: Array
     surroundings: Surroundings | None
@@ -86,7 +94,7 @@ class Planner:
         limits = self.robot.position_limits
         middle, width = limits.mean(axis=1), np.ptp(limits, axis=1)
         nearest = np.argsort((((self.positions - middle) / width) ** 2).sum(axis=1))
-        return self._plans([(self.positions[nearest[0]], Zippered(), _FIRST_PERIODS)], LOW_LEVEL)
+        return self.plans([(self.positions[nearest[0]], Zippered(), _FIRST_PERIODS)], LOW_LEVEL)
 
     def first(
         self, noise: ComplexArray, prior: Prior, targets: Mapping[str, float]
@@ -102,12 +110,12 @@ class Planner:
         targets : mapping of str to float
             As of `TargetCriterion`.
         """
-        candidates = self._candidates(noise, [_FIRST_PERIODS], self.positions, [Zippered()])
+        candidates = self.candidates(_errors(noise), [_FIRST_PERIODS], self.positions, [Zippered()])
         guesses = prior.information(self.robot.parameters.names)
         expected = _fastest(candidates, targets, guesses).time
         shortest = float(candidates.duration.min())
         time = max(_FIRST_SHARE * expected, _FEWEST * shortest)
-        return self._plans(_visits_of(plan_within(candidates, time, "D", guesses)))
+        return self.plans(visits_of(plan_within(candidates, time, "D", guesses)))
 
     def accuracy(
         self, latest: Estimate, targets: Mapping[str, float], minutes: float
@@ -118,9 +126,8 @@ class Planner:
         long ones and bring the targets nearest.
         """
         information = np.asarray(np.linalg.inv(latest.covariance), dtype=float)
-        longest = self.settings.most_periods
-        counts = sorted({*(n for n in (1, 2, 4, 8, 16, 32, 64) if n < longest), longest})
-        flat = self._candidates(latest.noise, counts, self.positions, [Zippered()])
+        counts = self.settings.period_counts
+        flat = self.candidates(_errors(latest.noise), counts, self.positions, [Zippered()])
         candidates, relaxed = flat, _fastest(flat, targets, information)
         if relaxed.time >= _MOST_VISITS * flat.duration.min():
             candidates = self._coloured(relaxed, latest.noise, counts, targets, information)
@@ -131,9 +138,9 @@ class Planner:
         if relaxed.time < most:
             plan = fastest_visit_plan(candidates, dict(targets), information)
             if plan.duration <= most:
-                return self._plans(_visits_of(plan))
+                return self.plans(visits_of(plan))
         criterion = TargetCriterion(dict(targets))
-        return self._plans(_visits_of(plan_within(candidates, most, criterion, information)))
+        return self.plans(visits_of(plan_within(candidates, most, criterion, information)))
 
     def repeated(self, plan: ExperimentPlan) -> list[ExperimentPlan]:
         """Return an earlier visit once more, from where the robot is now."""
@@ -155,25 +162,26 @@ class Planner:
         design = optimal_spectra(
             self.robot,
             self.positions[positions],
-            self._grid.omega,
-            ErrorCovariance(2 * noise),
-            self._levels,
-            speed=self._speeds,
+            self.grid.omega,
+            _errors(noise),
+            self.levels,
+            speed=self.speeds,
             criterion=TargetCriterion(dict(targets)),
             prior=information * (_GAIN / weights.sum()),
             tolerance=_COARSE,
         )
         excitations: list[Excitation] = [Zippered(), *design.excitations]
-        return self._candidates(noise, periods, design.positions, excitations)
+        return self.candidates(_errors(noise), periods, design.positions, excitations)
 
     @cached_property
-    def _grid(self) -> Multisine:
+    def grid(self) -> Multisine:
+        """Lines of every run."""
         return line_grid(self.settings, len(self.robot.motor_names))
 
     @cached_property
-    def _levels(self) -> Array:
+    def levels(self) -> Array:
         """Root mean square torques, the median of some positions, (n,) [N m]."""
-        owners = Zippered().owners(self._grid.inputs, len(self._grid.lines))
+        owners = Zippered().owners(self.grid.inputs, len(self.grid.lines))
         each = [
             fair_torques(self.settings, self.robot, q, owners / owners.sum(axis=0))
             for q in self._some
@@ -188,7 +196,7 @@ class Planner:
         return self.positions[rng.choice(len(self.positions), count, replace=False)]
 
     @property
-    def _speeds(self) -> Array:
+    def speeds(self) -> Array:
         """Root mean square speeds that limits have room for, (n,) [rad/s]."""
         choice, motors = self.settings.limits.speed, tuple(self.robot.motor_names)
         if choice is None:
@@ -199,36 +207,41 @@ class Planner:
     def _timing(self) -> VisitTiming:
         settings, moves = self.settings, move_limits(self.settings, self.robot)
         return VisitTiming(
-            period=self._grid.period,
-            transient=settings.transient_periods * self._grid.period,
+            period=self.grid.period,
+            transient=settings.transient_periods * self.grid.period,
             settle=settings.settle,
             move=float(move_times(self._some, self._some, moves).mean()),
         )
 
-    def _candidates(
+    def candidates(
         self,
-        noise: ComplexArray,
-        periods: list[int],
+        noise: OutputErrors,
+        periods: Sequence[int],
         positions: Array,
-        excitations: Sequence[Excitation],
+        excitations: Sequence[str | Excitation],
+        robots: Sequence[Elastic] = (),
     ) -> ExperimentCandidates:
-        return experiment_candidates(
-            self.robot,
-            positions,
-            excitations,
-            self._grid.omega,
-            # Covariances of `RunSpectra` are of half amplitudes, powers here mean squares.
-            ErrorCovariance(2 * noise),
-            torque=self._levels,
-            periods=periods,
-            timing=self._timing,
-        )
+        """Return visits at typical torques, of the robot or of samples of it."""
+        tables = [
+            experiment_candidates(
+                robot,
+                positions,
+                excitations,
+                self.grid.omega,
+                noise,
+                torque=self.levels,
+                periods=periods,
+                timing=self._timing,
+            )
+            for robot in robots or (self.robot,)
+        ]
+        return tables[0] if len(tables) == 1 else ExperimentCandidates.of_samples(tables)
 
-    def _plans(self, visits: list[_Choice], part: float = 1.0) -> list[ExperimentPlan]:
+    def plans(self, visits: list[_Choice], part: float = 1.0) -> list[ExperimentPlan]:
         """Return plans in an order whose straight moves are free, the nearest position first."""
         at, remaining = self.at, list(visits)
         plans: list[ExperimentPlan] = []
-        n, lines = len(self.robot.motor_names), len(self._grid.lines)
+        n, lines = len(self.robot.motor_names), len(self.grid.lines)
         while remaining:
             goals = np.array([position for position, _, _ in remaining])
             index = 0 if at is None else self._nearest(at, goals)
@@ -238,8 +251,13 @@ class Planner:
             power = power / power.sum(axis=0)
             level = fair_torques(self.settings, self.robot, position, power)
             rng = np.random.default_rng([self.settings.seed, self.stage + len(plans), 1])
-            torques = torque_phases(self._grid, np.sqrt(2 * power) * level, rng)
-            scaled = visit_plan(self.settings, self.robot, position, torques, periods, at, part)
+            torques = torque_phases(self.grid, np.sqrt(2 * power) * level, rng)
+            if isinstance(excitation, UserSpectrum):
+                torques = with_relative_phases(torques, excitation.matrices)
+            runs = excitation.runs(n)
+            scaled = visit_plan(
+                self.settings, self.robot, position, torques, periods, at, part, runs
+            )
             plans.append(scaled.plan)
             at = position
         return plans
@@ -256,11 +274,16 @@ class Planner:
         return int(np.where(free, distance, np.inf).argmin())
 
 
-def _visits_of(plan: VisitPlan) -> list[_Choice]:
+def visits_of(plan: VisitPlan) -> list[_Choice]:
     """Return the visits of a plan."""
     candidates = plan.candidates
     by_name = {one.name: one for one in candidates.excitations}
     return [(candidates.positions[q], by_name[name], count) for q, name, count in plan.visits]
+
+
+def _errors(noise: ComplexArray) -> ErrorCovariance:
+    """Return covariances of `RunSpectra`, of half amplitudes, as those of mean squares."""
+    return ErrorCovariance(2 * noise)
 
 
 def _fastest(

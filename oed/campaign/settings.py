@@ -21,7 +21,7 @@ output: ../out/campaign      # folder; relative to this file, as every path in i
 """
 
 from pathlib import Path
-from typing import Annotated, Literal, Self
+from typing import Annotated, Literal, Self, TypeVar
 
 import numpy as np
 from pydantic import Field, model_validator
@@ -35,16 +35,13 @@ from robotmodels.common.yaml_files import read_yaml
 from robotmodels.description.ranges import Count, NonNegative, Positive, Seed
 
 Accuracy = Annotated[float, Field(gt=0, lt=1)]
+Settings = TypeVar("Settings", bound="VisitSettings")
 
 
-class CampaignSettings(LoopSettings):
-    """A campaign file, ``schema: campaign/1``; paths in it are relative to the file."""
+class VisitSettings(LoopSettings):
+    """What visits with planned spectra have in common, whoever asks for them."""
 
-    schema_: Literal["campaign/1"] = Field(alias="schema")
     robot: str
-    guesses_within: Annotated[float, Field(gt=1, le=100)] | Literal["robot"] = 2.0
-    targets: Annotated[dict[str, Accuracy], Field(min_length=1)]
-    minutes: Positive
     candidates: CandidatesChoice = CandidatesChoice(sobol=512)
     settle: NonNegative = 1.0
     transient_periods: Count = 1
@@ -53,9 +50,28 @@ class CampaignSettings(LoopSettings):
     output: Path
 
     @model_validator(mode="after")
-    def _planned(self) -> Self:
+    def _spectra_are_planned(self) -> Self:
         if self.multisine.slope:
             raise ValueError("multisine.slope: spectra are planned; leave it out")
+        return self
+
+    @property
+    def period_counts(self) -> list[int]:
+        """Numbers of measured periods to choose from: powers of two, and the most."""
+        most = self.most_periods
+        return sorted({*(n for n in (1, 2, 4, 8, 16, 32, 64) if n < most), most})
+
+
+class CampaignSettings(VisitSettings):
+    """A campaign file, ``schema: campaign/1``; paths in it are relative to the file."""
+
+    schema_: Literal["campaign/1"] = Field(alias="schema")
+    guesses_within: Annotated[float, Field(gt=1, le=100)] | Literal["robot"] = 2.0
+    targets: Annotated[dict[str, Accuracy], Field(min_length=1)]
+    minutes: Positive
+
+    @model_validator(mode="after")
+    def _planned(self) -> Self:
         if self.multisine.detection is None:
             raise ValueError("multisine.detection: missing; single runs show their noise there")
         return self
@@ -75,7 +91,12 @@ class CampaignSettings(LoopSettings):
 
 
 def load_campaign(path: str | Path) -> CampaignSettings:
-    """Read a campaign file; the paths inside it become absolute.
+    """Read a campaign file, see `load_visit_settings`."""
+    return load_visit_settings(path, CampaignSettings)
+
+
+def load_visit_settings(path: str | Path, kind: type[Settings]) -> Settings:
+    """Read a file of settings; the paths inside it become absolute.
 
     Raises
     ------
@@ -83,7 +104,7 @@ def load_campaign(path: str | Path) -> CampaignSettings:
         If the file is absent, is not YAML, or does not fit the schema; the key is named.
     """
     path = Path(path)
-    settings = read_yaml(path, CampaignSettings)
+    settings = read_yaml(path, kind)
     lists = [existing_file(path, "candidates.files", file) for file in settings.candidates.files]
     changed = {
         "output": output_folder(path, settings.output),

@@ -8,7 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from oed.campaign.settings import CampaignSettings
+from oed.campaign.settings import VisitSettings
 from oed.experiment.amplitude_scaling import Scaling, fair_amplitudes
 from oed.experiment.draw_plan import reduced_crest
 from oed.experiment.experiment_file import per_motor
@@ -33,13 +33,13 @@ CREST = 3.3
 """Largest over root mean square value of many lines in random phases, 5 % above the median."""
 
 
-def line_grid(settings: CampaignSettings, motors: int) -> Multisine:
+def line_grid(settings: VisitSettings, motors: int) -> Multisine:
     """Return the lines of all visits, the same for the same seed: detection lines are drawn."""
     return planned_multisine(settings, motors, np.random.default_rng(settings.seed))
 
 
 def fair_torques(
-    settings: CampaignSettings, robot: ElasticRobot, position: Array, power: Array
+    settings: VisitSettings, robot: ElasticRobot, position: Array, power: Array
 ) -> Array:
     """Return the root mean square torque of each motor, (n,) [N m], that limits have room for.
 
@@ -90,20 +90,36 @@ def torque_phases(grid: Multisine, amplitude: Array, rng: np.random.Generator) -
     return np.asarray(amplitude * np.exp(1j * lowered))
 
 
+def with_relative_phases(torques: ComplexArray, spectrum: ComplexArray) -> ComplexArray:
+    """Return torques (F, n) whose phases between motors are those of Phi, (F, n, n), of one run.
+
+    Torques stay as they are where Phi leaves motors independent.
+    """
+    off = np.abs(spectrum) * ~np.eye(spectrum.shape[1], dtype=bool)
+    if off.max() <= 1e-9 * np.abs(spectrum).max():
+        return torques
+    first = np.linalg.eigh(spectrum)[1][..., -1]
+    common = np.exp(1j * np.angle(torques[:, :1]))
+    return np.asarray(np.abs(torques) * common * np.exp(1j * np.angle(first)))
+
+
 def visit_plan(
-    settings: CampaignSettings,
+    settings: VisitSettings,
     robot: ElasticRobot,
     position: Array,
     torques: ComplexArray,
     periods: int,
     start: Array | None,
     part: float = 1.0,
+    runs: int = 1,
 ) -> Scaling:
     """Return a plan of one run whose torques are in the ratios of `torques` (F, n).
 
+    Of several orthogonal ones their powers are, summed over the runs.
+
     Parameters
     ----------
-    settings : CampaignSettings
+    settings : VisitSettings
         Lines, limits, moves and controller.
     robot : ElasticRobot
         The robot as it is known now.
@@ -117,6 +133,8 @@ def visit_plan(
         Where the robot is before.
     part : float
         Part of the largest amplitude to take.
+    runs : int
+        One, or orthogonal ones, at most as many as motors.
 
     Raises
     ------
@@ -128,7 +146,11 @@ def visit_plan(
     grid = line_grid(settings, len(robot.motor_names))
     controller = controller_of(settings, robot)
     loop = closed_loop(robot.network(position[None]), grid.omega, controller)
-    R = np.linalg.solve(loop.torque[0], torques[..., None])[..., 0]
+    inverse = np.linalg.inv(loop.torque[0])
+    R = np.einsum("fij,fj->fi", inverse, torques)
+    if runs > 1:
+        power = np.einsum("fij,fj->fi", np.abs(inverse) ** 2, np.abs(torques) ** 2)
+        R = np.sqrt(power) * np.exp(1j * np.angle(torques))
     plan = ExperimentPlan(
         robot=robot.name,
         positions=position[None],
@@ -141,7 +163,7 @@ def visit_plan(
         scale=np.ones(1),
         start=start,
         ramp=True,
-        runs=1,
+        runs=runs,
     )
     scaled = within_limits(settings, plan, robot, controller)
     return replace(scaled, plan=scaled.plan.rescaled(np.asarray(part)))

@@ -3,12 +3,12 @@
 import os
 from collections.abc import Iterator, Sequence
 from concurrent.futures import Executor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from oed.information_sets.candidates import Candidates
+from oed.information_sets.candidates import Candidates, InformationSamples
 from oed.information_sets.compute import ChunkInformation, Prepared, counted, in_chunks
 from oed.information_sets.excitations import Excitation, VisitTiming, checked_excitations
 from oed.information_sets.information_set import InformationSet
@@ -107,6 +107,25 @@ class ExperimentCandidates(ReprHtml):
 
     def __len__(self) -> int:
         return len(self.duration)
+
+    @classmethod
+    def of_samples(cls, tables: Sequence["ExperimentCandidates"]) -> "ExperimentCandidates":
+        """Return the same visits with the information of each sample of theta, a table each.
+
+        Raises
+        ------
+        InvalidInput
+            If there is no table, or they are not of the same visits.
+        """
+        if not tables:
+            raise InvalidInput("samples: no table given; at least one is needed")
+        if any(not np.array_equal(one.duration, tables[0].duration) for one in tables):
+            raise InvalidInput(
+                "samples: tables of other visits; the same positions, excitations, "
+                "periods and timing are needed"
+            )
+        samples = InformationSamples(tuple(one.information for one in tables))
+        return replace(tables[0], information=samples)
 
     def visit(self, index: int) -> tuple[int, Excitation, int]:
         """Return the position's index, the excitation and the periods of a candidate."""
