@@ -223,6 +223,7 @@ def objective_of(criterion: str | Criterion, names: Sequence[str], samples: int 
         else criterion.objective(names, samples)
     )
     unaware = len(single.groups) == 1 and all(term.sample == 0 for term in single.terms)
+    unaware = unaware and not single.one_sample
     return averaged(single, np.full(samples, 1.0 / samples)) if unaware and samples > 1 else single
 
 

@@ -48,11 +48,14 @@ class Objective:
         Terms of each group; their shares sum to one.
     references : tuple of float or None
         log r_g of each group; zeros if None.
+    one_sample : bool
+        Whether it is that of one sample of theta on purpose, so that it is not averaged over all.
     """
 
     name: str
     groups: tuple[tuple[Term, ...], ...]
     references: tuple[float, ...] | None = None
+    one_sample: bool = False
 
     def value(self, information: Array) -> float:
         """Return the criterion in its usual form, -inf if a combination is undetermined.

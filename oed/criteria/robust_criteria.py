@@ -1,6 +1,6 @@
 """Criteria over samples of theta: good on average, or at worst."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -8,7 +8,9 @@ import numpy as np
 from oed.criteria.criteria import Criterion, averaged, checked_shares, objective_of
 from oed.criteria.objective import Objective, Term
 from robotmodels.common.arrays import real_numbers
-from robotmodels.common.errors import InvalidInput
+from robotmodels.common.errors import InvalidInput, nearest
+
+KINDS = ("average", "maximin")
 
 
 @dataclass(frozen=True, eq=False)
@@ -90,7 +92,51 @@ def _of_one(criterion: str | Criterion, names: Sequence[str], name: str) -> Obje
     """Return a criterion of one sample."""
     if isinstance(criterion, AverageCriterion | MaximinCriterion):
         raise InvalidInput(f"criterion {name}: {criterion.name} is robust already")
-    return objective_of(criterion, names)
+    one = objective_of(criterion, names)
+    if len(one.groups) > 1:
+        raise InvalidInput(
+            f"criterion {name}: {one.name} is the least of several values, which holds at every "
+            "sample as it is"
+        )
+    return one
+
+
+def robust_objective(
+    criterion: str | Criterion,
+    names: Sequence[str],
+    samples: int,
+    kind: str,
+    best: Callable[[Objective], float],
+) -> Objective:
+    """Return the objective of a criterion over samples of theta, on average or at worst.
+
+    Parameters
+    ----------
+    criterion : str or Criterion
+        Criterion of each sample.
+    names : sequence of str
+        Names of the p parameters.
+    samples : int
+        Number of samples.
+    kind : str
+        "average", as of `objective_of`, or "maximin", the least efficiency of all.
+    best : callable
+        The largest log value of an objective of one sample, against which "maximin" compares.
+
+    Raises
+    ------
+    InvalidInput
+        If the kind is unknown or the criterion does not fit.
+    """
+    if kind not in KINDS:
+        raise InvalidInput(
+            f"kind {kind!r} is not known{nearest(kind, KINDS)}; there are {', '.join(KINDS)}"
+        )
+    if kind == "average" or samples == 1:
+        return objective_of(criterion, names, samples)
+    worst = MaximinCriterion(criterion).objective(names, samples)
+    values = [best(Objective(worst.name, (group,), one_sample=True)) for group in worst.groups]
+    return MaximinCriterion(criterion, values).objective(names, samples)
 
 
 def _name(criterion: str | Criterion) -> str:

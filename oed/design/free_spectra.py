@@ -102,8 +102,8 @@ class FreeSpectra:
         Noise of a period.
     torque : ndarray, (n,), N m
         Root mean square torques.
-    speed : ndarray, (n,), rad/s
-        Root mean square speeds; infinite where there is no limit.
+    speed, swing : ndarray, (n,), rad/s, rad
+        Root mean square speeds and swings of the motors; infinite where there is no limit.
     oracle : SpectralOracle
         Searches a position's spectra.
     """
@@ -116,10 +116,12 @@ class FreeSpectra:
         errors: OutputErrors,
         torque: Array,
         speed: Array,
+        swing: Array,
         oracle: SpectralOracle,
     ) -> None:
         self.robots, self.positions, self.omega = robots, positions, omega
-        self.errors, self.torque, self.speed, self.oracle = errors, torque, speed, oracle
+        self.errors, self.torque, self.oracle = errors, torque, oracle
+        self._largest = np.stack([speed, swing])
         self._bounds: Array = np.full(len(positions), np.inf)
         self._weight: Array | None = None
 
@@ -132,10 +134,10 @@ class FreeSpectra:
         """Return the flat spectrum of every position, weaker where it would move too fast."""
         q, f, n = len(self.positions), len(self.omega), len(self.torque)
         level = np.broadcast_to(np.eye(n) / f, (q, f, n, n))
-        if np.isinf(self.speed).all():
+        if np.isinf(self._largest).all():
             return Columns(np.arange(q), level, self._flat)
-        speeds = [np.sum(np.abs(s) ** 2, axis=(1, 2)).max() for _, _, s in self._parts(range(q))]
-        share = 1 / np.maximum(1.0, np.array(speeds) / f)
+        motions = [np.sum(np.abs(s) ** 2, axis=(1, 2)).max() for _, _, s in self._parts(range(q))]
+        share = 1 / np.maximum(1.0, np.array(motions) / f)
         shares = share.reshape(-1, *(1,) * (self._flat.ndim - 1))
         return Columns(np.arange(q), share[:, None, None, None] * level, shares * self._flat)
 
@@ -165,11 +167,13 @@ class FreeSpectra:
         # The most promising first. Where enough are found and others do not better them, the rest
         # wait for another round: their bounds hold unsearched.
         order, idle = np.argsort(-bounds, kind="stable"), 0
-        for q, white, speeds in self._parts(order[bounds[order] > level]):
+        for q, white, motions in self._parts(order[bounds[order] > level]):
             full = len(best) == most
             if full and idle > 2 * most:
                 break
-            bounds[q], column = self._search(q, white, speeds, W, best[-1].bound if full else level)
+            bounds[q], column = self._search(
+                q, white, motions, W, best[-1].bound if full else level
+            )
             idle = 0 if column else idle + 1
             best = sorted([*best, *column], key=lambda one: -one.bound)[:most]
         self._bounds, self._weight = bounds, W
@@ -181,14 +185,14 @@ class FreeSpectra:
         return float(bounds.max()), columns
 
     def _search(
-        self, q: int, white: list[White], speeds: ComplexArray, weight: Array, threshold: float
+        self, q: int, white: list[White], motions: ComplexArray, weight: Array, threshold: float
     ) -> tuple[float, "list[_Column]"]:
         """Return a position's bound, and its best spectrum if that is above the threshold."""
         prices = np.sum([A.prices(W) for A, W in zip(white, weight, strict=True)], axis=0)
         bound = float(self.oracle.quick_bounds(prices[None])[0])
         if bound <= threshold:
             return bound, []
-        bound, X = self.oracle.solve(prices, speeds)
+        bound, X = self.oracle.solve(prices, motions)
         if bound <= threshold:
             return bound, []
         return bound, [_Column(bound, q, X, np.stack([A.information(X) for A in white]))]
@@ -221,16 +225,16 @@ class FreeSpectra:
     def _parts(
         self, indices: Sequence[int] | IntArray
     ) -> Iterator[tuple[int, list[White], ComplexArray]]:
-        """Yield positions, their sensitivities for each sample, and speeds (R, F, n) per torque."""
+        """Yield positions, their sensitivities for each sample, and motions (R, F, n)."""
         for start in range(0, len(indices), _PART):
             part = np.asarray(indices[start : start + _PART])
             samples = [self._white(robot, self.positions[part]) for robot in self.robots]
             for i, q in enumerate(part):
-                white, speeds = zip(*(sample[i] for sample in samples), strict=True)
-                yield int(q), list(white), np.concatenate(speeds)
+                white, motions = zip(*(sample[i] for sample in samples), strict=True)
+                yield int(q), list(white), np.concatenate(motions)
 
     def _white(self, robot: Elastic, positions: Array) -> list[tuple[White, ComplexArray]]:
-        """Return the sensitivities of positions, and their speeds."""
+        """Return the sensitivities of positions, and their motions."""
         network, tangents = linearization(robot, positions, equilibrium_shift=False)
         rank_one = tangents is None and network.only_springs and network.torque_springs is None
         if rank_one:
@@ -247,18 +251,18 @@ class FreeSpectra:
             L = np.linalg.cholesky(self.errors.output_error(network, G, self.omega))
             A = np.linalg.solve(L, J.reshape(*J.shape[:3], -1)).reshape(J.shape)
             white = list(map(Whole, A * self.torque[:, None]))
-        return list(zip(white, self._speeds(network), strict=True))
+        return list(zip(white, self._motions(network), strict=True))
 
-    def _speeds(self, network: SpringNetwork) -> ComplexArray:
-        """Return the limited speeds of motors in units of their limits, (Q, R, F, n)."""
-        limited = np.isfinite(self.speed)
-        if not limited.any():
+    def _motions(self, network: SpringNetwork) -> ComplexArray:
+        """Return the limited speeds and swings in units of their limits, (Q, R, F, n)."""
+        order, motor = np.nonzero(np.isfinite(self._largest))
+        if not len(motor):
             q, f, n = len(network.mass), len(self.omega), len(self.torque)
             return np.zeros((q, 0, f, n), dtype=complex)
         motors = replace(network, measurement=None, torque_springs=None)
-        G = motors.frequency_response(self.omega)[:, :, limited]
-        speeds = G * self.torque / (1j * self.omega[:, None, None] * self.speed[limited, None])
-        return np.asarray(np.swapaxes(speeds, 1, 2))
+        G = motors.frequency_response(self.omega)[:, :, motor]
+        units = (1j * self.omega[:, None]) ** (order + 1) * self._largest[order, motor]
+        return np.asarray(np.swapaxes(G * self.torque / units[..., None], 1, 2))
 
 
 def _growth(old: Array | None, new: Array) -> float:

@@ -6,8 +6,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from oed.criteria.criteria import Criterion, objective_of
+from oed.criteria.criteria import Criterion
 from oed.criteria.objective import Objective
+from oed.criteria.robust_criteria import robust_objective
 from oed.design.certificate import efficiency_bound
 from oed.design.column_generation import GeneratedDesign, generate_columns
 from oed.design.free_spectra import FreeSpectra
@@ -116,8 +117,10 @@ def optimal_spectra(
     full: bool = False,
     line_cap: float = 3.0,
     speed: ArrayLike = np.inf,
+    swing: ArrayLike = np.inf,
     criterion: str | Criterion = "D",
     prior: Array | None = None,
+    kind: str = "average",
     tolerance: float | None = None,
     max_rounds: int = 100,
 ) -> SpectraDesign:
@@ -146,10 +149,14 @@ def optimal_spectra(
         flat one: without it a few lines are shaken, and the design is not robust.
     speed : float or array_like, (n,), rad/s
         Largest root mean square speed of each motor.
+    swing : float or array_like, (n,), rad
+        Largest root mean square deflection of each motor from the position, motor shaft.
     criterion : str or Criterion
         As in `optimal_design`.
     prior : ndarray, (p, p), optional
         Information there is already, in units of the shares.
+    kind : {"average", "maximin"}
+        How samples of theta count, see `robust_design`.
     tolerance : float, optional
         Largest certified gap; 1e-6, or 1e-5 of full matrices.
     max_rounds : int
@@ -158,8 +165,8 @@ def optimal_spectra(
     Raises
     ------
     InvalidInput
-        If positions, torques, speeds or noise do not fit, or the cap is below one; if parameters of
-        a single robot are guesses by its file.
+        If positions, torques, motions or noise do not fit, the cap is below one or the kind
+        unknown; if parameters of a single robot are guesses by its file.
     NotIdentifiable
         Naming the parameters, if flat spectra in all positions leave some open.
     SolverFailed
@@ -180,9 +187,17 @@ def optimal_spectra(
     goal = (1e-5 if full else 1e-6) if tolerance is None else tolerance
     check_above_zero(goal, "tolerance")
     oracle = SpectralOracle(line_cap * n / len(lines), full, 0.05 * goal)
-    sets = FreeSpectra(robots, positions, lines, noise, levels, _limits(speed, n, "speed"), oracle)
-    objective = objective_of(criterion, sets.names, len(robots))
-    solution = generate_columns(sets, objective, prior, goal, max_rounds)
+    motions = _limits(speed, n, "speed"), _limits(swing, n, "swing")
+    sets = FreeSpectra(robots, positions, lines, noise, levels, *motions, oracle)
+
+    def best(one: Objective) -> GeneratedDesign:
+        return generate_columns(sets, one, prior, goal, max_rounds)
+
+    def best_value(one: Objective) -> float:
+        return one.log_value(best(one).design.information)
+
+    objective = robust_objective(criterion, sets.names, len(robots), kind, best_value)
+    solution = best(objective)
     return _result(sets, solution, objective, prior)
 
 
@@ -201,7 +216,7 @@ def _check_estimated(robot: Elastic) -> None:
 
 
 def _limits(values: ArrayLike, motors: int, what: str) -> Array:
-    """Return a positive limit of each motor, (n,), which may be infinite for speeds."""
+    """Return a positive limit of each motor, (n,), which may be infinite for motions."""
     limits = real_numbers(values, what)
     if limits.shape not in ((), (motors,)):
         raise InvalidInput(

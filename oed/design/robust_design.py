@@ -12,15 +12,13 @@ from typing import Any
 import numpy as np
 
 from oed.criteria.criteria import Criterion, objective_of
-from oed.criteria.robust_criteria import AverageCriterion, MaximinCriterion
+from oed.criteria.robust_criteria import KINDS, AverageCriterion, MaximinCriterion
 from oed.design.design import Design
 from oed.design.optimal_design import optimal_design
 from oed.information_sets.candidates import Candidates, InformationSamples
 from robotmodels.common.arrays import Array, read_only
 from robotmodels.common.errors import InvalidInput, nearest
 from robotmodels.common.printing import ReprHtml
-
-KINDS = ("average", "maximin")
 
 
 @dataclass(frozen=True, eq=False)

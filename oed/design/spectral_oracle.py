@@ -1,8 +1,8 @@
 """The best spectral matrices of one position for given prices, and bounds on all of them.
 
 Largest sum_k tr(P_k X_k) over Hermitian X_k >= 0 of lines k, in units of the motors' torques: of
-every motor i sum_k (X_k)_ii <= 1, of every speed j sum_k s_jk X_k s_jk^H <= 1, and of every line
-tr X_k <= cap. For any multipliers y >= 0 of the rows it is at most
+every motor i sum_k (X_k)_ii <= 1, of every limited motion j sum_k s_jk X_k s_jk^H <= 1, and of
+every line tr X_k <= cap. For any multipliers y >= 0 of the rows it is at most
 
     sum_r y_r + cap sum_k max(0, largest eigenvalue of P_k - sum_r y_r A_rk),
 
@@ -58,8 +58,8 @@ class SpectralOracle:
         reduced = prices - y[:, None, :, None] * np.eye(n)
         return np.asarray(y.sum(axis=1) + self.cap * self._largest(reduced).sum(axis=1))
 
-    def solve(self, prices: ComplexArray, speeds: ComplexArray) -> tuple[float, ComplexArray]:
-        """Return a bound and the best X, (F, n, n), for prices (F, n, n) and speeds (R, F, n).
+    def solve(self, prices: ComplexArray, motions: ComplexArray) -> tuple[float, ComplexArray]:
+        """Return a bound and the best X, (F, n, n), for prices (F, n, n) and motions (R, F, n).
 
         Raises
         ------
@@ -68,10 +68,10 @@ class SpectralOracle:
         """
         f, n = prices.shape[:2]
         lines, vectors = np.repeat(np.arange(f), n), np.tile(np.eye(n, dtype=complex), (f, 1))
-        bound, best = np.inf, np.zeros(n + len(speeds))
+        bound, best = np.inf, np.zeros(n + len(motions))
         for _ in range(_MOST_PROGRAMS):
             try:
-                x, y = self._program(prices, speeds, lines, vectors)
+                x, y = self._program(prices, motions, lines, vectors)
             except SolverFailed:
                 if np.isfinite(bound):
                     break  # HiGHS stalls over many vectors that are nearly equal
@@ -79,7 +79,7 @@ class SpectralOracle:
             X = _spectrum(prices.shape, x, lines, vectors)
             # Half way to the best multipliers too: the last ones alone swing from side to side.
             for multipliers in (y, 0.5 * (y + best)) if np.isfinite(bound) else (y,):
-                earned, directions = self._earned(prices, speeds, multipliers)
+                earned, directions = self._earned(prices, motions, multipliers)
                 bound, best = min((bound, best), (earned, multipliers), key=_bound)
                 lines = np.concatenate([lines, np.arange(len(directions))])
                 vectors = np.concatenate([vectors, directions])
@@ -89,22 +89,22 @@ class SpectralOracle:
         return bound, X
 
     def _earned(
-        self, prices: ComplexArray, speeds: ComplexArray, multipliers: Array
+        self, prices: ComplexArray, motions: ComplexArray, multipliers: Array
     ) -> tuple[float, ComplexArray]:
         """Return the bound by multipliers, and of full matrices each line's best vector."""
-        reduced = prices - _row_matrices(multipliers, speeds)
+        reduced = prices - _row_matrices(multipliers, motions)
         bound = float(multipliers.sum() + self.cap * self._largest(reduced).sum())
         n = prices.shape[1]
         directions = np.linalg.eigh(reduced)[1][:, :, -1] if self.full else np.zeros((0, n))
         return bound, np.asarray(directions, dtype=complex)
 
     def _program(
-        self, prices: ComplexArray, speeds: ComplexArray, lines: IntArray, vectors: ComplexArray
+        self, prices: ComplexArray, motions: ComplexArray, lines: IntArray, vectors: ComplexArray
     ) -> tuple[Array, Array]:
         """Return the powers of vectors, and the rows' multipliers."""
         gains = _forms(prices[lines], vectors)
         scale = float(np.abs(gains).max()) or 1.0
-        moved = np.abs(np.einsum("rai,ai->ra", speeds[:, lines], vectors)) ** 2
+        moved = np.abs(np.einsum("rai,ai->ra", motions[:, lines], vectors)) ** 2
         rows = np.concatenate([np.abs(vectors.T) ** 2, moved])
         of_lines = csr_array(
             (np.ones(len(lines)), (lines, np.arange(len(lines)))), (len(prices), len(lines))
@@ -145,10 +145,10 @@ def _spectrum(
     return X
 
 
-def _row_matrices(multipliers: Array, speeds: ComplexArray) -> ComplexArray:
-    """Return sum_r y_r A_rk, (F, n, n), of torques and speeds (R, F, n)."""
-    n = speeds.shape[2]
-    moved = np.einsum("r,rfi,rfj->fij", multipliers[n:], speeds.conj(), speeds, optimize=True)
+def _row_matrices(multipliers: Array, motions: ComplexArray) -> ComplexArray:
+    """Return sum_r y_r A_rk, (F, n, n), of torques and motions (R, F, n)."""
+    n = motions.shape[2]
+    moved = np.einsum("r,rfi,rfj->fij", multipliers[n:], motions.conj(), motions, optimize=True)
     return np.asarray(moved + np.diag(multipliers[:n]))
 
 

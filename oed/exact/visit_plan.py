@@ -11,9 +11,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from oed.criteria.criteria import Criterion, objective_of
+from oed.criteria.criteria import Criterion
+from oed.criteria.objective import Objective
+from oed.criteria.robust_criteria import robust_objective
 from oed.criteria.targets import TargetCriterion
 from oed.design.constraints import Constraints
+from oed.design.design import Design
 from oed.design.fastest_design import fastest_design
 from oed.design.optimal_design import checked_prior, optimal_design
 from oed.design.solvers import fast_solver
@@ -117,6 +120,7 @@ def visit_plan(
     time: float,
     criterion: str | Criterion = "D",
     prior: Array | None = None,
+    kind: str = "average",
 ) -> VisitPlan:
     """Return visits within a time that inform most.
 
@@ -130,6 +134,8 @@ def visit_plan(
         What is maximised, as in `optimal_design`.
     prior : ndarray, (p, p), optional
         Information there is already.
+    kind : {"average", "maximin"}
+        How samples of theta count, see `robust_design`.
 
     Raises
     ------
@@ -148,10 +154,17 @@ def visit_plan(
             f"s ({excitation.name}, {count} periods in position {position})"
         )
     info = candidates.information
-    objective = objective_of(criterion, info.names, info.samples)
     before = checked_prior(prior, info)
     limits = Constraints(time=time, durations=candidates.duration)
-    relaxed = optimal_design(info, objective, limits, before, solver=fast_solver(objective))
+
+    def best(one: Objective) -> Design:
+        return optimal_design(info, one, limits, before, solver=fast_solver(one))
+
+    def best_value(one: Objective) -> float:
+        return one.log_value(best(one).information)
+
+    objective = robust_objective(criterion, info.names, info.samples, kind, best_value)
+    relaxed = best(objective)
     search = VisitSearch.of(candidates, objective, before, relaxed.weights, relaxed.sensitivity)
     periods = search.best(time)
     bound = objective.log_value(relaxed.information) + np.log1p(relaxed.gap)
@@ -207,6 +220,7 @@ def time_curve(
     times: Sequence[float],
     criterion: str | Criterion = "D",
     prior: Array | None = None,
+    kind: str = "average",
 ) -> TimeCurve:
     """Return the best plans of several times, for the trade-off of minutes against accuracy.
 
@@ -220,13 +234,15 @@ def time_curve(
         As of `visit_plan`; a `TargetCriterion` for the accuracy asked for.
     prior : ndarray, optional
         As of `visit_plan`.
+    kind : str
+        As of `visit_plan`.
 
     Raises
     ------
     InvalidInput, NotIdentifiable
         As `visit_plan`.
     """
-    plans = tuple(visit_plan(candidates, time, criterion, prior) for time in times)
+    plans = tuple(visit_plan(candidates, time, criterion, prior, kind) for time in times)
     if not plans:
         raise InvalidInput("times: none given; at least one is needed")
     return TimeCurve(read_only(np.array(times, dtype=float)), plans)

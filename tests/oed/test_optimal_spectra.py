@@ -34,14 +34,14 @@ def designed(**options):
     return oed.optimal_spectra(robot, POSITIONS, OMEGA, NOISE, TORQUE, **arguments)
 
 
-def white_sensitivities():
-    G, J = sensitivity(ROBOT, POSITIONS, OMEGA, equilibrium_shift=False)
-    L = np.linalg.cholesky(NOISE.output_error(ROBOT.network(POSITIONS), G, OMEGA))
+def white_sensitivities(robot=ROBOT):
+    G, J = sensitivity(robot, POSITIONS, OMEGA, equilibrium_shift=False)
+    L = np.linalg.cholesky(NOISE.output_error(robot.network(POSITIONS), G, OMEGA))
     A = np.linalg.solve(L, J.reshape(*J.shape[:3], -1)).reshape(J.shape)
     return G, A * TORQUE[:, None]
 
 
-def one_problem(full, speed=None):
+def one_problem(full, speed=None, order=1):
     """log det over shares times spectral matrices of all positions and lines at once."""
     G, A = white_sensitivities()
     flat = np.einsum("qfmip,qfmir->pr", A.conj(), A).real
@@ -50,7 +50,7 @@ def one_problem(full, speed=None):
     M, rules, shares = 0, [], cp.Variable(len(POSITIONS), nonneg=True)
     use = fast = None
     for q, k in np.ndindex(len(POSITIONS), LINES):
-        s = np.zeros((0, 6)) if speed is None else G[q, k] * TORQUE / OMEGA[k] / speed
+        s = np.zeros((0, 6)) if speed is None else G[q, k] * TORQUE / OMEGA[k] ** order / speed
         if full:
             X = cp.Variable((6, 6), hermitian=True)
             products = np.einsum("mia,mjb->abji", A[q, k].conj(), A[q, k]).reshape(36, 36)
@@ -73,7 +73,7 @@ def one_problem(full, speed=None):
     return value + 2 * np.log(np.diag(root)).sum()
 
 
-def check_limits(design, speed=None):
+def check_limits(design, speed=None, order=1):
     power = np.einsum("kfii->ki", design.spectra).real
     assert (power <= TORQUE**2 * (1 + 1e-9)).all()
     traces = np.einsum("kfii->kf", design.spectra / UNITS).real
@@ -81,8 +81,9 @@ def check_limits(design, speed=None):
     if speed is not None:
         G = frequency_response(ROBOT, design.positions, OMEGA)
         moved = np.einsum("kfji,kfil,kfjl->kfj", G, design.spectra, G.conj()).real
-        assert (moved / OMEGA[:, None] ** 2).sum(axis=1).max() <= speed**2 * (1 + 1e-9)
-        run = np.abs(np.einsum("kfji,kfi->kfj", G, design.torques) / OMEGA[:, None]) ** 2
+        times = OMEGA[:, None] ** order
+        assert (moved / times**2).sum(axis=1).max() <= speed**2 * (1 + 1e-9)
+        run = np.abs(np.einsum("kfji,kfi->kfj", G, design.torques) / times) ** 2
         assert run.sum(axis=1).max() <= speed**2 * (1 + 1e-9)
     assert np.linalg.eigvalsh(design.spectra).min() > -1e-9
 
@@ -109,6 +110,19 @@ def test_spectra_are_those_of_one_convex_problem(full, speed):
         for share, q, Phi in zip(design.weights, design.positions, design.spectra, strict=True)
     )
     np.testing.assert_allclose(total, design.information, rtol=1e-7, atol=1e-7 * total.max())
+
+
+def test_swings_are_limited_like_speeds():
+    """Deflections G U/(j omega)^2 are linear in Phi as speeds are: same certificate."""
+    free = designed()
+    G = frequency_response(ROBOT, free.positions, OMEGA)
+    moved = np.einsum("kfji,kfil,kfjl->kfj", G, free.spectra, G.conj()).real
+    swing = 0.3 * np.sqrt((moved / OMEGA[:, None] ** 4).sum(axis=1).max())
+    design = designed(swing=swing)
+    assert 0 <= design.gap <= 1e-6
+    assert design.value < free.value - 0.1
+    assert design.value == pytest.approx(one_problem(False, swing, order=2), abs=2e-5 * 6)
+    check_limits(design, swing, order=2)
 
 
 @SLOW
@@ -189,6 +203,37 @@ def test_spectra_averaged_over_the_prior_are_those_of_samples():
     assert np.mean(kept) <= np.linalg.slogdet(design.information).logabsdet.mean() + 1e-6
 
 
+def test_spectra_at_worst_over_samples_are_those_of_one_convex_problem():
+    """max_P min_k log det M_k(P) / p less that of the best spectra of sample k."""
+    robots = [WithParameters(ROBOT, f * ROBOT.parameters.values) for f in (0.6, 1.5)]
+    design = designed(robot=robots, kind="maximin")
+    assert 0 <= design.gap <= 1e-6
+    samples = [white_sensitivities(robot)[1] for robot in robots]
+    power = cp.Variable((2 * LINES, 6), nonneg=True)
+    shares = cp.Variable(2, nonneg=True)
+    rules = [cp.sum(shares) == 1]
+    for q in range(2):
+        own = power[q * LINES : (q + 1) * LINES]
+        rules += [
+            cp.sum(own, axis=0) <= shares[q],
+            cp.sum(own, axis=1) <= CAP * 6 / LINES * shares[q],
+        ]
+    values = []
+    for A in samples:
+        root = np.linalg.cholesky(np.einsum("qfmip,qfmir->pr", A.conj(), A).real)
+        A = A @ np.linalg.inv(root).T
+        parts = 2 * np.einsum("qfmia,qfmib->abqfi", A.conj(), A).real.reshape(36, -1)
+        M = cp.reshape(parts @ cp.vec(power, order="C"), (6, 6), order="C")
+        values.append(cp.log_det(0.5 * (M + M.T)) + 2 * np.log(np.diag(root)).sum())
+    best = [cp.Problem(cp.Maximize(value), rules).solve(cp.CLARABEL) for value in values]
+    worst = cp.minimum(*(value - one for value, one in zip(values, best, strict=True)))
+    expected = cp.Problem(cp.Maximize(worst), rules).solve(cp.CLARABEL)
+    reached = np.linalg.slogdet(design.information).logabsdet - best
+    assert reached.min() == pytest.approx(expected, abs=1e-4)
+    average = designed(robot=robots)
+    assert (np.linalg.slogdet(average.information).logabsdet - best).min() <= reached.min() + 1e-5
+
+
 def test_guesses_are_refused_and_fitted_values_are_not():
     names = ROBOT.parameters.names
     guess = ROBOT.file.model_copy(update={"guessed": {names[0]: 0.5}})
@@ -243,6 +288,8 @@ def test_extra_parameters_take_the_general_way():
         ({"speed": [1.0, 2.0]}, r"speed: shape \(2,\)"),
         ({"tolerance": 0.0}, "tolerance: 0.0"),
         ({"max_rounds": 0}, "max_rounds: 0"),
+        ({"swing": 0.0}, "swing: 0.0; positive numbers"),
+        ({"kind": "worst"}, "kind 'worst' is not known"),
     ],
 )
 def test_spectra_that_do_not_fit(change, message):

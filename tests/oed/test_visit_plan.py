@@ -109,3 +109,61 @@ def test_times_that_do_not_fit():
     )
     with pytest.raises(NotIdentifiable, match=r"g1\.damping"):
         oed.fastest_visit_plan(table, TARGETS)
+
+
+def of_samples(seed):
+    """The same visits for three values of the parameters."""
+    return oed.ExperimentCandidates.of_samples([candidates(seed + 10 * k) for k in range(3)])
+
+
+@pytest.mark.parametrize("kind", ["average", "maximin"])
+@pytest.mark.parametrize("seed", range(3))
+def test_plans_over_samples_of_theta_against_every_plan(seed, kind):
+    table, time = of_samples(seed), 130.0
+    plan = oed.visit_plan(table, time, kind=kind)
+    assert plan.information.shape == (3, 2, 2)
+    parts = [every_plan(candidates(seed + 10 * k), 9) for k in range(3)]
+    fits = parts[0][1] <= time
+    values = np.stack([np.linalg.slogdet(total[fits]).logabsdet / 2 for total, _ in parts])
+    limits = oed.Constraints(time=time, durations=table.duration)
+    best = [
+        oed.optimal_design(
+            candidates(seed + 10 * k).information, "D", limits, solver="newton"
+        ).value
+        for k in range(3)
+    ]
+    efficiencies = values - np.array(best)[:, None] / 2
+    own = np.linalg.slogdet(plan.information).logabsdet / 2 - np.array(best) / 2
+    combine = np.mean if kind == "average" else np.min
+    reached = np.exp(combine(own) - combine(efficiencies, axis=0).max())
+    assert plan.duration <= time
+    assert plan.efficiency - 1e-6 <= reached <= 1 + 1e-9
+    assert reached > 0.93
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_targets_are_reached_at_every_sample_of_theta(seed):
+    plan = oed.fastest_visit_plan(of_samples(seed), TARGETS)
+    for information in plan.information:
+        assert (np.sqrt(np.diag(np.linalg.inv(information))) <= GOALS * (1 + 1e-9)).all()
+    parts = [every_plan(candidates(seed + 10 * k), 14) for k in range(3)]
+    reached = np.ones(len(parts[0][1]), dtype=bool)
+    for total, _ in parts:
+        some = np.linalg.cond(total) < 1e12
+        reached &= some
+        variances = np.einsum("iaa->ia", np.linalg.inv(total[some]))
+        reached[some] &= (variances <= GOALS**2).all(axis=1)
+    least = parts[0][1][reached].min()
+    assert plan.efficiency <= min(least, plan.duration) / plan.duration + 1e-9
+    assert plan.duration <= 1.2 * least
+
+
+def test_samples_that_do_not_fit():
+    with pytest.raises(InvalidInput, match="samples: tables of other visits"):
+        oed.ExperimentCandidates.of_samples([candidates(0), candidates(0, q=2)])
+    with pytest.raises(InvalidInput, match="samples: no table given"):
+        oed.ExperimentCandidates.of_samples([])
+    with pytest.raises(InvalidInput, match="kind 'worst' is not known"):
+        oed.visit_plan(of_samples(0), 130.0, kind="worst")
+    with pytest.raises(InvalidInput, match="the least of several values, which holds at every"):
+        oed.visit_plan(of_samples(0), 130.0, oed.TargetCriterion(TARGETS), kind="maximin")
