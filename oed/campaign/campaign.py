@@ -22,7 +22,8 @@ from oed.campaign.planning import Planner, known_now
 from oed.campaign.settings import CampaignSettings, load_campaign
 from oed.campaign.visits import Purpose, Visit, VisitFolder
 from oed.candidates.screening import ScreenedCandidates
-from oed.experiment.experiment_plan import ExperimentPlan
+from oed.experiment.experiment_plan import FALL, ExperimentPlan
+from oed.experiment.prepare import gear_ratios
 from oed.study.stage_cache import Stage, Stages, dataclass_files, open_stages
 from oed.study.stages.candidates import gather, workcell
 from robotmodels import ElasticRobot, load_robot
@@ -206,7 +207,7 @@ class Campaign:
             if any(visit.purpose == "repeat" for visit in visits):
                 return ()
             return self._write(planner.repeated(fitted[0].plan), "repeat")
-        minutes = self.settings.minutes - _minutes(visits, self.settings)
+        minutes = self.settings.minutes - _minutes(visits)
         # Quoted standard deviations are those of Theorem 1, or larger by what the residuals tell.
         quoted = latest.std / np.sqrt(np.diag(latest.covariance))
         scaled = {
@@ -275,8 +276,8 @@ class Campaign:
 
     def _status(self, visits: tuple[Visit, ...], stage: Stage[Estimate] | None) -> CampaignStatus:
         latest = None if stage is None else stage.value
-        used = _minutes([v for v in visits if v.state != "open"], self.settings)
-        expected = _minutes([v for v in visits if v.state == "open"], self.settings)
+        used = _minutes([v for v in visits if v.state != "open"])
+        expected = _minutes([v for v in visits if v.state == "open"])
         state: State = "begun" if latest is None else "identifying"
         if latest is not None and (latest.std <= self.targets).all():
             state = "reached"
@@ -297,15 +298,15 @@ class Campaign:
     def _shortest(self) -> float:
         """Time of the shortest visit, its move left out [min]."""
         settings = self.settings
-        periods = settings.transient_periods + 1
+        periods = settings.transient_periods + 1 + FALL
         return (settings.settle + periods * settings.multisine.period) / 60
 
     def _write(self, plans: list[ExperimentPlan], purpose: Purpose) -> tuple[Visit, ...]:
         folder = VisitFolder(self.settings.output / "visits")
-        ratios = np.array([motor.gear_ratio for motor in self.robot.file.motors])
+        ratios = gear_ratios(self.robot)
         return tuple(folder.add(plan, purpose, self._digest, ratios) for plan in plans)
 
 
-def _minutes(visits: Sequence[Visit], settings: CampaignSettings) -> float:
+def _minutes(visits: Sequence[Visit]) -> float:
     """Return the robot time of visits [min], moves and settling included."""
-    return sum(visit.plan.duration + settings.settle for visit in visits) / 60
+    return sum(visit.plan.duration for visit in visits) / 60

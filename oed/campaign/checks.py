@@ -9,7 +9,7 @@ from estimators.fitting.run_fit import RunFit
 from estimators.input_output.run_spectra import run_spectra
 from oed.campaign.settings import CampaignSettings
 from oed.campaign.visits import Visit
-from oed.experiment.experiment_file import per_motor
+from oed.experiment.loop_settings import per_motor
 from robotmodels.common.arrays import Array, ComplexArray
 from robotmodels.common.errors import InvalidInput
 from robotmodels.records.records import Records

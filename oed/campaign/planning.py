@@ -23,8 +23,8 @@ from oed.criteria.targets import TargetCriterion
 from oed.design.fastest_design import FastestDesign, fastest_design
 from oed.design.optimal_spectra import optimal_spectra
 from oed.exact.visit_plan import VisitPlan, fastest_visit_plan, visit_plan as plan_within
-from oed.experiment.experiment_file import per_motor
-from oed.experiment.experiment_plan import ExperimentPlan
+from oed.experiment.experiment_plan import FALL, ExperimentPlan
+from oed.experiment.loop_settings import per_motor
 from oed.experiment.moves import move_times
 from oed.experiment.multisine import Multisine
 from oed.experiment.prepare import move_limits
@@ -208,7 +208,7 @@ class Planner:
         settings, moves = self.settings, move_limits(self.settings, self.robot)
         return VisitTiming(
             period=self.grid.period,
-            transient=settings.transient_periods * self.grid.period,
+            transient=(settings.transient_periods + FALL) * self.grid.period,
             settle=settings.settle,
             move=float(move_times(self._some, self._some, moves).mean()),
         )

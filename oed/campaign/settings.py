@@ -13,8 +13,9 @@ multisine: {band: [1.0, 60.0], sample_time: 0.002, period: 2.0, detection: 4}
 settle: 1.0                  # rest after each move [s]
 transient_periods: 1         # before those measured
 most_periods: 16             # measured in one visit
-limits: {torque: 50.0, speed: 10.0}     # as in an experiment file, and so the next two
+limits: {torque: 50.0, speed: 10.0}     # as in an experiment file, and so the next three
 moves: {speed: 1.0, acceleration: 2.0}
+carrier: {speed: 10.0}
 controller: {...}
 seed: 1
 output: ../out/campaign      # folder; relative to this file, as every path in it
@@ -27,7 +28,7 @@ import numpy as np
 from pydantic import Field, model_validator
 
 from oed.criteria.targets import by_name_or_kind
-from oed.experiment.experiment_file import LoopSettings
+from oed.experiment.loop_settings import LoopSettings
 from oed.study.settings.candidates_settings import CandidatesChoice
 from robotmodels.common.arrays import Array
 from robotmodels.common.file_paths import existing_file, output_folder, robot_reference

@@ -11,22 +11,23 @@ import numpy as np
 from oed.campaign.settings import VisitSettings
 from oed.experiment.amplitude_scaling import Scaling, fair_amplitudes
 from oed.experiment.draw_plan import reduced_crest
-from oed.experiment.experiment_file import per_motor
 from oed.experiment.experiment_plan import ExperimentPlan
+from oed.experiment.limits import UNITS, beside_carrier, room
 from oed.experiment.multisine import Multisine
 from oed.experiment.prepare import (
+    carrier_of,
     controller_of,
+    gear_ratios,
+    limits_of,
     move_limits,
     planned_multisine,
     within_limits,
 )
 from robotmodels import ElasticRobot
 from robotmodels.common.arrays import Array, ComplexArray
-from robotmodels.common.errors import InvalidInput
 from robotmodels.description.friction import shaft_friction
 from robotmodels.elastic.rigid_pose import holding_torques
-from robotmodels.linear.response import frequency_response
-from robotmodels.simulation.loop_noise import closed_loop
+from robotmodels.simulation.loop_noise import LoopTransfer, closed_loop
 
 _CLIPPINGS = 100
 CREST = 3.3
@@ -53,32 +54,37 @@ def fair_torques(
     Raises
     ------
     InvalidInput
-        Naming the motor whose torque limit is used up by gravity and friction.
+        Naming the motor whose limit is used up by gravity and friction, or by the carrier.
     """
-    motors, limits = tuple(robot.motor_names), settings.limits
-    omega = line_grid(settings, len(motors)).omega[:, None, None]
-    G = frequency_response(robot, position[None], omega.ravel())[0]
-    ratios = np.array([abs(motor.gear_ratio) for motor in robot.file.motors])
-    rows = []
-    if limits.torque is not None:
-        limit = per_motor("limits.torque", limits.torque, motors)
-        gravity = holding_torques(robot, robot.equilibrium(position[None]).coordinates)[0]
-        friction = settings.imperfections.friction * shaft_friction(robot.file)
-        room = limit - np.abs(gravity) - friction
-        if not (room > 0).all():
-            i = int(room.argmin())
-            raise InvalidInput(
-                f"limits.torque: motor {motors[i]!r} needs {limit[i] - room[i]:.4g} N m against "
-                f"gravity and friction at {np.round(position, 3).tolist()}; its limit is "
-                f"{limit[i]:.4g} N m"
-            )
-        rows.append(np.diag(1 / room))
-    for name, order, sides in (("speed", 1, np.ones(len(motors))), ("swing", 2, ratios)):
-        if (choice := getattr(limits, name)) is not None:
-            limit = per_motor(f"limits.{name}", choice, motors) * sides
-            square = np.einsum("fji,fi->ji", np.abs(G / omega**order) ** 2, power)
-            rows.append(np.sqrt(square) / limit[:, None])
-    return np.asarray(fair_amplitudes(CREST * np.vstack(rows))) * (1 - limits.margin)
+    motors, n = tuple(robot.motor_names), len(robot.motor_names)
+    here = [f"at {np.round(position, 3).tolist()}"]
+    hold = holding_torques(robot, robot.equilibrium(position[None]).coordinates)
+    point = np.stack([hold, np.zeros((1, n)), position[None]], axis=1)
+    friction = settings.imperfections.friction * shaft_friction(robot.file)
+    limits = replace(limits_of(settings, robot), positions=None)  # candidates lie inside
+    free = room(limits.bounds(motors), point, friction, motors, here) * (1 - settings.limits.margin)
+    grid, controller = line_grid(settings, n), controller_of(settings, robot)
+    network, ratios = robot.network(position[None]), gear_ratios(robot)
+    carrier = carrier_of(settings, controller, robot, position[None], grid)
+    if carrier is not None:
+        omega = carrier.grid(grid).omega
+        responses = _responses(closed_loop(network, omega, controller), omega, ratios)[:, 0]
+        taken = np.abs(responses @ (carrier.amplitudes * np.exp(1j * carrier.phases))[0])
+        free = beside_carrier(free, np.stack([taken, taken], axis=-1)[None], motors, here)
+    loop = closed_loop(network, grid.omega, controller)
+    per_torque = _responses(loop, grid.omega, ratios) @ np.linalg.inv(loop.torque[0])
+    rms = np.sqrt(np.einsum("kfji,fi->kji", np.abs(per_torque) ** 2, power))
+    rms[[name != "rms_torque" for name in UNITS]] *= CREST
+    return np.asarray(fair_amplitudes((rms / free[0].min(axis=-1)[..., None]).reshape(-1, n)))
+
+
+def _responses(loop: LoopTransfer, omega: Array, ratios: Array) -> ComplexArray:
+    """Return the amplitudes of the limited quantities per reference, (quantities, F, n, n)."""
+    omega = omega[:, None, None]
+    torque, angle = loop.torque[0], loop.angle[0]
+    position = angle / ratios[:, None]
+    command = np.broadcast_to(np.eye(len(ratios)), torque.shape)
+    return np.stack([torque, omega * angle, position, position, torque, command, omega * command])
 
 
 def torque_phases(grid: Multisine, amplitude: Array, rng: np.random.Generator) -> ComplexArray:
@@ -164,6 +170,9 @@ def visit_plan(
         start=start,
         ramp=True,
         runs=runs,
+        settle=settings.settle,
     )
+    plan = replace(plan, carrier=carrier_of(settings, controller, robot, position[None], grid))
     scaled = within_limits(settings, plan, robot, controller)
-    return replace(scaled, plan=scaled.plan.rescaled(np.asarray(part)))
+    slow = plan.carrier and plan.carrier.scaled(part)
+    return replace(scaled, plan=replace(scaled.plan.rescaled(np.asarray(part)), carrier=slow))

@@ -15,7 +15,7 @@ from estimators.chains.modal_model import modal_response
 from estimators.chains.pole_zero_spectra import first_components
 from estimators.chains.stepwise import masses_in_steps
 from oed.chain_study.study_file import ChainStudy, study_chains, study_controller
-from oed.experiment.experiment_file import per_motor
+from oed.experiment.loop_settings import per_motor
 from oed.experiment.multisine import band_multisine, random_phases
 from robotmodels.common.arrays import Array, ComplexArray
 from robotmodels.common.progress import StageProgress

@@ -33,12 +33,8 @@ from typing import Annotated, Literal, Self
 import numpy as np
 from pydantic import Field, model_validator
 
-from oed.experiment.experiment_file import (
-    MultisineSettings,
-    NonNegativeEach,
-    PositiveEach,
-    per_motor,
-)
+from oed.experiment.experiment_file import MultisineSettings
+from oed.experiment.loop_settings import NonNegativeEach, PositiveEach, per_motor
 from robotmodels.common.errors import InvalidInput, nearest
 from robotmodels.common.file_paths import output_folder
 from robotmodels.common.yaml_files import FileSection, read_yaml

@@ -5,43 +5,23 @@ amplitude, so that the largest amplitude is a quotient, not a search.
 """
 
 import itertools
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.optimize import minimize
 
 from oed.experiment.experiment_plan import ExperimentPlan
-from oed.experiment.predicted_peaks import Peaks, PlannedLoop
+from oed.experiment.limits import UNITS, Limits, beside_carrier, room
+from oed.experiment.predicted_peaks import Peaks, PlannedLoop, carrier_extremes
 from robotmodels.common.arrays import Array, read_only
 from robotmodels.common.errors import InvalidInput
 from robotmodels.common.progress import Progress
 from robotmodels.linear.response import Elastic
 from robotmodels.simulation.controller import Controller
 
-_QUANTITIES = ("torque", "speed", "position")
 # Limits of which no input alone takes this part (squared) of what another limit leaves it.
 _NEGLIGIBLE = 1e-4
-_UNITS = {"torque": "N m", "speed": "rad/s", "position": "rad"}
-
-
-@dataclass(frozen=True, eq=False)
-class Limits:
-    """What may not be exceeded; None for no limit.
-
-    Attributes
-    ----------
-    torque : ndarray or None, (n,), N m
-        Motor shaft, holding the arm against gravity included.
-    speed : ndarray or None, (n,), rad/s
-        Motor shaft.
-    positions : ndarray or None, (n, 2)
-        Motor angle over gear ratio, [rad] or [m].
-    """
-
-    torque: Array | None = None
-    speed: Array | None = None
-    positions: Array | None = None
 
 
 @dataclass(frozen=True)
@@ -55,9 +35,9 @@ class Binding:
     motor : str
         Its name.
     quantity : str
-        Torque, speed or position.
+        One of `oed.experiment.limits.UNITS`.
     limit : float
-        Its value, signed [N m, rad/s or rad].
+        Its value, signed, in the unit of the quantity.
     factor : float
         Factor by which the amplitude may grow until then.
     """
@@ -70,9 +50,10 @@ class Binding:
     factor: float
 
     def __str__(self) -> str:
+        where = "around" if self.quantity == "swing" else "in"
         return (
-            f"{self.quantity} of motor {self.motor!r} in position {self.position + 1} "
-            f"meets its limit {self.limit:.4g} {_UNITS[self.quantity]}"
+            f"{self.quantity} of motor {self.motor!r} {where} position {self.position + 1} "
+            f"meets its limit {self.limit:.4g} {UNITS[self.quantity]}"
         )
 
 
@@ -116,7 +97,7 @@ def scale(
     """Return the plan with the largest amplitudes that the limits allow in every visit.
 
     The peaks are those of the linear model from the first sample on; what stick-slip, backlash and
-    noise add is not in them, leave a margin for it.
+    noise add is not in them, leave a margin for it. What a carrier takes of the room is taken off.
 
     Parameters
     ----------
@@ -152,75 +133,44 @@ def scale(
     """
     if not 0 <= margin < 1:
         raise InvalidInput(f"margin: {margin!r}; a number from 0 to below 1 is needed")
-    bounds = _bounds(limits, plan.motors)
+    bounds = limits.bounds(plan.motors)
     loop = PlannedLoop.of(plan, robot, controller, holding)
-    room = (1 - margin) * _room(plan, loop.operating_point, bounds, friction)
+    slow = carrier_extremes(plan, robot, controller, holding)
+    free = _free(plan, bounds, loop.operating_point, friction, margin, slow)
     passes = 1 + len(plan.motors) if balance else 1
     done = _counter(passes * len(plan.visits), progress)
     if balance:
-        plan = _balanced(plan, loop, room, done)
-    swing = loop.swing(plan, plan.multisine.amplitudes, done=done)
-    allowed = _allowed(swing, room)  # (V, 3, n, 2)
+        plan = _balanced(plan, loop, free, done)
+    extremes = loop.extremes(plan, plan.multisine.amplitudes, done=done)
+    allowed = _allowed(extremes, free)  # (V, quantities, n, 2)
     each = allowed.reshape(len(allowed), -1).min(axis=1)
     factors = each if per_visit else np.full(len(each), each.min())
     bindings = tuple(_binding(plan, v, allowed[v] / factors[v], bounds) for v in range(len(each)))
-    peaks = Peaks(read_only(loop.operating_point), read_only(swing * factors[:, None, None, None]))
+    swing = (slow + extremes * factors[:, None, None, None])[:, :3]
+    peaks = Peaks(read_only(loop.operating_point), read_only(swing))
     return Scaling(plan.rescaled(factors), peaks, bindings)
 
 
-def _bounds(limits: Limits, motors: Sequence[str]) -> Array:
-    """Return lower and upper bounds of torque, speed and position, (3, n, 2)."""
-    n = len(motors)
-    bounds = np.broadcast_to([-np.inf, np.inf], (3, n, 2)).copy()
-    for k, name in enumerate(("torque", "speed", "positions")):
-        value = getattr(limits, name)
-        if value is None:
-            continue
-        limit = np.asarray(value, dtype=float)
-        shape = (n, 2) if name == "positions" else (n,)
-        if limit.shape != shape:
-            raise InvalidInput(f"limits.{name}: shape {limit.shape}; {shape} is needed")
-        bounds[k] = limit if name == "positions" else np.stack([-limit, limit], axis=-1)
-        for motor, (low, high) in zip(motors, bounds[k], strict=True):
-            if not low < high:
-                values = f"[{low:g}, {high:g}]" if name == "positions" else f"{high:g}"
-                right = "low < high" if name == "positions" else "a positive number"
-                raise InvalidInput(f"limits.{name} of motor {motor!r}: {values}; {right} is needed")
-    if not np.isfinite(bounds).any():
-        raise InvalidInput("limits: none given; any amplitude would do")
-    return bounds
-
-
-def _room(
-    plan: ExperimentPlan, operating_point: Array, bounds: Array, friction: Array | None = None
+def _free(
+    plan: ExperimentPlan,
+    bounds: Array,
+    operating_point: Array,
+    friction: Array | None,
+    margin: float,
+    slow: Array,
 ) -> Array:
-    """Return distances (V, 3, n, 2) from operating point to both bounds, less friction."""
-    lost = np.zeros(bounds.shape)
-    lost[0] = 0.0 if friction is None else np.outer(friction, [1.0, -1.0])
-    free = bounds + lost
-    room = np.abs(free - operating_point[..., None])
-    inside = (free[..., 0] < operating_point) & (operating_point < free[..., 1])
-    if not inside.all():
-        visit, k, motor = np.argwhere(~inside)[0]
-        low, high = bounds[k, motor]
-        name = f"position {plan.visits[visit] + 1}: motor {plan.motors[motor]!r}"
-        if k == 0:
-            needed, rubbing = abs(operating_point[visit, k, motor]), lost[k, motor, 0]
-            beside = f" and {rubbing:.4g} N m against friction" if rubbing else ""
-            raise InvalidInput(
-                f"limits.torque: {name} needs {needed:.4g} N m to hold the arm alone{beside}, "
-                f"which leaves nothing of its limit {high:.4g} N m"
-            )
-        raise InvalidInput(
-            f"limits.positions: {name} at {operating_point[visit, k, motor]:.4g} is not inside its "
-            f"limits [{low:.4g}, {high:.4g}], which leaves no room to move"
-        )
-    return np.asarray(room)
+    """Return the room (V, quantities, n, 2) of the excitation, beside a carrier's peaks."""
+    visits = [f"position {q + 1}" for q in plan.visits]
+    rub = np.zeros(len(plan.motors)) if friction is None else friction
+    free = (1 - margin) * room(bounds, operating_point, rub, plan.motors, visits)
+    return beside_carrier(free, np.stack([-slow[..., 0], slow[..., 1]], -1), plan.motors, visits)
 
 
-def _allowed(swing: Array, room: Array) -> Array:
+def _allowed(extremes: Array, room: Array) -> Array:
     """Return by which factors deviations may grow until they fill the room, same shape."""
-    reach = np.maximum(np.stack([-swing[..., 0], swing[..., 1]], axis=-1), np.finfo(float).tiny)
+    reach = np.maximum(
+        np.stack([-extremes[..., 0], extremes[..., 1]], axis=-1), np.finfo(float).tiny
+    )
     return np.asarray(room / reach)
 
 
@@ -241,7 +191,7 @@ def _balanced(
     for motor in range(len(plan.motors)):
         alone = np.where(np.arange(len(plan.motors)) == motor, amplitudes, 0.0)
         # One block shows how the inputs compare; the common factor then heeds all of them.
-        used.append(1 / _allowed(loop.swing(plan, alone, blocks=1, done=done), room).ravel())
+        used.append(1 / _allowed(loop.extremes(plan, alone, blocks=1, done=done), room).ravel())
     factors = fair_amplitudes(np.stack(used, axis=1))
     return replace(plan, multisine=plan.multisine.with_amplitudes(amplitudes * factors))
 
@@ -290,7 +240,7 @@ def _binding(plan: ExperimentPlan, visit: int, allowed: Array, bounds: Array) ->
         visit=visit,
         position=int(plan.visits[visit]),
         motor=plan.motors[motor],
-        quantity=_QUANTITIES[k],
+        quantity=list(UNITS)[k],
         limit=float(bounds[k, motor, side]),
         factor=float(allowed.min()),
     )

@@ -30,11 +30,20 @@ joint). Where a key is "per motor", one number serves all motors and a list has 
                                  # for larger amplitudes; where there is none, nothing rises
     limits:                      # at least one; amplitudes are the largest that they allow
       torque: [8, 8, 8, 2, 2, 1] # peak per motor, holding torque included [N m]
+      rms_torque: 5.0            # root mean square per motor, holding torque included [N m]: the
+                                 # continuous torque of the data sheet, which heat sets
       speed: 300.0               # peak per motor [rad/s]
       swing: 0.05                # peak deviation from the position, per motor [rad]
+      command_speed: 320.0       # of the speed reference, per motor [rad/s]: above it a controller
+                                 # would refuse it
+      command_acceleration: 2.0e4    # of the reference, sample to sample, per motor [rad/s^2]
       margin: 0.1                # part of each limit to stay away from it; 0 by default
       balance: true              # whether inputs' ratios are chosen so that each meets a limit
     moves: {speed: 1.0, acceleration: 2.0}    # between positions, per motor [rad/s, rad/s^2]
+    settle: 0.0                  # rest after a move, before the first run [s]
+    carrier:                     # slow sines under the excitation; none by default
+      speed: 20.0                # of the motors, their amplitudes, per motor [rad/s]
+      frequency: 0.5             # below the band, a multiple of 1/period [Hz]; twice it if left out
     controller:                  # left out: default gains, stable for this robot
       speed_gain: 0.5            # per motor [N m s/rad]
       integral_time: 0.05        # per motor [s]
@@ -60,109 +69,15 @@ import numpy as np
 from pydantic import Field, model_validator
 
 from oed.experiment.design_file import designed_positions
+from oed.experiment.loop_settings import LoopSettings, MultisineChoice
 from robotmodels.common.arrays import Array, IntArray
 from robotmodels.common.errors import InvalidInput
 from robotmodels.common.file_paths import absolute, output_folder, robot_reference
 from robotmodels.common.yaml_files import FileSection, read_yaml
-from robotmodels.description.ranges import (
-    Coordinate,
-    Count,
-    Hertz,
-    NonNegative,
-    Positive,
-    Seconds,
-    Seed,
-)
+from robotmodels.description.ranges import Coordinate, Count, Seed
 
 MOST_SAMPLES = 10_000_000
 """Samples of a run of all blocks and periods: an hour at 2.8 kHz."""
-
-PositiveEach = Positive | Annotated[list[Positive], Field(min_length=1)]
-NonNegativeEach = NonNegative | Annotated[list[NonNegative], Field(min_length=1)]
-
-
-class MultisineChoice(FileSection):
-    """Lines of the speed reference: band [Hz], sampling [s], what is left out."""
-
-    band: tuple[Hertz, Hertz]
-    sample_time: Seconds
-    period: Seconds
-    count: Count | None = None
-    spacing: Literal["linear", "quasi_log"] = "linear"
-    odd: bool = True
-    detection: Annotated[int, Field(ge=2, le=1000)] | None = None
-    slope: Annotated[float, Field(ge=-10, le=10)] = 0.0
-    crest_iterations: Annotated[int, Field(ge=0, le=100_000)] = 0
-
-    @model_validator(mode="after")
-    def _fits(self) -> Self:
-        low, high = self.band
-        if high <= low:
-            raise ValueError(f"band [{low:g}, {high:g}] Hz; the lower frequency comes first")
-        if high >= 0.5 / self.sample_time:
-            raise ValueError(
-                f"band up to {high:g} Hz; it must stay below half the sampling frequency, "
-                f"{0.5 / self.sample_time:g} Hz"
-            )
-        samples = self.period / self.sample_time
-        if abs(samples - round(samples)) > 1e-6 * samples:
-            raise ValueError(
-                f"period {self.period:g} s is {samples:.6g} samples of {self.sample_time:g} s; "
-                "a whole number is needed"
-            )
-        if self.spacing == "quasi_log" and self.count is None:
-            raise ValueError("spacing quasi_log needs a count of lines")
-        return self
-
-    @property
-    def samples(self) -> int:
-        """Samples per period."""
-        return round(self.period / self.sample_time)
-
-
-class LimitChoice(FileSection):
-    """What the linear model may predict at most; per motor, at least one of the three."""
-
-    torque: PositiveEach | None = None
-    speed: PositiveEach | None = None
-    swing: PositiveEach | None = None
-    margin: Annotated[float, Field(ge=0, lt=1)] = 0.0
-    balance: bool = True
-
-    @model_validator(mode="after")
-    def _some(self) -> Self:
-        if self.torque is None and self.speed is None and self.swing is None:
-            raise ValueError("none of torque, speed and swing is given; any amplitude would do")
-        return self
-
-
-class MoveChoice(FileSection):
-    """Largest speed and acceleration between positions, arm side, per motor."""
-
-    speed: PositiveEach = 1.0
-    acceleration: PositiveEach = 2.0
-
-
-class ControllerChoice(FileSection):
-    """Gains of the cascaded controller, per motor; see `robotmodels.Controller`."""
-
-    speed_gain: PositiveEach
-    integral_time: PositiveEach
-    position_gain: NonNegativeEach
-    filter_time: NonNegativeEach = 0.0
-
-
-class ImperfectionChoice(FileSection):
-    """What the simulated robot has that its linear model has not; see `Imperfections`."""
-
-    friction: NonNegative = 1.0
-    backlash: NonNegativeEach = 0.0
-    quantisation: NonNegative = 0.0
-    angle_noise: NonNegativeEach = 0.0
-    output_noise: NonNegativeEach = 0.0
-    torque_disturbance: NonNegativeEach = 0.0
-    torque_limit: PositiveEach | None = None
-    nonlinear_gears: bool = True
 
 
 class MultisineSettings(FileSection):
@@ -182,16 +97,6 @@ class MultisineSettings(FileSection):
                 f"at most {MOST_SAMPLES} samples can be measured in one go"
             )
         return self
-
-
-class LoopSettings(FileSection):
-    """Lines, limits and moves of a robot under its controller; of a simulated one what it lacks."""
-
-    multisine: MultisineChoice
-    limits: LimitChoice
-    moves: MoveChoice = MoveChoice()
-    controller: ControllerChoice | None = None
-    imperfections: ImperfectionChoice = ImperfectionChoice()
 
 
 class ExcitationSettings(MultisineSettings, LoopSettings):
@@ -266,21 +171,3 @@ def planned_positions(experiment: Experiment, robot: str) -> tuple[Array, IntArr
             raise InvalidInput(f"positions[{i}]: {len(row)} angles, positions[0] {len(rows[0])}")
     repetitions = experiment.repetitions or [1] * len(rows)
     return np.array(rows, dtype=float), np.array(repetitions, dtype=np.int64)
-
-
-def per_motor(
-    key: str, value: float | list[float], motors: tuple[str, ...], each: str = "motor"
-) -> Array:
-    """Return an entry as one value per motor, (n,), or for each of other names.
-
-    Raises
-    ------
-    InvalidInput
-        If a list has another length.
-    """
-    if isinstance(value, list) and len(value) != len(motors):
-        raise InvalidInput(
-            f"{key}: {len(value)} given; one number, or {len(motors)}, one per {each} "
-            f"({', '.join(motors)}), is needed"
-        )
-    return np.array(np.broadcast_to(np.asarray(value, dtype=float), (len(motors),)))

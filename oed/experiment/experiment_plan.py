@@ -4,16 +4,20 @@ import os
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
+from oed.experiment.carrier import Carrier
 from oed.experiment.moves import Move, MoveLimits, move
 from oed.experiment.multisine import Multisine
-from oed.experiment.plan_files import OrderSection, PlanFile, read_plan, write_plan
+from oed.experiment.plan_document import plan_arguments, plan_document
+from oed.experiment.plan_files import read_plan, write_plan
 from oed.experiment.visiting_order import VisitingOrder
-from robotmodels.common.arrays import Array, IntArray, check_count, read_only
+from robotmodels.common.arrays import Array, IntArray, check_above_zero, check_count, read_only
 from robotmodels.common.errors import InvalidInput
+
+FALL = 0.25
+"""Part of a period in which a ramp rises, and a run falls at its end."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,7 +45,8 @@ class ExperimentPlan:
     transient_periods : int
         Transient periods before them.
     ramp : bool
-        Whether the first transient period rises from zero, see `envelope`.
+        Whether the first transient period rises from zero, see `envelope`, and every run falls to
+        zero at its end, see `fall`.
     moves : MoveLimits
         Limits of the moves between positions, and the motors' names.
     scale : ndarray, (V,)
@@ -53,6 +58,10 @@ class ExperimentPlan:
     runs : int
         Of each block; 0 stands for n, as many as FRFs need. Fewer are the first of n orthogonal
         ones, for `estimators.fit` of records.
+    settle : float, s
+        Rest after a move, before the first run.
+    carrier : Carrier or None
+        Slow sines under the excitation; `scale` leaves them as they are.
 
     Raises
     ------
@@ -74,6 +83,8 @@ class ExperimentPlan:
     order: VisitingOrder | None = None
     ramp: bool = False
     runs: int = 0
+    settle: float = 0.0
+    carrier: Carrier | None = None
 
     def __post_init__(self) -> None:
         positions = self.moves.check(self.positions)
@@ -82,7 +93,9 @@ class ExperimentPlan:
             object.__setattr__(self, name, check_count(getattr(self, name), name, least))
         if self.ramp and not self.transient_periods:
             raise InvalidInput("ramp: it takes a transient period, and transient_periods is 0")
+        check_above_zero(self.settle, "settle [s]", zero=True)
         n, visits = len(self.moves.motors), int(repetitions.sum())
+        _check_carrier(self.carrier, self.multisine, positions.shape)
         if self.multisine.inputs != n:
             raise InvalidInput(
                 f"multisine: {self.multisine.inputs} inputs; the robot has {n} motors"
@@ -126,7 +139,9 @@ class ExperimentPlan:
     def reference(self, visit: int) -> Array:
         """Return one period of the signals of a visit, (B, E, N, n) [rad/s, motor shaft]."""
         signals = self.multisine.reference(self.phases[visit])[:, : self.runs]
-        return np.asarray(self.scale[visit] * signals)
+        carrier, q = self.carrier, int(self.visits[visit])
+        slow = 0.0 if carrier is None else carrier.reference(q, self.multisine)
+        return np.asarray(self.scale[visit] * signals + slow)
 
     @property
     def envelope(self) -> Array:
@@ -135,8 +150,28 @@ class ExperimentPlan:
         Half a cosine; a longer rise leaves the transient less time and no larger amplitudes.
         """
         N = self.multisine.samples
-        rise = np.minimum(np.arange(N) / max(N // 4, 1), 1.0)
+        rise = np.minimum(np.arange(N) / max(int(FALL * N), 1), 1.0)
         return (1 - np.cos(np.pi * rise)) / 2 if self.ramp else np.ones(N)
+
+    @property
+    def fall(self) -> Array:
+        """Factors of the samples that end a run, from one to zero: (N // 4,), or none without."""
+        return np.asarray(
+            1 - self.envelope[: int(FALL * self.multisine.samples) if self.ramp else 0]
+        )
+
+    def played(self, references: Array, periods: int) -> Array:
+        """Return runs as they are played: ramp, so many periods with it, fall; (..., K, n).
+
+        Parameters
+        ----------
+        references : ndarray, (..., N, n), rad/s
+            One period of each.
+        """
+        rise = self.envelope[:, None] * references
+        falling = self.fall[:, None] * references[..., : len(self.fall), :]
+        steady = [references] * (periods - 1)
+        return np.concatenate([rise, *steady, falling], axis=-2)
 
     @property
     def signals(self) -> Array:
@@ -151,15 +186,16 @@ class ExperimentPlan:
 
     @property
     def excitation_duration(self) -> float:
-        """Time under excitation, transients included [s]."""
-        periods = len(self.phases) * self.blocks * self.runs
-        return periods * (self.periods + self.transient_periods) * self.multisine.period
+        """Time under excitation, transients and falls included [s]."""
+        periods = (self.periods + self.transient_periods) * self.multisine.period
+        run = periods + len(self.fall) * self.multisine.sample_time
+        return len(self.phases) * self.blocks * self.runs * run
 
     @property
     def duration(self) -> float:
-        """Time of it all, moves included [s]."""
+        """Time of it all, moves and settling included [s]."""
         moves = sum(self.move_to(visit).duration for visit in range(len(self.phases)))
-        return self.excitation_duration + moves
+        return self.excitation_duration + moves + len(self.phases) * self.settle
 
     def rescaled(self, factors: Array) -> "ExperimentPlan":
         """Return the plan with the amplitudes of each visit times a factor, (V,) or a number."""
@@ -178,7 +214,7 @@ class ExperimentPlan:
             "amplitudes": self.multisine.amplitudes,
             "scale": self.scale,
         }
-        write_plan(path, _document(self), arrays)
+        write_plan(path, plan_document(self), arrays)
 
     @classmethod
     def load(cls, path: str | os.PathLike[str]) -> "ExperimentPlan":
@@ -192,7 +228,7 @@ class ExperimentPlan:
         path = Path(path)
         file, arrays = read_plan(path)
         try:
-            plan = _plan_of(file, arrays)
+            plan = cls(**plan_arguments(file, arrays))
         except InvalidInput as error:
             raise InvalidInput(f"{path}: {error}") from None
         if plan.blocks != file.blocks:
@@ -246,91 +282,14 @@ def checked_repetitions(repetitions: Sequence[int] | IntArray, n_positions: int)
     return array.astype(np.int64)
 
 
-def _plan_of(file: PlanFile, arrays: dict[str, Any]) -> ExperimentPlan:
-    """Return the plan that a file and its arrays hold."""
-    return ExperimentPlan(
-        robot=file.robot,
-        positions=_matrix("positions", file.positions),
-        repetitions=np.array(file.repetitions, dtype=np.int64),
-        multisine=Multisine(
-            samples=file.multisine.samples,
-            sample_time=file.multisine.sample_time,
-            lines=np.array(file.multisine.lines, dtype=np.int64),
-            inputs=len(file.motors),
-            amplitudes=arrays["amplitudes"],
-            detection=np.array(file.multisine.detection, dtype=np.int64),
-            odd=file.multisine.odd,
-        ),
-        phases=arrays["phases"],
-        periods=file.periods,
-        transient_periods=file.transient_periods,
-        moves=MoveLimits(
-            motors=tuple(file.motors),
-            positions=np.array(file.moves.positions),
-            speed=np.array(file.moves.speed),
-            acceleration=np.array(file.moves.acceleration),
-        ),
-        scale=arrays["scale"],
-        start=np.array(file.moves.start),
-        order=_order(file.order, len(file.positions)),
-        ramp=file.ramp,
-        runs=file.runs,
-    )
-
-
-def _document(plan: ExperimentPlan) -> dict[str, Any]:
-    """Return what the file of a plan holds beside its arrays."""
-    sine, moves = plan.multisine, plan.moves
-    start = plan.positions[0] if plan.start is None else plan.start
-    return {
-        "schema": "plan/1",
-        "robot": plan.robot,
-        "motors": list(plan.motors),
-        "duration": plan.duration,
-        "blocks": plan.blocks,
-        "runs": plan.runs,
-        "periods": plan.periods,
-        "transient_periods": plan.transient_periods,
-        "ramp": plan.ramp,
-        "repetitions": plan.repetitions.tolist(),
-        "positions": plan.positions.tolist(),
-        **_order_document(plan.order),
-        "moves": {
-            "positions": moves.positions.tolist(),
-            "speed": moves.speed.tolist(),
-            "acceleration": moves.acceleration.tolist(),
-            "start": start.tolist(),
-        },
-        "multisine": {
-            "samples": sine.samples,
-            "sample_time": float(sine.sample_time),
-            "odd": bool(sine.odd),
-            "lines": sine.lines.tolist(),
-            "detection": sine.detection.tolist(),
-        },
-    }
-
-
-def _order_document(order: VisitingOrder | None) -> dict[str, Any]:
-    """Return the reordering of the positions; an empty mapping if there is none."""
-    if order is None:
-        return {}
-    times = {"duration": order.duration, "unordered_duration": order.unordered_duration}
-    return {"order": {"order": order.order.tolist(), **times, "optimal": order.optimal}}
-
-
-def _order(section: OrderSection | None, count: int) -> VisitingOrder | None:
-    if section is None:
-        return None
-    if sorted(section.order) != list(range(count)):
+def _check_carrier(carrier: Carrier | None, multisine: Multisine, shape: tuple[int, ...]) -> None:
+    """Refuse a carrier in an excited line, or that does not fit positions of a shape (Q, n)."""
+    if carrier is None:
+        return
+    if carrier.amplitudes.shape != shape or carrier.phases.shape != shape:
         raise InvalidInput(
-            f"order: {section.order[:8]} ...; each of the numbers 0 to {count - 1} once is needed"
+            f"carrier: shapes {carrier.amplitudes.shape} and {carrier.phases.shape}; {shape}, "
+            "positions by motors, is needed"
         )
-    order = read_only(np.array(section.order, dtype=np.int64))
-    return VisitingOrder(order, section.duration, section.unordered_duration, section.optimal)
-
-
-def _matrix(name: str, rows: list[list[float]]) -> Any:
-    if len({len(row) for row in rows}) != 1:
-        raise InvalidInput(f"{name}: rows of equal length are needed, one number per motor")
-    return np.array(rows)
+    if carrier.line in [*multisine.lines, *multisine.detection]:
+        raise InvalidInput(f"carrier: line {carrier.line} is one of the multisine; take another")

@@ -78,6 +78,14 @@ class OrderSection(FileSection):
         }
 
 
+class CarrierSection(FileSection):
+    """Slow sines under the excitation, see `Carrier`."""
+
+    line: Count
+    amplitudes: list[list[float]]
+    phases: list[list[float]]
+
+
 class PlanFile(FileSection):
     """A plan file, ``schema: plan/1``."""
 
@@ -90,6 +98,8 @@ class PlanFile(FileSection):
     periods: Count
     transient_periods: Count
     ramp: bool = False
+    settle: float = 0.0
+    carrier: CarrierSection | None = None
     repetitions: list[Count]
     positions: list[list[float]]
     order: OrderSection | None = None

@@ -6,11 +6,12 @@ motor that hardly works in the steady state can meet its largest torque in the t
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from oed.experiment.experiment_plan import ExperimentPlan
+from oed.experiment.limits import UNITS
 from robotmodels.common.arrays import Array, ComplexArray, read_only
 from robotmodels.common.deprecation import renamed_attributes
 from robotmodels.common.errors import InvalidInput
@@ -112,31 +113,42 @@ class PlannedLoop:
         )
         return cls(loop.torque, loop.angle, ratios, operating_point, starts)
 
-    def swing(
+    def extremes(
         self,
         plan: ExperimentPlan,
         amplitudes: Array,
         blocks: int | None = None,
         done: Callable[[], object] | None = None,
     ) -> Array:
-        """Return lowest and highest deviations, (V, 3, n, 2), with amplitudes (F, n) >= 0.
+        """Return lowest and highest deviations, (V, 7, n, 2), with amplitudes (F, n) >= 0.
 
-        Only the first `blocks` blocks count, all of them by default; `done` is called after each
-        visit.
+        They are those of `oed.experiment.limits.UNITS`. Only the first `blocks` blocks count, all
+        of them by default; `done` is called after each visit.
         """
         sine = plan.multisine
         share = (amplitudes / sine.amplitudes)[..., None]
-        swings = []
+        extremes = []
         for visit in range(len(plan.visits)):
             spectrum = sine.spectrum(plan.phases[visit, :blocks])[..., : plan.runs]
-            R = plan.scale[visit] * share * spectrum
-            steady, start = self.steady(plan, visit, R), self.start(plan, visit, R)
-            lowest = np.minimum(steady[..., 0], start[..., 0])
-            highest = np.maximum(steady[..., 1], start[..., 1])
-            swings.append(np.stack([lowest, highest], axis=-1))
+            extremes.append(self.reach(plan, visit, plan.scale[visit] * share * spectrum))
             if done is not None:
                 done()
-        return np.array(swings)
+        return np.array(extremes)
+
+    def reach(self, plan: ExperimentPlan, visit: int, spectrum: ComplexArray) -> Array:
+        """Return lowest and highest deviations, (7, n, 2), by references of a spectrum."""
+        steady, start = self.steady(plan, visit, spectrum), self.start(plan, visit, spectrum)
+        lowest = np.minimum(steady[..., 0], start[..., 0])
+        highest = np.maximum(steady[..., 1], start[..., 1])
+        ends = np.stack([lowest, highest], axis=-1)
+        largest = np.stack([self.rms_torque(plan, visit, spectrum), *commanded(plan, spectrum)])
+        return np.concatenate([ends, ends[2:], np.stack([-largest, largest], axis=-1)])
+
+    def rms_torque(self, plan: ExperimentPlan, visit: int, spectrum: ComplexArray) -> Array:
+        """Return root mean squares (n,) of a period's torques, the largest of all runs."""
+        U = self.torque[plan.visits[visit]] @ spectrum / plan.multisine.samples
+        mean_square = 2 * (np.abs(U) ** 2).sum(axis=1)  # (B, n, E)
+        return np.asarray(np.sqrt(mean_square.max(axis=(0, 2))))
 
     def steady(self, plan: ExperimentPlan, visit: int, spectrum: ComplexArray) -> Array:
         """Return the extremes (3, n, 2) that references of a (B, F, n, E) spectrum settle to."""
@@ -153,16 +165,44 @@ class PlannedLoop:
         return np.array(ends)
 
     def start(self, plan: ExperimentPlan, visit: int, spectrum: ComplexArray) -> Array:
-        """Return the extremes (3, n, 2) of the first periods, from rest."""
+        """Return the extremes (3, n, 2) of the first periods, from rest, and of the last fall."""
         planned = plan.periods + plan.transient_periods
         periods = min(planned, int(np.ceil(_START / plan.multisine.period)))
         references = plan.multisine.period_of(spectrum)
         runs = references.reshape(-1, *references.shape[-2:])
-        signals = np.tile(runs, (1, periods, 1))
-        signals[:, : plan.multisine.samples] *= plan.envelope[:, None]
-        swing = self.starts[plan.visits[visit]].swing(signals)
+        swing = self.starts[plan.visits[visit]].swing(plan.played(runs, periods))
         swing[2] = np.sort(swing[2] / self.ratios[:, None], axis=-1)
         return np.asarray(swing)
+
+
+def carrier_extremes(
+    plan: ExperimentPlan, robot: Elastic, controller: Controller, holding: Array | None
+) -> Array:
+    """Return deviations that the carrier alone leads to, (V, 7, n, 2); zeros without one."""
+    carrier = plan.carrier
+    if carrier is None:
+        return np.zeros((len(plan.visits), len(UNITS), len(plan.motors), 2))
+    phases = np.zeros((len(plan.visits), 1, 1, len(plan.motors)))
+    alone = replace(plan, multisine=carrier.grid(plan.multisine), phases=phases, carrier=None)
+    loop = PlannedLoop.of(alone, robot, controller, holding)
+    spectra = [carrier.spectrum(q, plan.multisine.samples)[None] for q in plan.visits]
+    return np.array([loop.reach(alone, visit, R) for visit, R in enumerate(spectra)])
+
+
+def commanded(plan: ExperimentPlan, spectrum: ComplexArray) -> tuple[Array, Array]:
+    """Return largest speeds and accelerations of references, (n,) each, ramp and fall included.
+
+    Parameters
+    ----------
+    spectrum : ndarray of complex, (B, F, n, E)
+        DFTs of the references.
+    """
+    speeds = plan.played(plan.multisine.period_of(spectrum), 2)
+    steps = np.diff(speeds, axis=-2, prepend=0, append=0) / plan.multisine.sample_time
+    if not plan.ramp:  # it begins and ends with a step
+        steps = steps[..., 1:-1, :]
+    fastest, quickest = (np.abs(x).max(axis=(0, 1, 2)) for x in (speeds, steps))
+    return np.asarray(fastest), np.asarray(quickest)
 
 
 def predicted_peaks(
@@ -173,6 +213,8 @@ def predicted_peaks(
 ) -> Peaks:
     """Return the peaks that the linear model predicts for a plan; arguments as in `oed.scale`.
 
+    Those of a carrier and of the excitation are added, as if they came at once.
+
     Raises
     ------
     InvalidInput
@@ -181,9 +223,9 @@ def predicted_peaks(
         If the springs cannot carry the robot's weight in a position.
     """
     loop = PlannedLoop.of(plan, robot, controller, holding)
-    return Peaks(
-        read_only(loop.operating_point), read_only(loop.swing(plan, plan.multisine.amplitudes))
-    )
+    swing = loop.extremes(plan, plan.multisine.amplitudes)
+    swing += carrier_extremes(plan, robot, controller, holding)
+    return Peaks(read_only(loop.operating_point), read_only(swing[:, :3]))
 
 
 def _stable(model: LinearModel, controller: Controller, where: str) -> SampledLoop:

@@ -5,37 +5,22 @@ from functools import partial
 
 import numpy as np
 
-from oed.experiment.amplitude_scaling import Binding, Limits, Scaling, scale
+from oed.experiment.amplitude_scaling import Scaling, scale
+from oed.experiment.carrier import Carrier, carrier_in
 from oed.experiment.draw_plan import experiment_plan
-from oed.experiment.experiment_file import (
-    ExcitationSettings,
-    Experiment,
-    LoopSettings,
-    per_motor,
-    planned_positions,
-)
+from oed.experiment.experiment_file import ExcitationSettings, Experiment, planned_positions
 from oed.experiment.experiment_plan import ExperimentPlan
+from oed.experiment.limits import Limits
+from oed.experiment.loop_settings import LIMITS, LoopSettings, per_motor
 from oed.experiment.moves import MoveLimits
 from oed.experiment.multisine import Multisine, band_multisine
-from oed.experiment.predicted_peaks import Peaks
 from robotmodels import ElasticRobot, load_robot
-from robotmodels.common.arrays import Array, IntArray, check_memory, read_only
+from robotmodels.common.arrays import Array, IntArray, check_memory
 from robotmodels.common.errors import InvalidInput
 from robotmodels.common.progress import StageProgress
 from robotmodels.description.friction import shaft_friction
 from robotmodels.simulation.controller import Controller, default_controller
 from robotmodels.simulation.imperfections import Imperfections
-
-
-@dataclass(frozen=True)
-class SwingBinding(Binding):
-    """The swing around a position that a visit meets first; `limit` is its size."""
-
-    def __str__(self) -> str:
-        return (
-            f"swing of motor {self.motor!r} around position {self.position + 1} meets its limit "
-            f"{self.limit:.4g} rad"
-        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -124,6 +109,8 @@ def prepare_in(
         progress=None if progress is None else partial(progress, "plan"),
     )
     controller = controller_of(settings, robot)
+    slow = carrier_of(settings, controller, robot, positions, plan.multisine)
+    plan = replace(plan, settle=settings.settle, carrier=slow)
     imperfections = imperfections_of(settings, robot)
     scaling = within_limits(
         settings, plan, robot, controller, balance=settings.limits.balance, progress=progress
@@ -168,6 +155,11 @@ def move_limits(settings: LoopSettings, robot: ElasticRobot) -> MoveLimits:
     return MoveLimits(motors, robot.position_limits, speed, acceleration)
 
 
+def gear_ratios(robot: ElasticRobot) -> Array:
+    """Return motor angles per arm angle, (n,)."""
+    return np.array([motor.gear_ratio for motor in robot.file.motors])
+
+
 def controller_of(settings: LoopSettings, robot: ElasticRobot) -> Controller:
     """Return the controller of the settings, the default one where they have none."""
     choice, sample_time = settings.controller, settings.multisine.sample_time
@@ -178,6 +170,21 @@ def controller_of(settings: LoopSettings, robot: ElasticRobot) -> Controller:
         for name in ("speed_gain", "integral_time", "position_gain", "filter_time")
     }
     return Controller(sample_time=sample_time, **gains)
+
+
+def carrier_of(
+    settings: LoopSettings,
+    controller: Controller,
+    robot: ElasticRobot,
+    positions: Array,
+    grid: Multisine,
+) -> Carrier | None:
+    """Return the carrier of the settings under a multisine; None where they have none."""
+    choice = settings.carrier
+    if choice is None:
+        return None
+    speed = per_motor("carrier.speed", choice.speed, tuple(robot.motor_names))
+    return carrier_in(robot, positions, controller, speed, choice.frequency, grid)
 
 
 def imperfections_of(settings: LoopSettings, robot: ElasticRobot) -> Imperfections:
@@ -215,66 +222,25 @@ def within_limits(
     InvalidInput, NoEquilibrium
         As `oed.scale`.
     """
-    choice, motors = settings.limits, plan.motors
-    limits = {
-        name: per_motor(f"limits.{name}", value, motors)
-        for name in ("torque", "speed")
-        if (value := getattr(choice, name)) is not None
-    }
-    scaling = scale(
+    choice = settings.limits
+    return scale(
         plan,
         robot,
         controller,
-        Limits(positions=robot.position_limits, **limits),
+        limits_of(settings, robot),
         balance=balance,
         margin=choice.margin,
         friction=settings.imperfections.friction * shaft_friction(robot.file),
         progress=None if progress is None else partial(progress, "amplitudes"),
     )
-    if choice.swing is None:
-        return scaling
-    return within_swing(
-        scaling, (1 - choice.margin) * per_motor("limits.swing", choice.swing, motors)
-    )
 
 
-def within_swing(scaling: Scaling, swing: Array) -> Scaling:
-    """Return the plan with smaller amplitudes, where needed for each motor's swing.
-
-    Parameters
-    ----------
-    scaling : Scaling
-        A plan inside its other limits, with one factor for all visits.
-    swing : ndarray, (n,), rad
-        Largest deviation from the position, arm side.
-    """
-    peaks = scaling.peaks
-    shift = np.abs(peaks.swing[:, 2]).max(axis=-1)  # (V, n)
-    allowed = swing / np.maximum(shift, np.finfo(float).tiny)
-    factor = float(allowed.min())
-    bindings = tuple(
-        _tighter(binding, allowed[v], swing, scaling.plan)
-        for v, binding in enumerate(scaling.bindings)
-    )
-    if factor >= 1:
-        return replace(scaling, bindings=bindings)
-    return Scaling(
-        scaling.plan.rescaled(np.asarray(factor)),
-        Peaks(peaks.operating_point, read_only(peaks.swing * factor)),
-        tuple(replace(b, factor=b.factor / factor) for b in bindings),
-    )
-
-
-def _tighter(binding: Binding, allowed: Array, swing: Array, plan: ExperimentPlan) -> Binding:
-    """Return the limit of a visit that is met first: the swing's or the present one."""
-    motor = int(np.argmin(allowed))
-    if allowed[motor] >= binding.factor:
-        return binding
-    return SwingBinding(
-        visit=binding.visit,
-        position=binding.position,
-        motor=plan.motors[motor],
-        quantity="swing",
-        limit=float(swing[motor]),
-        factor=float(allowed[motor]),
-    )
+def limits_of(settings: LoopSettings, robot: ElasticRobot) -> Limits:
+    """Return the limits of the settings with the robot's of positions, per motor."""
+    motors, choice = tuple(robot.motor_names), settings.limits
+    limits = {
+        name: per_motor(f"limits.{name}", value, motors)
+        for name in LIMITS
+        if (value := getattr(choice, name)) is not None
+    }
+    return Limits(positions=robot.position_limits, **limits)

@@ -73,7 +73,8 @@ def test_a_campaign_from_guesses_to_accuracies(campaign: Path) -> None:
     assert np.abs(away).max() < 4
     assert (status.estimate.std <= status.targets).all()
     assert status.estimate.drift > 1e-3
-    times = [visit.plan.duration + 1.0 for visit in status.visits]
+    times = [visit.plan.duration for visit in status.visits]
+    assert all(visit.plan.settle == 1.0 for visit in status.visits)
     assert status.minutes == pytest.approx(sum(times) / 60)
 
 
@@ -176,7 +177,7 @@ def test_files_that_cannot_be(campaign: Path, before: str, after: str, message: 
 def test_gravity_that_uses_up_a_torque_limit(campaign: Path) -> None:
     content = AXIS.replace("guesses.yaml", "manutec_r3").replace("speed: 5.0", "torque: 0.1")
     campaign.write_text(content)
-    with pytest.raises(InvalidInput, match=r"limits.torque: motor 'm\d' needs .* N m ag"):
+    with pytest.raises(InvalidInput, match=r"limits.torque: at \[.*: motor 'm\d' needs .* to hold"):
         Campaign.load(campaign).ask()
 
 

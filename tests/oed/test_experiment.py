@@ -3,8 +3,9 @@ import json
 import numpy as np
 import pytest
 
-from oed.experiment.experiment_file import load_experiment, per_motor, planned_positions
+from oed.experiment.experiment_file import load_experiment, planned_positions
 from oed.experiment.experiment_plan import ExperimentPlan
+from oed.experiment.loop_settings import per_motor
 from oed.experiment.predicted_peaks import predicted_peaks
 from oed.experiment.prepare import prepare
 from oed.experiment.run_experiment import run_experiment
@@ -53,7 +54,7 @@ def test_paths_are_relative_to_the_file(tmp_path):
         ("period: 0.5", "period: 0.501", "250.5 samples"),
         ("detection: 3", "detection: 1", "multisine.detection"),
         ("detection: 3", "spacing: quasi_log", "needs a count"),
-        ("torque: 20.0, swing: 0.002", "margin: 0.1", "none of torque, speed and swing"),
+        ("torque: 20.0, swing: 0.002", "margin: 0.1", "none of torque, rms_torque, speed"),
         ("torque: 20.0", "torque: -20.0", "limits.torque"),
         ("positions: [[0.3], [-0.2]]\nrepetitions: [2, 1]\n", "", "neither of positions and des"),
         ("seed: 3", "design: design.json", "both of positions and design"),

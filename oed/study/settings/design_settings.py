@@ -32,7 +32,7 @@ from typing import Annotated, Literal, Self
 
 from pydantic import Field, model_validator
 
-from oed.experiment.experiment_file import MoveChoice
+from oed.experiment.loop_settings import MoveChoice
 from robotmodels.common.yaml_files import FileSection
 from robotmodels.description.ranges import Coordinate, Count, JointLimit, Seconds
 

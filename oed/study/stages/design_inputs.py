@@ -7,7 +7,7 @@ from oed.candidates.grids import candidate_at
 from oed.criteria.criteria import AsCriterion, Criterion, DsCriterion
 from oed.criteria.targets import by_name_or_kind
 from oed.design.constraints import Constraints, Group
-from oed.experiment.experiment_file import per_motor
+from oed.experiment.loop_settings import per_motor
 from oed.experiment.moves import MoveLimits, move_times
 from oed.study.settings.design_settings import DesignChoice, Moves, Ranges, RobustChoice
 from robotmodels import ElasticRobot
