@@ -98,7 +98,6 @@ from .exact.visit_plan import (
 )
 from .experiment.amplitude_scaling import (
     Binding as Binding,
-    Limits as Limits,
     Scaling as Scaling,
     scale as scale,
 )
@@ -108,6 +107,7 @@ from .experiment.draw_plan import (
     reduced_crest as reduced_crest,
 )
 from .experiment.experiment_plan import ExperimentPlan as ExperimentPlan
+from .experiment.limits import Limits as Limits
 from .experiment.moves import Move as Move, MoveLimits as MoveLimits, move as move
 from .experiment.multisine import (
     Multisine as Multisine,
