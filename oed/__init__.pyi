@@ -115,7 +115,11 @@ from .experiment.multisine import (
     fourier_matrix as fourier_matrix,
     random_phases as random_phases,
 )
-from .experiment.plan_export import export_csv as export_csv, export_mat as export_mat
+from .experiment.plan_export import (
+    export_csv as export_csv,
+    export_mat as export_mat,
+    export_trajectory as export_trajectory,
+)
 from .experiment.predicted_peaks import Peaks as Peaks, predicted_peaks as predicted_peaks
 from .experiment.run_experiment import (
     Plant as Plant,

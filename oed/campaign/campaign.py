@@ -22,8 +22,8 @@ from oed.campaign.planning import Planner, known_now
 from oed.campaign.settings import CampaignSettings, load_campaign
 from oed.campaign.visits import Purpose, Visit, VisitFolder
 from oed.candidates.screening import ScreenedCandidates
+from oed.experiment.controller_files import write_controller_files
 from oed.experiment.experiment_plan import FALL, ExperimentPlan
-from oed.experiment.prepare import gear_ratios
 from oed.study.stage_cache import Stage, Stages, dataclass_files, open_stages
 from oed.study.stages.candidates import gather, workcell
 from robotmodels import ElasticRobot, load_robot
@@ -194,19 +194,19 @@ class Campaign:
         told = [visit for visit in visits if visit.state == "told"]
         checked = [visit for visit in told if visit.purpose == "check"]
         if not checked:
-            return self._write(self._planner(None, visits, stages).check(), "check")
+            return self._write(self._planner(None, visits, stages).check(), "check", self.robot)
         check_low_level(checked[-1], self.settings)
         stage = self._estimate(visits, stages)
         latest = None if stage is None else stage.value
         planner = self._planner(latest, visits, stages)
         if latest is None:
-            noise = low_level_noise(checked[-1])
-            return self._write(planner.first(noise, self._prior, self._named_targets), "first")
+            plans = planner.first(low_level_noise(checked[-1]), self._prior, self._named_targets)
+            return self._write(plans, "first", planner.robot)
         if (latest.std <= self.targets).all():
             fitted = [visit for visit in told if visit.purpose in FITTED]
             if any(visit.purpose == "repeat" for visit in visits):
                 return ()
-            return self._write(planner.repeated(fitted[0].plan), "repeat")
+            return self._write(planner.repeated(fitted[0].plan), "repeat", self.robot)
         minutes = self.settings.minutes - _minutes(visits)
         # Quoted standard deviations are those of Theorem 1, or larger by what the residuals tell.
         quoted = latest.std / np.sqrt(np.diag(latest.covariance))
@@ -214,7 +214,7 @@ class Campaign:
             name: target / float(quoted[self.robot.parameters.index(name)])
             for name, target in self._named_targets.items()
         }
-        return self._write(planner.accuracy(latest, scaled, minutes), "accuracy")
+        return self._write(planner.accuracy(latest, scaled, minutes), "accuracy", planner.robot)
 
     @property
     def _named_targets(self) -> dict[str, float]:
@@ -301,10 +301,16 @@ class Campaign:
         periods = settings.transient_periods + 1 + FALL
         return (settings.settle + periods * settings.multisine.period) / 60
 
-    def _write(self, plans: list[ExperimentPlan], purpose: Purpose) -> tuple[Visit, ...]:
+    def _write(
+        self, plans: list[ExperimentPlan], purpose: Purpose, robot: ElasticRobot
+    ) -> tuple[Visit, ...]:
+        """Write visits whose limits were met by `robot`."""
         folder = VisitFolder(self.settings.output / "visits")
-        ratios = gear_ratios(self.robot)
-        return tuple(folder.add(plan, purpose, self._digest, ratios) for plan in plans)
+
+        def write_files(plan: ExperimentPlan, files: Path) -> None:
+            write_controller_files(plan, files, self.settings.files, self.settings, robot)
+
+        return tuple(folder.add(plan, purpose, self._digest, write_files) for plan in plans)
 
 
 def _minutes(visits: Sequence[Visit]) -> float:

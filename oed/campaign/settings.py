@@ -17,6 +17,7 @@ limits: {torque: 50.0, speed: 10.0}     # as in an experiment file, and so the n
 moves: {speed: 1.0, acceleration: 2.0}
 carrier: {speed: 10.0}
 controller: {...}
+files: [csv]                 # for the controller: csv, mat, trajectory (JointTrajectory of ROS 2)
 seed: 1
 output: ../out/campaign      # folder; relative to this file, as every path in it
 """
@@ -28,7 +29,7 @@ import numpy as np
 from pydantic import Field, model_validator
 
 from oed.criteria.targets import by_name_or_kind
-from oed.experiment.loop_settings import LoopSettings
+from oed.experiment.loop_settings import Format, LoopSettings
 from oed.study.settings.candidates_settings import CandidatesChoice
 from robotmodels.common.arrays import Array
 from robotmodels.common.file_paths import existing_file, output_folder, robot_reference
@@ -47,6 +48,7 @@ class VisitSettings(LoopSettings):
     settle: NonNegative = 1.0
     transient_periods: Count = 1
     most_periods: Annotated[int, Field(ge=2, le=10_000)] = 16
+    files: Annotated[tuple[Format, ...], Field(min_length=1)] = ("csv",)
     seed: Seed = 1
     output: Path
 

@@ -9,6 +9,7 @@ from them after a kill at any moment.
 import os
 import shutil
 import tempfile
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Literal
@@ -19,8 +20,6 @@ from pydantic import Field
 
 from estimators.frf.file_formats import read_records
 from oed.experiment.experiment_plan import ExperimentPlan
-from oed.experiment.plan_export import export_csv
-from robotmodels.common.arrays import Array
 from robotmodels.common.atomic_files import atomic_write, write_text
 from robotmodels.common.errors import InvalidInput, naming
 from robotmodels.common.yaml_files import FileSection, read_yaml
@@ -188,15 +187,22 @@ class VisitFolder:
         return Visit(int(folder.name), folder, file.purpose, plan, file.robot_digest)
 
     def add(
-        self, plan: ExperimentPlan, purpose: Purpose, robot_digest: str, gear_ratios: Array
+        self,
+        plan: ExperimentPlan,
+        purpose: Purpose,
+        robot_digest: str,
+        write_files: Callable[[ExperimentPlan, Path], None],
     ) -> Visit:
-        """Write a new visit with its files for controllers; it has its name when it is whole."""
+        """Write a new visit with its files for controllers; it has its name when it is whole.
+
+        What `write_files` raises, which gets a folder for them, leaves nothing behind.
+        """
         self.folder.mkdir(parents=True, exist_ok=True)
         number = 1 + max(map(int, self._names), default=0)
         stage = Path(tempfile.mkdtemp(prefix=".unfinished-", dir=self.folder))
         try:
             plan.save(stage / "plan.yaml")
-            export_csv(plan, stage / "controller", gear_ratios)
+            write_files(plan, stage / "controller")
             document = {"schema": "visit/1", "purpose": purpose, "robot_digest": robot_digest}
             write_text(stage / "visit.yaml", yaml.safe_dump(document, sort_keys=False))
             target = self.folder / f"{number:03d}"

@@ -168,10 +168,9 @@ def _free(
 
 def _allowed(extremes: Array, room: Array) -> Array:
     """Return by which factors deviations may grow until they fill the room, same shape."""
-    reach = np.maximum(
-        np.stack([-extremes[..., 0], extremes[..., 1]], axis=-1), np.finfo(float).tiny
-    )
-    return np.asarray(room / reach)
+    reach = np.stack([-extremes[..., 0], extremes[..., 1]], axis=-1)
+    some = reach > 1e-300 * room  # commands of one motor leave others at rest
+    return np.divide(room, reach, out=np.full(room.shape, np.inf), where=some)
 
 
 def _counter(total: int, progress: Progress | None) -> Callable[[], object] | None:

@@ -58,6 +58,7 @@ joint). Where a key is "per motor", one number serves all motors and a list has 
       torque_disturbance: 0.0    # per motor, standard deviation, unseen by the records [N m]
       torque_limit: 9.0          # per motor [N m]; none by default
       nonlinear_gears: true      # whether hardening springs harden (default)
+    files: [csv, mat, trajectory]    # for a controller, in output/controller; none by default
     seed: 1
     output: ../out/r3_experiment # folder; it, robot and design are relative to this file
 """
@@ -69,7 +70,7 @@ import numpy as np
 from pydantic import Field, model_validator
 
 from oed.experiment.design_file import designed_positions
-from oed.experiment.loop_settings import LoopSettings, MultisineChoice
+from oed.experiment.loop_settings import Format, LoopSettings, MultisineChoice
 from robotmodels.common.arrays import Array, IntArray
 from robotmodels.common.errors import InvalidInput
 from robotmodels.common.file_paths import absolute, output_folder, robot_reference
@@ -114,6 +115,7 @@ class Experiment(ExcitationSettings):
     positions: Annotated[list[list[Coordinate]], Field(min_length=1)] | None = None
     repetitions: list[Count] | None = None
     design: Path | None = None
+    files: tuple[Format, ...] = ()
     seed: Seed = 1
     output: Path
 

@@ -17,6 +17,10 @@ PositiveEach = Positive | Annotated[list[Positive], Field(min_length=1)]
 NonNegativeEach = NonNegative | Annotated[list[NonNegative], Field(min_length=1)]
 
 
+Format = Literal["csv", "mat", "trajectory"]
+"""Of files for controllers."""
+
+
 class MultisineChoice(FileSection):
     """Lines of the speed reference: band [Hz], sampling [s], what is left out."""
 

@@ -27,6 +27,7 @@ def simulate(
     Example: oed simulate studies/manutec_r3_experiment.yaml
     """
     one_thread_each()
+    from oed.experiment.controller_files import write_controller_files
     from oed.experiment.experiment_file import load_experiment
     from oed.experiment.prepare import prepare
     from oed.experiment.run_experiment import run_experiment
@@ -44,6 +45,9 @@ def simulate(
     ):
         progress = stopping_at_steps(bars)
         prepared = prepare(content, progress)
+        files = content.output / "controller"
+        if content.files:
+            write_controller_files(prepared.plan, files, content.files, content, prepared.robot)
         outcome = run_experiment(prepared, folder, progress, executor)
     say(
         lambda: experiment_summary(prepared, outcome, content.output),
