@@ -28,7 +28,7 @@ multisine:
 # Peaks on the motor shafts: replace them by what this robot may do, one number per motor.
 limits:
 {limits}
-  # rms_torque: 1.0     # root mean square, gravity included [N m]: continuous torques of data sheets
+  # rms_torque: 1.0     # root mean square, gravity included [N m]: continuous torque of the motor
   swing: 0.02           # deviation from a position, arm side [rad; m]
   margin: 0.1
 moves: {{speed: 0.5, acceleration: 1.0}}    # between positions, arm side [rad/s, rad/s^2]

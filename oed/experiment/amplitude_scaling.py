@@ -170,7 +170,7 @@ def _allowed(extremes: Array, room: Array) -> Array:
     """Return by which factors deviations may grow until they fill the room, same shape."""
     reach = np.stack([-extremes[..., 0], extremes[..., 1]], axis=-1)
     some = reach > 1e-300 * room  # commands of one motor leave others at rest
-    return np.divide(room, reach, out=np.full(room.shape, np.inf), where=some)
+    return np.asarray(np.divide(room, reach, out=np.full(room.shape, np.inf), where=some))
 
 
 def _counter(total: int, progress: Progress | None) -> Callable[[], object] | None:

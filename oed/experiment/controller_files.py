@@ -175,8 +175,8 @@ def _read_mat(folder: Path, ratios: Array, sample_time: float) -> Iterator[Traje
         for run in np.moveaxis(runs, 2, 0):
             parts = [rise * run, *[run] * (periods - 1), fall * run[: len(fall)]]
             told = np.concatenate(parts)
-            rest = np.tile(content["position"], (len(told), 1))
-            yield Trajectory(((str(path), len(told)),), visit, False, rest, told)
+            position = np.tile(content["position"], (len(told), 1))
+            yield Trajectory(((str(path), len(told)),), visit, False, position, told)
 
 
 def _read_bag(folder: Path, ratios: Array, sample_time: float) -> Iterator[Trajectory]:

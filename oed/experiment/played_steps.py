@@ -66,9 +66,9 @@ def played_steps(plan: ExperimentPlan, ratios: Array) -> Iterator[PlayedStep]:
         path = plan.move_to(visit)
         if len(path):
             yield PlayedStep("move", *at, 0, 0, 1, 0, path.positions, ratios * path.speeds)
-        rest = np.zeros((round(plan.settle / plan.multisine.sample_time), len(ratios)))
-        if len(rest):
-            yield PlayedStep("settle", *at, 0, 0, 1, 0, plan.positions[q] + rest, rest)
+        still = np.zeros((round(plan.settle / plan.multisine.sample_time), len(ratios)))
+        if len(still):
+            yield PlayedStep("settle", *at, 0, 0, 1, 0, plan.positions[q] + still, still)
         for block, runs in enumerate(plan.reference(visit), start=1):
             for run, speeds in enumerate(runs, start=1):
                 steady = np.tile(plan.positions[q], (len(speeds), 1))
