@@ -14,7 +14,7 @@ the way, but the six h have to stay in registers, so they are spelled out.
 import numpy as np
 
 from robotmodels.kernel.ldlt import SOURCES, compiled, entry, inlined, square
-from robotmodels.kernel.memory import load, load_complex, scalar, store, store_scalar
+from robotmodels.kernel.memory import load, load_complex, store, store_scalar
 from robotmodels.kernel.sensitivity_products import (
     accumulate,
     add,
@@ -136,20 +136,6 @@ def accumulate_six(work, w):
 
 
 @compiled
-def load_weights(work, source, at, frequencies, weights):
-    """Write (n, n) complex matrices of eight frequencies as vectors, zero beyond the last one.
-
-    `source` is the address of the doubles (F, n, n, 2), `at` the index of the first of the eight.
-    """
-    entries = 2 * work.n * work.n
-    for e in range(entries):
-        for lane in range(LANES):
-            f = at + lane
-            x = scalar(source, f * entries + e) if f < frequencies else 0.0
-            store_scalar(weights, e * LANES + lane, x)
-
-
-@compiled
 def apply_weights(work, weights, part):
     """Write U v (`part` 0) or Y v (1) of every needed spring; U or Y, by row, is at `weights`."""
     n, zero = work.n, pack(splat(0.0), splat(0.0))
@@ -202,72 +188,3 @@ def accumulate_pairs(work, w, sums):
             add(target + 8 * BYTES, parts(r, g), w, False)
             add(target + 12 * BYTES, parts(u, h), w, False)
             target += 16 * BYTES
-
-
-@inlined
-def sums_length(work):
-    """Return the vectors of one excitation's sums."""
-    pairs = (work.m + 2) // 2
-    return 8 * pairs * (pairs + 1)
-
-
-@compiled
-def add_lines(work, q, b, omega, inputs, outputs, buffers, excitations, frequencies):
-    """Add what eight frequencies tell under each excitation to the sums in the buffers."""
-    weights, sums = buffers
-    w, first, length = load(omega, b), b * LANES, BYTES * sums_length(work)
-    solve(work, q, w)
-    spring_elongations(work, w)
-    load_weights(work, outputs[0] + outputs[1] * q, first, frequencies, weights)
-    apply_weights(work, weights, 1)
-    for e in range(excitations):
-        source = inputs[0] + inputs[1] * q + inputs[2] * e
-        load_weights(work, source, first, frequencies, weights)
-        apply_weights(work, weights, 0)
-        accumulate_pairs(work, w, sums + length * e)
-
-
-@compiled
-def finish_information(work, q, sums, out):
-    """Turn the sums of one excitation into its (p, p) information at the address `out`."""
-    springs = 8 * q * work.s
-    for index in range(sums_length(work)):
-        store(work.sums, index, load(sums, index))
-    fill_block(work, work.spring_stiffness + springs, work.spring_damping + springs, False)
-    for index in range(work.p * work.p):
-        store_scalar(out, index, 0.0)
-    project(work, q, out)
-
-
-@compiled
-def _separable_informations(
-    work, omega, inputs, outputs, buffers, excitations, frequencies, start, stop, out
-):
-    """Write the (E, p, p) information of positions `start` to `stop` to the address `out`.
-
-    `inputs` and `outputs` are the addresses of complex (E, Q, F, n, n) and (Q, F, n, n), each with
-    the bytes from one position to the next, the former also from one excitation to the next;
-    `buffers` those of one U or Y, and of the sums of each excitation.
-    """
-    size, length, sums = 8 * work.p * work.p, sums_length(work), buffers[1]
-    for q in range(start, stop):
-        pack_position(work, q)
-        for index in range(length * excitations):
-            store(sums, index, splat(0.0))
-        for b in range(-(-frequencies // LANES)):
-            add_lines(work, q, b, omega, inputs, outputs, buffers, excitations, frequencies)
-        for e in range(excitations):
-            target = out + size * (q * excitations + e)
-            finish_information(work, q, sums + BYTES * length * e, target)
-
-
-def _cached_separable(sources):
-    @entry
-    def run(*arguments):
-        if len(sources) > 0:
-            _separable_informations(*arguments)
-
-    return run
-
-
-separable_informations = _cached_separable(SOURCES)

@@ -4,7 +4,7 @@ import numpy as np
 
 from robotmodels.common.arrays import Array, ComplexArray
 from robotmodels.kernel.elimination_order import EliminationPlan
-from robotmodels.kernel.fisher import separable_informations
+from robotmodels.kernel.excitation_lines import excitation_informations
 from robotmodels.kernel.memory import address, aligned
 from robotmodels.kernel.simd import LANES
 from robotmodels.kernel.threads import over_threads
@@ -36,15 +36,14 @@ def informations_of_factors(
     """
     powers = powers[None] if powers.ndim == 4 else powers
     powers = shared(powers.swapaxes(0, 1)).swapaxes(0, 1)
-    outputs = _inverse(shared(sigma))
+    sigma = shared(sigma)
     if plan is None:
-        return _reference(network, omega, powers, outputs)
+        return _reference(network, omega, powers, np.asarray(np.linalg.inv(sigma)))
     # The kernel's sensitivities are those of motor accelerations, and lack w^2.
     if network.measurement is not None:
         scale = network.motor_factors(omega)
         powers = np.conj(scale)[:, :, None] * powers * scale[:, None, :]
-    outputs *= omega[:, None, None] ** 4
-    return _compiled(network, plan, omega, powers, outputs)
+    return _compiled(network, plan, omega, powers, sigma)
 
 
 def _compiled(
@@ -52,28 +51,35 @@ def _compiled(
     plan: EliminationPlan,
     omega: Array,
     powers: ComplexArray,
-    outputs: ComplexArray,
+    sigma: ComplexArray,
 ) -> Array:
-    """Return the informations by the kernel."""
+    """Return the informations by the kernel, where diagonal U come first."""
+    diagonal = np.array([np.count_nonzero(x) == np.count_nonzero(_diagonals(x)) for x in powers])
+    order = np.argsort(~diagonal, kind="stable")
     p, count, q = len(network.parameters), len(powers), len(network.mass)
-    inputs, weights = (
-        np.ascontiguousarray(x, dtype=complex).view(float) for x in (powers, outputs)
+    inputs, errors = (
+        np.ascontiguousarray(x, dtype=complex).view(float) for x in (powers[order], sigma)
     )
     first = address(inputs), _step(inputs[0]), inputs[0].nbytes
-    second = address(weights), _step(weights)
+    second = address(errors), _step(errors)
     frequencies, _ = padded_lines(omega)
     out, tables = np.empty((q, count, p, p)), network_tables(network)
-    n, pairs = len(plan.motors), (len(plan.needed) + 2) // 2
-    sizes = 2 * n * n, 8 * pairs * (pairs + 1) * count
+    n, pairs, wide = len(plan.motors), (len(plan.needed) + 2) // 2, len(plan.motors) + 1
+    sizes = 2 * n * n, 2 * wide * wide, n, count * n, 8 * pairs * (pairs + 1) * count
 
     def run(start: int, stop: int) -> None:
         space, buffers = workspace(plan, network, tables), [aligned(size) for size in sizes]
-        arrays = address(frequencies), first, second, tuple(map(address, buffers))
-        lengths = count, omega.size, start, stop
-        separable_informations(space.at, *arrays, *lengths, address(out))
+        arrays = first, second, address(order), tuple(map(address, buffers))
+        lengths = (int(diagonal.sum()), count), omega.size, start, stop
+        excitation_informations(space.at, address(frequencies), *arrays, *lengths, address(out))
 
     over_threads(run, q, work_per_item=2 * count * frequencies.size // LANES)
     return out
+
+
+def _diagonals(matrices: ComplexArray) -> ComplexArray:
+    """Return the diagonals of matrices (..., n, n), (..., n)."""
+    return np.asarray(np.einsum("...ii->...i", matrices))
 
 
 def _step(matrices: Array) -> int:
@@ -93,16 +99,6 @@ def _reference(
         weighted = np.einsum("qfml,qflip,qfni->qfmnp", outputs, J, inputs, optimize=True)
         parts.append(2 * np.einsum("qfmnp,qfmnr->qpr", J.conj(), weighted, optimize=True).real)
     return np.stack(parts, axis=1)
-
-
-def _inverse(matrices: ComplexArray) -> ComplexArray:
-    """Return the inverses, (Q, F, m, m); of diagonal matrices, at the price of a division."""
-    diagonal = np.einsum("qfii->qfi", matrices)
-    if np.count_nonzero(matrices) > np.count_nonzero(diagonal):
-        return np.asarray(np.linalg.inv(matrices), dtype=complex)
-    inverses = np.zeros(matrices.shape, dtype=complex)
-    np.einsum("qfii->qfi", inverses)[:] = 1.0 / diagonal
-    return inverses
 
 
 def padded_lines(omega: Array) -> tuple[Array, Array]:
