@@ -136,7 +136,7 @@ class Planner:
         if candidates.duration.min() > most:
             return []
         if relaxed.time < most:
-            plan = fastest_visit_plan(candidates, dict(targets), information)
+            plan = fastest_visit_plan(candidates, dict(targets), information, relaxed)
             if plan.duration <= most:
                 return self.plans(visits_of(plan))
         criterion = TargetCriterion(dict(targets))

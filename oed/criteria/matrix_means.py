@@ -9,6 +9,7 @@ Efficiencies are their ratios, their logarithms are what is computed. The polar 
 the least tr(W M) where it is one, is a mean of B' W B and turns any W into an upper bound.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal
 
@@ -47,7 +48,7 @@ class MatrixMean:
     def log_value(self, information: Array) -> float:
         """Return the logarithm for M, (p, p); -inf where M leaves a combination open."""
         half = self._half(information)
-        return -np.inf if half is None else self._of_root(half[1])
+        return -np.inf if half is None else float(self.log_value_of_root(half[1]))
 
     def log_value_of_factor(self, factor: Array) -> float:
         """Return the logarithm for M = F F', F (p, k), in units that make M of order one.
@@ -62,14 +63,14 @@ class MatrixMean:
         open_part = np.linalg.norm(B - U @ inside, axis=0)
         if (open_part > OPEN * np.linalg.norm(B, axis=0)).any():
             return -np.inf
-        return self._of_root(inside / sizes[:, None])
+        return float(self.log_value_of_root(inside / sizes[:, None]))
 
-    def _of_root(self, root: Array) -> float:
-        """Return the logarithm for C = root' root."""
+    def log_value_of_root(self, root: Array) -> Array:
+        """Return the logarithms for C = root' root, (...), roots (..., r, m)."""
         if self.kind == "D":
-            return float(-2 * _log_abs_det(root) / root.shape[1]) + self.offset
-        size = np.linalg.norm(root) if self.kind == "A" else np.linalg.norm(root, 2)
-        return float(-2 * np.log(size)) + self.offset
+            return np.asarray(-2 * _log_abs_det(root) / root.shape[-1] + self.offset)
+        size = np.linalg.norm(root, None if self.kind == "A" else 2, axis=(-2, -1))
+        return np.asarray(-2 * np.log(size) + self.offset)
 
     def log_gradient(self, information: Array) -> Array:
         """Return W, (p, p), the derivative of the logarithm: tr(W M) = 1, W positive semidefinite.
@@ -136,78 +137,91 @@ class MatrixMean:
         size = float(np.linalg.norm(B))
         return MatrixMean(self.kind, B / size, self.offset - 2 * np.log(size))
 
-    def second_order(self, information: Array, matrices: Array) -> tuple[float, Array, Array]:
-        """Return the logarithm at M, and its first (n,) and second (n, n) derivatives.
+    def gradient_root(self, inverse_root: Array) -> tuple[float, Array]:
+        """Return the logarithm at M, M^-1 = T'T, and Z, (p, m): the derivative is (T'Z)(T'Z)'.
 
-        They are taken along `matrices` H_i, (n, p, p), for well scaled M; D and A only. With
-        M^-1 = T'T, Y = M^-1 B, C = R'R and Z = Y R^-1 the second ones are
-
-            D: [tr(Z'H_i Z Z'H_j Z) - 2 tr(Z'H_i M^-1 H_j Z)] / m
-            A: g_i g_j - 2 tr(Y'H_i M^-1 H_j Y) / tr C
-
-        Raises
-        ------
-        numpy.linalg.LinAlgError
-            If M is not positive definite.
+        `inverse_root` is T, (p, p); of D and A only.
         """
-        n, p = matrices.shape[:2]
-        L = np.linalg.cholesky(information)
-        T = solve_triangular(L, np.eye(p), lower=True, check_finite=False)
-        if self.kind == "D" and self.combinations is None:
-            white = between(T, matrices, T.T)
-            flat = white.reshape(n, -1)
-            log_det = 2 * float(np.log(np.diagonal(L)).sum())
-            slopes = np.trace(white, axis1=1, axis2=2) / p
-            return log_det / p + self.offset, slopes, flat @ flat.T / -p
-        root = T if self.combinations is None else T @ self.combinations
+        root = inverse_root if self.combinations is None else inverse_root @ self.combinations
+        value = float(self.log_value_of_root(root))
+        if self.kind == "A":
+            return value, root / np.linalg.norm(root)
         m = root.shape[1]
+        if self.combinations is None:
+            return value, np.eye(m) / np.sqrt(m)
+        return value, np.linalg.solve(_triangle(root).T, root.T).T / np.sqrt(m)
+
+    def curvature_roots(self, half: Array, gradient_root: Array) -> tuple[Array, Array]:
+        """Return P and N, minus the second derivative along H_i being P P' - N N'.
+
+        With F_i = T H_i T' Z, (n, p, m), the `half`, it is for D and A
+
+            D: 2 tr F_i'F_j - m tr(Z'F_i Z'F_j)      A: 2 tr F_i'F_j - tr Z'F_i tr Z'F_j
+        """
+        n, m = len(half), gradient_root.shape[1]
+        flat = half.reshape(n, -1)
+        if self.kind == "D" and self.combinations is None:
+            return flat, np.zeros((n, 0))
         if self.kind == "D":
-            R = _triangle(root)
-            right = np.linalg.solve(R.T, root.T).T
-            half = between(T, matrices, T.T @ right)
-            flat = half.reshape(n, -1)
-            inner = (right.T @ half).reshape(n, -1)
-            slopes = inner[:, :: m + 1].sum(axis=1) / m
-            value = -2 * _log_abs_det(root) / m + self.offset
-            return value, slopes, (inner @ inner.T - 2 * flat @ flat.T) / m
-        size = float(np.vdot(root, root))
-        flat = between(T, matrices, T.T @ root).reshape(n, -1)
-        slopes = flat @ root.ravel() / size
-        curvature = np.outer(slopes, slopes) - 2 * flat @ flat.T / size
-        return -float(np.log(size)) + self.offset, slopes, curvature
+            inner = (gradient_root.T @ half).reshape(n, -1) * np.sqrt(m)
+        else:
+            inner = (flat @ gradient_root.ravel())[:, None]
+        return np.sqrt(2.0) * flat, inner
 
     def _half(self, information: Array) -> tuple[Array, Array] | None:
         """Return S, (r, p), with S'S a generalised inverse of M, and S B; None where B is open."""
-        s = unit_diagonal_scaling(information)
-        scaled = s[:, None] * information * s
-        S = _inverse_root(scaled) if s.all() else None
-        if S is None and (self.combinations is None or not s.any()):
+        S = inverse_root(information)
+        if S is not None:
+            return S, S if self.combinations is None else S @ self.combinations
+        s, B = unit_diagonal_scaling(information), self.combinations
+        if B is None or not s.any():
             return None
-        B = np.eye(len(s)) if self.combinations is None else self.combinations
-        if S is None:
-            eigenvalues, vectors = np.linalg.eigh(scaled)
-            regular = eigenvalues > ROUNDING * eigenvalues[-1]
-            # Where a whole diagonal entry is missing only the other parameters can be combined.
-            away = np.abs(B[s == 0]).max(initial=0.0) > 0
-            units = np.where(s > 0, s, 0.0)[:, None] * B
-            open_part = np.linalg.norm(vectors[:, ~regular].T @ units, axis=0)
-            if away or (open_part > OPEN * np.linalg.norm(units, axis=0)).any():
-                return None
-            S = (vectors[:, regular] / np.sqrt(eigenvalues[regular])).T
-        S = S * s
+        scaled = s[:, None] * information * s
+        eigenvalues, vectors = np.linalg.eigh(scaled)
+        regular = eigenvalues > ROUNDING * eigenvalues[-1]
+        # Where a whole diagonal entry is missing only the other parameters can be combined.
+        away = np.abs(B[s == 0]).max(initial=0.0) > 0
+        units = np.where(s > 0, s, 0.0)[:, None] * B
+        open_part = np.linalg.norm(vectors[:, ~regular].T @ units, axis=0)
+        if away or (open_part > OPEN * np.linalg.norm(units, axis=0)).any():
+            return None
+        S = (vectors[:, regular] / np.sqrt(eigenvalues[regular])).T * s
         return S, S @ B
 
 
-def _inverse_root(scaled: Array) -> Array | None:
-    """Return L^-1 with L L' the matrix, or None where that is singular."""
+def inverse_root(information: Array) -> Array | None:
+    """Return T, lower triangular, with T'T the inverse of M, or None where M is singular."""
+    s = unit_diagonal_scaling(information)
+    if not s.all():
+        return None
     try:
-        L = np.linalg.cholesky(scaled)
+        L = np.linalg.cholesky(s[:, None] * information * s)
     except np.linalg.LinAlgError:
         return None
     # A pivot of rounding size is a singular matrix that happened to pass.
     if np.diagonal(L).min() <= _PIVOT:
         return None
-    return np.asarray(solve_triangular(L, np.eye(len(L)), lower=True, check_finite=False))
+    return np.asarray(solve_triangular(L, np.eye(len(L)), lower=True, check_finite=False) * s)
+
+
+def log_values(means: Sequence[MatrixMean], inverse_root: Array) -> Array:
+    """Return the logarithms of several means for the same M, (..., k), M^-1 = T'T, T (..., p, p).
+
+    Variances of single combinations, of which there may be many, are computed together.
+    """
+    logs = np.empty((*inverse_root.shape[:-2], len(means)))
+    single = []
+    for i, mean in enumerate(means):
+        B = mean.combinations
+        if mean.kind == "A" and B is not None and B.shape[1] == 1:
+            single.append(i)
+        else:
+            logs[..., i] = mean.log_value_of_root(inverse_root if B is None else inverse_root @ B)
+    if single:
+        B = np.concatenate([means[i].combinations for i in single], axis=1)
+        variances = ((inverse_root @ B) ** 2).sum(axis=-2)
+        logs[..., single] = [means[i].offset for i in single] - np.log(variances)
+    return logs
 
 
 def between(left: Array, matrices: Array, right: Array) -> Array:
@@ -222,7 +236,8 @@ def _triangle(root: Array) -> Array:
     return np.asarray(np.linalg.qr(root, mode="r"))
 
 
-def _log_abs_det(root: Array) -> float:
-    """Return half the log determinant of root' root."""
+def _log_abs_det(root: Array) -> Array:
+    """Return half the log determinants of root' root, (...), roots (..., r, m)."""
     with np.errstate(divide="ignore"):
-        return float(np.log(np.abs(np.diagonal(_triangle(root)))).sum())
+        pivots = np.diagonal(_triangle(root), axis1=-2, axis2=-1)
+        return np.asarray(np.log(np.abs(pivots)).sum(axis=-1))

@@ -18,8 +18,8 @@ from functools import cached_property
 import numpy as np
 from scipy.special import logsumexp
 
-from oed.criteria.matrix_means import MatrixMean
-from robotmodels.common.arrays import Array
+from oed.criteria.matrix_means import MatrixMean, inverse_root, log_values
+from robotmodels.common.arrays import Array, IntArray
 from robotmodels.common.deprecation import renamed_attributes
 
 # (p, p), (K, p, p), or one matrix for each of K samples of theta.
@@ -100,10 +100,19 @@ class Objective:
 
     def group_values(self, information: Information) -> Array:
         """Return sum_j a_j log f_j(M) of each group, (G,)."""
-        stack = samples(information)
-        return np.array(
-            [sum(t.share * t.mean.log_value(stack[t.sample]) for t in g) for g in self.groups]
-        )
+        stack, logs = samples(information), np.empty(len(self.terms))
+        for k, indices in self.by_sample.items():
+            M, means = stack[k], [self.terms[i].mean for i in indices]
+            T = inverse_root(M)
+            logs[indices] = (
+                [mean.log_value(M) for mean in means] if T is None else log_values(means, T)
+            )
+        return self.shared(logs)
+
+    def shared(self, logs: Array) -> Array:
+        """Return sums of the terms' logarithms (..., t) by shares in each group, (..., G)."""
+        starts = np.searchsorted(self.owners, np.arange(len(self.groups)))
+        return np.asarray(np.add.reduceat(logs * self.shares, starts, axis=-1))
 
     def witness(
         self, information: Information, multipliers: Array | None = None
@@ -160,6 +169,24 @@ class Objective:
     def terms(self) -> tuple[Term, ...]:
         """All terms, in the order of the groups."""
         return tuple(term for group in self.groups for term in group)
+
+    @cached_property
+    def owners(self) -> IntArray:
+        """Group of each term."""
+        return np.repeat(np.arange(len(self.groups)), [len(group) for group in self.groups])
+
+    @cached_property
+    def shares(self) -> Array:
+        """Share of each term in its group."""
+        return np.array([term.share for term in self.terms])
+
+    @cached_property
+    def by_sample(self) -> dict[int, list[int]]:
+        """Indices of the terms of each sample that there are terms of."""
+        indices: dict[int, list[int]] = {}
+        for i, term in enumerate(self.terms):
+            indices.setdefault(term.sample, []).append(i)
+        return indices
 
     @property
     def log_references(self) -> Array:

@@ -6,6 +6,7 @@ log s + mu log det (M - s B B'); mu times the inverse of that matrix is its deri
 point.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -59,20 +60,21 @@ def smoothed(problem: ScaledProblem, weights: Array, mu: float) -> Smoothed:
     """
     objective, information = problem.objective, problem.information(weights)
     n, groups = len(weights), len(objective.groups)
-    values, slopes, parts = np.zeros(groups), np.zeros((groups, n)), []
-    for g, group in enumerate(objective.groups):
-        for term in group:
-            M, H = information[term.sample], problem.matrices[term.sample]
-            part = _term(term.mean, M, H, mu / term.share)
-            values[g] += term.share * part.value
-            slopes[g] += term.share * part.slopes
-            parts.append((g, term.share, part))
+    parts = _terms(problem, information, mu)
+    values = objective.shared(np.array([part.value for part in parts]))
+    slopes = objective.shared(np.array([part.slopes for part in parts]).T).T
     value, rooms = _least(values - objective.log_references, mu)
     multipliers = mu / rooms if groups > 1 else np.ones(1)
+    factors = multipliers[objective.owners] * objective.shares
     curvature, mixed, sizes = np.zeros((n, n)), [], []
-    for g, share, part in parts:
-        factor = multipliers[g] * share
-        curvature += factor * part.curvature
+    for indices in objective.by_sample.values():
+        roots = [
+            (np.sqrt(factors[i]) * parts[i].plus, np.sqrt(factors[i]) * parts[i].minus)
+            for i in indices
+        ]
+        plus, minus = (np.concatenate(each, axis=1) for each in zip(*roots, strict=True))
+        curvature += plus @ plus.T - minus @ minus.T
+    for factor, part in zip(factors, parts, strict=True):
         if part.mixed is not None:
             mixed.append(factor * part.mixed)
             sizes.append(factor * part.size)
@@ -90,27 +92,60 @@ def smoothed(problem: ScaledProblem, weights: Array, mu: float) -> Smoothed:
 def smoothed_value(problem: ScaledProblem, weights: Array, mu: float) -> float:
     """Return the value of `smoothed` alone."""
     objective, information = problem.objective, problem.information(weights)
-    values = [
-        sum(t.share * _value(t.mean, information[t.sample], mu / t.share) for t in group)
-        for group in objective.groups
-    ]
-    return _least(np.array(values) - objective.log_references, mu)[0]
+    if objective.smooth:
+        values = objective.group_values(information)
+    else:
+        terms = objective.terms
+        logs = [_value(t.mean, information[t.sample], mu / t.share) for t in terms]
+        values = objective.shared(np.array(logs))
+    return _least(values - objective.log_references, mu)[0]
 
 
 @dataclass(frozen=True, eq=False)
 class _Term:
+    """A mean's logarithm and its slopes (n,), minus the second derivative P P' - N N'."""
+
     value: float
     slopes: Array
-    curvature: Array
+    plus: Array
+    minus: Array
     mixed: Array | None = None
     size: float = 0.0
 
 
-def _term(mean: MatrixMean, information: Array, matrices: Array, mu: float) -> _Term:
-    """Return one mean's logarithm, smoothed by mu if it is that of the smallest eigenvalue."""
-    if mean.kind != "E":
-        value, slopes, curvature = mean.second_order(information, matrices)
-        return _Term(value, slopes, -curvature)
+def _terms(problem: ScaledProblem, information: Sequence[Array], mu: float) -> list[_Term]:
+    """Return all terms; the means of a sample that are not smoothed share its factorisation."""
+    terms = problem.objective.terms
+    parts: dict[int, _Term] = {}
+    for k, indices in problem.objective.by_sample.items():
+        M, H = information[k], problem.matrices[k]
+        exact = [i for i in indices if terms[i].mean.kind != "E"]
+        parts |= dict(zip(exact, _exact([terms[i].mean for i in exact], M, H), strict=True))
+        for i in set(indices) - set(exact):
+            parts[i] = _smallest_eigenvalue(terms[i].mean, M, H, mu / terms[i].share)
+    return [parts[i] for i in range(len(terms))]
+
+
+def _exact(means: Sequence[MatrixMean], information: Array, matrices: Array) -> list[_Term]:
+    """Return means that have second derivatives, for well scaled M."""
+    if not means:
+        return []
+    L = np.linalg.cholesky(information)
+    T = solve_triangular(L, np.eye(len(L)), lower=True, check_finite=False)
+    values, roots = zip(*(mean.gradient_root(T) for mean in means), strict=True)
+    halves = between(T, matrices, T.T @ np.concatenate(roots, axis=1))
+    ends = np.cumsum([Z.shape[1] for Z in roots])[:-1]
+    parts = []
+    for mean, value, Z, half in zip(
+        means, values, roots, np.split(halves, ends, axis=2), strict=True
+    ):
+        slopes = half.reshape(len(half), -1) @ Z.ravel()
+        parts.append(_Term(value, slopes, *mean.curvature_roots(half, Z)))
+    return parts
+
+
+def _smallest_eigenvalue(mean: MatrixMean, information: Array, matrices: Array, mu: float) -> _Term:
+    """Return the logarithm of E's smallest eigenvalue, smoothed by mu."""
     T, U, ratios, largest, log_det = _spectrum(mean, information)
     s, remainders = _largest_size(ratios, mu)
     G = _dual_root(T, U, remainders)
@@ -123,7 +158,8 @@ def _term(mean: MatrixMean, information: Array, matrices: Array, mu: float) -> _
     return _Term(
         float(value),
         mu * diagonal.sum(axis=1),
-        mu * flat @ flat.T,
+        np.sqrt(mu) * flat,
+        np.zeros((len(flat), 0)),
         -mu * diagonal[:, :k] @ inner,
         float(1.0 + mu * (inner**2).sum()),
     )

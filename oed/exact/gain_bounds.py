@@ -1,11 +1,10 @@
 """Which candidate adds most to an information matrix, with as few evaluations as bounds allow."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
 
 import numpy as np
 
-from oed.criteria.matrix_means import MatrixMean
+from oed.criteria import matrix_means
 from oed.criteria.objective import Objective
 from oed.information_sets.candidates import sensitivities
 from robotmodels.common.arrays import Array, BoolArray, IntArray
@@ -114,59 +113,23 @@ def group_log_values(objective: Objective, stack: Array) -> Array:
     """Return the log values of the objective's groups, (n, G), the least of which counts."""
     p = stack.shape[-1]
     by_sample = stack.reshape(len(stack), -1, p, p)
-    totals = []
+    logs = np.empty((len(stack), len(objective.terms)))
     try:
-        roots = {k: _InverseRoot.of(by_sample[:, k]) for k in {t.sample for t in objective.terms}}
-        for group, reference in zip(objective.groups, objective.log_references, strict=True):
-            parts = [t.share * _mean_values(t.mean, roots[t.sample]) for t in group]
-            totals.append(np.sum(parts, axis=0) - reference)
+        for k, terms in objective.by_sample.items():
+            means = [objective.terms[i].mean for i in terms]
+            logs[:, terms] = matrix_means.log_values(means, _inverse_roots(by_sample[:, k]))
     except np.linalg.LinAlgError:  # one of them is singular
         references = objective.log_references
         return np.array([objective.group_values(one) - references for one in stack])
-    return np.stack(totals, axis=1)
+    return objective.shared(logs) - objective.log_references
 
 
-@dataclass(frozen=True, eq=False)
-class _InverseRoot:
-    """Of matrices M = (S^-1 L)(S^-1 L)', S a diagonal scaling, n of them at once.
-
-    Attributes
-    ----------
-    scaling : ndarray, (p,)
-        Diagonal of S.
-    log_pivots : ndarray, (n,)
-        log det L.
-    inverse : ndarray, (n, p, p)
-        L^-1.
-    """
-
-    scaling: Array
-    log_pivots: Array
-    inverse: Array
-
-    @classmethod
-    def of(cls, stack: Array) -> "_InverseRoot":
-        """Return the roots of positive definite matrices (n, p, p)."""
-        s = unit_diagonal_scaling(stack[0])
-        if not s.all():
-            raise np.linalg.LinAlgError
-        L = np.linalg.cholesky(s[:, None] * stack * s)
-        pivots = np.diagonal(L, axis1=1, axis2=2)
-        if pivots.min() < 1e-6:
-            raise np.linalg.LinAlgError
-        return cls(s, np.log(pivots).sum(axis=1), np.linalg.inv(L))
-
-
-def _mean_values(mean: MatrixMean, root: _InverseRoot) -> Array:
-    """Return the mean's logarithm for positive definite matrices, (n,); see `MatrixMean`."""
-    s = root.scaling
-    if mean.combinations is None and mean.kind == "D":
-        return np.asarray(2 * (root.log_pivots - np.log(s).sum()) / len(s) + mean.offset)
-    B = np.diag(s) if mean.combinations is None else s[:, None] * mean.combinations
-    roots = root.inverse @ B
-    if mean.kind == "A":
-        return np.asarray(mean.offset - np.log((roots**2).sum(axis=(1, 2))))
-    covariance = np.swapaxes(roots, 1, 2) @ roots
-    if mean.kind == "E":
-        return np.asarray(mean.offset - np.log(np.linalg.eigvalsh(covariance)[:, -1]))
-    return np.asarray(mean.offset - np.linalg.slogdet(covariance).logabsdet / B.shape[1])
+def _inverse_roots(stack: Array) -> Array:
+    """Return T, lower triangular, with T'T the inverses of positive definite matrices (n, p, p)."""
+    s = unit_diagonal_scaling(stack[0])
+    if not s.all():
+        raise np.linalg.LinAlgError
+    L = np.linalg.cholesky(s[:, None] * stack * s)
+    if np.diagonal(L, axis1=1, axis2=2).min() < 1e-6:
+        raise np.linalg.LinAlgError
+    return np.asarray(np.linalg.inv(L) * s)

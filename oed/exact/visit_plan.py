@@ -17,7 +17,7 @@ from oed.criteria.robust_criteria import robust_objective
 from oed.criteria.targets import TargetCriterion
 from oed.design.constraints import Constraints
 from oed.design.design import Design
-from oed.design.fastest_design import fastest_design
+from oed.design.fastest_design import FastestDesign, fastest_design
 from oed.design.optimal_design import checked_prior, optimal_design
 from oed.design.solvers import fast_solver
 from oed.exact.plan_score import standard_deviations
@@ -176,6 +176,7 @@ def fastest_visit_plan(
     candidates: ExperimentCandidates,
     targets: float | Mapping[str, float],
     prior: Array | None = None,
+    relaxed: FastestDesign | None = None,
 ) -> VisitPlan:
     """Return whole visits that reach targets, in a time near the least.
 
@@ -187,6 +188,8 @@ def fastest_visit_plan(
         Standard deviations asked for, as of `TargetCriterion`.
     prior : ndarray, (p, p), optional
         Information there is already.
+    relaxed : FastestDesign, optional
+        That of these candidates and targets, where there is one already.
 
     Raises
     ------
@@ -197,7 +200,7 @@ def fastest_visit_plan(
     info = candidates.information
     objective = TargetCriterion(targets).objective(info.names, info.samples)
     before = checked_prior(prior, info)
-    relaxed = fastest_design(info, candidates.duration, targets, before, _RELAXED_GAP)
+    relaxed = relaxed or fastest_design(info, candidates.duration, targets, before, _RELAXED_GAP)
     derivatives = info.directional_derivatives(objective.log_gradient(relaxed.information))
     search = VisitSearch.of(candidates, objective, before, relaxed.weights, derivatives)
     periods: IntArray = search.nothing
