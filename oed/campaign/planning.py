@@ -49,7 +49,7 @@ _FIRST_PERIODS = 2
 _MOST_VISITS = 10
 """Until plans are made anew by what was measured."""
 
-_GAP, _COARSE = 1e-4, 1e-2
+_GAP, _COARSE = 1e-3, 1e-2
 """Of the least time; of spectra, which are rounded to runs and periods anyway."""
 
 _FLOOR = 1e-2
