@@ -116,7 +116,9 @@ def generate_columns(
         if gap <= tolerance:
             return GeneratedDesign(columns, design, flat, gap, done)
         columns = columns.joined(design.support, more)
-        design = _design(sets.names, columns, objective, prior, 0.01 * max(tolerance, gap))
+        design = _design(
+            sets.names, columns, objective, prior, 0.01 * max(tolerance, min(gap, 1.0))
+        )
     raise SolverFailed(
         f"optimal spectrum: the certified gap is {gap:.2g} after {max_rounds} rounds, above the "
         f"tolerance {tolerance:.2g}; allow more rounds or a larger tolerance"

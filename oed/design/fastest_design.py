@@ -30,7 +30,7 @@ from robotmodels.common.printing import ReprHtml
 
 _MOST_ROUNDS = 30
 # Of budgets far from the least time designs need not be precise: this part of the gap so far.
-_SHARPER, _FIRST_GAP = 0.03, 1.0
+_SHARPER = 0.03
 # Weights below these shares of the largest are tried without, the last one with all of them.
 _SHARES = (1e-3, 1e-4, 1e-5, 0.0)
 
@@ -119,10 +119,9 @@ def fastest_design(
     if problem.prior is not None and objective.log_value(problem.prior) >= 0:
         return problem.design(np.zeros(len(info)), 0.0)
     least, budget = 0.0, float(np.median(problem.costs)) * len(info.names)
-    weights, gap = np.full(len(info), np.inf), _FIRST_GAP
+    weights, accuracy, last = np.full(len(info), np.inf), _SHARPER, 0.3 * tolerance
     for _ in range(_MOST_ROUNDS):
         limits = Constraints(time=budget, durations=duration)
-        accuracy = max(0.3 * tolerance, _SHARPER * gap)
         design = optimal_design(info, objective, limits, problem.prior, accuracy, solver=solver)
         least = max(least, problem.least_time(design, budget))
         for share in _SHARES:
@@ -132,7 +131,7 @@ def fastest_design(
                 return problem.design(fewer, least)
         weights = min(weights, fewer, key=problem.costs.dot)
         budget = float(problem.costs @ weights)
-        gap = budget / least - 1.0 if least > 0 else gap
+        accuracy = max(min(accuracy, _SHARPER * (budget / max(least, 1e-9 * budget) - 1.0)), last)
     raise SolverFailed(
         f"fastest design: {problem.costs @ weights:.6g} s, and no less than {least:.6g} s are "
         f"needed; allow a larger tolerance than {tolerance:.1g}"

@@ -47,7 +47,7 @@ def trimmed(
     evaluated = [
         (by_size[size], *_value(problem, by_size[size], max(_RANK, rounding)))
         for size in sorted(by_size)
-        if size < np.count_nonzero(weights)
+        if 0 < size < np.count_nonzero(weights)
     ]
     return [one for one in evaluated if one[1] >= value - loss]
 

@@ -176,3 +176,10 @@ def test_a_gap_above_tolerance_is_an_error():
         SolverFailed, match=r"certified gap is .* rounds, above the tolerance 1e-18"
     ):
         optimal_design(random_set(7, 300, 8, 1), tolerance=1e-18, solver="newton")
+
+
+@pytest.mark.parametrize("tolerance", [0.5, 2.0, 20.0])
+def test_coarse_designs_keep_weights(tolerance):
+    design = optimal_design(random_set(3, 40, 5, 3), tolerance=tolerance, solver="newton")
+    assert len(design.support)
+    assert 0 <= design.gap <= tolerance

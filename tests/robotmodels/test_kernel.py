@@ -18,7 +18,7 @@ from spring_networks import NETWORKS, error, robot
 from robotmodels import kernel
 from robotmodels.common.errors import InvalidInput
 from robotmodels.kernel.elimination_order import layout
-from robotmodels.linear.noise import RelativeNoise
+from robotmodels.linear.noise import InputOutputNoise, RelativeNoise
 
 NOISE = RelativeNoise()
 OMEGA = 2 * np.pi * np.linspace(2, 80, 21)
@@ -72,6 +72,28 @@ def test_information_with_separable_noise(network):
         2 * np.einsum("qfpi,qfij,qfrj->qpr", columns.conj(), weights, columns, optimize=True).real
     )
     assert error(kernel.information(network, OMEGA, Separable()), expected) < 1e-11
+
+
+@pytest.mark.parametrize("motors", [1, 2, 3])
+def test_information_of_diagonal_and_other_spectra_in_any_order(motors):
+    rng = np.random.default_rng(motors)
+    network = robot(rng, n_positions=3, n=motors, n_torsions=2, n_free_torsions=1)
+    noise = InputOutputNoise(speed=0.1, torque=0.02)
+    diagonal = rng.uniform(0, 2, (4, len(OMEGA), motors))
+    u = rng.normal(size=(2, len(OMEGA), motors)) + 1j * rng.normal(size=(2, len(OMEGA), motors))
+    spectra = np.zeros((5, len(OMEGA), motors, motors), dtype=complex)
+    spectra[[0, 2, 3]] = diagonal[:3, ..., None] * np.eye(motors)
+    spectra[[1, 4]] = u[..., None] * u[:, :, None, :].conj()
+    spectra[3, ::2, 0, 0] = 0.0
+    G, J = network.frequency_response(OMEGA), network.sensitivity(OMEGA)[1]
+    inverse = np.linalg.inv(noise.output_error(network, G, OMEGA))
+    expected = [
+        2 * np.einsum("qfijp,qfik,qfklr,flj->qpr", J.conj(), inverse, J, Phi, optimize=True).real
+        for Phi in spectra
+    ]
+    informations = kernel.excitation_informations(network, OMEGA, spectra, noise)
+    for one, H in zip(expected, informations.swapaxes(0, 1), strict=True):
+        assert error(H, one) < 1e-11
 
 
 @pytest.mark.parametrize("residual", ["nls", "lls", "lls_magnitude"])
