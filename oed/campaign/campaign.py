@@ -20,12 +20,14 @@ from oed.campaign.checks import check_low_level, low_level_noise
 from oed.campaign.estimate import FITTED, Estimate, estimate
 from oed.campaign.planning import Planner, known_now
 from oed.campaign.settings import CampaignSettings, load_campaign
+from oed.campaign.swing_room import with_room
 from oed.campaign.visits import Purpose, Visit, VisitFolder
 from oed.candidates.screening import ScreenedCandidates
 from oed.experiment.controller_files import write_controller_files
 from oed.experiment.experiment_plan import FALL, ExperimentPlan
+from oed.experiment.workcell_settings import surroundings_of
 from oed.study.stage_cache import Stage, Stages, dataclass_files, open_stages
-from oed.study.stages.candidates import gather, workcell
+from oed.study.stages.candidates import gather
 from robotmodels import ElasticRobot, load_robot
 from robotmodels.common.arrays import Array
 from robotmodels.common.errors import InvalidInput
@@ -235,23 +237,26 @@ class Campaign:
         self, latest: Estimate | None, visits: tuple[Visit, ...], stages: Stages
     ) -> Planner:
         choice = self.settings.candidates
+        around = surroundings_of(choice, self.robot)
         inputs = {
             "robot": self._digest,
             "files": [file_digest(file) for file in choice.files],
             "candidates": choice.model_dump(mode="json", exclude={"files"}),
+            "swing": self.settings.limits.swing,
         }
+
+        def compute(_: Path, report: Progress | None) -> ScreenedCandidates:
+            return with_room(gather(choice, self.robot, report), self.settings, self.robot, around)
+
         candidates = stages.run(
-            "candidates",
-            inputs,
-            lambda _, report: gather(choice, self.robot, report),
-            dataclass_files(ScreenedCandidates),
+            "candidates", inputs, compute, dataclass_files(ScreenedCandidates)
         ).value
         been = [visit for visit in visits if visit.state != "open"]
         return Planner(
             settings=self.settings,
             robot=known_now(self.robot, latest),
             positions=candidates.positions,
-            surroundings=workcell(choice).surroundings(self.robot),
+            surroundings=around,
             stage=len(visits),
             at=been[-1].plan.positions[0] if been else None,
         )

@@ -18,11 +18,11 @@ from oed.campaign.visit_plan import (
     visit_plan,
     with_relative_phases,
 )
-from oed.candidates.free_moves import free_moves
 from oed.criteria.targets import TargetCriterion
 from oed.design.fastest_design import FastestDesign, fastest_design
 from oed.design.optimal_spectra import optimal_spectra
 from oed.exact.visit_plan import VisitPlan, fastest_visit_plan, visit_plan as plan_within
+from oed.experiment.amplitude_scaling import Scaling
 from oed.experiment.experiment_plan import FALL, ExperimentPlan
 from oed.experiment.loop_settings import per_motor
 from oed.experiment.moves import move_times
@@ -31,6 +31,7 @@ from oed.experiment.prepare import move_limits
 from oed.information_sets.excitations import Excitation, UserSpectrum, VisitTiming, Zippered
 from oed.information_sets.experiment_candidates import ExperimentCandidates, experiment_candidates
 from robotmodels import ElasticRobot
+from robotmodels.collision.free_moves import contacts, swing_contact
 from robotmodels.collision.surroundings import Surroundings
 from robotmodels.common.arrays import Array, ComplexArray
 from robotmodels.common.errors import InvalidInput
@@ -246,9 +247,7 @@ class Planner:
             goals = np.array([position for position, _, _ in remaining])
             index = 0 if at is None else self._nearest(at, goals)
             position, excitation, periods = remaining.pop(index)
-            power = np.einsum("fii->fi", excitation.spectrum(np.ones(n), lines)).real
-            power = np.maximum(power, _FLOOR * power.max() / lines)  # no line is left out
-            power = power / power.sum(axis=0)
+            power = _shares(excitation, n, lines)
             level = fair_torques(self.settings, self.robot, position, power)
             rng = np.random.default_rng([self.settings.seed, self.stage + len(plans), 1])
             torques = torque_phases(self.grid, np.sqrt(2 * power) * level, rng)
@@ -258,20 +257,39 @@ class Planner:
             scaled = visit_plan(
                 self.settings, self.robot, position, torques, periods, at, part, runs
             )
+            self._check_swing(position, scaled)
             plans.append(scaled.plan)
             at = position
         return plans
 
+    def _check_swing(self, position: Array, scaled: Scaling) -> None:
+        """Refuse a visit in which the excitation would make something touch."""
+        pair = swing_contact(self.surroundings, position, *scaled.peaks.swing[0, 2].T)
+        if pair is not None:
+            raise InvalidInput(
+                f"visit to {np.round(position, 3).tolist()}: {pair} would touch within its swing; "
+                "it is not offered: state limits.swing, so that candidates have room for it, or "
+                "raise candidates.margin"
+            )
+
     def _nearest(self, at: Array, goals: Array) -> int:
         """Return the nearest goal that a straight move leads to freely."""
-        free = free_moves(self.surroundings, at, goals)
+        pairs = contacts(self.surroundings, at, goals)
+        free = np.array([pair is None for pair in pairs])
         if not free.any():
             raise InvalidInput(
                 f"moves: no straight move from {np.round(at, 3).tolist()} to the planned positions "
-                "is free; add candidates between, or clear the way"
+                f"is free, {pairs[0]} would touch; add candidates between, or clear the way"
             )
         distance = np.abs(goals - at).max(axis=1)
         return int(np.where(free, distance, np.inf).argmin())
+
+
+def _shares(excitation: Excitation, n: int, lines: int) -> Array:
+    """Return the share of each motor's power on each line, (F, n); none is left out."""
+    power = np.einsum("fii->fi", excitation.spectrum(np.ones(n), lines)).real
+    power = np.maximum(power, _FLOOR * power.max() / lines)
+    return np.asarray(power / power.sum(axis=0))
 
 
 def visits_of(plan: VisitPlan) -> list[_Choice]:

@@ -58,6 +58,8 @@ joint). Where a key is "per motor", one number serves all motors and a list has 
       torque_disturbance: 0.0    # per motor, standard deviation, unseen by the records [N m]
       torque_limit: 9.0          # per motor [N m]; none by default
       nonlinear_gears: true      # whether hardening springs harden (default)
+    workcell: {floor: 0.0}       # moves and swings must not touch it, each other or obstacles; keys
+                                 # as in a study's candidates; nothing is checked by default
     files: [csv, mat, trajectory]    # for a controller, in output/controller; none by default
     seed: 1
     output: ../out/r3_experiment # folder; it, robot and design are relative to this file
@@ -71,6 +73,7 @@ from pydantic import Field, model_validator
 
 from oed.experiment.design_file import designed_positions
 from oed.experiment.loop_settings import Format, LoopSettings, MultisineChoice
+from oed.experiment.workcell_settings import WorkcellChoice
 from robotmodels.common.arrays import Array, IntArray
 from robotmodels.common.errors import InvalidInput
 from robotmodels.common.file_paths import absolute, output_folder, robot_reference
@@ -116,6 +119,7 @@ class Experiment(ExcitationSettings):
     repetitions: list[Count] | None = None
     design: Path | None = None
     files: tuple[Format, ...] = ()
+    workcell: WorkcellChoice = WorkcellChoice()
     seed: Seed = 1
     output: Path
 

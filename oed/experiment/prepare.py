@@ -14,7 +14,10 @@ from oed.experiment.limits import Limits
 from oed.experiment.loop_settings import LIMITS, LoopSettings, per_motor
 from oed.experiment.moves import MoveLimits
 from oed.experiment.multisine import Multisine, band_multisine
+from oed.experiment.workcell_settings import surroundings_of
 from robotmodels import ElasticRobot, load_robot
+from robotmodels.collision.free_moves import contacts, swing_contact
+from robotmodels.collision.surroundings import Surroundings
 from robotmodels.common.arrays import Array, IntArray, check_memory
 from robotmodels.common.errors import InvalidInput
 from robotmodels.common.progress import StageProgress
@@ -59,14 +62,32 @@ def prepare(experiment: Experiment, progress: StageProgress | None = None) -> Pr
     Raises
     ------
     InvalidInput
-        Naming the key whose value does not fit the robot, or the limit without room.
+        Naming the key whose value does not fit the robot, the limit without room, or what touches.
     NoEquilibrium
         If the springs cannot carry the robot's weight in a position.
     """
     robot = load_robot(experiment.robot)
     positions, repetitions = planned_positions(experiment, robot.name)
     rng = np.random.default_rng(experiment.seed)
-    return prepare_in(experiment, robot, positions, repetitions, rng, progress)
+    prepared = prepare_in(experiment, robot, positions, repetitions, rng, progress)
+    _check_contacts(prepared, surroundings_of(experiment.workcell, robot))
+    return prepared
+
+
+def _check_contacts(prepared: Prepared, surroundings: Surroundings | None) -> None:
+    """Refuse moves and swings on which something would touch."""
+    plan, start = prepared.plan, prepared.plan.positions[0]
+    for visit, goal in enumerate(plan.visited):
+        pair, way = contacts(surroundings, start, goal)[0], "on the way there"
+        if pair is None:
+            swing = prepared.scaling.peaks.swing[visit, 2]
+            pair, way = swing_contact(surroundings, goal, *swing.T), "within its swing"
+        if pair is not None:
+            raise InvalidInput(
+                f"position {plan.visits[visit] + 1}: {pair} would touch {way}; another position, "
+                "another order, or a smaller limits.swing, is needed"
+            )
+        start = goal
 
 
 def prepare_in(

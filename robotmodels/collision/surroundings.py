@@ -31,6 +31,9 @@ class Pair:
     second: str
     obstacle: bool
 
+    def __str__(self) -> str:
+        return f"{self.first!r} and {self.second!r}"
+
 
 @dataclass(frozen=True, eq=False)
 class Surroundings:

@@ -16,8 +16,8 @@ from oed.campaign.checks import drift
 from oed.campaign.estimate import Estimate, visit_spectra
 from oed.campaign.planning import known_now
 from oed.campaign.settings import load_campaign
-from oed.candidates.free_moves import free_moves
 from robotmodels import InvalidInput, Records, load_robot, save_robot, surroundings
+from robotmodels.collision.free_moves import free_moves
 from robotmodels.collision.obstacles import Box
 from robotmodels.exports.robot_files import with_values
 

@@ -28,36 +28,14 @@ from typing import Annotated, Self
 
 from pydantic import Field, model_validator
 
+from oed.experiment.workcell_settings import WorkcellChoice
 from robotmodels.common.yaml_files import FileSection
-from robotmodels.description.ranges import Coordinate, JointLimit, Length, Positive, Vector
+from robotmodels.description.ranges import Coordinate, JointLimit, Positive, Vector
 
 MOST_CANDIDATES = 5_000_000
 """Their positions stay in memory: 240 MB of six joints."""
 
 Points = Annotated[int, Field(ge=1, le=MOST_CANDIDATES)]
-
-
-class ObstacleChoice(FileSection):
-    """A plane (normal, offset), a box (center, size, rpy) or a sphere (center, radius)."""
-
-    name: str
-    normal: Vector | None = None
-    offset: Coordinate | None = None
-    center: Vector | None = None
-    size: Vector | None = None
-    rpy: Vector | None = None
-    radius: Length | None = None
-
-    @model_validator(mode="after")
-    def _one_shape(self) -> Self:
-        keys = self.model_fields_set - {"name"}
-        shapes = ({"normal", "offset"}, {"center", "size"}, {"center", "radius"})
-        if keys - {"rpy"} not in shapes or ("rpy" in keys and "size" not in keys):
-            raise ValueError(
-                f"obstacle {self.name!r}: {', '.join(sorted(keys)) or 'nothing'} given; a plane "
-                "has normal and offset, a box center, size and rpy, a sphere center and radius"
-            )
-        return self
 
 
 class BoxChoice(FileSection):
@@ -73,7 +51,7 @@ class BoxChoice(FileSection):
     solutions: Annotated[int, Field(ge=1, le=100)] = 4
 
 
-class CandidatesChoice(FileSection):
+class CandidatesChoice(WorkcellChoice):
     """Sources of candidate positions, and what the robot must not touch."""
 
     per_joint: Annotated[dict[str, Points], Field(min_length=1)] | None = None
@@ -82,12 +60,6 @@ class CandidatesChoice(FileSection):
     boxes: tuple[BoxChoice, ...] = ()
     positions: tuple[tuple[Coordinate, ...], ...] = ()
     files: tuple[Path, ...] = ()
-    floor: Coordinate | None = None
-    obstacles: Annotated[tuple[ObstacleChoice, ...], Field(max_length=1000)] = ()
-    self_collision: bool | None = None
-    link_radius: Length | None = None
-    margin: Annotated[float, Field(ge=0, le=1e4)] = 0.0
-    ignored: tuple[tuple[str, str], ...] = ()
     torque: Positive | tuple[Positive, ...] | None = None
 
     @model_validator(mode="after")

@@ -5,11 +5,10 @@ from pathlib import Path
 from oed.candidates.screening import ScreenedCandidates
 from oed.candidates.sources import Workcell, gathered_candidates
 from oed.candidates.task_space import TaskBox
-from oed.study.settings.candidates_settings import CandidatesChoice, ObstacleChoice
+from oed.study.settings.candidates_settings import CandidatesChoice
 from oed.study.stage_cache import Stage, dataclass_files
 from oed.study.stages.run import SimulatedRun
 from robotmodels import ElasticRobot
-from robotmodels.collision.obstacles import Box, Obstacle, Plane, Sphere
 from robotmodels.common.errors import InvalidInput
 from robotmodels.common.fingerprints import file_digest
 from robotmodels.common.progress import Progress
@@ -65,8 +64,8 @@ def workcell(settings: CandidatesChoice) -> Workcell:
     """Return what keeps a robot from a position."""
     return Workcell(
         floor=settings.floor,
-        obstacles=[obstacle(choice) for choice in settings.obstacles],
-        self_collision=_compares_links(settings),
+        obstacles=settings.things,
+        self_collision=settings.compares_links,
         link_radius=settings.link_radius,
         margin=settings.margin,
         ignored=settings.ignored,
@@ -76,24 +75,4 @@ def workcell(settings: CandidatesChoice) -> Workcell:
 
 def compares_shapes(settings: CandidatesChoice) -> bool:
     """Return whether collisions are checked, with the shapes and meshes of the URDF."""
-    return _compares_links(settings) or _has_surroundings(settings)
-
-
-def obstacle(choice: ObstacleChoice) -> Obstacle:
-    """Return the plane, box or sphere that settings describe."""
-    if choice.normal is not None and choice.offset is not None:
-        return Plane(choice.name, choice.normal, choice.offset)
-    center = choice.center or (0.0, 0.0, 0.0)
-    if choice.size is not None:
-        return Box(choice.name, center, choice.size, choice.rpy or (0.0, 0.0, 0.0))
-    return Sphere(choice.name, center, choice.radius or 0.0)
-
-
-def _compares_links(settings: CandidatesChoice) -> bool:
-    """Return whether links are compared with each other; by default where anything else is."""
-    default = _has_surroundings(settings)
-    return default if settings.self_collision is None else settings.self_collision
-
-
-def _has_surroundings(settings: CandidatesChoice) -> bool:
-    return bool(settings.obstacles) or settings.floor is not None
+    return settings.compares_links or settings.has_surroundings
