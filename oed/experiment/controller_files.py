@@ -11,6 +11,7 @@ import numpy as np
 from oed.experiment.experiment_plan import ExperimentPlan
 from oed.experiment.loop_settings import Format, LoopSettings
 from oed.experiment.plan_export import export_csv, export_mat, export_trajectory
+from oed.experiment.predicted_peaks import START
 from oed.experiment.prepare import controller_of, gear_ratios, limits_of
 from oed.experiment.trajectory_bag import read_trajectories
 from oed.experiment.trajectory_check import Trajectory, TrajectoryCheck
@@ -144,7 +145,8 @@ def _read_csv(folder: Path, ratios: Array, sample_time: float) -> Iterator[Traje
             name = folder / row["file"]
             table = np.loadtxt(name, delimiter=",", skiprows=1, ndmin=2)
             _check_clock(name, table[:, 0], sample_time)
-            parts += [(str(name), table[:, 1:])] * int(row["repeats"])
+            repeats = min(int(row["repeats"]), _settled(len(table), sample_time))
+            parts += [(str(name), table[:, 1:])] * repeats
             if after is None or not row["run"] or _run_of(row) != _run_of(after):
                 samples = np.concatenate([each for _, each in parts])
                 pieces = tuple((each, len(values)) for each, values in parts)
@@ -169,6 +171,7 @@ def _read_mat(folder: Path, ratios: Array, sample_time: float) -> Iterator[Traje
             rise, fall = (content[name].reshape(-1, 1) for name in ("envelope", "fall"))
             _check_clock(path, content["sample_time"].ravel() * [0, 1], sample_time)
             periods = content["periods"].item() + content["transient_periods"].item()
+            periods = min(periods, 1 + _settled(len(references), sample_time))
         if len(move):
             yield Trajectory(((str(path), len(move)),), visit, True, move, speeds)
         runs = references.reshape(*references.shape[:2], -1)
@@ -190,6 +193,11 @@ def _read_bag(folder: Path, ratios: Array, sample_time: float) -> Iterator[Traje
         pieces = ((where, len(positions)),)
         is_move = "run" not in step
         yield Trajectory(pieces, int(visit) - 1, is_move, positions, velocities * ratios)
+
+
+def _settled(samples: int, sample_time: float) -> int:
+    """Return the repetitions of a period after which more of them tell nothing new."""
+    return 1 + int(np.ceil(START / (samples * sample_time)))
 
 
 def _check_clock(where: object, times: Array, sample_time: float) -> None:

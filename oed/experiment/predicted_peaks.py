@@ -25,8 +25,8 @@ from robotmodels.simulation.loop_noise import closed_loop
 
 # Points per period of the highest line at which peaks of speeds and angles are sought.
 _POINTS = 24
-# So long is the start of a run followed [s], in whole periods.
-_START = 2.0
+START = 2.0
+"""So long is the start of a run followed [s], in whole periods."""
 # Poles at one belong to motors without position loop or integral part, computed to rounding.
 _LARGEST_POLE = 1 + 1e-6
 
@@ -167,7 +167,7 @@ class PlannedLoop:
     def start(self, plan: ExperimentPlan, visit: int, spectrum: ComplexArray) -> Array:
         """Return the extremes (3, n, 2) of the first periods, from rest, and of the last fall."""
         planned = plan.periods + plan.transient_periods
-        periods = min(planned, int(np.ceil(_START / plan.multisine.period)))
+        periods = min(planned, int(np.ceil(START / plan.multisine.period)))
         references = plan.multisine.period_of(spectrum)
         runs = references.reshape(-1, *references.shape[-2:])
         swing = self.starts[plan.visits[visit]].swing(plan.played(runs, periods))
