@@ -1,5 +1,6 @@
-from .campaign.campaign import Campaign as Campaign, CampaignStatus as CampaignStatus
+from .campaign.campaign import Campaign as Campaign
 from .campaign.simulated import simulate_visits as simulate_visits
+from .campaign.status import CampaignStatus as CampaignStatus
 from .campaign.visits import Visit as Visit
 from .candidates.grids import (
     candidate_positions as candidate_positions,

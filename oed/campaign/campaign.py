@@ -5,79 +5,28 @@ new ones only where none is; so a second `ask`, after a crash or in another term
 itself. All state is in files, see `oed.campaign.visits`; one process at a time changes it.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import Literal
 
-import numpy as np
-
-from estimators import robot_prior
-from estimators.fitting.priors import Prior
-from oed.campaign.checks import check_low_level, low_level_noise
-from oed.campaign.estimate import FITTED, Estimate, estimate
-from oed.campaign.planning import Planner, known_now
+from estimators.fitting.fitted_robot import fitted_robot
+from oed.campaign.checks import check_low_level, check_unchanged
+from oed.campaign.estimate import Estimate, fitted_visits
+from oed.campaign.evaluation import Evaluation
+from oed.campaign.planning import FEWEST
 from oed.campaign.settings import CampaignSettings, load_campaign
-from oed.campaign.swing_room import with_room
+from oed.campaign.status import CampaignStatus
+from oed.campaign.visit_plan import line_grid
 from oed.campaign.visits import Purpose, Visit, VisitFolder
-from oed.candidates.screening import ScreenedCandidates
 from oed.experiment.controller_files import write_controller_files
-from oed.experiment.experiment_plan import FALL, ExperimentPlan
-from oed.experiment.workcell_settings import surroundings_of
-from oed.study.stage_cache import Stage, Stages, dataclass_files, open_stages
-from oed.study.stages.candidates import gather
+from oed.experiment.experiment_plan import ExperimentPlan
+from oed.study.stage_cache import open_stages
 from robotmodels import ElasticRobot, load_robot
-from robotmodels.common.arrays import Array
 from robotmodels.common.errors import InvalidInput
-from robotmodels.common.fingerprints import file_digest
-from robotmodels.common.progress import Progress, StageProgress
+from robotmodels.common.progress import StageProgress
 from robotmodels.library.robot_digest import robot_digest
-
-State = Literal["begun", "identifying", "reached", "minutes used"]
-
-
-@dataclass(frozen=True, eq=False)
-class CampaignStatus:
-    """How far a campaign is.
-
-    Attributes
-    ----------
-    state : {"begun", "identifying", "reached", "minutes used"}
-        Before the first fit; on the way; every accuracy reached; no time for another visit.
-    names : tuple of str
-        The p parameters.
-    targets : ndarray, (p,)
-        Relative standard deviations asked for; infinite where none is.
-    estimate : Estimate or None
-        What all records say; None before the first fit.
-    visits : tuple of Visit
-        All, in the order of proposal.
-    minutes : float
-        Robot time of the visits that were run, moves included.
-    expected : float
-        Robot time of the open visits [min].
-    budget : float
-        Robot time that was allowed [min].
-    """
-
-    state: State
-    names: tuple[str, ...]
-    targets: Array
-    estimate: Estimate | None
-    visits: tuple[Visit, ...]
-    minutes: float
-    expected: float
-    budget: float
-
-    @property
-    def short_of(self) -> dict[str, float]:
-        """Parameters that miss their target, and by which factor."""
-        if self.estimate is None:
-            return {}
-        ratio = self.estimate.std / self.targets
-        return {name: float(r) for name, r in zip(self.names, ratio, strict=True) if not r <= 1}
 
 
 @dataclass(frozen=True, eq=False)
@@ -109,11 +58,6 @@ class Campaign:
         settings.accuracies(robot.parameters.names)  # refused before anything is run
         return cls(settings, robot)
 
-    @cached_property
-    def targets(self) -> Array:
-        """Relative standard deviations asked for, (p,)."""
-        return self.settings.accuracies(self.robot.parameters.names)
-
     @property
     def visits(self) -> tuple[Visit, ...]:
         """All visits, in the order of proposal.
@@ -121,16 +65,18 @@ class Campaign:
         Raises
         ------
         InvalidInput
-            If a file is damaged, or the robot file was changed since a visit was planned.
+            If a file is damaged, or the robot file or the lines of the campaign file were changed
+            since a visit was planned.
         """
-        visits = VisitFolder(self.settings.output / "visits").all()
+        visits = self._folder.all()
+        grid = line_grid(self.settings, len(self.robot.motor_names))
         for visit in visits:
-            if visit.robot_digest != self._digest:
-                raise InvalidInput(
-                    f"robot {self.robot.name!r}: its file was changed after visit {visit.number} "
-                    "was planned; restore it, or give the campaign another output"
-                )
+            check_unchanged(visit, self._digest, grid)
         return visits
+
+    @property
+    def _folder(self) -> VisitFolder:
+        return VisitFolder(self.settings.output / "visits")
 
     @cached_property
     def _digest(self) -> str:
@@ -144,11 +90,12 @@ class Campaign:
         InvalidInput
             If the low-level run was not as predicted, no visit fits the minutes, or limits forbid
             every excitation.
+        NotIdentifiable
+            Naming the targets that no visit brings nearer.
         """
-        with self._stages(progress) as stages:
-            visits = self.visits
-            waiting = tuple(visit for visit in visits if visit.state == "open")
-            return waiting or self._planned(visits, stages)
+        with self._evaluation(progress) as now:
+            waiting = tuple(visit for visit in now.visits if visit.state == "open")
+            return waiting or self._planned(now)
 
     def tell(self, number: int, records: str | Path) -> bool:
         """Take a visit's records; return whether they are new.
@@ -158,8 +105,8 @@ class Campaign:
         InvalidInput
             If there is no such visit, or the records are not its own.
         """
-        with self._stages():
-            return self._visit(number).take(Path(records))
+        with self._evaluation() as now:
+            return _visit(now.visits, number).take(Path(records))
 
     def fail(self, number: int, reason: str) -> None:
         """Note that a visit failed; another is planned in its place where it is needed.
@@ -169,155 +116,75 @@ class Campaign:
         InvalidInput
             If there is no such visit, or its records are here.
         """
-        with self._stages():
-            self._visit(number).fail(reason)
+        with self._evaluation() as now:
+            _visit(now.visits, number).fail(reason)
 
     def status(self, progress: StageProgress | None = None) -> CampaignStatus:
         """Return how far the campaign is; fits where new records are here."""
-        with self._stages(progress) as stages:
-            visits = self.visits
-            return self._status(visits, self._estimate(visits, stages))
+        with self._evaluation(progress) as now:
+            return now.status
 
-    def _visit(self, number: int) -> Visit:
-        visits = {visit.number: visit for visit in self.visits}
-        if number not in visits:
-            raise InvalidInput(
-                f"visit {number}: the campaign has asked for {len(visits) or 'none'} so far"
-            )
-        return visits[number]
+    def identified(self, latest: Estimate) -> ElasticRobot:
+        """Return the robot with the values of an estimate and how certain they are.
+
+        Raises
+        ------
+        InvalidInput
+            If no body can have the fitted inertia.
+        """
+        data = {"data": f"campaign, cost {latest.cost:.3g} times what noise makes of it"}
+        return fitted_robot(self.robot, latest.values, latest.trust, data, latest.covariance)
 
     @contextmanager
-    def _stages(self, progress: StageProgress | None = None) -> Iterator[Stages]:
+    def _evaluation(self, progress: StageProgress | None = None) -> Iterator[Evaluation]:
         with open_stages(self.settings.output / "stages", progress) as stages:
-            yield stages
+            self._folder.recover()
+            yield Evaluation(self.settings, self.robot, self._digest, self.visits, stages)
 
-    def _planned(self, visits: tuple[Visit, ...], stages: Stages) -> tuple[Visit, ...]:
+    def _planned(self, now: Evaluation) -> tuple[Visit, ...]:
         """Plan new visits and write them; none where the campaign has ended."""
-        told = [visit for visit in visits if visit.state == "told"]
-        checked = [visit for visit in told if visit.purpose == "check"]
-        if not checked:
-            return self._write(self._planner(None, visits, stages).check(), "check", self.robot)
-        check_low_level(checked[-1], self.settings)
-        stage = self._estimate(visits, stages)
-        latest = None if stage is None else stage.value
-        planner = self._planner(latest, visits, stages)
-        if latest is None:
-            plans = planner.first(low_level_noise(checked[-1]), self._prior, self._named_targets)
-            return self._write(plans, "first", planner.robot)
-        if (latest.std <= self.targets).all():
-            fitted = [visit for visit in told if visit.purpose in FITTED]
-            if any(visit.purpose == "repeat" for visit in visits):
-                return ()
-            return self._write(planner.repeated(fitted[0].plan), "repeat", self.robot)
-        minutes = self.settings.minutes - _minutes(visits)
-        # Quoted standard deviations are those of Theorem 1, or larger by what the residuals tell.
-        quoted = latest.std / np.sqrt(np.diag(latest.covariance))
-        scaled = {
-            name: target / float(quoted[self.robot.parameters.index(name)])
-            for name, target in self._named_targets.items()
-        }
-        return self._write(planner.accuracy(latest, scaled, minutes), "accuracy", planner.robot)
+        if now.checked is None:
+            plans = now.planner.check()
+            seconds = FEWEST * now.planner.shortest + plans[0].duration
+            self._require(seconds / 60, now)
+            return self._write(plans, "check", self.robot)
+        check_low_level(now.checked, self.settings)
+        status = now.status
+        if status.ended:
+            return ()
+        robot = now.planner.robot
+        if status.estimate is None:
+            self._require(FEWEST * now.forecast.shortest, now)
+            return self._write(now.planner.first(now.forecast, status.remaining), "first", robot)
+        if not status.short_of:
+            plans = now.planner.repeated(fitted_visits(now.visits)[0].plan)
+            return self._write(plans, "repeat", self.robot)
+        plans = now.planner.accuracy(now.forecast, status.remaining)
+        return self._write(plans, "accuracy", robot)
 
-    @property
-    def _named_targets(self) -> dict[str, float]:
-        """Targets by name."""
-        pairs = zip(self.robot.parameters.names, self.targets, strict=True)
-        return {name: float(value) for name, value in pairs if np.isfinite(value)}
-
-    @cached_property
-    def _prior(self) -> Prior:
-        """How far guesses may be off."""
-        within = self.settings.guesses_within
-        if within == "robot":
-            return robot_prior(self.robot)
-        names, values = self.robot.parameters.names, self.robot.parameters.values
-        return Prior(names, values, np.full(len(names), np.log(within)))
-
-    def _planner(
-        self, latest: Estimate | None, visits: tuple[Visit, ...], stages: Stages
-    ) -> Planner:
-        choice = self.settings.candidates
-        around = surroundings_of(choice, self.robot)
-        inputs = {
-            "robot": self._digest,
-            "files": [file_digest(file) for file in choice.files],
-            "candidates": choice.model_dump(mode="json", exclude={"files"}),
-            "swing": self.settings.limits.swing,
-        }
-
-        def compute(_: Path, report: Progress | None) -> ScreenedCandidates:
-            return with_room(gather(choice, self.robot, report), self.settings, self.robot, around)
-
-        candidates = stages.run(
-            "candidates", inputs, compute, dataclass_files(ScreenedCandidates)
-        ).value
-        been = [visit for visit in visits if visit.state != "open"]
-        return Planner(
-            settings=self.settings,
-            robot=known_now(self.robot, latest),
-            positions=candidates.positions,
-            surroundings=around,
-            stage=len(visits),
-            at=been[-1].plan.positions[0] if been else None,
-        )
-
-    def _estimate(self, visits: tuple[Visit, ...], stages: Stages) -> Stage[Estimate] | None:
-        """Fit what is here; None before the first visits."""
-        fitted = [v for v in visits if v.state == "told" and v.purpose in FITTED]
-        if not fitted or any(v.state == "open" and v.purpose == "first" for v in visits):
-            return None
-
-        def compute(_: Path, report: Progress | None) -> Estimate:
-            rng = np.random.default_rng([self.settings.seed, len(fitted)])
-            return estimate(self.robot, fitted, self._prior, rng, report)
-
-        inputs = {
-            "robot": self._digest,
-            "guesses": self.settings.guesses_within,
-            "seed": self.settings.seed,
-            "records": [file_digest(visit.records_file) for visit in fitted],
-        }
-        return stages.run("estimate", inputs, compute, dataclass_files(Estimate))
-
-    def _status(self, visits: tuple[Visit, ...], stage: Stage[Estimate] | None) -> CampaignStatus:
-        latest = None if stage is None else stage.value
-        used = _minutes([v for v in visits if v.state != "open"])
-        expected = _minutes([v for v in visits if v.state == "open"])
-        state: State = "begun" if latest is None else "identifying"
-        if latest is not None and (latest.std <= self.targets).all():
-            state = "reached"
-        elif latest is not None and not expected and used > self.settings.minutes - self._shortest:
-            state = "minutes used"
-        return CampaignStatus(
-            state=state,
-            names=self.robot.parameters.names,
-            targets=self.targets,
-            estimate=latest,
-            visits=visits,
-            minutes=used,
-            expected=expected,
-            budget=self.settings.minutes,
-        )
-
-    @property
-    def _shortest(self) -> float:
-        """Time of the shortest visit, its move left out [min]."""
-        settings = self.settings
-        periods = settings.transient_periods + 1 + FALL
-        return (settings.settle + periods * settings.multisine.period) / 60
+    def _require(self, minutes: float, now: Evaluation) -> None:
+        """Refuse to begin what the minutes do not allow."""
+        needed = now.minutes + minutes
+        if needed > self.settings.minutes:
+            raise InvalidInput(
+                f"minutes: {self.settings.minutes:g}; a low-level run and {FEWEST} short visits "
+                f"need {needed:.2g} at least; allow more, or shorten multisine.period"
+            )
 
     def _write(
         self, plans: list[ExperimentPlan], purpose: Purpose, robot: ElasticRobot
     ) -> tuple[Visit, ...]:
         """Write visits whose limits were met by `robot`."""
-        folder = VisitFolder(self.settings.output / "visits")
 
         def write_files(plan: ExperimentPlan, files: Path) -> None:
             write_controller_files(plan, files, self.settings.files, self.settings, robot)
 
-        return tuple(folder.add(plan, purpose, self._digest, write_files) for plan in plans)
+        return self._folder.add(plans, purpose, self._digest, write_files)
 
 
-def _minutes(visits: Sequence[Visit]) -> float:
-    """Return the robot time of visits [min], moves and settling included."""
-    return sum(visit.plan.duration for visit in visits) / 60
+def _visit(visits: tuple[Visit, ...], number: int) -> Visit:
+    """Return the visit of a number."""
+    for visit in visits:
+        if visit.number == number:
+            return visit
+    raise InvalidInput(f"visit {number}: the campaign has asked for {len(visits) or 'none'} so far")

@@ -1,4 +1,4 @@
-"""What records tell before they are fitted: the low-level run, and drift from first to last."""
+"""What is checked before a fit, files and the low-level run; and drift from first to last."""
 
 from dataclasses import replace
 
@@ -10,6 +10,7 @@ from estimators.input_output.run_spectra import run_spectra
 from oed.campaign.settings import CampaignSettings
 from oed.campaign.visits import Visit
 from oed.experiment.loop_settings import per_motor
+from oed.experiment.multisine import Multisine
 from robotmodels.common.arrays import Array, ComplexArray
 from robotmodels.common.errors import InvalidInput
 from robotmodels.records.records import Records
@@ -19,6 +20,31 @@ LOW_LEVEL = 0.2
 
 _EXCESS = 1.5
 """At full amplitude so many times a limit may be exceeded: peaks of full runs are planned anew."""
+
+
+def check_unchanged(visit: Visit, robot_digest: str, grid: Multisine) -> None:
+    """Refuse a campaign whose robot or lines are not those that a visit was planned with.
+
+    Raises
+    ------
+    InvalidInput
+        Naming the file and key that were changed.
+    """
+    sine = visit.plan.multisine
+    if visit.robot_digest != robot_digest:
+        what = "its robot file was changed"
+    elif not np.isclose(sine.period, grid.period, rtol=1e-9, atol=0):
+        what = f"multisine.period is {grid.period:g} s, it was {sine.period:g} s"
+    elif not np.isclose(sine.sample_time, grid.sample_time, rtol=1e-9, atol=0):
+        what = f"multisine.sample_time is {grid.sample_time:g} s, it was {sine.sample_time:g} s"
+    elif not np.array_equal(sine.lines, grid.lines):
+        what = "multisine or seed give other lines than before"
+    else:
+        return
+    raise InvalidInput(
+        f"campaign: {what} after visit {visit.number} was planned; restore it, or give the "
+        "campaign another output"
+    )
 
 
 def check_low_level(visit: Visit, settings: CampaignSettings) -> None:
@@ -37,8 +63,9 @@ def check_low_level(visit: Visit, settings: CampaignSettings) -> None:
             f"{who}: the torque of motor {motor!r} met its limit; see what holds it, or lower "
             "the limits"
         )
-    torque, speed = _peaks(records, len(motors))
-    for name, unit, (level, swing) in (("torque", "N m", torque), ("speed", "rad/s", speed)):
+    levels, swings = recorded_peaks(records, len(motors))
+    units = {"torque": "N m", "speed": "rad/s"}
+    for (name, unit), level, swing in zip(units.items(), levels, swings, strict=True):
         choice = getattr(settings.limits, name)
         if choice is None:
             continue
@@ -59,14 +86,17 @@ def low_level_noise(visit: Visit) -> ComplexArray:
     return np.asarray(visit.plan.periods * data.covariance[0])
 
 
-def _peaks(records: Records, motors: int) -> tuple[tuple[Array, Array], tuple[Array, Array]]:
-    """Return mean and largest deviation of torques and of motors' speeds, (n,) each."""
+def recorded_peaks(records: Records, motors: int) -> tuple[Array, Array]:
+    """Return levels and largest deviations of the motors' torques and speeds, (2, n) each.
+
+    Torques in N m about their mean, speeds in rad/s about rest.
+    """
     torque = records.torque[0].reshape(-1, motors)
     level = torque.mean(axis=0)
-    angle = records.angle[0, ..., :motors]
-    speed = np.diff(angle, axis=3) / records.sample_time
+    speed = np.diff(records.angle[0, ..., :motors], axis=3) / records.sample_time
     fastest = np.abs(speed).max(axis=(0, 1, 2, 3))
-    return (level, np.abs(torque - level).max(axis=0)), (np.zeros(motors), fastest)
+    swings = np.stack([np.abs(torque - level).max(axis=0), fastest])
+    return np.stack([level, np.zeros(motors)]), swings
 
 
 def drift(fit: RunFit, first: int, last: int) -> float:

@@ -9,6 +9,7 @@ import numpy as np
 from estimators.fitting.priors import Prior
 from oed.campaign.checks import LOW_LEVEL
 from oed.campaign.estimate import Estimate
+from oed.campaign.outlook import Forecast
 from oed.campaign.settings import VisitSettings
 from oed.campaign.visit_plan import (
     CREST,
@@ -19,7 +20,6 @@ from oed.campaign.visit_plan import (
     with_relative_phases,
 )
 from oed.criteria.targets import TargetCriterion
-from oed.design.fastest_design import FastestDesign, fastest_design
 from oed.design.optimal_spectra import optimal_spectra
 from oed.exact.visit_plan import VisitPlan, fastest_visit_plan, visit_plan as plan_within
 from oed.experiment.amplitude_scaling import Scaling
@@ -42,7 +42,7 @@ from robotmodels.linear.response import Elastic
 _SAMPLE = 16
 """Positions whose median torques stand for all in a plan."""
 
-_FIRST_SHARE, _FEWEST = 0.15, 2
+_FIRST_SHARE, FEWEST = 0.15, 2
 """Of the expected time, before any fit; visits at least."""
 
 _FIRST_PERIODS = 2
@@ -50,13 +50,13 @@ _FIRST_PERIODS = 2
 _MOST_VISITS = 10
 """Until plans are made anew by what was measured."""
 
-_GAP, _COARSE = 1e-3, 1e-2
-"""Of the least time; of spectra, which are rounded to runs and periods anyway."""
+_COARSE = 1e-2
+"""Gap of spectra, which are rounded to runs and periods anyway."""
 
 _FLOOR = 1e-2
 """Power of lines that are not to be shaken, in parts of the largest over their number."""
 
-_GAIN = 4.0
+GAIN = 4.0
 """Times as fast as flat spectra, roughly: what is known weighs so much more beside them."""
 
 _Choice = tuple[Array, Excitation, int]
@@ -97,10 +97,10 @@ class Planner:
         nearest = np.argsort((((self.positions - middle) / width) ** 2).sum(axis=1))
         return self.plans([(self.positions[nearest[0]], Zippered(), _FIRST_PERIODS)], LOW_LEVEL)
 
-    def first(
+    def expectation(
         self, noise: ComplexArray, prior: Prior, targets: Mapping[str, float]
-    ) -> list[ExperimentPlan]:
-        """Return visits before any fit: flat spectra, D-optimal at the guesses.
+    ) -> Forecast:
+        """Return what flat spectra bring at the guesses.
 
         Parameters
         ----------
@@ -112,36 +112,45 @@ class Planner:
             As of `TargetCriterion`.
         """
         candidates = self.candidates(_errors(noise), [_FIRST_PERIODS], self.positions, [Zippered()])
-        guesses = prior.information(self.robot.parameters.names)
-        expected = _fastest(candidates, targets, guesses).time
-        shortest = float(candidates.duration.min())
-        time = max(_FIRST_SHARE * expected, _FEWEST * shortest)
-        return self.plans(visits_of(plan_within(candidates, time, "D", guesses)))
+        return Forecast.of(candidates, targets, prior.information(self.robot.parameters.names))
 
-    def accuracy(
-        self, latest: Estimate, targets: Mapping[str, float], minutes: float
-    ) -> list[ExperimentPlan]:
+    def first(self, forecast: Forecast, minutes: float) -> list[ExperimentPlan]:
+        """Return visits before any fit: flat spectra, D-optimal at the guesses."""
+        candidates = forecast.candidates
+        expected = min(forecast.relaxed.time, 60 * minutes)
+        time = max(_FIRST_SHARE * expected, FEWEST * float(candidates.duration.min()))
+        return self.plans(visits_of(plan_within(candidates, time, "D", forecast.information)))
+
+    def forecast(self, latest: Estimate, targets: Mapping[str, float], minutes: float) -> Forecast:
+        """Return what visits bring after a fit: designed spectra where that pays, or must.
+
+        Flat ones do for few visits within the `minutes` left.
+        """
+        information = np.asarray(np.linalg.inv(latest.covariance), dtype=float)
+        counts = self.settings.period_counts
+        flat = self.candidates(_errors(latest.noise), counts, self.positions, [Zippered()])
+        forecast = Forecast.of(flat, targets, information)
+        if forecast.relaxed.time < min(_MOST_VISITS * flat.duration.min(), 60 * minutes):
+            return forecast
+        coloured = self._coloured(forecast, latest.noise, counts)
+        return Forecast.of(coloured, targets, information)
+
+    def accuracy(self, forecast: Forecast, minutes: float) -> list[ExperimentPlan]:
         """Return visits that reach the targets in little time; none if the minutes allow none.
 
         Where the minutes do not suffice, or many visits are needed, those that fit the time of ten
         long ones and bring the targets nearest.
         """
-        information = np.asarray(np.linalg.inv(latest.covariance), dtype=float)
-        counts = self.settings.period_counts
-        flat = self.candidates(_errors(latest.noise), counts, self.positions, [Zippered()])
-        candidates, relaxed = flat, _fastest(flat, targets, information)
-        if relaxed.time >= _MOST_VISITS * flat.duration.min():
-            candidates = self._coloured(relaxed, latest.noise, counts, targets, information)
-            relaxed = _fastest(candidates, targets, information)
+        candidates, targets = forecast.candidates, forecast.targets
         most = min(_MOST_VISITS * float(candidates.duration.max()), 60 * minutes)
         if candidates.duration.min() > most:
             return []
-        if relaxed.time < most:
-            plan = fastest_visit_plan(candidates, dict(targets), information, relaxed)
+        if forecast.relaxed.time < most:
+            plan = fastest_visit_plan(candidates, targets, forecast.information, forecast.relaxed)
             if plan.duration <= most:
                 return self.plans(visits_of(plan))
-        criterion = TargetCriterion(dict(targets))
-        return self.plans(visits_of(plan_within(candidates, most, criterion, information)))
+        plan = plan_within(candidates, most, TargetCriterion(targets), forecast.information)
+        return self.plans(visits_of(plan))
 
     def repeated(self, plan: ExperimentPlan) -> list[ExperimentPlan]:
         """Return an earlier visit once more, from where the robot is now."""
@@ -150,14 +159,10 @@ class Planner:
         return [replace(plan, start=self.at)]
 
     def _coloured(
-        self,
-        relaxed: FastestDesign,
-        noise: ComplexArray,
-        periods: list[int],
-        targets: Mapping[str, float],
-        information: Array,
+        self, flat: Forecast, noise: ComplexArray, periods: list[int]
     ) -> ExperimentCandidates:
         """Return candidates with designed spectra in the positions that flat ones use at best."""
+        relaxed = flat.relaxed
         positions = np.unique(relaxed.support % len(self.positions))
         weights = relaxed.weights.reshape(len(periods), -1) * np.array(periods)[:, None]
         design = optimal_spectra(
@@ -167,8 +172,8 @@ class Planner:
             _errors(noise),
             self.levels,
             speed=self.speeds,
-            criterion=TargetCriterion(dict(targets)),
-            prior=information * (_GAIN / weights.sum()),
+            criterion=TargetCriterion(flat.targets),
+            prior=flat.information * (GAIN / weights.sum()),
             tolerance=_COARSE,
         )
         excitations: list[Excitation] = [Zippered(), *design.excitations]
@@ -203,6 +208,12 @@ class Planner:
         if choice is None:
             return np.full(len(motors), np.inf)
         return per_motor("limits.speed", choice, motors) / CREST
+
+    @property
+    def shortest(self) -> float:
+        """Duration of the shortest visit before a fit, its move left out [s]."""
+        periods = self.settings.transient_periods + FALL + _FIRST_PERIODS
+        return self.settings.settle + periods * self.grid.period
 
     @cached_property
     def _timing(self) -> VisitTiming:
@@ -302,14 +313,6 @@ def visits_of(plan: VisitPlan) -> list[_Choice]:
 def _errors(noise: ComplexArray) -> ErrorCovariance:
     """Return covariances of `RunSpectra`, of half amplitudes, as those of mean squares."""
     return ErrorCovariance(2 * noise)
-
-
-def _fastest(
-    candidates: ExperimentCandidates, targets: Mapping[str, float], information: Array
-) -> FastestDesign:
-    """Return how fast visits reach the targets, were they divisible."""
-    info, duration = candidates.information, candidates.duration
-    return fastest_design(info, duration, dict(targets), information, _GAP)
 
 
 def known_now(robot: ElasticRobot, latest: Estimate | None) -> ElasticRobot:

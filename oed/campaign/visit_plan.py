@@ -9,6 +9,7 @@ from dataclasses import replace
 import numpy as np
 
 from oed.campaign.settings import VisitSettings
+from oed.candidates.screening import usable
 from oed.experiment.amplitude_scaling import Scaling, fair_amplitudes
 from oed.experiment.draw_plan import reduced_crest
 from oed.experiment.experiment_plan import ExperimentPlan
@@ -24,7 +25,8 @@ from oed.experiment.prepare import (
     within_limits,
 )
 from robotmodels import ElasticRobot
-from robotmodels.common.arrays import Array, ComplexArray
+from robotmodels.common.arrays import Array, BoolArray, ComplexArray
+from robotmodels.common.errors import NoEquilibrium
 from robotmodels.description.friction import shaft_friction
 from robotmodels.elastic.rigid_pose import holding_torques
 from robotmodels.simulation.loop_noise import LoopTransfer, closed_loop
@@ -37,6 +39,41 @@ CREST = 3.3
 def line_grid(settings: VisitSettings, motors: int) -> Multisine:
     """Return the lines of all visits, the same for the same seed: detection lines are drawn."""
     return planned_multisine(settings, motors, np.random.default_rng(settings.seed))
+
+
+def usable_positions(settings: VisitSettings, robot: ElasticRobot, positions: Array) -> Array:
+    """Return the positions that the springs bear, and in which limits leave torque to excite.
+
+    All of them where none does: planning says why.
+    """
+    borne = _borne(robot, positions)
+    positions = positions[borne] if borne.any() else positions
+    liftable = _liftable(settings, robot, positions)
+    return positions[liftable] if liftable.any() else positions
+
+
+def _borne(robot: ElasticRobot, positions: Array) -> BoolArray:
+    """Return whether there is an equilibrium; at a poor estimate a spring may give way."""
+    try:
+        robot.equilibrium(positions)
+    except NoEquilibrium:
+        if len(positions) == 1:
+            return np.zeros(1, dtype=bool)
+        return np.concatenate([_borne(robot, half) for half in np.array_split(positions, 2)])
+    return np.ones(len(positions), dtype=bool)
+
+
+def _liftable(settings: VisitSettings, robot: ElasticRobot, positions: Array) -> BoolArray:
+    """Return whether gravity and friction leave torque to excite."""
+    limits, margin = limits_of(settings, robot), settings.limits.margin
+    limiting = [limit for limit in (limits.torque, limits.rms_torque) if limit is not None]
+    if not limiting:
+        return np.ones(len(positions), dtype=bool)
+    friction = settings.imperfections.friction * shaft_friction(robot.file)
+    free = (1 - margin) * np.min(limiting, axis=0) - friction
+    if not (free > 0).all():
+        return np.zeros(len(positions), dtype=bool)
+    return usable(robot, positions, torque_limits=free)
 
 
 def fair_torques(

@@ -1,15 +1,14 @@
 """The folder of a campaign's visits: what was proposed, what came back.
 
 ``visits/003`` holds the plan of visit 3 (``plan.yaml``, ``plan.h5``), its files for controllers
-and ``visit.yaml``, written before the folder gets its name. What came back lies beside them:
-``records.h5``, or ``failed.yaml`` with the reason. Files are the only state: a campaign goes on
-from them after a kill at any moment.
+and ``visit.yaml``. What came back lies beside them: ``records.h5``, or ``failed.yaml`` with the
+reason. Files are the only state: a campaign goes on from them after a kill at any moment, as the
+visits that are planned together appear together.
 """
 
 import os
 import shutil
-import tempfile
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Literal
@@ -27,6 +26,9 @@ from robotmodels.records.records import SIGNALS, Records
 
 Purpose = Literal["check", "first", "accuracy", "repeat"]
 """A low-level run, one before any fit, one for the accuracies, the first one once more."""
+
+_UNFINISHED, _WHOLE = ".unfinished", ".whole"
+"""Folders of visits that are being written, and of those that get their names."""
 
 _NEAR = 2e-3
 """Largest distance of measured positions from planned ones [rad; m]."""
@@ -188,25 +190,39 @@ class VisitFolder:
 
     def add(
         self,
-        plan: ExperimentPlan,
+        plans: Sequence[ExperimentPlan],
         purpose: Purpose,
         robot_digest: str,
         write_files: Callable[[ExperimentPlan, Path], None],
-    ) -> Visit:
-        """Write a new visit with its files for controllers; it has its name when it is whole.
+    ) -> tuple[Visit, ...]:
+        """Write new visits with their files for controllers; all of them appear, or none.
 
-        What `write_files` raises, which gets a folder for them, leaves nothing behind.
+        What `write_files` raises, which gets a folder for them, leaves none behind.
         """
-        self.folder.mkdir(parents=True, exist_ok=True)
-        number = 1 + max(map(int, self._names), default=0)
-        stage = Path(tempfile.mkdtemp(prefix=".unfinished-", dir=self.folder))
+        self.recover()
+        first = 1 + max(map(int, self._names), default=0)
+        stage = self.folder / _UNFINISHED
+        names = [f"{first + i:03d}" for i in range(len(plans))]
         try:
-            plan.save(stage / "plan.yaml")
-            write_files(plan, stage / "controller")
-            document = {"schema": "visit/1", "purpose": purpose, "robot_digest": robot_digest}
-            write_text(stage / "visit.yaml", yaml.safe_dump(document, sort_keys=False))
-            target = self.folder / f"{number:03d}"
-            os.replace(stage, target)
+            for name, plan in zip(names, plans, strict=True):
+                (stage / name).mkdir(parents=True)
+                plan.save(stage / name / "plan.yaml")
+                write_files(plan, stage / name / "controller")
+                document = {"schema": "visit/1", "purpose": purpose, "robot_digest": robot_digest}
+                write_text(stage / name / "visit.yaml", yaml.safe_dump(document, sort_keys=False))
+            if plans:
+                os.replace(stage, self.folder / _WHOLE)
         finally:
             shutil.rmtree(stage, ignore_errors=True)
-        return Visit(number, target, purpose, plan, robot_digest)
+        self.recover()
+        return tuple(self._read(self.folder / name) for name in names)
+
+    def recover(self) -> None:
+        """Finish what a kill interrupted: visits that are whole appear, others go."""
+        whole, unfinished = self.folder / _WHOLE, self.folder / _UNFINISHED
+        if whole.is_dir():
+            for folder in sorted(whole.iterdir()):
+                os.replace(folder, self.folder / folder.name)
+            whole.rmdir()
+        if unfinished.is_dir():
+            shutil.rmtree(unfinished)

@@ -17,18 +17,18 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.optimize import brentq
 
-from oed.criteria.objective import Objective
-from oed.criteria.targets import TargetCriterion
+from oed.criteria.targets import TargetCriterion, by_name_or_kind
 from oed.design.constraints import Constraints
 from oed.design.design import SHOWN, Design
 from oed.design.optimal_design import checked_prior, optimal_design
 from oed.design.problem import DesignSolver
 from oed.information_sets.candidates import Candidates, check_candidates
 from robotmodels.common.arrays import Array, IntArray, read_only
-from robotmodels.common.errors import SolverFailed
+from robotmodels.common.errors import NotIdentifiable, SolverFailed
 from robotmodels.common.printing import ReprHtml
 
 _MOST_ROUNDS = 30
+_EVER = 1e15  # of each candidate [s]
 # Of budgets far from the least time designs need not be precise: this part of the gap so far.
 _SHARPER = 0.03
 # Weights below these shares of the largest are tried without, the last one with all of them.
@@ -109,20 +109,22 @@ def fastest_design(
     InvalidInput
         If durations, targets or prior do not fit.
     NotIdentifiable
-        Naming the parameters, if all candidates together leave a target open.
+        Naming the parameters, if all candidates together leave a target open, however long.
     SolverFailed
         If the gap stays above the tolerance.
     """
     check_candidates(info)
-    objective = TargetCriterion(targets).objective(info.names, info.samples)
-    problem = _Problem(info, objective, checked_prior(prior, info), duration)
-    if problem.prior is not None and objective.log_value(problem.prior) >= 0:
+    problem = _Problem(info, targets, checked_prior(prior, info), duration)
+    if problem.prior is not None and problem.objective.log_value(problem.prior) >= 0:
         return problem.design(np.zeros(len(info)), 0.0)
+    problem.check_reachable()
     least, budget = 0.0, float(np.median(problem.costs)) * len(info.names)
     weights, accuracy, last = np.full(len(info), np.inf), _SHARPER, 0.3 * tolerance
     for _ in range(_MOST_ROUNDS):
         limits = Constraints(time=budget, durations=duration)
-        design = optimal_design(info, objective, limits, problem.prior, accuracy, solver=solver)
+        design = optimal_design(
+            info, problem.objective, limits, problem.prior, accuracy, solver=solver
+        )
         least = max(least, problem.least_time(design, budget))
         for share in _SHARES:
             used = design.weights > share * design.weights.max()
@@ -142,15 +144,37 @@ class _Problem:
     """Candidates, what each costs, and the value that must be one."""
 
     def __init__(
-        self, info: Candidates, objective: Objective, prior: Array | None, duration: ArrayLike
+        self,
+        info: Candidates,
+        targets: float | Mapping[str, float],
+        prior: Array | None,
+        duration: ArrayLike,
     ) -> None:
-        self.info, self.objective, self.prior = info, objective, prior
+        self.info, self.targets, self.prior = info, targets, prior
+        self.objective = TargetCriterion(targets).objective(info.names, info.samples)
         self.costs = Constraints(time=1.0, durations=duration).polytope(len(info)).rows[0]
 
     def information(self, weights: Array) -> Array:
         """Return the prior and sum_c w_c H_c."""
         total = self.info.combined(weights)
         return total if self.prior is None else total + self.prior
+
+    def check_reachable(self) -> None:
+        """Refuse targets of what the prior tells alone: no time adds to that."""
+        if self.prior is None:
+            return  # the design names what candidates leave open
+        targets = by_name_or_kind(self.targets, self.info.names, "targets")
+        total, missed = self.information(_EVER / self.costs), []
+        for name, target in zip(self.info.names, targets, strict=True):
+            if np.isnan(target):
+                continue
+            alone = TargetCriterion({name: target}).objective(self.info.names, self.info.samples)
+            if (short := alone.log_value(total)) < 0:
+                least = target * float(np.exp(-short / 2))
+                missed.append(f"{name} (not below {least:.3g}, {target:.3g} asked for)")
+        if missed:
+            remedy = "no time suffices; ask for less, add candidates, or fix these parameters"
+            raise NotIdentifiable(missed, remedy)
 
     def least_time(self, design: Design, budget: float) -> float:
         """Return the bound that a design within a budget gives on the time of any other."""

@@ -1,7 +1,9 @@
 """``oed campaign``: visits proposed, run and told, until stated accuracies are reached."""
 
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -9,7 +11,8 @@ from reports.commands.options import AsJson, robot_names, say
 from reports.commands.workers import one_thread_each
 
 if TYPE_CHECKING:
-    from oed import CampaignStatus, Visit
+    from oed import Campaign, CampaignStatus
+    from robotmodels.common.progress import StageProgress
 
 app = typer.Typer(
     no_args_is_help=True,
@@ -50,17 +53,19 @@ def ask(campaign: File, as_json: AsJson = False) -> None:
 
     Example: oed campaign ask campaign.yaml
     """
-    one_thread_each()
-    from oed import Campaign
-    from reports.summaries.progress import progress_bars
+    with _exclusive(campaign) as (opened, bars):
+        from reports.summaries.campaign_summary import visit_json, visits_text
 
-    opened = Campaign.load(campaign)
-    with progress_bars() as bars:
         visits = opened.ask(bars)
-    if visits:
-        say(lambda: _visits(visits), lambda: [_visit(visit) for visit in visits], as_json)
-    else:
-        _say_status(opened.status(), as_json)
+        status, say_status = _reported(opened, campaign, bars)
+        if visits:
+            say(
+                lambda: visits_text(visits, status, str(campaign)),
+                lambda: [visit_json(visit) for visit in visits],
+                as_json,
+            )
+        else:
+            say_status(as_json)
 
 
 @app.command()
@@ -78,34 +83,32 @@ def tell(
 
     Example: oed campaign tell campaign.yaml 3 visit_3.h5
     """
-    from oed import Campaign
     from robotmodels.common.errors import InvalidInput
 
-    opened = Campaign.load(campaign)
-    if (records is None) == (failed is None):
-        raise InvalidInput(f"visit {visit}: give its records, or --failed with the reason")
-    if records is None:
-        opened.fail(visit, failed or "")
-        typer.echo(f"visit {visit} failed")
-    elif opened.tell(visit, records):
-        typer.echo(f"visit {visit} taken")
-    else:
-        typer.echo(f"visit {visit} was taken before")
+    with _exclusive(campaign) as (opened, _):
+        from reports.summaries.campaign_summary import visit_range
+
+        if (records is None) == (failed is None):
+            raise InvalidInput(f"visit {visit}: give its records, or --failed with the reason")
+        if records is None:
+            opened.fail(visit, failed or "")
+            done = "failed"
+        else:
+            done = "taken" if opened.tell(visit, records) else "was taken before"
+        waiting = [one for one in opened.visits if one.state == "open"]
+    step = f"run {visit_range(waiting)}" if waiting else f"oed campaign ask {campaign}"
+    typer.echo(f"visit {visit} {done}; next  {step}")
 
 
 @app.command()
 def status(campaign: File, as_json: AsJson = False) -> None:
-    """Print what is known how well, and the minutes used.
+    """Print what is known how well, and the minutes used; write page and identified robot.
 
     Example: oed campaign status campaign.yaml
     """
-    one_thread_each()
-    from oed import Campaign
-    from reports.summaries.progress import progress_bars
-
-    with progress_bars() as bars:
-        current = Campaign.load(campaign).status(bars)
-    _say_status(current, as_json)
+    with _exclusive(campaign) as (opened, bars):
+        _, say_status = _reported(opened, campaign, bars)
+    say_status(as_json)
 
 
 @app.command()
@@ -122,116 +125,54 @@ def simulate(
 
     Example: oed campaign simulate campaign.yaml --truth ur10
     """
-    one_thread_each()
-    from oed import Campaign, simulate_visits
-    from reports.summaries.progress import progress_bars
-    from robotmodels import load_robot
+    with _exclusive(campaign) as (opened, bars):
+        from oed import simulate_visits
+        from reports.summaries.columns import plural
+        from robotmodels import load_robot
 
-    opened = Campaign.load(campaign)
-    visits = opened.ask()
-    with progress_bars() as bars:
+        visits = opened.ask(bars)
         report = None if bars is None else (lambda done, total: bars("simulation", done, total))
         simulate_visits(opened.settings, opened.robot, load_robot(truth), visits, report)
-    typer.echo(f"simulated {len(visits)} visits; next  oed campaign ask {campaign}")
+    if visits:
+        step = f"next  oed campaign ask {campaign}"
+        typer.echo(f"simulated {plural(len(visits), 'visit')}; {step}")
+    else:
+        typer.echo(f"the campaign has ended; see  oed campaign status {campaign}")
 
 
-def _visits(visits: "tuple[Visit, ...]") -> str:
-    from reports.summaries.columns import table, vector
+@contextmanager
+def _exclusive(campaign: Path) -> "Iterator[tuple[Campaign, StageProgress | None]]":
+    """Give a campaign that no other command changes meanwhile, and progress bars."""
+    one_thread_each()
+    from oed import Campaign
+    from reports.summaries.progress import progress_bars
+    from robotmodels.common.atomic_files import exclusive_folder
 
-    rows = [
-        (
-            str(visit.number),
-            visit.purpose,
-            vector(visit.plan.positions[0], 3),
-            str(visit.plan.periods),
-            f"{visit.plan.duration:.0f} s",
+    opened = Campaign.load(campaign)
+    with exclusive_folder(opened.settings.output), progress_bars() as bars:
+        yield opened, bars
+
+
+def _reported(
+    opened: "Campaign", campaign: Path, bars: "StageProgress | None"
+) -> "tuple[CampaignStatus, Callable[[bool], None]]":
+    """Write the page and the identified robot; return the status and what prints it."""
+    from reports.pages.campaign_page import write_campaign_page
+    from reports.summaries.campaign_summary import status_json, status_text
+    from robotmodels import save_robot
+
+    status, output = opened.status(bars), opened.settings.output
+    report = output / "report.html"
+    write_campaign_page(opened, status, report, str(campaign))
+    if status.estimate is not None:
+        save_robot(opened.identified(status.estimate), output / "robot.yaml")
+
+    def say_status(as_json: bool) -> None:
+        words = f"report  {report}"
+        say(
+            lambda: f"{status_text(status, str(campaign))}\n{words}",
+            lambda: status_json(status, report),
+            as_json,
         )
-        for visit in visits
-    ]
-    header = ("visit", "purpose", "position [rad; m]", "periods", "time")
-    folder = visits[0].folder
-    return "\n".join(
-        [
-            *table(header, rows, right=(3, 4)),
-            f"files for the controller: {folder / 'controller'}, and so of each visit",
-            f"next  oed campaign tell CAMPAIGN {visits[0].number} RECORDS",
-        ]
-    )
 
-
-def _visit(visit: "Visit") -> dict[str, Any]:
-    return {
-        "visit": visit.number,
-        "purpose": visit.purpose,
-        "position": visit.plan.positions[0].tolist(),
-        "periods": visit.plan.periods,
-        "duration": visit.plan.duration,
-        "folder": str(visit.folder),
-    }
-
-
-def _say_status(current: "CampaignStatus", as_json: bool) -> None:
-    say(lambda: _status(current), lambda: _status_document(current), as_json)
-
-
-def _status(current: "CampaignStatus") -> str:
-    from reports.summaries.columns import number, plural, table
-
-    told = sum(visit.state == "told" for visit in current.visits)
-    lines = [
-        f"{current.state}: {plural(told, 'visit')} in {current.minutes:.1f} of "
-        f"{current.budget:g} min"
-        + (f", {current.expected:.1f} min asked for" if current.expected else "")
-    ]
-    estimate = current.estimate
-    if estimate is None:
-        return "\n".join(lines)
-    rows = [
-        (
-            name,
-            number(float(value), 5),
-            f"{100 * float(std):.2g} %",
-            f"{100 * float(target):.2g} %" if target < float("inf") else "",
-            "" if std <= target else "not yet",
-        )
-        for name, value, std, target in zip(
-            current.names, estimate.values, estimate.std, current.targets, strict=True
-        )
-    ]
-    header = ("parameter", "value", "std", "asked for", "")
-    lines += [
-        *table(header, rows, right=(1, 2, 3)),
-        f"verdict: {estimate.verdict}: {estimate.reason}",
-    ]
-    if estimate.drift == estimate.drift:
-        lines.append(f"first visit repeated: p-value of no drift {estimate.drift:.2g}")
-    return "\n".join(lines)
-
-
-def _status_document(current: "CampaignStatus") -> dict[str, Any]:
-    estimate = current.estimate
-    document: dict[str, Any] = {
-        "schema": "campaign_status/1",
-        "state": current.state,
-        "minutes": current.minutes,
-        "expected_minutes": current.expected,
-        "budget": current.budget,
-        "visits": [{**_visit(visit), "state": visit.state} for visit in current.visits],
-    }
-    if estimate is not None:
-        document |= {
-            "verdict": estimate.verdict,
-            "reason": estimate.reason,
-            "drift": estimate.drift,
-            "parameters": [
-                {"name": name, "value": value, "relative_std": std, "target": target}
-                for name, value, std, target in zip(
-                    current.names,
-                    estimate.values.tolist(),
-                    estimate.std.tolist(),
-                    current.targets.tolist(),
-                    strict=True,
-                )
-            ],
-        }
-    return document
+    return status, say_status

@@ -37,7 +37,7 @@ def intervals(
     """
 
     def draw(palette: Palette) -> Figure:
-        groups = _groups(names)
+        groups = parameter_groups(names)
         longest = max(len(group) for group in groups.values())
         step = 0.2 + 0.08 * max(len(methods) - 2, 0)
         figure = Figure(figsize=(8.2, 0.95 + step * longest), layout="constrained")
@@ -89,7 +89,7 @@ def deviations(
     """
 
     def draw(palette: Palette) -> Figure:
-        groups = _groups(names)
+        groups = parameter_groups(names)
         longest = max(len(group) for group in groups.values())
         figure = Figure(figsize=(8.2, 0.95 + 0.2 * longest), layout="constrained")
         grid = figure.subplots(1, len(groups), squeeze=False)[0]
@@ -283,7 +283,7 @@ def _ellipse(covariance: Array) -> Array:
     return np.asarray(np.linalg.cholesky(covariance) @ np.stack([np.cos(angle), np.sin(angle)]))
 
 
-def _groups(names: Sequence[str]) -> dict[str, list[int]]:
+def parameter_groups(names: Sequence[str]) -> dict[str, list[int]]:
     """Return the indices of springs, dampers and others, each under its name for people."""
     groups: dict[str, list[int]] = {}
     for i, name in enumerate(names):

@@ -1,6 +1,9 @@
 """Spectra of runs: measured, and predicted from the torques of the same run by the fit."""
 
+from collections.abc import Iterable, Sequence
+
 import numpy as np
+from markupsafe import Markup
 
 import robotmodels
 from estimators.fitting.run_fit import RunFit
@@ -8,8 +11,10 @@ from oed.study.results import StudyResults
 from reports import text
 from reports.figures import response_panels
 from reports.figures.response_panels import lines_drawn
-from reports.page_elements import Figure, Section, figure, filled
+from reports.page_elements import Drawing, Figure, Section, figure, filled
 from reports.sections.plan_labels import visit_labels
+from robotmodels import ElasticRobot
+from robotmodels.common.arrays import Array, ComplexArray
 
 MOST_RUNS = 6
 """Runs of a visit that are drawn."""
@@ -17,9 +22,13 @@ MOST_RUNS = 6
 
 def section(results: StudyResults, fit: RunFit) -> Section:
     """Return the section; `fit` is the result."""
+    return Section("run-spectra", "Runs", body(results.robot, fit, panels(results, fit)))
+
+
+def body(robot: ElasticRobot, fit: RunFit, drawn: list[Figure]) -> Markup:
+    """Return the section's text with `drawn`, the spectra of a fit."""
     visits, runs, lines = fit.data.inputs.shape[:3]
-    drawn = panels(results, fit)
-    body = filled(
+    return filled(
         "run_spectra.html.j2",
         panels=drawn,
         visits=visits,
@@ -29,10 +38,9 @@ def section(results: StudyResults, fit: RunFit) -> Section:
         row_wise=fit.row_wise,
         data=fit.data,
         ratio=text.significant(fit.cost / fit.expected_cost, 4),
-        units=dict.fromkeys(unit.replace("^2", "²") for unit in results.robot.output_units),
+        units=dict.fromkeys(unit.replace("^2", "²") for unit in robot.output_units),
         lines=lines,
     )
-    return Section("run-spectra", "Runs", body)
 
 
 def noise_words(fit: RunFit) -> str:
@@ -52,27 +60,44 @@ def noise_words(fit: RunFit) -> str:
 
 def panels(results: StudyResults, fit: RunFit) -> list[Figure]:
     """Return the panels of every visit, a row for each output and a column for each run."""
-    data, values = fit.data, fit.parameters.values
-    outputs, inputs = (
-        np.moveaxis(spectra[:, :MOST_RUNS], 1, 3) for spectra in (data.outputs, data.inputs)
-    )
-    lines = lines_drawn(outputs.shape)
-    G = robotmodels.frequency_response(results.robot, data.positions, data.omega, values)
-    variance = np.diagonal(fit.problem.errors(values, G).covariance, axis1=-2, axis2=-1).real
-    std, fitted = np.broadcast_to(np.sqrt(variance)[..., None], outputs.shape), G @ inputs
+    outputs, fitted, std = compared_spectra(fit)
+    outputs, fitted, std = (np.moveaxis(s[:, :MOST_RUNS], 1, 3) for s in (outputs, fitted, std))
     names = [f"run {e + 1}" for e in range(outputs.shape[3])]
+    lines = lines_drawn(outputs.shape)
     figures = []
     for q, label in enumerate(visit_labels(results)):
-        drawing = response_panels.response_panels(
-            data.omega[lines],
-            outputs[q, lines],
-            std[q, lines],
-            fitted[q, lines],
-            names,
-            noise=std[q, lines],
-            distortion=np.abs(outputs - fitted)[q, lines],
-            outputs=results.robot.output_names,
-        )
+        shown = (s[q, lines] for s in (outputs, fitted, std))
+        drawing = drawn_spectra(results.robot, fit.data.omega[lines], shown, names)
         alt = f"Magnitudes and phases of the spectra of outputs, measured and predicted, in {label}"
         figures.append(figure(f"spectra-{q + 1}", drawing, alt, label=label, wide=True))
     return figures
+
+
+def compared_spectra(fit: RunFit) -> tuple[ComplexArray, ComplexArray, ComplexArray]:
+    """Return outputs, predictions and the standard deviations of both, (Q, E, F, m) each."""
+    data, values = fit.data, fit.parameters.values
+    G = robotmodels.frequency_response(fit.model, data.positions, data.omega, values)
+    variance = np.diagonal(fit.problem.errors(values, G).covariance, axis1=-2, axis2=-1).real
+    fitted = np.einsum("qfmn,qefn->qefm", G, data.inputs)
+    std = np.broadcast_to(np.sqrt(variance)[:, None], fitted.shape).astype(complex)
+    return data.outputs, fitted, std
+
+
+def drawn_spectra(
+    robot: ElasticRobot,
+    omega: Array,
+    compared: Iterable[ComplexArray],
+    names: Sequence[str],
+) -> Drawing:
+    """Return the drawing of `compared_spectra`, (F, m, E) each, a column for each of `names`."""
+    outputs, fitted, std = compared
+    return response_panels.response_panels(
+        omega,
+        outputs,
+        std.real,
+        fitted,
+        names,
+        noise=std.real,
+        distortion=np.abs(outputs - fitted),
+        outputs=robot.output_names,
+    )

@@ -3,8 +3,18 @@
 import json
 from pathlib import Path
 
+import pytest
 import yaml
 from conftest import oed
+
+from robotmodels import load_robot
+
+
+def status_of(path: str) -> dict:
+    """Return what ``oed campaign status --json`` prints."""
+    code, out, err = oed("campaign", "status", path, "--json")
+    assert code == 0, err
+    return json.loads(out)
 
 
 def test_from_a_template_to_a_status(tmp_path: Path, monkeypatch) -> None:
@@ -27,15 +37,26 @@ def test_from_a_template_to_a_status(tmp_path: Path, monkeypatch) -> None:
     Path("c.yaml").write_text(yaml.safe_dump(content))
     code, out, err = oed("campaign", "ask", "c.yaml")
     assert code == 0, err
-    assert "check" in out
-    assert "oed campaign tell CAMPAIGN 1 RECORDS" in out
+    assert "low level" in out
+    assert "oed campaign tell c.yaml 1 RECORDS" in out
+    page = Path(status_of("c.yaml")["report"])
+    assert "Run visit 1" in page.read_text()
+    assert 'id="torques"' not in page.read_text()
     for _ in range(2):
         code, _, err = oed("campaign", "simulate", "c.yaml", "--truth", "moberg_axis1")
         assert code == 0, err
-    code, out, err = oed("campaign", "status", "c.yaml", "--json")
-    assert code == 0, err
-    status = json.loads(out)
+    status = status_of("c.yaml")
     assert [visit["state"] for visit in status["visits"]] == ["told"] * len(status["visits"])
+    content = page.read_text()
+    for words in ("Ask for the next visits", "Next: oed campaign ask c.yaml", "a2.stiffness"):
+        assert words in content
+    for section in ("progress", "visits", "torques", "runs"):
+        assert f'id="{section}"' in content
+    assert content.count("<td>before any fit</td>") == 2
+    identified = load_robot(page.parent / "robot.yaml")
+    assert identified.file.fitted is not None
+    values = [one["value"] for one in status["parameters"]]
+    assert identified.parameters.values.tolist() == pytest.approx(values)
     assert {one["name"] for one in status["parameters"]} >= {"a2.stiffness", "a3.damping"}
     code, out, _ = oed("campaign", "status", "c.yaml")
     assert "asked for" in out

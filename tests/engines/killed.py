@@ -6,6 +6,7 @@ moments since the one before it.
 
 import importlib
 import os
+import shutil
 import signal
 import subprocess
 import sys
@@ -45,6 +46,33 @@ def killed_again_and_again(
     )
     assert done.returncode == 0, done.stderr
     return done.stdout.splitlines()
+
+
+def killed_at_moments(
+    work: Callable[..., object],
+    words: Sequence[str],
+    folder: Path,
+    libraries: Sequence[str] = (),
+) -> list[Path]:
+    """Run `work(*words)` killed before each change to `folder`, then to its end.
+
+    Each time it begins with the folder as it is now. Returned are copies of the folder at the ends.
+    """
+    ends, before = [], folder.with_name("before")
+    shutil.copytree(folder, before)
+    for change in range(1, 1000):
+        shutil.rmtree(folder)
+        shutil.copytree(before, folder)
+        try:
+            killed_again_and_again(work, words, folder, [change], libraries)
+        except AssertionError as error:
+            if "it came to its end" not in str(error):
+                raise
+            return ends
+        work(*words)
+        ends.append(folder.with_name(f"after-{change}"))
+        shutil.copytree(folder, ends[-1])
+    raise AssertionError("it has no end")
 
 
 def _run(

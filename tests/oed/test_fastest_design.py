@@ -48,6 +48,19 @@ def test_least_time_is_that_of_one_convex_problem(seed, before):
     assert "min, no visits do in less than" in str(design)
 
 
+@pytest.mark.parametrize("share", [0.0, 1e-20])
+def test_targets_that_only_the_prior_tells(share):
+    """No time adds to what the prior says of a parameter that no candidate shows."""
+    matrices = np.array([np.diag([1.0, share]), np.diag([2.0, share])])
+    info = oed.InformationSet(np.zeros((2, 1)), matrices, ("g1.stiffness", "g2.stiffness"))
+    prior = np.diag([4.0, 4.0])
+    message = r"g2.stiffness \(not below 0.5, 0.1 asked for\); no time suffices"
+    with pytest.raises(NotIdentifiable, match=message):
+        oed.fastest_design(info, 1.0, {"stiffness": 0.1}, prior)
+    reached = oed.fastest_design(info, 1.0, {"g1.stiffness": 0.1, "g2.stiffness": 0.6}, prior)
+    assert reached.time == pytest.approx((100 - 4) / 2)
+
+
 @pytest.mark.parametrize("seed", range(3))
 def test_any_dual_point_bounds_the_time_from_below(seed):
     """T >= sum mu (2 x_ii - s_i^2) / max sum mu x' H x / t at random mu and x: never above."""

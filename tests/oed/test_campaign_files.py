@@ -1,0 +1,234 @@
+"""Campaigns that are killed, edited or out of reach, and two terminals at once."""
+
+import os
+import shutil
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from axis_campaign import change, run_open, write_campaign
+from killed import killed_at_moments
+
+from oed import Campaign
+from oed.campaign.history import History
+from oed.campaign.visits import VisitFolder
+from oed.experiment.experiment_plan import ExperimentPlan
+from robotmodels import InvalidInput
+from robotmodels.common.atomic_files import exclusive_folder
+from robotmodels.common.fingerprints import folder_digest
+
+LIBRARIES = ("oed.campaign.campaign",)
+
+
+def no_files(_: ExperimentPlan, folder: Path) -> None:
+    """Write files for a controller: a folder alone."""
+    folder.mkdir()
+
+
+def ask(path: str) -> None:
+    """Ask for visits, in a process that is killed."""
+    Campaign.load(path).ask()
+
+
+def status(path: str) -> None:
+    """Fit what is here, in a process that is killed."""
+    Campaign.load(path).status()
+
+
+def tell(path: str, number: str, records: str) -> None:
+    """Tell records, in a process that is killed."""
+    Campaign.load(path).tell(int(number), records)
+
+
+def taken_back(path: Path, number: int) -> Path:
+    """Take a visit's records back as if they had not been told."""
+    records = path.parent / f"visit_{number}.h5"
+    shutil.move(path.parent / "out" / "visits" / f"{number:03d}" / "records.h5", records)
+    return records
+
+
+@pytest.fixture(scope="module")
+def fitted_once(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Folder of a campaign whose first visits are fitted."""
+    folder = tmp_path_factory.mktemp("fitted")
+    path = write_campaign(folder)
+    run_open(path)
+    run_open(path)
+    Campaign.load(path).status()
+    return folder
+
+
+@pytest.fixture
+def fitted(fitted_once: Path, tmp_path: Path) -> Path:
+    """A campaign file of one's own, whose first visits are fitted."""
+    shutil.copytree(fitted_once, tmp_path, dirs_exist_ok=True)
+    return tmp_path / "campaign.yaml"
+
+
+@pytest.mark.parametrize("moment", range(1, 6))
+def test_planned_visits_appear_together(fitted: Path, monkeypatch, moment: int) -> None:
+    """Or none of them, where the process ends before one of its renamings."""
+    visits = Campaign.load(fitted).visits
+    folder, left = VisitFolder(fitted.parent / "new"), moment
+    rename = os.replace
+
+    def ends(source: object, target: object) -> None:
+        nonlocal left
+        left -= Path(str(target)).parent == folder.folder
+        if left == 0:
+            raise KeyboardInterrupt
+        rename(source, target)
+
+    monkeypatch.setattr(os, "replace", ends)
+    plans = [visit.plan for visit in visits]
+    if moment <= len(plans) + 1:
+        with pytest.raises(KeyboardInterrupt):
+            folder.add(plans, "first", "digest", no_files)
+    else:
+        folder.add(plans, "first", "digest", no_files)
+    folder.recover()
+    assert len(folder.all()) == (0 if moment == 1 else len(plans))
+    assert all(path.name.isdigit() for path in folder.folder.iterdir())
+
+
+@pytest.mark.slow
+def test_killed_at_any_moment_it_asks_for_the_same_visits(tmp_path: Path) -> None:
+    """All visits of a stage appear, or none; after a kill the same ones are asked for."""
+    path = write_campaign(tmp_path)
+    run_open(path)
+    whole = shutil.copytree(tmp_path / "out", tmp_path / "whole")
+    ends = killed_at_moments(ask, [str(path)], tmp_path / "out", LIBRARIES)
+    change(path, ("output: out", "output: whole"))
+    ask(str(path))
+    assert len(ends) >= 40
+    for end in ends:
+        assert folder_digest(end / "visits") == folder_digest(whole / "visits")
+
+
+@pytest.mark.slow
+def test_killed_at_any_moment_of_a_fit_or_records_taken(tmp_path: Path) -> None:
+    path = write_campaign(tmp_path)
+    run_open(path)
+    run_open(path)
+    records = taken_back(path, 3)
+    out = tmp_path / "out"
+    for end in killed_at_moments(tell, [str(path), "3", str(records)], out, LIBRARIES):
+        assert (end / "visits/003/records.h5").read_bytes() == records.read_bytes()
+    shutil.rmtree(tmp_path / "before")
+    before = Campaign.load(path).status()
+    assert len(before.history) == 1
+    (out / "history.h5").unlink()
+    shutil.rmtree(out / "stages" / "estimate")
+    for end in killed_at_moments(status, [str(path)], out, LIBRARIES):
+        history = History.load(end / "history.h5", len(before.names))
+        np.testing.assert_allclose(history.values, before.history.values)
+
+
+def test_another_terminal_waits(tmp_path: Path) -> None:
+    path = write_campaign(tmp_path)
+    with (
+        exclusive_folder(tmp_path / "out" / "stages"),
+        pytest.raises(InvalidInput, match="is in use by another run"),
+    ):
+        Campaign.load(path).ask()
+
+
+@pytest.mark.parametrize(
+    ("before", "after", "message"),
+    [
+        ("period: 2.0", "period: 4.0", "multisine.period is 4 s, it was 2 s after visit 1"),
+        ("time: 0.002", "time: 0.001", "multisine.sample_time is 0.001 s, it was 0.002 s"),
+        ("output", "seed: 2\noutput", "multisine or seed give other lines than before"),
+        ("60.0]", "50.0]", "multisine or seed give other lines than before after visit 1 was"),
+    ],
+)
+def test_a_campaign_file_whose_lines_change(
+    tmp_path: Path, before: str, after: str, message: str
+) -> None:
+    path = write_campaign(tmp_path)
+    ask(str(path))
+    change(path, (before, after))
+    with pytest.raises(InvalidInput, match=message):
+        Campaign.load(path).status()
+
+
+def test_targets_and_minutes_may_change(fitted: Path) -> None:
+    """A target that the minutes do not reach is said to be out of reach, and what is not."""
+    change(fitted, ("minutes: 20", "minutes: 0.6"), ("0.05, damping: 0.3", "3e-4"))
+    far = Campaign.load(fitted).status()
+    assert far.state == "out of reach"
+    assert far.outlook is not None
+    assert far.outlook.needed > far.outlook.remaining == pytest.approx(far.remaining)
+    feasible = 3e-4 * float((far.outlook.std / far.targets).max())
+    change(fitted, ("3e-4", f"{1.05 * feasible:.9f}"))
+    near = Campaign.load(fitted).status()
+    assert near.state == "identifying"
+    assert near.outlook is not None
+    assert near.outlook.needed == pytest.approx(near.remaining, rel=0.2)
+    more = 1.05 * (far.minutes + far.outlook.needed)
+    change(fitted, (f"{1.05 * feasible:.9f}", "3e-4"), ("minutes: 0.6", f"minutes: {more:.9f}"))
+    assert Campaign.load(fitted).status().state == "identifying"
+
+
+def test_minutes_below_the_first_visits(tmp_path: Path) -> None:
+    path = write_campaign(tmp_path, ("minutes: 20", "minutes: 0.2"))
+    with pytest.raises(InvalidInput, match=r"minutes: 0.2; .* need 0.3\d at least; allow more"):
+        Campaign.load(path).ask()
+
+
+def test_the_first_visits_stay_within_the_minutes(tmp_path: Path) -> None:
+    """However long the accuracies take by the guesses."""
+    path = write_campaign(tmp_path, ("minutes: 20", "minutes: 1"), ("0.05, d", "1e-9, d"))
+    run_open(path)
+    ask(str(path))
+    begun = Campaign.load(path).status()
+    assert begun.state == "out of reach"
+    assert begun.minutes + begun.expected < 0.5
+
+
+def test_a_failed_repetition_is_asked_for_again(fitted: Path) -> None:
+    """Each fit extends the history, which nothing rests on."""
+    first = Campaign.load(fitted).status()
+    (visit,) = Campaign.load(fitted).ask()
+    assert visit.purpose == "repeat"
+    Campaign.load(fitted).fail(visit.number, "power cut")
+    assert run_open(fitted) == [visit.number + 1]
+    last = Campaign.load(fitted).status()
+    assert last.ended
+    assert not Campaign.load(fitted).ask()
+    assert first.estimate is not None
+    assert last.estimate is not None
+    assert last.history.visits.tolist() == [2, 3]
+    np.testing.assert_array_equal(last.history.values[0], first.estimate.values)
+    np.testing.assert_array_equal(last.history.std[-1], last.estimate.std)
+    (fitted.parent / "out" / "history.h5").write_bytes(b"no history")
+    assert len(Campaign.load(fitted).status().history) == 1
+
+
+def test_reached_is_in_doubt_where_the_model_or_the_robot_is(fitted: Path) -> None:
+    status = Campaign.load(fitted).status()
+    assert status.state == "reached"
+    assert not status.ended  # the first visit is still to be repeated
+    assert status.estimate is not None
+    wrong = replace(
+        status.estimate.trust, verdicts=("model error",) * 6, reasons=("a spring is missing",) * 6
+    )
+    for changes, words in (
+        ({"trust": wrong}, "model error: a spring is missing"),
+        ({"drift": 1e-4}, "the first visit and its repetition differ"),
+        ({"reached": 0.5}, "only 50% of the searches"),
+    ):
+        doubtful = replace(status, estimate=replace(status.estimate, **changes))
+        assert doubtful.state == "in doubt"
+        assert words in doubtful.estimate.doubts[0]
+
+
+def test_costs_and_peaks_of_visits(fitted: Path) -> None:
+    """Noise alone makes the cost one on average; speeds come near their limit, not beyond."""
+    latest = Campaign.load(fitted).status().estimate
+    assert latest is not None
+    assert latest.visit_costs.shape == (2,)
+    np.testing.assert_allclose(latest.visit_costs, 1, atol=0.5)
+    assert (latest.peaks[:, 1] > 3).all()
+    assert (latest.peaks[:, 1] < 5.5).all()
