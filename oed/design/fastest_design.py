@@ -12,6 +12,8 @@ T >= sum_i mu_i (2 x_ii - s_i^2 - x_i' M_0 x_i) / max_c sum_i mu_i x_i' H_c x_i 
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from operator import attrgetter
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -53,6 +55,8 @@ class FastestDesign(ReprHtml):
         Information with the prior's.
     names : tuple of str
         p parameter names.
+    witness : tuple of ndarray
+        Matrices W_i behind the bound.
     """
 
     time: float
@@ -61,6 +65,7 @@ class FastestDesign(ReprHtml):
     support: IntArray
     information: Array
     names: tuple[str, ...]
+    witness: tuple[Array, ...]
 
     @property
     def gap(self) -> float:
@@ -115,29 +120,37 @@ def fastest_design(
     """
     check_candidates(info)
     problem = _Problem(info, targets, checked_prior(prior, info), duration)
-    if problem.prior is not None and problem.objective.log_value(problem.prior) >= 0:
-        return problem.design(np.zeros(len(info)), 0.0)
+    objective, before = problem.objective, problem.prior
+    if before is not None and objective.log_value(before) >= 0:
+        return problem.design(np.zeros(len(info)), _Bound(0.0, objective.witness(before)))
     problem.check_reachable()
-    least, budget = 0.0, float(np.median(problem.costs)) * len(info.names)
+    bound, budget = _Bound(), float(np.median(problem.costs)) * len(info.names)
     weights, accuracy, last = np.full(len(info), np.inf), _SHARPER, 0.3 * tolerance
     for _ in range(_MOST_ROUNDS):
         limits = Constraints(time=budget, durations=duration)
-        design = optimal_design(
-            info, problem.objective, limits, problem.prior, accuracy, solver=solver
-        )
-        least = max(least, problem.least_time(design, budget))
+        design = optimal_design(info, objective, limits, before, accuracy, solver=solver)
+        bound = max(bound, problem.bound(design, budget), key=attrgetter("time"))
         for share in _SHARES:
             used = design.weights > share * design.weights.max()
             fewer = problem.stretched(np.where(used, design.weights, 0.0))
-            if problem.costs @ fewer <= (1 + tolerance) * least:
-                return problem.design(fewer, least)
+            if problem.costs @ fewer <= (1 + tolerance) * bound.time:
+                return problem.design(fewer, bound)
         weights = min(weights, fewer, key=problem.costs.dot)
         budget = float(problem.costs @ weights)
-        accuracy = max(min(accuracy, _SHARPER * (budget / max(least, 1e-9 * budget) - 1.0)), last)
+        accuracy = max(
+            min(accuracy, _SHARPER * (budget / max(bound.time, 1e-9 * budget) - 1.0)), last
+        )
     raise SolverFailed(
-        f"fastest design: {problem.costs @ weights:.6g} s, and no less than {least:.6g} s are "
+        f"fastest design: {problem.costs @ weights:.6g} s, and no less than {bound.time:.6g} s are "
         f"needed; allow a larger tolerance than {tolerance:.1g}"
     )
+
+
+class _Bound(NamedTuple):
+    """A time that no design goes below, and the matrices W_i that show it."""
+
+    time: float = 0.0
+    witness: tuple[Array, ...] = ()
 
 
 class _Problem:
@@ -176,7 +189,7 @@ class _Problem:
             remedy = "no time suffices; ask for less, add candidates, or fix these parameters"
             raise NotIdentifiable(missed, remedy)
 
-    def least_time(self, design: Design, budget: float) -> float:
+    def bound(self, design: Design, budget: float) -> _Bound:
         """Return the bound that a design within a budget gives on the time of any other."""
         shape = design.information.shape
         weight = self.objective.summed_by_sample(design.witness, shape)
@@ -184,7 +197,7 @@ class _Problem:
         rate = float((design.sensitivity / self.costs).max())
         log_bound = self.objective.log_value(design.information) + np.log1p(design.gap)
         polar = (prior + budget * rate) / float(np.exp(log_bound))
-        return max((polar - prior) / rate, 0.0)
+        return _Bound(max((polar - prior) / rate, 0.0), design.witness)
 
     def stretched(self, weights: Array) -> Array:
         """Return the multiple of weights that reaches every target, the last one exactly."""
@@ -204,13 +217,14 @@ class _Problem:
             factor += 1e-12
         return np.asarray(weights * np.exp(factor))
 
-    def design(self, weights: Array, bound: float) -> FastestDesign:
+    def design(self, weights: Array, bound: _Bound) -> FastestDesign:
         """Return the result for weights."""
         return FastestDesign(
             time=float(self.costs @ weights),
-            bound=bound,
+            bound=bound.time,
             weights=read_only(weights),
             support=read_only(np.flatnonzero(weights)),
             information=read_only(self.information(weights)),
             names=self.info.names,
+            witness=bound.witness,
         )

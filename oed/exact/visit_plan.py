@@ -1,4 +1,4 @@
-"""Whole visits within minutes, or to stated standard deviations, with a bound by the relaxation.
+"""Whole visits within minutes, or to stated standard deviations, with a bound on all of them.
 
 A visit is a position, an excitation and a whole number of periods up to the most that the
 candidates have; each pays its move, settling and transients. Visits are added by what they gain a
@@ -21,6 +21,7 @@ from oed.design.fastest_design import FastestDesign, fastest_design
 from oed.design.optimal_design import checked_prior, optimal_design
 from oed.design.solvers import fast_solver
 from oed.exact.plan_score import standard_deviations
+from oed.exact.visit_bound import VisitBound
 from oed.exact.visit_search import VisitSearch
 from oed.information_sets.experiment_candidates import ExperimentCandidates
 from robotmodels.common.arrays import Array, IntArray, check_above_zero, check_kind, read_only
@@ -46,8 +47,8 @@ class VisitPlan(ReprHtml):
     duration : float, s
         Time of all visits, moves included.
     efficiency : float
-        Lower bound on the efficiency against all visits within the time, whole or not; of a plan to
-        targets on the share of the time that is needed at least.
+        Lower bound on the efficiency against all whole visits within the time; of a plan to targets
+        on the share of the time that is needed at least.
     value : float
         log value of the criterion.
     std : ndarray, (p,)
@@ -145,14 +146,7 @@ def visit_plan(
         Naming the parameters, if all candidates together leave open what the criterion asks for.
     """
     check_kind(candidates, ExperimentCandidates, "visit_plan: candidates")
-    check_above_zero(time, "time [s]")
-    shortest = int(np.argmin(candidates.duration))
-    if time < candidates.duration[shortest]:
-        position, excitation, count = candidates.visit(shortest)
-        raise InvalidInput(
-            f"time: {time:g} s is less than the shortest visit, {candidates.duration[shortest]:g} "
-            f"s ({excitation.name}, {count} periods in position {position})"
-        )
+    _check_time(candidates, time)
     info = candidates.information
     before = checked_prior(prior, info)
     limits = Constraints(time=time, durations=candidates.duration)
@@ -165,11 +159,11 @@ def visit_plan(
 
     objective = robust_objective(criterion, info.names, info.samples, kind, best_value)
     relaxed = best(objective)
-    search = VisitSearch.of(candidates, objective, before, relaxed.weights, relaxed.sensitivity)
+    search, whole = _whole(candidates, objective, before, relaxed)
     periods = search.best(time)
-    bound = objective.log_value(relaxed.information) + np.log1p(relaxed.gap)
-    value = search.value(periods)
-    return _plan(candidates, search, periods, min(1.0, float(np.exp(value - bound))))
+    reached = objective.log_value(relaxed.information) + np.log1p(relaxed.gap)
+    bound = min(reached, whole.log_value(time))
+    return _plan(candidates, search, periods, float(np.exp(search.value(periods) - bound)))
 
 
 def fastest_visit_plan(
@@ -201,21 +195,13 @@ def fastest_visit_plan(
     objective = TargetCriterion(targets).objective(info.names, info.samples)
     before = checked_prior(prior, info)
     relaxed = relaxed or fastest_design(info, candidates.duration, targets, before, _RELAXED_GAP)
-    derivatives = info.directional_derivatives(objective.log_gradient(relaxed.information))
-    search = VisitSearch.of(candidates, objective, before, relaxed.weights, derivatives)
-    periods: IntArray = search.nothing
-    low, high = relaxed.bound, relaxed.time
-    if relaxed.time > 0:
-        high = max(high, float(candidates.duration.min()))
-        periods = search.best(high)
-        for _ in range(_MOST_WIDER):
-            if search.value(periods) >= 0:
-                break
-            low, high = high, _WIDER * high
-            periods = search.best(high)
-        periods, low, high = _shorter(search, periods, low)
-    share = relaxed.bound / high if high > 0 else 1.0
-    return _plan(candidates, search, periods, share)
+    search, whole = _whole(candidates, objective, before, relaxed)
+    if relaxed.time == 0:
+        return _plan(candidates, search, search.nothing, 1.0)
+    bound = max(relaxed.bound, whole.least_time())
+    first = max(bound, relaxed.time, float(candidates.duration.min()))
+    periods = _reaching(search, bound, first)
+    return _plan(candidates, search, periods, bound / search.cost(periods))
 
 
 def time_curve(
@@ -251,19 +237,50 @@ def time_curve(
     return TimeCurve(read_only(np.array(times, dtype=float)), plans)
 
 
-def _shorter(search: VisitSearch, periods: IntArray, low: float) -> tuple[IntArray, float, float]:
-    """Return a shorter plan of value one, the time that was too short, and its own."""
+def _check_time(candidates: ExperimentCandidates, time: float) -> None:
+    """Refuse a time in which no visit fits."""
+    check_above_zero(time, "time [s]")
+    shortest = int(np.argmin(candidates.duration))
+    if time < candidates.duration[shortest]:
+        position, excitation, count = candidates.visit(shortest)
+        raise InvalidInput(
+            f"time: {time:g} s is less than the shortest visit, {candidates.duration[shortest]:g} "
+            f"s ({excitation.name}, {count} periods in position {position})"
+        )
+
+
+def _whole(
+    candidates: ExperimentCandidates,
+    objective: Objective,
+    prior: Array | None,
+    relaxed: Design | FastestDesign,
+) -> tuple[VisitSearch, VisitBound]:
+    """Return the search for whole visits about a relaxed design, and the bound by its witness."""
+    weight = objective.summed_by_sample(relaxed.witness, relaxed.information.shape)
+    derivatives = candidates.information.directional_derivatives(weight)
+    search = VisitSearch.of(candidates, objective, prior, relaxed.weights, derivatives)
+    before = 0.0 if prior is None else float(np.vdot(weight, prior))
+    log_polar = objective.log_polar(relaxed.witness)
+    return search, VisitBound.of(candidates, derivatives, before, log_polar)
+
+
+def _reaching(search: VisitSearch, low: float, high: float) -> IntArray:
+    """Return periods of value one, of the least time between two times, or later if need be."""
+    periods = search.best(high)
+    for _ in range(_MOST_WIDER):
+        if search.value(periods) >= 0:
+            break
+        low, high = high, _WIDER * high
+        periods = search.best(high)
     periods = search.shortened(periods)
-    high = search.cost(periods)
     for _ in range(_HALVINGS):
-        middle = 0.5 * (low + high)
+        middle = 0.5 * (low + search.cost(periods))
         attempt = search.best(middle)
         if search.value(attempt) >= 0:
             periods = search.shortened(attempt)
-            high = search.cost(periods)
         else:
             low = middle
-    return periods, low, high
+    return periods
 
 
 def _plan(
@@ -277,7 +294,7 @@ def _plan(
         candidates=candidates,
         periods=read_only(total),
         duration=search.cost(periods),
-        efficiency=efficiency,
+        efficiency=min(1.0, efficiency),
         value=search.objective.log_value(information),
         std=read_only(standard_deviations(information)),
         information=read_only(information),

@@ -67,17 +67,16 @@ class VisitSearch:
         number = min(size, _POOL * len(info.names))
         pairs = np.union1d(np.argpartition(-worth, number - 1)[:number], np.flatnonzero(relaxed))
         matrices = info.take(pairs) / counts[0]
-        timing, motors = candidates.timing, candidates.positions.shape[1]
-        runs = np.array([one.runs(motors) for one in candidates.excitations])
-        runs = np.repeat(runs, len(candidates.positions))[pairs]
+        excitation = pairs // len(candidates.positions)
+        _, setup, period = candidates.run_times
         total = info.combined(weights)
         base = np.zeros_like(total) if prior is None else prior
         return cls(
             objective=objective,
             pairs=pairs,
             matrices=matrices,
-            setup=timing.visit + runs * timing.transient,
-            period=runs * timing.period,
+            setup=setup[excitation],
+            period=period[excitation],
             most=max(counts),
             base=base,
             ridge=_RIDGE * (base + total),

@@ -133,6 +133,13 @@ class ExperimentCandidates(ReprHtml):
         p, e, q = (int(i) for i in np.unravel_index(index, shape))
         return q, self.excitations[e], self.periods[p]
 
+    @property
+    def run_times(self) -> tuple[IntArray, Array, Array]:
+        """Runs of each excitation's visit, its time without periods and that of each, (E,) [s]."""
+        motors = self.positions.shape[1]
+        runs = np.array([one.runs(motors) for one in self.excitations])
+        return runs, self.timing.visit + runs * self.timing.transient, runs * self.timing.period
+
     def __str__(self) -> str:
         names = ", ".join(one.name for one in self.excitations)
         return (
