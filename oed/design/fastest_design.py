@@ -131,8 +131,7 @@ def fastest_design(
         design = optimal_design(info, objective, limits, before, accuracy, solver=solver)
         bound = max(bound, problem.bound(design, budget), key=attrgetter("time"))
         for share in _SHARES:
-            used = design.weights > share * design.weights.max()
-            fewer = problem.stretched(np.where(used, design.weights, 0.0))
+            fewer = problem.stretched(_without_small(design.weights, share))
             if problem.costs @ fewer <= (1 + tolerance) * bound.time:
                 return problem.design(fewer, bound)
         weights = min(weights, fewer, key=problem.costs.dot)
@@ -144,6 +143,11 @@ def fastest_design(
         f"fastest design: {problem.costs @ weights:.6g} s, and no less than {bound.time:.6g} s are "
         f"needed; allow a larger tolerance than {tolerance:.1g}"
     )
+
+
+def _without_small(weights: Array, share: float) -> Array:
+    """Return weights without those up to a share of the largest."""
+    return np.where(weights > share * weights.max(), weights, 0.0)
 
 
 class _Bound(NamedTuple):
