@@ -12,9 +12,9 @@ from oed.campaign.estimate import Estimate
 from oed.campaign.outlook import Forecast
 from oed.campaign.settings import VisitSettings
 from oed.campaign.visit_plan import (
-    CREST,
     fair_torques,
     line_grid,
+    motion_levels,
     torque_phases,
     visit_plan,
     with_relative_phases,
@@ -24,7 +24,6 @@ from oed.design.optimal_spectra import optimal_spectra
 from oed.exact.visit_plan import VisitPlan, fastest_visit_plan, visit_plan as plan_within
 from oed.experiment.amplitude_scaling import Scaling
 from oed.experiment.experiment_plan import FALL, ExperimentPlan
-from oed.experiment.loop_settings import per_motor
 from oed.experiment.moves import move_times
 from oed.experiment.multisine import Multisine
 from oed.experiment.prepare import move_limits
@@ -165,13 +164,15 @@ class Planner:
         relaxed = flat.relaxed
         positions = np.unique(relaxed.support % len(self.positions))
         weights = relaxed.weights.reshape(len(periods), -1) * np.array(periods)[:, None]
+        speed, swing = motion_levels(self.settings, self.robot)
         design = optimal_spectra(
             self.robot,
             self.positions[positions],
             self.grid.omega,
             _errors(noise),
             self.levels,
-            speed=self.speeds,
+            speed=speed,
+            swing=swing,
             criterion=TargetCriterion(flat.targets),
             prior=flat.information * (GAIN / weights.sum()),
             tolerance=_COARSE,
@@ -200,14 +201,6 @@ class Planner:
         rng = np.random.default_rng([self.settings.seed, self.stage])
         count = min(_SAMPLE, len(self.positions))
         return self.positions[rng.choice(len(self.positions), count, replace=False)]
-
-    @property
-    def speeds(self) -> Array:
-        """Root mean square speeds that limits have room for, (n,) [rad/s]."""
-        choice, motors = self.settings.limits.speed, tuple(self.robot.motor_names)
-        if choice is None:
-            return np.full(len(motors), np.inf)
-        return per_motor("limits.speed", choice, motors) / CREST
 
     @property
     def shortest(self) -> float:
@@ -250,26 +243,34 @@ class Planner:
         return tables[0] if len(tables) == 1 else ExperimentCandidates.of_samples(tables)
 
     def plans(self, visits: list[_Choice], part: float = 1.0) -> list[ExperimentPlan]:
-        """Return plans in an order whose straight moves are free, the nearest position first."""
+        """Return plans in order, see `ordered_plans`."""
+        return [plan for _, plan in self.ordered_plans(visits, part)]
+
+    def ordered_plans(
+        self, visits: list[_Choice], part: float = 1.0
+    ) -> list[tuple[str, ExperimentPlan]]:
+        """Return the excitations' names and the plans of visits.
+
+        Their order is one whose straight moves are free, the nearest position first.
+        """
         at, remaining = self.at, list(visits)
-        plans: list[ExperimentPlan] = []
-        n, lines = len(self.robot.motor_names), len(self.grid.lines)
+        plans: list[tuple[str, ExperimentPlan]] = []
         while remaining:
             goals = np.array([position for position, _, _ in remaining])
             index = 0 if at is None else self._nearest(at, goals)
             position, excitation, periods = remaining.pop(index)
-            power = _shares(excitation, n, lines)
+            power = self._powers(excitation)
             level = fair_torques(self.settings, self.robot, position, power)
             rng = np.random.default_rng([self.settings.seed, self.stage + len(plans), 1])
             torques = torque_phases(self.grid, np.sqrt(2 * power) * level, rng)
             if isinstance(excitation, UserSpectrum):
                 torques = with_relative_phases(torques, excitation.matrices)
-            runs = excitation.runs(n)
+            runs = excitation.runs(self.grid.inputs)
             scaled = visit_plan(
                 self.settings, self.robot, position, torques, periods, at, part, runs
             )
             self._check_swing(position, scaled)
-            plans.append(scaled.plan)
+            plans.append((excitation.name, scaled.plan))
             at = position
         return plans
 
@@ -283,6 +284,14 @@ class Planner:
                 "raise candidates.margin"
             )
 
+    def _powers(self, excitation: Excitation) -> Array:
+        """Return the share of each motor's power on each line, (F, n); no line is left out."""
+        lines = len(self.grid.lines)
+        power = np.einsum("fii->fi", excitation.spectrum(self.levels, lines)).real
+        power = power / self.levels**2
+        power = np.maximum(power, _FLOOR * power.max() / lines)
+        return np.asarray(power / power.sum(axis=0))
+
     def _nearest(self, at: Array, goals: Array) -> int:
         """Return the nearest goal that a straight move leads to freely."""
         pairs = contacts(self.surroundings, at, goals)
@@ -294,13 +303,6 @@ class Planner:
             )
         distance = np.abs(goals - at).max(axis=1)
         return int(np.where(free, distance, np.inf).argmin())
-
-
-def _shares(excitation: Excitation, n: int, lines: int) -> Array:
-    """Return the share of each motor's power on each line, (F, n); none is left out."""
-    power = np.einsum("fii->fi", excitation.spectrum(np.ones(n), lines)).real
-    power = np.maximum(power, _FLOOR * power.max() / lines)
-    return np.asarray(power / power.sum(axis=0))
 
 
 def visits_of(plan: VisitPlan) -> list[_Choice]:

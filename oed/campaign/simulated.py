@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from oed.campaign.settings import CampaignSettings
+from oed.campaign.settings import VisitSettings
 from oed.campaign.visits import Visit
 from oed.experiment.prepare import controller_of, imperfections_of
 from oed.experiment.run_experiment import SimulatedPlant
@@ -13,7 +13,7 @@ from robotmodels.common.progress import Progress
 
 
 def simulate_visits(
-    settings: CampaignSettings,
+    settings: VisitSettings,
     guesses: ElasticRobot,
     truth: ElasticRobot,
     visits: Sequence[Visit],
@@ -23,7 +23,7 @@ def simulate_visits(
 
     Parameters
     ----------
-    settings : CampaignSettings
+    settings : VisitSettings
         Imperfections and seed.
     guesses : ElasticRobot
         Robot that the default controller is made for.

@@ -7,6 +7,7 @@ references R = F_r^-1 (I + F_y G_y) U of the present model give the torques U, n
 from dataclasses import replace
 
 import numpy as np
+from scipy.optimize import nnls
 
 from oed.campaign.settings import VisitSettings
 from oed.candidates.screening import usable
@@ -14,6 +15,7 @@ from oed.experiment.amplitude_scaling import Scaling, fair_amplitudes
 from oed.experiment.draw_plan import reduced_crest
 from oed.experiment.experiment_plan import ExperimentPlan
 from oed.experiment.limits import UNITS, beside_carrier, room
+from oed.experiment.loop_settings import per_motor
 from oed.experiment.multisine import Multisine
 from oed.experiment.prepare import (
     carrier_of,
@@ -29,9 +31,13 @@ from robotmodels.common.arrays import Array, BoolArray, ComplexArray
 from robotmodels.common.errors import NoEquilibrium
 from robotmodels.description.friction import shaft_friction
 from robotmodels.elastic.rigid_pose import holding_torques
+from robotmodels.simulation.controller import Controller
 from robotmodels.simulation.loop_noise import LoopTransfer, closed_loop
 
 _CLIPPINGS = 100
+_LEAST = 1e-2
+"""Of a reference's power that its own torque alone would take: none is silent."""
+
 CREST = 3.3
 """Largest over root mean square value of many lines in random phases, 5 % above the median."""
 
@@ -124,6 +130,31 @@ def _responses(loop: LoopTransfer, omega: Array, ratios: Array) -> ComplexArray:
     return np.stack([torque, omega * angle, position, position, torque, command, omega * command])
 
 
+def motion_levels(settings: VisitSettings, robot: ElasticRobot) -> tuple[Array, Array]:
+    """Return root mean square speed and swing of motor shafts that limits have room for.
+
+    They are (n,) [rad/s, rad], as of `oed.optimal_spectra`; infinite where there is no limit.
+    """
+    motors = tuple(robot.motor_names)
+    ratios, levels = np.abs(gear_ratios(robot)), []
+    for name, sides in (("speed", np.ones(len(motors))), ("swing", ratios)):
+        choice = getattr(settings.limits, name)
+        limit = np.inf if choice is None else per_motor(f"limits.{name}", choice, motors)
+        levels.append(limit * sides / CREST)
+    return levels[0], levels[1]
+
+
+def visit_spectrum(
+    plan: ExperimentPlan, robot: ElasticRobot, controller: Controller
+) -> ComplexArray:
+    """Return Phi of the first visit's torques by the linear loop, (F, n, n) [N^2 m^2]."""
+    sine = plan.multisine
+    loop = closed_loop(robot.network(plan.visited[:1]), sine.omega, controller)
+    R = plan.scale[0] * sine.spectrum(plan.phases[0])[0, ..., : plan.runs]
+    U = loop.torque[0] @ R * (np.sqrt(2) / sine.samples)
+    return np.asarray(U @ np.conj(np.swapaxes(U, 1, 2)))
+
+
 def torque_phases(grid: Multisine, amplitude: Array, rng: np.random.Generator) -> ComplexArray:
     """Return torques (F, n) of these amplitudes, in random phases that keep peaks low."""
     tiny = 1e-9 * amplitude.max()  # what has no amplitude has no crest factor
@@ -189,11 +220,9 @@ def visit_plan(
     grid = line_grid(settings, len(robot.motor_names))
     controller = controller_of(settings, robot)
     loop = closed_loop(robot.network(position[None]), grid.omega, controller)
-    inverse = np.linalg.inv(loop.torque[0])
-    R = np.einsum("fij,fj->fi", inverse, torques)
+    R = np.linalg.solve(loop.torque[0], torques[..., None])[..., 0]
     if runs > 1:
-        power = np.einsum("fij,fj->fi", np.abs(inverse) ** 2, np.abs(torques) ** 2)
-        R = np.sqrt(power) * np.exp(1j * np.angle(torques))
+        R = _orthogonal(loop.torque[0], torques)
     plan = ExperimentPlan(
         robot=robot.name,
         positions=position[None],
@@ -213,3 +242,16 @@ def visit_plan(
     scaled = within_limits(settings, plan, robot, controller)
     slow = plan.carrier and plan.carrier.scaled(part)
     return replace(scaled, plan=replace(scaled.plan.rescaled(np.asarray(part)), carrier=slow))
+
+
+def _orthogonal(loop: ComplexArray, torques: ComplexArray) -> ComplexArray:
+    """Return references (F, n) of orthogonal runs, whose torques have these powers or nearly so.
+
+    Each reference moves all torques, so powers |R|^2 >= 0 are those nearest to |F_r|^2 |R|^2 =
+    |U|^2, at least a little of each.
+    """
+    pairs = zip(np.abs(loop) ** 2, np.abs(torques) ** 2, strict=True)
+    power = np.array([nnls(gain / wish[:, None], np.ones(len(wish)))[0] for gain, wish in pairs])
+    alone = np.abs(torques / np.einsum("fii->fi", loop)) ** 2
+    size = np.sqrt(np.maximum(power, _LEAST * alone))
+    return np.asarray(size * np.exp(1j * np.angle(torques)))

@@ -24,8 +24,9 @@ from robotmodels.common.errors import InvalidInput, naming
 from robotmodels.common.yaml_files import FileSection, read_yaml
 from robotmodels.records.records import SIGNALS, Records
 
-Purpose = Literal["check", "first", "accuracy", "repeat"]
-"""A low-level run, one before any fit, one for the accuracies, the first one once more."""
+Purpose = Literal["check", "first", "accuracy", "repeat", "study"]
+"""A low-level run, one before any fit, one for the accuracies, the first one once more; one of a
+study."""
 
 _UNFINISHED, _WHOLE = ".unfinished", ".whole"
 """Folders of visits that are being written, and of those that get their names."""

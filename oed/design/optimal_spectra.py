@@ -1,6 +1,6 @@
 """Which motor shakes on which line: the best spectral matrices of every position, certified."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -177,9 +177,7 @@ def optimal_spectra(
         raise InvalidInput("robot: no sample given; at least one is needed")
     if len(robots) == 1:
         _check_estimated(robots[0])
-    positions, lines = np.atleast_2d(real_numbers(positions, "positions")), check_omega(omega)
-    if positions.size == 0:
-        raise InvalidInput("positions: none given; at least one candidate position is needed")
+    positions, lines = _checked(positions), check_omega(omega)
     n = positions.shape[1]
     levels = _limits(torque, n, "torque")
     if not line_cap >= 1:
@@ -190,15 +188,33 @@ def optimal_spectra(
     motions = _limits(speed, n, "speed"), _limits(swing, n, "swing")
     sets = FreeSpectra(robots, positions, lines, noise, levels, *motions, oracle)
 
-    def best(one: Objective) -> GeneratedDesign:
+    def solved(one: Objective) -> GeneratedDesign:
         return generate_columns(sets, one, prior, goal, max_rounds)
 
-    def best_value(one: Objective) -> float:
-        return one.log_value(best(one).design.information)
+    objective = _objective(criterion, sets, kind, solved)
+    return _result(sets, solved(objective), objective, prior)
 
-    objective = robust_objective(criterion, sets.names, len(robots), kind, best_value)
-    solution = best(objective)
-    return _result(sets, solution, objective, prior)
+
+def _checked(positions: Array) -> Array:
+    """Return candidate positions, (Q, n), at least one."""
+    positions = np.atleast_2d(real_numbers(positions, "positions"))
+    if positions.size == 0:
+        raise InvalidInput("positions: none given; at least one candidate position is needed")
+    return positions
+
+
+def _objective(
+    criterion: str | Criterion,
+    sets: FreeSpectra,
+    kind: str,
+    solved: Callable[[Objective], GeneratedDesign],
+) -> Objective:
+    """Return the objective over the samples of theta."""
+
+    def best_value(one: Objective) -> float:
+        return one.log_value(solved(one).design.information)
+
+    return robust_objective(criterion, sets.names, len(sets.robots), kind, best_value)
 
 
 def _check_estimated(robot: Elastic) -> None:

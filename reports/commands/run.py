@@ -18,9 +18,18 @@ from reports.commands.studies import (
     end_with_failures,
     study_kind,
 )
+from reports.commands.visit_study import compute_visit_study
 
 if TYPE_CHECKING:
     from oed.study.stage_cache import Failure
+
+
+_WHOLE = {
+    "chains": compute_chain_study,
+    "movements": compute_deflection_study,
+    "visits": compute_visit_study,
+}
+"""Studies without stages, by their kind."""
 
 
 def register(app: typer.Typer) -> None:
@@ -39,17 +48,14 @@ def run(
 
     Stages that an earlier run finished are kept while nothing they rest on changes.
 
-    Studies of coupled chains (schema chain_study/1) and of movements (data.movements) take under a
-    minute, computed as a whole.
+    Studies of coupled chains (schema chain_study/1), of movements (data.movements) and of visits
+    (design.minutes or design.targets) are computed as a whole.
 
     Example: oed run studies/ur10.yaml
     """
-    kind = study_kind(study)
-    if kind == "chains":
-        compute_chain_study(study, as_json)
-        return
-    if kind == "movements":
-        compute_deflection_study(study, as_json)
+    whole = _WHOLE.get(study_kind(study))
+    if whole is not None:
+        whole(study, as_json)
         return
     # Imported here: `oed --help` need not wait for the numerics.
     from oed.study.pipeline import run_study

@@ -15,6 +15,7 @@ KINDS = (
     "chain_study",
     "import",
     "deflection_study",
+    "visit_study",
     "campaign",
 )
 
@@ -41,6 +42,7 @@ def json_schema(kind: str) -> dict[str, Any]:
         design_settings,
         study_file as study,
     )
+    from oed.visit_study import study_file as visit_study
     from robotmodels.description import robot_file
     from robotmodels.logs import mapping_file
 
@@ -56,6 +58,14 @@ def json_schema(kind: str) -> dict[str, Any]:
         "deflection_study": (
             deflection_settings.DeflectionStudy,
             key_words(deflection_settings),
+        ),
+        "visit_study": (
+            visit_study.VisitStudy,
+            shaken
+            | key_words(candidates_settings)
+            | key_words(campaign)
+            | key_words(design_settings)
+            | key_words(visit_study),
         ),
         "experiment": (experiment.Experiment, shaken),
         "campaign": (

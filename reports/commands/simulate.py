@@ -7,6 +7,8 @@ import typer
 
 from reports.commands.options import WORKERS, AsJson, Workers, about, say
 from reports.commands.stopping import stoppable, stopping_at_steps
+from reports.commands.studies import study_kind
+from reports.commands.visit_study import simulate_visit_study
 from reports.commands.workers import one_thread_each, process_pool
 
 
@@ -17,7 +19,11 @@ def register(app: typer.Typer) -> None:
 
 def simulate(
     experiment: Annotated[
-        Path, typer.Argument(help="Experiment file, such as studies/manutec_r3_experiment.yaml.")
+        Path,
+        typer.Argument(
+            help="Experiment file, such as studies/manutec_r3_experiment.yaml, or a study of "
+            "visits that oed design has planned."
+        ),
     ],
     workers: Workers = WORKERS,
     as_json: AsJson = False,
@@ -26,6 +32,9 @@ def simulate(
 
     Example: oed simulate studies/manutec_r3_experiment.yaml
     """
+    if study_kind(experiment) == "visits":
+        simulate_visit_study(experiment, as_json)
+        return
     one_thread_each()
     from oed.experiment.controller_files import write_controller_files
     from oed.experiment.experiment_file import load_experiment

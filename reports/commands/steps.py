@@ -14,6 +14,7 @@ from reports.commands.studies import (
     end_with_failures,
     study_kind,
 )
+from reports.commands.visit_study import compute_visit_study
 
 _PURPOSE = {
     "design": "Choose where to measure: candidates, optimal design, whole experiments, what they "
@@ -45,6 +46,9 @@ def _up_to(name: str) -> Callable[..., None]:
     ) -> None:
         if name == "fit" and study_kind(study) == "movements":
             compute_deflection_study(study, as_json, with_page=False)
+            return
+        if name == "design" and study_kind(study) == "visits":
+            compute_visit_study(study, as_json, with_page=False)
             return
         from oed.study import pipeline
         from reports.summaries.study_summary import study_json, study_summary

@@ -81,11 +81,12 @@ def working(
 
 
 def study_kind(study: Path) -> str:
-    """Return which study a file says that it is: "chains", "movements" or "robot".
+    """Return which study a file says that it is: "chains", "movements", "visits" or "robot".
 
     It is "robot" for a file that cannot be read; the reader of studies names its error.
     """
     from oed.study.settings.deflection_settings import is_deflection_study
+    from oed.visit_study.study_file import is_visit_study
     from robotmodels.common.yaml_files import MOST_CHARACTERS, read_text, yaml_document
 
     try:
@@ -97,6 +98,8 @@ def study_kind(study: Path) -> str:
         return "robot"
     if str(content.get("schema")).startswith("chain_study"):
         return "chains"
+    if is_visit_study(content):
+        return "visits"
     return "movements" if is_deflection_study(content) else "robot"
 
 
@@ -113,10 +116,16 @@ def read_study(study: Path) -> "Study":
 
     if study.is_dir() and (study / "study.yaml").is_file():
         raise InvalidInput(f"{study} is a folder; did you mean {study / 'study.yaml'}?")
-    if study_kind(study) == "movements":
+    kind = study_kind(study)
+    if kind == "movements":
         raise InvalidInput(
             f"{study}: data.movements: movements have neither design nor posterior; use oed run or "
             "oed fit"
+        )
+    if kind == "visits":
+        raise InvalidInput(
+            f"{study}: design: visits within minutes or to targets have neither fit nor posterior; "
+            "oed design or oed run plans them, oed simulate carries them out"
         )
     return load_study(study)
 

@@ -11,6 +11,7 @@ from oed.study.settings import (
     design_settings,
     study_file as study,
 )
+from oed.visit_study import study_file as visit_study
 from reports.commands.schemas import json_schema, key_words
 from robotmodels.description import robot_file
 from robotmodels.logs import mapping_file
@@ -36,6 +37,7 @@ def described(schema, node, at=()):
         ("robot", [robot_file], set()),
         ("import", [mapping_file], {"block_2", "a6"}),
         ("deflection_study", [deflection_settings], set()),
+        ("visit_study", [visit_study], set()),
     ],
 )
 def test_what_docstrings_say_of_keys_is_in_the_schema(kind, modules, chosen):

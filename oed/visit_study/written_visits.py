@@ -1,0 +1,69 @@
+"""Visits of a study as files: plans, and what a controller is told, a folder each."""
+
+import shutil
+from collections.abc import Sequence
+from pathlib import Path
+
+from oed.campaign.simulated import simulate_visits
+from oed.campaign.visits import Visit, VisitFolder
+from oed.experiment.controller_files import write_controller_files
+from oed.experiment.experiment_plan import ExperimentPlan
+from oed.visit_study.study_file import VisitStudy
+from robotmodels import ElasticRobot, load_robot
+from robotmodels.common.errors import InvalidInput
+from robotmodels.common.fingerprints import fingerprint
+from robotmodels.common.progress import Progress
+from robotmodels.library.robot_digest import robot_digest
+
+
+def write_visits(
+    study: VisitStudy, plans: Sequence[ExperimentPlan], robot: ElasticRobot
+) -> tuple[Visit, ...]:
+    """Write visits into ``visits`` of the output; those that are there stay if they are the same.
+
+    Raises
+    ------
+    InvalidInput
+        If there are records of other visits, which would be lost.
+    """
+    visits = VisitFolder(study.output / "visits")
+    there = visits.all()
+    if [fingerprint(one.plan) for one in there] == [fingerprint(plan) for plan in plans]:
+        return there
+    told = sum(visit.state == "told" for visit in there)
+    if told:
+        raise InvalidInput(
+            f"output: {visits.folder} has records of {told} visits of another plan; move that "
+            "folder away, or give the study another output"
+        )
+    if visits.folder.exists():
+        shutil.rmtree(visits.folder)
+    digest = robot_digest(robot)
+
+    def write_files(plan: ExperimentPlan, folder: Path) -> None:
+        write_controller_files(plan, folder, study.files, study, robot)
+
+    return tuple(visits.add(plan, "study", digest, write_files) for plan in plans)
+
+
+def simulate_study_visits(study: VisitStudy, progress: Progress | None = None) -> tuple[Visit, ...]:
+    """Simulate the visits of a study that have no records yet; return all.
+
+    Raises
+    ------
+    InvalidInput
+        If none is planned yet, or the robot file was changed since.
+    """
+    folder, robot = VisitFolder(study.output / "visits"), load_robot(study.robot)
+    visits = folder.all()
+    if not visits:
+        raise InvalidInput(f"{folder.folder}: no visit is planned yet; oed design plans them")
+    if any(visit.robot_digest != robot_digest(robot) for visit in visits):
+        raise InvalidInput(
+            f"robot {robot.name!r}: its file was changed after the visits were planned; plan them "
+            "anew by oed design"
+        )
+    truth = robot if study.truth is None else load_robot(study.truth)
+    waiting = [visit for visit in visits if visit.state == "open"]
+    simulate_visits(study, robot, truth, waiting, progress)
+    return visits
