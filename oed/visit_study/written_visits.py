@@ -43,7 +43,7 @@ def write_visits(
     def write_files(plan: ExperimentPlan, folder: Path) -> None:
         write_controller_files(plan, folder, study.files, study, robot)
 
-    return tuple(visits.add(plan, "study", digest, write_files) for plan in plans)
+    return visits.add(plans, "study", digest, write_files)
 
 
 def simulate_study_visits(study: VisitStudy, progress: Progress | None = None) -> tuple[Visit, ...]:
