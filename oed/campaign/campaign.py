@@ -26,6 +26,7 @@ from oed.study.stage_cache import open_stages
 from robotmodels import ElasticRobot, load_robot
 from robotmodels.common.errors import InvalidInput
 from robotmodels.common.progress import StageProgress
+from robotmodels.description.friction import shaft_friction
 from robotmodels.library.robot_digest import robot_digest
 
 
@@ -148,7 +149,8 @@ class Campaign:
             seconds = FEWEST * now.planner.shortest + plans[0].duration
             self._require(seconds / 60, now)
             return self._write(plans, "check", self.robot)
-        check_low_level(now.checked, self.settings)
+        friction = self.settings.imperfections.friction * shaft_friction(self.robot.file)
+        check_low_level(now.checked, self.settings, friction)
         status = now.status
         if status.ended:
             return ()

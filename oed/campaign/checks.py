@@ -47,8 +47,13 @@ def check_unchanged(visit: Visit, robot_digest: str, grid: Multisine) -> None:
     )
 
 
-def check_low_level(visit: Visit, settings: CampaignSettings) -> None:
+def check_low_level(visit: Visit, settings: CampaignSettings, friction: Array) -> None:
     """Refuse to go on after a low-level run that would break limits at full amplitude.
+
+    Parameters
+    ----------
+    friction : ndarray, (n,), N m
+        Coulomb friction of the motors, which does not grow with the amplitude.
 
     Raises
     ------
@@ -70,7 +75,8 @@ def check_low_level(visit: Visit, settings: CampaignSettings) -> None:
         if choice is None:
             continue
         limit = per_motor(f"limits.{name}", choice, motors)
-        full = np.abs(level) + swing / LOW_LEVEL
+        same = np.minimum(friction, swing) if name == "torque" else 0.0
+        full = np.abs(level) + same + (swing - same) / LOW_LEVEL
         if (full > _EXCESS * limit).any():
             i = int((full / limit).argmax())
             raise InvalidInput(

@@ -15,7 +15,7 @@ from estimators.fitting.least_squares import fit
 from estimators.fitting.run_fit import RunFit
 from estimators.frf.file_formats import write_records
 from oed import Campaign, simulate_visits
-from oed.campaign.checks import drift
+from oed.campaign.checks import check_low_level, drift
 from oed.campaign.estimate import visit_spectra
 from oed.campaign.planning import known_now
 from oed.campaign.settings import load_campaign
@@ -122,6 +122,21 @@ def test_a_low_level_run_that_moves_too_much(campaign: Path) -> None:
     replace(records, angle=3 * records.angle).save(visit.records_file)
     with pytest.raises(InvalidInput, match=r"speed of motor 'm1' swings by .* full amplitude"):
         opened.ask()
+
+
+def test_friction_does_not_grow_with_the_amplitude(campaign: Path) -> None:
+    """Torque that friction takes at a low level is no more at full amplitude."""
+    campaign.write_text(AXIS.replace("speed: 5.0", "torque: 2.0"))
+    opened = Campaign.load(campaign)
+    (visit,) = opened.ask()
+    simulate_visits(opened.settings, opened.robot, load_robot("moberg_axis1"), [visit])
+    records = Records.load(visit.records_file)
+    visit.records_file.unlink()
+    rubbing = records.torque + np.where(np.arange(records.samples)[:, None] % 200 < 100, 0.6, -0.6)
+    replace(records, torque=rubbing).save(visit.records_file)
+    check_low_level(visit, opened.settings, np.array([0.6]))
+    with pytest.raises(InvalidInput, match="torque of motor 'm1' swings by"):
+        check_low_level(visit, opened.settings, np.zeros(1))
 
 
 def test_minutes_that_are_used(campaign: Path) -> None:

@@ -6,9 +6,19 @@ import numpy as np
 import pytest
 from two_axes import CONTROLLER, RATIOS, N, T, TwoAxes, plan, run
 
-from oed import ExperimentPlan, Limits, band_multisine, predicted_peaks, scale
+from oed import (
+    ExperimentPlan,
+    Limits,
+    band_multisine,
+    experiment_plan,
+    predicted_peaks,
+    scale,
+)
 from oed.experiment.carrier import Carrier, carrier_in
-from robotmodels import InvalidInput
+from oed.experiment.run_experiment import SimulatedPlant
+from robotmodels import InvalidInput, frequency_response, load_robot
+from robotmodels.simulation.controller import default_controller
+from robotmodels.simulation.imperfections import Imperfections
 
 AXES = TwoAxes()
 HELD = np.array([[0.4, -0.1], [-0.2, 0.3]])
@@ -160,3 +170,39 @@ def test_carriers_that_cannot_be():
             replace(plan(), carrier=carrier)
     with pytest.raises(InvalidInput, match="amplitudes not negative"):
         Carrier(2, -two, two)
+
+
+@pytest.mark.parametrize(("line", "clean"), [(2, True), (4, True), (1, False), (3, False)])
+def test_reversals_of_even_carriers_leave_odd_lines_alone(line, clean):
+    """Coulomb friction under the carrier alone: a square wave, odd harmonics of its line."""
+    carrier = Carrier(line, np.ones((1, 2)), np.array([[0.3, 1.1]]))
+    friction = np.sign(carrier.reference(0, SINE))
+    spectrum = np.abs(np.fft.rfft(friction, axis=0))
+    assert (spectrum[1::2].max() < 1e-9 * spectrum.max()) == clean
+
+
+def test_a_carrier_keeps_friction_from_sticking():
+    """Motion at the lines is half of it the linear model's; without, friction rules it all."""
+    robot = load_robot("manutec_r3")
+    position = np.array([[0.2, -0.4, 0.5, 0.3, 0.4, 0.1]])
+    controller = default_controller(robot, 0.004)
+    sine = band_multisine(500, 0.004, (2 * np.pi * 3, 2 * np.pi * 30), inputs=6)
+    limits = Limits(speed=np.full(6, 10.0))
+    quiet = experiment_plan(
+        robot, position, sine, blocks=1, periods=1, runs=1, speed=1.0, acceleration=1.0,
+        rng=np.random.default_rng(1), crest_iterations=20,
+    )  # fmt: skip
+    quiet = scale(quiet, robot, controller, limits, balance=True).plan
+    carrier = carrier_in(robot, position, controller, np.full(6, 20.0), None, sine)
+    G = frequency_response(robot, position, sine.omega)[0]
+    misfit = []
+    for plan_ in (quiet, replace(quiet, carrier=carrier)):
+        plant = SimulatedPlant(robot, controller, Imperfections(), np.random.default_rng(2))
+        records = plant.measure(plan_, 0)
+        torque, angle = (
+            np.fft.rfft(x[0, 0, 0, 0], axis=0)[sine.lines] for x in (records.torque, records.angle)
+        )
+        motion = -(sine.omega**2)[:, None] * angle
+        error = motion - np.einsum("fij,fj->fi", G, torque)
+        misfit.append(np.median(np.linalg.norm(error, axis=0) / np.linalg.norm(motion, axis=0)))
+    assert misfit[1] < 0.75 < 3 < misfit[0]
