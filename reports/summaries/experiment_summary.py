@@ -11,7 +11,7 @@ from oed.experiment.run_experiment import Outcome
 from reports.summaries.columns import number, plain, plural, table
 from reports.text import duration
 
-_FILES = ("plan.yaml", "plan.h5", "records.h5")
+_FILES = ("plan.yaml", "plan.h5", "records.h5", "controller")
 
 
 def experiment_summary(prepared: Prepared, outcome: Outcome, folder: Path) -> str:
@@ -24,7 +24,7 @@ def experiment_summary(prepared: Prepared, outcome: Outcome, folder: Path) -> st
         ("limit", str(prepared.scaling.binding)),
         *_saturation_entries(prepared.plan, outcome),
         ("time", f"simulated in {plain(duration(outcome.seconds))}"),
-        *(("written", str(folder / name)) for name in _FILES),
+        *(("written", str(folder / name)) for name in _FILES if (folder / name).exists()),
     ]
     lines = [f"  {key:<9}{value}" for key, value in entries]
     return "\n".join([prepared.robot.name, *lines, *_peaks(prepared.plan, outcome)])

@@ -140,12 +140,12 @@ output: one
 """
 
 
-def test_eleven_seconds_on_a_robot_show_three_springs(tmp_path):
+def test_twelve_seconds_on_a_robot_show_three_springs(tmp_path):
     """One run of one period in two positions, six motors in closed loop."""
     code, out, _ = oed("simulate", write(tmp_path, ONE_RUN), "--workers", 1)
     assert code == 0
     assert "1 block of 1 run" in out
-    assert "11 s on a robot" in out
+    assert "12 s on a robot" in out
     command = "identify", "manutec_r3", tmp_path / "one" / "records.h5", "--json"
     code, out, err = oed(*command)
     assert (code, err) == (0, "")
