@@ -33,7 +33,7 @@ limits:
   margin: 0.1
 moves: {{speed: 0.5, acceleration: 1.0}}    # between positions, arm side [rad/s, rad/s^2]
 settle: 1.0             # rest after each move [s]
-# carrier: {{speed: 10.0}}    # slow sines of all motors under the excitation [rad/s], against friction
+# carrier: {{speed: 10.0}}    # slow sines of all motors against friction [rad/s]
 files: [csv]            # for the controller; also mat, trajectory (a bag of ROS 2)
 
 seed: 1
