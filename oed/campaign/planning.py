@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 
 import numpy as np
 
@@ -27,10 +27,11 @@ from oed.experiment.experiment_plan import FALL, ExperimentPlan
 from oed.experiment.moves import move_times
 from oed.experiment.multisine import Multisine
 from oed.experiment.prepare import move_limits
+from oed.experiment.visiting_order import visiting_order
 from oed.information_sets.excitations import Excitation, UserSpectrum, VisitTiming, Zippered
 from oed.information_sets.experiment_candidates import ExperimentCandidates, experiment_candidates
 from robotmodels import ElasticRobot
-from robotmodels.collision.free_moves import contacts, swing_contact
+from robotmodels.collision.free_moves import contacts, free_moves, swing_contact
 from robotmodels.collision.surroundings import Surroundings
 from robotmodels.common.arrays import Array, ComplexArray
 from robotmodels.common.errors import InvalidInput
@@ -153,8 +154,7 @@ class Planner:
 
     def repeated(self, plan: ExperimentPlan) -> list[ExperimentPlan]:
         """Return an earlier visit once more, from where the robot is now."""
-        if self.at is not None:
-            self._nearest(self.at, plan.positions)
+        self._check_move(self.at, plan.positions[0])
         return [replace(plan, start=self.at)]
 
     def _coloured(
@@ -251,14 +251,11 @@ class Planner:
     ) -> list[tuple[str, ExperimentPlan]]:
         """Return the excitations' names and the plans of visits.
 
-        Their order is one whose straight moves are free, the nearest position first.
+        Their order is that of the shortest moves, all of them straight and free.
         """
-        at, remaining = self.at, list(visits)
-        plans: list[tuple[str, ExperimentPlan]] = []
-        while remaining:
-            goals = np.array([position for position, _, _ in remaining])
-            index = 0 if at is None else self._nearest(at, goals)
-            position, excitation, periods = remaining.pop(index)
+        at, plans = self.at, list[tuple[str, ExperimentPlan]]()
+        for position, excitation, periods in self._ordered(visits):
+            self._check_move(at, position)
             power = self._powers(excitation)
             level = fair_torques(self.settings, self.robot, position, power)
             rng = np.random.default_rng([self.settings.seed, self.stage + len(plans), 1])
@@ -292,17 +289,23 @@ class Planner:
         power = np.maximum(power, _FLOOR * power.max() / lines)
         return np.asarray(power / power.sum(axis=0))
 
-    def _nearest(self, at: Array, goals: Array) -> int:
-        """Return the nearest goal that a straight move leads to freely."""
-        pairs = contacts(self.surroundings, at, goals)
-        free = np.array([pair is None for pair in pairs])
-        if not free.any():
+    def _ordered(self, visits: list[_Choice]) -> list[_Choice]:
+        """Return visits in the order of the shortest moves."""
+        if not visits:
+            return []
+        positions = np.array([position for position, _, _ in visits])
+        limits = move_limits(self.settings, self.robot)
+        free = partial(free_moves, self.surroundings)
+        return [visits[i] for i in visiting_order(positions, limits, self.at, free=free).order]
+
+    def _check_move(self, at: Array | None, goal: Array) -> None:
+        """Refuse a straight move on which something touches."""
+        if at is not None and (pair := contacts(self.surroundings, at, goal)[0]) is not None:
             raise InvalidInput(
-                f"moves: no straight move from {np.round(at, 3).tolist()} to the planned positions "
-                f"is free, {pairs[0]} would touch; add candidates between, or clear the way"
+                f"moves: no order of the planned positions has free moves, from "
+                f"{np.round(at, 3).tolist()} to {np.round(goal, 3).tolist()} {pair} would touch; "
+                "add candidates between, or clear the way"
             )
-        distance = np.abs(goals - at).max(axis=1)
-        return int(np.where(free, distance, np.inf).argmin())
 
 
 def visits_of(plan: VisitPlan) -> list[_Choice]:

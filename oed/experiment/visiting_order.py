@@ -1,18 +1,19 @@
 """In which order to visit positions: the one that takes the moves the least time."""
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
 
 from oed.experiment.moves import MoveLimits, move_times
-from robotmodels.common.arrays import Array, IntArray, read_only
+from robotmodels.common.arrays import Array, BoolArray, IntArray, read_only
 from robotmodels.common.deprecation import renamed_attributes
 from robotmodels.common.errors import InvalidInput
 from robotmodels.common.printing import ReprHtml
 
 _EXACT = 12  # positions up to which all orders are considered
 _STARTS = 6
+_BLOCKED = 1e6  # s, of a move that is not free: no order of free moves takes as long
 
 
 @renamed_attributes("0.2", given="unordered_duration")
@@ -56,6 +57,7 @@ def visiting_order(
     start: Array | None = None,
     *,
     back: bool = False,
+    free: Callable[[Array, Array], BoolArray] | None = None,
 ) -> VisitingOrder:
     """Return the order of `positions` (Q, n) that shortens the moves.
 
@@ -73,6 +75,8 @@ def visiting_order(
         Where the robot is beforehand; None begins anywhere.
     back : bool
         Whether the robot returns to `start`.
+    free : callable, optional
+        Which straight moves from a position (n,) to others (k, n) are free; others are avoided.
 
     Raises
     ------
@@ -83,18 +87,38 @@ def visiting_order(
     if back and start is None:
         raise InvalidInput("start: the robot cannot go back to it if it is not given")
     n = len(positions)
-    times = move_times(positions, positions, limits)
-    first = np.zeros(n)
+    times, first = move_times(positions, positions, limits), np.zeros(n)
     if start is not None:
         first = move_times(limits.check(np.atleast_2d(start), "start"), positions, limits)[0]
     last = first if back else np.zeros(n)
+    moves = times, first, last
+    if free is not None:
+        times, first = _avoiding(positions, start, free, times, first)
+        last = first if back else last
     exact = n <= _EXACT
     order = _held_karp(times, first, last) if exact else _improved(times, first, last)
-    unordered_duration = _duration(np.arange(n), times, first, last)
-    duration = _duration(order, times, first, last)
-    if duration > unordered_duration:
-        order, duration = np.arange(n), unordered_duration
-    return VisitingOrder(read_only(order), duration, unordered_duration, exact)
+    orders = order, np.arange(n)
+    order = min(orders, key=lambda one: _duration(one, times, first, last))
+    durations = _duration(order, *moves), _duration(np.arange(n), *moves)
+    return VisitingOrder(read_only(order), *durations, exact)
+
+
+def _avoiding(
+    positions: Array,
+    start: Array | None,
+    free: Callable[[Array, Array], BoolArray],
+    times: Array,
+    first: Array,
+) -> tuple[Array, Array]:
+    """Return times between positions, and from the start, with those of moves that are not free.
+
+    There and back a straight move is the same.
+    """
+    times = times.copy()
+    for i in range(len(positions) - 1):
+        blocked = np.append(np.zeros(i + 1, dtype=bool), ~free(positions[i], positions[i + 1 :]))
+        times[i, blocked] = times[blocked, i] = _BLOCKED
+    return times, first if start is None else np.where(free(start, positions), first, _BLOCKED)
 
 
 def _duration(order: IntArray, times: Array, first: Array, last: Array) -> float:

@@ -40,6 +40,34 @@ def test_against_every_order(n, start, back):
     assert sorted(found.order) == list(range(n))
 
 
+@pytest.mark.parametrize("n", [5, 14])
+def test_moves_that_are_not_free_are_avoided(n):
+    """A wall at a = 0 that only the highest positions on both sides see across."""
+    rng = np.random.default_rng(n)
+    positions = rng.uniform(-3, 1.9, (n, 2))
+    positions[:2] = [[-1.0, 2.5], [1.0, 2.5]]
+
+    def free(at, goals):
+        above = (at[1] > 2) & (goals[:, 1] > 2)
+        return above | (at[0] * goals[:, 0] > 0)
+
+    start = np.array([-2.0, -2.0])
+    found = visiting_order(positions, LIMITS, start, free=free)
+    stops = [start, *positions[found.order]]
+    assert all(free(one, other[None])[0] for one, other in pairwise(stops))
+    assert found.duration == pytest.approx(duration(found.order, positions, start))
+    if n == 5:
+        ways = [
+            duration(order, positions, start)
+            for order in permutations(range(n))
+            if all(
+                free(one, other[None])[0]
+                for one, other in pairwise([start, *positions[list(order)]])
+            )
+        ]
+        assert found.duration == pytest.approx(min(ways))
+
+
 def test_many_positions_on_a_line_are_visited_along_it():
     positions = np.zeros((20, 2))
     positions[:, 0] = np.random.default_rng(0).permutation(np.linspace(-3, 3, 20))
