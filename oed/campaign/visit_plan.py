@@ -12,6 +12,7 @@ from scipy.optimize import nnls
 from oed.campaign.settings import VisitSettings
 from oed.candidates.screening import usable
 from oed.experiment.amplitude_scaling import Scaling, fair_amplitudes
+from oed.experiment.carrier import carrier_line
 from oed.experiment.draw_plan import reduced_crest
 from oed.experiment.experiment_plan import ExperimentPlan
 from oed.experiment.limits import UNITS, beside_carrier, room
@@ -133,14 +134,21 @@ def _responses(loop: LoopTransfer, omega: Array, ratios: Array) -> ComplexArray:
 def motion_levels(settings: VisitSettings, robot: ElasticRobot) -> tuple[Array, Array]:
     """Return root mean square speed and swing of motor shafts that limits have room for.
 
-    They are (n,) [rad/s, rad], as of `oed.optimal_spectra`; infinite where there is no limit.
+    They are (n,) [rad/s, rad], as of `oed.optimal_spectra`, beside the carrier; infinite where
+    there is no limit.
     """
-    motors = tuple(robot.motor_names)
+    motors, slow = tuple(robot.motor_names), settings.carrier
+    taken, omega = np.zeros(len(motors)), 1.0
+    if slow is not None:
+        grid = line_grid(settings, len(motors))
+        taken = per_motor("carrier.speed", slow.speed, motors)
+        omega = 2 * np.pi * carrier_line(slow.frequency, grid) / grid.period
     ratios, levels = np.abs(gear_ratios(robot)), []
     for name, sides in (("speed", np.ones(len(motors))), ("swing", ratios)):
         choice = getattr(settings.limits, name)
         limit = np.inf if choice is None else per_motor(f"limits.{name}", choice, motors)
-        levels.append(limit * sides / CREST)
+        used = taken if name == "speed" else taken / omega
+        levels.append((limit * sides - used) / CREST)
     return levels[0], levels[1]
 
 

@@ -71,6 +71,25 @@ class Carrier:
         return replace(self, amplitudes=factor * self.amplitudes)
 
 
+def carrier_line(frequency: float | None, excitation: Multisine) -> int:
+    """Return the line of a frequency [Hz], by default the second, below all of the excitation.
+
+    Raises
+    ------
+    InvalidInput
+        If it is not a line, or not below those of the excitation.
+    """
+    line = 2.0 if frequency is None else frequency * excitation.period
+    lowest = min([*excitation.lines, *excitation.detection])
+    if abs(line - round(line)) > 1e-6 or not 1 <= round(line) < lowest:
+        raise InvalidInput(
+            f"carrier.frequency: {line / excitation.period:.6g} Hz; a multiple of 1 / period = "
+            f"{1 / excitation.period:.6g} Hz below the lowest line, "
+            f"{lowest / excitation.period:.6g} Hz, is needed; a longer period has more of them"
+        )
+    return round(line)
+
+
 def carrier_in(
     robot: Elastic,
     positions: Array,
@@ -101,20 +120,13 @@ def carrier_in(
     Raises
     ------
     InvalidInput
-        If the frequency is not on a line, or not below those of the excitation.
+        As `carrier_line`.
     """
-    line = 2.0 if frequency is None else frequency * excitation.period
-    lowest = min([*excitation.lines, *excitation.detection])
-    if abs(line - round(line)) > 1e-6 or not 1 <= round(line) < lowest:
-        raise InvalidInput(
-            f"carrier.frequency: {line / excitation.period:.6g} Hz; a multiple of 1 / period = "
-            f"{1 / excitation.period:.6g} Hz below the lowest line, "
-            f"{lowest / excitation.period:.6g} Hz, is needed; a longer period has more of them"
-        )
-    omega = 2 * np.pi * round(line) / excitation.period
+    line = carrier_line(frequency, excitation)
+    omega = 2 * np.pi * line / excitation.period
     per_reference = (
         1j * omega * closed_loop(robot.network(positions), np.array([omega]), controller).angle
     )
     sines = speed * np.exp(1j * np.pi * np.arange(len(speed)) / len(speed))
     reference = np.linalg.solve(per_reference[:, 0], sines[:, None])[..., 0]
-    return Carrier(round(line), np.abs(reference), np.angle(reference))
+    return Carrier(line, np.abs(reference), np.angle(reference))

@@ -190,7 +190,7 @@ def carrier_extremes(
 
 
 def commanded(plan: ExperimentPlan, spectrum: ComplexArray) -> tuple[Array, Array]:
-    """Return largest speeds and accelerations of references, (n,) each, ramp and fall included.
+    """Return largest speeds and accelerations of references, (n,) each, from rest to rest.
 
     Parameters
     ----------
@@ -199,8 +199,6 @@ def commanded(plan: ExperimentPlan, spectrum: ComplexArray) -> tuple[Array, Arra
     """
     speeds = plan.played(plan.multisine.period_of(spectrum), 2)
     steps = np.diff(speeds, axis=-2, prepend=0, append=0) / plan.multisine.sample_time
-    if not plan.ramp:  # it begins and ends with a step
-        steps = steps[..., 1:-1, :]
     fastest, quickest = (np.abs(x).max(axis=(0, 1, 2)) for x in (speeds, steps))
     return np.asarray(fastest), np.asarray(quickest)
 
