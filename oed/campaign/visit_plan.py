@@ -12,7 +12,7 @@ from scipy.optimize import nnls
 from oed.campaign.settings import VisitSettings
 from oed.candidates.screening import usable
 from oed.experiment.amplitude_scaling import Scaling, fair_amplitudes
-from oed.experiment.carrier import carrier_line
+from oed.experiment.carrier import Carrier, carrier_line
 from oed.experiment.draw_plan import reduced_crest
 from oed.experiment.experiment_plan import ExperimentPlan
 from oed.experiment.limits import UNITS, beside_carrier, room
@@ -109,7 +109,7 @@ def fair_torques(
     free = room(limits.bounds(motors), point, friction, motors, here) * (1 - settings.limits.margin)
     grid, controller = line_grid(settings, n), controller_of(settings, robot)
     network, ratios = robot.network(position[None]), gear_ratios(robot)
-    carrier = carrier_of(settings, controller, robot, position[None], grid)
+    carrier = _carrier(settings, controller, robot, position, grid)
     if carrier is not None:
         omega = carrier.grid(grid).omega
         responses = _responses(closed_loop(network, omega, controller), omega, ratios)[:, 0]
@@ -120,6 +120,17 @@ def fair_torques(
     rms = np.sqrt(np.einsum("kfji,fi->kji", np.abs(per_torque) ** 2, power))
     rms[[name != "rms_torque" for name in UNITS]] *= CREST
     return np.asarray(fair_amplitudes((rms / free[0].min(axis=-1)[..., None]).reshape(-1, n)))
+
+
+def _carrier(
+    settings: VisitSettings,
+    controller: Controller,
+    robot: ElasticRobot,
+    position: Array,
+    grid: Multisine,
+) -> Carrier | None:
+    periods = settings.transient_periods
+    return carrier_of(settings, controller, robot, position[None], grid, periods)
 
 
 def _responses(loop: LoopTransfer, omega: Array, ratios: Array) -> ComplexArray:
@@ -246,7 +257,7 @@ def visit_plan(
         runs=runs,
         settle=settings.settle,
     )
-    plan = replace(plan, carrier=carrier_of(settings, controller, robot, position[None], grid))
+    plan = replace(plan, carrier=_carrier(settings, controller, robot, position, grid))
     scaled = within_limits(settings, plan, robot, controller)
     slow = plan.carrier and plan.carrier.scaled(part)
     return replace(scaled, plan=replace(scaled.plan.rescaled(np.asarray(part)), carrier=slow))

@@ -25,6 +25,9 @@ from robotmodels.description.friction import shaft_friction
 from robotmodels.simulation.controller import Controller, default_controller
 from robotmodels.simulation.imperfections import Imperfections
 
+_TIME_CONSTANTS = 10.0
+"""Of the position loop, after which a carrier is taken for settled: 5e-5 of its start are left."""
+
 
 @dataclass(frozen=True, eq=False)
 class Prepared:
@@ -130,7 +133,9 @@ def prepare_in(
         progress=None if progress is None else partial(progress, "plan"),
     )
     controller = controller_of(settings, robot)
-    slow = carrier_of(settings, controller, robot, positions, plan.multisine)
+    slow = carrier_of(
+        settings, controller, robot, positions, plan.multisine, settings.transient_periods
+    )
     plan = replace(plan, settle=settings.settle, carrier=slow)
     imperfections = imperfections_of(settings, robot)
     scaling = within_limits(
@@ -199,12 +204,29 @@ def carrier_of(
     robot: ElasticRobot,
     positions: Array,
     grid: Multisine,
+    transient_periods: int,
 ) -> Carrier | None:
-    """Return the carrier of the settings under a multisine; None where they have none."""
+    """Return the carrier of the settings under a multisine; None where they have none.
+
+    Raises
+    ------
+    InvalidInput
+        As `carrier_in`; or if it does not settle before it is measured: what its start leaves dies
+        out with the position loop.
+    """
     choice = settings.carrier
     if choice is None:
         return None
     speed = per_motor("carrier.speed", choice.speed, tuple(robot.motor_names))
+    gains = controller.position_gain[controller.position_gain > 0]
+    settling = _TIME_CONSTANTS / gains.min(initial=np.inf)
+    if transient_periods * grid.period < settling:
+        needed = int(np.ceil(settling / grid.period))
+        raise InvalidInput(
+            f"transient_periods: {transient_periods} of {grid.period:g} s; a carrier takes "
+            f"{settling:.3g} s to settle by a position gain of {gains.min():g} 1/s, so {needed} "
+            "are needed"
+        )
     return carrier_in(robot, positions, controller, speed, choice.frequency, grid)
 
 

@@ -20,6 +20,7 @@ positions: [[0.0, 0.5, -0.8, 0.0, 0.6, 0.0], [0.1, 0.4, -0.7, 0.2, 0.5, 0.0]]
 runs: 1
 blocks: 1
 periods: 2
+transient_periods: 2
 multisine: {band: [5.0, 40.0], sample_time: 0.004, period: 1.0}
 limits: {torque: [8, 8, 8, 4, 4, 1], speed: 200.0, swing: 0.05, rms_torque: 6.0,
          command_speed: 60.0, command_acceleration: 2.0e+4}
@@ -83,7 +84,7 @@ def test_the_bag_plays_what_the_speeds_say(written):
     p, v = motions[4]
     np.testing.assert_allclose(np.diff(p, axis=0), 0.002 * (v[1:] + v[:-1]), atol=1e-12)
     told = (v + gain * (p - plan.positions[1])) * ratios
-    played = plan.played(plan.reference(1)[0, 0], 3)
+    played = plan.played(plan.reference(1)[0, 0], 4)
     np.testing.assert_allclose(told[: len(played)], played, atol=1e-9 * np.abs(played).max())
     np.testing.assert_allclose(p[-1], plan.positions[1], atol=1e-6)
     assert "Brakes" in (folder / "README.txt").read_text()

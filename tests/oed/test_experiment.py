@@ -83,7 +83,12 @@ def test_mistakes_name_the_key(tmp_path, old, new, said):
         ("swing: 0.002", "swing: [0.1, 0.1]", "limits.swing: 2 given"),
         ("swing: 0.002", "rms_torque: [1, 2]", "limits.rms_torque: 2 given"),
         ("swing: 0.002}", "swing: 0.002}\ncarrier: {speed: [1, 2]}", "carrier.speed: 2 given"),
-        ("swing: 0.002}", "swing: 0.002}\ncarrier: {speed: 500}", "carrier.frequency: 4 Hz; a m"),
+        ("swing: 0.002}", "swing: 0.002}\ncarrier: {speed: 500}", "transient_periods: 1 of 0.5 s"),
+        (
+            "swing: 0.002}",
+            "swing: 0.002}\ntransient_periods: 9\ncarrier: {speed: 500}",
+            "carrier.frequency: 4 Hz; a multiple of 1 / period = 2 Hz below the lowest line, 2",
+        ),
         (
             "swing: 0.002}",
             "swing: 0.002}\nworkcell: {floor: 0.0, ignored: [[a, b]]}",

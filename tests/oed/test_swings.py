@@ -74,7 +74,10 @@ def test_visits_that_would_touch_are_not_offered(near, tmp_path):
     (visit,) = Campaign.load(quiet).ask()
     assert len(list((visit.folder / "controller" / "csv").iterdir())) >= 4
     text = quiet.read_text().replace("output: out", "output: carried")
-    quiet.write_text(text.replace("[8.0, 8, 8, 8, 8, 8]", "60.0") + "carrier: {speed: 20.0}\n")
+    quiet.write_text(
+        text.replace("[8.0, 8, 8, 8, 8, 8]", "60.0")
+        + "carrier: {speed: 20.0}\ntransient_periods: 3\n"
+    )
     with pytest.raises(InvalidInput, match=r"visit to .* 'crate' would touch within its swing"):
         Campaign.load(quiet).ask()
     assert not list((tmp_path / "carried").glob("visits/0*"))
@@ -94,7 +97,9 @@ def test_experiments_heed_their_workcell(near, tmp_path):
         return str(error.value)
 
     assert "position 2: 'fore" in refusal([FAR, FAR + 2.8 * PAN], f"{LIMITS}, swing: 0.005")
-    carried = refusal([near], f"{LIMITS}, swing: 0.1", "carrier: {speed: 20.0}\n")
+    carried = refusal(
+        [near], f"{LIMITS}, swing: 0.1", "carrier: {speed: 20.0}\ntransient_periods: 3\n"
+    )
     assert "'crate' would touch within its swing" in carried
 
 
@@ -105,7 +110,7 @@ def test_campaigns_with_carriers_go_on(tmp_path):
         "schema: campaign/1\nrobot: moberg_axis1\nguesses_within: 1.5\nminutes: 5\noutput: out\n"
         "targets: {stiffness: 0.05, damping: 0.3}\ncandidates: {sobol: 4}\n"
         "multisine: {band: [3.0, 60.0], sample_time: 0.005, period: 2.0, detection: 5}\n"
-        "limits: {speed: 20.0, swing: 0.05, rms_torque: 20.0}\ncarrier: {speed: 8.0}\n"
+        "limits: {speed: 20.0, swing: 0.05, rms_torque: 20.0}\ncarrier: {speed: 8.0}\ntransient_periods: 3\n"
         "imperfections: {angle_noise: 1.0e-5, friction: 0, nonlinear_gears: false}\n"
     )
     opened = Campaign.load(path)
