@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from oed.experiment.experiment_plan import ExperimentPlan
+from oed.experiment.limits import UNITS, Limits
 from oed.experiment.loop_settings import Format, LoopSettings
 from oed.experiment.plan_export import export_csv, export_mat, export_trajectory
 from oed.experiment.predicted_peaks import START
@@ -40,7 +41,9 @@ velocities in trajectories of the arm side.
 Moves begin and end at rest; every run begins and ends at rest in the position of its visit. Brakes
 are released before the move and stay so until the last run has ended; in between the motors hold
 the arm, also at rest.
-Torques are predicted for the robot file's payload; stop if a motor exceeds its limit.
+Stop if a motor exceeds its limit. What the files lead to by the model, on the motor shafts (swing
+on the arm side), with the robot file's payload and friction:
+
 """
 
 
@@ -80,12 +83,24 @@ def write_controller_files(
         shutil.rmtree(folder / name, ignore_errors=True)
         exports[name](plan, folder / name, ratios)
         try:
-            check_files(plan, folder / name, name, settings, robot)
+            largest = check_files(plan, folder / name, name, settings, robot)
         except InvalidInput:
             shutil.rmtree(folder / name)
             raise
     text = _README.format(robot=plan.robot, sample_time=plan.multisine.sample_time)
-    write_text(folder / "README.txt", text)
+    table = _table(plan.motors, largest, limits_of(settings, robot))
+    write_text(folder / "README.txt", text + table)
+
+
+def _table(motors: tuple[str, ...], largest: dict[str, Array], limits: Limits) -> str:
+    """Return the largest magnitudes of runs beside their limits, a line per quantity."""
+    rows = [["", *motors]]
+    for name, bounds in zip(UNITS, limits.bounds(motors), strict=True):
+        if name == "position" or name not in largest:
+            continue
+        rows.append([f"{name} [{UNITS[name]}]", *(f"{x:.4g}" for x in largest[name])])
+        rows.append(["    limit", *(f"{x:.4g}".replace("inf", "none") for x in bounds[:, 1])])
+    return "".join(f"{row[0]:<32}{''.join(f'{x:>10}' for x in row[1:])}\n" for row in rows)
 
 
 def check_files(
@@ -94,8 +109,13 @@ def check_files(
     name: Format,
     settings: LoopSettings,
     robot: ElasticRobot,
-) -> None:
+) -> dict[str, Array]:
     """Read the files of one format in a folder and check every sample of every visit.
+
+    Returns
+    -------
+    dict of str to ndarray, (n,)
+        Largest magnitudes of all runs by quantity, see `TrajectoryCheck.check`.
 
     Raises
     ------
@@ -104,12 +124,15 @@ def check_files(
     """
     read = {"csv": _read_csv, "mat": _read_mat, "trajectory": _read_bag}[name]
     checks: dict[int, TrajectoryCheck] = {}
+    largest: dict[str, Array] = {}
     ratios = gear_ratios(robot)
     for trajectory in read(folder, ratios, plan.multisine.sample_time):
         q = int(plan.visits[trajectory.visit])
         if q not in checks:
             checks[q] = _check_at(plan, plan.positions[q], ratios, settings, robot)
-        checks[q].check(trajectory)
+        for quantity, values in checks[q].check(trajectory).items():
+            largest[quantity] = np.maximum(largest.get(quantity, 0.0), values)
+    return largest
 
 
 def _check_at(

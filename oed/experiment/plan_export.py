@@ -23,8 +23,7 @@ from robotmodels.common.arrays import Array
 from robotmodels.common.atomic_files import staged_folder
 from robotmodels.common.errors import InvalidInput
 
-SEQUENCE = ("step", "kind", "file", "visit", "position", "block", "run", "repeats", "drop")
-"""Columns of ``sequence.csv``."""
+_SEQUENCE = ("step", "kind", "file", "visit", "position", "block", "run", "repeats", "drop")
 
 _DECAY = 12.0
 """Time constants of the position loop after which a trajectory rests, to 6e-6 of where it was."""
@@ -54,7 +53,7 @@ def export_csv(
     """
     ratios = _checked_ratios(plan, gear_ratios)
     header = ["time", *(f"{m}.position" for m in plan.motors), *(f"{m}.speed" for m in plan.motors)]
-    rows: list[tuple[Any, ...]] = [SEQUENCE]
+    rows: list[tuple[Any, ...]] = [_SEQUENCE]
     with staged_folder(Path(folder)) as stage:
         for step in played_steps(plan, ratios):
             time = np.arange(len(step.speeds)) * plan.multisine.sample_time

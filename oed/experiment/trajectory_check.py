@@ -84,8 +84,8 @@ class TrajectoryCheck:
     hold: Array
     friction: Array
 
-    def check(self, trajectory: Trajectory) -> None:
-        """Refuse a trajectory that exceeds a limit.
+    def check(self, trajectory: Trajectory) -> dict[str, Array]:
+        """Refuse a trajectory that exceeds a limit; return largest magnitudes by quantity, (n,).
 
         Raises
         ------
@@ -94,6 +94,7 @@ class TrajectoryCheck:
         """
         checks = self._move if trajectory.is_move else self._run
         motors, T = self.moves.motors, self.controller.sample_time
+        largest = {}
         for quantity, unit, values, bounds, slack in checks(trajectory):
             low, high = bounds.T
             outside = ~((values >= low - slack) & (values <= high + slack))  # NaN is outside
@@ -106,6 +107,8 @@ class TrajectoryCheck:
                     f"{values[k, motor]:.6g} {unit} is beyond its limit {limit:.6g} {unit}; "
                     "the visit is not offered"
                 )
+            largest[quantity] = np.abs(values).max(axis=0)
+        return largest
 
     def _move(self, move: Trajectory) -> Iterator[tuple[str, str, Array, Array, Array]]:
         """Yield quantity, unit, values (K, n), bounds (n, 2) and slack (n,) of a move."""

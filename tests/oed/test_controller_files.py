@@ -12,6 +12,7 @@ from oed.experiment.experiment_file import load_experiment
 from oed.experiment.prepare import gear_ratios, prepare
 from oed.experiment.trajectory_bag import read_trajectories, write_trajectories
 from robotmodels import InvalidInput
+from robotmodels.description.friction import shaft_friction
 
 FILE = """
 schema: experiment/1
@@ -87,7 +88,14 @@ def test_the_bag_plays_what_the_speeds_say(written):
     played = plan.played(plan.reference(1)[0, 0], 4)
     np.testing.assert_allclose(told[: len(played)], played, atol=1e-9 * np.abs(played).max())
     np.testing.assert_allclose(p[-1], plan.positions[1], atol=1e-6)
-    assert "Brakes" in (folder / "README.txt").read_text()
+    told = (folder / "README.txt").read_text()
+    assert "Brakes" in told
+    (row,) = (line for line in told.splitlines() if line.startswith("torque [N m]"))
+    predicted = prepared.scaling.peaks.largest[:, 0].max(axis=0)
+    friction = shaft_friction(prepared.robot.file)
+    largest = [float(x) for x in row.split("]")[1].split()]
+    assert (largest <= 1.001 * (predicted + friction)).all()
+    assert (largest >= 0.6 * predicted).all()
 
 
 @pytest.mark.parametrize(

@@ -110,7 +110,8 @@ def test_campaigns_with_carriers_go_on(tmp_path):
         "schema: campaign/1\nrobot: moberg_axis1\nguesses_within: 1.5\nminutes: 5\noutput: out\n"
         "targets: {stiffness: 0.05, damping: 0.3}\ncandidates: {sobol: 4}\n"
         "multisine: {band: [3.0, 60.0], sample_time: 0.005, period: 2.0, detection: 5}\n"
-        "limits: {speed: 20.0, swing: 0.05, rms_torque: 20.0}\ncarrier: {speed: 8.0}\ntransient_periods: 3\n"
+        "limits: {speed: 20.0, swing: 0.05, rms_torque: 20.0}\ncarrier: {speed: 8.0}\n"
+        "transient_periods: 3\n"
         "imperfections: {angle_noise: 1.0e-5, friction: 0, nonlinear_gears: false}\n"
     )
     opened = Campaign.load(path)
