@@ -130,17 +130,35 @@ class RunSpectra(ReprHtml):
         rows = chosen_positions(positions, len(self.positions))
         return replace(self, **{name: getattr(self, name)[rows] for name in _EACH})
 
+    def single_runs(self) -> "RunSpectra":
+        """Return the same runs, each as the only one of a position of its own.
+
+        Costs, estimates and covariances are the same.
+        """
+        runs = self.inputs.shape[1]
+        rows: dict[str, Any] = {
+            name: np.repeat(getattr(self, name), runs, axis=0) for name in _EACH
+        }
+        for name in ("inputs", "outputs"):
+            array = getattr(self, name)
+            rows[name] = array.reshape(-1, 1, *array.shape[2:])
+        return replace(self, **rows)
+
     @staticmethod
     def join(parts: Sequence["RunSpectra"]) -> "RunSpectra":
         """Return the spectra of all positions of `parts`, which may differ in their noise.
 
+        Where they differ in the number of runs, each run stands for itself, see `single_runs`.
+
         Raises
         ------
         InvalidInput
-            If there is no part, or parts differ in lines, runs, inputs, outputs or states.
+            If there is no part, or parts differ in lines, inputs, outputs or states.
         """
         if not parts:
             raise InvalidInput("run spectra: nothing to join; at least one position is needed")
+        if len({part.inputs.shape[1] for part in parts}) > 1:
+            parts = [part.single_runs() for part in parts]
         first = parts[0]
         for i, part in enumerate(parts):
             for name, one, other in zip(_ALIKE, _alike(first), _alike(part), strict=True):
@@ -166,12 +184,12 @@ STATES = ("auto", "yes", "no", "polynomial")
 _EACH = ("positions", "inputs", "outputs", "covariance", "degrees_of_freedom")
 """Arrays with a row for each position."""
 
-_ALIKE = ("lines", "runs, inputs or outputs", "states or derivatives")
+_ALIKE = ("lines", "inputs or outputs", "states or derivatives")
 
 
 def _alike(data: RunSpectra) -> tuple[ArrayLike, ...]:
     """Return what spectra that are joined have in common, see `_ALIKE`."""
-    sizes = data.inputs.shape[1], data.inputs.shape[3], data.outputs.shape[3]
+    sizes = data.inputs.shape[3], data.outputs.shape[3]
     states = data.sample_time or 0.0, data.delay, *data.derivatives
     return data.omega, sizes, states
 

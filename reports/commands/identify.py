@@ -1,7 +1,7 @@
 """``oed identify``: springs and dampers from records, without a study."""
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -10,16 +10,19 @@ from reports.commands.options import (
     BesideRecords,
     Delay,
     Hold,
-    Records,
     robot_names,
     say,
     warn,
 )
 from reports.commands.workers import one_thread_each
+from robotmodels.common.errors import InvalidInput
 
 if TYPE_CHECKING:
-    from estimators import RunFit
+    from collections.abc import Mapping
+
+    from estimators import RunFit, RunSpectra
     from robotmodels import ElasticRobot, Records as RecordsOfRuns
+    from robotmodels.common.arrays import Array
 
 _SEED = 1  # of the starts
 
@@ -34,7 +37,10 @@ def identify(
         str,
         typer.Argument(help="Built-in robot, or a robot file.", autocompletion=robot_names),
     ],
-    records: Records,
+    records: Annotated[
+        list[Path],
+        typer.Argument(help="Records: .h5, .mat or .csv; several files are fitted together."),
+    ],
     noise: Annotated[
         str, typer.Option(help="Where noise is seen: auto, blocks, periods or detection.")
     ] = "auto",
@@ -61,36 +67,28 @@ def identify(
 ) -> None:
     """Fit a robot to records by maximum likelihood: any number of runs a position, one will do.
 
-    Noise of torques and angles counts alike. Writes the identified robot as a robot file.
+    Noise of torques and angles counts alike. Writes the identified robot as a robot file, beside
+    the first records by default.
 
     Example: oed identify manutec_r3 out/manutec_r3_experiment/records.h5
     """
     one_thread_each()
-    import numpy as np
-
-    from estimators import (
-        check_rigid_runs,
-        covariance,
-        multistart,
-        perturbed_starts,
-        read_records,
-        run_spectra,
-    )
+    from estimators import check_rigid_runs, covariance, multistart, read_records
     from estimators.frf.frf_from_records import collected_warnings
     from robotmodels import load_robot, save_robot
     from robotmodels.common.errors import naming
 
-    runs = read_records(records)
-    model = _counted(load_robot(robot), runs) if coulomb else load_robot(robot)
-    begins = perturbed_starts(model.parameters, starts, decades, np.random.default_rng(_SEED))
-    with collected_warnings() as warnings, naming(records):
-        loops = _torque_loops(model, runs)
-        data = run_spectra(runs, noise, delay=delay, hold=hold, states=states)
-        fits = multistart(model, data, begins, weights=rows)
-        check_rigid_runs(data, model)  # after the fit has refused data of other robots
+    runs = {path: read_records(path) for path in records}
+    model = _counted(load_robot(robot), [*runs.values()]) if coulomb else load_robot(robot)
+    with collected_warnings() as warnings:
+        loops = _torque_loops(model, *next(iter(runs.items())))
+        data = _joined(runs, noise=noise, delay=delay, hold=hold, states=states)
+        with naming(_files(records)):
+            fits = multistart(model, data, _starts(model, starts, decades), weights=rows)
+            check_rigid_runs(data, model)  # after the fit has refused data of other robots
     fit = fits[0]
     reached = sum(other.cost <= fit.cost * (1 + 1e-6) for other in fits)
-    target = (output or records.parent) / f"{model.name}_identified.yaml"
+    target = (output or records[0].parent) / f"{model.name}_identified.yaml"
     save_robot(fit.robot(covariance=covariance(fit).covariance), target)
     warn(warnings)
     say(
@@ -100,26 +98,58 @@ def identify(
     )
 
 
-def _counted(robot: "ElasticRobot", records: "RecordsOfRuns") -> "ElasticRobot":
+def _starts(model: "ElasticRobot", count: int, decades: float) -> "Array":
+    """Return where searches begin, (count, p) [SI]."""
+    import numpy as np
+
+    from estimators import perturbed_starts
+
+    return perturbed_starts(model.parameters, count, decades, np.random.default_rng(_SEED))
+
+
+def _files(records: list[Path]) -> str:
+    """Return the first file, and how many more there are."""
+    more = len(records) - 1
+    return f"{records[0]} and {more} more" if more else str(records[0])
+
+
+def _joined(runs: "Mapping[Path, RecordsOfRuns]", **options: Any) -> "RunSpectra":
+    """Return the spectra of the records of all files."""
+    from estimators import RunSpectra, run_spectra
+    from robotmodels.common.errors import naming
+
+    parts = []
+    for path, records in runs.items():
+        with naming(path):
+            parts.append(run_spectra(records, **options))
+    with naming(_files([*runs])):
+        return parts[0] if len(parts) == 1 else RunSpectra.join(parts)
+
+
+def _counted(robot: "ElasticRobot", records: "list[RecordsOfRuns]") -> "ElasticRobot":
     """Return the robot whose Coulomb friction counts as dampers, and say as what."""
     from robotmodels import at_recorded_speeds
     from robotmodels.description.friction import friction_sentences
 
-    counted = at_recorded_speeds(robot, records)
+    if len(records) > 1:
+        raise InvalidInput(f"--coulomb: {len(records)} files of records; speeds of one are needed")
+    counted = at_recorded_speeds(robot, records[0])
     warn(friction_sentences(counted.file))
     return counted
 
 
 def _torque_loops(
-    robot: "ElasticRobot", records: "RecordsOfRuns"
+    robot: "ElasticRobot", path: Path, records: "RecordsOfRuns"
 ) -> tuple[list[str], list[dict[str, object]] | None]:
     """Return the loops between commanded and measured torques in words and for scripts."""
     from estimators.frf.torque_loop import torque_loop
     from reports.summaries.frf_summary import loop_json, loop_words
+    from robotmodels.common.errors import naming
 
     if records.commanded:
         return [], None
-    loop = torque_loop(records)
+    with naming(path):
+        loop = torque_loop(records)
     return loop_words(loop, robot.motor_names), loop_json(loop, robot.motor_names)
 
 

@@ -43,6 +43,12 @@ def refused(*arguments) -> str:
     return err
 
 
+def robot_std(path) -> float:
+    """Return the geometric mean of the standard deviations that a robot file has of its fit."""
+    std = yaml.safe_load(Path(path).read_text())["fitted"]["relative_std"]
+    return float(np.exp(np.mean(np.log(list(std.values())))))
+
+
 def test_minutes_become_visits_records_and_a_page():
     code, out, err = oed("run", written(), "--json")
     assert code == 0, err
@@ -73,6 +79,14 @@ def test_minutes_become_visits_records_and_a_page():
     assert records.positions[0].tolist() == document["visits"][0]["position"]
     # Torques are inside the limit that the plan was made for.
     assert np.abs(records.torque).max() <= 5.0
+    # All visits together say more than the first alone.
+    widths = []
+    for some in (files[:1], files):
+        code, out, err = oed("identify", "moberg_axis1", *some, "--starts", 1, "-o", "fit", "--json")
+        assert code == 0, err
+        widths.append(robot_std("fit/moberg_axis1_identified.yaml"))
+    assert widths[1] < widths[0]
+    assert "files of records" in refused("identify", "moberg_axis1", *files, "--coulomb")
     err = refused("design", written(design={"minutes": 0.4}))
     assert "records of" in err
     assert "another plan; move that folder away" in err

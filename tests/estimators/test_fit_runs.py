@@ -51,6 +51,23 @@ def test_gradients_are_those_of_the_cost(runs: int, rank: str, row_wise: bool) -
     np.testing.assert_allclose(gradient, steps, atol=1e-7 * np.abs(gradient).max())
 
 
+@pytest.mark.parametrize("row_wise", [False, True])
+def test_spectra_of_other_numbers_of_runs_are_joined_run_by_run(row_wise: bool) -> None:
+    parts = [noisy_runs(np.random.default_rng(runs), runs, 0.3) for runs in (1, 3)]
+    joined = RunSpectra.join(parts)
+    assert joined.inputs.shape[:2] == (4 * Q, 1)
+    np.testing.assert_array_equal(joined.positions[Q : Q + 3], np.repeat(POSITIONS[:1], 3, axis=0))
+    one, both = problem(joined, row_wise), [problem(part, row_wise) for part in parts]
+    assert cost(one, OFF) == pytest.approx(sum(cost(part, OFF) for part in both), rel=1e-12)
+    total = sum(part.information(OFF).sum(axis=0) for part in both)
+    information = one.information(OFF).sum(axis=0)
+    np.testing.assert_allclose(information, total, rtol=1e-9, atol=1e-9 * total.max())
+    alike = [parts[1], parts[1]]
+    assert RunSpectra.join(alike).inputs.shape[:2] == (2 * Q, 3)
+    with pytest.raises(InvalidInput, match="run spectra 1: other lines than those before"):
+        RunSpectra.join([parts[0], replace(parts[1], omega=2 * parts[1].omega)])
+
+
 def test_the_cost_is_the_likelihood_without_the_true_inputs() -> None:
     """V is the least over U0 of what [Y; U] deviates from [G U0; U0], by its covariance."""
     data = noisy_runs(np.random.default_rng(3), 2, 0.4)
