@@ -49,5 +49,5 @@ def test_springs_beside_coulomb_friction(tmp_path):
     none, slow, middle, fast = np.array(medians)
     assert none[0] > 0.08
     assert slow[0] < none[0] / 3
-    assert (middle < none / [10, 2]).all()
-    assert (fast < none / [10, 3]).all()
+    assert (middle < none / [3, 2]).all()
+    assert (fast < none / [5, 3]).all()
