@@ -33,6 +33,8 @@ class VisitStudyResults:
         Its settings.
     robot : ElasticRobot
         The robot at its file's values.
+    noise : InputOutputNoise
+        Noise of a period.
     table : ExperimentCandidates
         Visits that could be made, at typical torques.
     plan : VisitPlan
@@ -51,6 +53,7 @@ class VisitStudyResults:
 
     study: VisitStudy
     robot: ElasticRobot
+    noise: InputOutputNoise
     table: ExperimentCandidates
     plan: VisitPlan
     curve: TimeCurve
@@ -107,6 +110,7 @@ def run_visit_study(study: VisitStudy, progress: StageProgress | None = None) ->
     return VisitStudyResults(
         study=study,
         robot=robot,
+        noise=noise,
         table=table,
         plan=plan,
         curve=problem.curve(table, plan),

@@ -82,7 +82,9 @@ def test_minutes_become_visits_records_and_a_page():
     # All visits together say more than the first alone.
     widths = []
     for some in (files[:1], files):
-        code, out, err = oed("identify", "moberg_axis1", *some, "--starts", 1, "-o", "fit", "--json")
+        code, out, err = oed(
+            "identify", "moberg_axis1", *some, "--starts", 1, "-o", "fit", "--json"
+        )
         assert code == 0, err
         widths.append(robot_std("fit/moberg_axis1_identified.yaml"))
     assert widths[1] < widths[0]
