@@ -1,11 +1,10 @@
 """A study of visits: the table of what could be run, the best plan, and its visits."""
 
 from dataclasses import dataclass
-from functools import cached_property, partial
+from functools import cached_property
 
 import numpy as np
 
-from oed.campaign.planning import Planner
 from oed.criteria.targets import by_name_or_kind
 from oed.design.optimal_spectra import SpectraDesign
 from oed.exact.visit_plan import (
@@ -13,9 +12,8 @@ from oed.exact.visit_plan import (
     VisitPlan,
 )
 from oed.information_sets.experiment_candidates import ExperimentCandidates
-from oed.study.stages.candidates import gather, workcell
 from oed.visit_study.study_file import VisitStudy
-from oed.visit_study.study_inputs import check_known, parameter_robots, within_torques
+from oed.visit_study.study_inputs import check_known, parameter_robots, planner_of
 from oed.visit_study.visit_problem import StudyVisit, VisitProblem
 from robotmodels import ElasticRobot, load_robot
 from robotmodels.common.arrays import Array, read_only
@@ -94,11 +92,7 @@ def run_visit_study(study: VisitStudy, progress: StageProgress | None = None) ->
     if study.design.targets is not None:
         targets = by_name_or_kind(study.design.targets, robot.parameters.names, "design.targets")
     check_known(study, robot)
-    choice = within_torques(study, robot)
-    screened = gather(choice, robot, progress and partial(progress, "candidates"))
-    planner = Planner(
-        study, robot, screened.positions, workcell(choice).surroundings(robot), 0, None
-    )
+    planner = planner_of(study, robot, progress)
     robots = parameter_robots(study, planner)
     noise = InputOutputNoise.of_levels(
         planner.levels, len(planner.grid.lines), study.noise.torque, speed=study.noise.speed

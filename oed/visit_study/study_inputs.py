@@ -1,15 +1,19 @@
 """What a study of visits says of positions and parameters, checked."""
 
+from functools import partial
+
 import numpy as np
 
 from oed.campaign.planning import Planner
-from oed.experiment.loop_settings import per_motor
-from oed.study.settings.candidates_settings import CandidatesChoice
+from oed.campaign.swing_room import with_room
+from oed.campaign.visit_plan import usable_positions
+from oed.experiment.workcell_settings import surroundings_of
+from oed.study.stages.candidates import gather
 from oed.study.stages.design_inputs import parameter_samples
 from oed.visit_study.study_file import VisitStudy
 from robotmodels import ElasticRobot
 from robotmodels.common.errors import InvalidInput
-from robotmodels.description.friction import shaft_friction
+from robotmodels.common.progress import StageProgress
 from robotmodels.linear.derived_models import WithParameters
 from robotmodels.linear.response import Elastic
 
@@ -30,20 +34,21 @@ def check_known(study: VisitStudy, robot: ElasticRobot) -> None:
         )
 
 
-def within_torques(study: VisitStudy, robot: ElasticRobot) -> CandidatesChoice:
-    """Return the candidates' settings, without those in which the limits leave torque no room."""
-    choice, limits, motors = study.candidates, study.limits, tuple(robot.motor_names)
-    if limits.torque is None or choice.torque is not None:
-        return choice
-    friction = study.imperfections.friction * shaft_friction(robot.file)
-    room = per_motor("limits.torque", limits.torque, motors) - friction
-    if not (room > 0).all():
-        i = int(room.argmin())
-        raise InvalidInput(
-            f"limits.torque: friction alone takes {friction[i]:.4g} N m of motor {motors[i]!r}, "
-            f"whose limit is {room[i] + friction[i]:.4g} N m; no excitation is left"
-        )
-    return choice.model_copy(update={"torque": tuple(room.tolist())})
+def planner_of(
+    study: VisitStudy, robot: ElasticRobot, progress: StageProgress | None = None
+) -> Planner:
+    """Return the planner of visits to the candidates that have room for them.
+
+    Raises
+    ------
+    InvalidInput
+        Naming what leaves no candidate.
+    """
+    choice = study.candidates
+    around = surroundings_of(choice, robot)
+    screened = gather(choice, robot, progress and partial(progress, "candidates"))
+    roomy = with_room(screened, study, robot, around).positions
+    return Planner(study, robot, usable_positions(study, robot, roomy), around, 0, None)
 
 
 def parameter_robots(study: VisitStudy, planner: Planner) -> tuple[Elastic, ...]:
