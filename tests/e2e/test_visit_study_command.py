@@ -158,11 +158,11 @@ def test_fitted_values_are_good_enough_for_spectra(tmp_path):
         ({"design": {"minutes": 1e4}}, " are planned, 100 of the longest visits"),
         (
             {"robot": "manutec_r3", "candidates": {"sobol": 8}, "limits": {"torque": 1e-6}},
-            "limits.torque: friction alone takes 0.7 N m of motor 'm3'",
+            "0.4 N m against friction, which leaves nothing of its limit 1e-06 N m",
         ),
         (
             {"robot": "ur10", "candidates": {"sobol": 8}, "limits": {"torque": 0.01}},
-            "holding torque",
+            "to hold the arm alone, which leaves nothing of its limit 0.01 N m",
         ),
         ({"multisine": STUDY["multisine"] | {"slope": 1.0}}, "multisine.slope"),
     ],
