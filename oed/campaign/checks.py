@@ -95,11 +95,16 @@ def low_level_noise(visit: Visit) -> ComplexArray:
 def recorded_peaks(records: Records, motors: int) -> tuple[Array, Array]:
     """Return levels and largest deviations of the motors' torques and speeds, (2, n) each.
 
-    Torques in N m about their mean, speeds in rad/s about rest.
+    Torques in N m about their mean, speeds in rad/s about rest: of motion up to the highest line,
+    as differences of samples would show the noise of encoders.
     """
     torque = records.torque[0].reshape(-1, motors)
     level = torque.mean(axis=0)
-    speed = np.diff(records.angle[0, ..., :motors], axis=3) / records.sample_time
+    spectrum = np.fft.rfft(records.angle[0, ..., :motors], axis=3)
+    lines = np.arange(spectrum.shape[3])
+    omega = 2 * np.pi * lines / (records.samples * records.sample_time)
+    spectrum = spectrum * np.where(lines <= records.lines[-1], 1j * omega, 0.0)[:, None]
+    speed = np.fft.irfft(spectrum, records.samples, axis=3)
     fastest = np.abs(speed).max(axis=(0, 1, 2, 3))
     swings = np.stack([np.abs(torque - level).max(axis=0), fastest])
     return np.stack([level, np.zeros(motors)]), swings

@@ -120,6 +120,9 @@ def simulate(
             help="Robot to simulate: built-in, or a robot file.", autocompletion=robot_names
         ),
     ],
+    whole: Annotated[
+        bool, typer.Option("--whole", help="Go on until the campaign has ended.")
+    ] = False,
 ) -> None:
     """Carry out the open visits on a simulated robot: a rehearsal.
 
@@ -130,14 +133,18 @@ def simulate(
         from reports.summaries.columns import plural
         from robotmodels import load_robot
 
-        visits = opened.ask(bars)
+        robot, count = load_robot(truth), 0
         report = None if bars is None else (lambda done, total: bars("simulation", done, total))
-        simulate_visits(opened.settings, opened.robot, load_robot(truth), visits, report)
+        while visits := opened.ask(bars):
+            simulate_visits(opened.settings, opened.robot, robot, visits, report)
+            count += len(visits)
+            if not whole:
+                break
+    done = f"simulated {plural(count, 'visit')}; " if count else ""
     if visits:
-        step = f"next  oed campaign ask {campaign}"
-        typer.echo(f"simulated {plural(len(visits), 'visit')}; {step}")
+        typer.echo(f"{done}next  oed campaign ask {campaign}")
     else:
-        typer.echo(f"the campaign has ended; see  oed campaign status {campaign}")
+        typer.echo(f"{done}the campaign has ended; see  oed campaign status {campaign}")
 
 
 @contextmanager

@@ -136,7 +136,7 @@ def parameter_table(campaign: Campaign, status: CampaignStatus) -> Table | None:
         Column("parameter", code=True),
         *numbers("estimate", "95 % interval"),
         Column("unit", "u"),
-        *numbers("std", "asked for", "std at each fit"),
+        *numbers("std", "asked for", "std of the last fits"),
         Column("verdict"),
     )
     caption = "Estimates with 95 % intervals, relative standard deviations and their targets."
@@ -146,7 +146,7 @@ def parameter_table(campaign: Campaign, status: CampaignStatus) -> Table | None:
 
 def _progress_cell(status: CampaignStatus, i: int) -> Cell:
     """Return the last standard deviations of a parameter, oldest first."""
-    std = status.history.std[-4:, i]
+    std = status.history.std[-3:, i]
     return Number(" → ".join(text.percent(float(value)) for value in std), float(std[-1]))
 
 
@@ -188,7 +188,7 @@ def visit_table(campaign: Campaign, status: CampaignStatus) -> Table:
         Column("purpose"),
         Column("position"),
         *numbers("periods", "minutes"),
-        Column("state", "words"),
+        Column("state"),
         *numbers("torque", "speed", "cost"),
     ]
     caption = (
@@ -233,7 +233,7 @@ def _spectra(campaign: Campaign, estimate: Estimate, visits: list[Visit]) -> lis
             f"Torques of each motor on each line in {labels[q]}",
             label=text.sentence(labels[q]),
         )
-        for q, visit in enumerate(visits)
+        for q, visit in reversed([*enumerate(visits)])
     ]
     lines = lines_drawn((1, len(omega), fit.data.outputs.shape[3], len(visits)))
     shown = (np.moveaxis(s[:, 0], 0, 2)[lines] for s in run_spectra.compared_spectra(fit))
