@@ -60,7 +60,7 @@ def check_low_level(visit: Visit, settings: CampaignSettings, friction: Array) -
     InvalidInput
         Naming the motor whose torque or speed would, or met its limit.
     """
-    records, motors = Records.load(visit.records_file), visit.plan.motors
+    records, motors = visit.records, visit.plan.motors
     who = f"visit {visit.number}, at {100 * LOW_LEVEL:.0f} % of the amplitude"
     if records.saturated.any():
         motor = motors[int(records.saturated.any(axis=(0, 1, 2, 3)).argmax())]
@@ -88,7 +88,7 @@ def check_low_level(visit: Visit, settings: CampaignSettings, friction: Array) -
 
 def low_level_noise(visit: Visit) -> ComplexArray:
     """Return the covariance of outputs and torques in one period, (F, m + n, m + n)."""
-    data = run_spectra(Records.load(visit.records_file), "detection")
+    data = run_spectra(visit.records, "detection", weak=True)
     return np.asarray(visit.plan.periods * data.covariance[0])
 
 

@@ -22,7 +22,6 @@ from robotmodels import ElasticRobot
 from robotmodels.common.arrays import Array, ComplexArray
 from robotmodels.common.errors import naming
 from robotmodels.common.progress import Progress
-from robotmodels.records.records import Records
 
 _STARTS = 4
 _SAME_COST = 1e-3
@@ -133,9 +132,9 @@ class _Measured:
     @classmethod
     def of(cls, visit: Visit) -> "_Measured":
         with naming(visit.records_file), collected_warnings() as warnings:
-            records = Records.load(visit.records_file)
+            records = visit.records
             level, swing = recorded_peaks(records, len(visit.plan.motors))
-            spectra = run_spectra(records, "detection")
+            spectra = run_spectra(records, "detection", weak=True)
         words = [f"visit {visit.number}: {w.removeprefix('position 1: ')}" for w in warnings]
         return cls(spectra, np.abs(level) + swing, words)
 

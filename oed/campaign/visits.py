@@ -9,7 +9,7 @@ visits that are planned together appear together.
 import os
 import shutil
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -78,6 +78,12 @@ class Visit:
     def records_file(self) -> Path:
         """File of the records that came back."""
         return self.folder / "records.h5"
+
+    @property
+    def records(self) -> Records:
+        """The records that came back, with the plan's lines: a log does not show the weak ones."""
+        sine = self.plan.multisine
+        return replace(Records.load(self.records_file), lines=sine.lines, detection=sine.detection)
 
     @property
     def state(self) -> Literal["open", "told", "failed"]:

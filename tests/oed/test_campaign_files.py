@@ -7,14 +7,15 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from axis_campaign import change, run_open, write_campaign
+from axis_campaign import TRUTH, change, run_open, write_campaign
 from killed import killed_at_moments
 
+from estimators import run_spectra
 from oed import Campaign
 from oed.campaign.history import History
 from oed.campaign.visits import VisitFolder
 from oed.experiment.experiment_plan import ExperimentPlan
-from robotmodels import InvalidInput
+from robotmodels import InvalidInput, Records, load_robot
 from robotmodels.common.atomic_files import exclusive_folder
 from robotmodels.common.fingerprints import folder_digest
 
@@ -232,3 +233,20 @@ def test_costs_and_peaks_of_visits(fitted: Path) -> None:
     np.testing.assert_allclose(latest.visit_costs, 1, atol=0.5)
     assert (latest.peaks[:, 1] > 3).all()
     assert (latest.peaks[:, 1] < 5.5).all()
+
+
+def test_lines_below_the_noise_are_no_dead_end(tmp_path: Path) -> None:
+    """Encoders so noisy that a low-level run hardly shows; elsewhere such records are refused."""
+    path = write_campaign(tmp_path, ("1.0e-5", "8.0e-4"))
+    run_open(path)
+    visit = Campaign.load(path).visits[0]
+    with pytest.raises(InvalidInput, match="no motor's torque is above its noise"):
+        run_spectra(Records.load(visit.records_file), "detection")
+    run_open(path)
+    visit = Campaign.load(path).visits[1]
+    records = Records.load(visit.records_file)
+    replace(records, lines=records.lines[:9]).save(visit.records_file)  # all that an import sees
+    status = Campaign.load(path).status()
+    assert status.estimate is not None
+    away = np.log(status.estimate.values / load_robot(TRUTH).parameters.values)
+    assert (np.abs(away) < 4 * status.estimate.std).all()
