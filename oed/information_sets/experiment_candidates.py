@@ -28,6 +28,8 @@ from robotmodels.common.progress import Progress
 from robotmodels.linear.noise import ExcitationNoise, OutputErrors
 from robotmodels.linear.response import Elastic, check_omega
 
+_SHOWN = 4  # excitations whose names are printed
+
 
 @dataclass(frozen=True, eq=False)
 class RepeatedCandidates:
@@ -141,7 +143,9 @@ class ExperimentCandidates(ReprHtml):
         return runs, self.timing.visit + runs * self.timing.transient, runs * self.timing.period
 
     def __str__(self) -> str:
-        names = ", ".join(one.name for one in self.excitations)
+        names = ", ".join(one.name for one in self.excitations[:_SHOWN])
+        if len(self.excitations) > _SHOWN:
+            names += f" and {len(self.excitations) - _SHOWN} more"
         return (
             f"{len(self)} visits: {len(self.positions)} positions, {names}, "
             f"{', '.join(map(str, self.periods))} periods, "

@@ -48,7 +48,14 @@ def planner_of(
     around = surroundings_of(choice, robot)
     screened = gather(choice, robot, progress and partial(progress, "candidates"))
     roomy = with_room(screened, study, robot, around).positions
-    return Planner(study, robot, usable_positions(study, robot, roomy), around, 0, None)
+    return Planner(
+        settings=study,
+        robot=robot,
+        positions=usable_positions(study, robot, roomy),
+        surroundings=around,
+        stage=0,
+        at=None,
+    )
 
 
 def parameter_robots(study: VisitStudy, planner: Planner) -> tuple[Elastic, ...]:
