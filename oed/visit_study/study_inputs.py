@@ -46,6 +46,11 @@ def planner_of(
     """
     choice = study.candidates
     around = surroundings_of(choice, robot)
+    if not robot.network(robot.position_limits.mean(axis=1)[None]).only_motors:
+        raise InvalidInput(
+            f"noise: it is that of motors' motion, and robot {robot.name!r} measures other "
+            "outputs; plan visits with a robot file without them"
+        )
     screened = gather(choice, robot, progress and partial(progress, "candidates"))
     roomy = with_room(screened, study, robot, around).positions
     return Planner(

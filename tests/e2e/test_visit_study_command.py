@@ -171,6 +171,18 @@ def test_one_line_for_a_mistake(changes, message):
     assert message in refused("design", written(**changes))
 
 
+def test_noise_is_that_of_motors():
+    save_robot(load_robot("moberg_axis1"), "robot.yaml")
+    content = yaml.safe_load(Path("robot.yaml").read_text())
+    content["outputs"] = [
+        {"joint": content["motors"][0]["joint"], "quantity": "angle"},
+        {"motor": content["motors"][0]["name"], "quantity": "angle"},
+    ]
+    Path("robot.yaml").write_text(yaml.safe_dump(content))
+    err = refused("design", written(robot="robot.yaml"))
+    assert "noise: it is that of motors' motion, and robot 'moberg_axis1' measures other" in err
+
+
 def test_other_commands_and_nothing_planned_yet():
     study = written()
     assert "neither fit nor posterior" in refused("fit", study)
