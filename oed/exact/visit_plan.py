@@ -52,7 +52,8 @@ class VisitPlan(ReprHtml):
     value : float
         log value of the criterion.
     std : ndarray, (p,)
-        Predicted standard deviations, relative ones where parameters are ln theta.
+        Predicted standard deviations, relative ones where parameters are ln theta; of the first
+        sample of theta where there are several.
     information : ndarray, (p, p), or (K, p, p)
         Information with the prior's.
     """

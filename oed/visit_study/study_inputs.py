@@ -4,9 +4,9 @@ from functools import partial
 
 import numpy as np
 
-from oed.campaign.planning import Planner
 from oed.campaign.swing_room import with_room
 from oed.campaign.visit_plan import usable_positions
+from oed.campaign.visit_planner import VisitPlanner
 from oed.experiment.workcell_settings import surroundings_of
 from oed.study.stages.candidates import gather
 from oed.study.stages.design_inputs import parameter_samples
@@ -36,7 +36,7 @@ def check_known(study: VisitStudy, robot: ElasticRobot) -> None:
 
 def planner_of(
     study: VisitStudy, robot: ElasticRobot, progress: StageProgress | None = None
-) -> Planner:
+) -> VisitPlanner:
     """Return the planner of visits to the candidates that have room for them.
 
     Raises
@@ -53,7 +53,7 @@ def planner_of(
         )
     screened = gather(choice, robot, progress and partial(progress, "candidates"))
     roomy = with_room(screened, study, robot, around).positions
-    return Planner(
+    return VisitPlanner(
         settings=study,
         robot=robot,
         positions=usable_positions(study, robot, roomy),
@@ -63,7 +63,7 @@ def planner_of(
     )
 
 
-def parameter_robots(study: VisitStudy, planner: Planner) -> tuple[Elastic, ...]:
+def parameter_robots(study: VisitStudy, planner: VisitPlanner) -> tuple[Elastic, ...]:
     """Return the robot, or one for each sample of theta of a robust design."""
     robust, robot = study.design.robust, planner.robot
     if robust is None:

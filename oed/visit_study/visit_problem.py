@@ -5,8 +5,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from oed.campaign.planning import Planner, visits_of
 from oed.campaign.visit_plan import motion_levels, visit_spectrum
+from oed.campaign.visit_planner import VisitPlanner, visits_of
 from oed.criteria.criteria import Criterion
 from oed.criteria.targets import TargetCriterion, by_name_or_kind
 from oed.design.fastest_design import fastest_design
@@ -73,7 +73,7 @@ class VisitProblem:
     """A study with its candidates, samples of theta and noise."""
 
     study: VisitStudy
-    planner: Planner
+    planner: VisitPlanner
     robots: tuple[Elastic, ...]
     noise: InputOutputNoise
 
