@@ -35,7 +35,7 @@ It is told from other study files by the minutes or targets of its design.
 """
 
 from pathlib import Path
-from typing import Annotated, Any, Literal, Self
+from typing import Annotated, Literal, Self
 
 from pydantic import Field, model_validator
 
@@ -91,12 +91,6 @@ class VisitStudy(VisitSettings):
     truth: str | None = None
     noise: PeriodNoise
     design: VisitDesignChoice
-
-
-def is_visit_study(content: dict[str, Any]) -> bool:
-    """Tell whether the content of a study file is that of a study of visits."""
-    design = content.get("design")
-    return isinstance(design, dict) and not {"minutes", "targets"}.isdisjoint(design)
 
 
 def load_visit_study(path: str | Path) -> VisitStudy:

@@ -35,6 +35,9 @@ Cluster = Annotated[
     ),
 ]
 
+_OF_VISITS = frozenset({"minutes", "targets", "excitations", "spectra"})
+"""Keys of a design of visits. Its settings are not asked, which load the numerics."""
+
 _Step = TypeVar("_Step", bound="PlannedStudy")
 Pages = Callable[[Any, Path, Any], "tuple[Failure, ...]"]
 """Writes pages of results into a folder, tells its progress, returns what could not be made."""
@@ -86,7 +89,6 @@ def study_kind(study: Path) -> str:
     It is "robot" for a file that cannot be read; the reader of studies names its error.
     """
     from oed.study.settings.deflection_settings import is_deflection_study
-    from oed.visit_study.study_file import is_visit_study
     from robotmodels.common.yaml_files import MOST_CHARACTERS, read_text, yaml_document
 
     try:
@@ -98,7 +100,8 @@ def study_kind(study: Path) -> str:
         return "robot"
     if str(content.get("schema")).startswith("chain_study"):
         return "chains"
-    if is_visit_study(content):
+    design = content.get("design")
+    if isinstance(design, dict) and not _OF_VISITS.isdisjoint(design):
         return "visits"
     return "movements" if is_deflection_study(content) else "robot"
 

@@ -1,6 +1,8 @@
 """Studies of visits: minutes or targets in, visits as files and a page out."""
 
 import json
+import subprocess
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -147,6 +149,7 @@ def test_fitted_values_are_good_enough_for_spectra(tmp_path):
         ({"design": {"minutes": 0.01}}, "design.minutes: 0.01 min; the shortest visit takes 0.0"),
         ({"design": {"targets": {"stifness": 0.1}}}, "design.targets: 'stifness' is no free par"),
         ({"design": {"minutes": 1, "excitations": ["zipered"]}}, "design.excitations[0]"),
+        ({"design": {"spectra": "flat"}}, "neither minutes nor targets given; one of them is"),
         (
             {"design": {"targets": {"stiffness": 0.1}, "criterion": "D"}},
             "targets are one themselves",
@@ -169,6 +172,16 @@ def test_fitted_values_are_good_enough_for_spectra(tmp_path):
 )
 def test_one_line_for_a_mistake(changes, message):
     assert message in refused("design", written(**changes))
+
+
+def test_the_kind_of_a_study_is_told_before_the_numerics_are_loaded():
+    """Threads of numpy's libraries are limited once the kind is known."""
+    code = (
+        "import sys; from pathlib import Path; from reports.commands.studies import study_kind; "
+        f"print(study_kind(Path({written()!r})), 'numpy' in sys.modules)"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.split() == ["visits", "False"]
 
 
 def test_noise_is_that_of_motors():
