@@ -7,10 +7,9 @@ import numpy as np
 
 from oed.criteria.criteria import Criterion, averaged, checked_shares, objective_of
 from oed.criteria.objective import Objective, Term
+from oed.criteria.robustness import check_robustness
 from robotmodels.common.arrays import real_numbers
-from robotmodels.common.errors import InvalidInput, nearest
-
-KINDS = ("average", "maximin")
+from robotmodels.common.errors import InvalidInput
 
 
 @dataclass(frozen=True, eq=False)
@@ -128,10 +127,7 @@ def robust_objective(
     InvalidInput
         If the kind is unknown or the criterion does not fit.
     """
-    if kind not in KINDS:
-        raise InvalidInput(
-            f"kind {kind!r} is not known{nearest(kind, KINDS)}; there are {', '.join(KINDS)}"
-        )
+    check_robustness(kind)
     if kind == "average" or samples == 1:
         return objective_of(criterion, names, samples)
     worst = MaximinCriterion(criterion).objective(names, samples)

@@ -8,6 +8,7 @@ import numpy as np
 
 from oed.criteria.matrix_means import MatrixMean
 from oed.criteria.objective import Objective, Term
+from oed.criteria.robustness import check_robustness
 from robotmodels.common.arrays import Array, check_above_zero
 from robotmodels.common.errors import InvalidInput, nearest
 
@@ -49,17 +50,26 @@ class TargetCriterion:
     """The accuracy of all parameters together, in units of what is asked for each.
 
     Its value is the least of (target / standard deviation)^2, so that a plan of value one reaches
-    every target, the last one exactly. With samples of theta it is the least over these too.
+    every target, the last one exactly.
 
     Attributes
     ----------
     deviations : float or mapping of str to float
         Standard deviations, relative where parameters are ln theta, by name, kind or pattern; see
         `by_name_or_kind`. Parameters without one are nuisance.
+    kind : {"maximin", "average"}
+        With samples of theta, whether targets are reached at each of them, or by the geometric
+        means of the standard deviations over them.
     """
 
     deviations: float | Mapping[str, float]
     name: str = "targets"
+    kind: str = "maximin"
+
+    @classmethod
+    def of(cls, targets: "Targets") -> "TargetCriterion":
+        """Return the criterion of targets: themselves, or to be reached at every sample."""
+        return targets if isinstance(targets, TargetCriterion) else cls(targets)
 
     def objective(self, names: Sequence[str], samples: int = 1) -> Objective:
         """Return the least of the variances' inverses in units of the targets.
@@ -67,15 +77,24 @@ class TargetCriterion:
         Raises
         ------
         InvalidInput
-            If a target is not positive or fits no parameter, or there is none.
+            If a target is not positive or fits no parameter, there is none, or the kind is unknown.
         """
+        check_robustness(self.kind)
         targets = by_name_or_kind(self.deviations, names, "targets")
         if np.isnan(targets).all():
             raise InvalidInput("targets: none given; at least one is needed")
         columns = np.eye(len(names))
-        groups = tuple(
-            (Term(MatrixMean("A", columns[:, [i]] / targets[i]), 1.0, k),)
-            for k in range(samples)
+        means = [
+            MatrixMean("A", columns[:, [i]] / targets[i])
             for i in np.flatnonzero(~np.isnan(targets))
-        )
+        ]
+        if self.kind == "average":
+            share = 1.0 / samples
+            groups = tuple(tuple(Term(m, share, k) for k in range(samples)) for m in means)
+        else:
+            groups = tuple((Term(m, 1.0, k),) for k in range(samples) for m in means)
         return Objective(self.name, groups, (0.0,) * len(groups))
+
+
+Targets = float | Mapping[str, float] | TargetCriterion
+"""Standard deviations that are asked for, see `TargetCriterion`."""

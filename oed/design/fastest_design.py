@@ -10,8 +10,7 @@ with W = sum_i W_i and c from `Objective.log_polar`. For W_i = mu_i x_i x_i' tha
 T >= sum_i mu_i (2 x_ii - s_i^2 - x_i' M_0 x_i) / max_c sum_i mu_i x_i' H_c x_i / t_c at its best x.
 """
 
-from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from operator import attrgetter
 from typing import NamedTuple
 
@@ -19,7 +18,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.optimize import brentq
 
-from oed.criteria.targets import TargetCriterion, by_name_or_kind
+from oed.criteria.targets import TargetCriterion, Targets, by_name_or_kind
 from oed.design.constraints import Constraints
 from oed.design.design import SHOWN, Design
 from oed.design.optimal_design import checked_prior, optimal_design
@@ -84,7 +83,7 @@ class FastestDesign(ReprHtml):
 def fastest_design(
     info: Candidates,
     duration: ArrayLike,
-    targets: float | Mapping[str, float],
+    targets: Targets,
     prior: Array | None = None,
     tolerance: float = 1e-6,
     solver: str | DesignSolver = "newton",
@@ -100,7 +99,7 @@ def fastest_design(
         Information of each visit, such as that of `ExperimentCandidates`.
     duration : float or array_like, (Q,), s
         Duration of each visit.
-    targets : float or mapping of str to float
+    targets : float, mapping of str to float or TargetCriterion
         Standard deviations asked for, as of `TargetCriterion`.
     prior : ndarray, (p, p), optional
         Information there is already.
@@ -163,12 +162,12 @@ class _Problem:
     def __init__(
         self,
         info: Candidates,
-        targets: float | Mapping[str, float],
+        targets: Targets,
         prior: Array | None,
         duration: ArrayLike,
     ) -> None:
-        self.info, self.targets, self.prior = info, targets, prior
-        self.objective = TargetCriterion(targets).objective(info.names, info.samples)
+        self.info, self.targets, self.prior = info, TargetCriterion.of(targets), prior
+        self.objective = self.targets.objective(info.names, info.samples)
         self.costs = Constraints(time=1.0, durations=duration).polytope(len(info)).rows[0]
 
     def information(self, weights: Array) -> Array:
@@ -180,12 +179,13 @@ class _Problem:
         """Refuse targets of what the prior tells alone: no time adds to that."""
         if self.prior is None:
             return  # the design names what candidates leave open
-        targets = by_name_or_kind(self.targets, self.info.names, "targets")
+        targets = by_name_or_kind(self.targets.deviations, self.info.names, "targets")
         total, missed = self.information(_EVER / self.costs), []
         for name, target in zip(self.info.names, targets, strict=True):
             if np.isnan(target):
                 continue
-            alone = TargetCriterion({name: target}).objective(self.info.names, self.info.samples)
+            single = replace(self.targets, deviations={name: target})
+            alone = single.objective(self.info.names, self.info.samples)
             if (short := alone.log_value(total)) < 0:
                 least = target * float(np.exp(-short / 2))
                 missed.append(f"{name} (not below {least:.3g}, {target:.3g} asked for)")

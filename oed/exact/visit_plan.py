@@ -6,7 +6,7 @@ second, and taken out again where others make better use of their time.
 """
 
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -14,7 +14,7 @@ import numpy as np
 from oed.criteria.criteria import Criterion
 from oed.criteria.objective import Objective
 from oed.criteria.robust_criteria import robust_objective
-from oed.criteria.targets import TargetCriterion
+from oed.criteria.targets import TargetCriterion, Targets
 from oed.design.constraints import Constraints
 from oed.design.design import Design
 from oed.design.fastest_design import FastestDesign, fastest_design
@@ -169,7 +169,7 @@ def visit_plan(
 
 def fastest_visit_plan(
     candidates: ExperimentCandidates,
-    targets: float | Mapping[str, float],
+    targets: Targets,
     prior: Array | None = None,
     relaxed: FastestDesign | None = None,
 ) -> VisitPlan:
@@ -179,7 +179,7 @@ def fastest_visit_plan(
     ----------
     candidates : ExperimentCandidates
         Visits that could be made.
-    targets : float or mapping of str to float
+    targets : float, mapping of str to float or TargetCriterion
         Standard deviations asked for, as of `TargetCriterion`.
     prior : ndarray, (p, p), optional
         Information there is already.
@@ -193,7 +193,7 @@ def fastest_visit_plan(
     """
     check_kind(candidates, ExperimentCandidates, "fastest_visit_plan: candidates")
     info = candidates.information
-    objective = TargetCriterion(targets).objective(info.names, info.samples)
+    objective = TargetCriterion.of(targets).objective(info.names, info.samples)
     before = checked_prior(prior, info)
     relaxed = relaxed or fastest_design(info, candidates.duration, targets, before, _RELAXED_GAP)
     search, whole = _whole(candidates, objective, before, relaxed)

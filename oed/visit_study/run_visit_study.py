@@ -14,7 +14,7 @@ from oed.exact.visit_plan import (
 from oed.information_sets.experiment_candidates import ExperimentCandidates
 from oed.visit_study.study_file import VisitStudy
 from oed.visit_study.study_inputs import check_known, parameter_robots, planner_of
-from oed.visit_study.visit_problem import StudyVisit, VisitProblem
+from oed.visit_study.visit_problem import StudyVisit, VisitProblem, over_samples
 from robotmodels import ElasticRobot, load_robot
 from robotmodels.common.arrays import Array, read_only
 from robotmodels.common.progress import StageProgress
@@ -69,6 +69,12 @@ class VisitStudyResults:
     def omega(self) -> Array:
         """Excited lines, (F,) [rad/s]."""
         return self.visits[0].plan.multisine.omega
+
+    @property
+    def overall_std(self) -> Array:
+        """Predicted standard deviations at worst over samples of theta, or their mean, (p,)."""
+        robust = self.study.design.robust
+        return over_samples(self.std, "average" if robust is None else robust.kind)
 
     @cached_property
     def seconds(self) -> Array:

@@ -78,16 +78,27 @@ class VisitProblem:
     noise: InputOutputNoise
 
     @property
-    def criterion(self) -> str | Criterion:
-        """What visits within a time maximise."""
+    def kind(self) -> str:
+        """How samples of theta count."""
+        robust = self.study.design.robust
+        return "average" if robust is None else robust.kind
+
+    def criterion(self, share: float = 1.0) -> str | Criterion:
+        """Return what visits within a time maximise; the accuracy to a share of the targets."""
         design = self.study.design
-        return design.criterion if design.targets is None else TargetCriterion(design.targets)
+        if design.targets is None:
+            return design.criterion
+        closer = {name: share * target for name, target in design.targets.items()}
+        return TargetCriterion(closer, kind=self.kind)
+
+    def within(self, table: ExperimentCandidates, time: float) -> VisitPlan:
+        """Return the best visits within a time [s]."""
+        return visit_plan(table, time, self.criterion(), kind=self._outer_kind)
 
     @property
-    def kind(self) -> str:
-        """How samples of theta count; targets hold at every sample by themselves."""
-        design = self.study.design
-        return "average" if design.robust is None or design.targets else design.robust.kind
+    def _outer_kind(self) -> str:
+        """How samples count in plans; targets do that by themselves."""
+        return "average" if self.study.design.targets else self.kind
 
     def spectra(self) -> SpectraDesign | None:
         """Return the best spectra over all positions; None where flat ones are asked for."""
@@ -105,8 +116,8 @@ class VisitProblem:
             swing=swing,
             full=design.spectra == "full",
             line_cap=design.line_cap,
-            criterion=self.criterion,
-            kind=self.kind,
+            criterion=self.criterion(),
+            kind=self._outer_kind,
             tolerance=_SPECTRA_GAP,
         )
 
@@ -134,29 +145,33 @@ class VisitProblem:
             plan = self.plan(table, share)
             visits = self.visits(plan)
             std = self.deviations(visits)
-            ratio = np.nanmax(std / targets) if self.study.design.targets else 1.0
-            if ratio <= 1.0:
+            ratios = over_samples(std, self.kind) / targets
+            missed = float(np.max(ratios, initial=0.0, where=~np.isnan(ratios)))
+            if missed <= 1.0:
                 break
-            share /= _CLOSER * float(ratio)
+            share /= _CLOSER * missed
         return plan, visits, std
 
     def plan(self, table: ExperimentCandidates, share: float) -> VisitPlan:
         """Return the best visits, to this share of the targets, or refuse with what is feasible."""
         design = self.study.design
         most = _time_allowed(design, table)
-        if design.targets is None:
-            return visit_plan(table, most, self.criterion, kind=self.kind)
-        closer = {name: share * target for name, target in design.targets.items()}
+        criterion = self.criterion(share)
+        if not isinstance(criterion, TargetCriterion):
+            return self.within(table, most)
         info = table.information
-        needed = fastest_design(info, table.duration, closer, tolerance=_TIME_GAP).bound
+        needed = fastest_design(info, table.duration, criterion, tolerance=_TIME_GAP).bound
         if needed <= most:
-            plan = fastest_visit_plan(table, closer)
+            plan = fastest_visit_plan(table, criterion)
             if plan.duration <= most:
                 return plan
-        best = visit_plan(table, most, self.criterion)
+        best = self.within(table, most)
         if share < 1.0:  # at typical torques the targets are reached, by these visits nearly so
             return best
-        raise InvalidInput(_out_of_reach(needed, best, design))
+        p = len(info.names)
+        std = [standard_deviations(one) for one in best.information.reshape(-1, p, p)]
+        reached = over_samples(np.array(std), self.kind)
+        raise InvalidInput(_out_of_reach(needed, best, reached, design))
 
     def curve(self, table: ExperimentCandidates, plan: VisitPlan) -> TimeCurve:
         """Return the plans of other times."""
@@ -164,7 +179,7 @@ class VisitProblem:
         times = times or [share * plan.duration for share in _CURVE]
         low, high = float(table.duration.min()), _longest(table)
         times = [min(max(time, low), high) for time in times]
-        return time_curve(table, times, self.criterion, kind=self.kind)
+        return time_curve(table, times, self.criterion(), kind=self._outer_kind)
 
     def visits(self, plan: VisitPlan) -> tuple[StudyVisit, ...]:
         """Return the visits of a plan as they are to be run."""
@@ -187,6 +202,11 @@ class VisitProblem:
         law = ExcitationNoise(visit.spectrum, self.noise)
         omega = visit.plan.multisine.omega
         return np.asarray(information(robot, visit.plan.positions, omega, law).matrices[0])
+
+
+def over_samples(std: Array, kind: str) -> Array:
+    """Return standard deviations (K, p) at worst over samples of theta, or their mean, (p,)."""
+    return np.asarray(std.max(axis=0) if kind == "maximin" else np.exp(np.log(std).mean(axis=0)))
 
 
 def _longest(table: ExperimentCandidates) -> float:
@@ -218,16 +238,15 @@ def _time_allowed(design: VisitDesignChoice, table: ExperimentCandidates) -> flo
     return time
 
 
-def _out_of_reach(needed: float, best: VisitPlan, design: VisitDesignChoice) -> str:
-    """Return what is feasible where targets need too long a time [s]."""
+def _out_of_reach(needed: float, best: VisitPlan, std: Array, design: VisitDesignChoice) -> str:
+    """Return what is feasible, std (p,), where targets need too long a time [s]."""
     names = best.candidates.information.names
     asked = by_name_or_kind(design.targets or {}, names, "design.targets")
-    std = best.std / asked
-    worst = int(np.nanargmax(std))
+    worst = int(np.nanargmax(std / asked))
     allowed = "and design.minutes allows " if design.minutes else "and visits are planned for "
     minutes = design.minutes or _longest(best.candidates) / 60
     return (
         f"design.targets: {needed / 60:.3g} min are needed at least, more in whole visits, "
-        f"{allowed}{minutes:.3g}; the best within them is {std[worst]:.2g} times the targets, "
-        f"{names[worst]} at {best.std[worst]:.2g}"
+        f"{allowed}{minutes:.3g}; the best within them is "
+        f"{std[worst] / asked[worst]:.2g} times the targets, {names[worst]} at {std[worst]:.2g}"
     )

@@ -62,11 +62,12 @@ def spectra_words(results: VisitStudyResults) -> str:
 
 
 def promised_words(results: VisitStudyResults) -> str:
-    """Return the worst standard deviation of the visits, and samples of theta if there are more."""
-    std = results.std.max(axis=0)
-    many = len(results.std)
-    words = accuracy_words(results, std)
-    return f"{words}, the worst of {many} samples of the parameters" if many > 1 else words
+    """Return what the visits promise, over samples of theta if there are more."""
+    words, robust = accuracy_words(results, results.overall_std), results.study.design.robust
+    if robust is None:
+        return words
+    how = "the worst" if robust.kind == "maximin" else "the mean"
+    return f"{words}, {how} of {len(results.std)} samples of the parameters"
 
 
 def accuracy_words(results: VisitStudyResults, std: np.ndarray) -> str:

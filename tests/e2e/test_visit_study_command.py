@@ -154,10 +154,6 @@ def test_fitted_values_are_good_enough_for_spectra(tmp_path):
             {"design": {"targets": {"stiffness": 0.1}, "criterion": "D"}},
             "targets are one themselves",
         ),
-        (
-            {"design": {"targets": {"stiffness": 0.1}, "robust": {"kind": "average"}}},
-            "say maximin",
-        ),
         ({"design": {"minutes": 1e4}}, " are planned, 100 of the longest visits"),
         (
             {"robot": "manutec_r3", "candidates": {"sobol": 8}, "limits": {"torque": 1e-6}},
