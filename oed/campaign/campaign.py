@@ -12,7 +12,7 @@ from functools import cached_property
 from pathlib import Path
 
 from estimators.fitting.fitted_robot import fitted_robot
-from oed.campaign.checks import check_low_level, check_unchanged
+from oed.campaign.checks import check_hope, check_low_level, check_unchanged
 from oed.campaign.estimate import Estimate, fitted_visits
 from oed.campaign.evaluation import Evaluation
 from oed.campaign.planning import FEWEST
@@ -157,6 +157,7 @@ class Campaign:
         robot = now.planner.robot
         if status.estimate is None:
             self._require(FEWEST * now.forecast.shortest, now)
+            check_hope(status.outlook)
             return self._write(now.planner.first(now.forecast, status.remaining), "first", robot)
         if not status.short_of:
             plans = now.planner.repeated(fitted_visits(now.visits)[0].plan)

@@ -7,6 +7,7 @@ from scipy.stats import chi2
 
 from estimators.fitting.run_fit import RunFit
 from estimators.input_output.run_spectra import run_spectra
+from oed.campaign.outlook import Outlook
 from oed.campaign.settings import CampaignSettings
 from oed.campaign.visits import Visit
 from oed.experiment.loop_settings import per_motor
@@ -17,6 +18,9 @@ from robotmodels.records.records import Records
 
 LOW_LEVEL = 0.2
 """Part of the largest amplitude at which the first visit is run."""
+
+_HOPELESS = 100.0
+"""Times the minutes left that targets may need by the guesses, which are not so far off."""
 
 _EXCESS = 1.5
 """At full amplitude so many times a limit may be exceeded: peaks of full runs are planned anew."""
@@ -84,6 +88,22 @@ def check_low_level(visit: Visit, settings: CampaignSettings, friction: Array) -
                 f"full amplitude is {full[i]:.4g}, far beyond its limit {limit[i]:.4g}; correct "
                 "the robot file or the controller's gains, or lower the limit"
             )
+
+
+def check_hope(outlook: Outlook | None) -> None:
+    """Refuse to begin where guesses would have to be absurdly wrong for targets to be reached.
+
+    Raises
+    ------
+    InvalidInput
+        Naming the minutes that are needed and those that remain.
+    """
+    if outlook is not None and outlook.needed > _HOPELESS * outlook.remaining:
+        raise InvalidInput(
+            "targets: by the guesses and the noise of the low-level run they need "
+            f"{outlook.needed:.1g} min at least, {outlook.remaining:.3g} are left; give limits "
+            "more room, or ask for less"
+        )
 
 
 def low_level_noise(visit: Visit) -> ComplexArray:

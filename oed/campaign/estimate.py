@@ -15,12 +15,12 @@ from estimators.frf.frf_from_records import collected_warnings
 from estimators.input_output.run_scatter import expected_square
 from estimators.input_output.run_spectra import RunSpectra, run_spectra
 from estimators.trust.trust import Trust
-from estimators.uncertainty.covariance import covariance
+from estimators.uncertainty.covariance import Uncertainty, covariance
 from oed.campaign.checks import drift, recorded_peaks
 from oed.campaign.visits import Visit
 from robotmodels import ElasticRobot
 from robotmodels.common.arrays import Array, ComplexArray
-from robotmodels.common.errors import naming
+from robotmodels.common.errors import NotIdentifiable, naming
 from robotmodels.common.progress import Progress
 
 _STARTS = 4
@@ -131,8 +131,8 @@ class _Measured:
 
     @classmethod
     def of(cls, visit: Visit) -> "_Measured":
+        records = visit.records
         with naming(visit.records_file), collected_warnings() as warnings:
-            records = visit.records
             level, swing = recorded_peaks(records, len(visit.plan.motors))
             spectra = run_spectra(records, "detection", weak=True)
         words = [f"visit {visit.number}: {w.removeprefix('position 1: ')}" for w in warnings]
@@ -172,7 +172,7 @@ def estimate(
     starts = perturbed_starts(robot.parameters, _STARTS, 0.3, rng)
     fits = multistart(robot, data, starts, prior=prior, progress=progress)
     fit = fits[0]
-    theorem1 = covariance(fit)
+    theorem1 = _covariance(fit)
     periods = np.array([visit.plan.periods for visit in visits], dtype=float)
     return Estimate(
         values=fit.parameters.values,
@@ -188,6 +188,21 @@ def estimate(
         peaks=np.array([one.peaks for one in measured]),
         warnings=tuple(words for one in measured for words in one.warnings),
     )
+
+
+def _covariance(fit: RunFit) -> Uncertainty:
+    """Return the covariance by Theorem 1.
+
+    Raises
+    ------
+    NotIdentifiable
+        If some directions do not show above the noise.
+    """
+    try:
+        return covariance(fit)
+    except NotIdentifiable as error:
+        remedy = "noise hides them; give limits more room, allow more periods, or free fewer"
+        raise NotIdentifiable(error.names, remedy, error.combinations) from None
 
 
 def fit_at(latest: Estimate, robot: ElasticRobot, visits: Sequence[Visit]) -> RunFit:

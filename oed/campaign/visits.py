@@ -112,8 +112,8 @@ class Visit:
         InvalidInput
             If they are those of another visit, or others of this one are here.
         """
+        records = read_records(path)
         with naming(path):
-            records = read_records(path)
             self._check(records)
         target = self.records_file
         if target.exists():

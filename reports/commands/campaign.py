@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from reports.commands.options import AsJson, robot_names, say
+from reports.commands.options import AsJson, robot_names, say, warn
 from reports.commands.workers import one_thread_each
 
 if TYPE_CHECKING:
@@ -151,13 +151,19 @@ def simulate(
 def _exclusive(campaign: Path) -> "Iterator[tuple[Campaign, StageProgress | None]]":
     """Give a campaign that no other command changes meanwhile, and progress bars."""
     one_thread_each()
+    from estimators.frf.frf_from_records import collected_warnings
     from oed import Campaign
     from reports.summaries.progress import progress_bars
     from robotmodels.common.atomic_files import exclusive_folder
 
     opened = Campaign.load(campaign)
-    with exclusive_folder(opened.settings.output), progress_bars() as bars:
+    with (
+        exclusive_folder(opened.settings.output),
+        collected_warnings() as warnings,
+        progress_bars() as bars,
+    ):
         yield opened, bars
+    warn(warnings)
 
 
 def _reported(

@@ -130,7 +130,9 @@ def _locked(folder: Path) -> int:
                 return descriptor
         except BlockingIOError:
             os.close(descriptor)
-            raise InvalidInput(f"output: {folder} is in use by another run") from None
+            raise InvalidInput(
+                f"output: {folder} is in use by another run; try again when it has ended"
+            ) from None
         except FileNotFoundError:
             pass
         os.close(descriptor)

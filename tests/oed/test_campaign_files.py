@@ -179,13 +179,25 @@ def test_minutes_below_the_first_visits(tmp_path: Path) -> None:
 
 
 def test_the_first_visits_stay_within_the_minutes(tmp_path: Path) -> None:
-    """However long the accuracies take by the guesses."""
-    path = write_campaign(tmp_path, ("minutes: 20", "minutes: 1"), ("0.05, d", "1e-9, d"))
+    """However long the accuracies take by the guesses; where that is absurd nothing is run."""
+    path = write_campaign(tmp_path, ("minutes: 20", "minutes: 1"), ("0.05, damping: 0.3", "4e-5"))
     run_open(path)
-    ask(str(path))
+    far = change(path, ("4e-5", "1e-7"))
+    with pytest.raises(InvalidInput, match=r"by the guesses .* min at least, 0\.\d+ are"):
+        ask(str(far))
+    ask(str(change(path, ("1e-7", "4e-5"))))
     begun = Campaign.load(path).status()
     assert begun.state == "out of reach"
     assert begun.minutes + begun.expected < 0.5
+    assert not begun.estimate
+
+
+@pytest.mark.filterwarnings("ignore:position 1")
+def test_limits_that_leave_nothing_to_see(tmp_path: Path) -> None:
+    path = write_campaign(tmp_path, ("swing: 0.05", "swing: 1.0e-9"))
+    run_open(path)
+    with pytest.raises(InvalidInput, match="are left; give limits more room, or ask for less"):
+        ask(str(path))
 
 
 def test_a_failed_repetition_is_asked_for_again(fitted: Path) -> None:
@@ -230,7 +242,7 @@ def test_costs_and_peaks_of_visits(fitted: Path) -> None:
     latest = Campaign.load(fitted).status().estimate
     assert latest is not None
     assert latest.visit_costs.shape == (2,)
-    np.testing.assert_allclose(latest.visit_costs, 1, atol=0.5)
+    assert (np.abs(np.log(latest.visit_costs)) < np.log(5)).all()  # 6 degrees of freedom
     assert (latest.peaks[:, 1] > 3).all()
     assert (latest.peaks[:, 1] < 5.5).all()
 
