@@ -19,19 +19,22 @@ from robotmodels.library.robot_digest import robot_digest
 def write_visits(
     study: VisitStudy, plans: Sequence[ExperimentPlan], robot: ElasticRobot
 ) -> tuple[Visit, ...]:
-    """Write visits into ``visits`` of the output; those that are there stay if they are the same.
+    """Write visits into ``visits`` of the output; those with records stay if they are the same.
 
     Raises
     ------
     InvalidInput
-        If there are records of other visits, which would be lost.
+        If there are records of other visits, which would be lost, or visits of a campaign.
     """
     visits = VisitFolder(study.output / "visits")
     there = visits.all()
-    if [fingerprint(one.plan) for one in there] == [fingerprint(plan) for plan in plans]:
-        return there
-    told = sum(visit.state == "told" for visit in there)
-    if told:
+    if any(visit.purpose != "study" for visit in there):
+        raise InvalidInput(
+            f"output: {visits.folder} is a campaign's; give the study another output"
+        )
+    if told := sum(visit.state == "told" for visit in there):
+        if [fingerprint(one.plan) for one in there] == [fingerprint(plan) for plan in plans]:
+            return there
         raise InvalidInput(
             f"output: {visits.folder} has records of {told} visits of another plan; move that "
             "folder away, or give the study another output"
