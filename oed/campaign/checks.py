@@ -66,11 +66,12 @@ def check_low_level(visit: Visit, settings: CampaignSettings, friction: Array) -
     """
     records, motors = visit.records, visit.plan.motors
     who = f"visit {visit.number}, at {100 * LOW_LEVEL:.0f} % of the amplitude"
+    again = f"to run it again, remove {visit.records_file} and tell that it failed"
     if records.saturated.any():
         motor = motors[int(records.saturated.any(axis=(0, 1, 2, 3)).argmax())]
         raise InvalidInput(
             f"{who}: the torque of motor {motor!r} met its limit; see what holds it, or lower "
-            "the limits"
+            f"the limits; {again}"
         )
     levels, swings = recorded_peaks(records, len(motors))
     units = {"torque": "N m", "speed": "rad/s"}
@@ -86,7 +87,7 @@ def check_low_level(visit: Visit, settings: CampaignSettings, friction: Array) -
             raise InvalidInput(
                 f"{who}: {name} of motor {motors[i]!r} swings by {swing[i]:.4g} {unit}, which at "
                 f"full amplitude is {full[i]:.4g}, far beyond its limit {limit[i]:.4g}; correct "
-                "the robot file or the controller's gains, or lower the limit"
+                f"the robot file or the controller's gains, or lower the limit; {again}"
             )
 
 

@@ -100,7 +100,10 @@ class Visit:
     def fail(self, reason: str) -> None:
         """Note that it failed; without effect on a visit whose records are here."""
         if self.state == "told":
-            raise InvalidInput(f"visit {self.number}: its records are here; it did not fail")
+            raise InvalidInput(
+                f"visit {self.number}: its records are here, {self.records_file}; remove that file "
+                "first if they are not to count"
+            )
         document = {"schema": "failed_visit/1", "reason": reason}
         write_text(self.folder / "failed.yaml", yaml.safe_dump(document, sort_keys=False))
 

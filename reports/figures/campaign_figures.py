@@ -27,8 +27,9 @@ def accuracies(names: Sequence[str], minutes: Array, ratios: Array) -> Drawing:
         axes = figure.add_subplot()
         axes.axhline(1.0, color=palette.muted, lw=0.8, dashes=(4, 3))
         asked = np.any(ratios > 0, axis=0).tolist()
-        colours = (palette.accent, palette.second, palette.ink)
-        for (kind, group), colour in zip(parameter_groups(names).items(), colours, strict=False):
+        colours = {"Springs": palette.accent, "Dampers": palette.second}
+        for kind, group in parameter_groups(names).items():
+            colour = colours.get(kind, palette.ink)
             for k, i in enumerate(i for i in group if asked[i]):
                 (curve,) = axes.plot(minutes, ratios[:, i], ".-", color=colour, lw=1.0, ms=5)
                 curve.set_label("_" if k else kind)
