@@ -8,6 +8,7 @@ second, and taken out again where others make better use of their time.
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
+from operator import itemgetter
 
 import numpy as np
 
@@ -67,8 +68,17 @@ class VisitPlan(ReprHtml):
     information: Array
 
     @property
+    def shared_moves(self) -> float:
+        """Time of moves that are not needed, visits in one position made in a row [s]."""
+        positions = [position for position, _, _ in self.visits]
+        return (len(positions) - len(set(positions))) * self.candidates.timing.move
+
+    @property
     def visits(self) -> list[tuple[int, str, int]]:
-        """Position, excitation and periods of each visit; more periods than the most are shared."""
+        """Position, excitation and periods of each visit, by position.
+
+        More periods than the most are shared by visits.
+        """
         most, count = max(self.candidates.periods), len(self.candidates.positions)
         visits = []
         for pair in np.flatnonzero(self.periods):
@@ -76,13 +86,15 @@ class VisitPlan(ReprHtml):
             parts = -(-int(self.periods[pair]) // most)
             for part in np.array_split(np.ones(self.periods[pair]), parts):
                 visits.append((int(pair) % count, excitation, len(part)))
-        return visits
+        return sorted(visits, key=itemgetter(0))
 
     def __str__(self) -> str:
         lines = [
             f"{len(self.visits)} visits in {self.duration / 60:.3g} min, efficiency >= "
             f"{self.efficiency:.3f}, largest standard deviation {self.std.max():.3g}"
         ]
+        if self.shared_moves > 0:
+            lines[0] += f"; {self.shared_moves:.3g} s less where visits share a position"
         for (position, excitation, periods), times in Counter(self.visits).items():
             often = f", {times} times" if times > 1 else ""
             lines.append(f"  position {position}: {excitation}, {periods} periods{often}")

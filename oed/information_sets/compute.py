@@ -193,7 +193,7 @@ def information(
         return InformationSet._of_sums(positions, counted(parts, len(positions), progress), names)
     from oed.information_sets.stored_information import write_store
 
-    return write_store(store, positions, names, counted(parts, len(positions), progress))
+    return write_store(store, positions, names, counted(parts, len(positions), progress), True)
 
 
 class ChunkWork(Protocol):

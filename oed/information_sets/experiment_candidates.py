@@ -299,7 +299,7 @@ def _information(
         from oed.information_sets.stored_information import write_store
 
         chunks = (part.reshape(-1, *part.shape[2:]) for part in parts)
-        return write_store(store, np.repeat(positions, excitations, axis=0), names, chunks)
+        return write_store(store, np.repeat(positions, excitations, axis=0), names, chunks, True)
     q, p = len(positions), len(names)
     check_memory(
         8.0 * q * excitations * p**2, "positions: the information (a `store` keeps it in a file)"

@@ -77,8 +77,7 @@ class InformationSet(ReprHtml):
         """Return a set of matrices, in chunks, that are sums of squares wherever finite."""
         total, done = np.empty((len(positions), len(names), len(names))), 0
         for part in matrices:
-            if not np.isfinite(part.sum()):
-                check_matrices(part, done)
+            check_matrices(part, done, of_sums=True)
             np.add(part, np.swapaxes(part, 1, 2), out=total[done : done + len(part)])
             total[done : done + len(part)] *= 0.5
             done += len(part)

@@ -18,8 +18,10 @@ def check_positions(positions: Array) -> None:
     _refuse(~np.isfinite(positions).all(axis=1), "a position that is not finite", 0)
 
 
-def check_matrices(matrices: Array, first: int = 0) -> None:
+def check_matrices(matrices: Array, first: int = 0, of_sums: bool = False) -> None:
     """Refuse matrices (n, p, p) that are no information; the first one is candidate `first`.
+
+    Sums of squares (`of_sums`) are semidefinite where they are finite.
 
     Raises
     ------
@@ -27,6 +29,8 @@ def check_matrices(matrices: Array, first: int = 0) -> None:
         Naming the candidate, if one is not finite, symmetric or positive semidefinite, all to
         rounding.
     """
+    if of_sums and np.isfinite(matrices.sum()):
+        return
     # The candidate at fault is searched only if there is one.
     parts = range(0, len(matrices), _PART)
     if all(_is_definite(matrices[start : start + _PART]) for start in parts):

@@ -183,10 +183,12 @@ def write_store(
     positions: Array,
     names: Sequence[str],
     chunks: Iterable[Array],
+    of_sums: bool = False,
 ) -> StoredInformation:
     """Write a store from chunks of matrices, (n, p, p), in the order of the positions.
 
-    The file appears under its name when it is complete.
+    The file appears under its name when it is complete. Matrices that are sums of squares
+    (`of_sums`) are checked only where they are not finite.
 
     Raises
     ------
@@ -208,7 +210,7 @@ def write_store(
         file.write(total.tobytes())  # once more at the end, when it is complete
         file.write(positions.tobytes())
         for matrices in chunks:
-            check_matrices(matrices, written)
+            check_matrices(matrices, written, of_sums)
             packed = 0.5 * (matrices[:, rows, columns] + matrices[:, columns, rows])
             file.write(np.ascontiguousarray(packed).tobytes())
             total += packed.sum(axis=0)

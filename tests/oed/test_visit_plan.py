@@ -1,6 +1,6 @@
 """Whole visits within minutes and to targets, against every plan there is."""
 
-from itertools import product
+from itertools import pairwise, product
 
 import numpy as np
 import pytest
@@ -70,6 +70,16 @@ def test_plans_to_targets_against_every_plan(seed):
     assert plan.duration <= 1.2 * least
     relaxed = oed.fastest_design(table.information, table.duration, TARGETS)
     assert plan.efficiency >= relaxed.bound / plan.duration - 1e-6
+
+
+def test_visits_in_one_position_need_one_move():
+    plan = oed.visit_plan(candidates(1), 400.0)
+    positions = [position for position, _, _ in plan.visits]
+    moves = 1 + sum(one != other for one, other in pairwise(positions))
+    assert moves < len(positions)
+    measured = sum(TIMING.duration(1, count) - TIMING.move for _, _, count in plan.visits)
+    assert plan.duration - plan.shared_moves == pytest.approx(measured + moves * TIMING.move)
+    assert "s less where visits share a position" in str(plan)
 
 
 @pytest.mark.parametrize("seed", range(4))
