@@ -49,6 +49,7 @@ bench: $(VENV)/installed
 	$(BIN)/python benchmarks/time_domain_rival.py --starts 3
 	$(BIN)/python benchmarks/plant.py
 	$(BIN)/python benchmarks/design.py
+	$(BIN)/python benchmarks/experiments.py
 	$(BIN)/python benchmarks/chains.py
 
 # Oldest and newest libraries, each Python at hand, the wheel outside the repository (half an hour).

@@ -73,9 +73,51 @@ def spectra(count: int) -> dict[str, Any]:
     return {"positions": count, "gap": design.gap, "rounds": design.rounds}
 
 
+def replan(count: int) -> dict[str, Any]:
+    """Return the plan after a first stage of flat spectra, as campaigns make it."""
+    robot, positions, noise = setting(count)
+
+    def table(where: Array, excitations: list[Any]) -> oed.ExperimentCandidates:
+        return oed.experiment_candidates(
+            robot, where, excitations, LINES, noise, torque=TORQUE, periods=(1, 2, 4, 8, 16)
+        )
+
+    flat = table(positions, ["zippered"])
+    first = oed.visit_plan(flat, 0.25 * HOUR)
+    prior, targets = (
+        first.information,
+        dict(zip(robot.parameters.names, first.std / 4, strict=True)),
+    )
+    relaxed = oed.fastest_design(flat.information, flat.duration, targets, prior, 1e-3)
+    used = positions[np.unique(relaxed.support % count)]
+    criterion, share = oed.TargetCriterion(targets), 4 * flat.timing.period / relaxed.time
+    design = oed.optimal_spectra(
+        robot, used, LINES, noise, TORQUE, criterion=criterion, prior=share * prior, tolerance=1e-2
+    )
+    coloured = table(design.positions, ["zippered", *design.excitations])
+    plan = oed.fastest_visit_plan(coloured, targets, prior)
+    return {"positions": count, "minutes": plan.duration / 60, "efficiency": plan.efficiency}
+
+
+def shared(count: int) -> dict[str, Any]:
+    """Return the processor time of eight excitations together, and of each by itself."""
+    robot, positions, noise = setting(count)
+
+    def seconds(sets: list[list[Any]]) -> float:
+        start = time.process_time()
+        for excitations in sets:
+            oed.experiment_candidates(robot, positions, excitations, LINES, noise, torque=TORQUE)
+        return time.process_time() - start
+
+    together, alone = seconds([EXCITATIONS]), seconds([[one] for one in EXCITATIONS])
+    return {"together_cpu_seconds": together, "ratio_of_each_alone": alone / together}
+
+
 PARTS: dict[str, tuple[Callable[[int], dict[str, Any]], int]] = {
     "million": (million, 125_000),
     "spectra": (spectra, 20_000),
+    "replan": (replan, 512),
+    "shared": (shared, 2_000),
 }
 
 

@@ -142,7 +142,6 @@ class VisitSearch:
                 new = self._ridged_value(other)
                 if new > value + _IMPROVED:
                     periods, value, improved = other, new, True
-                    break
         return periods
 
     def _filled(self, periods: IntArray, time: float) -> IntArray:
