@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from oed.criteria.objective import Objective
+from oed.criteria.objective import Objective, samples
 from oed.exact.gain_bounds import group_log_values, log_values
 from oed.information_sets.candidates import sensitivities
 from oed.information_sets.experiment_candidates import ExperimentCandidates
@@ -12,7 +12,7 @@ from robotmodels.common.arrays import Array, IntArray
 
 _POOL = 4  # pairs for each parameter, beside those that the relaxed design uses
 _RIDGE = 1e-9  # of the relaxed information, so that every plan has a finite value
-_BATCH = 24
+_FIRST, _BATCH = 6, 24  # additions that are evaluated together
 _IMPROVED = 1e-9
 
 
@@ -160,9 +160,8 @@ class VisitSearch:
         value, slopes = self._tangent(information)
         ceilings = count * slopes[pair] / extra
         order, best, choice = np.argsort(-ceilings, kind="stable"), 0.0, (0, 0)
-        for first in range(0, len(order), _BATCH):
-            batch = order[first : first + _BATCH]
-            if ceilings[batch[0]] <= best:
+        for batch in np.split(order, range(_FIRST, len(order), _BATCH)):
+            if not len(batch) or ceilings[batch[0]] <= best:
                 break
             factors = count[batch].reshape(-1, *(1,) * information.ndim)
             stack = information + factors * self.matrices[pair[batch]]
@@ -184,9 +183,10 @@ class VisitSearch:
     def _tangent(self, information: Array) -> tuple[float, Array]:
         """Return the log value and its derivative by the periods of each pair, (k,)."""
         groups = group_log_values(self.objective, information[None])[0]
-        worst = np.eye(len(groups))[np.argmin(groups)]
-        witness = self.objective.witness(information, worst)
-        weight = self.objective.summed_by_sample(witness, information.shape)
+        weight, stack = np.zeros(information.shape), samples(information)
+        for term in self.objective.groups[int(np.argmin(groups))]:
+            W = term.share * term.mean.log_gradient(stack[term.sample])
+            weight.reshape(-1, *W.shape)[term.sample] += W
         return float(groups.min()), sensitivities(weight, self.matrices)
 
     def _costs(self, periods: IntArray, pair: IntArray | None = None) -> Array:
