@@ -1,14 +1,15 @@
 """What a study of visits chooses from, and the best of it as it is to be run."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 
 from oed.campaign.visit_plan import motion_levels, visit_spectrum
 from oed.campaign.visit_planner import VisitPlanner, visits_of
 from oed.criteria.criteria import Criterion
-from oed.criteria.targets import TargetCriterion, by_name_or_kind
+from oed.criteria.targets import TargetCriterion
 from oed.design.fastest_design import fastest_design
 from oed.design.optimal_spectra import SpectraDesign, optimal_spectra
 from oed.exact.plan_score import standard_deviations
@@ -39,6 +40,9 @@ _LEAST_SHARE = 1e-3
 _TRIES, _CLOSE, _CLOSER = 4, 0.9, 1.02
 """Plans to targets at most; targets are reached and little more; by how much closer ones."""
 
+_HOPELESS = 6.0
+"""Times the time allowed: visits as written never have so much more information than planned."""
+
 _TIME_GAP = 1e-3
 """Of the least time to targets, before whole visits are searched."""
 
@@ -68,6 +72,17 @@ class StudyVisit:
     spectrum: ComplexArray
 
 
+class _Attempt(NamedTuple):
+    """A plan as written: by how much it misses the targets, its time, and as of `plan`."""
+
+    missed: float
+    duration: float
+    excess: float
+    plan: VisitPlan
+    visits: tuple[StudyVisit, ...]
+    std: Array
+
+
 @dataclass(frozen=True, eq=False)
 class VisitProblem:
     """A study with its candidates, samples of theta and noise."""
@@ -85,10 +100,12 @@ class VisitProblem:
 
     def criterion(self, share: float = 1.0) -> str | Criterion:
         """Return what visits within a time maximise; the accuracy to a share of the targets."""
-        design = self.study.design
-        if design.targets is None:
-            return design.criterion
-        closer = {name: share * target for name, target in design.targets.items()}
+        targets = self.study.design.targets
+        return self.study.design.criterion if targets is None else self.targeted(targets, share)
+
+    def targeted(self, targets: Mapping[str, float], share: float) -> TargetCriterion:
+        """Return the accuracy to a share of targets."""
+        closer = {name: share * target for name, target in targets.items()}
         return TargetCriterion(closer, kind=self.kind)
 
     def within(self, table: ExperimentCandidates, time: float) -> VisitPlan:
@@ -141,40 +158,66 @@ class VisitProblem:
         Plans are of typical torques, visits of those that limits leave. So the accuracy that plans
         are to reach is set by that of the visits, until these reach the targets and little more.
         """
-        share, attempts = 1.0, []
+        share, attempts = 1.0, list[_Attempt]()
         for _ in range(_TRIES):
-            plan = self.plan(table, share)
+            plan, excess = self.plan(table, share)
+            if excess > _HOPELESS:
+                refusal = self._out_of_reach(table, share, self.planned(plan), targets)
+                raise InvalidInput(refusal)
             visits = self.visits(plan)
             std = self.deviations(visits)
-            ratios = over_samples(std, self.kind) / targets
-            missed = float(np.max(ratios, initial=0.0, where=~np.isnan(ratios)))
-            attempts.append((missed > 1.0, plan.duration, plan, visits, std))
-            if missed == 0.0 or _CLOSE <= missed <= 1.0:
+            missed = _largest(over_samples(std, self.kind) / targets)
+            attempts.append(_Attempt(max(missed, 1.0), plan.duration, excess, plan, visits, std))
+            if missed == 0.0 or _CLOSE <= missed <= 1.0 or (excess and len(attempts) > 1):
                 break
-            share /= _CLOSER * missed
-        _, _, plan, visits, std = min(attempts, key=lambda attempt: attempt[:2])
-        return plan, visits, std
+            share = _largest(self.planned(plan) / targets) / (_CLOSER * missed)
+        best = min(attempts, key=lambda attempt: attempt[:2])
+        if best.missed > 1.0 and best.excess:
+            overall = over_samples(best.std, self.kind)
+            raise InvalidInput(self._out_of_reach(table, share, overall, targets))
+        return best.plan, best.visits, best.std
 
-    def plan(self, table: ExperimentCandidates, share: float) -> VisitPlan:
-        """Return the best visits, to this share of the targets, or refuse with what is feasible."""
-        design = self.study.design
-        most = _time_allowed(design, table)
+    def planned(self, plan: VisitPlan) -> Array:
+        """Return the standard deviations of a plan at typical torques, over samples, (p,)."""
+        p = len(plan.candidates.information.names)
+        parts = [standard_deviations(one) for one in plan.information.reshape(-1, p, p)]
+        return over_samples(np.array(parts), self.kind)
+
+    def plan(self, table: ExperimentCandidates, share: float) -> tuple[VisitPlan, float]:
+        """Return the best visits to this share of the targets, and zero.
+
+        Where they take too long, the best within the time, and how many times that is needed.
+        """
+        most = _time_allowed(self.study.design, table)
         criterion = self.criterion(share)
         if not isinstance(criterion, TargetCriterion):
-            return self.within(table, most)
-        info = table.information
-        needed = fastest_design(info, table.duration, criterion, tolerance=_TIME_GAP).bound
+            return self.within(table, most), 0.0
+        needed = self._needed(table, criterion)
         if needed <= most:
             plan = fastest_visit_plan(table, criterion)
             if plan.duration <= most:
-                return plan
-        best = self.within(table, most)
-        if share < 1.0:  # at typical torques the targets are reached, by these visits nearly so
-            return best
-        p = len(info.names)
-        std = [standard_deviations(one) for one in best.information.reshape(-1, p, p)]
-        reached = over_samples(np.array(std), self.kind)
-        raise InvalidInput(_out_of_reach(needed, best, reached, design))
+                return plan, 0.0
+        return self.within(table, most), max(needed / most, 1.0)
+
+    def _needed(self, table: ExperimentCandidates, criterion: TargetCriterion) -> float:
+        """Return a time that no visits to targets go below [s]."""
+        info = table.information
+        return fastest_design(info, table.duration, criterion, tolerance=_TIME_GAP).bound
+
+    def _out_of_reach(
+        self, table: ExperimentCandidates, share: float, std: Array, targets: Array
+    ) -> str:
+        """Return what is feasible, std (p,), where targets need too long a time."""
+        design = self.study.design
+        needed = self._needed(table, self.targeted(design.targets or {}, share)) / 60
+        names, worst = table.information.names, int(np.nanargmax(std / targets))
+        allowed = "and design.minutes allows " if design.minutes else "and visits are planned for "
+        minutes = design.minutes or _longest(table) / 60
+        return (
+            f"design.targets: about {needed:.3g} min are needed, {allowed}{minutes:.3g}; the best "
+            f"within them is {_largest(std / targets):.2g} times the targets, {names[worst]} at "
+            f"{std[worst]:.2g}"
+        )
 
     def curve(self, table: ExperimentCandidates, plan: VisitPlan) -> TimeCurve:
         """Return the plans of other times."""
@@ -241,15 +284,6 @@ def _time_allowed(design: VisitDesignChoice, table: ExperimentCandidates) -> flo
     return time
 
 
-def _out_of_reach(needed: float, best: VisitPlan, std: Array, design: VisitDesignChoice) -> str:
-    """Return what is feasible, std (p,), where targets need too long a time [s]."""
-    names = best.candidates.information.names
-    asked = by_name_or_kind(design.targets or {}, names, "design.targets")
-    worst = int(np.nanargmax(std / asked))
-    allowed = "and design.minutes allows " if design.minutes else "and visits are planned for "
-    minutes = design.minutes or _longest(best.candidates) / 60
-    return (
-        f"design.targets: {needed / 60:.3g} min of typical torques are needed at least, more in "
-        f"whole visits, {allowed}{minutes:.3g}; the best within them is "
-        f"{std[worst] / asked[worst]:.2g} times the targets, {names[worst]} at {std[worst]:.2g}"
-    )
+def _largest(ratios: Array) -> float:
+    """Return the largest of some ratios; zero where none is a number."""
+    return float(np.max(ratios, initial=0.0, where=~np.isnan(ratios)))
