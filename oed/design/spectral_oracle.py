@@ -13,7 +13,7 @@ constraint, so it is cheap to bound; a linear program over vectors u, X_k = sum 
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.optimize import linprog
+from scipy.optimize import OptimizeResult, linprog
 from scipy.sparse import csr_array, vstack
 
 from robotmodels.common.arrays import Array, ComplexArray, IntArray
@@ -22,6 +22,7 @@ from robotmodels.common.errors import SolverFailed
 _MOST_PROGRAMS = 60
 _CLOSED = 1e-9  # of the value
 _SWEEPS = 3
+_ATTEMPTS = (("highs", 1e-10), ("highs-ds", 1e-9), ("highs-ipm", 1e-9), ("highs-ipm", 1e-7))
 
 
 @dataclass(frozen=True)
@@ -110,12 +111,7 @@ class SpectralOracle:
             (np.ones(len(lines)), (lines, np.arange(len(lines)))), (len(prices), len(lines))
         )
         bounds = np.concatenate([np.ones(len(rows)), np.full(len(prices), self.cap)])
-        options = {"primal_feasibility_tolerance": 1e-10, "dual_feasibility_tolerance": 1e-10}
-        solution = linprog(
-            -gains / scale, A_ub=vstack([csr_array(rows), of_lines]), b_ub=bounds, options=options
-        )
-        if solution.x is None:
-            raise SolverFailed(f"optimal spectra: HiGHS: {solution.message}")
+        solution = _solved(-gains / scale, vstack([csr_array(rows), of_lines]), bounds)
         multipliers = np.maximum(-scale * solution.ineqlin.marginals, 0.0)
         x = np.maximum(solution.x, 0.0)
         # What HiGHS exceeds within its tolerance is taken back.
@@ -128,6 +124,21 @@ class SpectralOracle:
             return np.asarray(np.maximum(np.linalg.eigvalsh(matrices)[..., -1], 0.0))
         diagonals = np.einsum("...ii->...i", matrices).real
         return np.asarray(np.maximum(diagonals.max(axis=-1), 0.0))
+
+
+def _solved(costs: Array, rows: csr_array, bounds: Array) -> OptimizeResult:
+    """Return the answer of HiGHS, which at times has none to its tightest tolerances.
+
+    Looser ones are rigorous too: bounds are of multipliers, and powers are scaled to the limits.
+    """
+    for method, tolerance in _ATTEMPTS:
+        options = dict.fromkeys(
+            ("primal_feasibility_tolerance", "dual_feasibility_tolerance"), tolerance
+        )
+        solution = linprog(costs, A_ub=rows, b_ub=bounds, method=method, options=options)
+        if solution.x is not None:
+            return solution
+    raise SolverFailed(f"optimal spectra: HiGHS: {solution.message}")
 
 
 def _forms(matrices: ComplexArray, vectors: ComplexArray) -> Array:
