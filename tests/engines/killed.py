@@ -58,7 +58,7 @@ def killed_at_moments(
 
     Each time it begins with the folder as it is now. Returned are copies of the folder at the ends.
     """
-    ends, before = [], folder.with_name("before")
+    ends, before = [], folder.with_name(f"before-{work.__name__}")
     shutil.copytree(folder, before)
     for change in range(1, 1000):
         shutil.rmtree(folder)
@@ -70,7 +70,7 @@ def killed_at_moments(
                 raise
             return ends
         work(*words)
-        ends.append(folder.with_name(f"after-{change}"))
+        ends.append(folder.with_name(f"{work.__name__}-{change}"))
         shutil.copytree(folder, ends[-1])
     raise AssertionError("it has no end")
 

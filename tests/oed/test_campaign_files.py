@@ -116,7 +116,6 @@ def test_killed_at_any_moment_of_a_fit_or_records_taken(tmp_path: Path) -> None:
     out = tmp_path / "out"
     for end in killed_at_moments(tell, [str(path), "3", str(records)], out, LIBRARIES):
         assert (end / "visits/003/records.h5").read_bytes() == records.read_bytes()
-    shutil.rmtree(tmp_path / "before")
     before = Campaign.load(path).status()
     assert len(before.history) == 1
     (out / "history.h5").unlink()
