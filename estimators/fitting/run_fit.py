@@ -4,7 +4,9 @@ from dataclasses import dataclass, field
 
 from estimators.fitting.fitted_model import FittedModel, lines_in_words
 from estimators.fitting.run_problem import SML, RunProblem
+from estimators.input_output.coulomb import CoulombPart
 from estimators.input_output.run_spectra import RunSpectra
+from robotmodels.common.arrays import Array
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -43,6 +45,15 @@ class RunFit(FittedModel):
             prior=self.prior,
             weighting=self.weighting,
         )
+
+    @property
+    def coulomb(self) -> Array | None:
+        """Levels of the motors' Coulomb friction in each position, (Q, n) [N m], if fitted."""
+        if self.data.coulomb is None:
+            return None
+        part = self.problem.errors(self.parameters.values).free
+        assert isinstance(part, CoulombPart)
+        return self.data.coulomb.levels + part.levels
 
     @property
     def expected_cost(self) -> float:

@@ -86,7 +86,8 @@ class RunProblem(FitProblem):
         data = self.data
         measured = data.positions, data.omega, data.inputs, data.outputs, data.degrees_of_freedom
         states = data.sample_time, data.polynomials, data.delay
-        return (self.name, self.row_wise, *states, *measured), data.covariance
+        friction = () if data.coulomb is None else (data.coulomb.shares,)
+        return (self.name, self.row_wise, *states, *measured, *friction), data.covariance
 
     @property
     def any_outputs(self) -> bool:
@@ -108,9 +109,9 @@ class RunProblem(FitProblem):
         _, runs, lines, m = self.data.outputs.shape
         factor = expected_square(self.data.degrees_of_freedom, self.rows)
         numbers = np.full(len(self.positions), float(m * lines * runs))
-        if self.data.has_states:
+        if self.data.has_states or self.data.coulomb is not None:
             part = self.errors(self.model.parameters.values).free
-            numbers -= runs * (0 if part is None else part.rank) / 2
+            numbers -= (0.0 if part is None else part.spent(runs)) / 2
         return float((factor * numbers).sum() - factor.mean() * len(self.names) / 2)
 
     def likelihood_scale(self, values: Array) -> float:
@@ -155,7 +156,7 @@ class RunProblem(FitProblem):
 
     def squares(self, response: ComplexArray, values: Array) -> Array:
         """Return the parts of the cost, (w, Q, F, m, E)."""
-        if self.data.has_states:
+        if self.data.has_states or self.data.coulomb is not None:
             each = zip(response, values, strict=True)
             white = np.stack([self.errors(theta, G).whitened for G, theta in each])
         else:
@@ -197,7 +198,8 @@ class RunProblem(FitProblem):
         far from the fit, measured inputs tell them better than the likelihood does.
         """
         G, J = self.derived(values)
-        errors, inputs = self.errors(values, G), self.likelihood.columns[1]
+        errors = self.errors(values, G)
+        inputs = self.likelihood.inputs(errors.free)
         if self.row_wise:
             inputs = np.broadcast_to(inputs[:, :, None], errors.inputs.shape)
         measured = replace(errors, inputs=inputs, gain=np.zeros_like(errors.gain))
@@ -236,7 +238,8 @@ class RunProblem(FitProblem):
         """Tell whether runs are periodic, and only springs, dampers and inertias are free."""
         from robotmodels.kernel import run_kernel_suits
 
-        return not self.data.has_states and run_kernel_suits(network)
+        along = self.data.has_states or self.data.coulomb is not None
+        return not along and run_kernel_suits(network)
 
     def kernel(self, network: SpringNetwork) -> "RunKernel":
         """Return the compiled cost about a network's equilibria."""
@@ -257,9 +260,9 @@ class RunProblem(FitProblem):
     def _slopes(self, values: Array, errors: Errors, jacobian: ComplexArray) -> ComplexArray:
         """Return the derivatives of whitened modelled outputs, (Q, F, m, E, p)."""
         white = self.likelihood.whitened_changes(errors, jacobian)
-        free = self.free(values)
         if errors.free is None:
             return white
+        free = self.free(values)
         if not (isinstance(free, FreeResponse) and isinstance(errors.free, FreePart)):
             return errors.free.taken_off(white)
         slopes = by_ln_theta(self._states, values)

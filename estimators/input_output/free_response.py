@@ -47,10 +47,9 @@ class FreePart:
         along = basis.swapaxes(1, 2) @ _real(errors)
         return cls(basis, inverse @ along / scale.swapaxes(1, 2))
 
-    @property
-    def rank(self) -> Array:
-        """Real numbers that each run spends on its states, (Q,)."""
-        return np.asarray(np.round((self.basis**2).sum(axis=(1, 2))))
+    def spent(self, runs: int) -> Array:
+        """Return the real numbers that runs spend on their states, (Q,)."""
+        return np.asarray(runs * np.round((self.basis**2).sum(axis=(1, 2))))
 
     def taken_off(self, columns: ComplexArray) -> ComplexArray:
         """Return columns (Q, F, m, ...) less what states can imitate of them."""

@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from estimators.input_output.coulomb import CoulombPart
 from estimators.input_output.free_response import FreePart, FreeResponse
 from estimators.input_output.local_transient import LocalPolynomials, PolynomialPart
 from estimators.input_output.run_spectra import RunSpectra
@@ -39,8 +40,8 @@ class Errors:
         Sigma.
     gain : ndarray of complex, (Q, F, n, m)
         A L^-H, column by column A_i / L_i row by row: inputs are U less gain times `whitened`.
-    free : FreePart or PolynomialPart or None
-        The free response.
+    free : FreePart, PolynomialPart, CoulombPart or None
+        The free response, or what friction does beside that of the data's levels.
     """
 
     root: Array | ComplexArray
@@ -48,7 +49,7 @@ class Errors:
     inputs: ComplexArray
     covariance: ComplexArray
     gain: ComplexArray
-    free: FreePart | PolynomialPart | None = None
+    free: FreePart | PolynomialPart | CoulombPart | None = None
 
     def whiten(self, columns: ComplexArray) -> ComplexArray:
         """Return L^-1 of columns (Q, F, m, ...)."""
@@ -106,7 +107,7 @@ class RunLikelihood:
         SolverFailed
             If the errors of some line have no covariance.
         """
-        U, T = self.columns[1], self.noise_root
+        T = self.noise_root
         m = self.data.outputs.shape[3]
         X = T[..., :m, :] - response @ T[..., m:, :]
         A = T[..., m:, :] @ _adjoint(X)
@@ -118,15 +119,40 @@ class RunLikelihood:
         blank = np.empty(0, dtype=complex)
         errors = Errors(root, blank, blank, X @ _adjoint(X), gain)
         whitened = errors.whiten(self.raw_errors(response))
-        part = None if free is None else _free_part(free, errors, whitened)
+        part: FreePart | PolynomialPart | CoulombPart | None = None
+        if free is not None:
+            part = _free_part(free, errors, whitened)
+        elif self.data.coulomb is not None:
+            part = self._friction(response, errors, whitened)
         if part is not None:
             whitened = part.taken_off(whitened)
+        U = self.inputs(part)
         if self.row_wise:
             pulled = gain.swapaxes(-1, -2)[..., None] * whitened[..., None, :]  # (Q, F, m, n, E)
             inputs = U[..., None, :, :] - pulled
         else:
             inputs = U - gain @ whitened
         return replace(errors, whitened=whitened, inputs=inputs, free=part)
+
+    def _friction(
+        self, response: ComplexArray, errors: Errors, whitened: ComplexArray
+    ) -> CoulombPart:
+        """Return what other levels of friction could explain: e = Y - G (U - S c)."""
+        moved = np.einsum("qfmn,qfne->qfmen", response, self._shares, optimize=True)
+        return CoulombPart.of(-errors.whiten(moved), whitened)
+
+    @cached_property
+    def _shares(self) -> ComplexArray:
+        """Spectra of friction at a level of one, (Q, F, n, E)."""
+        assert self.data.coulomb is not None
+        return np.moveaxis(self.data.coulomb.shares, 1, 3)
+
+    def inputs(self, free: FreePart | PolynomialPart | CoulombPart | None) -> ComplexArray:
+        """Return the torques less what friction takes of them, (Q, F, n, E)."""
+        U = self.columns[1]
+        if isinstance(free, CoulombPart):
+            U = U - self._shares * free.levels[:, None, :, None]
+        return U
 
     def raw_errors(self, response: ComplexArray) -> ComplexArray:
         """Return Y - G U, (..., Q, F, m, E)."""

@@ -36,10 +36,9 @@ class PolynomialPart:
     lines: IntArray
     basis: ComplexArray
 
-    @property
-    def rank(self) -> Array:
-        """Real numbers that each run spends on its transients, (Q,)."""
-        return np.asarray(2 * np.round((np.abs(self.basis) ** 2).sum(axis=(1, 2, 3, 4))))
+    def spent(self, runs: int) -> Array:
+        """Return the real numbers that runs spend on their transients, (Q,)."""
+        return np.asarray(2 * runs * np.round((np.abs(self.basis) ** 2).sum(axis=(1, 2, 3, 4))))
 
     def taken_off(self, columns: ComplexArray) -> ComplexArray:
         """Return columns (Q, F, m, ...) less what polynomials can imitate of them."""

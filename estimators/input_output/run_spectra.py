@@ -11,8 +11,12 @@ from numpy.typing import ArrayLike, NDArray
 
 from estimators.frf.block_checks import check_excited
 from estimators.frf.estimate_frf import Transient, check_choice, each_position, first_period
-from estimators.frf.record_checks import check_condition, check_periods
+from estimators.frf.record_checks import check_periods
 from estimators.frf.spectra import Spectra, spectra
+from estimators.input_output.coulomb import CoulombSpectra
+from estimators.input_output.friction_shares import friction_shares
+from estimators.input_output.run_noise import FEWEST, NOISES, NoiseOf, declared, possible_noise
+from estimators.input_output.silent_lines import SilentLines
 from robotmodels.common.arrays import (
     Array,
     ComplexArray,
@@ -26,16 +30,8 @@ from robotmodels.common.arrays import (
 )
 from robotmodels.common.errors import IdentificationWarning, InvalidInput
 from robotmodels.common.printing import ReprHtml
+from robotmodels.linear.response import Elastic
 from robotmodels.records.records import Records
-
-_NEAREST = 6
-"""Lines without excitation that show the noise of an excited one."""
-
-_FEWEST = 3
-"""Degrees of freedom of a covariance at least, see `estimators.fit`."""
-
-_BLOCKS = 4
-"""From so many on their scatter is preferred to that of periods."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,6 +68,11 @@ class RunSpectra(ReprHtml):
         frequency, in blocks of lines, instead of the model's states.
     commanded : bool
         Whether inputs are commands, to which the model's torque loop belongs, or measured torques.
+    coulomb : CoulombSpectra or None
+        Friction of the motors, whose levels are estimated along; the first outputs are their
+        angles. Inputs are torques less the friction of its levels.
+    silent : tuple of SilentLines
+        Of each position, if lines that were not excited tell the noise.
     """
 
     positions: Array
@@ -86,6 +87,8 @@ class RunSpectra(ReprHtml):
     derivatives: IntArray = 2  # type: ignore[assignment]
     polynomials: bool = False
     commanded: bool = True
+    coulomb: CoulombSpectra | None = None
+    silent: tuple[SilentLines, ...] = ()
 
     def __post_init__(self) -> None:
         inputs = complex_numbers(self.inputs, "inputs")
@@ -111,11 +114,16 @@ class RunSpectra(ReprHtml):
         if freedom.shape not in ((), (q,)):
             raise InvalidInput(f"degrees_of_freedom: shape {freedom.shape}; () or ({q},) is needed")
         freedom = np.broadcast_to(freedom, (q,)).copy()
-        if not (freedom >= _FEWEST).all():
+        if not (freedom >= FEWEST).all():
             raise InvalidInput(
-                f"degrees_of_freedom: {np.nanmin(freedom):g}; {_FEWEST} at least are needed"
+                f"degrees_of_freedom: {np.nanmin(freedom):g}; {FEWEST} at least are needed"
             )
         derivatives = np.broadcast_to(whole_numbers(self.derivatives, "derivatives"), (m,)).copy()
+        if self.coulomb is not None and self.has_states:
+            raise InvalidInput(
+                "friction: that of runs that do not end as they began is not estimated; "
+                "take states='no' and periodic runs"
+            )
         arrays |= {"degrees_of_freedom": freedom, "derivatives": derivatives}
         for name, value in arrays.items():
             object.__setattr__(self, name, read_only(value))
@@ -128,12 +136,21 @@ class RunSpectra(ReprHtml):
     def subset(self, positions: IntArray) -> "RunSpectra":
         """Return the spectra of some positions."""
         rows = chosen_positions(positions, len(self.positions))
-        return replace(self, **{name: getattr(self, name)[rows] for name in _EACH})
+        coulomb = None if self.coulomb is None else self.coulomb.subset(rows)
+        silent = tuple(self.silent[int(q)] for q in np.asarray(rows) if self.silent)
+        arrays: dict[str, Any] = {name: getattr(self, name)[rows] for name in _EACH}
+        return replace(self, coulomb=coulomb, silent=silent, **arrays)
+
+    def at_coulomb(self, levels: Array) -> "RunSpectra":
+        """Return the spectra with the friction of other levels (Q, n) [N m] taken off."""
+        assert self.coulomb is not None
+        change, covariance, coulomb = self.coulomb.at(levels)
+        return replace(self, inputs=self.inputs + change, covariance=covariance, coulomb=coulomb)
 
     def single_runs(self) -> "RunSpectra":
         """Return the same runs, each as the only one of a position of its own.
 
-        Costs, estimates and covariances are the same.
+        Costs, estimates and covariances are the same, but for levels of friction of each run.
         """
         runs = self.inputs.shape[1]
         rows: dict[str, Any] = {
@@ -142,7 +159,9 @@ class RunSpectra(ReprHtml):
         for name in ("inputs", "outputs"):
             array = getattr(self, name)
             rows[name] = array.reshape(-1, 1, *array.shape[2:])
-        return replace(self, **rows)
+        coulomb = None if self.coulomb is None else self.coulomb.single_runs()
+        silent = tuple(one for one in self.silent for _ in range(runs))
+        return replace(self, coulomb=coulomb, silent=silent, **rows)
 
     @staticmethod
     def join(parts: Sequence["RunSpectra"]) -> "RunSpectra":
@@ -168,7 +187,11 @@ class RunSpectra(ReprHtml):
         joined: dict[str, Any] = {
             name: np.concatenate([getattr(x, name) for x in parts]) for name in _EACH
         }
-        return replace(first, noise=", ".join(kinds), **joined)
+        frictions = [x.coulomb for x in parts if x.coulomb is not None]
+        coulomb = CoulombSpectra.join(frictions) if frictions else None
+        each = [part.silent for part in parts]
+        silent = sum(each, ()) if all(each) else ()
+        return replace(first, noise=", ".join(kinds), coulomb=coulomb, silent=silent, **joined)
 
     def __str__(self) -> str:
         q, e, f, n = self.inputs.shape
@@ -184,13 +207,14 @@ STATES = ("auto", "yes", "no", "polynomial")
 _EACH = ("positions", "inputs", "outputs", "covariance", "degrees_of_freedom")
 """Arrays with a row for each position."""
 
-_ALIKE = ("lines", "inputs or outputs", "states or derivatives")
+_ALIKE = ("lines", "inputs or outputs", "states, derivatives or friction")
 
 
 def _alike(data: RunSpectra) -> tuple[ArrayLike, ...]:
     """Return what spectra that are joined have in common, see `_ALIKE`."""
     sizes = data.inputs.shape[3], data.outputs.shape[3]
-    states = data.sample_time or 0.0, data.delay, *data.derivatives
+    friction = data.coulomb is not None
+    states = data.sample_time or 0.0, data.delay, friction, *data.derivatives
     return data.omega, sizes, states
 
 
@@ -203,6 +227,8 @@ def run_spectra(
     transient: Transient = "auto",
     states: str = "auto",
     weak: bool = False,
+    friction: Elastic | None = None,
+    values: Array | None = None,
 ) -> RunSpectra:
     """Return the spectra of runs with the covariance of their errors.
 
@@ -237,6 +263,11 @@ def run_spectra(
         Whether lines may be among them at which no motor's torque is above its noise, as those of
         planned spectra may be: they tell little, and nothing wrong. By default they are refused, as
         records with a wrong number of samples a period look like that.
+    friction : Elastic, optional
+        The robot, if its motors have Coulomb friction whose levels are to be estimated along in
+        each position, see `friction_shares` and `settled_runs`; else friction counts as noise.
+    values : ndarray, (p,), SI, optional
+        Parameters of `friction`; by default its own.
 
     Raises
     ------
@@ -246,40 +277,87 @@ def run_spectra(
     check_kind(records, Records, "run_spectra: records")
     check_choice("states", states, STATES)
     if isinstance(noise, str):
-        check_choice("noise", noise, ("auto", *_NOISES))
+        check_choice("noise", noise, ("auto", *NOISES))
     positions = [(part, f"position {i + 1}") for i, part in enumerate(each_position(records))]
-    read = partial(spectra, hold=hold, delay=delay)
-    measured = [_checked(part, who, read, transient, weak) for part, who in positions]
+    read: Callable[..., Spectra] = partial(spectra, hold=hold, delay=delay)
+    full = [read] * len(positions)
+    if friction is not None:
+        shares = [friction_shares(part, friction, values, delay) for part, _ in positions]
+        full = [partial(_with_shares, read, share, delay) for share in shares]
+    each = list(zip(positions, full, strict=True))
+    measured = [_checked(part, who, read, whole, transient, weak) for (part, who), whole in each]
     kind, estimated = _noise(noise, measured, hold)
     parts = [
-        estimated(one, part, read, who)
-        for one, (part, who) in zip(measured, positions, strict=True)
+        estimated(one, part, whole, who)
+        for one, ((part, who), whole) in zip(measured, each, strict=True)
     ]
-    outputs, inputs, covariance, freedom = (np.stack(arrays) for arrays in zip(*parts, strict=True))
+    outputs, inputs, covariance, freedom = (
+        np.stack([np.asarray(getattr(part, name)) for part in parts])
+        for name in ("outputs", "inputs", "covariance", "degrees_of_freedom")
+    )
+    silent = tuple(part.silent for part in parts if part.silent is not None)
     alone = kind == "declared" and any(one.periods == 1 for one in measured)
     along = states == "yes" or (states == "auto" and alone)
+    n, m = records.torque.shape[-1], outputs.shape[-1]
     return RunSpectra(
-        records.positions, records.omega, inputs, outputs, covariance, freedom, kind,
-        records.sample_time if along else None, delay, records.derivatives, states == "polynomial",
-        records.commanded,
-    )  # fmt: skip
+        positions=records.positions,
+        omega=records.omega,
+        inputs=inputs[..., :n],
+        outputs=outputs,
+        covariance=covariance[..., : m + n, : m + n],
+        degrees_of_freedom=freedom,
+        noise=kind,
+        sample_time=records.sample_time if along else None,
+        delay=delay,
+        derivatives=records.derivatives,
+        polynomials=states == "polynomial",
+        commanded=records.commanded,
+        silent=silent,
+        coulomb=None
+        if friction is None
+        else CoulombSpectra(inputs[..., n:], np.zeros(records.positions.shape), covariance),
+    )
+
+
+def _with_shares(
+    read: Callable[..., Spectra],
+    friction: Records,
+    delay: float,
+    records: Records,
+    **choice: Any,
+) -> Spectra:
+    """Return spectra with the shares of friction as further inputs."""
+    measured, shares = read(records, **choice), spectra(friction, hold=False, **choice)
+    # Triangular means, as late as the angles.
+    half = shares.omega * records.sample_time / 2
+    factor = (np.exp(1j * shares.omega * delay) / np.sinc(half / np.pi) ** 2)[:, None, None]
+    return replace(
+        measured,
+        input=np.concatenate([measured.input, shares.input * factor], axis=3),
+        noise_input=np.concatenate([measured.noise_input, shares.noise_input * factor], axis=3),
+    )
 
 
 def _noise(
     noise: str | tuple[ArrayLike, ArrayLike], measured: list[Spectra], hold: bool
-) -> tuple[str, "_Estimated"]:
+) -> tuple[str, NoiseOf]:
     """Return the kind of the noise, and what estimates it."""
     if not isinstance(noise, str):
-        return "declared", partial(_declared, noise, hold)
-    kinds = list(_NOISES)
-    kind = max(map(_possible, measured), key=kinds.index) if noise == "auto" else noise
-    return kind, _NOISES[kind]
+        return "declared", partial(declared, noise, hold)
+    kinds = list(NOISES)
+    kind = max(map(possible_noise, measured), key=kinds.index) if noise == "auto" else noise
+    return kind, NOISES[kind]
 
 
 def _checked(
-    records: Records, who: str, read: Callable[..., Spectra], transient: Transient, weak: bool
+    records: Records,
+    who: str,
+    read: Callable[..., Spectra],
+    full: Callable[..., Spectra],
+    transient: Transient,
+    weak: bool,
 ) -> Spectra:
-    """Return the spectra of one position without its transient."""
+    """Return the `full` spectra of one position without its transient, checked by plain ones."""
     measured = read(records)
     check_periods(measured, who)
     if not measured.present.all():
@@ -292,7 +370,7 @@ def _checked(
         check_excited(measured, records, records.lines, who, 1)
     _check_alive(records, who)
     first = first_period(measured, transient, who)
-    return read(records, first=first) if first else measured
+    return full(records, first=first) if first or full is not read else measured
 
 
 def _check_alive(records: Records, who: str) -> None:
@@ -312,127 +390,6 @@ def _check_alive(records: Records, who: str) -> None:
             IdentificationWarning,
             stacklevel=2,
         )
-
-
-def _possible(measured: Spectra) -> str:
-    """Return the best way to the noise that a position's records allow."""
-    blocks, periods, _, n, runs = measured.input.shape
-    if runs == n and blocks >= _BLOCKS and measured.reference.any():
-        return "blocks"
-    enough = periods > 1 and measured.noise_bins * measured.present.sum() >= _FEWEST
-    return "periods" if enough else "detection"
-
-
-_Part = tuple[ComplexArray, ComplexArray, ComplexArray, float]
-"""Outputs (E, F, m), inputs (E, F, n), covariance (F, m + n, m + n), degrees of freedom."""
-
-
-def _from_blocks(
-    measured: Spectra, records: Records, read: Callable[..., Spectra], who: str
-) -> _Part:
-    output, torque, reference = measured.averaged()
-    blocks, _, n, runs = torque.shape
-    if runs != n or blocks < 2 or not reference.any():
-        raise InvalidInput(
-            f"{who}: noise 'blocks' needs {n} runs a block, two blocks and references; here are "
-            f"runs a block: {runs}, blocks: {blocks}; take 'periods' or 'detection'"
-        )
-    check_condition(reference[0], measured.omega, measured.omega, who, "references")
-    inverse = np.linalg.inv(reference)
-    # K K^H = (mean of (R R^H)^-1)^-1: the errors of the mean's columns are alike and independent
-    spread = (np.conj(np.swapaxes(inverse, -1, -2)) @ inverse).mean(axis=0)  # (F, n, n)
-    K = np.linalg.inv(np.conj(np.swapaxes(np.linalg.cholesky(spread), -1, -2)))
-    turned = np.concatenate([output, torque], axis=2) @ inverse @ K  # (B, F, m + n, E)
-    mean = turned.mean(axis=0)
-    errors = turned - mean
-    freedom = float((blocks - 1) * runs)
-    covariance = np.einsum("bfie,bfje->fij", errors, np.conj(errors)) / (freedom * blocks)
-    return (*_runs(mean[None], output.shape[2]), covariance, freedom)
-
-
-def _from_periods(
-    measured: Spectra, records: Records, read: Callable[..., Spectra], who: str
-) -> _Part:
-    if measured.periods < 2:
-        raise InvalidInput(f"{who}: noise 'periods' needs two periods; take 'detection'")
-    noise = np.concatenate([measured.noise_output, measured.noise_input], axis=3)
-    covariance = np.einsum("bjfie,bjfke->fik", noise, np.conj(noise))
-    draws = noise.shape[0] * noise.shape[1] * noise.shape[4]
-    output, torque, _ = measured.averaged()
-    freedom = float(measured.noise_bins * measured.present.sum())
-    runs = _runs(np.concatenate([output, torque], axis=2), output.shape[2])
-    return (*runs, covariance / draws, freedom)
-
-
-def _from_detection(
-    measured: Spectra, records: Records, read: Callable[..., Spectra], who: str
-) -> _Part:
-    """Return the noise of the nearest lines of their own; odd ones, where any were left out."""
-    lines, count = records.lines, records.samples // 2
-    others = records.detection
-    if len(others) < _NEAREST:
-        others = np.setdiff1d(np.arange(1, count), lines)
-    if len(others) < _NEAREST:
-        raise InvalidInput(
-            f"{who}: {len(others)} lines are not excited; noise 'detection' needs {_NEAREST}"
-        )
-    first = records.torque.shape[3] - measured.periods
-    beside = read(records, lines=others, first=first)
-    output, torque, _ = beside.averaged()
-    noise = np.concatenate([output, torque], axis=2)  # (B, F', m + n, E)
-    nearest = np.argsort(np.abs(others - lines[:, None]), axis=1)[:, :_NEAREST]
-    draws = noise[:, nearest]  # (B, F, 6, m + n, E)
-    # Noise of angles is alike nearby, that of their accelerations is not.
-    growth = (measured.omega[:, None] / beside.omega[nearest])[..., None] ** records.derivatives
-    draws[..., : output.shape[2], :] *= growth[..., None]
-    covariance = np.einsum("bfsie,bfske->fik", draws, np.conj(draws))
-    output, torque, _ = measured.averaged()
-    freedom = float(_NEAREST * len(noise) * noise.shape[3])
-    runs = _runs(np.concatenate([output, torque], axis=2), output.shape[2])
-    return (*runs, covariance / freedom, freedom)
-
-
-def _declared(
-    noise: tuple[ArrayLike, ArrayLike],
-    hold: bool,
-    measured: Spectra,
-    records: Records,
-    read: Callable[..., Spectra],
-    who: str,
-) -> _Part:
-    """Return spectra with the noise of samples whose standard deviations are stated."""
-    output, torque, _ = measured.averaged()
-    (m, n), samples = (output.shape[2], torque.shape[2]), measured.periods * records.samples
-    stds = []
-    for name, value, count in zip(("torques", "angles"), noise, (n, m), strict=True):
-        std = np.broadcast_to(real_numbers(value, f"noise of {name}"), (count,))
-        if not (std >= 0).all():
-            raise InvalidInput(f"noise of {name}: {std.min():g}; standard deviations are >= 0")
-        stds.append(std)
-    torques, angles = stds
-    readings = measured.omega[:, None] ** records.derivatives * angles
-    hold_gain = np.sinc(measured.omega * records.sample_time / (2 * np.pi))
-    hold_gain = hold_gain if hold and records.commanded else np.ones_like(hold_gain)
-    white = np.concatenate([readings, np.multiply.outer(hold_gain, torques)], 1)
-    covariance = np.asarray(white[:, :, None] ** 2 * np.eye(m + n) / samples, dtype=complex)
-    runs = _runs(np.concatenate([output, torque], axis=2), m)
-    return (*runs, covariance, np.inf)
-
-
-_Estimated = Callable[[Spectra, Records, Callable[..., Spectra], str], _Part]
-
-_NOISES: dict[str, _Estimated] = {
-    "blocks": _from_blocks,
-    "periods": _from_periods,
-    "detection": _from_detection,
-}
-
-
-def _runs(stacked: ComplexArray, m: int) -> tuple[ComplexArray, ComplexArray]:
-    """Return outputs (E, F, m) and inputs (E, F, n) of spectra (B, F, m + n, E / B)."""
-    by_run = np.moveaxis(stacked, 3, 1)
-    by_run = by_run.reshape(-1, *by_run.shape[2:])
-    return by_run[..., :m], by_run[..., m:]
 
 
 def _check_arrays(arrays: dict[str, NDArray[Any]], shapes: dict[str, tuple[int, ...]]) -> None:

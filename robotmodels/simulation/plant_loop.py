@@ -258,6 +258,10 @@ def _advance(
 ) -> None:
     """Advance by one sample: geometry in its middle, Runge-Kutta steps, friction after each.
 
+    Friction of the step before acts along, so that only what changes of it is left for afterwards:
+    friction after each step alone would not be damped within it, and seem larger by half a step
+    times the rate of damping.
+
     The mean torque of friction is added to what is `acting` on the motors' shafts, (n,).
     """
     q, v, slope_q, slope_v = engine.qpos, engine.qvel, work[1], work[2]
@@ -266,6 +270,8 @@ def _advance(
     work[3] = engine.applied
     for _ in range(substeps):
         work[4] = v
+        for j, c in enumerate(drives.coordinate):
+            engine.applied[c] += impulses[j] / h
         for stage in range(len(_A)):
             _mj_tendon(engine.model, engine.data)
             _mj_fwdVelocity(engine.model, engine.data)
@@ -281,7 +287,7 @@ def _advance(
                 v[i] += _B[stage] * slope_v[i]
         apply_coulomb_friction(engine, drives, work[4], impulses, h)
         acting += impulses / (duration * drives.ratio)
-    engine.applied[:] = work[3]
+        engine.applied[:] = work[3]
 
 
 @njit(nogil=True, cache=True)
@@ -320,19 +326,22 @@ def apply_coulomb_friction(
 ) -> None:
     """Brake the motors by Coulomb friction: stop each one if the impulse at hand can do it.
 
-    The impulse is that of a force that was constant over the step h, so it moves the motors too:
+    `impulses` (n,) have acted in the step; they are replaced by what they should have been. The
+    impulse is that of a force that was constant over the step h, so it moves the motors too:
     one that rests and is pushed by less than its friction stays where it is. One that turns around
     within the step, from the velocities `before` (d,), is braked in either direction for its time:
     friction in the last direction all along would come half a step early, like a negative inertia.
     """
-    bounds = [_impulse_bounds(engine, drives, before, j, h) for j in range(len(impulses))]
-    for sweep in range(_SWEEPS):
+    bounds = [
+        _impulse_bounds(engine, drives, before, j, h, impulses[j]) for j in range(len(impulses))
+    ]
+    for _ in range(_SWEEPS):
         change = 0.0
         for j in range(len(impulses)):
             if drives.friction[j] == 0:
                 continue
             c = drives.coordinate[j]
-            last = impulses[j] if sweep > 0 else 0.0
+            last = impulses[j]
             needed = last - engine.qvel[c] / drives.mobility[c, j]
             impulses[j] = min(max(needed, bounds[j][0]), bounds[j][1])
             impulse = impulses[j] - last
@@ -347,7 +356,7 @@ def apply_coulomb_friction(
 
 @njit(nogil=True, cache=True)
 def _impulse_bounds(
-    engine: MujocoState, drives: Drives, before: Array, j: int, h: float
+    engine: MujocoState, drives: Drives, before: Array, j: int, h: float, acted: float
 ) -> tuple[float, float]:
     """Return the least and largest impulse of friction on a motor in a step.
 
@@ -359,7 +368,8 @@ def _impulse_bounds(
     first = before[c]
     sign = 1.0 if first > 0 else -1.0
     braking = drives.mobility[c, j] * bound
-    pushed = -sign * (engine.qvel[c] - first)  # against the first direction, without friction
+    unbraked = engine.qvel[c] - drives.mobility[c, j] * acted
+    pushed = -sign * (unbraked - first)  # against the first direction, without friction
     if first == 0 or pushed <= braking:
         return -bound, bound
     part = min(sign * first / (pushed + braking), 1.0)

@@ -8,8 +8,13 @@ from robotmodels.simulation.plant_loop import Drives, MujocoState, apply_coulomb
 _STEP = 1e-3
 
 
-def _followed(speed: float, push: float, friction: float, steps: int) -> tuple[float, float]:
-    """Return angle and speed of a unit inertia after so many steps of a constant push."""
+def _followed(
+    speed: float, push: float, friction: float, steps: int, damping: float = 0.0
+) -> tuple[float, float]:
+    """Return angle and speed of a unit inertia after so many steps of a constant push.
+
+    Between corrections of friction it moves by the exact solution.
+    """
     one, none = np.ones(1), np.zeros(1)
     state = MujocoState(0, 0, np.zeros(1), np.array([speed]), none, none, np.zeros((0, 1)))
     drives = Drives(
@@ -19,10 +24,26 @@ def _followed(speed: float, push: float, friction: float, steps: int) -> tuple[f
     impulses = np.zeros(1)
     for _ in range(steps):
         before = state.qvel.copy()
-        state.qpos[:] += _STEP * state.qvel + 0.5 * push * _STEP**2
-        state.qvel[:] += push * _STEP
+        acting = push + impulses / _STEP
+        decay, fallen = _STEP, 0.5 * _STEP**2
+        if damping > 0:
+            decay = -np.expm1(-damping * _STEP) / damping
+            fallen = (_STEP - decay) / damping
+        state.qpos[:] += decay * state.qvel + acting * fallen
+        state.qvel[:] += (acting - damping * state.qvel) * decay
         apply_coulomb_friction(state, drives, before, impulses, _STEP)
     return float(state.qpos[0]), float(state.qvel[0])
+
+
+def test_friction_is_damped_within_its_step() -> None:
+    """Taken off after each step, it would seem larger by half of step times rate of damping."""
+    speed, friction, damping, steps = 1.0, 2.0, 20.0, 15
+    _, velocity = _followed(speed, 0.0, friction, steps, damping)
+    steady = -friction / damping
+    right = steady + (speed - steady) * np.exp(-damping * _STEP * steps)
+    first = 0.5 * damping * _STEP * friction * _STEP  # before friction of any step is there
+    assert velocity == pytest.approx(right, abs=1.1 * first)
+    assert abs(velocity - right) < 0.1 * first * steps
 
 
 def _closed_form(speed: float, push: float, friction: float, time: float) -> tuple[float, float]:

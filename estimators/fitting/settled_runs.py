@@ -1,0 +1,107 @@
+"""Runs whose noise and friction are those beside a fit."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from estimators.fitting.least_squares import fit
+from estimators.fitting.priors import Prior
+from estimators.fitting.run_fit import RunFit
+from estimators.input_output.run_spectra import RunSpectra, run_spectra
+from robotmodels.common.arrays import Array
+from robotmodels.linear.response import Elastic, frequency_response
+from robotmodels.records.records import Records
+
+_MOST = 6
+_SETTLED = 1e-3
+"""Relative change of values and of friction."""
+
+
+def settled_runs(
+    model: Elastic,
+    records: Records | Sequence[Records],
+    noise: str = "auto",
+    *,
+    friction: bool = True,
+    start: Array | None = None,
+    prior: Prior | None = None,
+    **choice: Any,
+) -> RunSpectra:
+    """Return spectra of runs whose noise and friction are what a fit leaves to them.
+
+    Friction moves motors at lines that were not excited too, by the FRF that fits tell, and its
+    course in turns takes a model, see `friction_shares`. So runs are read by the guesses, fitted,
+    and read again by the fit, until values and levels of friction change by less than a thousandth.
+
+    Parameters
+    ----------
+    model : Elastic
+        Robot.
+    records : Records or sequence of Records
+        Runs; parts may differ in their periods.
+    noise : str
+        As in `run_spectra`.
+    friction : bool
+        Whether levels of Coulomb friction are estimated along.
+    start : ndarray, (p,), SI, optional
+        Where to start; by default the model's values.
+    prior : Prior, optional
+        As of `fit`.
+    choice : dict
+        Other arguments of `run_spectra`.
+
+    Raises
+    ------
+    InvalidInput, SolverFailed
+        As `run_spectra` and `fit`.
+    """
+    parts = [records] if isinstance(records, Records) else records
+    values = model.parameters.values if start is None else start
+    levels: Array | None = None
+    result: RunFit | None = None
+    for _ in range(_MOST):
+        data = _read(model, parts, noise, friction, values, choice)
+        if data.coulomb is None and not data.silent:
+            return data
+        if result is not None:
+            data = _beside(data, model, values, levels)
+        result = fit(model, data, start=values, prior=prior)
+        change = np.abs(np.log(result.parameters.values / values)).max()
+        values, before, levels = result.parameters.values, levels, result.coulomb
+        if levels is not None:
+            last = 0.0 if before is None else before
+            change = max(change, np.abs(levels - last).max() / np.abs(levels).max())
+        if change <= _SETTLED:
+            break
+    return data
+
+
+def _read(
+    model: Elastic,
+    parts: Sequence[Records],
+    noise: str,
+    friction: bool,
+    values: Array,
+    choice: dict[str, Any],
+) -> RunSpectra:
+    rubbing = model if friction else None
+    read = [run_spectra(part, noise, friction=rubbing, values=values, **choice) for part in parts]
+    return RunSpectra.join(read)
+
+
+def _beside(data: RunSpectra, model: Elastic, values: Array, levels: Array | None) -> RunSpectra:
+    """Return the data with the noise beside the FRF of `values`, and friction of `levels`."""
+    if levels is not None:
+        data = data.at_coulomb(levels)
+    if not data.silent:
+        return data
+    at = frequency_response(model, data.positions, data.omega, values)
+    none = np.zeros(data.inputs.shape[3])
+    covariance = []
+    for q, silent in enumerate(data.silent):
+        here = frequency_response(model, data.positions[q : q + 1], silent.omega, values)[0]
+        rubbing = none if levels is None else levels[q]
+        covariance.append(silent.covariance_beside(data.omega, at[q], here, rubbing))
+    return replace(data, covariance=np.stack(covariance))

@@ -1,0 +1,88 @@
+"""Lines that were not excited: what they show of the noise of those that were.
+
+Feedback and friction move torques and outputs there alike, by the robot's own FRF. So what does not
+fit the FRF at these lines is noise, and the FRF of excited lines nearby is another one.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from robotmodels.common.arrays import Array, ComplexArray, IntArray
+
+
+@dataclass(frozen=True, eq=False)
+class SilentLines:
+    """Spectra of one position at lines that were not excited.
+
+    Attributes
+    ----------
+    omega : ndarray, (D,), rad/s
+        Angular frequencies.
+    outputs : ndarray of complex, (K, D, m)
+        Outputs of K runs.
+    inputs : ndarray of complex, (K, D, n) or (K, D, 2 n)
+        Torques, and behind them the shares of friction, if it is estimated.
+    derivatives : ndarray of int, (m,)
+        How often outputs were differentiated: so the noise of the sensors grows.
+    nearest : ndarray of int, (F, k)
+        Lines that show the noise of each excited one.
+    """
+
+    omega: Array
+    outputs: ComplexArray
+    inputs: ComplexArray
+    derivatives: IntArray
+    nearest: IntArray
+
+    @property
+    def degrees_of_freedom(self) -> float:
+        """Complex degrees of freedom of the covariance of a line."""
+        return float(self.nearest.shape[1] * len(self.outputs))
+
+    def covariance(self, omega: Array) -> ComplexArray:
+        """Return the covariance of outputs and inputs at excited lines `omega`, (F, c, c)."""
+        near = self.nearest
+        outputs = self._growth(omega) * self.outputs[:, near]
+        return self._products(np.concatenate([outputs, self.inputs[:, near]], axis=-1))
+
+    def covariance_beside(
+        self, omega: Array, at: ComplexArray, here: ComplexArray, levels: Array
+    ) -> ComplexArray:
+        """Return the covariance of outputs and torques beside what FRFs explain.
+
+        Parameters
+        ----------
+        omega : ndarray, (F,), rad/s
+            Excited lines.
+        at : ndarray of complex, (F, m, n)
+            FRF at the excited lines.
+        here : ndarray of complex, (D, m, n)
+            FRF at the lines that were not.
+        levels : ndarray, (n,), N m
+            Of Coulomb friction.
+
+        Returns
+        -------
+        ndarray of complex, (F, m + n, m + n)
+            Covariance.
+        """
+        n = len(levels)
+        torques = self.inputs[..., :n]
+        if self.inputs.shape[-1] > n:
+            torques = torques - levels * self.inputs[..., n:]
+        errors = self.outputs - np.einsum("dmn,kdn->kdm", here, torques)
+        near = self.nearest
+        through = np.einsum("fmn,kfsn->kfsm", at, torques[:, near])
+        outputs = self._growth(omega) * errors[:, near] + through
+        return self._products(np.concatenate([outputs, torques[:, near]], axis=-1))
+
+    def _growth(self, omega: Array) -> Array:
+        """Return by how much more the noise of sensors is at excited lines, (F, k, m)."""
+        ratio = omega[:, None] / self.omega[self.nearest]
+        return np.asarray(ratio[..., None] ** self.derivatives)
+
+    def _products(self, draws: ComplexArray) -> ComplexArray:
+        """Return the mean products of draws (K, F, k, c), (F, c, c)."""
+        total = np.einsum("bfsi,bfsk->fik", draws, np.conj(draws))
+        return np.asarray(total / self.degrees_of_freedom)
