@@ -8,7 +8,8 @@ import numpy as np
 
 from estimators.fitting.least_squares import fit
 from estimators.fitting.priors import Prior
-from estimators.fitting.run_fit import RunFit
+from estimators.fitting.run_problem import run_problem
+from estimators.input_output.coulomb import CoulombPart
 from estimators.input_output.run_spectra import RunSpectra, run_spectra
 from robotmodels.common.arrays import Array
 from robotmodels.linear.response import Elastic, frequency_response
@@ -57,25 +58,54 @@ def settled_runs(
     InvalidInput, SolverFailed
         As `run_spectra` and `fit`.
     """
-    parts = [records] if isinstance(records, Records) else records
     values = model.parameters.values if start is None else start
-    levels: Array | None = None
-    result: RunFit | None = None
+    parts = [records] if isinstance(records, Records) else records
+    data = _read(model, parts, noise, friction, values, choice)
+    if data.coulomb is None and not data.silent:
+        return data
     for _ in range(_MOST):
-        data = _read(model, parts, noise, friction, values, choice)
-        if data.coulomb is None and not data.silent:
-            return data
-        if result is not None:
-            data = _beside(data, model, values, levels)
         result = fit(model, data, start=values, prior=prior)
         change = np.abs(np.log(result.parameters.values / values)).max()
-        values, before, levels = result.parameters.values, levels, result.coulomb
-        if levels is not None:
-            last = 0.0 if before is None else before
-            change = max(change, np.abs(levels - last).max() / np.abs(levels).max())
+        values, before = result.parameters.values, data
+        data = runs_at(model, parts, values, noise, friction=friction, **choice)
+        if before.coulomb is not None and data.coulomb is not None:
+            levels = data.coulomb.levels
+            moved = np.abs(levels - before.coulomb.levels).max()
+            change = max(change, moved / np.abs(levels).max())
         if change <= _SETTLED:
             break
     return data
+
+
+def runs_at(
+    model: Elastic,
+    records: Records | Sequence[Records],
+    values: Array,
+    noise: str = "auto",
+    *,
+    friction: bool = True,
+    **choice: Any,
+) -> RunSpectra:
+    """Return spectra of runs whose noise and friction are what `values` (p,) leave to them.
+
+    Other parameters, and errors, as of `settled_runs`.
+    """
+    parts = [records] if isinstance(records, Records) else records
+    data = _read(model, parts, noise, friction, values, choice)
+    levels = np.zeros(data.inputs.shape[::3])
+    if data.coulomb is not None:
+        part = run_problem(model, data).errors(values).free
+        assert isinstance(part, CoulombPart)
+        levels = part.levels
+        data = data.at_coulomb(levels)
+    if not data.silent:
+        return data
+    at = frequency_response(model, data.positions, data.omega, values)
+    covariance = []
+    for q, silent in enumerate(data.silent):
+        here = frequency_response(model, data.positions[q : q + 1], silent.omega, values)[0]
+        covariance.append(silent.covariance_beside(data.omega, at[q], here, levels[q]))
+    return replace(data, covariance=np.stack(covariance))
 
 
 def _read(
@@ -89,19 +119,3 @@ def _read(
     rubbing = model if friction else None
     read = [run_spectra(part, noise, friction=rubbing, values=values, **choice) for part in parts]
     return RunSpectra.join(read)
-
-
-def _beside(data: RunSpectra, model: Elastic, values: Array, levels: Array | None) -> RunSpectra:
-    """Return the data with the noise beside the FRF of `values`, and friction of `levels`."""
-    if levels is not None:
-        data = data.at_coulomb(levels)
-    if not data.silent:
-        return data
-    at = frequency_response(model, data.positions, data.omega, values)
-    none = np.zeros(data.inputs.shape[3])
-    covariance = []
-    for q, silent in enumerate(data.silent):
-        here = frequency_response(model, data.positions[q : q + 1], silent.omega, values)[0]
-        rubbing = none if levels is None else levels[q]
-        covariance.append(silent.covariance_beside(data.omega, at[q], here, rubbing))
-    return replace(data, covariance=np.stack(covariance))

@@ -6,13 +6,12 @@ import numpy as np
 from scipy.stats import chi2
 
 from estimators.fitting.run_fit import RunFit
-from estimators.input_output.run_spectra import run_spectra
 from oed.campaign.outlook import Outlook
 from oed.campaign.settings import CampaignSettings
 from oed.campaign.visits import Visit
 from oed.experiment.loop_settings import per_motor
 from oed.experiment.multisine import Multisine
-from robotmodels.common.arrays import Array, ComplexArray
+from robotmodels.common.arrays import Array
 from robotmodels.common.errors import InvalidInput
 from robotmodels.records.records import Records
 
@@ -105,12 +104,6 @@ def check_hope(outlook: Outlook | None) -> None:
             f"{outlook.needed:.1g} min at least, {outlook.remaining:.3g} are left; give limits "
             "more room, or ask for less"
         )
-
-
-def low_level_noise(visit: Visit) -> ComplexArray:
-    """Return the covariance of outputs and torques in one period, (F, m + n, m + n)."""
-    data = run_spectra(visit.records, "detection", weak=True)
-    return np.asarray(visit.plan.periods * data.covariance[0])
 
 
 def recorded_peaks(records: Records, motors: int) -> tuple[Array, Array]:

@@ -5,11 +5,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from estimators.fitting.least_squares import as_fit
+from estimators.fitting.least_squares import as_fit, fit as fit_from
 from estimators.fitting.multistart import multistart, perturbed_starts
 from estimators.fitting.priors import Prior
 from estimators.fitting.run_fit import RunFit
 from estimators.fitting.run_problem import run_problem
+from estimators.fitting.settled_runs import runs_at, settled_runs
 from estimators.fitting.trust_region import SearchResult
 from estimators.frf.frf_from_records import collected_warnings
 from estimators.input_output.run_scatter import expected_square
@@ -60,6 +61,8 @@ class Estimate:
         drifts; not a number before.
     visit_costs : ndarray, (V,)
         Squared residuals of each visit over what noise makes of them.
+    coulomb : ndarray, (V, n), N m
+        Levels of the motors' Coulomb friction in each visit; empty where it is not estimated.
     peaks : ndarray, (V, 2, n)
         Largest torques [N m] and speeds [rad/s] of the motors in each visit.
     warnings : tuple of str
@@ -76,6 +79,7 @@ class Estimate:
     noise: ComplexArray
     drift: float
     visit_costs: Array
+    coulomb: Array
     peaks: Array
     warnings: tuple[str, ...]
 
@@ -110,39 +114,17 @@ def fitted_visits(visits: Sequence[Visit]) -> list[Visit]:
     return [visit for visit in visits if visit.state == "told" and visit.purpose in FITTED]
 
 
-def visit_spectra(visits: Sequence[Visit]) -> RunSpectra:
-    """Return the spectra of visits whose records are here; noise is that of detection lines.
+def noise_of_period(fit: RunFit, periods: Array) -> ComplexArray:
+    """Return the covariance of outputs and torques in one period, (F, m + n, m + n).
 
-    Raises
-    ------
-    InvalidInput
-        Naming the file that cannot be read or used.
+    The mean over all positions of what a fit leaves of the outputs; torques count as exact.
     """
-    return RunSpectra.join([_Measured.of(visit).spectra for visit in visits])
-
-
-@dataclass(frozen=True, eq=False)
-class _Measured:
-    """Spectra of a visit, largest torques and speeds (2, n), and what is wrong with its records."""
-
-    spectra: RunSpectra
-    peaks: Array
-    warnings: list[str]
-
-    @classmethod
-    def of(cls, visit: Visit) -> "_Measured":
-        records = visit.records
-        with naming(visit.records_file), collected_warnings() as warnings:
-            level, swing = recorded_peaks(records, len(visit.plan.motors))
-            spectra = run_spectra(records, "detection", weak=True)
-        words = [f"visit {visit.number}: {w.removeprefix('position 1: ')}" for w in warnings]
-        return cls(spectra, np.abs(level) + swing, words)
-
-
-def noise_of_period(data: RunSpectra, periods: Array) -> ComplexArray:
-    """Return the covariance of one period, (F, m + n, m + n), the mean over all positions."""
     weights = periods / periods.sum()
-    return np.asarray(np.einsum("q,qfij->fij", weights * periods, data.covariance))
+    errors = fit.problem.errors(fit.parameters.values).covariance
+    m, size = errors.shape[-1], fit.data.covariance.shape[-1]
+    noise = np.zeros((errors.shape[1], size, size), dtype=complex)
+    noise[:, :m, :m] = np.einsum("q,qfij->fij", weights * periods, errors)
+    return noise
 
 
 def estimate(
@@ -151,8 +133,10 @@ def estimate(
     prior: Prior | None,
     rng: np.random.Generator,
     progress: Progress | None = None,
+    *,
+    friction: bool = True,
 ) -> Estimate:
-    """Fit the robot to the records of `visits`.
+    """Fit the robot to the records of `visits`; noise is that of detection lines.
 
     Parameters
     ----------
@@ -166,12 +150,23 @@ def estimate(
         Draws where searches begin, around the guesses.
     progress : Progress, optional
         Called with searches done and their number.
+    friction : bool
+        Whether levels of Coulomb friction are estimated along.
     """
-    measured = [_Measured.of(visit) for visit in visits]
-    data = RunSpectra.join([one.spectra for one in measured])
+    peaks, warnings = _looked_at(visits)
+    records = [visit.records for visit in visits]
+
+    def settled(start: Array) -> RunSpectra:
+        return settled_runs(
+            robot, records, "detection", friction=friction, start=start, prior=prior, weak=True
+        )
+
     starts = perturbed_starts(robot.parameters, _STARTS, 0.3, rng)
-    fits = multistart(robot, data, starts, prior=prior, progress=progress)
-    fit = fits[0]
+    with collected_warnings():  # said by visit
+        data = settled(robot.parameters.values)
+        fits = multistart(robot, data, starts, prior=prior, progress=progress)
+        data = settled(fits[0].parameters.values)
+    fit = fit_from(robot, data, start=fits[0].parameters.values, prior=prior)
     theorem1 = _covariance(fit)
     periods = np.array([visit.plan.periods for visit in visits], dtype=float)
     return Estimate(
@@ -180,13 +175,14 @@ def estimate(
         covariance=theorem1.covariance,
         trust=fit.trust,
         cost=fit.cost / fit.expected_cost,
-        reached=sum(one.cost <= fit.cost * (1 + _SAME_COST) for one in fits) / len(fits),
+        reached=sum(one.cost <= fits[0].cost * (1 + _SAME_COST) for one in fits) / len(fits),
         weighting=fit.weighting,
-        noise=noise_of_period(data, periods),
+        noise=noise_of_period(fit, periods),
         drift=_drift(fit, visits),
         visit_costs=_visit_costs(fit),
-        peaks=np.array([one.peaks for one in measured]),
-        warnings=tuple(words for one in measured for words in one.warnings),
+        coulomb=np.empty((0, 0)) if fit.coulomb is None else fit.coulomb,
+        peaks=peaks,
+        warnings=warnings,
     )
 
 
@@ -205,13 +201,41 @@ def _covariance(fit: RunFit) -> Uncertainty:
         raise NotIdentifiable(error.names, remedy, error.combinations) from None
 
 
-def fit_at(latest: Estimate, robot: ElasticRobot, visits: Sequence[Visit]) -> RunFit:
+def fit_at(
+    latest: Estimate, robot: ElasticRobot, visits: Sequence[Visit], *, friction: bool = True
+) -> RunFit:
     """Return an estimate as a fit to some of its visits, to compare it with their records."""
-    problem = run_problem(robot, visit_spectra(visits), weights=latest.weighting)
+    records = [visit.records for visit in visits]
+    data = runs_at(robot, records, latest.values, "detection", friction=friction, weak=True)
+    problem = run_problem(robot, data, weights=latest.weighting)
     cost = float((np.abs(problem.errors(latest.values).whitened) ** 2).sum())
     result = as_fit(problem, latest.values, SearchResult(latest.values, cost, 1, "an estimate", 0))
     assert isinstance(result, RunFit)
     return result
+
+
+def noise_in(
+    visit: Visit, robot: ElasticRobot, prior: Prior | None, *, friction: bool = True
+) -> ComplexArray:
+    """Return the covariance of one period, see `noise_of_period`, by one visit and the prior."""
+    with collected_warnings():
+        data = settled_runs(
+            robot, visit.records, "detection", friction=friction, prior=prior, weak=True
+        )
+        fit = fit_from(robot, data, prior=prior)
+    return noise_of_period(fit, np.array([float(visit.plan.periods)]))
+
+
+def _looked_at(visits: Sequence[Visit]) -> tuple[Array, tuple[str, ...]]:
+    """Return largest torques and speeds, (V, 2, n), and what is wrong with records."""
+    peaks, words = [], []
+    for visit in visits:
+        with naming(visit.records_file), collected_warnings() as warnings:
+            level, swing = recorded_peaks(visit.records, len(visit.plan.motors))
+            run_spectra(visit.records, "detection", weak=True)
+        peaks.append(np.abs(level) + swing)
+        words += [f"visit {visit.number}: {w.removeprefix('position 1: ')}" for w in warnings]
+    return np.array(peaks), tuple(words)
 
 
 def _visit_costs(fit: RunFit) -> Array:

@@ -8,8 +8,7 @@ import numpy as np
 
 from estimators import robot_prior
 from estimators.fitting.priors import Prior
-from oed.campaign.checks import low_level_noise
-from oed.campaign.estimate import Estimate, estimate, fitted_visits
+from oed.campaign.estimate import Estimate, estimate, fitted_visits, noise_in
 from oed.campaign.history import History
 from oed.campaign.outlook import Forecast, Outlook
 from oed.campaign.planning import GAIN, Planner, known_now
@@ -111,7 +110,8 @@ class Evaluation:
         if latest is not None:
             return self.planner.forecast(latest, finite, self.settings.minutes - self.minutes)
         assert self.checked is not None
-        return self.planner.expectation(low_level_noise(self.checked), self._prior, finite)
+        noise = noise_in(self.checked, self.robot, self._prior, friction=self.settings.friction)
+        return self.planner.expectation(noise, self._prior, finite)
 
     @property
     def checked(self) -> Visit | None:
@@ -137,11 +137,13 @@ class Evaluation:
 
         def compute(_: Path, report: Progress | None) -> Estimate:
             rng = np.random.default_rng([self.settings.seed, len(fitted)])
-            return estimate(self.robot, fitted, self._prior, rng, report)
+            friction = self.settings.friction
+            return estimate(self.robot, fitted, self._prior, rng, report, friction=friction)
 
         inputs = {
             "robot": self.robot_digest,
             "guesses": self.settings.guesses_within,
+            "friction": self.settings.friction,
             "seed": self.settings.seed,
             "records": [file_digest(visit.records_file) for visit in fitted],
         }

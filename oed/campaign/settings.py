@@ -16,6 +16,7 @@ most_periods: 16             # measured in one visit
 limits: {torque: 50.0, speed: 10.0}     # as in an experiment file, and so the next three
 moves: {speed: 1.0, acceleration: 2.0}
 carrier: {speed: 10.0}
+friction: true               # whether levels of the motors' Coulomb friction are estimated along
 controller: {...}
 files: [csv]                 # for the controller: csv, mat, trajectory (JointTrajectory of ROS 2)
 seed: 1
@@ -72,6 +73,7 @@ class CampaignSettings(VisitSettings):
     guesses_within: Annotated[float, Field(gt=1, le=100)] | Literal["robot"] = 2.0
     targets: Annotated[dict[str, Accuracy], Field(min_length=1)]
     minutes: Positive
+    friction: bool = True
 
     @model_validator(mode="after")
     def _planned(self) -> Self:

@@ -224,7 +224,7 @@ def _limits(campaign: Campaign) -> Array:
 
 def _spectra(campaign: Campaign, estimate: Estimate, visits: list[Visit]) -> list[Section]:
     """Return torques and outputs of the latest visits."""
-    fit = fit_at(estimate, campaign.robot, visits)
+    fit = fit_at(estimate, campaign.robot, visits, friction=campaign.settings.friction)
     omega, labels = fit.data.omega, [f"visit {visit.number}" for visit in visits]
     torques = [
         figure(

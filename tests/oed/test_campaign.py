@@ -13,10 +13,10 @@ from axis_campaign import AXIS, run_open, write_campaign
 
 from estimators.fitting.least_squares import fit
 from estimators.fitting.run_fit import RunFit
+from estimators.fitting.settled_runs import settled_runs
 from estimators.frf.file_formats import write_records
 from oed import Campaign, simulate_visits
 from oed.campaign.checks import check_low_level, drift
-from oed.campaign.estimate import visit_spectra
 from oed.campaign.planning import known_now
 from oed.campaign.settings import load_campaign
 from robotmodels import InvalidInput, Records, load_robot, surroundings
@@ -184,7 +184,8 @@ def test_drift_between_two_visits(campaign: Path) -> None:
     for robot in (truth, softer):
         simulate_visits(opened.settings, opened.robot, truth, [visit])
         simulate_visits(opened.settings, opened.robot, robot, [again])
-        data = visit_spectra([visit, again])
+        records = [visit.records, again.records]
+        data = settled_runs(truth, records, "detection", weak=True)
         found = fit(truth, data)
         assert isinstance(found, RunFit)
         values.append(drift(found, 0, 1))
