@@ -5,6 +5,7 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from estimators.fitting.least_squares import fit
 from estimators.fitting.priors import Prior
@@ -15,15 +16,18 @@ from robotmodels.common.arrays import Array
 from robotmodels.linear.response import Elastic, frequency_response
 from robotmodels.records.records import Records
 
+Noise = str | tuple[ArrayLike, ArrayLike]
+"""Where the noise is seen, or what it is, see `run_spectra`."""
+
 _MOST = 6
-_SETTLED = 1e-3
-"""Relative change of values and of friction."""
+_SETTLED = 1e-2
+"""Relative change of values and levels, of which a hundredth is left in friction's course."""
 
 
 def settled_runs(
     model: Elastic,
     records: Records | Sequence[Records],
-    noise: str = "auto",
+    noise: Noise = "auto",
     *,
     friction: bool = True,
     start: Array | None = None,
@@ -34,7 +38,7 @@ def settled_runs(
 
     Friction moves motors at lines that were not excited too, by the FRF that fits tell, and its
     course in turns takes a model, see `friction_shares`. So runs are read by the guesses, fitted,
-    and read again by the fit, until values and levels of friction change by less than a thousandth.
+    and read again by the fit, until values and levels of friction change by less than a hundredth.
 
     Parameters
     ----------
@@ -42,7 +46,7 @@ def settled_runs(
         Robot.
     records : Records or sequence of Records
         Runs; parts may differ in their periods.
-    noise : str
+    noise : str or tuple
         As in `run_spectra`.
     friction : bool
         Whether levels of Coulomb friction are estimated along.
@@ -81,7 +85,7 @@ def runs_at(
     model: Elastic,
     records: Records | Sequence[Records],
     values: Array,
-    noise: str = "auto",
+    noise: Noise = "auto",
     *,
     friction: bool = True,
     **choice: Any,
@@ -111,7 +115,7 @@ def runs_at(
 def _read(
     model: Elastic,
     parts: Sequence[Records],
-    noise: str,
+    noise: Noise,
     friction: bool,
     values: Array,
     choice: dict[str, Any],

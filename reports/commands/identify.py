@@ -60,6 +60,10 @@ def identify(
     coulomb: Annotated[
         bool, typer.Option(help="Count Coulomb friction as dampers at the speeds of the records.")
     ] = False,
+    friction: Annotated[
+        bool,
+        typer.Option(help="Estimate the level of the motors' Coulomb friction in each position."),
+    ] = False,
     delay: Delay = 0.0,
     hold: Hold = True,
     output: BesideRecords = None,
@@ -73,7 +77,13 @@ def identify(
     Example: oed identify manutec_r3 out/manutec_r3_experiment/records.h5
     """
     one_thread_each()
-    from estimators import check_rigid_runs, covariance, multistart, read_records
+    from estimators import (
+        check_rigid_runs,
+        covariance,
+        multistart,
+        read_records,
+        settled_runs,
+    )
     from estimators.frf.frf_from_records import collected_warnings
     from robotmodels import load_robot, save_robot
     from robotmodels.common.errors import naming
@@ -82,8 +92,11 @@ def identify(
     model = _counted(load_robot(robot), [*runs.values()]) if coulomb else load_robot(robot)
     with collected_warnings() as warnings:
         loops = _torque_loops(model, *next(iter(runs.items())))
-        data = _joined(runs, noise=noise, delay=delay, hold=hold, states=states)
+        options: dict[str, Any] = {"noise": noise, "delay": delay, "hold": hold, "states": states}
+        data = _joined(runs, **options)
         with naming(_files(records)):
+            if friction:
+                data = settled_runs(model, [*runs.values()], **options)
             fits = multistart(model, data, _starts(model, starts, decades), weights=rows)
             check_rigid_runs(data, model)  # after the fit has refused data of other robots
     fit = fits[0]
@@ -161,6 +174,7 @@ def _summary(fit: "RunFit", reached: int, starts: int, written: Path, loops: lis
     lines = [
         ("data", str(fit.data)),
         *(("loop", words) for words in loops),
+        *(("friction", words) for words in _friction(fit)),
         ("fit", f"cost {ratio:.3f} times what noise makes of it; {reached} of {starts} starts"),
         *(
             (one.name, plain(f"{interval_words(one)} {unit}"))
@@ -176,6 +190,15 @@ def _summary(fit: "RunFit", reached: int, starts: int, written: Path, loops: lis
     return "\n".join(printed)
 
 
+def _friction(fit: "RunFit") -> list[str]:
+    """Return the mean level of each motor's friction over positions, with its scatter."""
+    if fit.coulomb is None:
+        return []
+    names = getattr(fit.model, "motor_names", range(1, fit.coulomb.shape[1] + 1))
+    pairs = zip(names, fit.coulomb.mean(axis=0), fit.coulomb.std(axis=0), strict=True)
+    return [f"{name}: {mean:.4g} N m, over positions +- {std:.2g}" for name, mean, std in pairs]
+
+
 def _json(fit: "RunFit", reached: int, written: Path) -> dict[str, object]:
     trust = fit.trust.document()
     return {
@@ -185,5 +208,6 @@ def _json(fit: "RunFit", reached: int, written: Path) -> dict[str, object]:
         "row_wise": fit.row_wise,
         "reached": reached,
         **{key: trust[key] for key in ("verdict", "reason", "intervals")},
+        **({} if fit.coulomb is None else {"coulomb": fit.coulomb.tolist()}),
         "file": str(written),
     }

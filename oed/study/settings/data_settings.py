@@ -25,6 +25,7 @@ class DataChoice(FileSection):
     delay: Annotated[float, Field(ge=-1e3, le=1e3)] = 0.0
     hold: bool = True
     coulomb_speeds: Literal["file", "data"] | tuple[float, ...] = "file"
+    friction: bool = False
 
     @model_validator(mode="after")
     def _one_source(self) -> Self:

@@ -32,6 +32,8 @@
       coulomb_speeds: file       # rms speeds at which Coulomb friction counts as dampers: those of
                                  # the robot file, of the motors in the data (of records or an
                                  # experiment; `data`), or a list [rad/s, on the shafts]
+      friction: false            # of residual sml: whether the levels of the motors' Coulomb
+                                 # friction are estimated along
     fit:                         # from several starts, by several estimators
       starts: 4                  # the same for all estimators,
       decades: 0.3               # each value multiplied by 10^U(-0.3, 0.3)
@@ -268,9 +270,9 @@ class Study(FileSection):
                 "fit: sml is of runs, other residuals are of FRFs; a study has one or the other"
             )
         if not self.fits_runs:
-            if "noise" in self.data.model_fields_set:
+            for key in {"noise", "friction"} & self.data.model_fields_set:
                 raise ValueError(
-                    "data.noise: it is that of runs, residual sml; FRFs have their own"
+                    f"data.{key}: it is that of runs, residual sml; FRFs have their own"
                 )
             return self
         if not self.data.recorded:

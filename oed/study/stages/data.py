@@ -5,11 +5,13 @@ Or, of records, the spectra of their runs.
 
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from estimators.fitting.fit_problem import Measured
 from estimators.fitting.run_problem import check_model
+from estimators.fitting.settled_runs import settled_runs
 from estimators.frf.distortion import Distortion
 from estimators.frf.file_formats import read_frf, read_records
 from estimators.frf.frf_estimate import FrfEstimate, simulate_frf
@@ -98,7 +100,7 @@ def data_by_noise_law(run: SimulatedRun, visits: Visits) -> Stage[Data]:
 
 def data_from_records(run: Run, records: Path, digest: str) -> Stage[Data]:
     """Return the data of records: spectra of runs, or FRFs, visits of one position averaged."""
-    kinds = {True: ("noise",), False: ("method", "covariance", "structure")}
+    kinds = {True: ("noise", "friction"), False: ("method", "covariance", "structure")}
     settings = run.study.data.model_dump(mode="json")
 
     def compute(folder: Path, report: Progress | None) -> Data:
@@ -123,9 +125,12 @@ def read_data(run: Run, records: Path) -> Data:
     choice = run.study.data
     if run.study.fits_runs:
         with collected_warnings() as warnings, naming(records):
-            runs = run_spectra(
-                read_records(records), choice.noise, hold=choice.hold, delay=choice.delay
-            )
+            recorded = read_records(records)
+            options: dict[str, Any] = {"hold": choice.hold, "delay": choice.delay}
+            if choice.friction:
+                runs = settled_runs(run.robot, recorded, choice.noise, **options)
+            else:
+                runs = run_spectra(recorded, choice.noise, **options)
             check_model(run.robot, runs)
             check_rigid_runs(runs, run.robot)
         return Data(runs, warnings=tuple(warnings))
