@@ -66,7 +66,7 @@ def friction_shares(
     Raises
     ------
     InvalidInput
-        If the first outputs are not the motors' angles, or the model counts friction as dampers.
+        If the first outputs are not the motors' encoders, or the model counts friction as dampers.
     """
     n = records.torque.shape[-1]
     if records.angle.shape[-1] < n or not (records.derivatives[:n] == 2).all():
@@ -145,6 +145,12 @@ def _least_speeds(model: Elastic, motors: int) -> Array:
     """Return speeds from which friction is full, (n,) [rad/s]; beside noise."""
     if not isinstance(model, ElasticRobot):
         return np.zeros(motors)
+    for name, output in zip(model.motor_names, model.outputs[:motors], strict=True):
+        if output.motor != name or output.quantity != "acceleration" or not output.ideal:
+            raise InvalidInput(
+                f"friction: output {output.name!r} is not the encoder of motor {name!r}; the first "
+                f"{motors} outputs of the robot must be those, in the order of the motors"
+            )
     counted = [motor.name for motor in model.file.motors if motor.coulomb_speed is not None]
     if counted:
         raise InvalidInput(

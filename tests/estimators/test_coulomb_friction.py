@@ -1,0 +1,202 @@
+"""Coulomb friction of motors in runs: its course against the simulated one, levels, noise."""
+
+import warnings
+from dataclasses import replace
+from functools import cache
+from typing import Any
+
+import numpy as np
+import pytest
+from noisy_runs import SMALL, circular
+
+from estimators import RunSpectra, covariance, fit, run_spectra, runs_at, settled_runs
+from estimators.input_output.coulomb import CoulombSpectra
+from estimators.input_output.friction_shares import friction_shares
+from estimators.input_output.silent_lines import SilentLines
+from oed.experiment.draw_plan import experiment_plan
+from oed.experiment.multisine import band_multisine
+from oed.experiment.run_experiment import SimulatedPlant
+from robotmodels import ElasticRobot, IdentificationWarning, InvalidInput, Records, load_robot
+from robotmodels.description.outputs import Output
+from robotmodels.linear.response import frequency_response
+from robotmodels.simulation.controller import default_controller
+from robotmodels.simulation.imperfections import Imperfections
+
+LEVEL = 0.5
+ANGLE, GEAR = Output(motor="m1", quantity="acceleration"), Output(spring="g1", quantity="torque")
+
+
+def rubbing(**changes: Any) -> ElasticRobot:
+    """The axis with Coulomb friction at its motor, and a linear gear."""
+    robot = load_robot("moberg_axis1")
+    motors = [m.model_copy(update={"coulomb": LEVEL, **changes}) for m in robot.file.motors]
+    return replace(robot, file=robot.file.model_copy(update={"motors": motors}))
+
+
+@cache
+def simulated(noise: float = 2e-5, friction: float = 1.0, outputs: int = 1) -> Records:
+    """Four periods of one multisine about one position."""
+    robot = rubbing()
+    seen = replace(robot, file=robot.file.model_copy(update={"outputs": [ANGLE, GEAR][:outputs]}))
+    rng = np.random.default_rng(3)
+    sine = band_multisine(
+        2000, 1e-3, (2 * np.pi, 2 * np.pi * 60), inputs=1, odd=True, detection_group=5, rng=rng
+    )
+    plan = experiment_plan(
+        seen, np.zeros((1, 1)), sine.with_amplitudes(np.full((len(sine.lines), 1), 4.0)),
+        blocks=1, periods=4, transient_periods=2, ramp=True, speed=1.0, acceleration=2.0,
+        rng=rng, runs=1,
+    )  # fmt: skip
+    faults = Imperfections(angle_noise=np.full(1, noise), friction=friction, nonlinear_gears=False)
+    plant = SimulatedPlant(seen, default_controller(robot, 1e-3), faults, rng)
+    return plant.measure(plan, 0)
+
+
+def test_course_of_friction_is_the_simulated_one() -> None:
+    """Torque less inertia, viscous friction and the gear's torque; in turns as elsewhere."""
+    records, robot = simulated(noise=0.0, outputs=2), rubbing()
+    motor, step = robot.file.motors[0], records.sample_time
+    angle, gear = records.angle[0, 0, 0].reshape(-1, 2).T
+    torque = records.torque[0, 0, 0].ravel()
+    acceleration, speed = np.diff(angle, 2) / step**2, np.gradient(angle, step)[1:-1]
+    mean = (gear[2:] + 4 * gear[1:-1] + gear[:-2]) / 6
+    friction = (
+        0.5 * (torque[1:-1] + torque[:-2])
+        - motor.inertia * acceleration
+        - motor.viscous * speed
+        - mean / motor.gear_ratio
+    )
+    alone = replace(records, angle=records.angle[..., :1], derivatives=records.derivatives[:1])
+    shares = friction_shares(alone, robot).torque.ravel()[1:-1]
+    error = (LEVEL * shares - friction)[5:-5] / LEVEL
+    turning = np.abs(friction[5:-5]) < 0.98 * LEVEL
+    assert turning.mean() > 0.02
+    assert np.std(error) < 0.02
+    assert np.std(error[turning]) < 0.06
+    assert np.std(np.sign(speed)[5:-5][turning] - friction[5:-5][turning] / LEVEL) > 0.3
+
+
+@pytest.mark.parametrize("scale", [1.0, 1.4])
+def test_levels_and_springs_from_wrong_guesses(scale: float) -> None:
+    """Left to noise, friction puts stiffnesses and costs far off."""
+    records, robot = simulated(), rubbing()
+    truth = robot.parameters.values
+    data = settled_runs(robot, records, "detection", start=scale * truth)
+    result = fit(robot, data)
+    assert result.coulomb == pytest.approx(np.full((1, 1), LEVEL), rel=0.02)
+    error = np.log(result.parameters.values / truth)
+    assert (np.abs(error) < 4 * np.maximum(result.trust.std, 1e-3)).all()
+    plain = fit(robot, run_spectra(records, "detection"))
+    ignored = np.log(plain.parameters.values / truth)
+    assert np.abs(ignored).max() > 5 * np.abs(error).max()
+
+
+def test_no_friction_has_no_level() -> None:
+    """And the same values as without estimating it."""
+    records, robot = simulated(friction=0.0), rubbing()
+    data = settled_runs(robot, records, "detection")
+    result = fit(robot, data)
+    assert result.coulomb is not None
+    assert np.abs(result.coulomb).max() < 1e-3 * LEVEL
+
+
+def test_levels_enter_covariances_linearly() -> None:
+    """Against draws with the friction taken off each of them."""
+    rng = np.random.default_rng(1)
+    m, n, draws = 2, 2, circular(rng, 50, 6)
+    levels = np.array([[0.3, -0.7]])
+    full = np.einsum("ka,kb->ab", draws, np.conj(draws))[None, None] / 50
+    spectra = CoulombSpectra(circular(rng, 1, 1, 1, n), np.zeros((1, n)), full)
+    change, covariances, there = spectra.at(levels)
+    less = np.concatenate([draws[:, : m + n]], axis=1)
+    less[:, m:] -= levels * draws[:, m + n :]
+    assert covariances[0, 0] == pytest.approx(np.einsum("ka,kb->ab", less, np.conj(less)) / 50)
+    assert change == pytest.approx(-spectra.shares * levels)
+    back, again, _ = there.at(np.zeros((1, n)))
+    assert back == pytest.approx(-change)
+    assert again[0, 0] == pytest.approx(full[0, 0, : m + n, : m + n])
+
+
+def test_silent_lines_show_what_an_frf_leaves() -> None:
+    """Motion that friction or feedback cause there is no noise, though its FRF is another."""
+    rng = np.random.default_rng(2)
+    model, n = SMALL.model, SMALL.response.shape[3]
+    excited, silent = SMALL.omega[5:6], np.sort(SMALL.omega[5] * rng.uniform(0.9, 1.1, 6))
+    at, here = (
+        frequency_response(model, SMALL.positions[:1], omega)[0] for omega in (excited, silent)
+    )
+    torques, shares = circular(rng, 40, 6, n), circular(rng, 40, 6, n)
+    levels = rng.uniform(0.1, 1, n)
+    errors = 1e-3 * circular(rng, 40, 6, at.shape[1])
+    outputs = np.einsum("dmn,kdn->kdm", here, torques - levels * shares) + errors
+    derivatives = np.full(at.shape[1], 2)
+    lines = SilentLines(
+        silent, outputs, np.concatenate([torques, shares], 2), derivatives, np.arange(6)[None]
+    )
+    covariances = lines.covariance_beside(excited, at, here, levels)[0]
+    X = np.concatenate([np.eye(at.shape[1]), -at[0]], axis=1)
+    grown = (excited / silent)[:, None] ** 2 * errors
+    right = np.einsum("kdi,kdj->ij", grown, np.conj(grown)) / 240
+    assert X @ covariances @ np.conj(X.T) == pytest.approx(right, rel=1e-6)
+    plain = lines.covariance(excited)[0][: len(X[0]), : len(X[0])]
+    assert np.trace(X @ plain @ np.conj(X.T)).real > 100 * np.trace(right).real
+
+
+def test_intervals_with_friction_cover() -> None:
+    """Costs as expected, estimates within their deviations, levels right; not so if ignored."""
+    rng = np.random.default_rng(4)
+    q, f, _, n = SMALL.response.shape
+    levels, squares, costs, ignored = np.full((q, n), 0.4), [], [], []
+    for _ in range(25):
+        data = SMALL.runs(rng, 2)
+        shares = circular(rng, q, 2, f, n)
+        zeros = np.zeros((q, f, *2 * (data.covariance.shape[-1] + n,)), dtype=complex)
+        size = data.covariance.shape[-1]
+        zeros[..., :size, :size] = data.covariance
+        with_friction = replace(
+            data,
+            inputs=data.inputs + levels[:, None, None] * shares,
+            coulomb=CoulombSpectra(shares, np.zeros((q, n)), zeros),
+        )
+        result = fit(SMALL.model, with_friction, start=SMALL.truth)
+        error = np.log(result.parameters.values / SMALL.truth)
+        information = np.linalg.inv(covariance(result).covariance)
+        squares.append(error @ information @ error / len(error))
+        costs.append(result.cost / result.expected_cost)
+        assert result.coulomb == pytest.approx(levels, abs=0.15)
+        left = fit(SMALL.model, replace(with_friction, coulomb=None), start=SMALL.truth)
+        ignored.append(left.cost / left.expected_cost)
+    assert np.mean(squares) == pytest.approx(1, abs=5 / np.sqrt(25 * len(error) / 2))
+    assert np.mean(costs) == pytest.approx(1, abs=0.05)
+    assert np.mean(ignored) > 2
+
+
+def test_runs_at_values_are_those_that_settle() -> None:
+    records, robot = simulated(), rubbing()
+    settled = settled_runs(robot, records, "detection")
+    result = fit(robot, settled)
+    again = runs_at(robot, records, result.parameters.values, "detection")
+    assert isinstance(again, RunSpectra)
+    assert again.inputs == pytest.approx(settled.inputs, rel=1e-2, abs=1e-4)
+
+
+def test_friction_is_refused_where_it_cannot_be_told() -> None:
+    records = simulated()
+    with pytest.raises(InvalidInput, match="friction: motor 'm1' counts it as a damper"):
+        run_spectra(records, "detection", friction=rubbing(coulomb_speed=5.0))
+    speeds = replace(records, derivatives=np.array([1]))
+    with pytest.raises(InvalidInput, match="friction: the first 1 outputs must be the motors'"):
+        run_spectra(speeds, "detection", friction=rubbing())
+    with pytest.raises(InvalidInput, match="friction: that of runs that do not end as they began"):
+        run_spectra(records, "detection", friction=rubbing(), states="yes")
+
+
+def test_motors_at_rest_are_warned_of() -> None:
+    """Their friction is not the full one, whatever it is."""
+    records = simulated()
+    still = replace(records, angle=np.round(records.angle / 2))
+    with pytest.warns(IdentificationWarning, match="motor 1 rests or turns around in"):
+        friction_shares(still, rubbing())
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        friction_shares(records, rubbing())
