@@ -19,7 +19,7 @@ from robotmodels.records.records import Records
 Noise = str | tuple[ArrayLike, ArrayLike]
 """Where the noise is seen, or what it is, see `run_spectra`."""
 
-_MOST = 6
+_MOST = 10
 _SETTLED = 1e-2
 """Relative change of values and levels, of which a hundredth is left in friction's course."""
 
@@ -63,15 +63,15 @@ def settled_runs(
         As `run_spectra` and `fit`.
     """
     values = model.parameters.values if start is None else start
-    parts = [records] if isinstance(records, Records) else records
-    data = _read(model, parts, noise, friction, values, choice)
+    data = runs_at(model, records, values, noise, friction=friction, **choice)
     if data.coulomb is None and not data.silent:
         return data
     for _ in range(_MOST):
-        result = fit(model, data, start=values, prior=prior)
+        # With friction of the levels there are, which is compiled.
+        result = fit(model, replace(data, coulomb=None), start=values, prior=prior)
         change = np.abs(np.log(result.parameters.values / values)).max()
         values, before = result.parameters.values, data
-        data = runs_at(model, parts, values, noise, friction=friction, **choice)
+        data = runs_at(model, records, values, noise, friction=friction, **choice)
         if before.coulomb is not None and data.coulomb is not None:
             levels = data.coulomb.levels
             moved = np.abs(levels - before.coulomb.levels).max()
@@ -95,7 +95,10 @@ def runs_at(
     Other parameters, and errors, as of `settled_runs`.
     """
     parts = [records] if isinstance(records, Records) else records
-    data = _read(model, parts, noise, friction, values, choice)
+    rubbing = model if friction else None
+    data = RunSpectra.join(
+        [run_spectra(part, noise, friction=rubbing, values=values, **choice) for part in parts]
+    )
     levels = np.zeros(data.inputs.shape[::3])
     if data.coulomb is not None:
         part = run_problem(model, data).errors(values).free
@@ -110,16 +113,3 @@ def runs_at(
         here = frequency_response(model, data.positions[q : q + 1], silent.omega, values)[0]
         covariance.append(silent.covariance_beside(data.omega, at[q], here, levels[q]))
     return replace(data, covariance=np.stack(covariance))
-
-
-def _read(
-    model: Elastic,
-    parts: Sequence[Records],
-    noise: Noise,
-    friction: bool,
-    values: Array,
-    choice: dict[str, Any],
-) -> RunSpectra:
-    rubbing = model if friction else None
-    read = [run_spectra(part, noise, friction=rubbing, values=values, **choice) for part in parts]
-    return RunSpectra.join(read)
